@@ -1,0 +1,290 @@
+//! The gateway's settings as values: ports, routing rules, and their limits.
+//!
+//! A line typed at the console, or read from the configuration file, becomes a change of a [`Settings`] value; the value
+//! is checked, then the gateway takes it over and restarts the ports that differ. `text` parses and prints the
+//! one language in which all of that is written.
+
+use core::net::IpAddr;
+
+use embassy_time::Duration;
+use heapless::{String, Vec};
+
+use crate::route::Route;
+
+/// Ports that settings can hold.
+pub const PORTS_MAX: usize = 16;
+/// Routing rules that settings can hold.
+pub const ROUTES_MAX: usize = 64;
+/// Longest port name in bytes.
+pub const NAME_BYTES_MAX: usize = 15;
+/// Longest device name in bytes: names under `/dev/serial/by-id` come near it.
+pub const DEVICE_BYTES_MAX: usize = 96;
+/// Reserved-address prefixes of one TCP server.
+pub const RESERVED_MAX: usize = 4;
+
+/// A port's name, as rules call it.
+pub type Name = String<NAME_BYTES_MAX>;
+
+/// A port's place in the settings, stable while the port exists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PortId(pub u8);
+
+impl PortId {
+    /// The place as an index.
+    pub const fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// Everything that `save` keeps and `show config` prints.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Settings {
+    /// The ports; a place keeps its index while other ports come and go.
+    pub ports: [Option<Port>; PORTS_MAX],
+    /// The routing rules in the order in which they are tried.
+    pub routes: Vec<Route, ROUTES_MAX>,
+}
+
+impl Settings {
+    /// No ports, no rules.
+    pub const fn new() -> Self {
+        Self { ports: [const { None }; PORTS_MAX], routes: Vec::new() }
+    }
+
+    /// The port at `id`.
+    pub fn port(&self, id: PortId) -> Option<&Port> {
+        self.ports.get(id.index())?.as_ref()
+    }
+
+    /// The port called `name`; a bare TCP port number also finds the port called `P` and that number, because
+    /// the source paper prints `502` for P502.
+    pub fn find(&self, name: &str) -> Option<PortId> {
+        let named = |wanted: &dyn Fn(&str) -> bool| {
+            self.ports.iter().position(|port| port.as_ref().is_some_and(|port| wanted(&port.name)))
+        };
+        let found = named(&|other| other.eq_ignore_ascii_case(name)).or_else(|| {
+            let digits = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit());
+            if !digits {
+                return None;
+            }
+            named(&|other| other.strip_prefix(['P', 'p']) == Some(name))
+        })?;
+        Some(PortId(found as u8))
+    }
+}
+
+/// One port: what it is called and what it does.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Port {
+    /// Unique, without regard to case.
+    pub name: Name,
+    /// What the port is and how it is set.
+    pub kind: PortKind,
+}
+
+/// The kinds of port.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PortKind {
+    /// An RS-485 or RS-232 line.
+    Serial(SerialSettings),
+    /// A listener for Modbus TCP clients.
+    TcpServer(TcpServerSettings),
+}
+
+/// Which side of the protocol a port plays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Sends requests to outside servers (the gateway is the master).
+    Client,
+    /// Answers an outside client (the gateway is a slave).
+    Server,
+}
+
+/// How frames look on a serial line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Framing {
+    /// Binary frames ended by silence.
+    Rtu,
+    /// Hexadecimal frames between `:` and CR LF.
+    Ascii,
+}
+
+/// A serial port.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SerialSettings {
+    /// The board's name for the line: `uart1`, `/dev/ttyUSB0`.
+    pub device: String<DEVICE_BYTES_MAX>,
+    /// RTU or ASCII.
+    pub framing: Framing,
+    /// Client or server.
+    pub side: Side,
+    /// Speed, format and gaps.
+    pub line: LineSettings,
+    /// How requests are sent; used when `side` is [`Side::Client`].
+    pub client: SerialClientSettings,
+}
+
+/// Speed, character format and silent intervals of a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LineSettings {
+    /// Bits per second, 1 to 10 000 000.
+    pub baud: u32,
+    /// 7 or 8.
+    pub data_bits: u8,
+    /// Parity bit.
+    pub parity: Parity,
+    /// 1 or 2.
+    pub stop_bits: u8,
+    /// Silence between frames; `None` is the specification's t3.5.
+    pub gap: Option<Duration>,
+    /// Longest silence inside a frame; `None` is the general rule (a frame ends after the gap).
+    pub char_timeout: Option<Duration>,
+}
+
+/// Parity of a character.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Parity {
+    /// No parity bit.
+    None,
+    /// Even number of ones.
+    Even,
+    /// Odd number of ones.
+    Odd,
+}
+
+impl LineSettings {
+    /// Modbus over Serial Line 2.5.1: 19200 baud, even parity.
+    pub const DEFAULT: Self = Self {
+        baud: 19_200,
+        data_bits: 8,
+        parity: Parity::Even,
+        stop_bits: 1,
+        gap: None,
+        char_timeout: None,
+    };
+
+    /// Bits of one character on the wire: start, data, parity, stop.
+    pub const fn bits_per_char(&self) -> u32 {
+        1 + self.data_bits as u32 + !matches!(self.parity, Parity::None) as u32 + self.stop_bits as u32
+    }
+
+    /// Time of `chars` characters on the wire, rounded up to the clock's tick.
+    pub fn chars(&self, chars: usize) -> Duration {
+        let bits = chars as u64 * self.bits_per_char() as u64;
+        Duration::from_nanos((bits * 1_000_000_000).div_ceil(self.baud as u64))
+    }
+
+    /// The specification's t3.5: 3.5 characters, fixed at 1.750 ms above 19200 baud (Serial Line 2.5.1.1).
+    pub fn t3_5(&self) -> Duration {
+        if self.baud > 19_200 {
+            return Duration::from_micros(1_750);
+        }
+        let half_bits = 7 * self.bits_per_char() as u64;
+        Duration::from_nanos((half_bits * 1_000_000_000).div_ceil(2 * self.baud as u64))
+    }
+
+    /// The silence that ends a frame and must precede one.
+    pub fn gap(&self) -> Duration {
+        self.gap.unwrap_or_else(|| self.t3_5())
+    }
+}
+
+/// How a client-side port sends requests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SerialClientSettings {
+    /// From the last bit of the request to the first character of the response.
+    pub timeout: Duration,
+    /// Repeats of a read that got no or a damaged response. Writes are never repeated.
+    pub retries: u8,
+    /// Pause after a broadcast.
+    pub turnaround: Duration,
+    /// Silence after the port is opened, for devices that are still starting.
+    pub start_delay: Duration,
+    /// How long after a time-out the unit gets no request, because its answer may still come; `None`: `timeout`.
+    pub late_window: Option<Duration>,
+    /// Time-outs in a row after which a unit counts as down and fails at once; 0 never.
+    pub down_after: u8,
+}
+
+impl SerialClientSettings {
+    /// One second, no repeats, 100 ms after a broadcast, down after three.
+    pub const DEFAULT: Self = Self {
+        timeout: Duration::from_secs(1),
+        retries: 0,
+        turnaround: Duration::from_millis(100),
+        start_delay: Duration::from_ticks(0),
+        late_window: None,
+        down_after: 3,
+    };
+}
+
+/// Where a TCP server listens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TcpListen {
+    /// The local address; `None` is all of them.
+    pub address: Option<IpAddr>,
+    /// TCP port number, 1 to 65535.
+    pub port: u16,
+}
+
+/// A listener for Modbus TCP clients.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TcpServerSettings {
+    /// Where it listens.
+    pub listen: TcpListen,
+    /// Connections at a time. One more is accepted for a moment, to decide who goes.
+    pub clients: u16,
+    /// A connection without a request for so long is closed; zero never.
+    pub idle: Duration,
+    /// Requests of one connection that may be open at a time; one more is answered 06h. 1 to 16.
+    pub pipeline: u8,
+    /// A request not yet on the wire after this time is not sent any more, and answered 0Bh.
+    pub lifetime: Duration,
+    /// Of `clients`, places kept for `reserved_for`.
+    pub reserved: u16,
+    /// Peers that may use the reserved places and are never closed to make room.
+    pub reserved_for: Vec<IpPrefix, RESERVED_MAX>,
+}
+
+impl TcpServerSettings {
+    /// A listener on `port` with the defaults: 16 clients, a minute idle, 16 requests each, 5 s of life.
+    pub fn new(port: u16) -> Self {
+        Self {
+            listen: TcpListen { address: None, port },
+            clients: 16,
+            idle: Duration::from_secs(60),
+            pipeline: 16,
+            lifetime: Duration::from_secs(5),
+            reserved: 0,
+            reserved_for: Vec::new(),
+        }
+    }
+}
+
+/// An IP address with a prefix length; a full length names one address.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct IpPrefix {
+    /// The address; bits behind the prefix are zero.
+    pub address: IpAddr,
+    /// Leading bits that must agree: up to 32 for IPv4, up to 128 for IPv6.
+    pub length: u8,
+}
+
+impl IpPrefix {
+    /// Whether `peer` lies in the prefix. An IPv4 peer written as IPv6 (`::ffff:a.b.c.d`) counts as IPv4.
+    pub fn contains(&self, peer: IpAddr) -> bool {
+        match (self.address.to_canonical(), peer.to_canonical()) {
+            (IpAddr::V4(own), IpAddr::V4(peer)) => {
+                let shift = 32 - u32::from(self.length.min(32));
+                own.to_bits().checked_shr(shift).unwrap_or(0)
+                    == peer.to_bits().checked_shr(shift).unwrap_or(0)
+            }
+            (IpAddr::V6(own), IpAddr::V6(peer)) => {
+                let shift = 128 - u32::from(self.length.min(128));
+                own.to_bits().checked_shr(shift).unwrap_or(0)
+                    == peer.to_bits().checked_shr(shift).unwrap_or(0)
+            }
+            _ => false,
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! What a board must give: serial lines, TCP sockets, a place for settings, facts about itself.
+//!
+//! A board implements these traits over its hardware; the core's port tasks own the implementors and open what
+//! the settings name. Everything is polled from one executor, so no trait asks for `Send`.
+
+use core::fmt;
+use core::net::SocketAddr;
+
+use embedded_io_async::{Read, Write};
+
+use crate::config::{LineSettings, TcpListen};
+
+/// Why something could not be opened, with what the user can do about it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OpenError {
+    /// What went wrong, in the class that the core may act on.
+    pub kind: OpenErrorKind,
+    /// A sentence for the user ("add yourself to the group dialout"); empty when there is nothing to add.
+    pub hint: &'static str,
+}
+
+/// The classes of [`OpenError`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OpenErrorKind {
+    /// No such device or address on this board.
+    NotFound,
+    /// The system forbids it.
+    Denied,
+    /// Somebody else has it open.
+    InUse,
+    /// The hardware cannot do these settings.
+    Unsupported,
+    /// Anything else.
+    Failed,
+}
+
+impl OpenError {
+    /// An error of `kind` with a `hint` for the user, which may be empty.
+    pub const fn new(kind: OpenErrorKind, hint: &'static str) -> Self {
+        Self { kind, hint }
+    }
+}
+
+impl fmt::Display for OpenError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self.kind {
+            OpenErrorKind::NotFound => "not found",
+            OpenErrorKind::Denied => "permission denied",
+            OpenErrorKind::InUse => "in use by another program",
+            OpenErrorKind::Unsupported => "settings not supported",
+            OpenErrorKind::Failed => "failed",
+        })?;
+        if self.hint.is_empty() { Ok(()) } else { write!(f, " ({})", self.hint) }
+    }
+}
+
+/// Opens serial lines by the name that stands in a port's settings (`uart1`, `/dev/ttyUSB0`).
+///
+/// A line's `read` waits for at least one byte and returns what is there; `Ok(0)` or an error means that the
+/// line is gone (an adapter was unplugged) and is opened again with back-off. Dropping a pending `read` loses
+/// no byte. `write` takes bytes for transmission and may return before they have left; the core computes when
+/// they have. Dropping the line closes it.
+pub trait SerialHost {
+    /// An open line.
+    type Line<'a>: Read + Write
+    where
+        Self: 'a;
+
+    /// Opens `device` with `line`'s speed and character format.
+    async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Self::Line<'_>, OpenError>;
+}
+
+/// Accepts TCP connections, one at a time; every connection task owns one.
+///
+/// Several hosts may be told to accept at the same address at once: they share the listening socket.
+pub trait TcpHost {
+    /// An accepted connection, Nagle off, keepalive and user time-out set.
+    type Stream<'a>: TcpStream
+    where
+        Self: 'a;
+
+    /// Waits for the next connection at `listen` and gives it with the peer's address. Dropping the pending
+    /// future loses no connection.
+    async fn accept(&mut self, listen: &TcpListen) -> Result<(Self::Stream<'_>, SocketAddr), OpenError>;
+}
+
+/// A TCP connection. `read` gives `Ok(0)` at the peer's FIN; dropping a pending `read` loses no byte.
+pub trait TcpStream: Read + Write {
+    /// Ends the connection in an orderly way, within a bounded time.
+    async fn close(self);
+}
+
+/// Where the settings' text is kept. Replaced as a whole, so that a power cut leaves the old or the new text.
+pub trait Store {
+    /// Reads up to `into.len()` bytes of the saved text from `offset` on; 0 at its end or when nothing is saved.
+    async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError>;
+
+    /// Appends `text` to the new version that is being written; the first call starts one.
+    async fn append(&mut self, text: &[u8]) -> Result<(), StoreError>;
+
+    /// Makes the appended text the saved one, at once and whole.
+    async fn commit(&mut self) -> Result<(), StoreError>;
+}
+
+/// Why settings could not be read or written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum StoreError {
+    /// This board or this run has no place for settings.
+    #[error("there is no place to save settings: {0}")]
+    Absent(&'static str),
+    /// The text does not fit.
+    #[error("the settings do not fit: {0} bytes at most")]
+    Full(usize),
+    /// What is stored is not what was written.
+    #[error("the saved settings are damaged")]
+    Damaged,
+    /// The medium refused.
+    #[error("writing the settings failed")]
+    Failed,
+}
+
+/// The board itself: its name, its serial lines' names, and how to start it again.
+pub trait System {
+    /// The board's name, for `show version`.
+    fn name(&self) -> &str;
+
+    /// Starts the gateway again with the saved settings; may return when that takes a moment.
+    fn reboot(&self);
+}

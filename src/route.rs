@@ -1,0 +1,137 @@
+//! Routing rules and their matching: which port a request goes to, and under which unit id.
+//!
+//! A rule has the five columns of the MobGate paper (Source, Slave ID, IP, TAG, Destination) and, behind them, a
+//! function policy and a priority. Rules are tried in table order; the first that matches decides.
+
+use core::net::IpAddr;
+
+use crate::config::{IpPrefix, PortId};
+
+/// One row of the routing table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Route {
+    /// The port that the request came in by.
+    pub source: PortId,
+    /// Unit ids as the asker writes them.
+    pub units: UnitRange,
+    /// The TCP peer; `None` is `*`, which also matches serial sources.
+    pub peer: Option<IpPrefix>,
+    /// How the unit id is translated.
+    pub tag: Tag,
+    /// Where the request goes.
+    pub destination: Destination,
+    /// Which functions pass; others are answered 01h.
+    pub functions: Functions,
+    /// Rank in the destination's queue.
+    pub priority: Priority,
+}
+
+/// Unit ids from `first` to `last`, both included; `*` is 0 to 255.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UnitRange {
+    /// Lowest id.
+    pub first: u8,
+    /// Highest id, not below `first`.
+    pub last: u8,
+}
+
+impl UnitRange {
+    /// Every id.
+    pub const ALL: Self = Self { first: 0, last: 255 };
+
+    /// Whether `unit` is in the range.
+    pub const fn contains(&self, unit: u8) -> bool {
+        self.first <= unit && unit <= self.last
+    }
+}
+
+/// Translation of the unit id on the way out; the way back restores the asker's id.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Tag {
+    /// `*`: the id stays.
+    Keep,
+    /// `+100`, `-100`: the id is shifted. Settings are refused when the shift leaves 0 to 255 for any unit of the rule.
+    Shift(i16),
+    /// `=7`: the id becomes this one.
+    Set(u8),
+}
+
+impl Tag {
+    /// The translated id, or `None` when a shift leaves 0 to 255.
+    pub fn apply(self, unit: u8) -> Option<u8> {
+        match self {
+            Self::Keep => Some(unit),
+            Self::Shift(by) => u8::try_from(i16::from(unit) + by).ok(),
+            Self::Set(unit) => Some(unit),
+        }
+    }
+}
+
+/// Where a rule sends requests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Destination {
+    /// To a port.
+    Port(PortId),
+    /// To the gateway's own unit.
+    Local,
+    /// Nowhere, without an answer.
+    Discard,
+    /// Nowhere, answered 0Ah.
+    NoPath,
+}
+
+/// Which function codes a rule lets through: a set over 1 to 127.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Functions(u128);
+
+impl Functions {
+    /// Every code.
+    pub const ALL: Self = Self(!0);
+    /// No code; add some with [`Functions::with`].
+    pub const NONE: Self = Self(0);
+    /// Codes that change nothing in the device: reads, diagnostics counters, identification.
+    pub const READ_ONLY: Self = Self::NONE
+        .with(1)
+        .with(2)
+        .with(3)
+        .with(4)
+        .with(7)
+        .with(11)
+        .with(12)
+        .with(17)
+        .with(20)
+        .with(24)
+        .with(43);
+
+    /// The set and `function` besides.
+    #[must_use]
+    pub const fn with(self, function: u8) -> Self {
+        Self(self.0 | 1 << (function & 0x7f))
+    }
+
+    /// Whether `function` is in the set.
+    pub const fn contains(&self, function: u8) -> bool {
+        self.0 >> (function & 0x7f) & 1 == 1
+    }
+}
+
+/// Rank in a destination's queue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub enum Priority {
+    /// Before all others.
+    High,
+    /// The default.
+    #[default]
+    Normal,
+    /// When nothing else waits, and in any case after a bounded number of others.
+    Low,
+}
+
+impl Route {
+    /// Whether a request from `source` for `unit` by `peer` (none on serial ports) falls under this rule.
+    pub fn matches(&self, source: PortId, unit: u8, peer: Option<IpAddr>) -> bool {
+        self.source == source
+            && self.units.contains(unit)
+            && self.peer.is_none_or(|prefix| peer.is_some_and(|peer| prefix.contains(peer)))
+    }
+}

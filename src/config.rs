@@ -91,6 +91,13 @@ pub enum PortKind {
     TcpServer(TcpServerSettings),
 }
 
+impl PortKind {
+    /// Whether requests can be sent to the port: it plays the client's part.
+    pub const fn takes_orders(&self) -> bool {
+        matches!(self, Self::Serial(SerialSettings { side: Side::Client, .. }))
+    }
+}
+
 /// Which side of the protocol a port plays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {

@@ -28,8 +28,11 @@ const CLOSE_MAX: Duration = Duration::from_millis(250);
 /// Accepts connections; clones share the listeners.
 #[derive(Debug, Clone, Default)]
 pub struct TcpSockets {
-    listeners: Rc<RefCell<Vec<(TcpListen, Weak<Listener>)>>>,
+    listeners: Rc<RefCell<Vec<Shared>>>,
 }
+
+/// A listener that some connection task holds, and where it listens.
+type Shared = (TcpListen, Weak<Listener>);
 
 impl TcpSockets {
     /// The listener at `listen`, opened if it is not open yet. It stays open as long as it is held.

@@ -1,16 +1,35 @@
 //! The gateway's settings as values: ports, routing rules, and their limits.
 //!
 //! A line typed at the console, or read from the configuration file, becomes a change of a [`Settings`] value; the value
-//! is checked, then the gateway takes it over and restarts the ports that differ. `text` parses and prints the
-//! one language in which all of that is written.
+//! is checked, then the gateway takes it over and restarts the ports that differ. [`apply`] and [`write_line`] parse and
+//! print the one language in which all of that is written.
+
+mod loader;
+mod port_words;
+mod print;
+mod problem;
+mod route_words;
+mod text;
+mod values;
+mod words;
+
+#[cfg(test)]
+mod tests;
 
 use core::net::IpAddr;
 
 use embassy_time::Duration;
 use heapless::{String, Vec};
 
+pub use self::loader::{LoadError, Loader};
+pub use self::print::write_line;
+pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
+pub use self::text::{Applied, apply, is_implied};
+pub use self::values::Time;
 use crate::route::Route;
 
+/// Longest line of the line language in bytes. Settings at their limits print lines of about 340: what is printed can be read.
+pub const LINE_BYTES_MAX: usize = 384;
 /// Ports that settings can hold.
 pub const PORTS_MAX: usize = 16;
 /// Routing rules that settings can hold.
@@ -71,6 +90,20 @@ impl Settings {
         })?;
         Some(PortId(found as u8))
     }
+
+    /// What is set, but unlikely to be meant.
+    pub fn warnings(&self) -> impl Iterator<Item = Warning> {
+        self.ports.iter().flatten().filter_map(gap_warning)
+    }
+}
+
+/// A warning when `port` keeps less silence between RTU frames than the specification asks for.
+fn gap_warning(port: &Port) -> Option<Warning> {
+    let PortKind::Serial(SerialSettings { framing: Framing::Rtu, line, .. }) = &port.kind else {
+        return None;
+    };
+    let (gap, t3_5) = (line.gap(), line.t3_5());
+    (gap < t3_5).then(|| Warning::GapBelowSpecification { port: port.name.clone(), gap, t3_5 })
 }
 
 /// One port: what it is called and what it does.
@@ -89,6 +122,16 @@ pub enum PortKind {
     Serial(SerialSettings),
     /// A listener for Modbus TCP clients.
     TcpServer(TcpServerSettings),
+}
+
+impl PortKind {
+    /// Which side of the protocol the port plays.
+    pub const fn side(&self) -> Side {
+        match self {
+            Self::Serial(settings) => settings.side,
+            Self::TcpServer(_) => Side::Server,
+        }
+    }
 }
 
 /// Which side of the protocol a port plays.
@@ -228,6 +271,14 @@ pub struct TcpListen {
     pub address: Option<IpAddr>,
     /// TCP port number, 1 to 65535.
     pub port: u16,
+}
+
+impl TcpListen {
+    /// Whether a system would refuse to open both: the same port at the same address, or at all addresses.
+    pub fn collides(&self, other: &Self) -> bool {
+        let all = |listen: &Self| listen.address.is_none_or(|address| address.is_unspecified());
+        self.port == other.port && (all(self) || all(other) || self.address == other.address)
+    }
 }
 
 /// A listener for Modbus TCP clients.

@@ -1,0 +1,194 @@
+//! Settings as lines that recreate them: ports first, then rules in their order.
+
+use core::fmt::{self, Display, Write};
+
+use super::values::Time;
+use super::{
+    Framing, LineSettings, Name, Parity, Port, PortKind, SerialClientSettings, SerialSettings, Settings,
+    Side, TcpServerSettings,
+};
+use crate::route::{Destination, Functions, Priority, Route, Tag, UnitRange};
+
+/// Writes line `n` (from 0) of the settings without its line end; `None` behind the last line.
+///
+/// A line has every value that differs from the default, and always the baud rate and format.
+pub fn write_line(settings: &Settings, n: usize, out: &mut impl Write) -> Option<fmt::Result> {
+    let ports = || settings.ports.iter().flatten();
+    let width = ports().map(|port| port.name.len()).max().unwrap_or(0);
+    match ports().nth(n) {
+        Some(port) => Some(write_port(port, width, out)),
+        None => {
+            let route = settings.routes.get(n.checked_sub(ports().count())?)?;
+            Some(write_route(settings, route, width, out))
+        }
+    }
+}
+
+fn write_port(port: &Port, width: usize, out: &mut impl Write) -> fmt::Result {
+    write!(out, "port {:width$} {}", port.name, port.kind)
+}
+
+fn write_route(settings: &Settings, route: &Route, width: usize, out: &mut impl Write) -> fmt::Result {
+    let none = Name::new();
+    let name = |id| settings.port(id).map_or(&none, |port| &port.name);
+    write!(out, "route {:width$} {:7} ", name(route.source), route.units)?;
+    match route.peer {
+        Some(peer) => write!(out, "{peer} ")?,
+        None => write!(out, "* ")?,
+    }
+    write!(out, "{} ", route.tag)?;
+    match route.destination {
+        Destination::Port(id) => write!(out, "{}", name(id))?,
+        Destination::Local => out.write_str("local")?,
+        Destination::Discard => out.write_str("discard")?,
+        Destination::NoPath => out.write_str("nopath")?,
+    }
+    match route.functions {
+        Functions::ALL => {}
+        Functions::READ_ONLY => out.write_str(" readonly")?,
+        functions => write!(out, " functions {functions}")?,
+    }
+    if route.priority == Priority::default() { Ok(()) } else { write!(out, " priority {}", route.priority) }
+}
+
+/// The words behind a port's name.
+impl Display for PortKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Serial(settings) => settings.fmt(f),
+            Self::TcpServer(settings) => settings.fmt(f),
+        }
+    }
+}
+
+impl Display for SerialSettings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { device, framing, side, line, client } = self;
+        write!(f, "serial {device} {framing} {side} {line}")?;
+        if *side == Side::Server {
+            return Ok(());
+        }
+        let default = SerialClientSettings::DEFAULT;
+        option(f, "timeout", Time(client.timeout), client.timeout != default.timeout)?;
+        option(f, "retries", client.retries, client.retries != default.retries)?;
+        option(f, "turnaround", Time(client.turnaround), client.turnaround != default.turnaround)?;
+        option(f, "start-delay", Time(client.start_delay), client.start_delay != default.start_delay)?;
+        if let Some(window) = client.late_window {
+            option(f, "late-window", Time(window), true)?;
+        }
+        option(f, "down-after", client.down_after, client.down_after != default.down_after)
+    }
+}
+
+impl Display for LineSettings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parity = match self.parity {
+            Parity::None => 'N',
+            Parity::Even => 'E',
+            Parity::Odd => 'O',
+        };
+        write!(f, "{} {}{parity}{}", self.baud, self.data_bits, self.stop_bits)?;
+        for (keyword, time) in [("char-timeout", self.char_timeout), ("gap", self.gap)] {
+            if let Some(time) = time {
+                option(f, keyword, Time(time), true)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Display for TcpServerSettings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let default = Self::new(self.listen.port);
+        write!(f, "tcp server {}", self.listen)?;
+        option(f, "clients", self.clients, self.clients != default.clients)?;
+        option(f, "idle", Time(self.idle), self.idle != default.idle)?;
+        option(f, "pipeline", self.pipeline, self.pipeline != default.pipeline)?;
+        option(f, "lifetime", Time(self.lifetime), self.lifetime != default.lifetime)?;
+        option(f, "reserve", self.reserved, self.reserved != 0)?;
+        for (nth, prefix) in self.reserved_for.iter().enumerate() {
+            write!(f, "{}{prefix}", if nth == 0 { " for " } else { "," })?;
+        }
+        Ok(())
+    }
+}
+
+fn option(f: &mut fmt::Formatter<'_>, keyword: &str, value: impl Display, print: bool) -> fmt::Result {
+    if print { write!(f, " {keyword} {value}") } else { Ok(()) }
+}
+
+impl Display for Framing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Rtu => "rtu",
+            Self::Ascii => "ascii",
+        })
+    }
+}
+
+impl Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Client => "client",
+            Self::Server => "server",
+        })
+    }
+}
+
+impl Display for UnitRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut text = heapless::String::<7>::new();
+        match *self {
+            Self::ALL => text.write_str("*"),
+            Self { first, last } if first == last => write!(text, "{first}"),
+            Self { first, last } => write!(text, "{first}-{last}"),
+        }?;
+        f.pad(&text)
+    }
+}
+
+impl Display for Tag {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut text = heapless::String::<6>::new();
+        match *self {
+            Self::Keep => text.write_str("*"),
+            Self::Shift(by) => write!(text, "{by:+}"),
+            Self::Set(unit) => write!(text, "={unit}"),
+        }?;
+        f.pad(&text)
+    }
+}
+
+/// `3,4,16` with ranges for three codes and more in a row: `1-6,15`.
+impl Display for Functions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (mut code, mut separator) = (1, "");
+        while code <= 127 {
+            let first = code;
+            while code <= 127 && self.contains(code) {
+                code += 1;
+            }
+            match code - first {
+                0 => {
+                    code += 1;
+                    continue;
+                }
+                1 => write!(f, "{separator}{first}")?,
+                2 => write!(f, "{separator}{first},{}", code - 1)?,
+                _ => write!(f, "{separator}{first}-{}", code - 1)?,
+            }
+            separator = ",";
+        }
+        Ok(())
+    }
+}
+
+impl Display for Priority {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::High => "high",
+            Self::Normal => "normal",
+            Self::Low => "low",
+        })
+    }
+}

@@ -1,0 +1,187 @@
+//! What can be wrong with a line, and what is worth a warning.
+
+use core::fmt;
+use core::num::NonZeroU16;
+
+use embassy_time::Duration;
+use heapless::String;
+use thiserror::Error;
+
+use super::values::Time;
+use super::{LINE_BYTES_MAX, Name, PORTS_MAX, ROUTES_MAX};
+
+/// Bytes of a wrong word that an error keeps.
+pub const WORD_BYTES_MAX: usize = 32;
+
+/// A line that changed nothing, and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LineError {
+    /// Where the wrong word starts, in characters from 1.
+    pub column: usize,
+    /// The wrong word, cut at [`WORD_BYTES_MAX`]; empty at the end of the line.
+    pub word: String<WORD_BYTES_MAX>,
+    /// What is wrong with it.
+    pub problem: Problem,
+}
+
+impl fmt::Display for LineError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "column {}: ", self.column)?;
+        if self.word.is_empty() { f.write_str("end of line") } else { write!(f, "\"{}\"", self.word) }?;
+        write!(f, ": {}", self.problem)
+    }
+}
+
+impl core::error::Error for LineError {}
+
+/// Why a word is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum Problem {
+    /// Something else belongs here.
+    #[error("expected {expected}{}", Suggestion(*near))]
+    Expected {
+        /// What belongs here.
+        expected: &'static str,
+        /// A keyword that differs by one letter.
+        near: Option<&'static str>,
+    },
+    /// A number that is none, or out of its range.
+    #[error("expected {what} from {low} to {high}")]
+    Number {
+        /// What is counted.
+        what: &'static str,
+        /// Least value.
+        low: u32,
+        /// Greatest value.
+        high: u32,
+    },
+    /// A time that is none, or lacks its unit.
+    #[error("expected a time with its unit, such as 300ms, 1.75ms, 750us, 1s or 2m")]
+    TimeUnit,
+    /// A time out of its range.
+    #[error("expected a time from {} to {}", Time(*low), Time(*high))]
+    TimeRange {
+        /// Shortest.
+        low: Duration,
+        /// Longest.
+        high: Duration,
+    },
+    /// The line sets the same thing again.
+    #[error("is set twice in this line")]
+    Twice,
+    /// The whole line is too long.
+    #[error("the line is longer than {LINE_BYTES_MAX} bytes")]
+    LineTooLong,
+    /// Bytes that are no UTF-8 text.
+    #[error("the line is not text (UTF-8)")]
+    NotText,
+    /// No port has this name.
+    #[error("there is no port of this name")]
+    NoSuchPort,
+    /// No rule has this number.
+    #[error("there is no rule of this number (there are {0})")]
+    NoSuchRoute(usize),
+    /// [`PORTS_MAX`] ports exist.
+    #[error("there are {PORTS_MAX} ports already, the most there can be")]
+    PortsFull,
+    /// [`ROUTES_MAX`] rules exist.
+    #[error("there are {ROUTES_MAX} rules already, the most there can be")]
+    RoutesFull,
+    /// RTU characters have 8 data bits (Serial Line 2.5.1).
+    #[error("RTU needs 8 data bits, such as 8E1")]
+    RtuDataBits,
+    /// A setting that only means something when requests are sent.
+    #[error("is for the client side only")]
+    ClientOnly,
+    /// More reserved places than there are.
+    #[error("more places are reserved than the {0} that there are")]
+    ReservedTooMany(u16),
+    /// Another port has this serial line.
+    #[error("another port has this device")]
+    DeviceTaken,
+    /// Another port listens there.
+    #[error("another port listens there")]
+    ListenTaken,
+    /// The port is named by rules.
+    #[error("{0} this port: delete or edit first")]
+    PortInUse(Rules),
+    /// Rules name IP addresses for askers that would have none.
+    #[error("{0} it with an IP address, which askers on a serial line have not")]
+    RulesNeedTcp(Rules),
+    /// An IP address for askers that have none.
+    #[error("the source is serial, its askers have no IP address: expected *")]
+    PeerOfSerial,
+    /// The last unit is before the first.
+    #[error("the range ends before it starts")]
+    UnitsReversed,
+    /// The shift makes unit ids that do not exist.
+    #[error("shifted, units {first} to {last} leave 0 to 255")]
+    ShiftOutside {
+        /// The rule's first unit.
+        first: u8,
+        /// The rule's last unit.
+        last: u8,
+    },
+    /// A rule from a port to itself.
+    #[error("source and destination are the same port")]
+    ToItself,
+    /// Another rule says the same.
+    #[error("rule {0} is the same")]
+    SameRoute(NonZeroU16),
+}
+
+struct Suggestion(Option<&'static str>);
+
+impl fmt::Display for Suggestion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.map_or(Ok(()), |near| write!(f, "; did you mean {near}?"))
+    }
+}
+
+/// Some of the rules, as a set of their places.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Rules(u64);
+
+const _: () = assert!(ROUTES_MAX <= u64::BITS as usize);
+
+impl Rules {
+    /// Those of `places` (counted from 0) for which the iterator says yes.
+    pub(super) fn of(named: impl Iterator<Item = bool>) -> Option<Self> {
+        let set = named.take(ROUTES_MAX).enumerate().fold(0, |set, (at, named)| set | u64::from(named) << at);
+        (set != 0).then_some(Self(set))
+    }
+}
+
+/// `rule 3 names`, `rules 1, 3, 6 name`.
+impl fmt::Display for Rules {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let many = self.0.count_ones() > 1;
+        f.write_str(if many { "rules" } else { "rule" })?;
+        let numbers = (0..ROUTES_MAX).filter(|at| self.0 >> at & 1 == 1).map(|at| at + 1);
+        for (nth, number) in numbers.enumerate() {
+            write!(f, "{} {number}", if nth == 0 { "" } else { "," })?;
+        }
+        f.write_str(if many { " name" } else { " names" })
+    }
+}
+
+/// A setting that is taken as it is, but is unlikely to be meant.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Warning {
+    /// A gap below the specification's t3.5: a frame may be cut in two, and devices may take two for one.
+    GapBelowSpecification {
+        /// The port.
+        port: Name,
+        /// Its gap.
+        gap: Duration,
+        /// What the specification asks for at this speed.
+        t3_5: Duration,
+    },
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self::GapBelowSpecification { port, gap, t3_5 } = self;
+        write!(f, "port {port}: gap {} is below the specification's {}", Time(*gap), Time(*t3_5))
+    }
+}

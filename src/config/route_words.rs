@@ -1,0 +1,153 @@
+//! The words of a rule, column by column as in the MobGate paper: source, units, IP, TAG, destination; then options.
+
+use super::problem::{LineError, Problem};
+use super::values::{parse_number, prefix, small};
+use super::words::{Word, Words};
+use super::{IpPrefix, PortId, PortKind, Settings};
+use crate::route::{Destination, Functions, Priority, Route, Tag, UnitRange};
+
+const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16 or priority high|normal|low";
+
+/// Reads one row up to the end of the line and checks it against the ports.
+pub(super) fn route(settings: &Settings, words: &mut Words) -> Result<Route, LineError> {
+    let source_word = words.take();
+    let source = port(settings, source_word)?;
+    let units = units(words.take())?;
+    let peer = peer(settings, source, words.take())?;
+    let tag = tag(words.take(), units)?;
+    let destination_word = words.take();
+    let destination = destination(settings, destination_word)?;
+    if destination == Destination::Port(source) {
+        return Err(destination_word.error(Problem::ToItself));
+    }
+    let (functions, priority) = options(words)?;
+    Ok(Route { source, units, peer, tag, destination, functions, priority })
+}
+
+fn port(settings: &Settings, word: Word) -> Result<PortId, LineError> {
+    if word.is_end() {
+        return Err(word.expected("a port name"));
+    }
+    settings.find(word.text).ok_or_else(|| word.error(Problem::NoSuchPort))
+}
+
+fn units(word: Word) -> Result<UnitRange, LineError> {
+    let expected = "a unit id from 0 to 255, a range such as 1-64, or *";
+    if word.text == "*" {
+        return Ok(UnitRange::ALL);
+    }
+    let unit = |text| parse_number(text).and_then(|unit| u8::try_from(unit).ok());
+    let (first, last) = word.text.split_once('-').unwrap_or((word.text, word.text));
+    let (Some(first), Some(last)) = (unit(first), unit(last)) else { return Err(word.expected(expected)) };
+    if last < first { Err(word.error(Problem::UnitsReversed)) } else { Ok(UnitRange { first, last }) }
+}
+
+fn peer(settings: &Settings, source: PortId, word: Word) -> Result<Option<IpPrefix>, LineError> {
+    if word.text == "*" {
+        return Ok(None);
+    }
+    let peer = prefix(word).map_err(|_| {
+        word.expected("an IP address such as 192.168.1.7, a prefix such as 192.168.1.0/24, or *")
+    })?;
+    // The rule would never match.
+    if settings.port(source).is_some_and(|port| matches!(port.kind, PortKind::Serial(_))) {
+        return Err(word.error(Problem::PeerOfSerial));
+    }
+    Ok(Some(peer))
+}
+
+fn tag(word: Word, units: UnitRange) -> Result<Tag, LineError> {
+    let expected = "* (the unit id stays), +N or -N (is shifted), or =N (becomes N)";
+    if word.text == "*" {
+        return Ok(Tag::Keep);
+    }
+    let value = |sign| {
+        let digits = word.text.strip_prefix(sign)?;
+        parse_number(digits).and_then(|value| u8::try_from(value).ok())
+    };
+    let by = match (value('+'), value('-'), value('=')) {
+        (Some(by), _, _) => i16::from(by),
+        (_, Some(by), _) => -i16::from(by),
+        (_, _, Some(unit)) => return Ok(Tag::Set(unit)),
+        _ => return Err(word.expected(expected)),
+    };
+    let tag = if by == 0 { Tag::Keep } else { Tag::Shift(by) };
+    if tag.apply(units.first).is_none() || tag.apply(units.last).is_none() {
+        return Err(word.error(Problem::ShiftOutside { first: units.first, last: units.last }));
+    }
+    Ok(tag)
+}
+
+fn destination(settings: &Settings, word: Word) -> Result<Destination, LineError> {
+    if word.is_end() {
+        return Err(word.expected("a port name, local, discard or nopath"));
+    }
+    let keywords =
+        [("local", Destination::Local), ("discard", Destination::Discard), ("nopath", Destination::NoPath)];
+    match word.lookup(&keywords) {
+        Some(destination) => Ok(destination),
+        None => port(settings, word).map(Destination::Port),
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Key {
+    Functions,
+    ReadOnly,
+    All,
+    Priority,
+}
+
+const KEYS: &[(&str, Key)] = &[
+    ("readonly", Key::ReadOnly),
+    ("all", Key::All),
+    ("functions", Key::Functions),
+    ("priority", Key::Priority),
+];
+
+fn options(words: &mut Words) -> Result<(Functions, Priority), LineError> {
+    let (mut functions, mut priority) = (None, None);
+    while !words.peek().is_end() {
+        let word = words.take();
+        let twice = match word.keyword(KEYS, OPTIONS_EXPECTED)? {
+            Key::ReadOnly => functions.replace(Functions::READ_ONLY).is_some(),
+            Key::All => functions.replace(Functions::ALL).is_some(),
+            Key::Functions => functions.replace(function_list(words)?).is_some(),
+            Key::Priority => {
+                let ranks = [("high", Priority::High), ("normal", Priority::Normal), ("low", Priority::Low)];
+                let rank = words.take().keyword(&ranks, "high, normal or low")?;
+                priority.replace(rank).is_some()
+            }
+        };
+        if twice {
+            return Err(word.error(Problem::Twice));
+        }
+    }
+    Ok((functions.unwrap_or(Functions::ALL), priority.unwrap_or_default()))
+}
+
+/// `3,4,16`, with ranges: `1-4,43`; or one of the sets that have a name.
+fn function_list(words: &mut Words) -> Result<Functions, LineError> {
+    let sets = [("readonly", Functions::READ_ONLY), ("all", Functions::ALL)];
+    if let Some(set) = words.peek().lookup(&sets) {
+        words.take();
+        return Ok(set);
+    }
+    let mut functions = Functions::NONE;
+    loop {
+        let word = words.take();
+        let (first, last) = word.text.split_once('-').unwrap_or((word.text, word.text));
+        let code = |text| small(Word { text, ..word }, "a function code", 1..=127).ok();
+        let (Some(first), Some(last)) = (code(first), code(last)) else {
+            return Err(word.expected("function codes from 1 to 127, such as 3,4,16 or 1-6"));
+        };
+        if last < first {
+            return Err(word.error(Problem::UnitsReversed));
+        }
+        functions = (first..=last).fold(functions, Functions::with);
+        let next = words.peek();
+        if next.is_end() || !next.listed {
+            return Ok(functions);
+        }
+    }
+}

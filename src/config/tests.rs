@@ -1,0 +1,370 @@
+//! The line language as its users meet it: what is accepted, and what each error says.
+
+mod properties;
+
+extern crate std;
+use std::format;
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+use embassy_time::Duration;
+
+use super::*;
+use crate::route::{Destination, Functions, Priority, Tag, UnitRange};
+
+const PORTS: &str = "\
+port P1   serial uart1 rtu client 19200 8E1 timeout 300ms
+port P2   serial uart2 rtu server 9600 8N1
+port P3   serial /dev/ttyUSB0 ascii server 9600 7E1
+port P4   serial uart4 ascii client 9600
+port P502 tcp server 502 clients 16 idle 60s reserve 2 for 192.168.1.0/24,10.0.0.7
+port P5   tcp server 127.0.0.1:5020 pipeline 4 lifetime 2s
+";
+
+fn load(text: &str) -> Settings {
+    let mut settings = Settings::new();
+    let mut loader = Loader::new(&mut settings);
+    loader.feed(text.as_bytes()).unwrap();
+    loader.finish().unwrap();
+    settings
+}
+
+fn print(settings: &Settings) -> String {
+    let mut text = String::new();
+    let mut n = 0;
+    while let Some(written) = write_line(settings, n, &mut text) {
+        written.unwrap();
+        text.push('\n');
+        n += 1;
+    }
+    text
+}
+
+/// Applies `line` on top of `PORTS` and gives its error as the console prints it.
+fn error(line: &str) -> String {
+    let mut settings = load(PORTS);
+    let before = settings.clone();
+    let error = apply(&mut settings, line).expect_err(line).to_string();
+    assert_eq!(settings, before, "a bad line changes nothing: {line}");
+    error
+}
+
+fn apply_all(settings: &mut Settings, lines: &[&str]) {
+    for line in lines {
+        apply(settings, line).unwrap_or_else(|error| panic!("{line}: {error}"));
+    }
+}
+
+#[test]
+fn ports_are_read_by_value() {
+    let settings = load(PORTS);
+    let Some(PortKind::Serial(p1)) = settings.ports[0].as_ref().map(|port| &port.kind) else { panic!() };
+    assert_eq!((p1.device.as_str(), p1.framing, p1.side), ("uart1", Framing::Rtu, Side::Client));
+    assert_eq!(p1.line, LineSettings::DEFAULT);
+    assert_eq!(p1.client.timeout, Duration::from_millis(300));
+    let Some(PortKind::Serial(p4)) = settings.ports[3].as_ref().map(|port| &port.kind) else { panic!() };
+    assert_eq!((p4.line.baud, p4.line.data_bits, p4.line.parity), (9_600, 7, Parity::Even));
+    let Some(PortKind::TcpServer(p502)) = settings.ports[4].as_ref().map(|port| &port.kind) else { panic!() };
+    assert_eq!((p502.listen.port, p502.clients, p502.reserved), (502, 16, 2));
+    assert_eq!(p502.reserved_for[1], IpPrefix { address: "10.0.0.7".parse().unwrap(), length: 32 });
+}
+
+#[test]
+fn options_come_in_any_order_and_case_with_commas_and_tabs() {
+    let one = load("port P1 serial uart1 rtu client 9600 8N2 timeout 300ms gap 5ms retries 2");
+    let two = load("PORT P1\tSerial uart1, 8n2,9600, Retries 2, GAP 5ms Master RTU timeout 0.3s # done");
+    assert_eq!(one, two);
+}
+
+#[test]
+fn table_1_of_the_paper_is_accepted_row_by_row() {
+    let mut settings = load(
+        "port P1 serial uart1 rtu master 19200 8E1\n\
+         port P2 serial uart2 rtu slave 19200 8E1\n\
+         port P3 serial uart3 ascii master 9600 7E1\n\
+         port P4 serial uart4 ascii slave 9600 7E1\n\
+         port P502 tcp server 502\n",
+    );
+    apply_all(
+        &mut settings,
+        &[
+            "route P1   1-64   * * P2",
+            "route P2   1-64   * * P1",
+            "route P3   *      * * P4",
+            "route P4   *      * * P3",
+            "route P502 65-128 192.168.1.101 * P2",
+            "route P2   65-128 * * 502",
+        ],
+    );
+    assert_eq!(settings.routes.len(), 6);
+    assert_eq!(settings.routes[5].destination, Destination::Port(PortId(4)), "502 is P502");
+    let implied: Vec<bool> = settings.routes.iter().map(|route| is_implied(&settings, route)).collect();
+    assert_eq!(implied, [true, false, true, false, true, true]);
+}
+
+#[test]
+fn rules_are_read_by_value() {
+    let mut settings = load(PORTS);
+    apply_all(
+        &mut settings,
+        &[
+            "route P502 101-132 192.168.1.0/24 -100 P1 readonly priority high",
+            "route P502 255 * =17 local functions 3,4, 16-18",
+            "route P502 * * * discard all priority low",
+            "route P2 1 * +0 nopath functions readonly",
+        ],
+    );
+    let [first, second, third, fourth] = &settings.routes[..] else { panic!() };
+    assert_eq!((first.source, first.units), (PortId(4), UnitRange { first: 101, last: 132 }));
+    assert_eq!((first.tag, first.destination), (Tag::Shift(-100), Destination::Port(PortId(0))));
+    assert_eq!((first.functions, first.priority), (Functions::READ_ONLY, Priority::High));
+    assert_eq!((second.tag, second.destination), (Tag::Set(17), Destination::Local));
+    let list = Functions::NONE.with(3).with(4).with(16).with(17).with(18);
+    assert_eq!(second.functions, list);
+    assert_eq!((third.units, third.priority), (UnitRange::ALL, Priority::Low));
+    assert_eq!((fourth.tag, fourth.functions), (Tag::Keep, Functions::READ_ONLY));
+}
+
+#[test]
+fn an_error_names_the_column_the_word_and_what_is_expected() {
+    assert_eq!(
+        error("port P9 serial uart9 rtu 81E client"),
+        "column 26: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2"
+    );
+    let cases = [
+        (
+            "prot P1",
+            "column 1: \"prot\": expected port, route, edit, insert, move or delete; did you mean port?",
+        ),
+        ("port", "column 5: end of line: expected a port name: a letter"),
+        ("port 7 tcp server 1", "column 6: \"7\": expected a port name"),
+        ("port local tcp server 1", "column 6: \"local\": expected a port name"),
+        ("port sixteen--letters tcp server 1", "expected a port name"),
+        ("port X", "column 7: end of line: expected serial or tcp"),
+        ("port X tcp client 1", "\"client\": expected server"),
+        ("port X tcp server 0", "\"0\": expected a TCP port from 1 to 65535"),
+        ("port X tcp server 1 clints 4", "did you mean clients?"),
+        ("port X tcp server 1 idle 60", "\"60\": expected a time with its unit"),
+        ("port X tcp server 1 idle 100ms", "expected a time from 1s to 86400s"),
+        ("port X tcp server 1 pipeline 17", "expected requests from 1 to 16"),
+        ("port X tcp server 1 clients 4 reserve 5 for ::1", "\"5\": more places are reserved than the 4"),
+        ("port X tcp server 1 reserve 2", "end of line: expected for and the addresses"),
+        ("port X tcp server 1 reserve 1 for ::1,::2,::3,::4,::5", "\"::5\": expected at most 4 prefixes"),
+        ("port X tcp server 502", "\"502\": another port listens there"),
+        ("port X tcp server 1.2.3.4:502", "another port listens there"),
+        ("port X serial uart1 rtu client", "\"uart1\": another port has this device"),
+        ("port X serial uart9 client", "column 27: end of line: expected rtu or ascii"),
+        ("port X serial uart9 rtu", "end of line: expected client or server"),
+        ("port X serial uart9 rtu client 0", "expected a baud rate from 1 to 10000000"),
+        ("port X serial uart9 rtu client 10000001", "expected a baud rate from 1 to 10000000"),
+        ("port X serial uart9 rtu client 7E1", "\"7E1\": RTU needs 8 data bits"),
+        ("port X serial uart9 rtu client 9600 19200", "\"19200\": is set twice"),
+        ("port X serial uart9 rtu ascii client", "\"ascii\": is set twice"),
+        ("port X serial uart9 rtu client timeout 2h", "expected a time from 1ms to 3600s"),
+        ("port X serial uart9 rtu client timeout", "end of line: expected a time with its unit"),
+        ("port X serial uart9 rtu server retries 2", "\"retries\": is for the client side only"),
+        ("route P9 1 * * P1", "column 7: \"P9\": there is no port of this name"),
+        ("route P502 64-1 * * P1", "\"64-1\": the range ends before it starts"),
+        ("route P502 256 * * P1", "\"256\": expected a unit id from 0 to 255"),
+        ("route P502 1 192.168.1 * P1", "\"192.168.1\": expected an IP address"),
+        ("route P2 1 192.168.1.1 * P1", "\"192.168.1.1\": the source is serial"),
+        ("route P502 1 * 7 P1", "\"7\": expected * (the unit id stays)"),
+        ("route P502 50-150 * -100 P1", "\"-100\": shifted, units 50 to 150 leave 0 to 255"),
+        ("route P502 * * +1 P1", "\"+1\": shifted, units 0 to 255 leave 0 to 255"),
+        ("route P502 1 * * P502", "\"P502\": source and destination are the same port"),
+        ("route P502 1 * * P1 readonly all", "\"all\": is set twice"),
+        ("route P502 1 * * P1 functions", "end of line: expected function codes from 1 to 127"),
+        ("route P502 1 * * P1 functions 3,128", "\"128\": expected function codes from 1 to 127"),
+        ("route P502 1 * * P1 priority urgent", "\"urgent\": expected high, normal or low"),
+        ("route P502 1 * * P1 P2", "\"P2\": expected readonly, all"),
+        ("edit port P9 9600", "\"P9\": there is no port of this name"),
+        ("edit port P1", "end of line: expected rtu, ascii"),
+        ("edit route 1 P502 1 * * P1", "\"1\": there is no rule of this number (there are 0)"),
+        ("delete route 0", "\"0\": expected a rule's number from 1 to 64"),
+        ("delete routes now", "\"now\": expected the end of the line"),
+    ];
+    for (line, expected) in cases {
+        let error = error(line);
+        assert!(error.contains(expected), "{line}\n gives    {error}\n expected {expected}");
+    }
+}
+
+#[test]
+fn a_second_identical_rule_is_refused() {
+    let mut settings = load(PORTS);
+    apply_all(&mut settings, &["route P502 1 * * P1", "route P502 2 * * P1"]);
+    let error = apply(&mut settings, "route 502 2-2 * +0 p1").unwrap_err().to_string();
+    assert_eq!(error, "column 7: \"502\": rule 2 is the same");
+    apply_all(&mut settings, &["edit route 2 P502 2 * * P1"]);
+    assert_eq!(settings.routes.len(), 2);
+}
+
+#[test]
+fn a_port_that_rules_name_is_not_deleted() {
+    let mut settings = load(PORTS);
+    apply_all(&mut settings, &["route P502 1 * * P1", "route P502 2 * * P4", "route P2 2 * * P1"]);
+    let error = apply(&mut settings, "delete port P1").unwrap_err().to_string();
+    assert_eq!(error, "column 13: \"P1\": rules 1, 3 name this port: delete or edit first");
+    let error = apply(&mut settings, "delete port P4").unwrap_err().to_string();
+    assert_eq!(error, "column 13: \"P4\": rule 2 names this port: delete or edit first");
+    apply_all(&mut settings, &["delete route 2", "delete port P4"]);
+    assert_eq!(settings.ports[3], None);
+    assert_eq!(settings.routes[1].destination, Destination::Port(PortId(0)));
+}
+
+#[test]
+fn a_port_that_becomes_serial_must_not_have_rules_by_address() {
+    let mut settings = load(PORTS);
+    apply_all(&mut settings, &["route P502 1 10.0.0.1 * P1"]);
+    let error = apply(&mut settings, "port P502 serial uart9 rtu server").unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "column 6: \"P502\": rule 1 names it with an IP address, which askers on a serial line have not"
+    );
+}
+
+#[test]
+fn an_edit_changes_only_the_named_words() {
+    let mut settings = load(PORTS);
+    apply_all(&mut settings, &["edit port p1 9600 retries 2", "edit port P502 idle 0 reserve 0"]);
+    let text = print(&settings);
+    assert!(text.contains("port P1   serial uart1 rtu client 9600 8E1 timeout 300ms retries 2\n"), "{text}");
+    assert!(text.contains("port P502 tcp server 502 idle 0\n"), "{text}");
+    apply_all(
+        &mut settings,
+        &["edit port P1 server", "edit port P1 client gap 5ms", "edit port P1 gap auto"],
+    );
+    let text = print(&settings);
+    assert!(text.contains("port P1   serial uart1 rtu client 9600 8E1\n"), "{text}");
+}
+
+#[test]
+fn a_port_line_replaces_the_port_of_its_name_in_its_place() {
+    let mut settings = load(PORTS);
+    apply_all(
+        &mut settings,
+        &["delete port P1", "port p3 tcp server 5021", "port P9 serial uart9 rtu client"],
+    );
+    let names: Vec<&str> = settings.ports.iter().flatten().map(|port| port.name.as_str()).collect();
+    assert_eq!(names, ["P9", "P2", "p3", "P4", "P502", "P5"]);
+}
+
+#[test]
+fn rules_are_inserted_moved_and_edited_by_number() {
+    let mut settings = load(PORTS);
+    apply_all(
+        &mut settings,
+        &[
+            "route P502 1 * * P1",
+            "route P502 2 * * P1",
+            "route P502 3 * * P1",
+            "insert route 1 P502 9 * * P1",
+            "move route 2 4",
+            "edit route 1 P502 8 * * P1",
+        ],
+    );
+    let units =
+        |settings: &Settings| settings.routes.iter().map(|route| route.units.first).collect::<Vec<_>>();
+    assert_eq!(units(&settings), [8, 2, 3, 1]);
+    apply_all(&mut settings, &["move route 4 1"]);
+    assert_eq!(units(&settings), [1, 8, 2, 3]);
+    apply_all(&mut settings, &["delete routes"]);
+    assert!(settings.routes.is_empty());
+}
+
+#[test]
+fn full_tables_refuse_one_more() {
+    let mut settings = Settings::new();
+    for n in 0..PORTS_MAX {
+        apply(&mut settings, &format!("port P{n} serial uart{n} rtu client")).unwrap();
+    }
+    let error = apply(&mut settings, "port Q tcp server 1").unwrap_err();
+    assert_eq!(error.problem, Problem::PortsFull);
+    apply(&mut settings, "port P0 tcp server 1").unwrap();
+    for n in 0..ROUTES_MAX {
+        apply(&mut settings, &format!("route P0 {n} * * P1")).unwrap();
+    }
+    let error = apply(&mut settings, "route P0 100 * * P1").unwrap_err();
+    assert_eq!(error.problem, Problem::RoutesFull);
+}
+
+#[test]
+fn a_gap_below_the_specification_draws_a_warning() {
+    let mut settings = Settings::new();
+    let applied = apply(&mut settings, "port A serial uart1 rtu client 9600 gap 0").unwrap();
+    let warning = applied.warning.map(|warning| warning.to_string());
+    assert_eq!(warning.as_deref(), Some("port A: gap 0 is below the specification's 4.011ms"));
+    let applied = apply(&mut settings, "edit port A gap 5ms").unwrap();
+    assert_eq!(applied, Applied { changed: true, warning: None });
+    let applied = apply(&mut settings, "# only a comment").unwrap();
+    assert_eq!(applied, Applied { changed: false, warning: None });
+}
+
+#[test]
+fn a_long_line_is_refused_as_a_whole() {
+    let line = "route ".to_string() + &"1 ".repeat(5_000);
+    assert!(error(&line).contains("the line is longer than 384 bytes"));
+    let mut settings = Settings::new();
+    let mut loader = Loader::new(&mut settings);
+    loader.feed(b"# short\n").unwrap();
+    let error = loader.feed(line.as_bytes()).unwrap_err();
+    assert_eq!((error.line, error.error.problem), (2, Problem::LineTooLong));
+}
+
+#[test]
+fn a_configuration_text_is_read_in_pieces_of_any_size_with_either_line_end() {
+    let expected = load(PORTS);
+    let text = PORTS.replace('\n', "\r\n");
+    for size in [1, 7, 64, 1_000] {
+        let mut settings = load("port X tcp server 1");
+        let mut loader = Loader::new(&mut settings);
+        for piece in text.trim_end().as_bytes().chunks(size) {
+            loader.feed(piece).unwrap();
+        }
+        loader.finish().unwrap();
+        assert_eq!(settings, expected);
+    }
+}
+
+#[test]
+fn a_configuration_error_names_its_line_and_word() {
+    let text =
+        "# a comment\n\nport P1 serial uart1 rtu client\n\n\n\nport P2 serial uart2 rtu client 9600 81E\n";
+    let mut settings = Settings::new();
+    let error = Loader::new(&mut settings).feed(text.as_bytes()).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "line 7, column 38: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2"
+    );
+    let error = Loader::new(&mut settings).feed(b"# fine \xc3\xa9\nport \xff\n").unwrap_err();
+    assert_eq!((error.line, error.error.column, error.error.problem), (2, 6, Problem::NotText));
+}
+
+#[test]
+fn the_longest_lines_that_print_can_be_read() {
+    let prefix = "1111:1111:1111:1111:1111:1111:1111:1110/127";
+    let time = "3599999.999ms";
+    let name = |last| "a".repeat(NAME_BYTES_MAX - 1) + last;
+    let (one, two) = (name("1"), name("2"));
+    let device = "d".repeat(DEVICE_BYTES_MAX);
+    let functions: Vec<String> = (1..128).step_by(2).map(|code: u8| code.to_string()).collect();
+    let lines = [
+        format!("port {one} serial {device} ascii client 10000000 7E1"),
+        format!("edit port {one} char-timeout 59999.999ms gap 999.999ms timeout {time} retries 10"),
+        format!(
+            "edit port {one} turnaround 59999.999ms start-delay {time} late-window {time} down-after 255"
+        ),
+        format!("port {two} tcp server [1111:1111:1111:1111:1111:1111:1111:1111]:65535 clients 1000"),
+        format!("edit port {two} idle 86399999.999ms pipeline 15 lifetime {time}"),
+        format!("edit port {two} reserve 1000 for {prefix},{prefix},{prefix},{prefix}"),
+        format!("route {two} 101-132 {prefix} -100 {one} functions {} priority normal", functions.join(",")),
+    ];
+    let mut settings = Settings::new();
+    for line in &lines {
+        apply(&mut settings, line).unwrap_or_else(|error| panic!("{line}: {error}"));
+    }
+    let text = print(&settings);
+    let longest = text.lines().map(str::len).max().unwrap();
+    assert!((300..=LINE_BYTES_MAX).contains(&longest), "{longest}: {text}");
+    assert_eq!(load(&text), settings);
+}

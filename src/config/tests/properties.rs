@@ -1,0 +1,247 @@
+//! What holds for all settings and all lines: printing recreates, and nothing panics.
+
+use std::format;
+use std::string::String;
+use std::vec::Vec;
+
+use embassy_time::Duration;
+use proptest::prelude::*;
+
+use super::{PORTS, load, print, std};
+use crate::config::*;
+use crate::route::{Destination, Functions, Priority, Route, Tag, UnitRange};
+
+fn duration(us: core::ops::RangeInclusive<u64>) -> impl Strategy<Value = Duration> {
+    let (low, high) = (*us.start(), *us.end());
+    let any = us.prop_map(Duration::from_micros);
+    let round = (low.div_ceil(1_000)..=high / 1_000).prop_map(Duration::from_millis);
+    prop_oneof![any, round]
+}
+
+fn any_prefix() -> impl Strategy<Value = IpPrefix> {
+    let v4 = (any::<u32>(), 0..=32_u8).prop_map(|(bits, length)| {
+        let mask = u32::MAX.checked_shl(32 - u32::from(length)).unwrap_or(0);
+        IpPrefix { address: IpAddr::V4((bits & mask).into()), length }
+    });
+    let v6 = (any::<u128>(), 0..=128_u8).prop_map(|(bits, length)| {
+        let mask = u128::MAX.checked_shl(128 - u32::from(length)).unwrap_or(0);
+        IpPrefix { address: IpAddr::V6((bits & mask).into()), length }
+    });
+    prop_oneof![v4, v6]
+}
+
+fn any_line(framing: Framing) -> impl Strategy<Value = LineSettings> {
+    let data_bits = if framing == Framing::Rtu { 8..=8_u8 } else { 7..=8_u8 };
+    let parity = prop_oneof![Just(Parity::None), Just(Parity::Even), Just(Parity::Odd)];
+    let gap = prop::option::of(duration(0..=1_000_000));
+    let char_timeout = prop::option::of(duration(100..=60_000_000));
+    (1..=10_000_000_u32, data_bits, parity, 1..=2_u8, gap, char_timeout).prop_map(
+        |(baud, data_bits, parity, stop_bits, gap, char_timeout)| LineSettings {
+            baud,
+            data_bits,
+            parity,
+            stop_bits,
+            gap,
+            char_timeout,
+        },
+    )
+}
+
+fn any_client() -> impl Strategy<Value = SerialClientSettings> {
+    let hour = 3_600_000_000;
+    let late_window = prop::option::of(duration(0..=hour));
+    (
+        duration(1_000..=hour),
+        0..=10_u8,
+        duration(0..=60_000_000),
+        duration(0..=hour),
+        late_window,
+        any::<u8>(),
+    )
+        .prop_map(|(timeout, retries, turnaround, start_delay, late_window, down_after)| {
+            SerialClientSettings { timeout, retries, turnaround, start_delay, late_window, down_after }
+        })
+}
+
+fn any_serial(n: usize) -> impl Strategy<Value = PortKind> {
+    (prop_oneof![Just(Framing::Rtu), Just(Framing::Ascii)], any::<bool>())
+        .prop_flat_map(|(framing, server)| (Just(framing), Just(server), any_line(framing), any_client()))
+        .prop_map(move |(framing, server, line, client)| {
+            let device = heapless::String::try_from(format!("/dev/tty#{n}").as_str()).unwrap();
+            let (side, client) = match server {
+                true => (Side::Server, SerialClientSettings::DEFAULT),
+                false => (Side::Client, client),
+            };
+            PortKind::Serial(SerialSettings { device, framing, side, line, client })
+        })
+}
+
+fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
+    let address = prop::option::of(prop_oneof![
+        any::<u32>().prop_map(|bits| IpAddr::V4(bits.into())),
+        any::<u128>().prop_map(|bits| IpAddr::V6(bits.into())),
+    ]);
+    let idle = prop_oneof![Just(Duration::from_ticks(0)), duration(1_000_000..=86_400_000_000)];
+    let reserved_for = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
+    (address, 1..=1_000_u16, idle, 1..=16_u8, duration(10_000..=3_600_000_000), 1..=1_000_u16, reserved_for)
+        .prop_map(move |(address, clients, idle, pipeline, lifetime, reserved, reserved_for)| {
+            let reserved = if reserved_for.is_empty() { 0 } else { reserved.min(clients) };
+            let reserved_for = reserved_for.into_iter().collect();
+            let listen = TcpListen { address, port: 502 + n as u16 };
+            PortKind::TcpServer(TcpServerSettings {
+                listen,
+                clients,
+                idle,
+                pipeline,
+                lifetime,
+                reserved,
+                reserved_for,
+            })
+        })
+}
+
+fn any_port(n: usize) -> impl Strategy<Value = Port> {
+    ("[A-Za-z][A-Za-z0-9_.-]{0,12}", prop_oneof![any_serial(n).boxed(), any_tcp_server(n).boxed()]).prop_map(
+        move |(name, kind)| {
+            // The number keeps names apart, also from the reserved ones.
+            Port { name: Name::try_from(format!("{name}{n}").as_str()).unwrap(), kind }
+        },
+    )
+}
+
+fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
+    let count = ports.len() as u8;
+    let destination = prop_oneof![
+        4 => (0..count).prop_map(|id| Destination::Port(PortId(id))),
+        1 => Just(Destination::Local),
+        1 => Just(Destination::Discard),
+        1 => Just(Destination::NoPath),
+    ];
+    let functions = prop_oneof![
+        Just(Functions::ALL),
+        Just(Functions::READ_ONLY),
+        prop::collection::vec(1..=127_u8, 1..40)
+            .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with)),
+    ];
+    let priority = prop_oneof![Just(Priority::High), Just(Priority::Normal), Just(Priority::Low)];
+    let tag = (any::<u8>(), any::<u8>(), 0..3_u8, any::<u8>());
+    (0..count, tag, prop::option::of(any_prefix()), destination, functions, priority).prop_map(
+        move |(source, (a, b, kind, value), peer, destination, functions, priority)| {
+            let units = UnitRange { first: a.min(b), last: a.max(b) };
+            // A shift within what the range leaves on either side.
+            let (down, up) = (i16::from(units.first), 255 - i16::from(units.last));
+            let shift = i16::from(value) % (down + up + 1) - down;
+            let tag = match kind {
+                0 => Tag::Set(value),
+                1 if shift != 0 => Tag::Shift(shift),
+                _ => Tag::Keep,
+            };
+            let serial = matches!(ports[source as usize].kind, PortKind::Serial(_));
+            let source = PortId(source);
+            let destination =
+                if destination == Destination::Port(source) { Destination::Local } else { destination };
+            Route { source, units, peer: peer.filter(|_| !serial), tag, destination, functions, priority }
+        },
+    )
+}
+
+fn any_settings() -> impl Strategy<Value = Settings> {
+    (1..=PORTS_MAX)
+        .prop_flat_map(|count| (0..count).map(any_port).collect::<Vec<_>>())
+        .prop_flat_map(|ports| (Just(ports.clone()), prop::collection::vec(any_route(ports), 0..=ROUTES_MAX)))
+        .prop_map(|(ports, routes)| {
+            let mut settings = Settings::new();
+            for (slot, port) in settings.ports.iter_mut().zip(ports) {
+                *slot = Some(port);
+            }
+            for route in routes {
+                if !settings.routes.contains(&route) {
+                    settings.routes.push(route).unwrap();
+                }
+            }
+            settings
+        })
+}
+
+proptest! {
+    #[test]
+    fn what_is_printed_recreates_the_settings(settings in any_settings()) {
+        prop_assert_eq!(load(&print(&settings)), settings);
+    }
+
+    #[test]
+    fn random_text_is_refused_without_a_panic_and_without_a_change(line in "\\PC{0,80}") {
+        let mut settings = load(PORTS);
+        let before = settings.clone();
+        if !apply(&mut settings, &line).is_ok_and(|applied| applied.changed) {
+            prop_assert_eq!(settings, before);
+        }
+    }
+
+    #[test]
+    fn random_words_of_the_language_never_panic_and_keep_the_settings_printable(
+        lines in prop::collection::vec(random_line(), 1..20)
+    ) {
+        let mut settings = load(PORTS);
+        for line in lines {
+            let before = settings.clone();
+            if apply(&mut settings, &line).is_err() {
+                prop_assert_eq!(&settings, &before);
+            }
+        }
+        // Places of deleted ports are not kept, so the text is compared and not the value.
+        let text = print(&settings);
+        prop_assert_eq!(print(&load(&text)), text);
+    }
+}
+
+fn random_line() -> impl Strategy<Value = String> {
+    const VERBS: &[&str] =
+        &["port", "route", "edit port", "edit route 1", "insert route 1", "move route", "delete port"];
+    const WORDS: &[&str] = &[
+        "P1",
+        "P2",
+        "P3",
+        "P502",
+        "502",
+        "serial",
+        "tcp",
+        "uart1",
+        "rtu",
+        "ascii",
+        "client",
+        "server",
+        "9600",
+        "8E1",
+        "7E1",
+        "timeout",
+        "300ms",
+        "gap",
+        "0",
+        "1",
+        "2",
+        "reserve",
+        "for",
+        "10.0.0.0/8,",
+        "::1",
+        "*",
+        "-1",
+        "=7",
+        "1-64",
+        "local",
+        "readonly",
+        "functions",
+        "3,4",
+        "priority",
+        "high",
+        ",",
+        "#",
+    ];
+    let route = (0..3_usize, 0..9_u8, 0..3_usize).prop_map(|(from, unit, to)| {
+        format!("route {} {unit} * * {}", ["P502", "P2", "P5"][from], ["P1", "P4", "local"][to])
+    });
+    let any = (prop::sample::select(VERBS), prop::collection::vec(prop::sample::select(WORDS), 0..9))
+        .prop_map(|(verb, words)| format!("{verb} {}", words.join(" ")));
+    let verbs: Vec<&'static str> = Vec::from(["delete route 1", "move route 1 2", "edit port P1 retries 3"]);
+    prop_oneof![route, any, prop::sample::select(verbs).prop_map(String::from)]
+}

@@ -1,0 +1,239 @@
+//! The line language: one line changes the settings, or changes nothing and says which word is wrong.
+//!
+//! [`apply`] reads the whole line against the settings as they are, and only then puts the change in place. The
+//! console, the configuration file and what `show config` prints use the same lines.
+
+use core::num::NonZeroU16;
+
+use super::port_words::Draft;
+use super::problem::{LineError, Problem, Rules, Warning};
+use super::route_words::route;
+use super::values::{name, number};
+use super::words::{Word, Words};
+use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side, gap_warning};
+use crate::route::{Destination, Route};
+
+/// What a good line did.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Applied {
+    /// Whether the settings are others now; false for blank lines and comments.
+    pub changed: bool,
+    /// What is unlikely to be meant.
+    pub warning: Option<Warning>,
+}
+
+const CHANGED: Applied = Applied { changed: true, warning: None };
+
+#[derive(Clone, Copy)]
+enum Verb {
+    Port,
+    Route,
+    Edit,
+    Insert,
+    Move,
+    Delete,
+}
+
+const VERBS: &[(&str, Verb)] = &[
+    ("port", Verb::Port),
+    ("route", Verb::Route),
+    ("edit", Verb::Edit),
+    ("insert", Verb::Insert),
+    ("move", Verb::Move),
+    ("delete", Verb::Delete),
+];
+
+/// Changes `settings` as `line` says; a bad line changes nothing.
+pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> {
+    if line.len() > LINE_BYTES_MAX {
+        let end = Word { text: "", column: LINE_BYTES_MAX + 1, listed: false };
+        return Err(end.error(Problem::LineTooLong));
+    }
+    let mut words = Words::new(line);
+    let words = &mut words;
+    let verb = words.take();
+    if verb.is_end() {
+        return Ok(Applied { changed: false, warning: None });
+    }
+    match verb.keyword(VERBS, "port, route, edit, insert, move or delete")? {
+        Verb::Port => port(settings, words),
+        Verb::Route => add_route(settings, words),
+        Verb::Edit => edit(settings, words),
+        Verb::Insert => insert_route(settings, words),
+        Verb::Move => move_route(settings, words),
+        Verb::Delete => delete(settings, words),
+    }
+}
+
+/// Whether `route` only says that answers return: it leads to a side that asks, or comes from one that answers.
+///
+/// The paper's tables list these ways back. Answers always return to their asker, so such a rule never matches.
+pub fn is_implied(settings: &Settings, route: &Route) -> bool {
+    let asks = |id: PortId| settings.port(id).is_some_and(|port| port.kind.side() == Side::Server);
+    !asks(route.source) || matches!(route.destination, Destination::Port(id) if asks(id))
+}
+
+fn port(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+    let name_word = words.take();
+    let name = name(name_word)?;
+    let draft = Draft::create(words)?;
+    // Not `find`: that one also takes a bare number for a name.
+    let same = |port: &Option<Port>| port.as_ref().is_some_and(|port| port.name.eq_ignore_ascii_case(&name));
+    let place = settings
+        .ports
+        .iter()
+        .position(same)
+        .or_else(|| settings.ports.iter().position(Option::is_none))
+        .ok_or_else(|| name_word.error(Problem::PortsFull))?;
+    put_port(settings, PortId(place as u8), Port { name, kind: draft.kind }, name_word, draft.place)
+}
+
+/// Checks `port` against all the others and the rules, then puts it at `id`.
+fn put_port(
+    settings: &mut Settings,
+    id: PortId,
+    port: Port,
+    name: Word,
+    place: Word,
+) -> Result<Applied, LineError> {
+    let others = settings.ports.iter().enumerate().filter(|&(at, _)| at != id.index());
+    for other in others.filter_map(|(_, other)| other.as_ref()) {
+        match (&port.kind, &other.kind) {
+            (PortKind::Serial(own), PortKind::Serial(other)) if own.device == other.device => {
+                return Err(place.error(Problem::DeviceTaken));
+            }
+            (PortKind::TcpServer(own), PortKind::TcpServer(other)) if own.listen.collides(&other.listen) => {
+                return Err(place.error(Problem::ListenTaken));
+            }
+            _ => {}
+        }
+    }
+    if matches!(port.kind, PortKind::Serial(_)) {
+        let by_address = settings.routes.iter().map(|route| route.source == id && route.peer.is_some());
+        if let Some(rules) = Rules::of(by_address) {
+            return Err(name.error(Problem::RulesNeedTcp(rules)));
+        }
+    }
+    let warning = gap_warning(&port);
+    if let Some(slot) = settings.ports.get_mut(id.index()) {
+        *slot = Some(port);
+    }
+    Ok(Applied { changed: true, warning })
+}
+
+fn add_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+    put_route(settings, words, settings.routes.len(), false)
+}
+
+/// Reads a row and puts it at place `at`, counted from 0, instead of the rule there or before it.
+fn put_route(
+    settings: &mut Settings,
+    words: &mut Words,
+    at: usize,
+    replace: bool,
+) -> Result<Applied, LineError> {
+    let first = words.peek();
+    let route = route(settings, words)?;
+    if let Some(same) = settings.routes.iter().position(|other| *other == route)
+        && !(replace && same == at)
+    {
+        let number = NonZeroU16::MIN.saturating_add(same as u16);
+        return Err(first.error(Problem::SameRoute(number)));
+    }
+    match settings.routes.get_mut(at).filter(|_| replace) {
+        Some(old) => *old = route,
+        None => settings.routes.insert(at, route).map_err(|_| first.error(Problem::RoutesFull))?,
+    }
+    Ok(CHANGED)
+}
+
+#[derive(Clone, Copy)]
+enum Thing {
+    Port,
+    Route,
+    Routes,
+}
+
+const PORT: (&str, Thing) = ("port", Thing::Port);
+const ROUTE: (&str, Thing) = ("route", Thing::Route);
+const ROUTES: (&str, Thing) = ("routes", Thing::Routes);
+
+fn edit(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+    match words.take().keyword(&[PORT, ROUTE], "port or route")? {
+        Thing::Port => {
+            let name_word = words.take();
+            let (id, old) = existing_port(settings, name_word)?;
+            let draft = Draft::edit(old.kind.clone(), words)?;
+            let port = Port { name: old.name.clone(), kind: draft.kind };
+            put_port(settings, id, port, name_word, draft.place)
+        }
+        Thing::Route | Thing::Routes => {
+            let at = route_place(settings, words.take())?;
+            put_route(settings, words, at, true)
+        }
+    }
+}
+
+fn insert_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+    words.take().keyword(&[ROUTE], "route")?;
+    let at = route_place(settings, words.take())?;
+    put_route(settings, words, at, false)
+}
+
+fn move_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+    words.take().keyword(&[ROUTE], "route")?;
+    let from = route_place(settings, words.take())?;
+    let to = route_place(settings, words.take())?;
+    words.end()?;
+    let span = settings.routes.get_mut(from.min(to)..=from.max(to)).unwrap_or_default();
+    if from < to {
+        span.rotate_left(1)
+    } else {
+        span.rotate_right(1)
+    }
+    Ok(CHANGED)
+}
+
+fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+    match words.take().keyword(&[PORT, ROUTE, ROUTES], "port, route or routes")? {
+        Thing::Port => {
+            let word = words.take();
+            let (id, _) = existing_port(settings, word)?;
+            words.end()?;
+            let names = |route: &Route| route.source == id || route.destination == Destination::Port(id);
+            if let Some(rules) = Rules::of(settings.routes.iter().map(names)) {
+                return Err(word.error(Problem::PortInUse(rules)));
+            }
+            if let Some(slot) = settings.ports.get_mut(id.index()) {
+                *slot = None;
+            }
+        }
+        Thing::Route => {
+            let at = route_place(settings, words.take())?;
+            words.end()?;
+            settings.routes.remove(at);
+        }
+        Thing::Routes => {
+            words.end()?;
+            settings.routes.clear();
+        }
+    }
+    Ok(CHANGED)
+}
+
+fn existing_port<'s>(settings: &'s Settings, word: Word) -> Result<(PortId, &'s Port), LineError> {
+    if word.is_end() {
+        return Err(word.expected("a port name"));
+    }
+    let id = settings.find(word.text);
+    id.and_then(|id| Some((id, settings.port(id)?))).ok_or_else(|| word.error(Problem::NoSuchPort))
+}
+
+/// The place, from 0, of the rule whose number is `word`.
+fn route_place(settings: &Settings, word: Word) -> Result<usize, LineError> {
+    let number = number(word, "a rule's number", 1..=ROUTES_MAX as u32)? as usize;
+    let count = settings.routes.len();
+    if number <= count { Ok(number - 1) } else { Err(word.error(Problem::NoSuchRoute(count))) }
+}
+
+const _: () = assert!(PORTS_MAX <= u8::MAX as usize, "PortId is a byte");

@@ -1,0 +1,249 @@
+//! Values inside a line: numbers, times, names, addresses.
+
+use core::fmt;
+use core::net::IpAddr;
+use core::ops::RangeInclusive;
+
+use embassy_time::Duration;
+
+use super::problem::{LineError, Problem};
+use super::words::Word;
+use super::{IpPrefix, Name, TcpListen};
+
+/// A time as the line language writes it: `0`, `750us`, `1.75ms`, `2s`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Time(pub Duration);
+
+const UNITS_US: [(&str, u64); 5] =
+    [("us", 1), ("ms", 1_000), ("s", 1_000_000), ("m", 60_000_000), ("h", 3_600_000_000)];
+
+impl fmt::Display for Time {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let us = self.0.as_micros();
+        match us {
+            0 => f.pad("0"),
+            _ if us.is_multiple_of(1_000_000) => write!(f, "{}s", us / 1_000_000),
+            _ if us.is_multiple_of(1_000) => write!(f, "{}ms", us / 1_000),
+            1..1_000 => write!(f, "{us}us"),
+            _ => {
+                let (mut fraction, mut digits) = (us % 1_000, 3);
+                while fraction.is_multiple_of(10) {
+                    (fraction, digits) = (fraction / 10, digits - 1);
+                }
+                write!(f, "{}.{fraction:0digits$}ms", us / 1_000)
+            }
+        }
+    }
+}
+
+impl Time {
+    /// Reads a time; `None` without a unit (except 0), or finer than a microsecond.
+    fn parse(text: &str) -> Option<Duration> {
+        if text == "0" {
+            return Some(Duration::from_ticks(0));
+        }
+        let unit_at = text.find(|character: char| character.is_ascii_alphabetic())?;
+        let (number, unit) = text.split_at_checked(unit_at)?;
+        let scale = UNITS_US.iter().find(|(name, _)| unit.eq_ignore_ascii_case(name))?.1;
+        let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
+        let whole_us = digits(whole)?.checked_mul(scale)?;
+        let parts = digits(fraction)?.checked_mul(scale)?;
+        // `digits` bounds the length, so the power fits.
+        let per = 10_u64.pow(fraction.len() as u32);
+        parts.is_multiple_of(per).then_some(())?;
+        whole_us.checked_add(parts / per).map(Duration::from_micros)
+    }
+}
+
+/// An unsigned decimal number of up to nine digits, without a sign.
+fn digits(text: &str) -> Option<u64> {
+    let good = (1..=9).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_digit());
+    if good { text.parse().ok() } else { None }
+}
+
+/// The time that `word` is, within `range`.
+pub(super) fn time(word: Word, range: RangeInclusive<Duration>) -> Result<Duration, LineError> {
+    let time = Time::parse(word.text).ok_or_else(|| word.error(Problem::TimeUnit))?;
+    if range.contains(&time) {
+        return Ok(time);
+    }
+    Err(word.error(Problem::TimeRange { low: *range.start(), high: *range.end() }))
+}
+
+/// The number that `word` is, within `range`; `what` it counts stands in the error.
+pub(super) fn number(word: Word, what: &'static str, range: RangeInclusive<u32>) -> Result<u32, LineError> {
+    parse_number(word.text)
+        .filter(|number| range.contains(number))
+        .ok_or_else(|| word.error(Problem::Number { what, low: *range.start(), high: *range.end() }))
+}
+
+/// [`number`] for settings that are a byte.
+pub(super) fn small(word: Word, what: &'static str, range: RangeInclusive<u8>) -> Result<u8, LineError> {
+    let (low, high) = (u32::from(*range.start()), u32::from(*range.end()));
+    let value = number(word, what, low..=high)?;
+    u8::try_from(value).map_err(|_| word.error(Problem::Number { what, low, high }))
+}
+
+/// [`number`] for settings that are two bytes.
+pub(super) fn medium(word: Word, what: &'static str, range: RangeInclusive<u16>) -> Result<u16, LineError> {
+    let (low, high) = (u32::from(*range.start()), u32::from(*range.end()));
+    let value = number(word, what, low..=high)?;
+    u16::try_from(value).map_err(|_| word.error(Problem::Number { what, low, high }))
+}
+
+/// A decimal number without a sign.
+pub(super) fn parse_number(text: &str) -> Option<u32> {
+    digits(text).and_then(|number| u32::try_from(number).ok())
+}
+
+/// Words that a rule's destination column takes for something else than a port.
+const RESERVED_NAMES: [&str; 3] = ["local", "discard", "nopath"];
+
+/// The port name that `word` is. It starts with a letter, so that a bare number in a rule can mean a TCP port.
+pub(super) fn name(word: Word) -> Result<Name, LineError> {
+    let text = word.text;
+    let letters = text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte));
+    let good = text.starts_with(|first: char| first.is_ascii_alphabetic())
+        && letters
+        && !RESERVED_NAMES.iter().any(|reserved| word.is(reserved));
+    let name = if good { Name::try_from(text).ok() } else { None };
+    name.ok_or_else(|| {
+        word.expected(
+            "a port name: a letter, then letters, digits, - _ or ., at most 15, not local, discard or nopath",
+        )
+    })
+}
+
+/// The address or prefix that `word` is; bits behind the prefix are cleared.
+pub(super) fn prefix(word: Word) -> Result<IpPrefix, LineError> {
+    parse_prefix(word.text)
+        .ok_or_else(|| word.expected("an IP address or prefix, such as 192.168.1.7 or 192.168.1.0/24"))
+}
+
+fn parse_prefix(text: &str) -> Option<IpPrefix> {
+    let (address, length) = match text.split_once('/') {
+        Some((address, length)) => (address, Some(parse_number(length)?)),
+        None => (text, None),
+    };
+    let address: IpAddr = address.parse().ok()?;
+    let bits = if address.is_ipv4() { 32 } else { 128 };
+    let length = length.unwrap_or(bits);
+    if length > bits {
+        return None;
+    }
+    // `::ffff:a.b.c.d` is how some systems write an IPv4 peer.
+    match address.to_canonical() {
+        IpAddr::V4(v4) => {
+            let length = if bits == 128 { length.checked_sub(96)? } else { length };
+            let mask = u32::MAX.checked_shl(32 - length).unwrap_or(0);
+            let address = core::net::Ipv4Addr::from_bits(v4.to_bits() & mask);
+            Some(IpPrefix { address: IpAddr::V4(address), length: length as u8 })
+        }
+        IpAddr::V6(v6) => {
+            let mask = u128::MAX.checked_shl(128 - length).unwrap_or(0);
+            let address = core::net::Ipv6Addr::from_bits(v6.to_bits() & mask);
+            Some(IpPrefix { address: IpAddr::V6(address), length: length as u8 })
+        }
+    }
+}
+
+/// `192.168.1.7` for a whole address, `192.168.1.0/24` for a prefix.
+impl fmt::Display for IpPrefix {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bits = if self.address.is_ipv4() { 32 } else { 128 };
+        write!(f, "{}", self.address)?;
+        if self.length == bits { Ok(()) } else { write!(f, "/{}", self.length) }
+    }
+}
+
+/// Where a server listens: `502`, `127.0.0.1:5020`, `[::1]:502`.
+pub(super) fn listen(word: Word) -> Result<TcpListen, LineError> {
+    parse_listen(word.text)
+        .ok_or_else(|| word.expected("a TCP port from 1 to 65535, or ADDRESS:PORT such as 127.0.0.1:5020"))
+}
+
+fn parse_listen(text: &str) -> Option<TcpListen> {
+    let (address, port) = match text.rsplit_once(':') {
+        Some((address, port)) => (Some(address), port),
+        None => (None, text),
+    };
+    let address = match address
+        .map(|text| text.strip_prefix('[').and_then(|text| text.strip_suffix(']')).ok_or(text))
+    {
+        Some(Ok(v6)) => Some(IpAddr::V6(v6.parse().ok()?)),
+        Some(Err(v4)) => Some(IpAddr::V4(v4.parse().ok()?)),
+        None => None,
+    };
+    let port = parse_number(port).and_then(|port| u16::try_from(port).ok()).filter(|&port| port != 0)?;
+    Some(TcpListen { address, port })
+}
+
+impl fmt::Display for TcpListen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.address {
+            None => write!(f, "{}", self.port),
+            Some(address) => write!(f, "{}", core::net::SocketAddr::new(address, self.port)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::ToString;
+
+    use super::*;
+
+    #[test]
+    fn times_are_read_with_their_units() {
+        let us = |text| Time::parse(text).map(|time| time.as_micros());
+        assert_eq!(us("300ms"), Some(300_000));
+        assert_eq!(us("1.75ms"), Some(1_750));
+        assert_eq!(us("750us"), Some(750));
+        assert_eq!(us("1s"), Some(1_000_000));
+        assert_eq!(us("2m"), Some(120_000_000));
+        assert_eq!(us("1.5H"), Some(5_400_000_000));
+        assert_eq!(us("0"), Some(0));
+        for bad in
+            ["300", "", "ms", ".5s", "5.s", "1.5us", "-1s", "1,5s", "1.2.3s", "1e3s", "9999999999s", "5µs"]
+        {
+            assert_eq!(us(bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn times_are_written_in_the_shortest_exact_way() {
+        let text = |us| Time(Duration::from_micros(us)).to_string();
+        assert_eq!(text(0), "0");
+        assert_eq!(text(750), "750us");
+        assert_eq!(text(1_750), "1.75ms");
+        assert_eq!(text(1_005), "1.005ms");
+        assert_eq!(text(300_000), "300ms");
+        assert_eq!(text(60_000_000), "60s");
+        assert_eq!(text(1_000_001), "1000.001ms");
+    }
+
+    #[test]
+    fn prefixes_are_masked_and_mapped_addresses_become_ipv4() {
+        let text = |text| parse_prefix(text).map(|prefix| prefix.to_string());
+        assert_eq!(text("192.168.1.77/24").as_deref(), Some("192.168.1.0/24"));
+        assert_eq!(text("192.168.1.77").as_deref(), Some("192.168.1.77"));
+        assert_eq!(text("10.1.2.3/0").as_deref(), Some("0.0.0.0/0"));
+        assert_eq!(text("fe80::1/64").as_deref(), Some("fe80::/64"));
+        assert_eq!(text("::ffff:10.0.0.9/104").as_deref(), Some("10.0.0.0/8"));
+        for bad in ["192.168.1.0/33", "192.168.1", "::1/129", "1.2.3.4/", "*", "::ffff:1.2.3.4/90"] {
+            assert_eq!(text(bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_listener_is_a_port_with_or_without_an_address() {
+        let text = |text| parse_listen(text).map(|listen| listen.to_string());
+        for good in ["502", "127.0.0.1:5020", "[::1]:502"] {
+            assert_eq!(text(good).as_deref(), Some(good));
+        }
+        for bad in ["0", "65536", "::1:502", "[127.0.0.1]:5", "localhost:502", "1.2.3.4:", ":502", ""] {
+            assert_eq!(text(bad), None, "{bad}");
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! Words of a line, with the columns that error texts name.
+//!
+//! Blanks, tabs and commas part words; `#` at the start of a word begins a comment. A comma is remembered, because a
+//! list (`functions 3,4,16`) goes on as long as commas do.
+
+use heapless::String;
+
+use super::problem::{LineError, Problem, WORD_BYTES_MAX};
+
+/// One word, or the end of the line when `text` is empty.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Word<'a> {
+    /// The word as it stands in the line.
+    pub(super) text: &'a str,
+    /// Where it starts, in characters from 1.
+    pub(super) column: usize,
+    /// Whether a comma stands before it.
+    pub(super) listed: bool,
+}
+
+impl Word<'_> {
+    /// Whether this is the end of the line.
+    pub(super) fn is_end(&self) -> bool {
+        self.text.is_empty()
+    }
+
+    /// Whether this is `keyword`, which is written without regard to case.
+    pub(super) fn is(&self, keyword: &str) -> bool {
+        self.text.eq_ignore_ascii_case(keyword)
+    }
+
+    /// What `table` has for this keyword.
+    pub(super) fn lookup<T: Copy>(&self, table: &[(&'static str, T)]) -> Option<T> {
+        table.iter().find(|(keyword, _)| self.is(keyword)).map(|&(_, value)| value)
+    }
+
+    /// What `table` has for this keyword; otherwise an error with what was `expected` and the nearest keyword.
+    pub(super) fn keyword<T: Copy>(
+        &self,
+        table: &[(&'static str, T)],
+        expected: &'static str,
+    ) -> Result<T, LineError> {
+        self.lookup(table).ok_or_else(|| {
+            let near = table.iter().map(|&(keyword, _)| keyword).find(|keyword| is_near(self.text, keyword));
+            self.error(Problem::Expected { expected, near })
+        })
+    }
+
+    /// The error that this word is.
+    pub(super) fn error(&self, problem: Problem) -> LineError {
+        let mut word = String::<WORD_BYTES_MAX>::new();
+        for character in self.text.chars() {
+            // A longer word is cut: the column finds it all the same.
+            if word.push(character).is_err() {
+                break;
+            }
+        }
+        LineError { column: self.column, word, problem }
+    }
+
+    /// The error that something else was `expected` here.
+    pub(super) fn expected(&self, expected: &'static str) -> LineError {
+        self.error(Problem::Expected { expected, near: None })
+    }
+}
+
+/// Reads a line word by word.
+#[derive(Debug, Clone)]
+pub(super) struct Words<'a> {
+    rest: &'a str,
+    column: usize,
+}
+
+impl<'a> Words<'a> {
+    /// At the start of `line`.
+    pub(super) fn new(line: &'a str) -> Self {
+        Self { rest: line, column: 1 }
+    }
+
+    /// The next word, without taking it.
+    pub(super) fn peek(&self) -> Word<'a> {
+        self.clone().take()
+    }
+
+    /// Takes the next word.
+    pub(super) fn take(&mut self) -> Word<'a> {
+        let word_at = self.rest.find(|character| !is_separator(character)).unwrap_or(self.rest.len());
+        let separators = self.advance(word_at);
+        let column = self.column;
+        let listed = separators.contains(',');
+        if self.rest.starts_with('#') {
+            self.rest = "";
+        }
+        let end = self.rest.find(is_separator).unwrap_or(self.rest.len());
+        Word { text: self.advance(end), column, listed }
+    }
+
+    /// An error unless the line ends here.
+    pub(super) fn end(&mut self) -> Result<(), LineError> {
+        let word = self.take();
+        if word.is_end() { Ok(()) } else { Err(word.expected("the end of the line")) }
+    }
+
+    fn advance(&mut self, bytes: usize) -> &'a str {
+        let (passed, rest) = self.rest.split_at_checked(bytes).unwrap_or((self.rest, ""));
+        self.rest = rest;
+        self.column += passed.chars().count();
+        passed
+    }
+}
+
+fn is_separator(character: char) -> bool {
+    character.is_ascii_whitespace() || character == ','
+}
+
+/// Whether `typed` is `keyword` with one letter wrong, missing, too many, or with two neighbours swapped.
+fn is_near(typed: &str, keyword: &str) -> bool {
+    // One or two letters are near to everything.
+    if typed.len() < 3 {
+        return false;
+    }
+    let same = |a: &u8, b: &u8| a.eq_ignore_ascii_case(b);
+    let (typed, keyword) = (typed.as_bytes(), keyword.as_bytes());
+    let front = typed.iter().zip(keyword).take_while(|(a, b)| same(a, b)).count();
+    let typed = typed.get(front..).unwrap_or_default();
+    let keyword = keyword.get(front..).unwrap_or_default();
+    let back = typed.iter().rev().zip(keyword.iter().rev()).take_while(|(a, b)| same(a, b)).count();
+    let typed = typed.get(..typed.len() - back).unwrap_or_default();
+    let keyword = keyword.get(..keyword.len() - back).unwrap_or_default();
+    match (typed, keyword) {
+        ([], [_]) | ([_], []) | ([_], [_]) => true,
+        ([a, b], [c, d]) => same(a, d) && same(b, c),
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blanks_tabs_and_commas_part_words_and_a_comment_ends_the_line() {
+        let mut words = Words::new("  port\tP1,, 9600 # the rest");
+        let mut next = || {
+            let word = words.take();
+            (word.text, word.column, word.listed)
+        };
+        assert_eq!(next(), ("port", 3, false));
+        assert_eq!(next(), ("P1", 8, false));
+        assert_eq!(next(), ("9600", 13, true));
+        assert_eq!(next(), ("", 18, false));
+        assert_eq!(next(), ("", 18, false));
+    }
+
+    #[test]
+    fn columns_count_characters_not_bytes() {
+        let mut words = Words::new("größe x");
+        assert_eq!(words.take().text, "größe");
+        assert_eq!(words.take().column, 7);
+    }
+
+    #[test]
+    fn a_hash_inside_a_word_belongs_to_the_word() {
+        assert_eq!(Words::new("a#b").take().text, "a#b");
+    }
+
+    #[test]
+    fn one_wrong_letter_is_near_and_two_are_not() {
+        for typed in ["timeut", "timeouts", "tineout", "tiemout", "TIMEOT"] {
+            assert!(is_near(typed, "timeout"), "{typed}");
+        }
+        for typed in ["tmeut", "out", "to", "", "retries"] {
+            assert!(!is_near(typed, "timeout"), "{typed}");
+        }
+    }
+}

@@ -182,6 +182,8 @@ pub struct LineSettings {
     pub gap: Option<Duration>,
     /// Longest silence inside a frame; `None` is the general rule (a frame ends after the gap).
     pub char_timeout: Option<Duration>,
+    /// The driver switches the transceiver's direction (Linux: TIOCSRS485); refused where it cannot.
+    pub rs485: bool,
 }
 
 /// Parity of a character.
@@ -204,6 +206,7 @@ impl LineSettings {
         stop_bits: 1,
         gap: None,
         char_timeout: None,
+        rs485: false,
     };
 
     /// Bits of one character on the wire: start, data, parity, stop.

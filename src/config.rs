@@ -125,12 +125,9 @@ pub enum PortKind {
 }
 
 impl PortKind {
-    /// Which side of the protocol the port plays.
-    pub const fn side(&self) -> Side {
-        match self {
-            Self::Serial(settings) => settings.side,
-            Self::TcpServer(_) => Side::Server,
-        }
+    /// Whether requests can be sent to the port: it plays the client's part.
+    pub const fn takes_orders(&self) -> bool {
+        matches!(self, Self::Serial(SerialSettings { side: Side::Client, .. }))
     }
 }
 
@@ -182,6 +179,8 @@ pub struct LineSettings {
     pub gap: Option<Duration>,
     /// Longest silence inside a frame; `None` is the general rule (a frame ends after the gap).
     pub char_timeout: Option<Duration>,
+    /// The driver switches the transceiver's direction (Linux: TIOCSRS485); refused where it cannot.
+    pub rs485: bool,
 }
 
 /// Parity of a character.
@@ -204,6 +203,7 @@ impl LineSettings {
         stop_bits: 1,
         gap: None,
         char_timeout: None,
+        rs485: false,
     };
 
     /// Bits of one character on the wire: start, data, parity, stop.

@@ -6,6 +6,7 @@
 use core::fmt;
 use core::net::SocketAddr;
 
+use embassy_time::Duration;
 use embedded_io_async::{Read, Write};
 
 use crate::config::{LineSettings, TcpListen};
@@ -68,6 +69,12 @@ pub trait SerialHost {
 
     /// Opens `device` with `line`'s speed and character format.
     async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Self::Line<'_>, OpenError>;
+
+    /// How much later than on the wire bytes may be read: an operating system's scheduling, a USB adapter's buffer.
+    /// Silence inside a frame is believed only when it lasts that much longer.
+    fn read_jitter(&self) -> Duration {
+        Duration::from_ticks(0)
+    }
 }
 
 /// Accepts TCP connections, one at a time; every connection task owns one.
@@ -78,6 +85,10 @@ pub trait TcpHost {
     type Stream<'a>: TcpStream
     where
         Self: 'a;
+
+    /// Opens the listening socket at `listen`, if this board has such and it is not open yet, so that a fault shows
+    /// before the first client comes.
+    fn listen(&mut self, listen: &TcpListen) -> Result<(), OpenError>;
 
     /// Waits for the next connection at `listen` and gives it with the peer's address. Dropping the pending
     /// future loses no connection.

@@ -5,7 +5,8 @@
 
 use core::net::IpAddr;
 
-use crate::config::{IpPrefix, PortId};
+use crate::config::{IpPrefix, PortId, Settings};
+use crate::modbus::Exception;
 
 /// One row of the routing table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -133,5 +134,49 @@ impl Route {
         self.source == source
             && self.units.contains(unit)
             && self.peer.is_none_or(|prefix| peer.is_some_and(|peer| prefix.contains(peer)))
+    }
+}
+
+/// What the routing table says of a request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Decision {
+    /// To the port, for the unit as it is called there.
+    Forward {
+        /// The destination.
+        port: PortId,
+        /// The translated unit id.
+        unit: u8,
+        /// Rank in the destination's queue.
+        priority: Priority,
+    },
+    /// To the gateway's own unit.
+    Local,
+    /// No answer.
+    Discard,
+    /// An exception of the gateway.
+    Refuse(Exception),
+    /// No rule matches: 0Ah to a TCP client, silence on a shared serial line.
+    NoRule,
+}
+
+/// The decision of the first rule of `settings` that matches.
+pub fn decide(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr>, function: u8) -> Decision {
+    let Some(route) = settings.routes.iter().find(|route| route.matches(source, unit, peer)) else {
+        return Decision::NoRule;
+    };
+    if !route.functions.contains(function) {
+        return Decision::Refuse(Exception::ILLEGAL_FUNCTION);
+    }
+    match route.destination {
+        Destination::Local => Decision::Local,
+        Destination::Discard => Decision::Discard,
+        Destination::NoPath => Decision::Refuse(Exception::GATEWAY_NO_PATH),
+        Destination::Port(port) => match route.tag.apply(unit) {
+            Some(unit) if settings.port(port).is_some_and(|port| port.kind.takes_orders()) => {
+                Decision::Forward { port, unit, priority: route.priority }
+            }
+            // The port plays the server's part: the row is the way back of another one, and answers need none.
+            _ => Decision::Refuse(Exception::GATEWAY_NO_PATH),
+        },
     }
 }

@@ -1,0 +1,423 @@
+//! The frame pool: every request and its answer live in one slot, from the port that received it and back to it.
+//!
+//! A server-side port takes a frame, fills it with a PDU and an [`Envelope`], and hands it on; the router, the
+//! destination's queue and the client-side port pass the same frame along; the answer is written into it and it
+//! goes home. So a transaction costs one slot, nothing else is allocated on its way, and every channel has room by
+//! construction. A [`Frame`] can be handed on while its [`FrameWriter`] is still filling it: readers wait for more
+//! with [`Frame::more_than`], and a writer that is dropped unfinished leaves the frame broken.
+//!
+//! The first slots are reserved, one for each owner that asks with its number; the rest is shared. An owner can
+//! always have one frame, however many the others hold.
+
+use core::cell::RefCell;
+use core::future::poll_fn;
+use core::mem;
+use core::net::IpAddr;
+use core::task::Poll;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::waitqueue::WakerRegistration;
+use embassy_time::Instant;
+
+use crate::config::PortId;
+use crate::modbus::PDU_BYTES_MAX;
+use crate::route::Priority;
+
+/// What the gateway knows of a frame besides its PDU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Envelope {
+    /// Who asked; the frame goes back there.
+    pub origin: Origin,
+    /// The MBAP transaction id to give back; 0 from serial lines.
+    pub transaction: u16,
+    /// The asker's address, on TCP.
+    pub peer: Option<IpAddr>,
+    /// The unit id as the asker wrote it.
+    pub unit: u8,
+    /// The unit id on the destination's side, set by the router.
+    pub target: u8,
+    /// The port that the router sent it to.
+    pub destination: Option<PortId>,
+    /// Rank in the destination's queue, set by the router.
+    pub priority: Priority,
+    /// When the request was complete.
+    pub received: Instant,
+    /// From here on the request is not sent any more.
+    pub deadline: Instant,
+    /// How often it was sent again.
+    pub repeats: u8,
+    /// Whether the PDU is the request or its answer.
+    pub stage: Stage,
+}
+
+/// Who asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Origin {
+    /// The port that received the request.
+    pub port: PortId,
+    /// The TCP connection's place; 0 on serial lines.
+    pub seat: u16,
+    /// Which connection in a row it is at that place: an answer for an earlier one must not reach its successor.
+    pub generation: u16,
+}
+
+/// Where in its life a frame is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// The PDU is the request.
+    Request,
+    /// The PDU is the answer.
+    Answer,
+    /// There is no answer, and none is to be given: a broadcast, a discarded request.
+    Silence,
+}
+
+impl Envelope {
+    const EMPTY: Self = Self {
+        origin: Origin { port: PortId(0), seat: 0, generation: 0 },
+        transaction: 0,
+        peer: None,
+        unit: 0,
+        target: 0,
+        destination: None,
+        priority: Priority::Normal,
+        received: Instant::MIN,
+        deadline: Instant::MAX,
+        repeats: 0,
+        stage: Stage::Request,
+    };
+}
+
+/// How far a frame's PDU is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fill {
+    /// More bytes come.
+    Filling,
+    /// All bytes are there.
+    Complete,
+    /// The writer gave up: what is there must not be used.
+    Broken,
+}
+
+/// Storage of one frame. Boards keep an array of them in a static; it is all zeros at start.
+pub struct Slot(Mutex<CriticalSectionRawMutex, RefCell<SlotState>>);
+
+struct SlotState {
+    envelope: Option<Envelope>,
+    pdu: [u8; PDU_BYTES_MAX],
+    length: u8,
+    /// Handles to this slot, the writer's included; 0: free.
+    handles: u8,
+    fill: Fill,
+    /// The next slot in the list or channel that this one is in: its index + 1; 0: the last one.
+    next: u16,
+    waiting: WakerRegistration,
+}
+
+impl Slot {
+    /// A free slot.
+    pub const fn new() -> Self {
+        Self(Mutex::new(RefCell::new(SlotState {
+            envelope: None,
+            pdu: [0; PDU_BYTES_MAX],
+            length: 0,
+            handles: 0,
+            fill: Fill::Filling,
+            next: 0,
+            waiting: WakerRegistration::new(),
+        })))
+    }
+}
+
+impl Default for Slot {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The pool over a board's slots.
+pub struct FramePool<'p> {
+    slots: &'p [Slot],
+    reserved: usize,
+    shared: Mutex<CriticalSectionRawMutex, RefCell<Shared>>,
+}
+
+/// The shared slots that are free: those that were used before in a list, those that never were by their number.
+struct Shared {
+    /// First of the list: index + 1; 0: empty.
+    first: u16,
+    /// Slots from here on have never been used.
+    fresh: usize,
+}
+
+impl<'p> FramePool<'p> {
+    /// A pool over `slots`, of which the first `reserved` belong to the owners 0 to `reserved - 1`.
+    pub const fn new(slots: &'p [Slot], reserved: usize) -> Self {
+        Self { slots, reserved, shared: Mutex::new(RefCell::new(Shared { first: 0, fresh: reserved })) }
+    }
+
+    /// A frame for `owner`: its reserved one if that is at home, else a shared one, else none.
+    pub fn take(&'p self, owner: usize) -> Option<(FrameWriter<'p>, Frame<'p>)> {
+        let own =
+            (owner < self.reserved && self.with(owner, |slot| slot.handles) == Some(0)).then_some(owner);
+        let index = own.or_else(|| self.take_shared())?;
+        self.with(index, |slot| {
+            slot.handles = 2;
+            slot.length = 0;
+            slot.fill = Fill::Filling;
+            slot.envelope = None;
+        })?;
+        let index = index as u16;
+        Some((FrameWriter { frame: Frame { pool: self, index } }, Frame { pool: self, index }))
+    }
+
+    /// Frames that nobody holds.
+    pub fn free(&self) -> usize {
+        let free = |slot: &&Slot| slot.0.lock(|slot| slot.borrow().handles == 0);
+        self.slots.iter().filter(free).count()
+    }
+
+    /// Frames in the pool.
+    pub fn capacity(&self) -> usize {
+        self.slots.len()
+    }
+
+    fn take_shared(&self) -> Option<usize> {
+        self.shared.lock(|shared| {
+            let mut shared = shared.borrow_mut();
+            if let Some(index) = usize::from(shared.first).checked_sub(1) {
+                shared.first = self.with(index, |slot| mem::take(&mut slot.next))?;
+                return Some(index);
+            }
+            let index = shared.fresh;
+            (index < self.slots.len()).then(|| shared.fresh += 1)?;
+            Some(index)
+        })
+    }
+
+    fn give_back(&self, index: usize) {
+        if index < self.reserved {
+            return;
+        }
+        self.shared.lock(|shared| {
+            let mut shared = shared.borrow_mut();
+            self.with(index, |slot| slot.next = shared.first);
+            shared.first = index as u16 + 1;
+        });
+    }
+
+    fn with<R>(&self, index: usize, f: impl FnOnce(&mut SlotState) -> R) -> Option<R> {
+        // `try_borrow_mut` cannot fail: no closure here calls back into the pool for the same slot.
+        self.slots.get(index)?.0.lock(|slot| slot.try_borrow_mut().ok().map(|mut slot| f(&mut slot)))
+    }
+}
+
+/// A handle to a frame; the slot is free again when the last one is dropped.
+pub struct Frame<'p> {
+    pool: &'p FramePool<'p>,
+    index: u16,
+}
+
+impl<'p> Frame<'p> {
+    /// The envelope. Only a frame that was never addressed has an empty one.
+    pub fn envelope(&self) -> Envelope {
+        self.with(|slot| slot.envelope).flatten().unwrap_or(Envelope::EMPTY)
+    }
+
+    /// Writes the envelope anew.
+    pub fn address(&self, envelope: Envelope) {
+        self.with(|slot| slot.envelope = Some(envelope));
+    }
+
+    /// Calls `f` with the bytes of the PDU that are there.
+    pub fn pdu<R: Default>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
+        self.with(|slot| slot.pdu.get(..usize::from(slot.length)).map(f)).flatten().unwrap_or_default()
+    }
+
+    /// Copies the bytes of the PDU that are there into `out`, and says how many they are.
+    pub fn copy_pdu(&self, out: &mut [u8; PDU_BYTES_MAX]) -> usize {
+        self.pdu(|pdu| {
+            out.iter_mut().zip(pdu).for_each(|(out, byte)| *out = *byte);
+            pdu.len()
+        })
+    }
+
+    /// The function code; 0 while there is none.
+    pub fn function(&self) -> u8 {
+        self.pdu(|pdu| pdu.first().copied().unwrap_or(0))
+    }
+
+    /// Bytes that are there, and whether more come.
+    pub fn filled(&self) -> (usize, Fill) {
+        self.with(|slot| (usize::from(slot.length), slot.fill)).unwrap_or((0, Fill::Broken))
+    }
+
+    /// Waits until more than `length` bytes are there or no more come. One waiter at a time.
+    pub async fn more_than(&self, length: usize) -> (usize, Fill) {
+        poll_fn(|cx| {
+            let (filled, fill) = self.filled();
+            if filled > length || fill != Fill::Filling {
+                return Poll::Ready((filled, fill));
+            }
+            self.with(|slot| slot.waiting.register(cx.waker()));
+            Poll::Pending
+        })
+        .await
+    }
+
+    /// Empties the frame and gives a writer for its new content (an answer in the request's place).
+    pub fn rewrite(&self) -> FrameWriter<'p> {
+        self.with(|slot| {
+            slot.length = 0;
+            slot.fill = Fill::Filling;
+        });
+        FrameWriter { frame: self.share() }
+    }
+
+    /// Replaces the content by `pdu`, which must fit.
+    pub fn replace(&self, pdu: &[u8]) -> Result<(), FrameFull> {
+        let mut writer = self.rewrite();
+        writer.push(pdu)?;
+        writer.finish();
+        Ok(())
+    }
+
+    /// A second handle to the same frame.
+    pub fn share(&self) -> Self {
+        self.with(|slot| slot.handles += 1);
+        Self { pool: self.pool, index: self.index }
+    }
+
+    fn with<R>(&self, f: impl FnOnce(&mut SlotState) -> R) -> Option<R> {
+        self.pool.with(usize::from(self.index), f)
+    }
+}
+
+impl Drop for Frame<'_> {
+    fn drop(&mut self) {
+        let last = self.with(|slot| {
+            slot.handles = slot.handles.saturating_sub(1);
+            slot.handles == 0
+        });
+        if last == Some(true) {
+            self.pool.give_back(usize::from(self.index));
+        }
+    }
+}
+
+/// Fills a frame; dropped before [`FrameWriter::finish`] it leaves the frame broken.
+pub struct FrameWriter<'p> {
+    frame: Frame<'p>,
+}
+
+/// The PDU would be longer than [`PDU_BYTES_MAX`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("longer than a PDU may be")]
+pub struct FrameFull;
+
+impl FrameWriter<'_> {
+    /// Appends `bytes`, all or none of them, and wakes the reader.
+    pub fn push(&mut self, bytes: &[u8]) -> Result<(), FrameFull> {
+        let appended = self.frame.with(|slot| {
+            let length = usize::from(slot.length);
+            slot.pdu.get_mut(length..length + bytes.len())?.copy_from_slice(bytes);
+            slot.length += bytes.len() as u8;
+            slot.waiting.wake();
+            Some(())
+        });
+        appended.flatten().ok_or(FrameFull)
+    }
+
+    /// Marks the frame complete.
+    pub fn finish(self) {
+        self.set(Fill::Complete);
+    }
+
+    fn set(&self, fill: Fill) {
+        self.frame.with(|slot| {
+            slot.fill = fill;
+            slot.waiting.wake();
+        });
+    }
+}
+
+impl Drop for FrameWriter<'_> {
+    fn drop(&mut self) {
+        if self.frame.filled().1 == Fill::Filling {
+            self.set(Fill::Broken);
+        }
+    }
+}
+
+/// A channel of frames: many senders, one receiver, first in, first out.
+///
+/// The links are in the slots, so a channel costs a few bytes, has room for every frame of the pool, and sending
+/// is a plain function that cannot fail, block or be cancelled half-way. That is why it is not
+/// `embassy_sync::channel`, whose capacity is an array in each channel.
+pub struct Channel(Mutex<CriticalSectionRawMutex, RefCell<Ends>>);
+
+struct Ends {
+    /// Index + 1 of the first and last frame; 0: none.
+    first: u16,
+    last: u16,
+    receiver: WakerRegistration,
+}
+
+impl Channel {
+    /// An empty channel.
+    pub const fn new() -> Self {
+        Self(Mutex::new(RefCell::new(Ends { first: 0, last: 0, receiver: WakerRegistration::new() })))
+    }
+
+    /// Appends `frame`. All frames of one channel belong to one pool.
+    pub fn send(&self, frame: Frame<'_>) {
+        self.0.lock(|ends| {
+            let mut ends = ends.borrow_mut();
+            let link = frame.index + 1;
+            frame.with(|slot| slot.next = 0);
+            match usize::from(ends.last).checked_sub(1) {
+                Some(last) => {
+                    frame.pool.with(last, |slot| slot.next = link);
+                }
+                None => ends.first = link,
+            }
+            ends.last = link;
+            ends.receiver.wake();
+            // The channel holds the handle from here on, as an index.
+            mem::forget(frame);
+        });
+    }
+
+    /// The first frame, if there is one.
+    pub fn try_receive<'p>(&self, pool: &'p FramePool<'p>) -> Option<Frame<'p>> {
+        self.0.lock(|ends| {
+            let mut ends = ends.borrow_mut();
+            let index = ends.first.checked_sub(1)?;
+            ends.first = pool.with(usize::from(index), |slot| mem::take(&mut slot.next))?;
+            if ends.first == 0 {
+                ends.last = 0;
+            }
+            Some(Frame { pool, index })
+        })
+    }
+
+    /// Waits for the first frame.
+    pub async fn receive<'p>(&self, pool: &'p FramePool<'p>) -> Frame<'p> {
+        poll_fn(|cx| {
+            if let Some(frame) = self.try_receive(pool) {
+                return Poll::Ready(frame);
+            }
+            self.0.lock(|ends| ends.borrow_mut().receiver.register(cx.waker()));
+            // Boards may send from another interrupt level between the look and the registration.
+            self.try_receive(pool).map_or(Poll::Pending, Poll::Ready)
+        })
+        .await
+    }
+}
+
+impl Default for Channel {
+    fn default() -> Self {
+        Self::new()
+    }
+}

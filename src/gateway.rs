@@ -1,0 +1,356 @@
+//! The gateway: what all tasks share, and the futures that a board runs as its tasks.
+//!
+//! A board keeps the frame pool, the port places and the seats in statics of their own, builds a [`Gateway`] over
+//! them, and runs [`Gateway::route`] once, [`Gateway::run_port`] for every port place and [`Gateway::run_seat`] for
+//! every TCP connection that it can hold. [`Gateway::apply`] takes settings over and restarts what differs.
+
+use core::cell::{Cell, RefCell};
+use core::net::SocketAddr;
+
+use embassy_futures::select::select;
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::Instant;
+
+use crate::config::{PORTS_MAX, PortId, PortKind, SerialSettings, Settings, Side};
+use crate::frame::{Channel, Frame, FramePool, Origin, Stage};
+use crate::hal::{OpenError, SerialHost, TcpHost};
+use crate::modbus::Exception;
+use crate::port::desk::Desk;
+use crate::port::units::Units;
+use crate::port::{serial_client, tcp_server};
+use crate::stats::{Counters, Log};
+
+type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
+
+/// What the tasks share of one port.
+pub struct PortPlace {
+    /// What the router has for the port; only the router sends, only the port receives.
+    pub(crate) queue: Channel,
+    /// The settings of the port have changed.
+    pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
+    /// The port's counters.
+    pub stats: Counters,
+    units: Shared<Units>,
+    status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
+}
+
+/// How a port is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// Nothing is set here, or the port has just been set.
+    Off,
+    /// It works.
+    Open,
+    /// It was open and is lost; it is opened again.
+    Lost,
+    /// It cannot be opened; it is tried again.
+    Failed(OpenError),
+}
+
+impl PortPlace {
+    /// A place without a port.
+    pub const fn new() -> Self {
+        Self {
+            queue: Channel::new(),
+            changed: Signal::new(),
+            stats: Counters::new(),
+            units: Mutex::new(RefCell::new(Units::new())),
+            status: Mutex::new(Cell::new(Status::Off)),
+        }
+    }
+
+    /// Calls `f` with the units behind the port.
+    pub fn units<R>(&self, f: impl FnOnce(&mut Units) -> R) -> R {
+        self.units.lock(|units| f(&mut units.borrow_mut()))
+    }
+
+    /// How the port is doing.
+    pub fn status(&self) -> Status {
+        self.status.lock(Cell::get)
+    }
+
+    /// Notes how the port is doing; says whether that is news.
+    pub(crate) fn set_status(&self, status: Status) -> bool {
+        self.status.lock(|cell| cell.replace(status)) != status
+    }
+}
+
+impl Default for PortPlace {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What the tasks share of one place for a TCP connection.
+pub struct Seat {
+    /// Answers for the connection; only the router sends, only the seat receives.
+    pub(crate) answers: Channel,
+    /// The seat was given to another port, or its port has changed.
+    pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
+    /// The connection must go, to make room for another one.
+    pub(crate) leave: Signal<CriticalSectionRawMutex, ()>,
+    state: Mutex<CriticalSectionRawMutex, Cell<SeatState>>,
+}
+
+/// Who sits in a seat.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SeatState {
+    /// The TCP server that the seat belongs to.
+    pub port: Option<PortId>,
+    /// The connected client.
+    pub peer: Option<SocketAddr>,
+    /// Whether the client may use reserved places.
+    pub marked: bool,
+    /// Whether the connection was told to leave.
+    pub leaving: bool,
+    /// Counts the connections of this seat.
+    pub generation: u16,
+    /// When the client came.
+    pub since: Instant,
+    /// Its last request, or its coming.
+    pub last_request: Instant,
+    /// Requests that are not answered yet.
+    pub open_requests: u8,
+    /// Requests of this connection.
+    pub requests: u32,
+}
+
+impl SeatState {
+    pub(crate) const EMPTY: Self = Self {
+        port: None,
+        peer: None,
+        marked: false,
+        leaving: false,
+        generation: 0,
+        since: Instant::MIN,
+        last_request: Instant::MIN,
+        open_requests: 0,
+        requests: 0,
+    };
+}
+
+impl Seat {
+    /// An empty seat.
+    pub const fn new() -> Self {
+        Self {
+            answers: Channel::new(),
+            changed: Signal::new(),
+            leave: Signal::new(),
+            state: Mutex::new(Cell::new(SeatState::EMPTY)),
+        }
+    }
+
+    /// Who sits here.
+    pub fn state(&self) -> SeatState {
+        self.state.lock(Cell::get)
+    }
+
+    pub(crate) fn update(&self, change: impl FnOnce(&mut SeatState)) -> SeatState {
+        self.state.lock(|cell| {
+            let mut state = cell.get();
+            change(&mut state);
+            cell.set(state);
+            state
+        })
+    }
+}
+
+impl Default for Seat {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Why settings were not taken over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum ApplyError {
+    /// The TCP servers want more connections than the board has.
+    #[error(
+        "the TCP servers want {wanted} connections (one more each than its clients), this board has {seats}"
+    )]
+    Seats {
+        /// Connections wanted.
+        wanted: usize,
+        /// Connections there are.
+        seats: usize,
+    },
+    /// The board runs fewer ports.
+    #[error("this board runs {0} ports at most")]
+    Ports(usize),
+}
+
+/// All that the tasks share.
+pub struct Gateway<'g> {
+    pool: &'g FramePool<'g>,
+    ports: &'g [PortPlace],
+    seats: &'g [Seat],
+    /// The global queue: every port sends, only the router receives.
+    pub(crate) inbox: Channel,
+    settings: Shared<Settings>,
+    log: Log,
+}
+
+impl<'g> Gateway<'g> {
+    /// A gateway without settings over a board's frames, port places and seats. The pool reserves a frame for each
+    /// seat first, then for each port.
+    pub const fn new(pool: &'g FramePool<'g>, ports: &'g [PortPlace], seats: &'g [Seat]) -> Self {
+        Self {
+            pool,
+            ports,
+            seats,
+            inbox: Channel::new(),
+            settings: Mutex::new(RefCell::new(Settings::new())),
+            log: Log::new(),
+        }
+    }
+
+    /// The frames.
+    pub fn pool(&self) -> &'g FramePool<'g> {
+        self.pool
+    }
+
+    /// The port places; a port's id is its index.
+    pub fn ports(&self) -> &'g [PortPlace] {
+        self.ports
+    }
+
+    /// The places for TCP connections.
+    pub fn seats(&self) -> &'g [Seat] {
+        self.seats
+    }
+
+    /// The last transactions.
+    pub fn log(&self) -> &Log {
+        &self.log
+    }
+
+    /// Calls `f` with the settings in force.
+    pub fn settings<R>(&self, f: impl FnOnce(&Settings) -> R) -> R {
+        self.settings.lock(|settings| f(&settings.borrow()))
+    }
+
+    /// Takes `new` over: rules from the next request on, and ports that differ are started again; the others go on.
+    pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
+        let wanted =
+            |settings: &Settings| settings.ports.iter().flatten().map(|port| seats_of(&port.kind)).sum();
+        if wanted(new) > self.seats.len() {
+            return Err(ApplyError::Seats { wanted: wanted(new), seats: self.seats.len() });
+        }
+        if new.ports.iter().skip(self.ports.len()).any(Option::is_some) {
+            return Err(ApplyError::Ports(self.ports.len()));
+        }
+        let mut changed = [false; PORTS_MAX];
+        self.settings.lock(|settings| {
+            let mut settings = settings.borrow_mut();
+            for (changed, (old, new)) in changed.iter_mut().zip(settings.ports.iter().zip(&new.ports)) {
+                *changed = old != new;
+            }
+            settings.clone_from(new);
+        });
+        for (index, place) in
+            self.ports.iter().enumerate().filter(|(index, _)| changed.get(*index) == Some(&true))
+        {
+            let id = PortId(index as u8);
+            let old = self.seats.iter().filter(|seat| seat.state().port == Some(id));
+            old.for_each(|seat| seat.give_to(None));
+            place.set_status(Status::Off);
+            place.units(Units::clear);
+            place.changed.signal(());
+        }
+        for (index, port) in new.ports.iter().enumerate() {
+            if let (Some(port), Some(true)) = (port, changed.get(index)) {
+                let free = self.seats.iter().filter(|seat| seat.state().port.is_none());
+                free.take(seats_of(&port.kind)).for_each(|seat| seat.give_to(Some(PortId(index as u8))));
+            }
+        }
+        Ok(())
+    }
+
+    /// The port task of place `id`: plays the part that the settings say, for ever.
+    pub async fn run_port<H: SerialHost>(&self, id: PortId, host: &mut H) {
+        let Some(place) = self.ports.get(id.index()) else { return };
+        loop {
+            let serial = self.settings(|settings| match settings.port(id).map(|port| &port.kind) {
+                Some(PortKind::Serial(serial)) if serial.side == Side::Client => Some(serial.clone()),
+                _ => None,
+            });
+            let desk = Desk::new(self, place, id);
+            select(place.changed.wait(), select(desk.take_in(), play(&desk, serial, host))).await;
+            desk.close();
+        }
+    }
+
+    /// The task of the seat `index`: serves one TCP client after the other, for ever.
+    pub async fn run_seat<H: TcpHost>(&self, index: usize, host: &mut H) {
+        let Some(seat) = self.seats.get(index) else { return };
+        loop {
+            let served = seat.state().port.and_then(|id| {
+                let settings = self.settings(|settings| match &settings.port(id)?.kind {
+                    PortKind::TcpServer(settings) => Some(settings.clone()),
+                    PortKind::Serial(_) => None,
+                })?;
+                Some((id, self.ports.get(id.index())?, settings))
+            });
+            let Some((id, place, settings)) = served else {
+                seat.changed.wait().await;
+                continue;
+            };
+            let server = tcp_server::Server { gateway: self, id, place, settings: &settings, seat, index };
+            select(seat.changed.wait(), server.run(host)).await;
+            server.left();
+        }
+    }
+
+    /// Whether an answer to `origin` would find nobody.
+    pub(crate) fn is_gone(&self, origin: Origin) -> bool {
+        let seat = self.seats.get(usize::from(origin.seat)).map(Seat::state);
+        seat.is_none_or(|seat| seat.generation != origin.generation || seat.peer.is_none())
+    }
+
+    /// Sends a frame home whose PDU is the answer by now.
+    pub(crate) fn answered(&self, frame: Frame<'_>) {
+        self.send_home(frame, Stage::Answer);
+    }
+
+    /// Sends a frame home that gets no answer.
+    pub(crate) fn unanswered(&self, frame: Frame<'_>) {
+        self.send_home(frame, Stage::Silence);
+    }
+
+    /// Answers a request with `exception`.
+    pub(crate) fn refuse(&self, frame: Frame<'_>, exception: Exception) {
+        // Two bytes always fit.
+        let _ = frame.replace(&exception.response(frame.function()));
+        self.answered(frame);
+    }
+
+    fn send_home(&self, frame: Frame<'_>, stage: Stage) {
+        frame.address(crate::frame::Envelope { stage, ..frame.envelope() });
+        self.inbox.send(frame);
+    }
+}
+
+impl Seat {
+    fn give_to(&self, port: Option<PortId>) {
+        self.update(|seat| seat.port = port);
+        self.changed.signal(());
+    }
+}
+
+/// Connections that a port needs: its clients, and one that is accepted to decide who goes.
+fn seats_of(kind: &PortKind) -> usize {
+    match kind {
+        PortKind::TcpServer(server) => usize::from(server.clients) + 1,
+        PortKind::Serial(_) => 0,
+    }
+}
+
+/// The part that a port plays besides taking orders in.
+async fn play<H: SerialHost>(desk: &Desk<'_>, serial: Option<SerialSettings>, host: &mut H) {
+    match serial {
+        Some(settings) => serial_client::run(desk, &settings, host).await,
+        None => core::future::pending().await,
+    }
+}

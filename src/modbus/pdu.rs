@@ -1,0 +1,37 @@
+//! The PDU that all framings share: what a request may look like, how long its answer is, whether an answer fits.
+//!
+//! All functions look at a PDU whose byte 0 is the function code. Nothing is kept between calls, and no function code
+//! is refused for being unknown: the gateway knows the public codes only to see an answer's end early and to tell
+//! the right answer from a wrong one. Clauses are those of the Application Protocol V1.1b3.
+
+pub mod function;
+mod request;
+mod response;
+
+pub use function::{is_read, name as function_name};
+pub use request::check_request;
+pub use response::{Misfit, ResponseLength, fits, response_length};
+
+/// Set in the function code of an answer that is an exception.
+pub const EXCEPTION_BIT: u8 = 0x80;
+
+/// The file record groups of a function 20 request: reference type, file, record, length in registers.
+const FILE_GROUP_BYTES: usize = 7;
+
+/// Length of the answer to a function 20 request with these groups (clause 6.14), each with its own length and reference
+/// type in front; `None` when the groups are malformed or the answer would fit no PDU.
+fn file_answer_length(groups: &[u8]) -> Option<usize> {
+    let (groups, rest) = groups.as_chunks::<FILE_GROUP_BYTES>();
+    if groups.is_empty() || !rest.is_empty() {
+        return None;
+    }
+    let mut length = 2;
+    for [.., high, low] in groups {
+        let registers = usize::from(u16::from_be_bytes([*high, *low]));
+        if registers == 0 {
+            return None;
+        }
+        length += 2 + 2 * registers;
+    }
+    (length <= super::PDU_BYTES_MAX).then_some(length)
+}

@@ -1,0 +1,106 @@
+//! What a gateway can see for itself in a request, before it takes a device's time.
+
+use super::file_answer_length;
+use super::function::{
+    DIAGNOSTICS, ENCAPSULATED_INTERFACE, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG, MASK_WRITE_REGISTER,
+    MEI_DEVICE_IDENTIFICATION, READ_COILS, READ_DISCRETE_INPUTS, READ_EXCEPTION_STATUS, READ_FIFO_QUEUE,
+    READ_FILE_RECORD, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS, READ_WRITE_MULTIPLE_REGISTERS,
+    REPORT_SERVER_ID, WRITE_FILE_RECORD, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL,
+    WRITE_SINGLE_REGISTER,
+};
+use crate::modbus::{Exception, PDU_BYTES_MAX};
+
+/// Most coils or inputs in one read.
+const READ_BITS_MAX: u16 = 2000;
+/// Most registers in one read.
+const READ_REGISTERS_MAX: u16 = 125;
+/// Most coils in one write.
+const WRITE_BITS_MAX: u16 = 1968;
+/// Most registers in one write.
+const WRITE_REGISTERS_MAX: u16 = 123;
+/// Most registers written by function 23, whose header is longer.
+const READ_WRITE_REGISTERS_MAX: u16 = 121;
+
+/// Whether a server could accept this request: the exception that it gets instead, if not.
+///
+/// A public function must have a possible length, byte count and quantity. Addresses are the device's affair, and an
+/// unknown function passes at any length.
+pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
+    let Some((&function, fields)) = pdu.split_first() else {
+        return Err(Exception::ILLEGAL_VALUE);
+    };
+    // Clause 4.1: 0 is not valid, 128 to 255 are for exceptions.
+    if !(1..super::EXCEPTION_BIT).contains(&function) {
+        return Err(Exception::ILLEGAL_FUNCTION);
+    }
+    if pdu.len() <= PDU_BYTES_MAX && possible(function, fields) {
+        Ok(())
+    } else {
+        Err(Exception::ILLEGAL_VALUE)
+    }
+}
+
+/// Whether `fields`, what stands behind the function code, can belong to `function`.
+fn possible(function: u8, fields: &[u8]) -> bool {
+    match (function, fields) {
+        (READ_COILS | READ_DISCRETE_INPUTS, fields) => reads(fields, READ_BITS_MAX),
+        (READ_HOLDING_REGISTERS | READ_INPUT_REGISTERS, fields) => reads(fields, READ_REGISTERS_MAX),
+        (WRITE_SINGLE_COIL, fields) => matches!(fields, [_, _, 0x00 | 0xFF, 0x00]),
+        (WRITE_SINGLE_REGISTER, fields) => fields.len() == 4,
+        (READ_EXCEPTION_STATUS | GET_COMM_EVENT_COUNTER | GET_COMM_EVENT_LOG | REPORT_SERVER_ID, fields) => {
+            fields.is_empty()
+        }
+        // Data has two bytes or, for sub-function 0, "N x 2"; devices exist that take any, so let them judge.
+        (DIAGNOSTICS, fields) => fields.len() >= 2,
+        (WRITE_MULTIPLE_COILS, fields) => writes(fields, WRITE_BITS_MAX, |bits| bits.div_ceil(8)),
+        (WRITE_MULTIPLE_REGISTERS, fields) => writes(fields, WRITE_REGISTERS_MAX, |registers| 2 * registers),
+        (READ_FILE_RECORD, [count, groups @ ..]) => {
+            usize::from(*count) == groups.len() && file_answer_length(groups).is_some()
+        }
+        (WRITE_FILE_RECORD, [count, groups @ ..]) => {
+            usize::from(*count) == groups.len() && file_groups(groups)
+        }
+        (MASK_WRITE_REGISTER, fields) => fields.len() == 6,
+        (READ_WRITE_MULTIPLE_REGISTERS, fields) => fields.split_at_checked(4).is_some_and(|(read, write)| {
+            reads(read, READ_REGISTERS_MAX)
+                && writes(write, READ_WRITE_REGISTERS_MAX, |registers| 2 * registers)
+        }),
+        (READ_FIFO_QUEUE, fields) => fields.len() == 2,
+        // Clause 6.21: read device ID codes 1 to 4, and an object.
+        (ENCAPSULATED_INTERFACE, [MEI_DEVICE_IDENTIFICATION, fields @ ..]) => matches!(fields, [1..=4, _]),
+        (ENCAPSULATED_INTERFACE | READ_FILE_RECORD | WRITE_FILE_RECORD, fields) => !fields.is_empty(),
+        _ => true,
+    }
+}
+
+/// Address and a quantity from 1 to `max`.
+fn reads(fields: &[u8], max: u16) -> bool {
+    matches!(fields, [_, _, high, low] if (1..=max).contains(&u16::from_be_bytes([*high, *low])))
+}
+
+/// Address, a quantity from 1 to `max`, and the bytes that so many things take, counted and there.
+fn writes(fields: &[u8], max: u16, bytes: impl Fn(usize) -> usize) -> bool {
+    let Some((head, [count, data @ ..])) = fields.split_at_checked(4) else {
+        return false;
+    };
+    let [_, _, high, low] = head else {
+        return false;
+    };
+    let quantity = usize::from(u16::from_be_bytes([*high, *low]));
+    reads(head, max) && usize::from(*count) == bytes(quantity) && data.len() == bytes(quantity)
+}
+
+/// One or more groups of function 21, each with as many registers as it says (clause 6.15).
+fn file_groups(mut groups: &[u8]) -> bool {
+    if groups.is_empty() {
+        return false;
+    }
+    while let [_reference, _, _, _, _, high, low, data @ ..] = groups {
+        let bytes = 2 * usize::from(u16::from_be_bytes([*high, *low]));
+        match data.get(bytes..) {
+            Some(rest) if bytes > 0 => groups = rest,
+            _ => return false,
+        }
+    }
+    groups.is_empty()
+}

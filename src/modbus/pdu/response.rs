@@ -1,0 +1,175 @@
+//! How long the answer to a request is, and whether an answer is the answer to it.
+
+use super::function::{
+    DIAGNOSTICS, ENCAPSULATED_INTERFACE, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG, MASK_WRITE_REGISTER,
+    MEI_DEVICE_IDENTIFICATION, READ_COILS, READ_DISCRETE_INPUTS, READ_EXCEPTION_STATUS, READ_FIFO_QUEUE,
+    READ_FILE_RECORD, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS, READ_WRITE_MULTIPLE_REGISTERS,
+    REPORT_SERVER_ID, WRITE_FILE_RECORD, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL,
+    WRITE_SINGLE_REGISTER,
+};
+use super::{EXCEPTION_BIT, file_answer_length};
+use crate::modbus::PDU_BYTES_MAX;
+
+/// Where a response PDU ends, as far as its beginning tells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ResponseLength {
+    /// At this many bytes, the function code included. A wrong byte count can make it more than a PDU can have.
+    Known(usize),
+    /// Cannot be told yet: more bytes are needed.
+    More,
+    /// Only the silence behind it tells.
+    Silence,
+}
+
+/// Why a response does not answer a request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Misfit {
+    /// It answers another function, or is an exception without a code.
+    #[error("the response is for another function")]
+    Function,
+    /// Its length is not what the request makes it.
+    #[error("the response has the wrong length")]
+    Length,
+    /// A field that repeats the request's differs.
+    #[error("the response repeats the request wrongly")]
+    Echo,
+}
+
+/// The length of the response to `request`, of which `so_far` has come.
+///
+/// `request` has passed [`check_request`](super::check_request). Another function's response has no length that the
+/// request could tell: [`ResponseLength::Silence`].
+pub fn response_length(request: &[u8], so_far: &[u8]) -> ResponseLength {
+    use ResponseLength::{Known, More, Silence};
+
+    let Some(&function) = request.first() else {
+        return Silence;
+    };
+    match so_far.first() {
+        None => return More,
+        Some(&answered) if answered == function | EXCEPTION_BIT => return Known(2),
+        Some(&answered) if answered != function => return Silence,
+        Some(_) => {}
+    }
+    match request {
+        [READ_COILS | READ_DISCRETE_INPUTS, _, _, high, low] => {
+            Known(2 + usize::from(u16::from_be_bytes([*high, *low])).div_ceil(8))
+        }
+        [READ_HOLDING_REGISTERS | READ_INPUT_REGISTERS, _, _, high, low]
+        | [READ_WRITE_MULTIPLE_REGISTERS, _, _, high, low, ..] => {
+            Known(2 + 2 * usize::from(u16::from_be_bytes([*high, *low])))
+        }
+        [READ_EXCEPTION_STATUS] => Known(2),
+        [
+            WRITE_SINGLE_COIL
+            | WRITE_SINGLE_REGISTER
+            | GET_COMM_EVENT_COUNTER
+            | WRITE_MULTIPLE_COILS
+            | WRITE_MULTIPLE_REGISTERS,
+            ..,
+        ] => Known(5),
+        [DIAGNOSTICS, 0, 0, ..] | [MASK_WRITE_REGISTER | WRITE_FILE_RECORD, ..] => Known(request.len()),
+        // The public sub-functions answer with one word; what others answer is their makers' affair.
+        [DIAGNOSTICS, 0, 1..=4 | 10..=18 | 20, ..] => Known(5),
+        [GET_COMM_EVENT_LOG | REPORT_SERVER_ID, ..] => match so_far {
+            [_, count, ..] => Known(2 + usize::from(*count)),
+            _ => More,
+        },
+        [READ_FILE_RECORD, _, groups @ ..] => file_answer_length(groups).map_or(Silence, Known),
+        [READ_FIFO_QUEUE, ..] => match so_far {
+            [_, high, low, ..] => Known(3 + usize::from(u16::from_be_bytes([*high, *low]))),
+            _ => More,
+        },
+        _ => Silence,
+    }
+}
+
+/// Whether `response` is an answer to `request`: its function or an exception to it, the length that the request
+/// asks for, and the request's fields repeated where the function repeats them.
+///
+/// For a function that the gateway does not know, the function code is all there is to compare.
+pub fn fits(request: &[u8], response: &[u8]) -> Result<(), Misfit> {
+    let (Some(&function), Some(&answered)) = (request.first(), response.first()) else {
+        return Err(Misfit::Length);
+    };
+    if answered == function | EXCEPTION_BIT {
+        return match response {
+            [_, 0] => Err(Misfit::Function),
+            [_, _] => Ok(()),
+            _ => Err(Misfit::Length),
+        };
+    }
+    if answered != function {
+        return Err(Misfit::Function);
+    }
+    let length = match response_length(request, response) {
+        ResponseLength::Known(length) => response.len() == length,
+        ResponseLength::More => false,
+        ResponseLength::Silence => true,
+    };
+    if !length || response.len() > PDU_BYTES_MAX || !counts(request, response) {
+        return Err(Misfit::Length);
+    }
+    if repeats(request, response) { Ok(()) } else { Err(Misfit::Echo) }
+}
+
+/// Whether the counts inside of `response` agree with its length, which is right.
+fn counts(request: &[u8], response: &[u8]) -> bool {
+    match response {
+        [
+            READ_COILS
+            | READ_DISCRETE_INPUTS
+            | READ_HOLDING_REGISTERS
+            | READ_INPUT_REGISTERS
+            | READ_WRITE_MULTIPLE_REGISTERS,
+            count,
+            data @ ..,
+        ] => usize::from(*count) == data.len(),
+        // Status, event counter and message counter come before the events (clause 6.10).
+        [GET_COMM_EVENT_LOG, count, ..] => *count >= 6,
+        [READ_FILE_RECORD, count, groups @ ..] => {
+            usize::from(*count) == groups.len() && file_answer_groups(request, groups)
+        }
+        // The number of registers comes before them, and counts neither itself nor the byte count (clause 6.18).
+        [READ_FIFO_QUEUE, _, _, high, low, registers @ ..] => {
+            2 * usize::from(u16::from_be_bytes([*high, *low])) == registers.len()
+        }
+        [READ_FIFO_QUEUE, ..] => false,
+        _ => true,
+    }
+}
+
+/// Whether each group of a function 20 answer has the length that its group of the request asks for.
+fn file_answer_groups(request: &[u8], mut answer: &[u8]) -> bool {
+    let (asked, _) = request.get(2..).unwrap_or_default().as_chunks::<{ super::FILE_GROUP_BYTES }>();
+    for [.., high, low] in asked {
+        let bytes = 1 + 2 * usize::from(u16::from_be_bytes([*high, *low]));
+        let Some((length, rest)) = answer.split_first() else {
+            return false;
+        };
+        match rest.get(bytes..) {
+            Some(rest) if usize::from(*length) == bytes => answer = rest,
+            _ => return false,
+        }
+    }
+    answer.is_empty()
+}
+
+/// Whether the fields of `response` that repeat those of `request` are the same.
+fn repeats(request: &[u8], response: &[u8]) -> bool {
+    let bytes = match request {
+        [WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER | WRITE_FILE_RECORD | MASK_WRITE_REGISTER, ..] => {
+            request.len()
+        }
+        // Function, address, quantity.
+        [WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS, ..] => 5,
+        // These sub-functions answer with the request's data (clause 6.8.1), the others with a register or counter.
+        [DIAGNOSTICS, 0, 0 | 1 | 3 | 4 | 10 | 20, ..] => request.len(),
+        [DIAGNOSTICS, ..] => 3,
+        // MEI type and read device ID code.
+        [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, ..] => 3,
+        [ENCAPSULATED_INTERFACE, ..] => 2,
+        _ => 1,
+    };
+    request.get(..bytes).is_some_and(|repeated| response.starts_with(repeated))
+}

@@ -1,0 +1,178 @@
+//! RTU framing: unit, PDU, CRC, ended by silence; and the search for the answer in what a line brings.
+//!
+//! A client calls [`response`] after every read with everything that came since its request left: a response whose length can
+//! be known ends the wait as soon as it is whole. When the line fell silent for t3.5 it calls
+//! [`response_at_silence`], which also sees responses whose end only the silence tells, and says what else came.
+
+use super::crc::crc16;
+use super::pdu::{EXCEPTION_BIT, Misfit, ResponseLength, fits, response_length};
+use super::{PDU_BYTES_MAX, PduLength};
+
+/// Longest frame in bytes (Serial Line V1.02, clause 2.5.1).
+pub const FRAME_BYTES_MAX: usize = 256;
+/// Shortest frame in bytes: unit, function code, CRC.
+pub const FRAME_BYTES_MIN: usize = 4;
+
+/// Bytes of a frame that are not the PDU's.
+const OVERHEAD_BYTES: usize = FRAME_BYTES_MAX - PDU_BYTES_MAX;
+
+/// Why bytes are no frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum RtuError {
+    /// Fewer bytes than a frame can have.
+    #[error("frame of {0} bytes, {FRAME_BYTES_MIN} at least")]
+    Short(usize),
+    /// More bytes than a frame can have.
+    #[error("frame of {0} bytes, {FRAME_BYTES_MAX} at most")]
+    Long(usize),
+    /// The frame was damaged.
+    #[error("CRC {received:04X}h, computed {computed:04X}h")]
+    Crc {
+        /// What the frame says.
+        received: u16,
+        /// What its bytes give.
+        computed: u16,
+    },
+}
+
+/// Writes the frame of `unit` and `pdu` into `out` and gives the part that it takes.
+pub fn encode<'a>(unit: u8, pdu: &[u8], out: &'a mut [u8; FRAME_BYTES_MAX]) -> Result<&'a [u8], PduLength> {
+    let pdu = PduLength::check(pdu)?;
+    let end = 1 + pdu.len();
+    out[0] = unit;
+    out[1..end].copy_from_slice(pdu);
+    let crc = crc16(&out[..end]).to_le_bytes();
+    out[end..end + 2].copy_from_slice(&crc);
+    Ok(&out[..end + 2])
+}
+
+/// Unit and PDU of a whole frame.
+pub fn decode(frame: &[u8]) -> Result<(u8, &[u8]), RtuError> {
+    if frame.len() > FRAME_BYTES_MAX {
+        return Err(RtuError::Long(frame.len()));
+    }
+    let [unit, pdu @ .., low, high] = frame else {
+        return Err(RtuError::Short(frame.len()));
+    };
+    if pdu.is_empty() {
+        return Err(RtuError::Short(frame.len()));
+    }
+    let received = u16::from_le_bytes([*low, *high]);
+    let computed = crc16(&frame[..frame.len() - 2]);
+    if received != computed {
+        return Err(RtuError::Crc { received, computed });
+    }
+    Ok((*unit, pdu))
+}
+
+/// What [`response`] found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Received<'a> {
+    /// The response PDU: unit, function, length and CRC are right, and it fits the request.
+    Complete(&'a [u8]),
+    /// Nothing yet: read on, until the silence.
+    Partial,
+}
+
+/// What [`response_at_silence`] found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AtSilence<'a> {
+    /// The response PDU: the CRC is right, and it fits the request.
+    Complete(&'a [u8]),
+    /// A good frame of another unit. The response is still awaited (Serial Line V1.02, clause 2.4.1).
+    WrongUnit(u8),
+    /// A good frame of our unit that does not answer this request: perhaps a late answer to an earlier one.
+    Misfit(Misfit),
+    /// It begins as our response does, and its CRC is wrong or its end is missing: the answer came, but damaged.
+    Damaged,
+    /// Anything else.
+    Noise,
+}
+
+/// Looks for `unit`'s response to the PDU `request` in everything `received` since the request left.
+///
+/// Bytes before and behind the response are skipped: drivers that switch the line make noise at both ends. The first place
+/// at which a response can begin is decisive until it has proved wrong, so that data which looks like a frame is
+/// not taken for one. Whatever is found in some bytes is also found in them with more behind: how a read cuts the
+/// stream makes no difference. The CRC is computed only where unit, function and length are right.
+pub fn response<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> Received<'a> {
+    for start in starts(unit, request, received) {
+        match candidate(request, start) {
+            Candidate::Whole(frame) => {
+                if let Some(pdu) = answer(request, frame) {
+                    return Received::Complete(pdu);
+                }
+            }
+            Candidate::Begun | Candidate::Open(_) => return Received::Partial,
+            Candidate::Impossible => {}
+        }
+    }
+    Received::Partial
+}
+
+/// Looks at everything `received` since the request left, when the line has fallen silent.
+///
+/// A frame that takes all of it is judged first. Otherwise the response may stand among noise, as in [`response`]; one
+/// whose end only the silence tells must reach to the end.
+pub fn response_at_silence<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> AtSilence<'a> {
+    if let Ok((from, pdu)) = decode(received) {
+        return match fits(request, pdu) {
+            _ if from != unit => AtSilence::WrongUnit(from),
+            Ok(()) => AtSilence::Complete(pdu),
+            Err(misfit) => AtSilence::Misfit(misfit),
+        };
+    }
+    for start in starts(unit, request, received) {
+        let found = match candidate(request, start) {
+            Candidate::Whole(frame) | Candidate::Open(frame) => answer(request, frame),
+            Candidate::Begun | Candidate::Impossible => None,
+        };
+        if let Some(pdu) = found {
+            return AtSilence::Complete(pdu);
+        }
+    }
+    let begins = starts(unit, request, received).next().is_some_and(|start| start.len() == received.len());
+    if begins { AtSilence::Damaged } else { AtSilence::Noise }
+}
+
+/// The tails of `received` that begin with `unit` and the function of `request` or its exception.
+fn starts<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
+    let function = request.first().copied();
+    let headers = received.windows(2).enumerate();
+    headers.filter_map(move |(at, header)| match header {
+        [from, answered] if *from == unit && Some(*answered & !EXCEPTION_BIT) == function => {
+            received.get(at..)
+        }
+        _ => None,
+    })
+}
+
+/// What the bytes from a possible start on can be.
+enum Candidate<'a> {
+    /// A frame of the length that the response must have; what is behind it is cut off.
+    Whole(&'a [u8]),
+    /// The beginning of a frame: its end is missing.
+    Begun,
+    /// A frame whose end only the silence tells.
+    Open(&'a [u8]),
+    /// No frame: it would be longer than frames are.
+    Impossible,
+}
+
+/// Tells what `start`, which begins with the right unit and function, can be as far as its length goes.
+fn candidate<'a>(request: &[u8], start: &'a [u8]) -> Candidate<'a> {
+    let frame_bytes = match response_length(request, start.get(1..).unwrap_or_default()) {
+        ResponseLength::Known(length) if length > PDU_BYTES_MAX => return Candidate::Impossible,
+        ResponseLength::Known(length) => length + OVERHEAD_BYTES,
+        ResponseLength::More => return Candidate::Begun,
+        ResponseLength::Silence if start.len() > FRAME_BYTES_MAX => return Candidate::Impossible,
+        ResponseLength::Silence => return Candidate::Open(start),
+    };
+    start.get(..frame_bytes).map_or(Candidate::Begun, Candidate::Whole)
+}
+
+/// The PDU of `frame` when its CRC is right and it fits the request.
+fn answer<'a>(request: &[u8], frame: &'a [u8]) -> Option<&'a [u8]> {
+    let (_, pdu) = decode(frame).ok()?;
+    fits(request, pdu).is_ok().then_some(pdu)
+}

@@ -1,0 +1,93 @@
+//! Modbus TCP framing: the MBAP header in front of the PDU, cut out of a stream that has no frame borders.
+//!
+//! Clauses are those of the Messaging on TCP/IP Implementation Guide V1.0b.
+
+use super::PduLength;
+
+/// Longest frame in bytes (clause 3.1.3): header and [`PDU_BYTES_MAX`](super::PDU_BYTES_MAX).
+pub const ADU_BYTES_MAX: usize = 260;
+
+/// Bytes up to the length field's end; what it counts comes behind them.
+const PREFIX_BYTES: usize = 6;
+/// Bytes in front of the PDU.
+const HEADER_BYTES: usize = 7;
+/// What the length field may say: the unit, and a PDU of 1 to 253 bytes.
+const LENGTH: core::ops::RangeInclusive<u16> = 2..=254;
+
+/// The header's fields that differ from frame to frame; the response repeats the request's (clause 3.1.3).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Header {
+    /// Pairs a response with its request.
+    pub transaction: u16,
+    /// The unit behind the gateway, 255 or 0 for the TCP device itself.
+    pub unit: u8,
+}
+
+/// What stands at the front of the bytes received so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Parsed<'a> {
+    /// The beginning of a frame: more bytes are needed.
+    Incomplete,
+    /// A frame.
+    Frame {
+        /// Its header.
+        header: Header,
+        /// Its PDU, 1 to 253 bytes.
+        pdu: &'a [u8],
+        /// Bytes that the frame takes at the front of the buffer.
+        consumed: usize,
+    },
+    /// A frame of another protocol: to be dropped without an answer, the connection stays (clause 4.4.2.1).
+    Skip {
+        /// Bytes that the frame takes at the front of the buffer.
+        consumed: usize,
+    },
+}
+
+/// Why a stream cannot be followed any further; the connection is to be closed, since nothing marks the next frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum MbapError {
+    /// The length field says so many bytes, and 2 to 254 are possible.
+    #[error("MBAP length {0}, not 2 to 254")]
+    Length(u16),
+}
+
+/// Looks at the front of `buffer`, which holds what a stream brought and nobody consumed yet.
+///
+/// A buffer of [`ADU_BYTES_MAX`] bytes that is full never gives [`Parsed::Incomplete`]. A bad length is seen as soon as its
+/// two bytes are there.
+pub fn parse(buffer: &[u8]) -> Result<Parsed<'_>, MbapError> {
+    let [transaction_high, transaction_low, protocol_high, protocol_low, length_high, length_low, rest @ ..] =
+        buffer
+    else {
+        return Ok(Parsed::Incomplete);
+    };
+    let length = u16::from_be_bytes([*length_high, *length_low]);
+    if !LENGTH.contains(&length) {
+        return Err(MbapError::Length(length));
+    }
+    let Some([unit, pdu @ ..]) = rest.get(..usize::from(length)) else {
+        return Ok(Parsed::Incomplete);
+    };
+    let consumed = PREFIX_BYTES + usize::from(length);
+    if [*protocol_high, *protocol_low] != [0, 0] {
+        return Ok(Parsed::Skip { consumed });
+    }
+    let transaction = u16::from_be_bytes([*transaction_high, *transaction_low]);
+    Ok(Parsed::Frame { header: Header { transaction, unit: *unit }, pdu, consumed })
+}
+
+/// Writes the frame of `pdu` into `out` and gives the part that it takes.
+pub fn encode<'a>(
+    header: Header,
+    pdu: &[u8],
+    out: &'a mut [u8; ADU_BYTES_MAX],
+) -> Result<&'a [u8], PduLength> {
+    let pdu = PduLength::check(pdu)?;
+    let [transaction_high, transaction_low] = header.transaction.to_be_bytes();
+    let [length_high, length_low] = (pdu.len() as u16 + 1).to_be_bytes();
+    let (head, body) = out.split_at_mut(HEADER_BYTES);
+    head.copy_from_slice(&[transaction_high, transaction_low, 0, 0, length_high, length_low, header.unit]);
+    body[..pdu.len()].copy_from_slice(pdu);
+    Ok(&out[..HEADER_BYTES + pdu.len()])
+}

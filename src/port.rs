@@ -1,0 +1,14 @@
+//! The ports: what each role does between its line or socket and the router.
+//!
+//! A server-side port turns what an outside client sends into frames for the router and gives the answers back; a
+//! client-side port takes orders from its channel and asks outside servers. Ports know framing and timing, nothing of
+//! routes. `queue` and `units` are the pure parts: who is served next, and which units are alive.
+
+pub mod queue;
+pub mod units;
+
+pub(crate) mod bus;
+pub(crate) mod desk;
+pub(crate) mod local;
+pub(crate) mod serial_client;
+pub(crate) mod tcp_server;

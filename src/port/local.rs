@@ -1,0 +1,35 @@
+//! The gateway's own unit: answers what a rule sends to `local`.
+//!
+//! It knows the loop-back test (FC 08 sub-function 0) and the report of the server id (FC 11h), so that a client can
+//! tell that the gateway lives; everything else is answered 01h.
+
+use crate::frame::Frame;
+use crate::gateway::Gateway;
+use crate::modbus::{Exception, PDU_BYTES_MAX};
+
+/// Run indicator of FC 11h: on (Application Protocol 6.13).
+const RUNNING: u8 = 0xff;
+/// The gateway's name in FC 11h.
+const SERVER_ID: &[u8] = concat!("mobgate ", env!("CARGO_PKG_VERSION")).as_bytes();
+
+/// Answers `frame` and sends it home.
+pub(crate) fn answer(gateway: &Gateway<'_>, frame: Frame<'_>) {
+    let mut request = [0; PDU_BYTES_MAX];
+    let length = frame.copy_pdu(&mut request);
+    let fits = match request.get(..length).unwrap_or(&[]) {
+        // The answer repeats the request, which is in the frame already (Application Protocol 6.8).
+        [8, 0, 0, ..] => Ok(()),
+        [17] => {
+            let mut writer = frame.rewrite();
+            let header = [17, SERVER_ID.len() as u8 + 1];
+            let written = writer.push(&header).and(writer.push(SERVER_ID)).and(writer.push(&[RUNNING]));
+            writer.finish();
+            written
+        }
+        _ => return gateway.refuse(frame, Exception::ILLEGAL_FUNCTION),
+    };
+    match fits {
+        Ok(()) => gateway.answered(frame),
+        Err(_) => gateway.refuse(frame, Exception::DEVICE_FAILURE),
+    }
+}

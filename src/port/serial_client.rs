@@ -1,0 +1,125 @@
+//! A client-side serial port: the gateway asks outside servers on an RS-485 or RS-232 line.
+//!
+//! The line is opened, and opened again with back-off when it is lost. As soon as it has been silent for the gap, the
+//! desk gives the order whose turn it is; its response is written into the order's frame, which goes home.
+
+use embassy_futures::select::select;
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::{Read, Write};
+
+use crate::config::{SerialClientSettings, SerialSettings};
+use crate::frame::Frame;
+use crate::gateway::Status;
+use crate::hal::SerialHost;
+use crate::modbus::{Exception, PDU_BYTES_MAX, pdu};
+use crate::port::bus::{Bus, Failure, LineLost};
+use crate::port::desk::Desk;
+use crate::port::queue::Next;
+use crate::stats::Event;
+
+/// First and longest pause before a line is opened again.
+const REOPEN_FIRST: Duration = Duration::from_millis(250);
+const REOPEN_LONGEST: Duration = Duration::from_secs(5);
+
+/// Keeps the line open and carries out the desk's orders, for ever.
+pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSettings, host: &mut H) {
+    let place = desk.place();
+    let mut pause = REOPEN_FIRST;
+    loop {
+        let jitter = host.read_jitter();
+        match host.open(&settings.device, &settings.line).await {
+            Ok(line) => {
+                log_info!("{} is open", settings.device.as_str());
+                place.set_status(Status::Open);
+                desk.open();
+                let bus = Bus::new(line, settings.line, settings.client, jitter, &place.stats);
+                serve(desk, bus, &settings.client).await;
+                desk.close();
+                log_warn!("{} is lost", settings.device.as_str());
+                place.stats.count(Event::LineLost);
+                place.set_status(Status::Lost);
+                pause = REOPEN_FIRST;
+            }
+            Err(error) => {
+                if place.set_status(Status::Failed(error)) {
+                    log_warn!("{} cannot be opened: {}", settings.device.as_str(), error);
+                }
+            }
+        }
+        Timer::after(pause).await;
+        pause = (pause * 2).min(REOPEN_LONGEST);
+    }
+}
+
+/// Carries orders out until the line is lost.
+async fn serve<L: Read + Write>(desk: &Desk<'_>, mut bus: Bus<'_, L>, client: &SerialClientSettings) {
+    loop {
+        if bus.silence().await.is_err() {
+            return;
+        }
+        let done = match desk.next() {
+            Next::Serve(frame, ticket) => carry_out(desk, &mut bus, client, frame, ticket.unit).await,
+            Next::Wait(until) => {
+                bus.idle(async { drop(select(desk.changed(), Timer::at(until)).await) }).await
+            }
+            Next::Empty => bus.idle(desk.changed()).await,
+        };
+        if done.is_err() {
+            return;
+        }
+    }
+}
+
+async fn carry_out<L: Read + Write>(
+    desk: &Desk<'_>,
+    bus: &mut Bus<'_, L>,
+    client: &SerialClientSettings,
+    frame: Frame<'_>,
+    unit: u8,
+) -> Result<(), LineLost> {
+    let place = desk.place();
+    let mut request = [0; PDU_BYTES_MAX];
+    let length = frame.copy_pdu(&mut request);
+    let request = request.get(..length).unwrap_or(&[]);
+    if unit == 0 {
+        bus.broadcast(request).await?;
+        desk.done_silently();
+        return Ok(());
+    }
+    place.units(|units| units.asked(unit));
+    match bus.exchange(unit, request).await? {
+        Ok((response, took)) => {
+            let exception = response.first().is_some_and(|function| function & 0x80 != 0);
+            place.units(|units| units.answered(unit, took, exception));
+            place.stats.count(Event::Answer);
+            if exception {
+                place.stats.count(Event::Exception);
+            }
+            // A response fits: it is no longer than a PDU may be.
+            let _ = frame.replace(response);
+            desk.done();
+            return Ok(());
+        }
+        Err(Failure::Damaged) => {
+            place.stats.count(Event::Damaged);
+            place.units(|units| units.damaged(unit));
+        }
+        Err(Failure::Timeout) => {
+            place.stats.count(Event::Timeout);
+            let window = client.late_window.unwrap_or(client.timeout);
+            place.units(|units| units.timed_out(unit, Instant::now(), window, client.down_after));
+        }
+    }
+    // A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until
+    // the late answer can no longer come.
+    let mut envelope = frame.envelope();
+    if envelope.repeats < client.retries && request.first().is_some_and(|function| pdu::is_read(*function)) {
+        envelope.repeats += 1;
+        frame.address(envelope);
+        place.stats.count(Event::Retry);
+        desk.again();
+    } else {
+        desk.failed(Exception::GATEWAY_NO_RESPONSE);
+    }
+    Ok(())
+}

@@ -1,0 +1,268 @@
+//! A Modbus TCP server: one seat's part of it, which serves one client after the other.
+//!
+//! Each of the listener's clients has a seat; one seat more is always there to accept a newcomer and to decide who goes
+//! when all places are taken: the ordinary client that has been idle longest. Requests are cut out of the stream, put
+//! into frames and sent to the router; answers come in any order and carry their transaction id. What a connection
+//! has open is bounded twice: by the `pipeline` setting (one more is answered 06h) and by frames (none free: the
+//! connection is not read until one of its own comes home).
+
+use core::future::pending;
+use core::net::SocketAddr;
+
+use embassy_futures::select::{Either4, select4};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
+
+use crate::config::{PortId, TcpServerSettings};
+use crate::frame::{Envelope, Frame, Origin, Stage};
+use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
+use crate::hal::{TcpHost, TcpStream};
+use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
+use crate::modbus::{Exception, PDU_BYTES_MAX, pdu};
+use crate::route::Priority;
+use crate::stats::Event;
+
+/// A client that does not take an answer for so long is closed.
+const WRITE_PATIENCE: Duration = Duration::from_secs(10);
+/// Pause after the listener failed.
+const LISTEN_PAUSE: Duration = Duration::from_secs(1);
+
+/// One seat of a TCP server.
+pub(crate) struct Server<'s, 'g> {
+    pub(crate) gateway: &'s Gateway<'g>,
+    pub(crate) id: PortId,
+    pub(crate) place: &'s PortPlace,
+    pub(crate) settings: &'s TcpServerSettings,
+    pub(crate) seat: &'s Seat,
+    pub(crate) index: usize,
+}
+
+/// Why a connection ends.
+enum End {
+    /// The client closed it, or it broke.
+    Client,
+    /// The client was idle too long or does not read.
+    Stalled,
+    /// What came is no Modbus TCP.
+    Malformed,
+    /// Its place was needed.
+    Crowded,
+}
+
+impl Server<'_, '_> {
+    /// Serves one client after the other, for ever.
+    pub(crate) async fn run<H: TcpHost>(&self, host: &mut H) {
+        loop {
+            if let Err(error) = self.serve_next(host).await {
+                if self.place.set_status(Status::Failed(error)) {
+                    log_warn!("TCP port {} cannot be opened: {}", self.settings.listen.port, error);
+                }
+                Timer::after(LISTEN_PAUSE).await;
+            }
+        }
+    }
+
+    async fn serve_next<H: TcpHost>(&self, host: &mut H) -> Result<(), crate::hal::OpenError> {
+        host.listen(&self.settings.listen)?;
+        if self.place.set_status(Status::Open) {
+            log_info!("listening on TCP port {}", self.settings.listen.port);
+        }
+        let (mut stream, peer) = host.accept(&self.settings.listen).await?;
+        let end = match self.seat_down(peer) {
+            Some(origin) => self.serve(&mut stream, origin, peer).await,
+            None => End::Crowded,
+        };
+        self.left();
+        self.place.stats.count(match end {
+            End::Client => Event::Left,
+            End::Stalled => Event::Stalled,
+            End::Malformed => Event::Malformed,
+            End::Crowded => Event::Crowded,
+        });
+        stream.close().await;
+        Ok(())
+    }
+
+    /// The seat is empty: answers that still come find nobody.
+    pub(crate) fn left(&self) {
+        self.seat.update(|seat| seat.peer = None);
+        while self.seat.answers.try_receive(self.gateway.pool()).is_some() {}
+    }
+
+    /// Takes the newcomer in and sees that there is room, or refuses it.
+    fn seat_down(&self, peer: SocketAddr) -> Option<Origin> {
+        let now = Instant::now();
+        self.place.stats.count(Event::Connected);
+        self.seat.leave.reset();
+        let own = self.seat.update(|seat| {
+            let marked = self.settings.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
+            let generation = seat.generation.wrapping_add(1);
+            let (port, peer) = (seat.port, Some(peer));
+            *seat = SeatState {
+                port,
+                peer,
+                marked,
+                generation,
+                since: now,
+                last_request: now,
+                ..SeatState::EMPTY
+            };
+        });
+        let seated = || {
+            let of_port =
+                |seat: &SeatState| seat.port == Some(self.id) && seat.peer.is_some() && !seat.leaving;
+            self.gateway
+                .seats()
+                .iter()
+                .map(|seat| (seat, seat.state()))
+                .filter(move |(_, seat)| of_port(seat))
+        };
+        let clients = usize::from(self.settings.clients);
+        let ordinary_max = clients.saturating_sub(usize::from(self.settings.reserved));
+        let ordinary = seated().filter(|(_, seat)| !seat.marked).count();
+        if seated().count() > clients || (!own.marked && ordinary > ordinary_max) {
+            let idle = seated().filter(|(seat, state)| {
+                !core::ptr::eq(*seat, self.seat) && !state.marked && state.open_requests == 0
+            });
+            let (seat, _) = idle.min_by_key(|(_, state)| state.last_request)?;
+            seat.update(|seat| seat.leaving = true);
+            seat.leave.signal(());
+        }
+        Some(Origin { port: self.id, seat: self.index as u16, generation: own.generation })
+    }
+
+    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin, peer: SocketAddr) -> End {
+        let mut input = [0; ADU_BYTES_MAX];
+        let mut length = 0;
+        loop {
+            let mut starved = false;
+            while let Some(received) = input.get(..length) {
+                let consumed = match tcp::parse(received) {
+                    Ok(Parsed::Incomplete) => break,
+                    Ok(Parsed::Skip { consumed }) => {
+                        self.place.stats.count(Event::Malformed);
+                        consumed
+                    }
+                    Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, peer, header, pdu)
+                    {
+                        Taken::Sent => consumed,
+                        Taken::Refused(exception) => {
+                            let answer = exception.response(pdu.first().copied().unwrap_or(0));
+                            if let Err(end) = write(stream, header, &answer).await {
+                                return end;
+                            }
+                            consumed
+                        }
+                        Taken::Starved => {
+                            starved = true;
+                            self.place.stats.count(Event::BackPressure);
+                            break;
+                        }
+                    },
+                    Err(_) => return End::Malformed,
+                };
+                input.copy_within(consumed..length, 0);
+                length -= consumed;
+            }
+            let space = input.get_mut(length..).unwrap_or(&mut []);
+            let read = async { if starved { pending().await } else { stream.read(space).await } };
+            let answers = self.seat.answers.receive(self.gateway.pool());
+            match select4(read, answers, self.seat.leave.wait(), Timer::at(self.idle_until())).await {
+                Either4::First(Ok(0) | Err(_)) => return End::Client,
+                Either4::First(Ok(count)) => length += count,
+                Either4::Second(frame) => {
+                    if let Err(end) = self.give(stream, frame).await {
+                        return end;
+                    }
+                }
+                Either4::Third(()) => return End::Crowded,
+                Either4::Fourth(()) => return End::Stalled,
+            }
+        }
+    }
+
+    /// Sends a request to the router, or says why not.
+    fn take(&self, origin: Origin, peer: SocketAddr, header: Header, request: &[u8]) -> Taken {
+        if let Err(exception) = pdu::check_request(request) {
+            self.place.stats.count(Event::Refused);
+            return Taken::Refused(exception);
+        }
+        if self.seat.state().open_requests >= self.settings.pipeline {
+            self.place.stats.count(Event::QueueFull);
+            return Taken::Refused(Exception::BUSY);
+        }
+        let Some((mut writer, frame)) = self.gateway.pool().take(self.index) else {
+            return Taken::Starved;
+        };
+        // The parser gives no longer PDU than fits.
+        let _ = writer.push(request);
+        writer.finish();
+        let received = Instant::now();
+        frame.address(Envelope {
+            origin,
+            transaction: header.transaction,
+            peer: Some(peer.ip().to_canonical()),
+            unit: header.unit,
+            target: header.unit,
+            destination: None,
+            priority: Priority::Normal,
+            received,
+            deadline: received + self.settings.lifetime,
+            repeats: 0,
+            stage: Stage::Request,
+        });
+        self.place.stats.count(Event::Request);
+        self.seat.update(|seat| {
+            seat.last_request = received;
+            seat.open_requests += 1;
+            seat.requests = seat.requests.wrapping_add(1);
+        });
+        self.gateway.inbox.send(frame);
+        Taken::Sent
+    }
+
+    /// Gives an answer to the client; a frame that came home without one is only counted off.
+    async fn give<S: TcpStream>(&self, stream: &mut S, frame: Frame<'_>) -> Result<(), End> {
+        self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
+        let envelope = frame.envelope();
+        if envelope.stage == Stage::Silence {
+            return Ok(());
+        }
+        let mut answer = [0; PDU_BYTES_MAX];
+        let length = frame.copy_pdu(&mut answer);
+        drop(frame);
+        let answer = answer.get(..length).unwrap_or(&[]);
+        self.place.stats.count(Event::Answer);
+        if answer.first().is_some_and(|function| function & 0x80 != 0) {
+            self.place.stats.count(Event::Exception);
+        }
+        write(stream, Header { transaction: envelope.transaction, unit: envelope.unit }, answer).await
+    }
+
+    /// When the client will have been idle too long; never while it waits for an answer.
+    fn idle_until(&self) -> Instant {
+        let seat = self.seat.state();
+        let never = self.settings.idle == Duration::from_ticks(0) || seat.open_requests > 0;
+        if never { Instant::MAX } else { seat.last_request + self.settings.idle }
+    }
+}
+
+/// What became of a request.
+enum Taken {
+    /// The router has it.
+    Sent,
+    /// It is answered here.
+    Refused(Exception),
+    /// There is no frame for it now.
+    Starved,
+}
+
+/// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+async fn write<S: TcpStream>(stream: &mut S, header: Header, answer: &[u8]) -> Result<(), End> {
+    let mut out = [0; ADU_BYTES_MAX];
+    let Ok(out) = tcp::encode(header, answer, &mut out) else { return Ok(()) };
+    match with_timeout(WRITE_PATIENCE, stream.write_all(out)).await {
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(_)) => Err(End::Client),
+        Err(_) => Err(End::Stalled),
+    }
+}

@@ -1,0 +1,164 @@
+//! The health of the units behind a client-side port: pure, with time as a value.
+//!
+//! A unit that gave no answer is *held* for the late-reply window: its answer may still come, and must not be taken
+//! for the answer to the next request. A unit that timed out several times in a row is *down*: its requests fail at
+//! once, and one in a while goes through as a probe, 1, 2, 4 ... 30 s apart, so that a dead unit does not slow the
+//! living ones.
+
+use embassy_time::{Duration, Instant};
+use heapless::Vec;
+
+use crate::port::queue::Ready;
+
+/// Units remembered at one port: the loads that an RS-485 segment carries. The quietest healthy one is forgotten
+/// when another one comes.
+pub const UNITS_MAX: usize = 32;
+/// First and longest pause between probes of a unit that is down.
+pub const PROBE_FIRST: Duration = Duration::from_secs(1);
+/// See [`PROBE_FIRST`].
+pub const PROBE_LONGEST: Duration = Duration::from_secs(30);
+
+/// Whether a unit may be asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Gate {
+    /// It may be asked, now or later.
+    Open(Ready),
+    /// It is down, and no probe is due.
+    Down,
+}
+
+/// What is known of one unit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Unit {
+    /// Its id on this port's side.
+    pub id: u8,
+    /// Requests sent, repeats included.
+    pub requests: u32,
+    /// Answers, exceptions included.
+    pub answers: u32,
+    /// Of the answers, the exceptions.
+    pub exceptions: u32,
+    /// Requests without an answer in time.
+    pub timeouts: u32,
+    /// Answers that were damaged.
+    pub damaged: u32,
+    /// From the end of the last request to its answer, in microseconds.
+    pub took_us: u32,
+    /// Time-outs since the last sign of life.
+    pub silent: u8,
+    /// Whether requests fail at once.
+    pub down: bool,
+    /// No request before this time: a late answer may come, or the next probe is not due.
+    pub held_until: Instant,
+    probe_after: Duration,
+}
+
+impl Unit {
+    const fn new(id: u8) -> Self {
+        Self {
+            id,
+            requests: 0,
+            answers: 0,
+            exceptions: 0,
+            timeouts: 0,
+            damaged: 0,
+            took_us: 0,
+            silent: 0,
+            down: false,
+            held_until: Instant::MIN,
+            probe_after: PROBE_FIRST,
+        }
+    }
+}
+
+/// The units of one port.
+#[derive(Default)]
+pub struct Units(Vec<Unit, UNITS_MAX>);
+
+impl Units {
+    /// None known.
+    pub const fn new() -> Self {
+        Self(Vec::new())
+    }
+
+    /// The known units in the order of their first request.
+    pub fn iter(&self) -> impl Iterator<Item = &Unit> {
+        self.0.iter()
+    }
+
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    /// Whether `id` may be asked at `now`.
+    pub fn gate(&self, id: u8, now: Instant) -> Gate {
+        match self.0.iter().find(|unit| unit.id == id) {
+            Some(unit) if unit.held_until > now && unit.down => Gate::Down,
+            Some(unit) if unit.held_until > now => Gate::Open(Ready::At(unit.held_until)),
+            _ => Gate::Open(Ready::Now),
+        }
+    }
+
+    /// A request to `id` is sent.
+    pub fn asked(&mut self, id: u8) {
+        self.entry(id, |unit| unit.requests = unit.requests.wrapping_add(1));
+    }
+
+    /// `id` answered `took` after the request's end.
+    pub fn answered(&mut self, id: u8, took: Duration, exception: bool) {
+        self.entry(id, |unit| {
+            unit.answers = unit.answers.wrapping_add(1);
+            unit.exceptions = unit.exceptions.wrapping_add(u32::from(exception));
+            unit.took_us = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
+            unit.alive();
+        });
+    }
+
+    /// `id` answered, but the answer was damaged on its way: it is alive.
+    pub fn damaged(&mut self, id: u8) {
+        self.entry(id, |unit| {
+            unit.damaged = unit.damaged.wrapping_add(1);
+            unit.alive();
+        });
+    }
+
+    /// `id` gave no answer. It is held for `window`; after `down_after` such in a row (0: never) it is down.
+    pub fn timed_out(&mut self, id: u8, now: Instant, window: Duration, down_after: u8) {
+        self.entry(id, |unit| {
+            unit.timeouts = unit.timeouts.wrapping_add(1);
+            unit.silent = unit.silent.saturating_add(1);
+            unit.held_until = now + window;
+            if down_after != 0 && unit.silent >= down_after {
+                unit.down = true;
+                unit.held_until = now + window.max(unit.probe_after);
+                unit.probe_after = (unit.probe_after * 2).min(PROBE_LONGEST);
+            }
+        });
+    }
+
+    fn entry(&mut self, id: u8, change: impl FnOnce(&mut Unit)) {
+        let known = self.0.iter().position(|unit| unit.id == id);
+        let index = known.unwrap_or_else(|| {
+            if self.0.is_full() {
+                let quietest = |(_, unit): &(usize, &Unit)| (unit.down, unit.held_until, unit.requests);
+                let forgotten = self.0.iter().enumerate().min_by_key(quietest).map_or(0, |(index, _)| index);
+                self.0.remove(forgotten);
+            }
+            // There is room now.
+            let _ = self.0.push(Unit::new(id));
+            self.0.len() - 1
+        });
+        if let Some(unit) = self.0.get_mut(index) {
+            change(unit);
+        }
+    }
+}
+
+impl Unit {
+    fn alive(&mut self) {
+        self.silent = 0;
+        self.down = false;
+        self.probe_after = PROBE_FIRST;
+    }
+}

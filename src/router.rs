@@ -1,0 +1,106 @@
+//! The routing task: the only reader of the global queue and the only writer of every port's queue.
+//!
+//! A request is looked up in the routing table and goes to the destination's queue under the unit id that it has
+//! there; an answer goes back to whoever asked. Every frame that a port sent comes home, with an answer or without, so a
+//! port knows what is open by counting. All messages pass [`Gateway::settle`] on their way back: the one place to watch.
+
+use embassy_time::Instant;
+
+use crate::frame::{Envelope, Frame, Stage};
+use crate::gateway::{Gateway, PortPlace};
+use crate::modbus::Exception;
+use crate::port::local;
+use crate::route::{self, Decision};
+use crate::stats::{Event, LogEntry, Outcome};
+
+impl Gateway<'_> {
+    /// The routing task.
+    pub async fn route(&self) {
+        loop {
+            let frame = self.inbox.receive(self.pool()).await;
+            match frame.envelope().stage {
+                Stage::Request => self.forward(frame),
+                Stage::Answer | Stage::Silence => self.settle(frame),
+            }
+        }
+    }
+
+    /// Sends a request to where the routing table says.
+    fn forward(&self, frame: Frame<'_>) {
+        let envelope = frame.envelope();
+        let port = envelope.origin.port;
+        let decision = self.settings(|settings| {
+            route::decide(settings, port, envelope.unit, envelope.peer, frame.function())
+        });
+        let count = |event| self.count_at(&envelope, event);
+        match decision {
+            Decision::Forward { port, unit, priority } => match self.ports().get(port.index()) {
+                Some(place) => {
+                    let destination = Some(port);
+                    frame.address(Envelope { target: unit, destination, priority, ..envelope });
+                    place.queue.send(frame);
+                }
+                None => self.refuse(frame, Exception::GATEWAY_NO_PATH),
+            },
+            Decision::Local => local::answer(self, frame),
+            Decision::Discard => {
+                count(Event::Discarded);
+                self.unanswered(frame);
+            }
+            Decision::Refuse(exception) => {
+                let no_path = exception == Exception::GATEWAY_NO_PATH;
+                count(if no_path { Event::NoPath } else { Event::Refused });
+                self.refuse(frame, exception);
+            }
+            Decision::NoRule => {
+                count(Event::NoPath);
+                self.refuse(frame, Exception::GATEWAY_NO_PATH);
+            }
+        }
+    }
+
+    /// Gives a frame back to whoever asked, and writes the transaction into the log.
+    fn settle(&self, frame: Frame<'_>) {
+        let envelope = frame.envelope();
+        let seat = self.seats().get(usize::from(envelope.origin.seat));
+        let outcome = match (seat, exception_of(&frame), envelope.stage) {
+            (Some(_), _, _) if self.is_gone(envelope.origin) => Outcome::AskerGone,
+            (None, _, _) => Outcome::AskerGone,
+            (_, _, Stage::Silence) => Outcome::Silence,
+            (_, Some(exception), _) => Outcome::Exception(exception),
+            _ => Outcome::Answer,
+        };
+        let now = Instant::now();
+        let took = now.saturating_duration_since(envelope.received);
+        self.log().push(LogEntry {
+            at: now,
+            source: envelope.origin.port,
+            destination: envelope.destination,
+            unit: envelope.unit,
+            target: envelope.target,
+            function: frame.function() & 0x7f,
+            outcome,
+            took_us: u32::try_from(took.as_micros()).unwrap_or(u32::MAX),
+        });
+        match (seat, outcome) {
+            (Some(seat), Outcome::Answer | Outcome::Exception(_) | Outcome::Silence) => {
+                seat.answers.send(frame)
+            }
+            _ => self.count_at(&envelope, Event::AskerGone),
+        }
+    }
+
+    fn count_at(&self, envelope: &Envelope, event: Event) {
+        let place: Option<&PortPlace> = self.ports().get(envelope.origin.port.index());
+        if let Some(place) = place {
+            place.stats.count(event);
+        }
+    }
+}
+
+fn exception_of(frame: &Frame<'_>) -> Option<Exception> {
+    frame.pdu(|pdu| match pdu {
+        [function, code] if function & 0x80 != 0 => Some(Exception(*code)),
+        _ => None,
+    })
+}

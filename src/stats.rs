@@ -1,0 +1,229 @@
+//! Counters of a port, by event, and the ring of the last transactions.
+
+use core::cell::RefCell;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_time::Instant;
+use heapless::Deque;
+
+use crate::config::PortId;
+use crate::modbus::Exception;
+
+/// What a port counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Event {
+    /// A request came in from an outside client, or left for an outside server.
+    Request,
+    /// An answer went out to an outside client, or came in from an outside server; exceptions included.
+    Answer,
+    /// Of the answers, those that are exceptions.
+    Exception,
+    /// No answer in time.
+    Timeout,
+    /// An answer with a bad check or cut short.
+    Damaged,
+    /// Bytes that are no frame.
+    Noise,
+    /// An answer of another unit than the one asked.
+    WrongUnit,
+    /// An answer that does not fit the request; often a late one to an earlier request.
+    Misfit,
+    /// A read sent once more.
+    Retry,
+    /// Failed at once because the unit is down.
+    UnitDown,
+    /// Not sent: its time was over before its turn came.
+    Expired,
+    /// Not sent, or its answer dropped: the asker is gone.
+    AskerGone,
+    /// Refused: too many wait.
+    QueueFull,
+    /// Refused by a rule's function policy, or malformed.
+    Refused,
+    /// No rule, or the port that the rule names is off.
+    NoPath,
+    /// Dropped by a `discard` rule.
+    Discarded,
+    /// The port could not read on because its share of frames was in use.
+    BackPressure,
+    /// A connection was accepted.
+    Connected,
+    /// A connection was closed by its client.
+    Left,
+    /// A connection was closed to make room, or refused because there was none.
+    Crowded,
+    /// A connection was closed because its client was silent or did not read.
+    Stalled,
+    /// Bytes from a client that are no Modbus TCP.
+    Malformed,
+    /// The line was lost and is opened again.
+    LineLost,
+}
+
+impl Event {
+    /// Every event, in the order in which they are shown.
+    pub const ALL: [Self; 23] = [
+        Self::Request,
+        Self::Answer,
+        Self::Exception,
+        Self::Timeout,
+        Self::Damaged,
+        Self::Noise,
+        Self::WrongUnit,
+        Self::Misfit,
+        Self::Retry,
+        Self::UnitDown,
+        Self::Expired,
+        Self::AskerGone,
+        Self::QueueFull,
+        Self::Refused,
+        Self::NoPath,
+        Self::Discarded,
+        Self::BackPressure,
+        Self::Connected,
+        Self::Left,
+        Self::Crowded,
+        Self::Stalled,
+        Self::Malformed,
+        Self::LineLost,
+    ];
+
+    /// Its name in `show stats`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Request => "requests",
+            Self::Answer => "answers",
+            Self::Exception => "exceptions",
+            Self::Timeout => "timeouts",
+            Self::Damaged => "damaged",
+            Self::Noise => "noise",
+            Self::WrongUnit => "wrong-unit",
+            Self::Misfit => "misfit",
+            Self::Retry => "retries",
+            Self::UnitDown => "unit-down",
+            Self::Expired => "expired",
+            Self::AskerGone => "asker-gone",
+            Self::QueueFull => "queue-full",
+            Self::Refused => "refused",
+            Self::NoPath => "no-path",
+            Self::Discarded => "discarded",
+            Self::BackPressure => "back-pressure",
+            Self::Connected => "connected",
+            Self::Left => "left",
+            Self::Crowded => "crowded",
+            Self::Stalled => "stalled",
+            Self::Malformed => "malformed",
+            Self::LineLost => "line-lost",
+        }
+    }
+}
+
+/// One counter for each event; they wrap around.
+pub struct Counters([AtomicU32; Event::ALL.len()]);
+
+impl Counters {
+    /// All zero.
+    pub const fn new() -> Self {
+        Self([const { AtomicU32::new(0) }; Event::ALL.len()])
+    }
+
+    /// Counts `event`.
+    pub fn count(&self, event: Event) {
+        if let Some(counter) = self.0.get(event as usize) {
+            counter.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// How often `event` was counted.
+    pub fn get(&self, event: Event) -> u32 {
+        self.0.get(event as usize).map_or(0, |counter| counter.load(Ordering::Relaxed))
+    }
+
+    /// Sets all to zero.
+    pub fn clear(&self) {
+        self.0.iter().for_each(|counter| counter.store(0, Ordering::Relaxed));
+    }
+}
+
+impl Default for Counters {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Transactions that the log remembers.
+pub const LOG_ENTRIES_MAX: usize = 64;
+
+/// One finished transaction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LogEntry {
+    /// When its answer passed the router.
+    pub at: Instant,
+    /// The port that was asked.
+    pub source: PortId,
+    /// The port that was to answer, if a rule named one.
+    pub destination: Option<PortId>,
+    /// The unit as the asker wrote it.
+    pub unit: u8,
+    /// The unit on the destination's side.
+    pub target: u8,
+    /// Function code of the request.
+    pub function: u8,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// From the complete request to the answer, in microseconds.
+    pub took_us: u32,
+}
+
+/// How a transaction ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// With an answer.
+    Answer,
+    /// With an exception, of the device or of the gateway.
+    Exception(Exception),
+    /// Without an answer, as the request wanted or a rule said.
+    Silence,
+    /// The asker was gone.
+    AskerGone,
+}
+
+/// The last transactions, oldest first.
+pub struct Log(Mutex<CriticalSectionRawMutex, RefCell<Deque<LogEntry, LOG_ENTRIES_MAX>>>);
+
+impl Log {
+    /// An empty log.
+    pub const fn new() -> Self {
+        Self(Mutex::new(RefCell::new(Deque::new())))
+    }
+
+    /// Appends `entry`; the oldest one goes when the log is full.
+    pub fn push(&self, entry: LogEntry) {
+        self.0.lock(|log| {
+            let mut log = log.borrow_mut();
+            if log.is_full() {
+                log.pop_front();
+            }
+            // There is room now.
+            let _ = log.push_back(entry);
+        });
+    }
+
+    /// The entry `back` places before the newest one.
+    pub fn newest(&self, back: usize) -> Option<LogEntry> {
+        self.0.lock(|log| log.borrow().iter().rev().nth(back).copied())
+    }
+
+    /// Forgets all.
+    pub fn clear(&self) {
+        self.0.lock(|log| log.borrow_mut().clear());
+    }
+}
+
+impl Default for Log {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -125,9 +125,12 @@ pub enum PortKind {
 }
 
 impl PortKind {
-    /// Whether requests can be sent to the port: it plays the client's part.
-    pub const fn takes_orders(&self) -> bool {
-        matches!(self, Self::Serial(SerialSettings { side: Side::Client, .. }))
+    /// Which side of the protocol the port plays.
+    pub const fn side(&self) -> Side {
+        match self {
+            Self::Serial(settings) => settings.side,
+            Self::TcpServer(_) => Side::Server,
+        }
     }
 }
 

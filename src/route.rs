@@ -5,7 +5,7 @@
 
 use core::net::IpAddr;
 
-use crate::config::{IpPrefix, PortId, Settings};
+use crate::config::{IpPrefix, PortId, Settings, Side};
 use crate::modbus::Exception;
 
 /// One row of the routing table.
@@ -172,7 +172,7 @@ pub fn decide(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr
         Destination::Discard => Decision::Discard,
         Destination::NoPath => Decision::Refuse(Exception::GATEWAY_NO_PATH),
         Destination::Port(port) => match route.tag.apply(unit) {
-            Some(unit) if settings.port(port).is_some_and(|port| port.kind.takes_orders()) => {
+            Some(unit) if settings.port(port).is_some_and(|port| port.kind.side() == Side::Client) => {
                 Decision::Forward { port, unit, priority: route.priority }
             }
             // The port plays the server's part: the row is the way back of another one, and answers need none.

@@ -10,7 +10,7 @@ use super::problem::{LineError, Problem, Rules, Warning};
 use super::route_words::route;
 use super::values::{name, number};
 use super::words::{Word, Words};
-use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, gap_warning};
+use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side, gap_warning};
 use crate::route::{Destination, Route};
 
 /// What a good line did.
@@ -69,7 +69,7 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
 ///
 /// The paper's tables list these ways back. Answers always return to their asker, so such a rule never matches.
 pub fn is_implied(settings: &Settings, route: &Route) -> bool {
-    let asks = |id: PortId| settings.port(id).is_some_and(|port| !port.kind.takes_orders());
+    let asks = |id: PortId| settings.port(id).is_some_and(|port| port.kind.side() == Side::Server);
     !asks(route.source) || matches!(route.destination, Destination::Port(id) if asks(id))
 }
 

@@ -74,14 +74,14 @@ impl<'s, L: Read + Write> Bus<'s, L> {
     }
 
     /// Watches the idle line until `until` is over; what comes meanwhile is dropped.
-    pub(crate) async fn idle(&mut self, until: impl Future<Output = ()>) -> Result<(), LineLost> {
+    pub(crate) async fn idle<T>(&mut self, until: impl Future<Output = T>) -> Result<(), LineLost> {
         self.length = 0;
         match select(self.read(), until).await {
             Either::First(read) => {
                 self.stats.count(Event::Noise);
                 read
             }
-            Either::Second(()) => Ok(()),
+            Either::Second(_) => Ok(()),
         }
     }
 

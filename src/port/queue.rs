@@ -189,9 +189,8 @@ impl<T> PortQueue<T> {
     }
 
     fn note_class(&mut self, served: usize, present: [bool; 3]) {
-        for class in 0..present.len() {
-            self.passed[class] =
-                if class > served && present[class] { self.passed[class].saturating_add(1) } else { 0 };
+        for (class, (passed, present)) in self.passed.iter_mut().zip(present).enumerate() {
+            *passed = if class > served && present { passed.saturating_add(1) } else { 0 };
         }
     }
 

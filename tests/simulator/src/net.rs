@@ -1,7 +1,7 @@
 //! TCP within the simulation: listeners, connections, and the ways in which a network is awkward.
 //!
 //! A client [`connect`](Network::connect)s with a [`Path`] that says how bytes travel in each direction; the gateway's side comes from
-//! [`SimTcpHost`]. A connection is two [`pipe`]s with a bounded window, so a peer that never reads makes the other's write wait.
+//! [`SimTcpHost`]. A connection is two pipes with a bounded window, so a peer that never reads makes the other's write wait.
 
 use std::cell::RefCell;
 use std::collections::{HashMap, VecDeque};
@@ -120,25 +120,13 @@ impl Network {
     }
 }
 
-/// The gateway's view of the network. It listens from its first `accept` on until it is dropped or accepts elsewhere.
+/// The gateway's view of the network. It listens until it is dropped or accepts elsewhere.
 pub struct SimTcpHost {
     network: Network,
     listening: Option<u16>,
 }
 
 impl SimTcpHost {
-    fn listen(&mut self, port: u16) -> Result<(), OpenError> {
-        if let Some(&kind) = self.network.0.borrow().refused.get(&port) {
-            return Err(OpenError::new(kind, ""));
-        }
-        if self.listening != Some(port) {
-            self.leave();
-            self.network.0.borrow_mut().listeners.entry(port).or_default().hosts += 1;
-            self.listening = Some(port);
-        }
-        Ok(())
-    }
-
     /// The last host to leave a port resets who waits there.
     fn leave(&mut self) {
         let Some(port) = self.listening.take() else { return };
@@ -161,9 +149,22 @@ impl Drop for SimTcpHost {
 impl TcpHost for SimTcpHost {
     type Stream<'a> = ServerStream;
 
-    async fn accept(&mut self, listen: &TcpListen) -> Result<(ServerStream, SocketAddr), OpenError> {
+    fn listen(&mut self, listen: &TcpListen) -> Result<(), OpenError> {
         let port = listen.port;
-        self.listen(port)?;
+        if let Some(&kind) = self.network.0.borrow().refused.get(&port) {
+            return Err(OpenError::new(kind, ""));
+        }
+        if self.listening != Some(port) {
+            self.leave();
+            self.network.0.borrow_mut().listeners.entry(port).or_default().hosts += 1;
+            self.listening = Some(port);
+        }
+        Ok(())
+    }
+
+    async fn accept(&mut self, listen: &TcpListen) -> Result<(ServerStream, SocketAddr), OpenError> {
+        self.listen(listen)?;
+        let port = listen.port;
         poll_fn(|context| {
             let mut state = self.network.0.borrow_mut();
             let Some(listener) = state.listeners.get_mut(&port) else { return Poll::Pending };

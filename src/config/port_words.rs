@@ -43,6 +43,7 @@ enum Key {
     Format,
     Gap,
     CharTimeout,
+    Rs485(bool),
     Timeout,
     Retries,
     Turnaround,
@@ -80,6 +81,7 @@ impl Key {
             Self::Pipeline => 16,
             Self::Lifetime => 17,
             Self::Reserve => 18,
+            Self::Rs485(_) => 19,
         }
     }
 }
@@ -94,6 +96,9 @@ const SERIAL_KEYS: &[(&str, Key)] = &[
     ("slave", Key::Side(Side::Server)),
     ("gap", Key::Gap),
     ("char-timeout", Key::CharTimeout),
+    ("rs485", Key::Rs485(true)),
+    // For `edit`: the flag has no value that could say so.
+    ("rs232", Key::Rs485(false)),
     ("timeout", Key::Timeout),
     ("retries", Key::Retries),
     ("turnaround", Key::Turnaround),
@@ -112,7 +117,7 @@ const TCP_SERVER_KEYS: &[(&str, Key)] = &[
 ];
 
 const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, \
-     char-timeout, gap, retries, turnaround, start-delay, late-window or down-after";
+     char-timeout, gap, rs485, retries, turnaround, start-delay, late-window or down-after";
 const TCP_SERVER_EXPECTED: &str = "listen, clients, idle, pipeline, lifetime or reserve";
 
 /// A port's settings while a line is read.
@@ -289,6 +294,7 @@ fn set_serial(
         Key::Format => (line.data_bits, line.parity, line.stop_bits) = format(word)?,
         Key::Gap => line.gap = auto_or_time(words.take(), GAP)?,
         Key::CharTimeout => line.char_timeout = auto_or_time(words.take(), CHAR_TIMEOUT)?,
+        Key::Rs485(driver) => line.rs485 = driver,
         Key::Timeout => client.timeout = time(words.take(), TIMEOUT)?,
         Key::Retries => client.retries = small(words.take(), "retries", RETRIES)?,
         Key::Turnaround => client.turnaround = time(words.take(), TURNAROUND)?,

@@ -93,7 +93,7 @@ impl Display for LineSettings {
                 option(f, keyword, Time(time), true)?;
             }
         }
-        Ok(())
+        if self.rs485 { f.write_str(" rs485") } else { Ok(()) }
     }
 }
 

@@ -232,7 +232,7 @@ fn an_edit_changes_only_the_named_words() {
     assert!(text.contains("port P502 tcp server 502 idle 0\n"), "{text}");
     apply_all(
         &mut settings,
-        &["edit port P1 server", "edit port P1 client gap 5ms", "edit port P1 gap auto"],
+        &["edit port P1 server", "edit port P1 client gap 5ms rs485", "edit port P1 gap auto rs232"],
     );
     let text = print(&settings);
     assert!(text.contains("port P1   serial uart1 rtu client 9600 8E1\n"), "{text}");
@@ -350,7 +350,7 @@ fn the_longest_lines_that_print_can_be_read() {
     let functions: Vec<String> = (1..128).step_by(2).map(|code: u8| code.to_string()).collect();
     let lines = [
         format!("port {one} serial {device} ascii client 10000000 7E1"),
-        format!("edit port {one} char-timeout 59999.999ms gap 999.999ms timeout {time} retries 10"),
+        format!("edit port {one} rs485 char-timeout 59999.999ms gap 999.999ms timeout {time} retries 10"),
         format!(
             "edit port {one} turnaround 59999.999ms start-delay {time} late-window {time} down-after 255"
         ),

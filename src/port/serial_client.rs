@@ -87,7 +87,9 @@ async fn carry_out<L: Read + Write>(
     }
     place.units(|units| units.asked(unit));
     // A response fits into the frame: it is no longer than a PDU may be.
-    let take = |response: &[u8]| drop(frame.replace(response));
+    let take = |response: &[u8]| {
+        let _ = frame.replace(response);
+    };
     match bus.exchange(unit, request, take).await? {
         Ok(took) => {
             let exception = frame.function() & EXCEPTION_BIT != 0;

@@ -35,14 +35,15 @@ fn any_line(framing: Framing) -> impl Strategy<Value = LineSettings> {
     let parity = prop_oneof![Just(Parity::None), Just(Parity::Even), Just(Parity::Odd)];
     let gap = prop::option::of(duration(0..=1_000_000));
     let char_timeout = prop::option::of(duration(100..=60_000_000));
-    (1..=10_000_000_u32, data_bits, parity, 1..=2_u8, gap, char_timeout).prop_map(
-        |(baud, data_bits, parity, stop_bits, gap, char_timeout)| LineSettings {
+    (1..=10_000_000_u32, data_bits, parity, 1..=2_u8, gap, char_timeout, any::<bool>()).prop_map(
+        |(baud, data_bits, parity, stop_bits, gap, char_timeout, rs485)| LineSettings {
             baud,
             data_bits,
             parity,
             stop_bits,
             gap,
             char_timeout,
+            rs485,
         },
     )
 }

@@ -6,16 +6,22 @@
 //! codecs, so that one side checks the other.
 #![forbid(unsafe_code)]
 
+pub mod client;
 pub mod device;
 pub mod fault;
+pub mod net;
 pub mod random;
+pub mod rig;
 pub mod serial;
 pub mod wire;
 pub mod world;
 
+pub use client::Client;
 pub use device::Device;
 pub use fault::{Fault, Faults};
+pub use net::Network;
 pub use random::Random;
+pub use rig::Rig;
 pub use serial::SimSerial;
 pub use wire::{LineEnd, Wire};
 pub use world::World;

@@ -1,6 +1,6 @@
 //! An RS-485 bus: whatever one end sends, every other end hears, at the speed of the line.
 //!
-//! A byte written to a [`LineEnd`] waits in its transmitter, becomes a [`Character`] with its place in time, and is heard
+//! A byte written to a [`LineEnd`] waits in its transmitter, becomes a character with its place in time, and is heard
 //! when its last bit has passed. Times are kept in nanoseconds from the start of a run of characters, so that nothing
 //! is rounded twice; only the moment of hearing is rounded up to the clock's microsecond. Characters of
 //! two ends that overlap damage each other, and an end set to another speed or format hears garbage.

@@ -94,6 +94,9 @@ fn check(file: &Path) -> Result<(), String> {
 
 fn run(options: Options) -> Result<(), String> {
     logging::start();
+    // First of all: who sees a port open may send a signal.
+    let signals = Signals::new([SystemSignal::Term, SystemSignal::Int, SystemSignal::Hup])
+        .map_err(|error| format!("signals cannot be caught: {error}"))?;
     let sockets = TcpSockets::default();
     let (settings, listeners) = match &options.config {
         Some(file) => configured(file, options.listen, &sockets)?,
@@ -101,8 +104,6 @@ fn run(options: Options) -> Result<(), String> {
     };
     GATEWAY.apply(&settings).map_err(|error| error.to_string())?;
     settings.warnings().for_each(|warning| log::warn!("{warning}"));
-    let signals = Signals::new([SystemSignal::Term, SystemSignal::Int, SystemSignal::Hup])
-        .map_err(|error| format!("signals cannot be caught: {error}"))?;
 
     let demo = options.runs_demo().then(Demo::default);
     let lines = demo.as_ref().map(|demo| Lines::with_demo(demo.serial())).unwrap_or_default();

@@ -16,7 +16,6 @@ fn a_register_is_read_through_the_gateway() {
         let device = Device::new(5);
         device.memory().holding[7] = 0xcafe;
         rig.attach(world, "bus", &[device]);
-        world.run_for(Duration::from_millis(10));
         let mut client = rig.client(1, 502);
         let answer = world.run_until(client.request(5, &[3, 0, 7, 0, 1]));
         assert_eq!(answer, Answer::Pdu(vec![3, 2, 0xca, 0xfe]));

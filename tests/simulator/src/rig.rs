@@ -2,17 +2,22 @@
 
 use std::net::{IpAddr, Ipv4Addr};
 
-use mobgate::config::{LineSettings, Loader, PORTS_MAX, PortId, PortKind, Settings};
+use embassy_time::Duration;
+use mobgate::config::{Loader, PORTS_MAX, Port, PortId, PortKind, Settings};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
 use mobgate::stats::Event;
 
-use crate::{Client, Device, Network, SimSerial, Wire, World, device};
+use crate::wire::EndRecord;
+use crate::{Client, Device, LineEnd, Network, SimSerial, Wire, World, device};
 
 /// Frames of the rig's gateway beyond the one that each seat has of its own.
 pub const SHARED_FRAMES: usize = 32;
 /// Connections of the rig's gateway, over all its TCP servers.
 pub const SEATS: usize = 80;
+
+/// When a test begins: by then the ports are open.
+const STARTED: Duration = Duration::from_millis(10);
 
 /// A running gateway and its surroundings.
 pub struct Rig<'w> {
@@ -20,7 +25,14 @@ pub struct Rig<'w> {
     pub gateway: &'w Gateway<'w>,
     /// The network that its TCP servers listen at.
     pub network: Network,
-    wires: Vec<(String, Wire)>,
+    lines: Vec<Line>,
+}
+
+/// A serial line of the rig: the wire and the gateway's end of it.
+struct Line {
+    device: String,
+    wire: Wire,
+    end: LineEnd,
 }
 
 /// Runs `test` in a world of `seed` with a gateway that was given `settings`, lines of the console's language. Every serial
@@ -39,14 +51,8 @@ pub fn run<R>(seed: u64, settings: &str, test: impl for<'w> FnOnce(&mut World<'w
 
     let mut world = World::new(seed);
     let network = Network::new(seed);
-    let serial = |port: &mobgate::config::Port| match &port.kind {
-        PortKind::Serial(serial) => Some((serial.device.as_str().to_owned(), Wire::new(), serial.line)),
-        PortKind::TcpServer(_) => None,
-    };
-    let lines: Vec<(String, Wire, LineSettings)> =
-        settings.ports.iter().flatten().filter_map(serial).collect();
-    let host =
-        lines.iter().fold(SimSerial::new(), |host, (name, wire, line)| host.with(name, &wire.tap(*line)));
+    let lines: Vec<Line> = settings.ports.iter().flatten().filter_map(Line::of).collect();
+    let host = lines.iter().fold(SimSerial::new(), |host, line| host.with(&line.device, &line.end));
     world.spawn(gateway.route());
     for port in 0..PORTS_MAX {
         let mut host = host.clone();
@@ -58,8 +64,8 @@ pub fn run<R>(seed: u64, settings: &str, test: impl for<'w> FnOnce(&mut World<'w
         let gateway = &gateway;
         world.spawn(async move { gateway.run_seat(seat, &mut host).await });
     }
-    let wires = lines.into_iter().map(|(name, wire, _)| (name, wire)).collect();
-    let rig = Rig { gateway: &gateway, network, wires };
+    let rig = Rig { gateway: &gateway, network, lines };
+    world.run_for(STARTED);
     test(&mut world, &rig)
 }
 
@@ -74,33 +80,44 @@ pub fn parse(lines: &str) -> Settings {
     settings
 }
 
+impl Line {
+    fn of(port: &Port) -> Option<Self> {
+        let PortKind::Serial(serial) = &port.kind else { return None };
+        let wire = Wire::new();
+        let end = wire.tap(serial.line);
+        Some(Self { device: serial.device.as_str().to_owned(), wire, end })
+    }
+}
+
 impl<'w> Rig<'w> {
-    /// The wire behind the serial device `name`.
+    fn line(&self, device: &str) -> &Line {
+        self.lines.iter().find(|line| line.device == device).expect("a device of the settings")
+    }
+
+    /// The wire behind the serial device called `device`.
     ///
     /// # Panics
     /// When no port names it.
-    pub fn wire(&self, name: &str) -> &Wire {
-        let (_, wire) = self.wires.iter().find(|(other, _)| other == name).expect("a device of the settings");
-        wire
+    pub fn wire(&self, device: &str) -> &Wire {
+        &self.line(device).wire
     }
 
-    /// The settings of the line `name`.
+    /// What the gateway has sent on the wire behind `device`.
     ///
     /// # Panics
     /// When no port names it.
-    pub fn line(&self, name: &str) -> LineSettings {
-        self.gateway.settings(|settings| {
-            let mut serial = settings.ports.iter().flatten().filter_map(|port| match &port.kind {
-                PortKind::Serial(serial) if serial.device == name => Some(serial.line),
-                _ => None,
-            });
-            serial.next().expect("a device of the settings")
-        })
+    pub fn sent(&self, device: &str) -> EndRecord {
+        let line = self.line(device);
+        line.wire.record_of(&line.end)
     }
 
-    /// Puts `devices` on the wire `name`, at one connection to it and with the line's own settings.
-    pub fn attach(&self, world: &World<'w>, name: &str, devices: &[Device]) {
-        let end = self.wire(name).tap(self.line(name));
+    /// Puts `devices` on the wire behind `device`, at one connection to it, with the gateway's speed and format.
+    ///
+    /// # Panics
+    /// When no port names it.
+    pub fn attach(&self, world: &World<'w>, device: &str, devices: &[Device]) {
+        let line = self.line(device);
+        let end = line.wire.tap(line.end.line());
         world.spawn(device::serve(end, devices.to_vec()));
     }
 

@@ -116,6 +116,11 @@ const TCP_SERVER_KEYS: &[(&str, Key)] = &[
     ("reserve", Key::Reserve),
 ];
 
+/// The words that set something.
+pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
+    SERIAL_KEYS.iter().chain(TCP_SERVER_KEYS).map(|&(keyword, _)| keyword)
+}
+
 const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, \
      char-timeout, gap, rs485, retries, turnaround, start-delay, late-window or down-after";
 const TCP_SERVER_EXPECTED: &str = "listen, clients, idle, pipeline, lifetime or reserve";

@@ -6,6 +6,7 @@
 
 mod line;
 mod loader;
+mod port_keys;
 mod port_words;
 mod print;
 mod problem;
@@ -25,7 +26,7 @@ use heapless::{String, Vec};
 
 pub(crate) use self::line::LineBuffer;
 pub use self::loader::{LoadError, Loader};
-pub use self::print::write_line;
+pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
 pub use self::saved::{ReadError, read_store, write_store};
 pub(crate) use self::text::option_words;

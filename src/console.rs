@@ -11,6 +11,7 @@ mod help;
 mod history;
 mod keys;
 mod output;
+mod rows;
 mod show;
 #[cfg(test)]
 mod tests;

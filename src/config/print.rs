@@ -12,7 +12,7 @@ use super::{
 use crate::route::{Functions, Priority, Route, Tag, UnitRange};
 
 /// Longest baud rate and character format.
-const SPEED_BYTES_MAX: usize = 16;
+pub const SPEED_BYTES_MAX: usize = 16;
 
 /// Writes line `n` (from 0) of the settings without its line end; `None` behind the last line.
 ///

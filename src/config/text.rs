@@ -5,7 +5,8 @@
 
 use core::num::NonZeroU16;
 
-use super::port_words::{self, Draft};
+use super::port_keys;
+use super::port_words::Draft;
 use super::problem::{LineError, Problem, Rules, Warning};
 use super::route_words::{self, route};
 use super::values::{name, number};
@@ -74,7 +75,7 @@ pub fn is_implied(settings: &Settings, route: &Route) -> bool {
 
 /// The words that stand in rows and behind port names, besides names, numbers and addresses.
 pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
-    ["serial", "tcp"].into_iter().chain(port_words::keywords()).chain(route_words::keywords())
+    ["serial", "tcp"].into_iter().chain(port_keys::keywords()).chain(route_words::keywords())
 }
 
 fn port(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {

@@ -1,18 +1,15 @@
 //! The tables of `show`: a header line, then aligned rows.
 
-use core::fmt;
-
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 use heapless::String;
 
 use super::command::Session;
-use crate::config::{LINE_BYTES_MAX, PortId, PortKind, Settings, Time, is_implied, write_line};
-use crate::gateway::Status;
+use super::rows::{LogRow, Row, StatusText, age, describe, state, text};
+use crate::config::{LINE_BYTES_MAX, Time, write_line};
 use crate::hal::{Store, System};
 use crate::port::units::Unit;
-use crate::route::{Functions, Route};
-use crate::stats::{Event, LOG_ENTRIES_MAX, LogEntry, Outcome};
+use crate::stats::{Event, LOG_ENTRIES_MAX};
 
 /// What can be shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,27 +41,19 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn ports(&mut self) -> Result<(), IO::Error> {
+        // Device names are 6 to 96 characters long.
+        let ports = || self.draft.ports.iter().flatten();
+        let width = ports().map(|port| describe(&port.kind).1.len()).fold("WHERE".len(), usize::max);
         self.out
-            .line(format_args!("{:15} {:12} {:24} {:12} STATUS", "PORT", "ROLE", "WHERE", "LINE"))
+            .line(format_args!("{:15} {:12} {:width$} {:12} STATUS", "PORT", "ROLE", "WHERE", "LINE"))
             .await?;
         for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
             let Some(port) = port else { continue };
+            let (role, place_name, line) = describe(&port.kind);
             let status = StatusText(place.status());
-            match &port.kind {
-                PortKind::Serial(serial) => {
-                    let role = text::<12>(format_args!("{} {}", serial.framing, serial.side));
-                    let line = serial.line.speed();
-                    let device = &serial.device;
-                    self.out
-                        .line(format_args!("{:15} {role:12} {device:24} {line:12} {status}", port.name))
-                        .await?;
-                }
-                PortKind::TcpServer(server) => {
-                    let listen = text::<56>(format_args!("{}", server.listen));
-                    let (name, role) = (&port.name, "tcp server");
-                    self.out.line(format_args!("{name:15} {role:12} {listen:24} {:12} {status}", "")).await?;
-                }
-            }
+            self.out
+                .line(format_args!("{:15} {role:12} {place_name:width$} {line:12} {status}", port.name))
+                .await?;
         }
         Ok(())
     }
@@ -187,85 +176,3 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         self.out.line(format_args!("mobgate {version} on {board}, up {up}")).await
     }
 }
-
-/// Text that is padded as a whole when it is printed.
-fn text<const N: usize>(content: fmt::Arguments<'_>) -> String<N> {
-    let mut text = String::new();
-    // A column that is too narrow for its content would show nothing at all; the sizes are those of the contents.
-    let _ = fmt::Write::write_fmt(&mut text, content);
-    text
-}
-
-/// The time since `then` in whole seconds.
-fn age(then: Instant, now: Instant) -> String<24> {
-    text(format_args!("{}s", now.saturating_duration_since(then).as_secs()))
-}
-
-fn state(unit: &Unit, now: Instant) -> &'static str {
-    match unit {
-        Unit { down: true, .. } => "down",
-        Unit { held_until, .. } if *held_until > now => "held",
-        _ => "up",
-    }
-}
-
-struct StatusText(Status);
-
-impl fmt::Display for StatusText {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Status::Off => f.write_str("off"),
-            Status::Open => f.write_str("open"),
-            Status::Lost => f.write_str("lost, is opened again"),
-            Status::Failed(error) => write!(f, "{error}"),
-        }
-    }
-}
-
-struct Row<'s> {
-    settings: &'s Settings,
-    route: &'s Route,
-}
-
-impl fmt::Display for Row<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { settings, route } = self;
-        let peer = match route.peer {
-            Some(peer) => text::<44>(format_args!("{peer}")),
-            None => text(format_args!("*")),
-        };
-        let kind = if is_implied(settings, route) { "implied" } else { "rule" };
-        let (source, destination) = (settings.name(route.source), settings.destination(route.destination));
-        write!(f, "{source:15} {:7} {peer:18} {:4} {destination:15} ", route.units, route.tag)?;
-        write!(f, "{:8} {kind:7} ", route.priority)?;
-        match route.functions {
-            Functions::ALL => f.write_str("all"),
-            Functions::READ_ONLY => f.write_str("readonly"),
-            functions => write!(f, "{functions}"),
-        }
-    }
-}
-
-struct LogRow<'s> {
-    settings: &'s Settings,
-    entry: LogEntry,
-}
-
-impl fmt::Display for LogRow<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { settings, entry } = self;
-        let LogEntry { unit, target, function, .. } = entry;
-        let name = |id: PortId| settings.name(id);
-        let took = text::<16>(format_args!("{}", Time(Duration::from_micros(entry.took_us.into()))));
-        let (source, destination) = (name(entry.source), entry.destination.map_or("-", name));
-        write!(f, "{source:15} {unit:>4} {destination:15} {target:>6} {function:>8} {took:>10} ")?;
-        match entry.outcome {
-            Outcome::Answer => f.write_str("answer"),
-            Outcome::Exception(exception) => write!(f, "{exception}"),
-            Outcome::Silence => f.write_str("no answer due"),
-            Outcome::AskerGone => f.write_str("asker gone"),
-        }
-    }
-}
-
-const _: () = assert!(crate::config::NAME_BYTES_MAX == 15, "the width of port columns");

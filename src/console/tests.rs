@@ -180,10 +180,10 @@ fn ports_and_rules_are_shown_as_tables_with_a_header() {
         pipe(gateway, SETTINGS);
         assert_eq!(
             pipe(gateway, "show ports"),
-            "PORT            ROLE         WHERE                    LINE         STATUS\n\
-             P1              rtu client   /dev/ttyUSB0             9600 8N1     off\n\
-             P2              rtu server   uart2                    19200 8E1    off\n\
-             P502            tcp server   502                                   off\n"
+            "PORT            ROLE         WHERE        LINE         STATUS\n\
+             P1              rtu client   /dev/ttyUSB0 9600 8N1     off\n\
+             P2              rtu server   uart2        19200 8E1    off\n\
+             P502            tcp server   502                       off\n"
         );
         let rows = pipe(gateway, "show routes");
         let rows: Vec<&str> = rows.lines().collect();

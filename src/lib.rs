@@ -1,4 +1,38 @@
-//! mobgate, a multi-port Modbus router.
+//! mobgate, a multi-port Modbus router: any client reaches any device on any port, by rules typed at a console.
+//!
+//! # The path of one request
+//!
+//! 1. A server-side port ([`port`]) receives a request: it strips the framing ([`modbus`]), takes a frame from the pool
+//!    ([`frame`]), writes the PDU and an envelope into it (who asked, for which unit, until when), and sends it to the
+//!    router's inbox.
+//! 2. The routing task (`router`) looks the first matching rule up ([`route`]), translates the unit id, and sends the frame
+//!    to the channel of the destination port.
+//! 3. The client-side port takes it into its queue ([`port::queue`]: who is served next; [`port::units`]: which units are
+//!    alive), sends the request as soon as its line has been silent for long enough, and checks the response strictly.
+//! 4. The response, or an exception that says what went wrong, replaces the request in the frame, which takes the
+//!    same road back: to the inbox, through the router, to whoever asked.
+//!
+//! So a transaction is one frame, from beginning to end, and every frame comes home: no request is lost, and a port knows
+//! what is open by counting. Ports know framing and timing, nothing of routes; the router knows routes, nothing of
+//! lines; time is a value wherever something is decided.
+//!
+//! # What a board does
+//!
+//! [`hal`] lists what a board must give. The board keeps slots, port places and seats in statics, builds a
+//! [`gateway::Gateway`] over them, and runs its futures as tasks: one that routes, one for each port, one for each TCP
+//! connection, one for each console ([`console`]). The settings ([`config`]) are lines of text, the same at the console, in
+//! a file and in `show config`.
+//!
+//! # Limits
+//!
+//! | limit | value | why |
+//! | --- | --- | --- |
+//! | [`config::PORTS_MAX`] | 16 | a cabinet's worth of lines and listeners |
+//! | [`config::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
+//! | [`port::queue::WAITING_MAX`] | 64 | orders that wait at a port; one more is answered 06h |
+//! | [`port::units::UNITS_MAX`] | 32 | loads of an RS-485 segment; the quietest healthy unit is forgotten first |
+//! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
+//! | frames, TCP connections | the board's | memory; a connection always has one frame of its own |
 #![no_std]
 #![forbid(unsafe_code)]
 

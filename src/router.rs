@@ -9,6 +9,7 @@ use embassy_time::Instant;
 use crate::frame::{Envelope, Frame, Stage};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::Exception;
+use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::port::local;
 use crate::route::{self, Decision};
 use crate::stats::{Event, LogEntry, Outcome};
@@ -78,7 +79,7 @@ impl Gateway<'_> {
             destination: envelope.destination,
             unit: envelope.unit,
             target: envelope.target,
-            function: frame.function() & 0x7f,
+            function: frame.function() & !EXCEPTION_BIT,
             outcome,
             took_us: u32::try_from(took.as_micros()).unwrap_or(u32::MAX),
         });
@@ -100,7 +101,7 @@ impl Gateway<'_> {
 
 fn exception_of(frame: &Frame<'_>) -> Option<Exception> {
     frame.pdu(|pdu| match pdu {
-        [function, code] if function & 0x80 != 0 => Some(Exception(*code)),
+        [function, code] if function & EXCEPTION_BIT != 0 => Some(Exception(*code)),
         _ => None,
     })
 }

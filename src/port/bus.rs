@@ -92,22 +92,17 @@ impl<'s, L: Read + Write> Bus<'s, L> {
         Ok(())
     }
 
-    /// Sends `request` to `unit` and gives the response PDU and the time from the request's end to it.
+    /// Sends `request` to `unit`, hands the response PDU to `take`, and gives the time from the request's end to it.
     pub(crate) async fn exchange(
         &mut self,
         unit: u8,
         request: &[u8],
-    ) -> Result<Result<(&[u8], Duration), Failure>, LineLost> {
+        take: impl FnOnce(&[u8]),
+    ) -> Result<Result<Duration, Failure>, LineLost> {
         self.send(unit, request).await?;
         let sent = self.active;
-        let length = match self.response(unit, request, sent + self.client.timeout).await? {
-            Ok(length) => length,
-            Err(failure) => return Ok(Err(failure)),
-        };
-        // Whatever came before it, the response ends what was received: its PDU, then two bytes of CRC.
-        let end = self.length.saturating_sub(2);
-        let pdu = self.received.get(end.saturating_sub(length)..end).unwrap_or(&[]);
-        Ok(Ok((pdu, self.active.saturating_duration_since(sent))))
+        let outcome = self.response(unit, request, sent + self.client.timeout, take).await?;
+        Ok(outcome.map(|()| self.active.saturating_duration_since(sent)))
     }
 
     async fn send(&mut self, unit: u8, request: &[u8]) -> Result<(), LineLost> {
@@ -125,13 +120,13 @@ impl<'s, L: Read + Write> Bus<'s, L> {
         Ok(())
     }
 
-    /// Waits for the response, and gives its PDU's length.
     async fn response(
         &mut self,
         unit: u8,
         request: &[u8],
         deadline: Instant,
-    ) -> Result<Result<usize, Failure>, LineLost> {
+        take: impl FnOnce(&[u8]),
+    ) -> Result<Result<(), Failure>, LineLost> {
         let silence = self.settings.char_timeout.unwrap_or(self.settings.gap()) + self.jitter;
         // A frame that has begun in time is heard to its end, but a line that babbles is not heard for ever.
         let end = deadline + self.settings.chars(rtu::FRAME_BYTES_MAX) + silence;
@@ -140,7 +135,8 @@ impl<'s, L: Read + Write> Bus<'s, L> {
             if let Ok(read) = with_deadline(until, self.read()).await {
                 read?;
                 if let Received::Complete(pdu) = rtu::response(unit, request, self.heard()) {
-                    return Ok(Ok(pdu.len()));
+                    take(pdu);
+                    return Ok(Ok(()));
                 }
                 continue;
             }
@@ -148,7 +144,10 @@ impl<'s, L: Read + Write> Bus<'s, L> {
                 return Ok(Err(Failure::Timeout));
             }
             let event = match rtu::response_at_silence(unit, request, self.heard()) {
-                AtSilence::Complete(pdu) => return Ok(Ok(pdu.len())),
+                AtSilence::Complete(pdu) => {
+                    take(pdu);
+                    return Ok(Ok(()));
+                }
                 AtSilence::Damaged => return Ok(Err(Failure::Damaged)),
                 AtSilence::WrongUnit(_) => Event::WrongUnit,
                 AtSilence::Misfit(_) => Event::Misfit,

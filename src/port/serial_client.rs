@@ -11,7 +11,8 @@ use crate::config::{SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
 use crate::gateway::Status;
 use crate::hal::SerialHost;
-use crate::modbus::{Exception, PDU_BYTES_MAX, pdu};
+use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::bus::{Bus, Failure, LineLost};
 use crate::port::desk::Desk;
 use crate::port::queue::Next;
@@ -59,9 +60,7 @@ async fn serve<L: Read + Write>(desk: &Desk<'_>, mut bus: Bus<'_, L>, client: &S
         }
         let done = match desk.next() {
             Next::Serve(frame, ticket) => carry_out(desk, &mut bus, client, frame, ticket.unit).await,
-            Next::Wait(until) => {
-                bus.idle(async { drop(select(desk.changed(), Timer::at(until)).await) }).await
-            }
+            Next::Wait(until) => bus.idle(select(desk.changed(), Timer::at(until))).await,
             Next::Empty => bus.idle(desk.changed()).await,
         };
         if done.is_err() {
@@ -87,16 +86,18 @@ async fn carry_out<L: Read + Write>(
         return Ok(());
     }
     place.units(|units| units.asked(unit));
-    match bus.exchange(unit, request).await? {
-        Ok((response, took)) => {
-            let exception = response.first().is_some_and(|function| function & 0x80 != 0);
+    // A response fits into the frame: it is no longer than a PDU may be.
+    let take = |response: &[u8]| {
+        let _ = frame.replace(response);
+    };
+    match bus.exchange(unit, request, take).await? {
+        Ok(took) => {
+            let exception = frame.function() & EXCEPTION_BIT != 0;
             place.units(|units| units.answered(unit, took, exception));
             place.stats.count(Event::Answer);
             if exception {
                 place.stats.count(Event::Exception);
             }
-            // A response fits: it is no longer than a PDU may be.
-            let _ = frame.replace(response);
             desk.done();
             return Ok(());
         }

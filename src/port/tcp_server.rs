@@ -16,8 +16,9 @@ use crate::config::{PortId, TcpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
 use crate::hal::{TcpHost, TcpStream};
+use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
-use crate::modbus::{Exception, PDU_BYTES_MAX, pdu};
+use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::route::Priority;
 use crate::stats::Event;
 
@@ -232,7 +233,7 @@ impl Server<'_, '_> {
         drop(frame);
         let answer = answer.get(..length).unwrap_or(&[]);
         self.place.stats.count(Event::Answer);
-        if answer.first().is_some_and(|function| function & 0x80 != 0) {
+        if answer.first().is_some_and(|function| function & EXCEPTION_BIT != 0) {
             self.place.stats.count(Event::Exception);
         }
         write(stream, Header { transaction: envelope.transaction, unit: envelope.unit }, answer).await

@@ -1,6 +1,6 @@
 //! The embassy-time driver of hosts: the wall clock, or a virtual clock of one thread.
 //!
-//! A task that waits for a time leaves its waker in the calling thread's [`queue`]; that thread's loop reads
+//! A task that waits for a time leaves its waker in the calling thread's queue; that thread's loop reads
 //! [`next_alarm`], sleeps until then by whatever means it has, and calls [`fire_due`]. Tests and simulations
 //! replace the time itself by [`virtual_time`]. Queue and virtual clock belong to a thread, so that many
 //! simulations run side by side in one process.

@@ -1,1 +1,13 @@
-//! Linux.
+//! The Linux board: serial lines, TCP sockets, the settings file and the terminal as the core's `hal` wants them, and
+//! an executor for embassy tasks.
+//!
+//! A byte that arrives takes this way: epoll, [`executor`], the port's task, which reads it from its [`tty::Tty`] or
+//! [`tcp::TcpStream`].
+
+pub mod executor;
+mod fair;
+mod hint;
+pub mod stdio;
+pub mod store;
+pub mod tcp;
+pub mod tty;

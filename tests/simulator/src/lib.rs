@@ -1,1 +1,27 @@
-//! Simulator.
+//! A world in virtual time around the gateway: RS-485 wires, Modbus devices, TCP, faults.
+//!
+//! [`World`] polls the gateway's futures and the simulated surroundings in an order drawn from a seed, and leaps
+//! from alarm to alarm. The parts themselves use embassy-time only, so they also run on the wall clock (the
+//! Linux program's demo does that). [`device`] and [`client`] build and check frames by themselves, without the core's
+//! codecs, so that one side checks the other.
+#![forbid(unsafe_code)]
+
+pub mod client;
+pub mod device;
+pub mod fault;
+pub mod net;
+pub mod random;
+pub mod rig;
+pub mod serial;
+pub mod wire;
+pub mod world;
+
+pub use client::Client;
+pub use device::Device;
+pub use fault::{Fault, Faults};
+pub use net::Network;
+pub use random::Random;
+pub use rig::Rig;
+pub use serial::SimSerial;
+pub use wire::{LineEnd, Wire};
+pub use world::World;

@@ -1,0 +1,169 @@
+//! Embassy's executor in one Linux thread, which sleeps in async-io's reactor.
+//!
+//! A wake-up goes this way: epoll reports a readable descriptor, async-io wakes the task that waits for it, the task
+//! enters embassy's run queue, the queue calls [`pender`], and the pender wakes the future that [`run`] blocks on. That
+//! future polls the run queue until it is empty, then sets one timer to the thread's next alarm.
+
+use std::future::{Future, poll_fn};
+use std::pin::{Pin, pin};
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use async_io::Timer;
+use embassy_executor::{Spawner, raw};
+use embassy_sync::waitqueue::AtomicWaker;
+
+/// Passes over the run queue before the reactor looks for I/O again: tasks that wake each other for ever must not
+/// keep the sockets from being read.
+const ROUNDS_MAX: usize = 32;
+
+/// Runs the tasks that `init` spawns, and those that they spawn, until `end` is ready. Unfinished tasks are not
+/// dropped: the process is about to end.
+pub fn run<T>(init: impl FnOnce(Spawner), end: impl Future<Output = T>) -> T {
+    let pended: &'static Pended = Box::leak(Box::new(Pended::new()));
+    let context = std::ptr::from_ref(pended).cast_mut().cast::<()>();
+    let executor: &'static raw::Executor = Box::leak(Box::new(raw::Executor::new(context)));
+    init(executor.spawner());
+
+    let mut alarm = Alarm { at: None, timer: Timer::never() };
+    let mut end = pin!(end);
+    async_io::block_on(poll_fn(|context| {
+        pended.waker.register(context.waker());
+        pended.polling.store(true, SeqCst);
+        for _ in 0..ROUNDS_MAX {
+            pended.work.store(false, SeqCst);
+            mobgate_clock::fire_due();
+            // SAFETY: `poll` must not run twice at a time, and only in the thread that made the executor. Nobody
+            // but this closure knows the executor, and `block_on` calls it in this thread, never from a task.
+            unsafe { executor.poll() };
+            if alarm.poll(context).is_pending() && !pended.work.load(SeqCst) {
+                break;
+            }
+        }
+        pended.polling.store(false, SeqCst);
+        if pended.work.load(SeqCst) {
+            context.waker().wake_by_ref();
+        }
+        end.as_mut().poll(context)
+    }))
+}
+
+/// Tells [`run`] that there is work in the run queue.
+struct Pended {
+    work: AtomicBool,
+    /// `run` is busy with the queue and will see `work`: waking it would cost a pass through the reactor.
+    polling: AtomicBool,
+    waker: AtomicWaker,
+}
+
+impl Pended {
+    const fn new() -> Self {
+        Self { work: AtomicBool::new(false), polling: AtomicBool::new(false), waker: AtomicWaker::new() }
+    }
+}
+
+/// Called by the executor, from any thread, when its run queue is no longer empty.
+#[unsafe(export_name = "__pender")]
+fn pender(context: *mut ()) {
+    // SAFETY: every executor of this program is made by `run`, with a leaked `Pended` as its context.
+    let pended: &'static Pended = unsafe { &*context.cast::<Pended>() };
+    pended.work.store(true, SeqCst);
+    if !pended.polling.load(SeqCst) {
+        pended.waker.wake();
+    }
+}
+
+/// The timer for the thread's earliest alarm.
+struct Alarm {
+    /// The tick that the timer is set to.
+    at: Option<u64>,
+    timer: Timer,
+}
+
+impl Alarm {
+    /// Ready when an alarm is due already; else `context` is woken when it is.
+    fn poll(&mut self, context: &mut Context<'_>) -> Poll<()> {
+        let next = mobgate_clock::next_alarm();
+        // A timer that is left alone costs no system call.
+        if self.at != next {
+            self.at = next;
+            match next {
+                Some(tick) => {
+                    let ahead = tick.saturating_sub(embassy_time::Instant::now().as_ticks());
+                    self.timer.set_after(Duration::from_micros(ahead));
+                }
+                None => self.timer = Timer::never(),
+            }
+        }
+        let due = Pin::new(&mut self.timer).poll(context);
+        if due.is_ready() {
+            self.at = None;
+        }
+        due.map(drop)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+    use std::rc::Rc;
+    use std::time::{Duration, Instant};
+
+    use super::run;
+
+    #[embassy_executor::task]
+    async fn count(turns: Rc<Cell<u32>>) {
+        for _ in 0..100 {
+            embassy_time::Timer::after_micros(200).await;
+            turns.set(turns.get() + 1);
+        }
+    }
+
+    #[embassy_executor::task]
+    async fn hog() {
+        loop {
+            embassy_futures::yield_now().await;
+        }
+    }
+
+    #[test]
+    fn embassy_timers_fire_inside_of_the_reactor() {
+        let turns = Rc::new(Cell::new(0));
+        let start = Instant::now();
+        let seen = run(|spawner| spawner.spawn(count(turns.clone()).unwrap()), async {
+            while turns.get() < 100 {
+                async_io::Timer::after(Duration::from_millis(1)).await;
+            }
+            turns.get()
+        });
+        assert_eq!(seen, 100);
+        assert!(start.elapsed() >= Duration::from_millis(20));
+    }
+
+    #[test]
+    fn a_task_that_never_rests_keeps_no_io_from_being_seen() {
+        run(|spawner| spawner.spawn(hog().unwrap()), async {
+            async_io::Timer::after(Duration::from_millis(5)).await
+        });
+    }
+
+    #[test]
+    fn a_wake_from_another_thread_reaches_a_task() {
+        #[embassy_executor::task]
+        async fn answer(into: Rc<Cell<u32>>) {
+            let there = blocking::unblock(|| {
+                std::thread::sleep(Duration::from_millis(5)); // the executor is asleep by then
+                7
+            });
+            into.set(there.await);
+        }
+        let into = Rc::new(Cell::new(0));
+        run(|spawner| spawner.spawn(answer(into.clone()).unwrap()), async {
+            while into.get() == 0 {
+                embassy_time::Timer::after_millis(1).await;
+            }
+        });
+        assert_eq!(into.get(), 7);
+    }
+}

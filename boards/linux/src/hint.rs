@@ -1,0 +1,66 @@
+//! Hints for the user that name something only known at run time, as the `&'static str` of an `OpenError`.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+/// The same text for ever. A text is leaked once, however often it is asked for, and the callers' texts are few:
+/// one for each group of the system and one for the program's path.
+pub(crate) fn keep(text: String) -> &'static str {
+    static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+    let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = kept.get(text.as_str()) {
+        return known;
+    }
+    let text: &'static str = text.leak();
+    kept.insert(text);
+    text
+}
+
+/// What to do when `device` may not be opened: the group that owns it is the one to join.
+pub(crate) fn device_denied(device: &Path) -> &'static str {
+    use std::os::unix::fs::MetadataExt;
+    let owner = std::fs::metadata(device).ok().and_then(|facts| group_name(facts.gid()));
+    let group = owner.as_deref().unwrap_or("dialout");
+    keep(format!("add the user to the group {group}: sudo usermod -aG {group} $USER, then log in again"))
+}
+
+/// What to do when a port below 1024 may not be opened.
+pub(crate) fn port_denied() -> &'static str {
+    let program = std::env::current_exe().unwrap_or_else(|_| "mobgate".into());
+    keep(format!(
+        "ports below 1024 are privileged: sudo setcap cap_net_bind_service=+ep {}",
+        program.display()
+    ))
+}
+
+/// The name of group `gid`, if the system's group file has it.
+fn group_name(gid: u32) -> Option<String> {
+    let groups = std::fs::read_to_string("/etc/group").ok()?;
+    groups.lines().find_map(|line| {
+        let mut fields = line.split(':');
+        let name = fields.next()?;
+        (fields.nth(1)?.parse() == Ok(gid)).then(|| name.to_owned())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{device_denied, keep};
+
+    #[test]
+    fn a_hint_is_kept_once() {
+        let first = keep("ask again".to_owned());
+        assert!(std::ptr::eq(first, keep("ask again".to_owned())));
+    }
+
+    #[test]
+    fn a_refused_device_names_the_group_that_owns_it() {
+        assert!(device_denied("/dev/null".as_ref()).contains("group root"));
+    }
+
+    #[test]
+    fn a_device_without_a_known_group_names_dialout() {
+        assert!(device_denied("/does/not/exist".as_ref()).contains("group dialout"));
+    }
+}

@@ -1,0 +1,114 @@
+//! TCP connections: hosts that share listening sockets, and the streams that they accept.
+//!
+//! A connection task asks its host for the next connection at an address. The first to ask opens the listener; it
+//! closes when nobody waits on it and no connection from it is left.
+
+use std::cell::RefCell;
+use std::io::{self, Read as _, Write as _};
+use std::net::{Shutdown, SocketAddr};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::rc::{Rc, Weak};
+use std::time::Duration;
+
+use async_io::{Async, Timer};
+use embedded_io_async::{ErrorType, Read, Write};
+use futures_lite::future::or;
+use mobgate::config::TcpListen;
+use mobgate::hal::{self, OpenError, TcpHost};
+
+use crate::fair::Share;
+
+mod listener;
+
+pub use listener::Listener;
+
+/// Time that an orderly end of a connection may take.
+const CLOSE_MAX: Duration = Duration::from_millis(250);
+
+/// Accepts connections; clones share the listeners.
+#[derive(Debug, Clone, Default)]
+pub struct TcpSockets {
+    listeners: Rc<RefCell<Vec<Shared>>>,
+}
+
+/// A listener that some connection task holds, and where it listens.
+type Shared = (TcpListen, Weak<Listener>);
+
+impl TcpSockets {
+    /// The listener at `listen`, opened if it is not open yet. It stays open as long as it is held.
+    pub fn open(&self, listen: &TcpListen) -> Result<Rc<Listener>, OpenError> {
+        let mut listeners = self.listeners.borrow_mut();
+        listeners.retain(|(_, listener)| listener.strong_count() > 0);
+        let known = listeners.iter().find(|(at, _)| at == listen).and_then(|(_, known)| known.upgrade());
+        if let Some(known) = known {
+            return Ok(known);
+        }
+        let opened = Rc::new(Listener::open(listen)?);
+        listeners.push((*listen, Rc::downgrade(&opened)));
+        Ok(opened)
+    }
+}
+
+impl TcpHost for TcpSockets {
+    type Stream<'a> = TcpStream;
+
+    async fn accept(&mut self, listen: &TcpListen) -> Result<(TcpStream, SocketAddr), OpenError> {
+        let listener = self.open(listen)?;
+        let (io, peer) = listener.accept().await;
+        Ok((TcpStream { io, share: Share::default(), _listener: listener }, peer))
+    }
+}
+
+/// An accepted connection.
+#[derive(Debug)]
+pub struct TcpStream {
+    io: Async<std::net::TcpStream>,
+    share: Share,
+    /// Keeps the listener open while this is its only connection task and busy, so that no newcomer is refused.
+    _listener: Rc<Listener>,
+}
+
+impl hal::TcpStream for TcpStream {
+    async fn close(mut self) {
+        // A socket closed with unread bytes sends a reset, which may overtake the last answer: read them first.
+        let drain = async {
+            if self.io.get_ref().shutdown(Shutdown::Write).is_ok() {
+                let mut rest = [0; 1024];
+                while self.read(&mut rest).await.is_ok_and(|count| count > 0) {}
+            }
+        };
+        let too_long = async {
+            Timer::after(CLOSE_MAX).await;
+        };
+        or(drain, too_long).await;
+    }
+}
+
+impl AsFd for TcpStream {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.io.as_fd()
+    }
+}
+
+impl ErrorType for TcpStream {
+    type Error = io::Error;
+}
+
+impl Read for TcpStream {
+    async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        self.share.take().await;
+        self.io.read_with(|mut stream| stream.read(into)).await
+    }
+}
+
+impl Write for TcpStream {
+    async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
+        self.share.take().await;
+        self.io.write_with(|mut stream| stream.write(from)).await
+    }
+
+    /// Nothing is held back: Nagle is off.
+    async fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}

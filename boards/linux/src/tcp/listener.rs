@@ -1,0 +1,111 @@
+//! A listening socket that several connection tasks wait on.
+
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream};
+use std::time::Duration;
+
+use async_io::{Async, Timer};
+use async_lock::Mutex;
+use mobgate::config::TcpListen;
+use mobgate::hal::{OpenError, OpenErrorKind};
+use rustix::io::Errno;
+use socket2::{Domain, Protocol, Socket, TcpKeepalive, Type};
+
+use crate::hint;
+
+/// Connections that the kernel accepts ahead of us.
+const BACKLOG: i32 = 128;
+/// Pause when the system has no descriptor or memory for one more connection.
+const EXHAUSTED_PAUSE: Duration = Duration::from_millis(200);
+/// Time after which a peer that acknowledges nothing is gone.
+const USER_TIMEOUT: Duration = Duration::from_secs(30);
+const KEEPALIVE_IDLE: Duration = Duration::from_secs(30);
+const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(5);
+const KEEPALIVE_PROBES: u32 = 3;
+
+/// A listening socket. Waiting tasks queue up, so that a connection wakes one of them and not all.
+#[derive(Debug)]
+pub struct Listener {
+    socket: Mutex<Async<TcpListener>>,
+}
+
+impl Listener {
+    /// Listens at `listen`; without an address on every one, by IPv6 and IPv4 where the system has both.
+    pub(super) fn open(listen: &TcpListen) -> Result<Self, OpenError> {
+        let bound =
+            match listen.address {
+                Some(address) => bind((address, listen.port).into()),
+                None => bind((Ipv6Addr::UNSPECIFIED, listen.port).into()).or_else(|error| {
+                    match Errno::from_io_error(&error) {
+                        Some(Errno::AFNOSUPPORT | Errno::ADDRNOTAVAIL) => {
+                            bind((Ipv4Addr::UNSPECIFIED, listen.port).into())
+                        }
+                        _ => Err(error),
+                    }
+                }),
+            };
+        let socket = bound.and_then(Async::new).map_err(|error| refusal(&error))?;
+        Ok(Self { socket: Mutex::new(socket) })
+    }
+
+    /// The address and port that the socket is bound to, for a listener on port 0.
+    pub fn local_addr(&self) -> io::Result<SocketAddr> {
+        match self.socket.try_lock() {
+            Some(socket) => socket.get_ref().local_addr(),
+            None => Err(io::ErrorKind::WouldBlock.into()),
+        }
+    }
+
+    /// The next connection and its peer, an IPv4 peer as such also on a socket for both.
+    pub(super) async fn accept(&self) -> (Async<TcpStream>, SocketAddr) {
+        let socket = self.socket.lock().await;
+        loop {
+            match socket.accept().await {
+                Ok((stream, peer)) => {
+                    return (stream, SocketAddr::new(peer.ip().to_canonical(), peer.port()));
+                }
+                Err(error) if is_exhausted(&error) => {
+                    // The connection stays in the backlog, so that accepting again at once would spin.
+                    log::warn!("a TCP connection has to wait: {error}");
+                    Timer::after(EXHAUSTED_PAUSE).await;
+                }
+                // The connection ended before it was accepted (accept(2), "Error handling").
+                Err(error) => log::debug!("a TCP connection was not accepted: {error}"),
+            }
+        }
+    }
+}
+
+fn is_exhausted(error: &io::Error) -> bool {
+    matches!(Errno::from_io_error(error), Some(Errno::MFILE | Errno::NFILE | Errno::NOBUFS | Errno::NOMEM))
+}
+
+fn bind(at: SocketAddr) -> io::Result<TcpListener> {
+    let socket = Socket::new(Domain::for_address(at), Type::STREAM, Some(Protocol::TCP))?;
+    if at.ip() == IpAddr::V6(Ipv6Addr::UNSPECIFIED) {
+        socket.set_only_v6(false)?;
+    }
+    // Else a restarted program finds its port taken by its own closed connections (TIME_WAIT).
+    socket.set_reuse_address(true)?;
+    // Accepted sockets inherit these on Linux.
+    socket.set_tcp_nodelay(true)?;
+    socket.set_tcp_user_timeout(Some(USER_TIMEOUT))?;
+    let keepalive = TcpKeepalive::new().with_time(KEEPALIVE_IDLE).with_interval(KEEPALIVE_INTERVAL);
+    socket.set_tcp_keepalive(&keepalive.with_retries(KEEPALIVE_PROBES))?;
+    socket.bind(&at.into())?;
+    socket.listen(BACKLOG)?;
+    Ok(socket.into())
+}
+
+/// What a system error means for the user.
+fn refusal(error: &io::Error) -> OpenError {
+    let (kind, hint) = match Errno::from_io_error(error) {
+        Some(Errno::ACCESS | Errno::PERM) => (OpenErrorKind::Denied, hint::port_denied()),
+        Some(Errno::ADDRINUSE) => (OpenErrorKind::InUse, "see who listens: ss -ltnp"),
+        Some(Errno::ADDRNOTAVAIL | Errno::AFNOSUPPORT) => {
+            (OpenErrorKind::NotFound, "no network interface has this address")
+        }
+        _ => (OpenErrorKind::Failed, ""),
+    };
+    OpenError::new(kind, hint)
+}

@@ -1,0 +1,142 @@
+//! Serial lines: a Linux tty in raw mode, opened for this program alone, read and written through epoll.
+//!
+//! Opening talks to the device (an USB adapter takes some milliseconds), so it is done on a worker thread. Reading and
+//! writing never block: the port's task sleeps in the executor until the descriptor is ready.
+
+use std::fs::File;
+use std::io::{self, Read as _, Write as _};
+use std::os::fd::{AsFd, OwnedFd};
+use std::path::{Path, PathBuf};
+
+use async_io::Async;
+use embedded_io_async::{ErrorType, Read, Write};
+use mobgate::config::{LineSettings, Parity};
+use mobgate::hal::{OpenError, OpenErrorKind, SerialHost};
+use rustix::fs::{FlockOperation, flock, fstat, major};
+use rustix::io::Errno;
+use rustix::termios::{QueueSelector, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush};
+use serial2::rs4xx::{Rs485Config, TransceiverMode};
+use serial2::{CharSize, SerialPort, StopBits};
+
+use crate::fair::Share;
+use crate::hint;
+
+mod low_latency;
+
+/// Major device numbers of the slave side of Unix98 PTYs, which have no real line and know no parity.
+const PTY_MAJORS: std::ops::RangeInclusive<u32> = 136..=143;
+
+/// Opens `/dev/...` names, links to them such as those under `/dev/serial/by-id`, and bare names (`ttyUSB0`).
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TtyHost;
+
+/// An open serial line.
+#[derive(Debug)]
+pub struct Tty {
+    io: Async<File>,
+    share: Share,
+}
+
+impl SerialHost for TtyHost {
+    type Line<'a> = Tty;
+
+    async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Tty, OpenError> {
+        // An absolute name replaces the folder it is joined to.
+        let (device, line) = (Path::new("/dev").join(device), *line);
+        let port = blocking::unblock(move || open(device, &line)).await?;
+        let io = Async::new(File::from(OwnedFd::from(port)))
+            .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
+        Ok(Tty { io, share: Share::default() })
+    }
+}
+
+fn open(device: PathBuf, line: &LineSettings) -> Result<SerialPort, OpenError> {
+    let mut port = SerialPort::open(&device, |settings: serial2::Settings| Ok(settings))
+        .map_err(|error| refusal(&error, &device))?;
+    claim(&port).map_err(|error| refusal(&error.into(), &device))?;
+    configure(&mut port, line)
+        .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "speed or character format"))?;
+    if line.rs485 {
+        port.set_rs4xx_mode(TransceiverMode::Rs485(Rs485Config::new())).map_err(|_| {
+            OpenError::new(OpenErrorKind::Unsupported, "the driver has no rs485 mode; remove the word rs485")
+        })?;
+    }
+    low_latency::request(&port, &device);
+    // What came in before belongs to nobody's request.
+    let _ = tcflush(&port, QueueSelector::IFlush);
+    Ok(port)
+}
+
+/// Keeps other programs away from the line: TIOCEXCL refuses later opens, the lock refuses programs that use locks
+/// and holds against root as well, whom TIOCEXCL does not stop.
+fn claim(port: &SerialPort) -> Result<(), Errno> {
+    flock(port, FlockOperation::NonBlockingLockExclusive)?;
+    ioctl_tiocexcl(port)
+}
+
+fn configure(port: &mut SerialPort, line: &LineSettings) -> io::Result<()> {
+    let mut settings = port.get_configuration()?;
+    settings.set_raw();
+    settings.set_baud_rate(line.baud)?;
+    settings.set_stop_bits(if line.stop_bits == 2 { StopBits::Two } else { StopBits::One });
+    port.set_configuration(&settings)?;
+
+    settings.set_char_size(if line.data_bits == 7 { CharSize::Bits7 } else { CharSize::Bits8 });
+    settings.set_parity(match line.parity {
+        Parity::None => serial2::Parity::None,
+        Parity::Even => serial2::Parity::Even,
+        Parity::Odd => serial2::Parity::Odd,
+    });
+    match port.set_configuration(&settings) {
+        Err(_) if is_pty(port) => Ok(()),
+        set => set,
+    }
+}
+
+fn is_pty(port: &impl AsFd) -> bool {
+    fstat(port).is_ok_and(|facts| PTY_MAJORS.contains(&major(facts.st_rdev)))
+}
+
+/// What a system error means for the user.
+fn refusal(error: &io::Error, device: &Path) -> OpenError {
+    let (kind, hint) = match Errno::from_io_error(error) {
+        Some(Errno::NOENT | Errno::NODEV | Errno::NXIO | Errno::IO) => (OpenErrorKind::NotFound, ""),
+        Some(Errno::ACCESS | Errno::PERM) => (OpenErrorKind::Denied, hint::device_denied(device)),
+        Some(Errno::BUSY | Errno::WOULDBLOCK) => (OpenErrorKind::InUse, ""),
+        Some(Errno::NOTTY | Errno::ISDIR) => (OpenErrorKind::Unsupported, "not a serial device"),
+        _ => (OpenErrorKind::Failed, ""),
+    };
+    OpenError::new(kind, hint)
+}
+
+impl ErrorType for Tty {
+    type Error = io::Error;
+}
+
+impl Read for Tty {
+    async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        self.share.take().await;
+        self.io.read_with(|mut file| file.read(into)).await
+    }
+}
+
+impl Write for Tty {
+    async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
+        self.share.take().await;
+        self.io.write_with(|mut file| file.write(from)).await
+    }
+
+    /// Nothing is held back here. Waiting until the characters have left (tcdrain) would block every other task.
+    async fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Drop for Tty {
+    fn drop(&mut self) {
+        // Closing a tty waits for its output, up to 30 s when a device holds it back; and the exclusive mode of a PTY
+        // outlives this descriptor as long as its other side is open.
+        let _ = tcflush(&self.io, QueueSelector::IOFlush);
+        let _ = ioctl_tiocnxcl(&self.io);
+    }
+}

@@ -1,0 +1,104 @@
+//! Serial lines on PTYs, which behave like ttys but have no wire.
+
+use std::path::PathBuf;
+
+use async_io::block_on;
+use embedded_io_async::{Read, Write};
+use futures_lite::future::poll_once;
+use mobgate::config::{LineSettings, Parity};
+use mobgate::hal::{OpenErrorKind, SerialHost};
+use mobgate_linux::tty::{Tty, TtyHost};
+use serial2::SerialPort;
+
+/// The two ends of a PTY and the second one's name. The second end is kept: a PTY without it reads as hung up.
+fn pty() -> (SerialPort, SerialPort, String) {
+    let (outside, inside) = SerialPort::pair().unwrap();
+    let name = rustix::termios::ttyname(&inside, Vec::new()).unwrap().into_string().unwrap();
+    (outside, inside, name)
+}
+
+fn open(device: &str, line: &LineSettings) -> Result<Tty, OpenErrorKind> {
+    block_on(TtyHost.open(device, line)).map_err(|error| error.kind)
+}
+
+#[test]
+fn bytes_pass_both_ways_unchanged() {
+    let (outside, _inside, name) = pty();
+    let mut line = open(&name, &LineSettings::DEFAULT).unwrap();
+    let every_byte: Vec<u8> = (0..=255).collect();
+    let mut text = [0; 512];
+    outside.write_all(&every_byte).unwrap();
+    let count = block_on(line.read(&mut text)).unwrap();
+    assert_eq!(text[..count], every_byte);
+    block_on(line.write_all(&every_byte)).unwrap();
+    let mut back = [0; 256];
+    outside.read_exact(&mut back).unwrap();
+    assert_eq!(back.to_vec(), every_byte);
+}
+
+#[test]
+fn dropping_a_pending_read_loses_no_byte() {
+    let (outside, _inside, name) = pty();
+    let mut line = open(&name, &LineSettings::DEFAULT).unwrap();
+    let mut text = [0; 8];
+    assert!(block_on(poll_once(line.read(&mut text))).is_none());
+    outside.write_all(b"late").unwrap();
+    assert_eq!(block_on(line.read(&mut text)).unwrap(), 4);
+}
+
+#[test]
+fn a_line_takes_any_speed_and_format() {
+    let (_outside, inside, name) = pty();
+    let odd = LineSettings {
+        baud: 31_250,
+        data_bits: 7,
+        parity: Parity::Odd,
+        stop_bits: 2,
+        ..LineSettings::DEFAULT
+    };
+    let _line = open(&name, &odd).unwrap();
+    assert_eq!(inside.get_configuration().unwrap().get_baud_rate().unwrap(), 31_250);
+}
+
+#[test]
+fn a_line_is_open_once_until_it_is_dropped() {
+    let (_outside, _inside, name) = pty();
+    let line = open(&name, &LineSettings::DEFAULT).unwrap();
+    assert_eq!(open(&name, &LineSettings::DEFAULT).unwrap_err(), OpenErrorKind::InUse);
+    drop(line);
+    open(&name, &LineSettings::DEFAULT).unwrap();
+}
+
+#[test]
+fn a_link_by_id_is_followed() {
+    let (_outside, _inside, name) = pty();
+    let folder = tempfile::tempdir().unwrap();
+    let link: PathBuf = folder.path().join("usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0");
+    std::os::unix::fs::symlink(name, &link).unwrap();
+    open(link.to_str().unwrap(), &LineSettings::DEFAULT).unwrap();
+}
+
+#[test]
+fn a_hang_up_ends_the_line() {
+    let (outside, _inside, name) = pty();
+    let mut line = open(&name, &LineSettings::DEFAULT).unwrap();
+    drop(outside);
+    let ended = block_on(line.read(&mut [0; 8]));
+    assert!(matches!(ended, Ok(0) | Err(_)), "read {ended:?} from a line that is gone");
+    assert!(block_on(line.write_all(b"into the void")).is_err());
+}
+
+#[test]
+fn what_cannot_be_opened_is_told_apart() {
+    let open = |device| open(device, &LineSettings::DEFAULT).unwrap_err();
+    assert_eq!(open("/dev/ttyNOWHERE7"), OpenErrorKind::NotFound);
+    assert_eq!(open("ttyNOWHERE7"), OpenErrorKind::NotFound);
+    assert_eq!(open("/dev/null"), OpenErrorKind::Unsupported);
+}
+
+#[test]
+fn a_pty_has_no_rs485_driver_and_says_so() {
+    let (_outside, _inside, name) = pty();
+    let line = LineSettings { rs485: true, ..LineSettings::DEFAULT };
+    assert_eq!(open(&name, &line).unwrap_err(), OpenErrorKind::Unsupported);
+}

@@ -1,0 +1,8 @@
+//! The Modbus codecs: the specifications' own examples, and properties that hold for all inputs.
+
+mod ascii;
+mod pdu;
+mod rtu;
+mod rtu_response;
+mod samples;
+mod tcp;

@@ -1,0 +1,9 @@
+//! What the gateway promises, by part: its pure parts by value, the whole in virtual time.
+
+// Linked for the clock and the locks of a host.
+use mobgate_clock as _;
+
+mod frames;
+mod line;
+mod queue;
+mod units;

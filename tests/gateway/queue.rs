@@ -1,0 +1,195 @@
+//! Who is served next: the pure queue of a client-side port.
+
+use std::net::{IpAddr, Ipv4Addr};
+
+use embassy_time::Instant;
+use mobgate::port::queue::{Asker, Next, PASSED_OVER_MAX, PortQueue, Ready, Ticket, WAITING_MAX};
+use mobgate::route::Priority;
+use proptest::prelude::*;
+
+fn ticket(address: u8, connection: u32) -> Ticket {
+    let address = Some(IpAddr::V4(Ipv4Addr::new(10, 0, 0, address)));
+    let asker = Asker { address, connection };
+    Ticket { asker, priority: Priority::Normal, unit: 1, deadline: Instant::MAX }
+}
+
+fn ranked(priority: Priority) -> Ticket {
+    Ticket { priority, ..ticket(priority as u8, 0) }
+}
+
+fn serve<T>(queue: &mut PortQueue<T>) -> Option<T> {
+    match queue.next(Instant::MIN, |_| Ready::Now) {
+        Next::Serve(order, _) => Some(order),
+        Next::Wait(_) | Next::Empty => None,
+    }
+}
+
+fn drain<T>(queue: &mut PortQueue<T>) -> Vec<T> {
+    std::iter::from_fn(|| serve(queue)).collect()
+}
+
+#[test]
+fn orders_of_one_asker_keep_their_order() {
+    let mut queue = PortQueue::new();
+    (0..10).for_each(|order| assert_eq!(queue.push(order, ticket(1, 1)), None));
+    assert_eq!(drain(&mut queue), (0..10).collect::<Vec<_>>());
+}
+
+#[test]
+fn addresses_take_turns_and_within_an_address_its_connections() {
+    let mut queue = PortQueue::new();
+    for round in 0..2 {
+        queue.push(("a1", round), ticket(1, 1));
+        queue.push(("a2", round), ticket(1, 2));
+        queue.push(("b", round), ticket(2, 3));
+    }
+    let order: Vec<_> = drain(&mut queue).into_iter().map(|(who, _)| who).collect();
+    assert_eq!(order, ["a1", "b", "a2", "b", "a1", "a2"]);
+}
+
+#[test]
+fn a_client_with_nothing_queued_goes_ahead_of_those_that_keep_the_line_busy() {
+    let mut queue = PortQueue::new();
+    for flooder in 0..31 {
+        queue.push(flooder, ticket(flooder, 0));
+    }
+    for _ in 0..100 {
+        let flooder = serve(&mut queue).unwrap();
+        queue.push(flooder, ticket(flooder, 0));
+    }
+    queue.push(99, ticket(99, 0));
+    assert_eq!(serve(&mut queue), Some(99));
+}
+
+#[test]
+fn higher_priority_goes_first() {
+    let mut queue = PortQueue::new();
+    for priority in [Priority::Low, Priority::Normal, Priority::High] {
+        queue.push(priority, ranked(priority));
+    }
+    assert_eq!(drain(&mut queue), [Priority::High, Priority::Normal, Priority::Low]);
+}
+
+#[test]
+fn a_low_order_is_passed_over_a_bounded_number_of_times() {
+    for flood in [Priority::Normal, Priority::High] {
+        let mut queue = PortQueue::new();
+        queue.push(Priority::Low, ranked(Priority::Low));
+        let mut turns = 0;
+        loop {
+            queue.push(flood, ranked(flood));
+            turns += 1;
+            if serve(&mut queue) == Some(Priority::Low) {
+                break;
+            }
+            assert!(turns <= 2 * u32::from(PASSED_OVER_MAX), "starved by {flood:?}");
+        }
+        assert!(turns > u32::from(PASSED_OVER_MAX), "served after {turns} turns, too early to be low");
+    }
+}
+
+#[test]
+fn an_overdue_low_order_does_not_delay_a_high_one() {
+    let mut queue = PortQueue::new();
+    queue.push(Priority::Low, ranked(Priority::Low));
+    for _ in 0..PASSED_OVER_MAX {
+        queue.push(Priority::Normal, ranked(Priority::Normal));
+        assert_eq!(serve(&mut queue), Some(Priority::Normal));
+    }
+    queue.push(Priority::Normal, ranked(Priority::Normal));
+    queue.push(Priority::High, ranked(Priority::High));
+    assert_eq!(drain(&mut queue), [Priority::High, Priority::Low, Priority::Normal]);
+}
+
+#[test]
+fn a_held_unit_lets_the_others_pass() {
+    let mut queue = PortQueue::new();
+    let held = Instant::from_secs(5);
+    queue.push(7, Ticket { unit: 7, ..ticket(1, 1) });
+    queue.push(8, Ticket { unit: 8, ..ticket(1, 1) });
+    let ready = |unit| if unit == 7 { Ready::At(held) } else { Ready::Now };
+    assert!(matches!(queue.next(Instant::MIN, ready), Next::Serve(8, _)));
+    assert_eq!(queue.next(Instant::MIN, ready), Next::Wait(held));
+    assert!(matches!(queue.next(held, ready), Next::Serve(7, _)));
+    assert_eq!(queue.next(held, ready), Next::Empty);
+}
+
+#[test]
+fn a_full_queue_makes_room_at_the_cost_of_whoever_has_most() {
+    let mut queue = PortQueue::new();
+    for order in 0..WAITING_MAX {
+        assert_eq!(queue.push(order, ticket(1, 1)), None);
+    }
+    assert_eq!(queue.push(1000, ticket(1, 1)), Some(1000), "the flooder itself is refused");
+    assert_eq!(
+        queue.push(2000, ticket(2, 2)),
+        Some(WAITING_MAX - 1),
+        "its newest order goes for another address"
+    );
+    assert_eq!(
+        queue.push(3000, ticket(1, 3)),
+        Some(WAITING_MAX - 2),
+        "and for another connection of its address"
+    );
+    assert_eq!(queue.len(), WAITING_MAX);
+}
+
+#[test]
+fn unwanted_orders_are_taken_out_with_the_reason() {
+    let mut queue = PortQueue::new();
+    queue.push(1, Ticket { deadline: Instant::from_secs(1), ..ticket(1, 1) });
+    queue.push(2, Ticket { deadline: Instant::from_secs(3), ..ticket(1, 1) });
+    assert_eq!(queue.first_deadline(), Some(Instant::from_secs(1)));
+    let late = |_: &i32, ticket: &Ticket| (ticket.deadline <= Instant::from_secs(2)).then_some("late");
+    assert_eq!(queue.take_if(late), Some((1, "late")));
+    assert_eq!(queue.take_if(late), None);
+    assert_eq!(drain(&mut queue), [2]);
+}
+
+proptest! {
+    /// Whatever is pushed comes out exactly once, by being served, evicted or refused; and of two orders of one asker
+    /// and rank the earlier one is served first.
+    #[test]
+    fn every_order_comes_out_once(
+        steps in prop::collection::vec((any::<bool>(), 0_u8..6, 0_u32..3, 0_usize..3), 1..400),
+    ) {
+        let priorities = [Priority::High, Priority::Normal, Priority::Low];
+        let mut queue = PortQueue::new();
+        let mut inside = std::collections::BTreeMap::new();
+        for (number, (push, address, connection, priority)) in steps.into_iter().enumerate() {
+            if push {
+                let ticket = Ticket { priority: priorities[priority], ..ticket(address, connection) };
+                inside.insert(number, ticket);
+                if let Some(out) = queue.push(number, ticket) {
+                    prop_assert!(inside.remove(&out).is_some());
+                    prop_assert_eq!(inside.len(), WAITING_MAX);
+                }
+            } else if let Some(out) = serve(&mut queue) {
+                let ticket = inside.remove(&out);
+                prop_assert!(ticket.is_some(), "{} was not inside", out);
+                prop_assert!(inside.iter().all(|(other, twin)| Some(*twin) != ticket || *other > out));
+            } else {
+                prop_assert!(inside.is_empty());
+            }
+            prop_assert_eq!(queue.len(), inside.len());
+        }
+        prop_assert_eq!(drain(&mut queue).len(), inside.len());
+    }
+
+    /// Against any backlog of others, an address that was not served within the last turns of all is next.
+    #[test]
+    fn a_sparse_address_is_served_next(backlog in prop::collection::vec((0_u8..20, 0_u32..3), 1..60)) {
+        let mut queue = PortQueue::new();
+        for (address, connection) in &backlog {
+            queue.push(*address, ticket(*address, *connection));
+        }
+        for _ in 0..backlog.len() / 2 {
+            serve(&mut queue);
+        }
+        // Whoever was not served yet arrived earlier and goes first; with all served once, the newcomer is next.
+        let unserved: std::collections::BTreeSet<_> = backlog.iter().map(|(address, _)| *address).collect();
+        queue.push(99, ticket(99, 0));
+        let position = drain(&mut queue).iter().position(|address| *address == 99).unwrap();
+        prop_assert!(position <= unserved.len());
+    }
+}

@@ -1,0 +1,82 @@
+//! The health of units: late-reply window, down, probes.
+
+use embassy_time::{Duration, Instant};
+use mobgate::port::queue::Ready;
+use mobgate::port::units::{Gate, PROBE_LONGEST, UNITS_MAX, Units};
+
+const WINDOW: Duration = Duration::from_secs(1);
+const DOWN_AFTER: u8 = 3;
+
+fn time_out(units: &mut Units, id: u8, now: Instant) {
+    units.asked(id);
+    units.timed_out(id, now, WINDOW, DOWN_AFTER);
+}
+
+#[test]
+fn after_a_time_out_a_unit_is_held_for_the_window() {
+    let mut units = Units::new();
+    let now = Instant::from_secs(10);
+    assert_eq!(units.gate(5, now), Gate::Open(Ready::Now));
+    time_out(&mut units, 5, now);
+    assert_eq!(units.gate(5, now), Gate::Open(Ready::At(now + WINDOW)));
+    assert_eq!(units.gate(5, now + WINDOW), Gate::Open(Ready::Now));
+    assert_eq!(units.gate(6, now), Gate::Open(Ready::Now), "the other units go on");
+}
+
+#[test]
+fn a_silent_unit_is_down_and_probed_at_growing_intervals() {
+    let mut units = Units::new();
+    let mut now = Instant::from_secs(0);
+    for _ in 0..DOWN_AFTER {
+        now += Duration::from_secs(2);
+        time_out(&mut units, 5, now);
+    }
+    for pause in [1, 2, 4, 8, 16, 30, 30] {
+        assert_eq!(units.gate(5, now), Gate::Down);
+        let probe = now + Duration::from_secs(pause);
+        assert_eq!(units.gate(5, probe - Duration::from_ticks(1)), Gate::Down);
+        assert_eq!(units.gate(5, probe), Gate::Open(Ready::Now), "the probe after {pause} s");
+        now = probe;
+        time_out(&mut units, 5, now);
+    }
+    assert_eq!(PROBE_LONGEST, Duration::from_secs(30));
+}
+
+#[test]
+fn one_answer_makes_a_unit_well_again() {
+    for sign_of_life in
+        [|units: &mut Units| units.answered(5, WINDOW, true), |units: &mut Units| units.damaged(5)]
+    {
+        let mut units = Units::new();
+        for second in 0..10 {
+            time_out(&mut units, 5, Instant::from_secs(second * 100));
+        }
+        sign_of_life(&mut units);
+        let now = Instant::from_secs(2000);
+        time_out(&mut units, 5, now);
+        assert_eq!(units.gate(5, now), Gate::Open(Ready::At(now + WINDOW)), "held, not down");
+    }
+}
+
+#[test]
+fn with_zero_a_unit_is_never_down() {
+    let mut units = Units::new();
+    for second in 0..100 {
+        units.timed_out(5, Instant::from_secs(second), WINDOW, 0);
+        assert_ne!(units.gate(5, Instant::from_secs(second)), Gate::Down);
+    }
+}
+
+#[test]
+fn when_there_are_more_units_than_places_the_ones_in_trouble_are_remembered() {
+    let mut units = Units::new();
+    for _ in 0..DOWN_AFTER {
+        time_out(&mut units, 200, Instant::from_secs(1));
+    }
+    for id in 1..=100 {
+        units.asked(id);
+        units.answered(id, WINDOW, false);
+    }
+    assert_eq!(units.iter().count(), UNITS_MAX);
+    assert_eq!(units.gate(200, Instant::from_secs(1)), Gate::Down);
+}

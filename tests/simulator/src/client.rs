@@ -1,0 +1,172 @@
+//! Modbus TCP clients, written from the specification and not from the gateway's codecs.
+//!
+//! [`Client::request`] does one transaction; [`Client::send`] and [`Client::receive`] keep several open. [`load`] has clients that
+//! ask again and again and note how long each answer took.
+
+use embassy_time::{Duration, with_timeout};
+use embedded_io_async::{Read, Write};
+
+use crate::net::ClientStream;
+
+pub mod load;
+#[cfg(test)]
+mod tests;
+
+/// MBAP header: transaction, protocol, length, unit.
+const HEADER_BYTES: usize = 7;
+/// The largest frame, Messaging on TCP/IP 3.1.3.
+const FRAME_BYTES_MAX: usize = 260;
+
+/// What came of a request.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Answer {
+    /// A response or an exception: its PDU.
+    Pdu(Vec<u8>),
+    /// Nothing within the client's patience.
+    Silence,
+    /// The connection has ended.
+    Closed,
+    /// Something that is no answer to this request.
+    Wrong(Reply),
+}
+
+impl Answer {
+    /// The exception code, if it is an exception.
+    pub fn exception(&self) -> Option<u8> {
+        match self {
+            Self::Pdu(pdu) => match pdu[..] {
+                [function, code] if function & 0x80 != 0 => Some(code),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+}
+
+/// A frame as it came.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reply {
+    /// Transaction id.
+    pub transaction: u16,
+    /// Protocol id, 0 in Modbus.
+    pub protocol: u16,
+    /// Unit id.
+    pub unit: u8,
+    /// The PDU; may be empty in a wrong frame.
+    pub pdu: Vec<u8>,
+}
+
+/// Why [`Client::receive`] has no frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoReply {
+    /// Nothing within the client's patience.
+    Silence,
+    /// The connection has ended.
+    Closed,
+}
+
+/// A connected client.
+pub struct Client {
+    stream: ClientStream,
+    patience: Duration,
+    transaction: u16,
+    received: Vec<u8>,
+}
+
+/// The frame of a request.
+pub fn frame(transaction: u16, unit: u8, pdu: &[u8]) -> Vec<u8> {
+    let mut frame = transaction.to_be_bytes().to_vec();
+    frame.extend([0, 0]);
+    frame.extend((pdu.len() as u16 + 1).to_be_bytes());
+    frame.push(unit);
+    frame.extend(pdu);
+    frame
+}
+
+impl Client {
+    /// A client on `stream` that waits 10 s for an answer.
+    pub fn new(stream: ClientStream) -> Self {
+        Self { stream, patience: Duration::from_secs(10), transaction: 0, received: Vec::new() }
+    }
+
+    /// The client with another patience.
+    #[must_use]
+    pub fn with_patience(self, patience: Duration) -> Self {
+        Self { patience, ..self }
+    }
+
+    /// Asks `unit` and waits for the answer.
+    pub async fn request(&mut self, unit: u8, pdu: &[u8]) -> Answer {
+        let Some(transaction) = self.send(unit, pdu).await else { return Answer::Closed };
+        match self.receive().await {
+            Ok(reply) if Self::fits(&reply, transaction, unit, pdu) => Answer::Pdu(reply.pdu),
+            Ok(reply) => Answer::Wrong(reply),
+            Err(NoReply::Silence) => Answer::Silence,
+            Err(NoReply::Closed) => Answer::Closed,
+        }
+    }
+
+    fn fits(reply: &Reply, transaction: u16, unit: u8, pdu: &[u8]) -> bool {
+        let function = reply.pdu.first().map(|function| function & 0x7f);
+        (reply.transaction, reply.protocol, reply.unit) == (transaction, 0, unit)
+            && function == pdu.first().copied()
+    }
+
+    /// Sends a request without waiting for its answer; its transaction id, or nothing when the connection has ended.
+    pub async fn send(&mut self, unit: u8, pdu: &[u8]) -> Option<u16> {
+        self.transaction = self.transaction.wrapping_add(1);
+        let frame = frame(self.transaction, unit, pdu);
+        self.send_bytes(&frame).await.then_some(self.transaction)
+    }
+
+    /// Sends `bytes` as they are; false when the connection has ended.
+    pub async fn send_bytes(&mut self, bytes: &[u8]) -> bool {
+        self.stream.write_all(bytes).await.is_ok()
+    }
+
+    /// The next frame, whatever request it answers.
+    pub async fn receive(&mut self) -> Result<Reply, NoReply> {
+        let patience = self.patience;
+        with_timeout(patience, self.receive_patiently()).await.unwrap_or(Err(NoReply::Silence))
+    }
+
+    async fn receive_patiently(&mut self) -> Result<Reply, NoReply> {
+        loop {
+            if let Some(reply) = self.take_frame() {
+                return Ok(reply);
+            }
+            let mut buffer = [0; FRAME_BYTES_MAX];
+            match self.stream.read(&mut buffer).await {
+                Ok(0) | Err(_) => return Err(NoReply::Closed),
+                Ok(count) => self.received.extend_from_slice(&buffer[..count]),
+            }
+        }
+    }
+
+    /// Takes the first frame off the stream, when all of it is there.
+    fn take_frame(&mut self) -> Option<Reply> {
+        let word =
+            |at: usize| Some(u16::from_be_bytes([*self.received.get(at)?, *self.received.get(at + 1)?]));
+        let (transaction, protocol, length) = (word(0)?, word(2)?, word(4)?);
+        let end = HEADER_BYTES - 1 + usize::from(length);
+        assert!(
+            (HEADER_BYTES..=FRAME_BYTES_MAX).contains(&end),
+            "the gateway sent an MBAP length of {length}"
+        );
+        if self.received.len() < end {
+            return None;
+        }
+        let frame: Vec<u8> = self.received.drain(..end).collect();
+        Some(Reply { transaction, protocol, unit: frame[6], pdu: frame[HEADER_BYTES..].to_vec() })
+    }
+
+    /// Waits until the gateway ends the connection; false when it does not within the client's patience, or sends something.
+    pub async fn is_closed(&mut self) -> bool {
+        self.receive().await == Err(NoReply::Closed)
+    }
+
+    /// The connection, to end it in one of its ways.
+    pub fn into_stream(self) -> ClientStream {
+        self.stream
+    }
+}

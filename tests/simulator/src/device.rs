@@ -1,0 +1,215 @@
+//! Modbus RTU devices, written from the specification and not from the gateway's codecs.
+//!
+//! A device hears whole frames: it wants t3.5 of silence behind a frame, drops one that has a silence over t1.5 inside or a
+//! wrong CRC, and answers after its turnaround time. Its [`Faults`] then decide what the answer looks like on the
+//! wire. [`serve`] lets several devices share one connection to the bus, which costs less than one each.
+
+use std::cell::{RefCell, RefMut};
+use std::rc::Rc;
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::Write;
+
+use crate::fault::Faults;
+use crate::wire::{Heard, LineEnd, Silence};
+
+mod fresh;
+mod memory;
+pub mod rtu;
+#[cfg(test)]
+mod tests;
+
+pub use fresh::Fresh;
+pub use memory::{Memory, TABLE_LENGTH};
+
+/// A device. Clones are the same device.
+#[derive(Clone)]
+pub struct Device(Rc<RefCell<State>>);
+
+struct State {
+    unit: u8,
+    turnaround: Duration,
+    memory: Memory,
+    faults: Faults,
+    counters: Counters,
+    writes: Vec<Executed>,
+}
+
+/// What a device has counted since the start.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Counters {
+    /// Requests executed or refused by an exception, per function code.
+    pub requests: [u64; 128],
+    /// Frames for anybody with a wrong CRC, or too short or too long to have one.
+    pub bad_crc: u64,
+    /// Frames with a silence over t1.5 inside.
+    pub gap_inside: u64,
+}
+
+impl Counters {
+    /// Requests of all functions.
+    pub fn all_requests(&self) -> u64 {
+        self.requests.iter().sum()
+    }
+}
+
+/// A request that changed the device's memory.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Executed {
+    /// When it was executed.
+    pub at: Instant,
+    /// Whether it came to everybody, by unit id 0.
+    pub broadcast: bool,
+    /// The request.
+    pub pdu: Vec<u8>,
+}
+
+impl Device {
+    /// A device with id `unit`, [`Memory::new`]'s values, 1 ms of turnaround time, and no faults.
+    pub fn new(unit: u8) -> Self {
+        Self(Rc::new(RefCell::new(State {
+            unit,
+            turnaround: Duration::from_millis(1),
+            memory: Memory::new(unit),
+            faults: Faults::none(),
+            counters: Counters { requests: [0; 128], bad_crc: 0, gap_inside: 0 },
+            writes: Vec::new(),
+        })))
+    }
+
+    /// The device with another time between the end of the request's silence and its answer.
+    #[must_use]
+    pub fn with_turnaround(self, turnaround: Duration) -> Self {
+        self.0.borrow_mut().turnaround = turnaround;
+        self
+    }
+
+    /// The device with `faults`.
+    #[must_use]
+    pub fn with_faults(self, faults: Faults) -> Self {
+        self.set_faults(faults);
+        self
+    }
+
+    /// The device with [`Fresh`] registers at `address`, in the holding and the input table.
+    #[must_use]
+    pub fn with_fresh(self, address: u16) -> Self {
+        self.0.borrow_mut().memory.set_fresh(address);
+        self
+    }
+
+    /// Replaces the faults.
+    pub fn set_faults(&self, faults: Faults) {
+        self.0.borrow_mut().faults = faults;
+    }
+
+    /// The unit id.
+    pub fn unit(&self) -> u8 {
+        self.0.borrow().unit
+    }
+
+    /// The memory, to look at or to change from outside; not to be held across an await.
+    pub fn memory(&self) -> RefMut<'_, Memory> {
+        RefMut::map(self.0.borrow_mut(), |state| &mut state.memory)
+    }
+
+    /// The counters as they are now.
+    pub fn counters(&self) -> Counters {
+        self.0.borrow().counters.clone()
+    }
+
+    /// The requests that changed something, oldest first.
+    pub fn writes(&self) -> Vec<Executed> {
+        self.0.borrow().writes.clone()
+    }
+
+    /// How often a fault has hit an answer.
+    pub fn faults_injected(&self) -> u64 {
+        self.0.borrow().faults.injected()
+    }
+
+    /// Lives at `line`, for ever.
+    pub async fn run(self, line: LineEnd) {
+        serve(line, vec![self]).await;
+    }
+
+    /// Takes a frame in; the pieces of the answer, if one is to be sent, go to `outbox`.
+    fn hear(&self, heard: &Heard, line: &LineEnd, outbox: &mut Vec<Outgoing>) {
+        let mut state = self.0.borrow_mut();
+        if heard.gap_inside {
+            state.counters.gap_inside += 1;
+            return;
+        }
+        let Some((unit, pdu)) = rtu::open(&heard.bytes) else {
+            state.counters.bad_crc += 1;
+            return;
+        };
+        let broadcast = unit == 0;
+        if unit != state.unit && !broadcast {
+            return;
+        }
+        let answer = state.execute(pdu, broadcast);
+        if broadcast {
+            return;
+        }
+        let State { unit, turnaround, ref mut faults, .. } = *state;
+        let mut at = Instant::now() + turnaround;
+        for piece in faults.transmission(unit, pdu, answer) {
+            at += piece.pause;
+            let length = line.line().chars(piece.bytes.len());
+            outbox.push(Outgoing { at, bytes: piece.bytes });
+            at += length;
+        }
+    }
+}
+
+impl State {
+    fn execute(&mut self, pdu: &[u8], broadcast: bool) -> Vec<u8> {
+        let function = pdu[0];
+        self.counters.requests[usize::from(function & 0x7f)] += 1;
+        match self.memory.execute(pdu) {
+            Ok(answer) => {
+                if matches!(function, 5 | 6 | 15 | 16 | 22 | 23) {
+                    self.writes.push(Executed { at: Instant::now(), broadcast, pdu: pdu.to_vec() });
+                }
+                answer
+            }
+            Err(exception) => vec![function | 0x80, exception],
+        }
+    }
+}
+
+/// Bytes that are due to be sent.
+struct Outgoing {
+    at: Instant,
+    bytes: Vec<u8>,
+}
+
+/// Lets `devices` live at `line`, for ever. They hear the same frames; an answer that is late is sent then, whatever
+/// else is on the wire.
+pub async fn serve(mut line: LineEnd, devices: Vec<Device>) {
+    let mut outbox: Vec<Outgoing> = Vec::new();
+    loop {
+        let silence = Silence::of(&line.line());
+        let next = outbox.iter().enumerate().min_by_key(|(_, outgoing)| outgoing.at);
+        let next = next.map(|(index, outgoing)| (index, outgoing.at));
+        let due = async {
+            match next {
+                Some((index, at)) => {
+                    Timer::at(at).await;
+                    index
+                }
+                None => std::future::pending().await,
+            }
+        };
+        match select(line.frame(silence), due).await {
+            Either::First(heard) => devices.iter().for_each(|device| device.hear(&heard, &line, &mut outbox)),
+            Either::Second(index) => {
+                let outgoing = outbox.remove(index);
+                // The bus has nobody to tell: an unplugged device just is not heard.
+                let _ = line.write_all(&outgoing.bytes).await;
+            }
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! Faults between a device and the wire: its good answer goes in, what a bad day makes of it comes out.
+
+use std::ops::RangeInclusive;
+
+use embassy_time::{Duration, Instant};
+use embedded_io_async::Write;
+
+use crate::device::rtu;
+use crate::random::Random;
+use crate::wire::LineEnd;
+
+/// Something that happens to an answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// No answer.
+    Dead,
+    /// The answer comes later, by a time between the two.
+    Late(Duration, Duration),
+    /// The CRC is wrong.
+    BadCrc,
+    /// One bit of one byte is turned.
+    FlippedBit,
+    /// One byte is missing.
+    LostByte,
+    /// The end is missing: at least the last byte, at most all but the first.
+    Truncated,
+    /// A good frame with another unit's id.
+    WrongUnit,
+    /// A good frame of another function.
+    WrongFunction,
+    /// A good frame with two more data bytes than asked for.
+    WrongLength,
+    /// A good frame in which the bytes behind the function code differ: another address echoed, another byte count.
+    WrongEcho,
+    /// So many random bytes right before the answer.
+    NoiseBefore(u8),
+    /// So many random bytes right behind the answer.
+    NoiseAfter(u8),
+    /// A silence in the middle of the answer.
+    GapInside(Duration),
+    /// An exception instead of the answer.
+    Exception(u8),
+    /// The answer comes twice, with this silence between.
+    Twice(Duration),
+}
+
+/// Which requests a fault hits. Requests of a device are counted from 1 on.
+#[derive(Debug, Clone, PartialEq)]
+pub enum When {
+    /// Every one.
+    Always,
+    /// Each with this probability.
+    Chance(f64),
+    /// Every so many-th.
+    Every(u64),
+    /// These.
+    Requests(RangeInclusive<u64>),
+    /// Those executed in this time.
+    During(RangeInclusive<Instant>),
+    /// Those of this function code.
+    Function(u8),
+}
+
+/// A device's faults. Those that hit the same answer add up, in the order in which they were given.
+#[derive(Debug, Clone)]
+pub struct Faults {
+    rules: Vec<(When, Fault)>,
+    random: Random,
+    requests: u64,
+    injected: u64,
+}
+
+/// A part of a transmission.
+pub(crate) struct Piece {
+    /// Before it.
+    pub(crate) pause: Duration,
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl Faults {
+    /// No faults.
+    pub const fn none() -> Self {
+        Self::new(0)
+    }
+
+    /// No faults yet; what is left to chance comes from `seed`.
+    pub const fn new(seed: u64) -> Self {
+        Self { rules: Vec::new(), random: Random::new(seed), requests: 0, injected: 0 }
+    }
+
+    /// The faults, and `fault` for the requests that `when` says.
+    #[must_use]
+    pub fn with(mut self, when: When, fault: Fault) -> Self {
+        self.rules.push((when, fault));
+        self
+    }
+
+    /// How often a fault has hit.
+    pub fn injected(&self) -> u64 {
+        self.injected
+    }
+
+    /// What goes on the wire instead of `unit`'s `answer` to `request`.
+    pub(crate) fn transmission(&mut self, unit: u8, request: &[u8], answer: Vec<u8>) -> Vec<Piece> {
+        self.requests += 1;
+        let faults = self.draw(request);
+        self.injected += faults.len() as u64;
+        if faults.contains(&Fault::Dead) {
+            return Vec::new();
+        }
+        let mut unit = unit;
+        let mut pdu = answer;
+        for &fault in &faults {
+            forge(fault, &mut unit, &mut pdu);
+        }
+        let mut pieces = vec![Piece { pause: Duration::from_ticks(0), bytes: rtu::frame(unit, &pdu) }];
+        for &fault in &faults {
+            self.damage(fault, &mut pieces);
+        }
+        pieces
+    }
+
+    fn draw(&mut self, request: &[u8]) -> Vec<Fault> {
+        let Self { rules, random, requests, .. } = self;
+        let hits = |when: &When| match when {
+            When::Always => true,
+            When::Chance(probability) => random.chance(*probability),
+            When::Every(nth) => requests.is_multiple_of(*nth),
+            When::Requests(range) => range.contains(requests),
+            When::During(time) => time.contains(&Instant::now()),
+            When::Function(function) => request.first() == Some(function),
+        };
+        let mut hits = hits;
+        rules.iter().filter(|(when, _)| hits(when)).map(|&(_, fault)| fault).collect()
+    }
+
+    /// Faults of the transmission: its bytes no longer are what was meant.
+    fn damage(&mut self, fault: Fault, pieces: &mut Vec<Piece>) {
+        let Some(Piece { pause, bytes }) = pieces.last_mut() else { return };
+        let place = self.random.index(bytes.len());
+        match fault {
+            Fault::Late(least, most) => {
+                *pause += Duration::from_ticks(self.random.within(least.as_ticks()..=most.as_ticks()));
+            }
+            Fault::BadCrc => {
+                if let Some(last) = bytes.last_mut() {
+                    *last ^= 0xa5;
+                }
+            }
+            Fault::FlippedBit => bytes[place] ^= 1 << self.random.index(8),
+            Fault::LostByte => drop(bytes.remove(place)),
+            Fault::Truncated => bytes.truncate(place.max(1)),
+            Fault::NoiseBefore(count) => {
+                let noise: Vec<u8> = (0..count).map(|_| self.random.byte()).collect();
+                bytes.splice(0..0, noise);
+            }
+            Fault::NoiseAfter(count) => bytes.extend((0..count).map(|_| self.random.byte())),
+            Fault::GapInside(pause) => {
+                let bytes = bytes.split_off(bytes.len() / 2);
+                pieces.push(Piece { pause, bytes });
+            }
+            Fault::Twice(pause) => {
+                let bytes = bytes.clone();
+                pieces.push(Piece { pause, bytes });
+            }
+            // Done by `forge`, or no answer at all.
+            Fault::Dead | Fault::WrongUnit | Fault::WrongFunction | Fault::WrongLength => {}
+            Fault::WrongEcho | Fault::Exception(_) => {}
+        }
+    }
+}
+
+/// Faults of the device: it sends something wrong in good order.
+fn forge(fault: Fault, unit: &mut u8, pdu: &mut Vec<u8>) {
+    match fault {
+        Fault::WrongUnit => *unit = unit.wrapping_add(1),
+        Fault::WrongFunction => pdu[0] ^= 0x01,
+        Fault::WrongLength => {
+            // Also the byte count, where there is one.
+            if matches!(pdu[0], 1..=4 | 17 | 23) {
+                pdu[1] += 2;
+            }
+            pdu.extend([0x12, 0x34]);
+        }
+        Fault::WrongEcho => pdu[1..].iter_mut().take(2).for_each(|byte| *byte ^= 0x01),
+        Fault::Exception(code) => *pdu = vec![pdu[0] | 0x80, code],
+        _ => {}
+    }
+}
+
+/// Sends random bytes on `line` for ever, in bursts of `burst` with `pause` between; no pause is a stuck transmitter.
+pub async fn babble(mut line: LineEnd, mut random: Random, burst: usize, pause: Duration) {
+    loop {
+        let noise: Vec<u8> = (0..burst.max(1)).map(|_| random.byte()).collect();
+        // Nobody to tell: an unplugged device is not heard.
+        let _ = line.write_all(&noise).await;
+        let _ = line.flush().await;
+        embassy_time::Timer::after(pause.max(Duration::from_ticks(1))).await;
+    }
+}

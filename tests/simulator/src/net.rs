@@ -1,0 +1,285 @@
+//! TCP within the simulation: listeners, connections, and the ways in which a network is awkward.
+//!
+//! A client [`connect`](Network::connect)s with a [`Path`] that says how bytes travel in each direction; the gateway's side comes from
+//! [`SimTcpHost`]. A connection is two pipes with a bounded window, so a peer that never reads makes the other's write wait.
+
+use std::cell::RefCell;
+use std::collections::{HashMap, VecDeque};
+use std::future::poll_fn;
+use std::net::{IpAddr, SocketAddr};
+use std::rc::Rc;
+use std::task::{Poll, Waker};
+
+use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+use mobgate::config::TcpListen;
+use mobgate::hal::{OpenError, OpenErrorKind, TcpHost, TcpStream};
+
+use crate::random::Random;
+
+mod pipe;
+#[cfg(test)]
+mod tests;
+
+pub use pipe::Path;
+use pipe::Pipe;
+
+/// Connections that wait for an `accept`; one more is refused.
+const BACKLOG_MAX: usize = 128;
+
+/// The network. Clones are the same network.
+#[derive(Clone)]
+pub struct Network(Rc<RefCell<State>>);
+
+struct State {
+    listeners: HashMap<u16, Listener>,
+    refused: HashMap<u16, OpenErrorKind>,
+    random: Random,
+    next_client_port: u16,
+    counters: Counters,
+}
+
+#[derive(Default)]
+struct Listener {
+    hosts: usize,
+    backlog: VecDeque<ServerStream>,
+    waiting: Vec<Waker>,
+}
+
+/// What a network has counted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counters {
+    /// Connections accepted by the gateway.
+    pub accepted: u64,
+    /// Connections that the gateway closed in an orderly way.
+    pub closed: u64,
+    /// Connections that the gateway let fall: the client sees a reset.
+    pub dropped: u64,
+}
+
+impl Network {
+    /// A network without listeners; `seed` cuts writes into pieces where a [`Path`] says so.
+    pub fn new(seed: u64) -> Self {
+        Self(Rc::new(RefCell::new(State {
+            listeners: HashMap::new(),
+            refused: HashMap::new(),
+            random: Random::new(seed),
+            next_client_port: 49_152,
+            counters: Counters::default(),
+        })))
+    }
+
+    /// One more host for the gateway: it accepts one connection at a time.
+    pub fn host(&self) -> SimTcpHost {
+        SimTcpHost { network: self.clone(), listening: None }
+    }
+
+    /// Makes listening at `port` fail from now on, or work again.
+    pub fn refuse_listeners(&self, port: u16, error: Option<OpenErrorKind>) {
+        let mut state = self.0.borrow_mut();
+        match error {
+            Some(kind) => state.refused.insert(port, kind),
+            None => state.refused.remove(&port),
+        };
+    }
+
+    /// Connects to the gateway's `port` as the machine `from`, over a path without awkwardness.
+    pub fn connect(&self, from: IpAddr, port: u16) -> Result<ClientStream, ErrorKind> {
+        self.connect_over(Path::default(), from, port)
+    }
+
+    /// Connects over `path`. An error when nobody listens, or too many wait to be accepted.
+    pub fn connect_over(&self, path: Path, from: IpAddr, port: u16) -> Result<ClientStream, ErrorKind> {
+        let mut state = self.0.borrow_mut();
+        let client_port = state.next_client_port;
+        state.next_client_port = client_port.checked_add(1).unwrap_or(49_152);
+        let up = Pipe::new(path, state.random.fork());
+        let down = Pipe::new(path, state.random.fork());
+        let listener = state.listeners.get_mut(&port).filter(|listener| listener.backlog.len() < BACKLOG_MAX);
+        let listener = listener.ok_or(ErrorKind::ConnectionRefused)?;
+        listener.backlog.push_back(ServerStream {
+            incoming: up.clone(),
+            outgoing: down.clone(),
+            peer: SocketAddr::new(from, client_port),
+            network: self.clone(),
+            ended: false,
+        });
+        let waiting = std::mem::take(&mut listener.waiting);
+        drop(state);
+        waiting.into_iter().for_each(Waker::wake);
+        Ok(ClientStream { incoming: down, outgoing: up })
+    }
+
+    /// Whether anybody listens at `port`.
+    pub fn is_listening(&self, port: u16) -> bool {
+        self.0.borrow().listeners.contains_key(&port)
+    }
+
+    /// What has been counted so far.
+    pub fn counters(&self) -> Counters {
+        self.0.borrow().counters
+    }
+}
+
+/// The gateway's view of the network. It listens until it is dropped or accepts elsewhere.
+pub struct SimTcpHost {
+    network: Network,
+    listening: Option<u16>,
+}
+
+impl SimTcpHost {
+    /// The last host to leave a port resets who waits there.
+    fn leave(&mut self) {
+        let Some(port) = self.listening.take() else { return };
+        let mut state = self.network.0.borrow_mut();
+        let Some(listener) = state.listeners.get_mut(&port) else { return };
+        listener.hosts -= 1;
+        let abandoned = if listener.hosts == 0 { state.listeners.remove(&port) } else { None };
+        // Streams count themselves when they fall, so the state must be free by then.
+        drop(state);
+        drop(abandoned);
+    }
+}
+
+impl Drop for SimTcpHost {
+    fn drop(&mut self) {
+        self.leave();
+    }
+}
+
+impl TcpHost for SimTcpHost {
+    type Stream<'a> = ServerStream;
+
+    fn listen(&mut self, listen: &TcpListen) -> Result<(), OpenError> {
+        let port = listen.port;
+        if let Some(&kind) = self.network.0.borrow().refused.get(&port) {
+            return Err(OpenError::new(kind, ""));
+        }
+        if self.listening != Some(port) {
+            self.leave();
+            self.network.0.borrow_mut().listeners.entry(port).or_default().hosts += 1;
+            self.listening = Some(port);
+        }
+        Ok(())
+    }
+
+    async fn accept(&mut self, listen: &TcpListen) -> Result<(ServerStream, SocketAddr), OpenError> {
+        self.listen(listen)?;
+        let port = listen.port;
+        poll_fn(|context| {
+            let mut state = self.network.0.borrow_mut();
+            let Some(listener) = state.listeners.get_mut(&port) else { return Poll::Pending };
+            let Some(stream) = listener.backlog.pop_front() else {
+                if !listener.waiting.iter().any(|waker| waker.will_wake(context.waker())) {
+                    listener.waiting.push(context.waker().clone());
+                }
+                return Poll::Pending;
+            };
+            state.counters.accepted += 1;
+            let peer = stream.peer;
+            Poll::Ready(Ok((stream, peer)))
+        })
+        .await
+    }
+}
+
+/// The gateway's end of a connection. Dropped without [`close`](TcpStream::close) it resets the connection.
+pub struct ServerStream {
+    incoming: Pipe,
+    outgoing: Pipe,
+    peer: SocketAddr,
+    network: Network,
+    ended: bool,
+}
+
+impl TcpStream for ServerStream {
+    /// What has been written still arrives, then the FIN.
+    async fn close(mut self) {
+        self.ended = true;
+        self.network.0.borrow_mut().counters.closed += 1;
+        self.outgoing.finish();
+        self.incoming.abandon();
+    }
+}
+
+impl Drop for ServerStream {
+    fn drop(&mut self) {
+        if !self.ended {
+            self.network.0.borrow_mut().counters.dropped += 1;
+            self.outgoing.reset();
+            self.incoming.reset();
+        }
+    }
+}
+
+impl ErrorType for ServerStream {
+    type Error = ErrorKind;
+}
+
+impl Read for ServerStream {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
+        self.incoming.read(into).await
+    }
+}
+
+impl Write for ServerStream {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
+        self.outgoing.write(bytes).await
+    }
+
+    /// Waits for the peer's acknowledgement of everything, as embassy-net does.
+    async fn flush(&mut self) -> Result<(), ErrorKind> {
+        self.outgoing.acknowledged().await
+    }
+}
+
+/// A client's end of a connection. Dropping it closes it, as a program that ends does.
+pub struct ClientStream {
+    incoming: Pipe,
+    outgoing: Pipe,
+}
+
+impl ClientStream {
+    /// Sends the FIN behind what was written, and goes on reading: a half-closed connection.
+    pub fn finish(&mut self) {
+        self.outgoing.finish();
+    }
+
+    /// Resets the connection: both directions are dead at once.
+    pub fn reset(self) {
+        self.outgoing.reset();
+        self.incoming.reset();
+    }
+
+    /// Vanishes: the gateway hears nothing more, neither data nor FIN nor reset.
+    pub fn vanish(self) {
+        self.outgoing.go_silent();
+        self.incoming.go_silent();
+    }
+}
+
+impl Drop for ClientStream {
+    fn drop(&mut self) {
+        self.outgoing.finish();
+        self.incoming.abandon();
+    }
+}
+
+impl ErrorType for ClientStream {
+    type Error = ErrorKind;
+}
+
+impl Read for ClientStream {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
+        self.incoming.read(into).await
+    }
+}
+
+impl Write for ClientStream {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
+        self.outgoing.write(bytes).await
+    }
+
+    async fn flush(&mut self) -> Result<(), ErrorKind> {
+        Ok(())
+    }
+}

@@ -1,0 +1,280 @@
+//! An RS-485 bus: whatever one end sends, every other end hears, at the speed of the line.
+//!
+//! A byte written to a [`LineEnd`] waits in its transmitter, becomes a character with its place in time, and is heard
+//! when its last bit has passed. Times are kept in nanoseconds from the start of a run of characters, so that nothing
+//! is rounded twice; only the moment of hearing is rounded up to the clock's microsecond. Characters of
+//! two ends that overlap damage each other, and an end set to another speed or format hears garbage.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::rc::Rc;
+use std::task::{Context, Waker};
+
+use embassy_time::{Duration, Instant};
+use mobgate::config::LineSettings;
+
+use crate::random::mix;
+
+mod end;
+mod record;
+
+pub use end::{Heard, LineEnd, Silence};
+pub use record::{EndRecord, FRAMES_MAX, WireFrame};
+
+use record::Record;
+
+/// Characters that an end keeps for a reader that does not come; older ones are lost, as in a UART's driver.
+const UNREAD_CHARS_MAX: u64 = 4_096;
+/// Characters that an end takes for transmission before `write` waits, as in a UART's driver.
+const TRANSMIT_CHARS_MAX: u64 = 4_096;
+
+/// A character's place on the wire, in nanoseconds since the start.
+#[derive(Debug, Clone, Copy)]
+struct Character {
+    start_ns: u64,
+    end_ns: u64,
+    from: usize,
+    byte: u8,
+    damaged: bool,
+}
+
+/// The bus. Clones are the same bus.
+#[derive(Clone, Default)]
+pub struct Wire(Rc<RefCell<Bus>>);
+
+#[derive(Default)]
+struct Bus {
+    ends: Vec<End>,
+    /// By the end of the last bit; future ones included. Its first element has number `first`.
+    characters: VecDeque<Character>,
+    first: u64,
+    record: Record,
+}
+
+struct End {
+    line: LineSettings,
+    echo: bool,
+    plugged: bool,
+    opened: bool,
+    /// Handles of an earlier number are dead: their adapter was unplugged.
+    generation: u32,
+    /// The number of the character that is heard next.
+    next: u64,
+    run: Run,
+    waiting: Vec<Waker>,
+    overruns: u64,
+}
+
+/// An unbroken sequence of an end's characters.
+#[derive(Default, Clone, Copy)]
+struct Run {
+    start_ns: u64,
+    characters: u64,
+    end_ns: u64,
+}
+
+/// The exact time of `count` characters, rounded up to a nanosecond.
+fn chars_ns(line: &LineSettings, count: u64) -> u64 {
+    let bits = u128::from(count) * u128::from(line.bits_per_char());
+    (bits * 1_000_000_000).div_ceil(u128::from(line.baud)) as u64
+}
+
+fn now_ns() -> u64 {
+    Instant::now().as_micros() * 1_000
+}
+
+/// The first tick at which something at `ns` has happened.
+fn tick_after(ns: u64) -> u64 {
+    ns.div_ceil(1_000)
+}
+
+impl Wire {
+    /// A bus with nobody on it.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Connects one more participant, with `line`'s speed and character format.
+    pub fn tap(&self, line: LineSettings) -> LineEnd {
+        let mut bus = self.0.borrow_mut();
+        let next = bus.first_unheard();
+        bus.ends.push(End {
+            line,
+            echo: false,
+            plugged: true,
+            opened: false,
+            generation: 0,
+            next,
+            run: Run::default(),
+            waiting: Vec::new(),
+            overruns: 0,
+        });
+        bus.record.add_end();
+        LineEnd::new(self.clone(), bus.ends.len() - 1, 0)
+    }
+
+    /// What participant `end` has done so far.
+    pub fn record_of(&self, end: &LineEnd) -> EndRecord {
+        self.0.borrow().record.ends[end.number()].clone()
+    }
+
+    /// The last frames on the wire, oldest first: at most [`FRAMES_MAX`].
+    pub fn frames(&self) -> Vec<WireFrame> {
+        self.0.borrow().record.frames.iter().cloned().collect()
+    }
+
+    /// How long anybody has been sending, in total.
+    pub fn busy(&self) -> Duration {
+        Duration::from_nanos(self.0.borrow().record.busy_ns)
+    }
+
+    /// Characters that overlapped with those of another end.
+    pub fn collisions(&self) -> u64 {
+        self.0.borrow().record.collisions
+    }
+}
+
+impl Bus {
+    /// The number of the first character that has not been heard yet.
+    fn first_unheard(&self) -> u64 {
+        let now = now_ns();
+        self.first + self.characters.partition_point(|character| character.end_ns <= now) as u64
+    }
+
+    /// The characters that `end` hears from its place on, future ones included, with their numbers.
+    fn audible_from(&self, end: usize) -> impl Iterator<Item = (u64, &Character)> {
+        let End { next, echo, .. } = self.ends[end];
+        let skipped = usize::try_from(next.saturating_sub(self.first)).unwrap_or(usize::MAX);
+        let numbered = self.characters.iter().enumerate().skip(skipped);
+        let numbered = numbered.map(|(index, character)| (self.first + index as u64, character));
+        numbered.filter(move |(_, character)| echo || character.from != end)
+    }
+
+    /// Moves what `end` has heard by now to `into`, and says how much that was.
+    fn read(&mut self, end: usize, into: &mut [u8]) -> usize {
+        let now = now_ns();
+        let line = self.ends[end].line;
+        let mut next = self.ends[end].next;
+        let mut count = 0;
+        let heard = self.audible_from(end).take_while(|(_, character)| character.end_ns <= now);
+        for ((number, character), place) in heard.zip(into) {
+            *place = self.heard_as(character, &line);
+            count += 1;
+            next = number + 1;
+        }
+        self.ends[end].next = next;
+        count
+    }
+
+    /// What `end` hears until the next silence, and the number of the character after it.
+    fn frame_from(&self, end: usize, silence: Silence) -> (Heard, u64) {
+        let line = self.ends[end].line;
+        let mut heard = Heard { bytes: Vec::new(), gap_inside: false, end_ns: 0 };
+        let mut next = self.ends[end].next;
+        for (number, character) in self.audible_from(end) {
+            if !heard.bytes.is_empty() {
+                let gap_ns = character.start_ns.saturating_sub(heard.end_ns);
+                if gap_ns >= silence.between_ns {
+                    break;
+                }
+                heard.gap_inside |= gap_ns > silence.inside_ns;
+            }
+            heard.bytes.push(self.heard_as(character, &line));
+            heard.end_ns = heard.end_ns.max(character.end_ns);
+            next = number + 1;
+        }
+        (heard, next)
+    }
+
+    /// Lets `from` send `bytes` as soon as its transmitter is free.
+    fn transmit(&mut self, from: usize, bytes: &[u8]) {
+        let now = now_ns();
+        let Bus { ends, record, characters, .. } = self;
+        let Some(end) = ends.get_mut(from) else { return };
+        if end.run.end_ns <= now {
+            end.run = Run { start_ns: now, characters: 0, end_ns: now };
+        }
+        let line = end.line;
+        let mut run = end.run;
+        for &byte in bytes {
+            let start_ns = run.end_ns;
+            run.characters += 1;
+            run.end_ns = run.start_ns + chars_ns(&line, run.characters);
+            let character = Character { start_ns, end_ns: run.end_ns, from, byte, damaged: false };
+            record.add(&character, chars_ns(&line, 1));
+            place(characters, record, character);
+        }
+        end.run = run;
+        self.drop_unread();
+        let waiting: Vec<Waker> = self.ends.iter_mut().flat_map(|end| end.waiting.drain(..)).collect();
+        waiting.into_iter().for_each(Waker::wake);
+    }
+
+    /// Forgets characters that every end has heard, or has left unread for too long.
+    fn drop_unread(&mut self) {
+        let heard = self.first_unheard();
+        for end in &mut self.ends {
+            let oldest = heard.saturating_sub(UNREAD_CHARS_MAX);
+            if end.next < oldest {
+                end.overruns += oldest - end.next;
+                end.next = oldest;
+            }
+        }
+        let needed = self.ends.iter().map(|end| end.next).min().unwrap_or(heard);
+        let forgotten = usize::try_from(needed - self.first).unwrap_or(0).min(self.characters.len());
+        self.characters.drain(..forgotten);
+        self.first += forgotten as u64;
+    }
+
+    /// The byte that an end set to `line` takes `character` for.
+    fn heard_as(&self, character: &Character, line: &LineSettings) -> u8 {
+        let sent_as = &self.ends[character.from].line;
+        let same = sent_as.baud == line.baud
+            && sent_as.data_bits == line.data_bits
+            && sent_as.parity == line.parity
+            && sent_as.bits_per_char() == line.bits_per_char();
+        if same && !character.damaged {
+            return character.byte;
+        }
+        // Some byte that is never the right one, and the same in every run.
+        let garbage = mix(character.start_ns ^ u64::from(line.baud)) as u8;
+        if garbage == character.byte { !garbage } else { garbage }
+    }
+}
+
+impl End {
+    /// Characters that wait for transmission keep their places.
+    fn set_line(&mut self, line: LineSettings) {
+        self.line = line;
+        self.run = Run { start_ns: self.run.end_ns, characters: 0, end_ns: self.run.end_ns };
+    }
+
+    fn wait(&mut self, context: &Context<'_>) {
+        if !self.waiting.iter().any(|waker| waker.will_wake(context.waker())) {
+            self.waiting.push(context.waker().clone());
+        }
+    }
+}
+
+/// Puts `character` among those on the wire, in the order in which they end, and damages what it overlaps.
+fn place(characters: &mut VecDeque<Character>, record: &mut Record, mut character: Character) {
+    let later = characters.iter().rev().take_while(|other| other.end_ns > character.start_ns);
+    let overlapping = later.count();
+    let length = characters.len();
+    let mut at = length;
+    for index in (length - overlapping..length).rev() {
+        let other = &mut characters[index];
+        if other.end_ns > character.end_ns {
+            at = index;
+        }
+        if other.from != character.from && other.start_ns < character.end_ns {
+            record.collisions += u64::from(!other.damaged) + u64::from(!character.damaged);
+            other.damaged = true;
+            character.damaged = true;
+        }
+    }
+    characters.insert(at, character);
+}
+
+#[cfg(test)]
+mod tests;

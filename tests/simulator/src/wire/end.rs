@@ -1,0 +1,205 @@
+//! One participant's connection to a wire: a byte stream for the gateway, whole frames with exact times for devices.
+
+use std::future::poll_fn;
+use std::task::{Context, Poll};
+
+use embassy_time_driver::schedule_wake;
+use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+use mobgate::config::LineSettings;
+
+use super::{Bus, TRANSMIT_CHARS_MAX, Wire, chars_ns, now_ns, tick_after};
+
+/// A participant's handle. Clones are the same participant; what one clone reads, the others do not.
+#[derive(Clone)]
+pub struct LineEnd {
+    wire: Wire,
+    number: usize,
+    generation: u32,
+}
+
+/// The silent intervals by which a device tells frames apart, Modbus over Serial Line 2.5.1.1.
+#[derive(Debug, Clone, Copy)]
+pub struct Silence {
+    /// A longer silence inside a frame spoils it.
+    pub inside_ns: u64,
+    /// This much silence ends a frame.
+    pub between_ns: u64,
+}
+
+impl Silence {
+    /// t1.5 and t3.5 of `line`: 750 us and 1.750 ms above 19200 baud.
+    pub fn of(line: &LineSettings) -> Self {
+        if line.baud > 19_200 {
+            return Self { inside_ns: 750_000, between_ns: 1_750_000 };
+        }
+        let bits = u64::from(line.bits_per_char());
+        let half_chars = |count: u64| (count * bits * 1_000_000_000).div_ceil(2 * u64::from(line.baud));
+        Self { inside_ns: half_chars(3), between_ns: half_chars(7) }
+    }
+}
+
+/// A frame as a device hears it: everything between two silences.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Heard {
+    /// The bytes.
+    pub bytes: Vec<u8>,
+    /// Whether a silence inside was longer than allowed.
+    pub gap_inside: bool,
+    /// When the last bit had passed.
+    pub end_ns: u64,
+}
+
+impl LineEnd {
+    pub(super) fn new(wire: Wire, number: usize, generation: u32) -> Self {
+        Self { wire, number, generation }
+    }
+
+    /// The participant's number, in the order of [`Wire::tap`].
+    pub fn number(&self) -> usize {
+        self.number
+    }
+
+    /// The participant's speed and character format.
+    pub fn line(&self) -> LineSettings {
+        self.wire.0.borrow().ends[self.number].line
+    }
+
+    /// Sets speed and format for what is sent and heard from now on.
+    pub fn set_line(&self, line: LineSettings) {
+        self.wire.0.borrow_mut().ends[self.number].set_line(line);
+    }
+
+    /// Whether the participant hears itself, like an adapter whose receiver stays on.
+    pub fn set_echo(&self, echo: bool) {
+        self.wire.0.borrow_mut().ends[self.number].echo = echo;
+    }
+
+    /// Pulls the adapter out: this handle and its clones are dead for good.
+    pub fn unplug(&self) {
+        let mut bus = self.wire.0.borrow_mut();
+        let end = &mut bus.ends[self.number];
+        end.plugged = false;
+        end.generation += 1;
+        let waiting = std::mem::take(&mut end.waiting);
+        drop(bus);
+        waiting.into_iter().for_each(std::task::Waker::wake);
+    }
+
+    /// Puts the adapter back, to be opened anew.
+    pub fn replug(&self) {
+        self.wire.0.borrow_mut().ends[self.number].plugged = true;
+    }
+
+    /// Characters lost because nobody read them.
+    pub fn overruns(&self) -> u64 {
+        self.wire.0.borrow().ends[self.number].overruns
+    }
+
+    /// A living handle with an empty receiver; an error when the adapter is out or somebody has it open.
+    pub(crate) fn open(&self, line: LineSettings) -> Result<Self, ErrorKind> {
+        let mut bus = self.wire.0.borrow_mut();
+        let next = bus.first_unheard();
+        let end = &mut bus.ends[self.number];
+        if !end.plugged {
+            return Err(ErrorKind::NotFound);
+        }
+        if std::mem::replace(&mut end.opened, true) {
+            return Err(ErrorKind::AddrInUse);
+        }
+        end.set_line(line);
+        end.next = next;
+        Ok(Self { wire: self.wire.clone(), number: self.number, generation: end.generation })
+    }
+
+    /// Ends the time in which nobody else can [`open`](Self::open) this participant.
+    pub(crate) fn close(&self) {
+        self.wire.0.borrow_mut().ends[self.number].opened = false;
+    }
+
+    fn is_dead(&self, bus: &Bus) -> bool {
+        let end = &bus.ends[self.number];
+        !end.plugged || end.generation != self.generation
+    }
+
+    /// The next frame: all that comes until it has been silent for `silence.between_ns`.
+    ///
+    /// Of a transmission without end the newest 4096 characters are kept, so that it ends some day.
+    pub async fn frame(&self, silence: Silence) -> Heard {
+        poll_fn(|context| self.poll_frame(context, silence)).await
+    }
+
+    fn poll_frame(&self, context: &mut Context<'_>, silence: Silence) -> Poll<Heard> {
+        let mut bus = self.wire.0.borrow_mut();
+        let (heard, next) = bus.frame_from(self.number, silence);
+        let over_at = tick_after(heard.end_ns + silence.between_ns);
+        let end = &mut bus.ends[self.number];
+        if !heard.bytes.is_empty() && over_at * 1_000 <= now_ns() {
+            end.next = next;
+            return Poll::Ready(heard);
+        }
+        end.wait(context);
+        drop(bus);
+        if !heard.bytes.is_empty() {
+            schedule_wake(over_at, context.waker());
+        }
+        Poll::Pending
+    }
+
+    fn poll_read(&self, context: &mut Context<'_>, into: &mut [u8]) -> Poll<Result<usize, ErrorKind>> {
+        let mut bus = self.wire.0.borrow_mut();
+        if into.is_empty() || self.is_dead(&bus) {
+            return Poll::Ready(Ok(0));
+        }
+        let count = bus.read(self.number, into);
+        if count > 0 {
+            return Poll::Ready(Ok(count));
+        }
+        let coming = bus.audible_from(self.number).next().map(|(_, character)| character.end_ns);
+        bus.ends[self.number].wait(context);
+        drop(bus);
+        if let Some(end_ns) = coming {
+            schedule_wake(tick_after(end_ns), context.waker());
+        }
+        Poll::Pending
+    }
+
+    /// Waits until fewer than `limit` characters are in the transmitter.
+    fn poll_room(&self, context: &mut Context<'_>, limit: u64) -> Poll<Result<(), ErrorKind>> {
+        let mut bus = self.wire.0.borrow_mut();
+        if self.is_dead(&bus) {
+            return Poll::Ready(Err(ErrorKind::BrokenPipe));
+        }
+        let end = &mut bus.ends[self.number];
+        let room_at = end.run.end_ns.saturating_sub(chars_ns(&end.line, limit - 1));
+        if room_at <= now_ns() {
+            return Poll::Ready(Ok(()));
+        }
+        // Also at the list of those who wait: an unplugged adapter must not keep its writer.
+        end.wait(context);
+        drop(bus);
+        schedule_wake(tick_after(room_at), context.waker());
+        Poll::Pending
+    }
+}
+
+impl ErrorType for LineEnd {
+    type Error = ErrorKind;
+}
+
+impl Read for LineEnd {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
+        poll_fn(|context| self.poll_read(context, into)).await
+    }
+}
+
+impl Write for LineEnd {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
+        poll_fn(|context| self.poll_room(context, TRANSMIT_CHARS_MAX)).await?;
+        self.wire.0.borrow_mut().transmit(self.number, bytes);
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), ErrorKind> {
+        poll_fn(|context| self.poll_room(context, 1)).await
+    }
+}

@@ -41,12 +41,12 @@ pub enum Mode {
 
 /// Runs a session until `exit`, the end of input, or an error of the stream.
 ///
-/// The future holds one copy of the settings and takes less than 12 kB. Dropping it while `save` runs leaves a version begun in
-/// `store`; give the next session a fresh one.
+/// The future holds one copy of the settings and takes less than 12 kB. Dropping it while `save` runs leaves a
+/// version begun in `store`: the next session needs another store, or one that has forgotten it.
 pub async fn run<IO, S, Y>(
     gateway: &Gateway<'_>,
     stream: IO,
-    store: S,
+    store: &mut S,
     system: &Y,
     mode: Mode,
 ) -> Result<(), IO::Error>

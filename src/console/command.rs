@@ -72,7 +72,7 @@ pub(super) enum Next {
 pub(super) struct Session<'s, 'g, IO, S, Y> {
     pub(super) gateway: &'s Gateway<'g>,
     pub(super) out: Output<IO>,
-    pub(super) store: S,
+    pub(super) store: &'s mut S,
     pub(super) system: &'s Y,
     /// Settings that are being changed, loaded or saved: too big for the stack of a small board.
     pub(super) draft: Settings,
@@ -149,14 +149,14 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
 
     async fn save(&mut self) -> Result<(), IO::Error> {
         self.gateway.settings(|settings| self.draft.clone_from(settings));
-        match config::write_store(&self.draft, &mut self.store).await {
+        match config::write_store(&self.draft, self.store).await {
             Ok(()) => self.out.line(format_args!("saved")).await,
             Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 
     async fn load(&mut self) -> Result<(), IO::Error> {
-        match config::read_store(&mut self.store, &mut self.draft).await {
+        match config::read_store(self.store, &mut self.draft).await {
             Ok(0) => self.fail(format_args!("nothing is saved")).await,
             Ok(_) => match self.gateway.apply(&self.draft) {
                 Ok(()) => self.out.line(format_args!("loaded")).await,

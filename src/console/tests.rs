@@ -60,7 +60,7 @@ struct Memory {
     absent: bool,
 }
 
-impl Store for &mut Memory {
+impl Store for Memory {
     async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
         let rest = self.saved.get(offset..).unwrap_or_default();
         let count = rest.len().min(into.len());

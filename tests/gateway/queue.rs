@@ -121,8 +121,16 @@ fn a_full_queue_makes_room_at_the_cost_of_whoever_has_most() {
         assert_eq!(queue.push(order, ticket(1, 1)), None);
     }
     assert_eq!(queue.push(1000, ticket(1, 1)), Some(1000), "the flooder itself is refused");
-    assert_eq!(queue.push(2000, ticket(2, 2)), Some(WAITING_MAX - 1), "its newest order goes for another address");
-    assert_eq!(queue.push(3000, ticket(1, 3)), Some(WAITING_MAX - 2), "and for another connection of its address");
+    assert_eq!(
+        queue.push(2000, ticket(2, 2)),
+        Some(WAITING_MAX - 1),
+        "its newest order goes for another address"
+    );
+    assert_eq!(
+        queue.push(3000, ticket(1, 3)),
+        Some(WAITING_MAX - 2),
+        "and for another connection of its address"
+    );
     assert_eq!(queue.len(), WAITING_MAX);
 }
 

@@ -44,7 +44,9 @@ fn a_silent_unit_is_down_and_probed_at_growing_intervals() {
 
 #[test]
 fn one_answer_makes_a_unit_well_again() {
-    for sign_of_life in [|units: &mut Units| units.answered(5, WINDOW, true), |units: &mut Units| units.damaged(5)] {
+    for sign_of_life in
+        [|units: &mut Units| units.answered(5, WINDOW, true), |units: &mut Units| units.damaged(5)]
+    {
         let mut units = Units::new();
         for second in 0..10 {
             time_out(&mut units, 5, Instant::from_secs(second * 100));

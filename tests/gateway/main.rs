@@ -4,5 +4,6 @@
 use mobgate_clock as _;
 
 mod frames;
+mod line;
 mod queue;
 mod units;

@@ -4,9 +4,14 @@
 //! A byte that arrives takes this way: epoll, [`executor`], the port's task, which reads it from its [`tty::Tty`] or
 //! [`tcp::TcpStream`].
 
+pub mod cli;
+pub mod demo;
 pub mod executor;
 mod fair;
 mod hint;
+pub mod lines;
+pub mod logging;
+pub mod settings;
 pub mod stdio;
 pub mod store;
 pub mod tcp;

@@ -29,6 +29,8 @@ const CLOSE_MAX: Duration = Duration::from_millis(250);
 #[derive(Debug, Clone, Default)]
 pub struct TcpSockets {
     listeners: Rc<RefCell<Vec<Shared>>>,
+    /// Opened by `listen`, for the `accept` that follows.
+    next: Option<Rc<Listener>>,
 }
 
 /// A listener that some connection task holds, and where it listens.
@@ -52,8 +54,14 @@ impl TcpSockets {
 impl TcpHost for TcpSockets {
     type Stream<'a> = TcpStream;
 
+    fn listen(&mut self, listen: &TcpListen) -> Result<(), OpenError> {
+        self.next = Some(self.open(listen)?);
+        Ok(())
+    }
+
     async fn accept(&mut self, listen: &TcpListen) -> Result<(TcpStream, SocketAddr), OpenError> {
         let listener = self.open(listen)?;
+        self.next = None;
         let (io, peer) = listener.accept().await;
         Ok((TcpStream { io, share: Share::default(), _listener: listener }, peer))
     }

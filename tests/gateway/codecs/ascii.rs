@@ -54,6 +54,13 @@ fn each_fault_has_its_name() {
 }
 
 #[test]
+fn what_follows_a_fault_is_skipped_up_to_the_next_colon() {
+    assert_eq!(decode_all(b":01x07F8\r\n"), [Err(AsciiError::NotHex(b'x'))]);
+    assert_eq!(decode_all(b":01\rx\n07F8\r\n"), [Err(AsciiError::NoLf(b'x'))]);
+    assert_eq!(decode_all(b":01070\r\n:0107F8\r\n"), [Err(AsciiError::Odd), Ok((1, vec![7]))]);
+}
+
+#[test]
 fn the_end_character_can_be_another() {
     let mut out = [0; FRAME_CHARS_MAX];
     let characters = encode(1, &[7], &mut out, b'!').unwrap();

@@ -76,6 +76,12 @@ fn quantities_pass_up_to_the_protocols_limits() {
 fn values_that_a_function_cannot_have_are_refused() {
     let refused: &[&[u8]] = &[
         &[],
+        // Diagnostics without a whole sub-function.
+        &[8],
+        &[8, 0],
+        // Byte counts that belong to neither the quantity nor the data.
+        &[15, 0, 0, 0, 8, 2, 0],
+        &[16, 0, 0, 0, 1, 3, 0, 0],
         &[5, 0, 0, 0x00, 0xFF],
         &[5, 0, 0, 0x01, 0x00],
         // File records: no group, a length of 0, half a group, an answer longer than a PDU, data missing.
@@ -83,6 +89,7 @@ fn values_that_a_function_cannot_have_are_refused() {
         &[20, 0],
         &[20, 7, 6, 0, 1, 0, 0, 0, 0],
         &[20, 6, 6, 0, 1, 0, 0, 0],
+        &[20, 8, 6, 0, 1, 0, 0, 0, 1, 6],
         &[20, 7, 6, 0, 1, 0, 0, 0, 125],
         &[21],
         &[21, 0],
@@ -98,6 +105,8 @@ fn values_that_a_function_cannot_have_are_refused() {
         assert_eq!(check_request(pdu), Err(Exception::ILLEGAL_VALUE), "{pdu:02X?}");
     }
     assert_eq!(check_request(&[20, 7, 6, 0, 1, 0, 0, 0, 124]), Ok(()));
+    // Echo requests without data exist.
+    assert_eq!(check_request(&[8, 0, 0]), Ok(()));
 }
 
 #[test]
@@ -107,11 +116,8 @@ fn function_codes_0_and_above_127_are_refused_and_all_others_can_pass() {
         for pdu in [vec![function], vec![function; PDU_BYTES_MAX]] {
             assert_eq!(check_request(&pdu) == Err(Exception::ILLEGAL_FUNCTION), refused, "{pdu:02X?}");
         }
-        let known = EXAMPLES.iter().any(|(request, _)| request[0] == function);
-        assert_eq!(
-            function_name(function) != "unlisted function",
-            known || refused && function_name(function & 0x7F) != "unlisted function"
-        );
+        let known = EXAMPLES.iter().any(|(request, _)| request[0] == function & 0x7F);
+        assert_eq!(function_name(function) == "unlisted function", !known, "{function}");
         if !refused && !known {
             assert_eq!(check_request(&[function]), Ok(()));
             assert_eq!(check_request(&vec![function; PDU_BYTES_MAX]), Ok(()));
@@ -127,6 +133,34 @@ fn nothing_that_can_write_counts_as_a_read() {
 }
 
 #[test]
+fn counts_that_disagree_with_the_request_or_the_data_are_a_length_misfit() {
+    let files = EXAMPLES.iter().find(|(request, _)| request[0] == 20).unwrap().0;
+    let misfits: &[(&[u8], &[u8])] = &[
+        (&[1, 0, 0, 0, 8], &[1, 2, 0]),
+        (&[3, 0, 0, 0, 1], &[3, 3, 0, 0]),
+        (&[23, 0, 0, 0, 1, 0, 0, 0, 1, 2, 0, 0], &[23, 1, 0, 0]),
+        // The event log's head has six bytes.
+        (&[12], &[12, 5, 0, 0, 0, 0, 0]),
+        // File records: the whole's count, then the groups' lengths exchanged, then one beyond the end.
+        (files, &[20, 11, 5, 6, 0, 0, 0, 0, 5, 6, 0, 0, 0, 0]),
+        (files, &[20, 12, 3, 6, 0, 0, 7, 6, 0, 0, 0, 0, 0, 0]),
+        (files, &[20, 12, 7, 6, 0, 0, 0, 0, 0, 0, 3, 6, 0, 0]),
+        (files, &[20, 12, 5, 6, 0, 0, 0, 0, 9, 6, 0, 0, 0, 0]),
+        // The queue's count of registers, and a queue without one.
+        (&[24, 0, 0], &[24, 0, 6, 0, 3, 0, 0, 0, 0]),
+        (&[24, 0, 0], &[24, 0, 6, 0, 1, 0, 0, 0, 0]),
+        (&[24, 0, 0], &[24, 0, 0]),
+        (&[24, 0, 0], &[24, 0, 1, 0]),
+        (&[0x41], &[0x41; PDU_BYTES_MAX + 1]),
+    ];
+    for (request, response) in misfits {
+        assert_eq!(fits(request, response), Err(Misfit::Length), "{response:02X?}");
+    }
+    assert_eq!(fits(&[24, 0, 0], &[24, 0, 2, 0, 0]), Ok(()));
+    assert_eq!(fits(&[0x41], &[0x41; PDU_BYTES_MAX]), Ok(()));
+}
+
+#[test]
 fn an_answer_that_repeats_another_field_is_an_echo_misfit() {
     // For each function that repeats fields: the first and the last byte of the answer that must be the request's.
     for (function, first, last) in
@@ -138,6 +172,12 @@ fn an_answer_that_repeats_another_field_is_an_echo_misfit() {
             wrong[at] ^= 1;
             assert_eq!(fits(request, &wrong), Err(Misfit::Echo), "{wrong:02X?} at {at}");
         }
+    }
+    // The tunnel's type, and the data of the sub-functions that repeat it.
+    assert_eq!(fits(&[43, 13, 1], &[43, 14, 1]), Err(Misfit::Echo));
+    assert_eq!(fits(&[43, 13, 1], &[43, 13, 2]), Ok(()));
+    for sub in [0, 1, 3, 10, 20] {
+        assert_eq!(fits(&[8, 0, sub, 0, 0], &[8, 0, sub, 0, 1]), Err(Misfit::Echo), "{sub}");
     }
     // A counter is the device's to say, its sub-function is not.
     assert_eq!(fits(&[8, 0, 11, 0, 0], &[8, 0, 11, 1, 2]), Ok(()));

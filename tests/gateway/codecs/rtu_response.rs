@@ -69,6 +69,28 @@ fn silence_tells_foreign_damaged_and_meaningless_bytes_apart() {
     }
 }
 
+#[test]
+fn a_good_frame_that_repeats_another_address_is_no_answer() {
+    let (request, other) = ([6, 0, 1, 0, 3], [6, 0, 2, 0, 3]);
+    let received = frame(17, &other);
+    assert_eq!(response(17, &request, &received), Received::Partial);
+    assert_eq!(response_at_silence(17, &request, &received), AtSilence::Misfit(Misfit::Echo));
+    let received = [&[0xFF][..], &received].concat();
+    assert_eq!(response_at_silence(17, &request, &received), AtSilence::Noise);
+}
+
+#[test]
+fn a_beginning_that_would_be_longer_than_frames_are_is_passed_over() {
+    let answer = [17, 1, 0x2A];
+    let received = [&[9, 17, 255][..], &frame(9, &answer)].concat();
+    assert_eq!(response(9, &[17], &received), Received::Complete(&answer));
+    // Nobody knows where function 41h ends, but after 256 bytes it did not begin here.
+    let received = [&[9, 0x41][..], &[0; 249], &frame(9, &[0xC1, 1])].concat();
+    assert_eq!(response(9, &[0x41], &received), Received::Partial);
+    let received = [&[9, 0x41][..], &[0; 250], &frame(9, &[0xC1, 1])].concat();
+    assert_eq!(response(9, &[0x41], &received), Received::Complete(&[0xC1, 1]));
+}
+
 /// Every frame in `received` that is an answer, by trying all places: the start, and the PDU.
 ///
 /// A function's answer whose end only the silence tells must reach to the end.

@@ -3,7 +3,7 @@
 //! Every serial device that the settings name is a wire of its own with the gateway on it; what else is on the wire the
 //! scenario adds. All of it lives on the stack of [`with_gateway`], and ends with it.
 
-use std::net::IpAddr;
+use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::Duration;
 use mobgate::config::{Loader, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, apply};
@@ -12,9 +12,10 @@ use mobgate::gateway::{Gateway, PortPlace, Seat};
 use mobgate::stats::Event;
 
 use crate::client::Client;
+use crate::device::{Device, serve};
 use crate::net::Network;
 use crate::serial::SimSerial;
-use crate::wire::{LineEnd, Wire};
+use crate::wire::{EndRecord, LineEnd, Wire};
 use crate::world::World;
 
 /// How large a gateway is.
@@ -27,9 +28,9 @@ pub struct Size {
 }
 
 impl Default for Size {
-    /// 40 seats and 128 frames.
+    /// 80 seats and 112 frames.
     fn default() -> Self {
-        Self { frames: 128, seats: 40 }
+        Self { frames: 112, seats: 80 }
     }
 }
 
@@ -53,7 +54,11 @@ struct Line {
 ///
 /// # Panics
 /// When the settings are not good.
-pub fn with_gateway<T>(seed: u64, settings: &str, scenario: impl FnOnce(&mut World<'_>, &Rig<'_>) -> T) -> T {
+pub fn with_gateway<T>(
+    seed: u64,
+    settings: &str,
+    scenario: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>) -> T,
+) -> T {
     with_gateway_of(Size::default(), seed, settings, scenario)
 }
 
@@ -65,7 +70,7 @@ pub fn with_gateway_of<T>(
     size: Size,
     seed: u64,
     settings: &str,
-    scenario: impl FnOnce(&mut World<'_>, &Rig<'_>) -> T,
+    scenario: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>) -> T,
 ) -> T {
     let settings = parse(settings);
     let lines = lines(&settings);
@@ -147,6 +152,29 @@ impl<'g> Rig<'g> {
         line.unwrap_or_else(|| panic!("no serial device is called {device}"))
     }
 
+    /// Puts `devices` on the wire `device`, at one connection to it, with the gateway's speed and format.
+    ///
+    /// # Panics
+    /// When the settings at the start named no such device.
+    pub fn attach(&self, world: &World<'g>, device: &str, devices: impl Into<Vec<Device>>) {
+        let Line { wire, end, .. } = self.line(device);
+        world.spawn(serve(wire.tap(end.line()), devices.into()));
+    }
+
+    /// What the gateway has sent on the wire `device`.
+    ///
+    /// # Panics
+    /// When the settings at the start named no such device.
+    pub fn sent(&self, device: &str) -> EndRecord {
+        let Line { wire, end, .. } = self.line(device);
+        wire.record_of(end)
+    }
+
+    /// Frames that are somewhere on their way.
+    pub fn frames_in_use(&self) -> usize {
+        self.gateway.pool().capacity() - self.gateway.pool().free()
+    }
+
     /// The names of the serial devices.
     pub fn devices(&self) -> impl Iterator<Item = &str> {
         self.lines.iter().map(|line| line.device.as_str())
@@ -176,6 +204,11 @@ impl<'g> Rig<'g> {
         let port = port.unwrap_or_else(|| panic!("no port is called {name}"));
         self.gateway.ports()[port.index()].stats.get(event)
     }
+}
+
+/// The machine 10.0.0.`host`.
+pub const fn machine(host: u8) -> IpAddr {
+    IpAddr::V4(Ipv4Addr::new(10, 0, 0, host))
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use socket2::{Domain, Protocol, Socket, TcpKeepalive, Type};
 use crate::hint;
 
 /// Connections that the kernel accepts ahead of us.
-const BACKLOG: i32 = 128;
+const BACKLOG: i32 = 1024;
 /// Pause when the system has no descriptor or memory for one more connection.
 const EXHAUSTED_PAUSE: Duration = Duration::from_millis(200);
 /// Time after which a peer that acknowledges nothing is gone.

@@ -1,0 +1,121 @@
+//! The command line.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::Parser;
+use mobgate::config::TcpListen;
+
+/// Where the console listens unless told otherwise.
+pub const CONSOLE_DEFAULT: &str = "127.0.0.1:5026";
+
+const EXAMPLES: &str = "\
+Examples:
+  mobgate                                  the demo: simulated devices behind Modbus TCP port 502 or 5020
+  mobgate --config /etc/mobgate.conf       a gateway as the file says
+  mobgate --check /etc/mobgate.conf        is the file good?
+  nc 127.0.0.1 5026                        the console, from another terminal
+
+A configuration file:
+  port P1   serial /dev/ttyUSB0 rtu client 19200 8E1
+  port P502 tcp server 502
+  route P502 1-247 * * P1
+
+SIGHUP reads the file again, SIGTERM and SIGINT end the program. RUST_LOG sets what is logged (info, debug, ...).
+
+Exit codes: 0 ended by a signal, or the checked file is good; 1 bad configuration, or a port cannot be opened;
+2 bad command line.";
+
+/// A Modbus gateway: clients on TCP, devices on serial lines, and rules that say who reaches whom.
+///
+/// Without options the demo runs.
+#[derive(Debug, Parser)]
+#[command(version, after_help = EXAMPLES)]
+pub struct Options {
+    /// Read the settings from FILE, and let `save` write them there
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+
+    /// Simulate a bus with three devices, the serial device `demo`
+    #[arg(long)]
+    pub demo: bool,
+
+    /// Let the first TCP server listen there instead of where its settings say
+    #[arg(long, value_name = "[ADDR:]PORT", value_parser = listen)]
+    pub listen: Option<TcpListen>,
+
+    /// Say whether the settings in FILE are good, and end
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "demo", "listen", "console"])]
+    pub check: Option<PathBuf>,
+
+    /// Offer the console on a TCP port, to whoever can reach it without a password
+    #[arg(long, value_name = "[ADDR:]PORT|off", default_value = CONSOLE_DEFAULT)]
+    pub console: ConsolePort,
+}
+
+impl Options {
+    /// Whether the demo's bus is wanted: by name, or because nothing else is.
+    pub fn runs_demo(&self) -> bool {
+        self.demo || self.config.is_none()
+    }
+}
+
+/// Where the console listens, if at all. A bare port number is one of this machine only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ConsolePort(pub Option<TcpListen>);
+
+impl FromStr for ConsolePort {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "off" {
+            return Ok(Self(None));
+        }
+        let TcpListen { address, port } = listen(text)?;
+        let loopback = std::net::Ipv4Addr::LOCALHOST.into();
+        Ok(Self(Some(TcpListen { address: address.or(Some(loopback)), port })))
+    }
+}
+
+/// `5020`, `127.0.0.1:5020`, `[::1]:5020`.
+fn listen(text: &str) -> Result<TcpListen, String> {
+    let parsed = match text.parse::<u16>() {
+        Ok(port) => TcpListen { address: None, port },
+        Err(_) => {
+            let both: SocketAddr =
+                text.parse().map_err(|_| "expected PORT, ADDRESS:PORT or [ADDRESS]:PORT".to_owned())?;
+            TcpListen { address: Some(both.ip()), port: both.port() }
+        }
+    };
+    if parsed.port == 0 { Err("port 0 is none".to_owned()) } else { Ok(parsed) }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::{ConsolePort, Options, TcpListen, listen};
+
+    #[test]
+    fn the_options_fit_together() {
+        Options::command().debug_assert();
+    }
+
+    #[test]
+    fn a_listening_place_is_a_port_with_or_without_an_address() {
+        assert_eq!(listen("5020"), Ok(TcpListen { address: None, port: 5020 }));
+        let ipv6 = TcpListen { address: Some("::1".parse().unwrap()), port: 502 };
+        assert_eq!(listen("[::1]:502"), Ok(ipv6));
+        for bad in ["", "0", "65536", "localhost", "1.2.3.4", "1.2.3.4:0", ":5020"] {
+            assert!(listen(bad).is_err(), "{bad:?} was taken");
+        }
+    }
+
+    #[test]
+    fn the_console_stays_on_this_machine_unless_an_address_is_given() {
+        let ConsolePort(bare) = "5026".parse().unwrap();
+        assert!(bare.unwrap().address.unwrap().is_loopback());
+        assert_eq!("off".parse(), Ok(ConsolePort(None)));
+    }
+}

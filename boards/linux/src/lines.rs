@@ -1,0 +1,85 @@
+//! The serial lines that the program knows: ttys by their file names and, in the demo, the simulated bus.
+
+use std::io;
+
+use embassy_time::Duration;
+use embedded_io_async::{Error, ErrorKind, ErrorType, Read, Write};
+use mobgate::config::LineSettings;
+use mobgate::hal::{OpenError, SerialHost};
+use mobgate_simulator::SimSerial;
+use mobgate_simulator::serial::SimLine;
+
+use crate::demo;
+use crate::tty::{Tty, TtyHost};
+
+/// The 16 ms for which an FTDI adapter may hold characters back, and the scheduler's delay.
+const READ_JITTER: Duration = Duration::from_millis(20);
+
+/// Opens ttys, and the demo's bus when there is one.
+#[derive(Clone, Default)]
+pub struct Lines {
+    demo: Option<SimSerial>,
+}
+
+impl Lines {
+    /// The system's ttys and `demo`'s bus besides.
+    pub fn with_demo(demo: SimSerial) -> Self {
+        Self { demo: Some(demo) }
+    }
+}
+
+impl SerialHost for Lines {
+    type Line<'a> = Line;
+
+    async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Line, OpenError> {
+        match &mut self.demo {
+            Some(demo) if device == demo::DEVICE => demo.open(device, line).await.map(Line::Demo),
+            _ => TtyHost.open(device, line).await.map(Line::Tty),
+        }
+    }
+
+    fn read_jitter(&self) -> Duration {
+        READ_JITTER
+    }
+}
+
+/// An open line.
+pub enum Line {
+    /// A real one.
+    Tty(Tty),
+    /// The demo's.
+    Demo(SimLine),
+}
+
+impl ErrorType for Line {
+    type Error = ErrorKind;
+}
+
+impl Read for Line {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
+        match self {
+            Self::Tty(line) => line.read(into).await.map_err(kind),
+            Self::Demo(line) => line.read(into).await,
+        }
+    }
+}
+
+impl Write for Line {
+    async fn write(&mut self, from: &[u8]) -> Result<usize, ErrorKind> {
+        match self {
+            Self::Tty(line) => line.write(from).await.map_err(kind),
+            Self::Demo(line) => line.write(from).await,
+        }
+    }
+
+    async fn flush(&mut self) -> Result<(), ErrorKind> {
+        match self {
+            Self::Tty(line) => line.flush().await.map_err(kind),
+            Self::Demo(line) => line.flush().await,
+        }
+    }
+}
+
+fn kind(error: io::Error) -> ErrorKind {
+    Error::kind(&error)
+}

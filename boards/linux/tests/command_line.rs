@@ -1,0 +1,167 @@
+//! The program's start and end: options, bad configurations, signals.
+
+use std::fs;
+use std::net::{Ipv4Addr, TcpListener};
+use std::thread;
+use std::time::Duration;
+
+use rustix::process::Signal;
+
+use common::{Program, ask, free_port, mobgate, output, wait_for};
+
+mod common;
+
+/// A good file but for its seventh line.
+const BAD_LINE_7: &str = "\
+# lines
+port P1 serial /dev/ttyS7 rtu client 9600 8N1
+
+# clients
+port P502 tcp server {port}
+
+route P502 1-247 * * P9
+";
+
+fn file(text: &str) -> tempfile::NamedTempFile {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    fs::write(&file, text).unwrap();
+    file
+}
+
+#[test]
+fn check_names_file_line_and_word_of_an_error() {
+    // The blank line after the ports is line 6.
+    let file = file(&BAD_LINE_7.replace("{port}", "502"));
+    let path = file.path().to_str().unwrap();
+    let checked = output(&["--check", path]);
+    let said = String::from_utf8(checked.stderr).unwrap();
+    assert_eq!(checked.status.code(), Some(1));
+    for part in [path, "line 7", "\"P9\""] {
+        assert!(said.contains(part), "{part} is not in {said:?}");
+    }
+}
+
+#[test]
+fn check_of_a_good_file_says_so_and_ends_with_0() {
+    let file = file("port P1 serial /dev/ttyS7 rtu client 9600 8N1\n");
+    let checked = output(&["--check", file.path().to_str().unwrap()]);
+    assert_eq!(checked.status.code(), Some(0));
+    assert!(String::from_utf8(checked.stdout).unwrap().contains("good"));
+}
+
+#[test]
+fn check_of_a_file_that_does_not_exist_ends_with_1() {
+    assert_eq!(output(&["--check", "/does/not/exist"]).status.code(), Some(1));
+}
+
+#[test]
+fn check_finds_more_connections_than_there_are() {
+    let file = file("port P502 tcp server 502 clients 999\n");
+    let checked = output(&["--check", file.path().to_str().unwrap()]);
+    assert_eq!(checked.status.code(), Some(1));
+    assert!(String::from_utf8(checked.stderr).unwrap().contains("1000 connections"));
+}
+
+#[test]
+fn the_program_does_not_start_half_configured() {
+    let port = free_port();
+    let file = file(&BAD_LINE_7.replace("{port}", &port.to_string()));
+    let started = output(&["--config", file.path().to_str().unwrap(), "--console", "off"]);
+    assert_eq!(started.status.code(), Some(1));
+    let said = String::from_utf8(started.stderr).unwrap();
+    assert!(said.contains("line 7") && !said.contains("listening"), "{said}");
+}
+
+#[test]
+fn a_bad_option_ends_with_2_and_help_tells_the_exit_codes() {
+    assert_eq!(output(&["--listen", "nowhere"]).status.code(), Some(2));
+    let help = String::from_utf8(output(&["--help"]).stdout).unwrap();
+    assert!(help.contains("Exit codes") && help.contains("Examples"));
+}
+
+#[test]
+fn a_configured_port_that_is_taken_ends_the_start_with_a_hint() {
+    let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let at = taken.local_addr().unwrap();
+    let file = file(&format!("port P502 tcp server {at}\n"));
+    let started = output(&["--config", file.path().to_str().unwrap(), "--console", "off"]);
+    assert_eq!(started.status.code(), Some(1));
+    let said = String::from_utf8(started.stderr).unwrap();
+    assert!(said.contains("P502") && said.contains("in use") && said.contains("ss -ltnp"), "{said}");
+}
+
+#[test]
+fn the_demo_serves_its_three_devices_and_prints_the_commands_to_try() {
+    let program = Program::demo();
+    let mut client = program.connect();
+    let meter = ask(&mut client, 1, &[4, 0, 0, 0, 2]);
+    let volts = f32::from_be_bytes(meter[2..6].try_into().unwrap());
+    assert!((227.0..233.0).contains(&volts), "{volts} V");
+    assert_eq!(ask(&mut client, 2, &[5, 0, 0, 0xff, 0]), [5, 0, 0, 0xff, 0]);
+    assert_eq!(ask(&mut client, 2, &[1, 0, 0, 0, 8]), [1, 1, 1]);
+    let asked = std::time::Instant::now();
+    assert_eq!(ask(&mut client, 3, &[3, 0, 0, 0, 1]).len(), 4);
+    assert!(asked.elapsed() >= Duration::from_millis(300));
+    program.logs(&format!("mbpoll -m tcp -p {} -a 1", program.port));
+}
+
+#[test]
+fn the_meters_registers_move() {
+    let program = Program::demo();
+    let mut client = program.connect();
+    let first = ask(&mut client, 1, &[4, 0, 0, 0, 6]);
+    wait_for("another value", || (ask(&mut client, 1, &[4, 0, 0, 0, 6]) != first).then_some(()));
+}
+
+#[test]
+fn sigterm_and_sigint_end_the_program_with_0() {
+    for signal in [Signal::TERM, Signal::INT] {
+        let program = Program::demo();
+        program.signal(signal);
+        assert_eq!(program.wait().code(), Some(0));
+    }
+}
+
+#[test]
+fn sighup_ends_the_demo_which_has_no_file_to_read() {
+    let program = Program::demo();
+    program.signal(Signal::HUP);
+    assert_eq!(program.wait().code(), Some(0));
+}
+
+#[test]
+fn sighup_takes_the_file_over_as_a_whole_or_not_at_all() {
+    let mut program = Program::configured("port P502 tcp server {port}\n");
+    let (old, new) = (program.port, free_port());
+    fs::write(program.config(), format!("port P502 tcp server {new}\nport P503 tcp serve 503\n")).unwrap();
+    program.signal(Signal::HUP);
+    program.logs("line 2");
+    program.connect();
+
+    fs::write(program.config(), format!("port P502 tcp server {new}\n")).unwrap();
+    program.signal(Signal::HUP);
+    program.port = new;
+    wait_for("the new port", || std::net::TcpStream::connect((Ipv4Addr::LOCALHOST, new)).ok());
+    wait_for("the old port's end", || std::net::TcpStream::connect((Ipv4Addr::LOCALHOST, old)).err());
+}
+
+#[test]
+fn the_end_of_standard_input_neither_ends_nor_spins_the_program() {
+    let mut program = Program::demo();
+    let before = program.cpu_ticks();
+    thread::sleep(Duration::from_secs(2)); // what is measured
+    let spent = program.cpu_ticks() - before;
+    assert!(program.is_running());
+    assert!(spent < 20, "{} ms of processor time in 2 s of doing nothing", spent * 10);
+}
+
+#[test]
+fn the_journal_gets_priorities_and_no_times() {
+    let file = file("port P1 serial /dev/does-not-exist rtu client\nport P502 tcp server {port}\n");
+    let port = free_port();
+    fs::write(&file, fs::read_to_string(&file).unwrap().replace("{port}", &port.to_string())).unwrap();
+    let mut command = mobgate();
+    command.env("JOURNAL_STREAM", "8:12345").arg("--config").arg(file.path()).args(["--console", "off"]);
+    let program = Program::start(command, tempfile::tempdir().unwrap(), port);
+    program.logs("<4>/dev/does-not-exist cannot be opened: not found");
+}

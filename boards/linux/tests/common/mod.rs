@@ -1,0 +1,161 @@
+//! The program under test: started with its own folder and free ports, ended with the test.
+// Each test file uses a part of it.
+#![allow(dead_code)]
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+/// Longest wait for anything that a test expects.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A port that was free a moment ago.
+pub(crate) fn free_port() -> u16 {
+    TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap().port()
+}
+
+/// Waits until `done` gives something.
+pub(crate) fn wait_for<T>(what: &str, mut done: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(value) = done() {
+            return value;
+        }
+        assert!(start.elapsed() < PATIENCE, "waited in vain for {what}");
+        thread::sleep(Duration::from_millis(10)); // between two looks
+    }
+}
+
+/// The program, not yet started.
+pub(crate) fn mobgate() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mobgate"));
+    command.env_remove("RUST_LOG").env_remove("JOURNAL_STREAM").stdin(Stdio::null());
+    command
+}
+
+/// Runs the program to its end.
+pub(crate) fn output(arguments: &[&str]) -> Output {
+    mobgate().args(arguments).output().unwrap()
+}
+
+/// A running program, with the folder of its configuration file.
+pub(crate) struct Program {
+    child: Child,
+    log: Arc<Mutex<String>>,
+    folder: tempfile::TempDir,
+    /// The first TCP server's port.
+    pub(crate) port: u16,
+}
+
+impl Program {
+    /// Starts with `settings` in a file; `{port}` in them becomes a free TCP port. Ready when that port is open.
+    pub(crate) fn configured(settings: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let port = free_port();
+        fs::write(folder.path().join("mobgate.conf"), settings.replace("{port}", &port.to_string())).unwrap();
+        let mut command = mobgate();
+        command.arg("--config").arg(folder.path().join("mobgate.conf")).args(["--console", "off"]);
+        Self::start(command, folder, port)
+    }
+
+    /// Starts the demo on a free port of the loopback address.
+    pub(crate) fn demo() -> Self {
+        let port = free_port();
+        let mut command = mobgate();
+        command.args(["--listen", &format!("127.0.0.1:{port}"), "--console", "off"]);
+        Self::start(command, tempfile::tempdir().unwrap(), port)
+    }
+
+    /// Starts `command`, which listens on `port`.
+    pub(crate) fn start(mut command: Command, folder: tempfile::TempDir, port: u16) -> Self {
+        let mut child = command.stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let log = Arc::<Mutex<String>>::default();
+        gather(child.stderr.take().unwrap(), &log);
+        gather(child.stdout.take().unwrap(), &log);
+        let program = Self { child, log, folder, port };
+        wait_for("the TCP server", || TcpStream::connect((Ipv4Addr::LOCALHOST, port)).ok());
+        program
+    }
+
+    pub(crate) fn config(&self) -> PathBuf {
+        self.folder.path().join("mobgate.conf")
+    }
+
+    pub(crate) fn log(&self) -> String {
+        self.log.lock().unwrap().clone()
+    }
+
+    /// Waits until the log has `text`.
+    pub(crate) fn logs(&self, text: &str) {
+        wait_for(&format!("{text:?} in the log:\n{}", self.log()), || {
+            self.log().contains(text).then_some(())
+        });
+    }
+
+    pub(crate) fn signal(&self, signal: Signal) {
+        kill_process(Pid::from_child(&self.child), signal).unwrap();
+    }
+
+    pub(crate) fn wait(mut self) -> ExitStatus {
+        wait_for("the program's end", || self.child.try_wait().unwrap())
+    }
+
+    pub(crate) fn is_running(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
+    }
+
+    /// The time that the program has spent on a processor, in clock ticks of 10 ms.
+    pub(crate) fn cpu_ticks(&self) -> u64 {
+        let stat = fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap();
+        // proc_pid_stat(5): fields 14 and 15, counted behind the name in parentheses, which is field 2.
+        let fields: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
+        fields[11].parse::<u64>().unwrap() + fields[12].parse::<u64>().unwrap()
+    }
+
+    pub(crate) fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, self.port)).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_nodelay(true).unwrap();
+        stream
+    }
+
+    /// What the program's descriptors are, as many as there are.
+    pub(crate) fn descriptors(&self) -> usize {
+        fs::read_dir(format!("/proc/{}/fd", self.child.id())).unwrap().count()
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn gather(from: impl Read + Send + 'static, into: &Arc<Mutex<String>>) {
+    let into = into.clone();
+    thread::spawn(move || {
+        for line in BufReader::new(from).lines().map_while(Result::ok) {
+            into.lock().unwrap().push_str(&format!("{line}\n"));
+        }
+    });
+}
+
+/// Sends `pdu` to `unit` by Modbus TCP and gives the answer's PDU.
+pub(crate) fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
+    let length = (pdu.len() as u16 + 1).to_be_bytes();
+    stream.write_all(&[&[0, 1, 0, 0, length[0], length[1], unit], pdu].concat()).unwrap();
+    let mut head = [0; 7];
+    stream.read_exact(&mut head).unwrap();
+    assert_eq!((head[1], head[6]), (1, unit), "transaction and unit come back");
+    let mut answer = vec![0; usize::from(u16::from_be_bytes([head[4], head[5]])) - 1];
+    stream.read_exact(&mut answer).unwrap();
+    answer
+}

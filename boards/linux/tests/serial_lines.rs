@@ -1,0 +1,136 @@
+//! The program with serial devices that are missing, come, go and babble: PTYs under names of the tests' own.
+
+use std::os::unix::fs::symlink;
+use std::path::Path;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serial2::SerialPort;
+
+use common::{Program, ask, wait_for};
+
+mod common;
+
+const READ: [u8; 5] = [3, 0, 0, 0, 1];
+const ANSWER: [u8; 4] = [3, 2, 0xab, 0xcd];
+/// Unit 1's request and answer with their CRC.
+const ANSWER_RTU: [u8; 7] = [1, 3, 2, 0xab, 0xcd, 0x06, 0xe1];
+const NO_ANSWER: [u8; 2] = [0x83, 0x0b];
+const NO_PATH: [u8; 2] = [0x83, 0x0a];
+
+/// A device behind the link `name`: answers every request until its end of the PTY is dropped.
+struct Adapter {
+    // The inner end stays open, or the PTY hangs up before the program has opened it.
+    _inside: SerialPort,
+    outside: SerialPort,
+}
+
+impl Adapter {
+    fn plug(name: &Path) -> Self {
+        let (outside, inside) = SerialPort::pair().unwrap();
+        let device = rustix::termios::ttyname(&inside, Vec::new()).unwrap();
+        let _ = std::fs::remove_file(name);
+        symlink(device.to_str().unwrap(), name).unwrap();
+        Self { _inside: inside, outside }
+    }
+
+    /// Answers one request.
+    fn answer(&mut self) {
+        let mut request = [0; 8];
+        self.outside.set_read_timeout(common::PATIENCE).unwrap();
+        self.outside.read_exact(&mut request).unwrap();
+        self.outside.write_all(&ANSWER_RTU).unwrap();
+    }
+}
+
+fn program(device: &Path) -> Program {
+    Program::configured(&format!(
+        "port P1 serial {} rtu client timeout 200ms\nport P502 tcp server {{port}}\nroute P502 * * * P1\n",
+        device.display()
+    ))
+}
+
+#[test]
+fn a_device_that_does_not_exist_is_reported_and_found_when_it_comes() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("usb-adapter");
+    let program = program(&name);
+    program.logs("cannot be opened: not found");
+    let mut client = program.connect();
+    assert_eq!(ask(&mut client, 1, &READ), NO_PATH);
+
+    let mut adapter = Adapter::plug(&name);
+    program.logs("is open");
+    let answering = thread::spawn(move || {
+        adapter.answer();
+        adapter
+    });
+    assert_eq!(ask(&mut client, 1, &READ), ANSWER);
+    drop(answering.join().unwrap());
+}
+
+#[test]
+fn an_unplugged_adapter_is_opened_again_when_it_is_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("usb-adapter");
+    let adapter = Adapter::plug(&name);
+    let program = program(&name);
+    program.logs("is open");
+    std::fs::remove_file(&name).unwrap();
+    drop(adapter);
+    program.logs("is lost");
+
+    let mut adapter = Adapter::plug(&name);
+    wait_for("the line again", || (program.log().matches("is open").count() == 2).then_some(()));
+    let answering = thread::spawn(move || {
+        adapter.answer();
+        adapter
+    });
+    assert_eq!(ask(&mut program.connect(), 1, &READ), ANSWER);
+    drop(answering.join().unwrap());
+}
+
+#[test]
+fn a_line_that_babbles_stops_nobody_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let (noisy, quiet) = (folder.path().join("noisy"), folder.path().join("quiet"));
+    let (babbler, mut adapter) = (Adapter::plug(&noisy), Adapter::plug(&quiet));
+    let program = Program::configured(&format!(
+        "port N1 serial {} rtu client timeout 200ms\nport Q1 serial {} rtu client\n\
+         port P502 tcp server {{port}} lifetime 500ms\nroute P502 2 * * N1\nroute P502 1 * * Q1\n",
+        noisy.display(),
+        quiet.display()
+    ));
+    wait_for("both lines", || (program.log().matches("is open").count() == 2).then_some(()));
+    let end = Instant::now() + Duration::from_secs(3);
+    let babble = thread::spawn(move || {
+        while Instant::now() < end {
+            // Full buffers are the point: whatever is not taken is written again.
+            let _ = babbler.outside.write(&[0x55; 4096]);
+        }
+    });
+    let answers = thread::spawn(move || {
+        for _ in 0..20 {
+            adapter.answer();
+        }
+        adapter
+    });
+    let mut client = program.connect();
+    for _ in 0..20 {
+        assert_eq!(ask(&mut client, 1, &READ), ANSWER);
+    }
+    assert_eq!(ask(&mut client, 2, &READ), NO_ANSWER, "the request's life is over");
+    assert!(Instant::now() < end, "the babble was over before the answers were");
+    babble.join().unwrap();
+    drop(answers.join().unwrap());
+}
+
+#[test]
+fn a_line_open_in_another_program_is_said_to_be_in_use() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("usb-adapter");
+    let _adapter = Adapter::plug(&name);
+    let first = program(&name);
+    first.logs("is open");
+    program(&name).logs("in use by another program");
+}

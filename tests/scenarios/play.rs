@@ -28,14 +28,21 @@ struct Stage<'s, 'r, 'g> {
     clients: Clients<'s>,
 }
 
+/// Every case is played with this many seeds: they decide in which order tasks that could run do run.
+const SEEDS: u64 = 3;
+
 /// Plays `case`; what is not as it should be is told with the step at which it showed.
 pub(crate) fn play(case: &Case) -> Result<(), String> {
+    (1..=SEEDS).try_for_each(|seed| play_once(case, seed).map_err(|error| format!("{error} (seed {seed})")))
+}
+
+fn play_once(case: &Case, seed: u64) -> Result<(), String> {
     let lines = case.steps.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
     let told = |line: &str, error: String| format!("at `{line}`: {error}");
     let steps: Vec<(&str, Step)> = lines
         .map(|line| Ok((line, step(line).map_err(|error| told(line, error))?)))
         .collect::<Result<_, String>>()?;
-    rig::with_gateway(1, &case.setup.settings, |world, rig| {
+    rig::with_gateway(seed, &case.setup.settings, |world, rig| {
         let mut stage = Stage::build(&case.setup, world, rig)?;
         for (line, step) in &steps {
             let acted = stage.act(world, step);

@@ -4,11 +4,14 @@
 //! is checked, then the gateway takes it over and restarts the ports that differ. [`apply`] and [`write_line`] parse and
 //! print the one language in which all of that is written.
 
+mod line;
 mod loader;
+mod port_keys;
 mod port_words;
 mod print;
 mod problem;
 mod route_words;
+mod saved;
 mod text;
 mod values;
 mod words;
@@ -21,12 +24,16 @@ use core::net::IpAddr;
 use embassy_time::Duration;
 use heapless::{String, Vec};
 
+pub(crate) use self::line::LineBuffer;
 pub use self::loader::{LoadError, Loader};
-pub use self::print::write_line;
+pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
+pub use self::saved::{ReadError, read_store, write_store};
+pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
-use crate::route::Route;
+pub(crate) use self::words::Words;
+use crate::route::{Destination, Route};
 
 /// Longest line of the line language in bytes. Settings at their limits print lines of about 340: what is printed can be read.
 pub const LINE_BYTES_MAX: usize = 384;
@@ -89,6 +96,21 @@ impl Settings {
             named(&|other| other.strip_prefix(['P', 'p']) == Some(name))
         })?;
         Some(PortId(found as u8))
+    }
+
+    /// The name of the port at `id`; `?` when there is none any more.
+    pub fn name(&self, id: PortId) -> &str {
+        self.port(id).map_or("?", |port| &port.name)
+    }
+
+    /// A destination as rules name it.
+    pub fn destination(&self, destination: Destination) -> &str {
+        match destination {
+            Destination::Port(id) => self.name(id),
+            Destination::Local => "local",
+            Destination::Discard => "discard",
+            Destination::NoPath => "nopath",
+        }
     }
 
     /// What is set, but unlikely to be meant.

@@ -40,6 +40,7 @@
 mod fmt;
 
 pub mod config;
+pub mod console;
 pub mod frame;
 pub mod gateway;
 pub mod hal;

@@ -2,12 +2,10 @@
 
 use core::fmt;
 
-use heapless::Vec;
-
-use super::problem::{LineError, Problem};
+use super::Settings;
+use super::line::LineBuffer;
+use super::problem::LineError;
 use super::text::apply;
-use super::words::Word;
-use super::{LINE_BYTES_MAX, Settings};
 
 /// The first bad line of a configuration text.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,7 +30,7 @@ impl core::error::Error for LoadError {}
 #[derive(Debug)]
 pub struct Loader<'s> {
     settings: &'s mut Settings,
-    line: Vec<u8, LINE_BYTES_MAX>,
+    line: LineBuffer,
     number: u32,
 }
 
@@ -40,17 +38,14 @@ impl<'s> Loader<'s> {
     /// Empties `settings` and starts to fill them.
     pub fn new(settings: &'s mut Settings) -> Self {
         *settings = Settings::new();
-        Self { settings, line: Vec::new(), number: 1 }
+        Self { settings, line: LineBuffer::default(), number: 1 }
     }
 
     /// Takes the next piece and applies every line that it ends.
     pub fn feed(&mut self, piece: &[u8]) -> Result<(), LoadError> {
         for &byte in piece {
-            if byte == b'\n' {
+            if self.line.feed(byte) {
                 self.end_line()?;
-            } else if self.line.push(byte).is_err() {
-                let end = Word { text: "", column: LINE_BYTES_MAX + 1, listed: false };
-                return Err(self.error(end.error(Problem::LineTooLong)));
             }
         }
         Ok(())
@@ -62,22 +57,10 @@ impl<'s> Loader<'s> {
     }
 
     fn end_line(&mut self) -> Result<(), LoadError> {
-        let applied = match core::str::from_utf8(&self.line) {
-            // The CR of a CR LF is a blank to the line language.
-            Ok(line) => apply(self.settings, line),
-            Err(error) => {
-                let good = self.line.get(..error.valid_up_to()).unwrap_or_default();
-                let column = core::str::from_utf8(good).map_or(0, |good| good.chars().count()) + 1;
-                Err(Word { text: "", column, listed: false }.error(Problem::NotText))
-            }
-        };
-        applied.map_err(|error| self.error(error))?;
+        let applied = self.line.text().and_then(|line| apply(self.settings, line));
+        applied.map_err(|error| LoadError { line: self.number, error })?;
         self.line.clear();
         self.number = self.number.saturating_add(1);
         Ok(())
-    }
-
-    fn error(&self, error: LineError) -> LoadError {
-        LoadError { line: self.number, error }
     }
 }

@@ -2,12 +2,17 @@
 
 use core::fmt::{self, Display, Write};
 
+use heapless::String;
+
 use super::values::Time;
 use super::{
-    Framing, LineSettings, Name, Parity, Port, PortKind, SerialClientSettings, SerialSettings, Settings,
-    Side, TcpServerSettings,
+    Framing, LineSettings, Parity, Port, PortKind, SerialClientSettings, SerialSettings, Settings, Side,
+    TcpServerSettings,
 };
-use crate::route::{Destination, Functions, Priority, Route, Tag, UnitRange};
+use crate::route::{Functions, Priority, Route, Tag, UnitRange};
+
+/// Longest baud rate and character format.
+pub const SPEED_BYTES_MAX: usize = 16;
 
 /// Writes line `n` (from 0) of the settings without its line end; `None` behind the last line.
 ///
@@ -29,20 +34,12 @@ fn write_port(port: &Port, width: usize, out: &mut impl Write) -> fmt::Result {
 }
 
 fn write_route(settings: &Settings, route: &Route, width: usize, out: &mut impl Write) -> fmt::Result {
-    let none = Name::new();
-    let name = |id| settings.port(id).map_or(&none, |port| &port.name);
-    write!(out, "route {:width$} {:7} ", name(route.source), route.units)?;
+    write!(out, "route {:width$} {:7} ", settings.name(route.source), route.units)?;
     match route.peer {
         Some(peer) => write!(out, "{peer} ")?,
         None => write!(out, "* ")?,
     }
-    write!(out, "{} ", route.tag)?;
-    match route.destination {
-        Destination::Port(id) => write!(out, "{}", name(id))?,
-        Destination::Local => out.write_str("local")?,
-        Destination::Discard => out.write_str("discard")?,
-        Destination::NoPath => out.write_str("nopath")?,
-    }
+    write!(out, "{} {}", route.tag, settings.destination(route.destination))?;
     match route.functions {
         Functions::ALL => {}
         Functions::READ_ONLY => out.write_str(" readonly")?,
@@ -82,18 +79,29 @@ impl Display for SerialSettings {
 
 impl Display for LineSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let parity = match self.parity {
-            Parity::None => 'N',
-            Parity::Even => 'E',
-            Parity::Odd => 'O',
-        };
-        write!(f, "{} {}{parity}{}", self.baud, self.data_bits, self.stop_bits)?;
+        write!(f, "{}", self.speed())?;
         for (keyword, time) in [("char-timeout", self.char_timeout), ("gap", self.gap)] {
             if let Some(time) = time {
                 option(f, keyword, Time(time), true)?;
             }
         }
         if self.rs485 { f.write_str(" rs485") } else { Ok(()) }
+    }
+}
+
+impl LineSettings {
+    /// Baud rate and character format: `19200 8E1`.
+    pub fn speed(&self) -> String<SPEED_BYTES_MAX> {
+        let Self { baud, data_bits, parity, stop_bits, .. } = *self;
+        let parity = match parity {
+            Parity::None => 'N',
+            Parity::Even => 'E',
+            Parity::Odd => 'O',
+        };
+        let mut speed = String::new();
+        // It has room for the highest baud rate there is.
+        let _ = write!(speed, "{baud} {data_bits}{parity}{stop_bits}");
+        speed
     }
 }
 
@@ -137,7 +145,7 @@ impl Display for Side {
 
 impl Display for UnitRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut text = heapless::String::<7>::new();
+        let mut text = String::<7>::new();
         match *self {
             Self::ALL => text.write_str("*"),
             Self { first, last } if first == last => write!(text, "{first}"),
@@ -149,7 +157,7 @@ impl Display for UnitRange {
 
 impl Display for Tag {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut text = heapless::String::<6>::new();
+        let mut text = String::<6>::new();
         match *self {
             Self::Keep => text.write_str("*"),
             Self::Shift(by) => write!(text, "{by:+}"),

@@ -82,9 +82,7 @@ fn destination(settings: &Settings, word: Word) -> Result<Destination, LineError
     if word.is_end() {
         return Err(word.expected("a port name, local, discard or nopath"));
     }
-    let keywords =
-        [("local", Destination::Local), ("discard", Destination::Discard), ("nopath", Destination::NoPath)];
-    match word.lookup(&keywords) {
+    match word.lookup(DESTINATIONS) {
         Some(destination) => Ok(destination),
         None => port(settings, word).map(Destination::Port),
     }
@@ -105,6 +103,19 @@ const KEYS: &[(&str, Key)] = &[
     ("priority", Key::Priority),
 ];
 
+const DESTINATIONS: &[(&str, Destination)] =
+    &[("local", Destination::Local), ("discard", Destination::Discard), ("nopath", Destination::NoPath)];
+
+const PRIORITIES: &[(&str, Priority)] =
+    &[("high", Priority::High), ("normal", Priority::Normal), ("low", Priority::Low)];
+
+/// The words of the columns and options.
+pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
+    let keys = KEYS.iter().map(|&(keyword, _)| keyword);
+    let destinations = DESTINATIONS.iter().map(|&(keyword, _)| keyword);
+    keys.chain(destinations).chain(PRIORITIES.iter().map(|&(keyword, _)| keyword))
+}
+
 fn options(words: &mut Words) -> Result<(Functions, Priority), LineError> {
     let (mut functions, mut priority) = (None, None);
     while !words.peek().is_end() {
@@ -114,8 +125,7 @@ fn options(words: &mut Words) -> Result<(Functions, Priority), LineError> {
             Key::All => functions.replace(Functions::ALL).is_some(),
             Key::Functions => functions.replace(function_list(words)?).is_some(),
             Key::Priority => {
-                let ranks = [("high", Priority::High), ("normal", Priority::Normal), ("low", Priority::Low)];
-                let rank = words.take().keyword(&ranks, "high, normal or low")?;
+                let rank = words.take().keyword(PRIORITIES, "high, normal or low")?;
                 priority.replace(rank).is_some()
             }
         };

@@ -307,7 +307,8 @@ fn a_long_line_is_refused_as_a_whole() {
     let mut settings = Settings::new();
     let mut loader = Loader::new(&mut settings);
     loader.feed(b"# short\n").unwrap();
-    let error = loader.feed(line.as_bytes()).unwrap_err();
+    loader.feed(line.as_bytes()).unwrap();
+    let error = loader.finish().unwrap_err();
     assert_eq!((error.line, error.error.problem), (2, Problem::LineTooLong));
 }
 

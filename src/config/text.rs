@@ -5,9 +5,10 @@
 
 use core::num::NonZeroU16;
 
+use super::port_keys;
 use super::port_words::Draft;
 use super::problem::{LineError, Problem, Rules, Warning};
-use super::route_words::route;
+use super::route_words::{self, route};
 use super::values::{name, number};
 use super::words::{Word, Words};
 use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side, gap_warning};
@@ -46,8 +47,7 @@ const VERBS: &[(&str, Verb)] = &[
 /// Changes `settings` as `line` says; a bad line changes nothing.
 pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> {
     if line.len() > LINE_BYTES_MAX {
-        let end = Word { text: "", column: LINE_BYTES_MAX + 1, listed: false };
-        return Err(end.error(Problem::LineTooLong));
+        return Err(LineError::too_long());
     }
     let mut words = Words::new(line);
     let words = &mut words;
@@ -71,6 +71,11 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
 pub fn is_implied(settings: &Settings, route: &Route) -> bool {
     let asks = |id: PortId| settings.port(id).is_some_and(|port| port.kind.side() == Side::Server);
     !asks(route.source) || matches!(route.destination, Destination::Port(id) if asks(id))
+}
+
+/// The words that stand in rows and behind port names, besides names, numbers and addresses.
+pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
+    ["serial", "tcp"].into_iter().chain(port_keys::keywords()).chain(route_words::keywords())
 }
 
 fn port(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {

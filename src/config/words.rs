@@ -9,33 +9,40 @@ use super::problem::{LineError, Problem, WORD_BYTES_MAX};
 
 /// One word, or the end of the line when `text` is empty.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Word<'a> {
+pub(crate) struct Word<'a> {
     /// The word as it stands in the line.
-    pub(super) text: &'a str,
+    pub(crate) text: &'a str,
     /// Where it starts, in characters from 1.
-    pub(super) column: usize,
+    pub(crate) column: usize,
     /// Whether a comma stands before it.
-    pub(super) listed: bool,
+    pub(crate) listed: bool,
+}
+
+impl Word<'static> {
+    /// The end of a line, at `column`.
+    pub(crate) const fn end_at(column: usize) -> Self {
+        Self { text: "", column, listed: false }
+    }
 }
 
 impl Word<'_> {
     /// Whether this is the end of the line.
-    pub(super) fn is_end(&self) -> bool {
+    pub(crate) fn is_end(&self) -> bool {
         self.text.is_empty()
     }
 
     /// Whether this is `keyword`, which is written without regard to case.
-    pub(super) fn is(&self, keyword: &str) -> bool {
+    pub(crate) fn is(&self, keyword: &str) -> bool {
         self.text.eq_ignore_ascii_case(keyword)
     }
 
     /// What `table` has for this keyword.
-    pub(super) fn lookup<T: Copy>(&self, table: &[(&'static str, T)]) -> Option<T> {
+    pub(crate) fn lookup<T: Copy>(&self, table: &[(&'static str, T)]) -> Option<T> {
         table.iter().find(|(keyword, _)| self.is(keyword)).map(|&(_, value)| value)
     }
 
     /// What `table` has for this keyword; otherwise an error with what was `expected` and the nearest keyword.
-    pub(super) fn keyword<T: Copy>(
+    pub(crate) fn keyword<T: Copy>(
         &self,
         table: &[(&'static str, T)],
         expected: &'static str,
@@ -47,7 +54,7 @@ impl Word<'_> {
     }
 
     /// The error that this word is.
-    pub(super) fn error(&self, problem: Problem) -> LineError {
+    pub(crate) fn error(&self, problem: Problem) -> LineError {
         let mut word = String::<WORD_BYTES_MAX>::new();
         for character in self.text.chars() {
             // A longer word is cut: the column finds it all the same.
@@ -59,31 +66,31 @@ impl Word<'_> {
     }
 
     /// The error that something else was `expected` here.
-    pub(super) fn expected(&self, expected: &'static str) -> LineError {
+    pub(crate) fn expected(&self, expected: &'static str) -> LineError {
         self.error(Problem::Expected { expected, near: None })
     }
 }
 
 /// Reads a line word by word.
 #[derive(Debug, Clone)]
-pub(super) struct Words<'a> {
+pub(crate) struct Words<'a> {
     rest: &'a str,
     column: usize,
 }
 
 impl<'a> Words<'a> {
     /// At the start of `line`.
-    pub(super) fn new(line: &'a str) -> Self {
+    pub(crate) fn new(line: &'a str) -> Self {
         Self { rest: line, column: 1 }
     }
 
     /// The next word, without taking it.
-    pub(super) fn peek(&self) -> Word<'a> {
+    pub(crate) fn peek(&self) -> Word<'a> {
         self.clone().take()
     }
 
     /// Takes the next word.
-    pub(super) fn take(&mut self) -> Word<'a> {
+    pub(crate) fn take(&mut self) -> Word<'a> {
         let word_at = self.rest.find(|character| !is_separator(character)).unwrap_or(self.rest.len());
         let separators = self.advance(word_at);
         let column = self.column;
@@ -96,7 +103,7 @@ impl<'a> Words<'a> {
     }
 
     /// An error unless the line ends here.
-    pub(super) fn end(&mut self) -> Result<(), LineError> {
+    pub(crate) fn end(&mut self) -> Result<(), LineError> {
         let word = self.take();
         if word.is_end() { Ok(()) } else { Err(word.expected("the end of the line")) }
     }

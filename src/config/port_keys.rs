@@ -1,0 +1,225 @@
+//! The words that set something in a port, with the limits of their values.
+
+use core::ops::RangeInclusive;
+
+use embassy_time::Duration;
+use heapless::{String, Vec};
+
+use super::problem::LineError;
+use super::values::{listen, medium, number, prefix, small, time};
+use super::words::{Word, Words};
+use super::{Framing, IpPrefix, Parity, RESERVED_MAX, SerialSettings, Side, TcpServerSettings};
+
+const BAUD: RangeInclusive<u32> = 1..=10_000_000;
+/// A gap above a second would make every line useless; 0 is for lines whose other end needs none.
+const GAP: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(1);
+const CHAR_TIMEOUT: RangeInclusive<Duration> = Duration::from_micros(100)..=Duration::from_secs(60);
+const TIMEOUT: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
+const RETRIES: RangeInclusive<u8> = 0..=10;
+const TURNAROUND: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(60);
+const START_DELAY: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(3_600);
+const LATE_WINDOW: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(3_600);
+const DOWN_AFTER: RangeInclusive<u8> = 0..=255;
+/// A board may have room for fewer.
+const CLIENTS: RangeInclusive<u16> = 1..=1_000;
+const IDLE: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(86_400);
+/// Messaging on TCP/IP 4.4.1.1 (NumberMaxOfServerTransaction): 1 to 16.
+const PIPELINE: RangeInclusive<u8> = 1..=16;
+const LIFETIME: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3_600);
+
+/// What a word of a port line sets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Key {
+    Device,
+    Framing(Framing),
+    Side(Side),
+    Baud,
+    Format,
+    Gap,
+    CharTimeout,
+    Rs485(bool),
+    Timeout,
+    Retries,
+    Turnaround,
+    StartDelay,
+    LateWindow,
+    DownAfter,
+    Listen,
+    Clients,
+    Idle,
+    Pipeline,
+    Lifetime,
+    Reserve,
+}
+
+impl Key {
+    /// A bit for "this line has set it".
+    pub(super) fn bit(self) -> u32 {
+        1 << match self {
+            Self::Device => 0,
+            Self::Framing(_) => 1,
+            Self::Side(_) => 2,
+            Self::Baud => 3,
+            Self::Format => 4,
+            Self::Gap => 5,
+            Self::CharTimeout => 6,
+            Self::Timeout => 7,
+            Self::Retries => 8,
+            Self::Turnaround => 9,
+            Self::StartDelay => 10,
+            Self::LateWindow => 11,
+            Self::DownAfter => 12,
+            Self::Listen => 13,
+            Self::Clients => 14,
+            Self::Idle => 15,
+            Self::Pipeline => 16,
+            Self::Lifetime => 17,
+            Self::Reserve => 18,
+            Self::Rs485(_) => 19,
+        }
+    }
+}
+
+pub(super) const SERIAL_KEYS: &[(&str, Key)] = &[
+    ("device", Key::Device),
+    ("rtu", Key::Framing(Framing::Rtu)),
+    ("ascii", Key::Framing(Framing::Ascii)),
+    ("client", Key::Side(Side::Client)),
+    ("server", Key::Side(Side::Server)),
+    ("master", Key::Side(Side::Client)),
+    ("slave", Key::Side(Side::Server)),
+    ("gap", Key::Gap),
+    ("char-timeout", Key::CharTimeout),
+    ("rs485", Key::Rs485(true)),
+    // For `edit`: the flag has no value that could say so.
+    ("rs232", Key::Rs485(false)),
+    ("timeout", Key::Timeout),
+    ("retries", Key::Retries),
+    ("turnaround", Key::Turnaround),
+    ("start-delay", Key::StartDelay),
+    ("late-window", Key::LateWindow),
+    ("down-after", Key::DownAfter),
+];
+
+pub(super) const TCP_SERVER_KEYS: &[(&str, Key)] = &[
+    ("listen", Key::Listen),
+    ("clients", Key::Clients),
+    ("idle", Key::Idle),
+    ("pipeline", Key::Pipeline),
+    ("lifetime", Key::Lifetime),
+    ("reserve", Key::Reserve),
+];
+
+/// The words that set something.
+pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
+    SERIAL_KEYS.iter().chain(TCP_SERVER_KEYS).map(|&(keyword, _)| keyword)
+}
+
+pub(super) const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, \
+     char-timeout, gap, rs485, retries, turnaround, start-delay, late-window or down-after";
+pub(super) const TCP_SERVER_EXPECTED: &str = "listen, clients, idle, pipeline, lifetime or reserve";
+
+/// Sets in a serial port what `key` says; its value is `word` itself or the next word.
+pub(super) fn set_serial(
+    settings: &mut SerialSettings,
+    key: Key,
+    word: Word,
+    words: &mut Words,
+) -> Result<(), LineError> {
+    let (line, client) = (&mut settings.line, &mut settings.client);
+    match key {
+        Key::Device => settings.device = device(words.take())?,
+        Key::Framing(framing) => settings.framing = framing,
+        Key::Side(side) => settings.side = side,
+        Key::Baud => line.baud = number(word, "a baud rate", BAUD)?,
+        Key::Format => (line.data_bits, line.parity, line.stop_bits) = format(word)?,
+        Key::Gap => line.gap = auto_or_time(words.take(), GAP)?,
+        Key::CharTimeout => line.char_timeout = auto_or_time(words.take(), CHAR_TIMEOUT)?,
+        Key::Rs485(driver) => line.rs485 = driver,
+        Key::Timeout => client.timeout = time(words.take(), TIMEOUT)?,
+        Key::Retries => client.retries = small(words.take(), "retries", RETRIES)?,
+        Key::Turnaround => client.turnaround = time(words.take(), TURNAROUND)?,
+        Key::StartDelay => client.start_delay = time(words.take(), START_DELAY)?,
+        Key::LateWindow => client.late_window = auto_or_time(words.take(), LATE_WINDOW)?,
+        Key::DownAfter => client.down_after = small(words.take(), "time-outs in a row", DOWN_AFTER)?,
+        Key::Listen | Key::Clients | Key::Idle | Key::Pipeline | Key::Lifetime | Key::Reserve => {
+            return Err(word.expected(SERIAL_EXPECTED));
+        }
+    }
+    Ok(())
+}
+
+/// Sets in a TCP server what `key` says.
+pub(super) fn set_tcp_server(
+    settings: &mut TcpServerSettings,
+    key: Key,
+    words: &mut Words,
+) -> Result<(), LineError> {
+    let value = words.take();
+    match key {
+        Key::Listen => settings.listen = listen(value)?,
+        Key::Clients => settings.clients = medium(value, "connections", CLIENTS)?,
+        Key::Idle if value.text == "0" => settings.idle = Duration::from_ticks(0),
+        Key::Idle => settings.idle = time(value, IDLE)?,
+        Key::Pipeline => settings.pipeline = small(value, "requests", PIPELINE)?,
+        Key::Lifetime => settings.lifetime = time(value, LIFETIME)?,
+        Key::Reserve => {
+            settings.reserved = medium(value, "places", 0..=*CLIENTS.end())?;
+            settings.reserved_for = Vec::new();
+            if settings.reserved > 0 {
+                settings.reserved_for = reserved_for(words)?;
+            }
+        }
+        _ => return Err(value.expected(TCP_SERVER_EXPECTED)),
+    }
+    Ok(())
+}
+
+/// `for 192.168.1.0/24,10.0.0.7`: what stands behind the number of reserved places.
+fn reserved_for(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineError> {
+    words.take().keyword(&[("for", ())], "for and the addresses that the places are kept for")?;
+    let mut prefixes = Vec::new();
+    loop {
+        let word = words.take();
+        if prefixes.push(prefix(word)?).is_err() {
+            return Err(word.expected("at most 4 prefixes"));
+        }
+        let next = words.peek();
+        if next.is_end() || !next.listed {
+            return Ok(prefixes);
+        }
+    }
+}
+
+const _: () = assert!(RESERVED_MAX == 4, "the error text of `reserved_for` names the number");
+
+/// `auto` gives the setting back to the specification's rule.
+fn auto_or_time(word: Word, range: RangeInclusive<Duration>) -> Result<Option<Duration>, LineError> {
+    if word.is("auto") { Ok(None) } else { time(word, range).map(Some) }
+}
+
+/// The device name that `word` is.
+pub(super) fn device<const N: usize>(word: Word) -> Result<String<N>, LineError> {
+    let good = !word.is_end() && word.text.bytes().all(|byte| byte.is_ascii_graphic());
+    let name = if good { String::try_from(word.text).ok() } else { None };
+    name.ok_or_else(|| word.expected("a serial device such as uart1 or /dev/ttyUSB0, at most 96 characters"))
+}
+
+const _: () = assert!(super::DEVICE_BYTES_MAX == 96, "the error text of `device` names the number");
+
+/// Data bits, parity, stop bits: `8E1`.
+fn format(word: Word) -> Result<(u8, Parity, u8), LineError> {
+    let parsed = match word.text.as_bytes() {
+        &[data @ b'7'..=b'8', parity, stop @ b'1'..=b'2'] => {
+            let parity = match parity.to_ascii_uppercase() {
+                b'N' => Some(Parity::None),
+                b'E' => Some(Parity::Even),
+                b'O' => Some(Parity::Odd),
+                _ => None,
+            };
+            parity.map(|parity| (data - b'0', parity, stop - b'0'))
+        }
+        _ => None,
+    };
+    parsed.ok_or_else(|| word.expected("a format such as 8E1, 7E1, 8N1 or 8N2"))
+}

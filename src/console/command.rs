@@ -1,0 +1,190 @@
+//! The commands: one line in, its answer out.
+
+use core::fmt;
+
+use embedded_io_async::{Read, Write};
+
+use super::help;
+use super::output::Output;
+use super::show::Show;
+use crate::config::{self, LineError, ReadError, Settings, Words};
+use crate::gateway::Gateway;
+use crate::hal::{Store, System};
+
+/// What a command's first word asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Command {
+    Help,
+    /// A line of the settings' language.
+    Settings,
+    Show,
+    Clear,
+    Save,
+    Load,
+    Reboot,
+    Exit,
+}
+
+/// Every command, in the order of `help`.
+pub(super) const COMMANDS: &[(&str, Command)] = &[
+    ("help", Command::Help),
+    ("port", Command::Settings),
+    ("route", Command::Settings),
+    ("edit", Command::Settings),
+    ("insert", Command::Settings),
+    ("move", Command::Settings),
+    ("delete", Command::Settings),
+    ("show", Command::Show),
+    ("clear", Command::Clear),
+    ("save", Command::Save),
+    ("load", Command::Load),
+    ("reboot", Command::Reboot),
+    ("exit", Command::Exit),
+];
+
+pub(super) const TOPICS_SHOW: &[(&str, Show)] = &[
+    ("ports", Show::Ports),
+    ("routes", Show::Routes),
+    ("units", Show::Units),
+    ("clients", Show::Clients),
+    ("stats", Show::Stats),
+    ("config", Show::Config),
+    ("log", Show::Log),
+    ("version", Show::Version),
+];
+
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Clear {
+    Stats,
+    Log,
+}
+
+pub(super) const TOPICS_CLEAR: &[(&str, Clear)] = &[("stats", Clear::Stats), ("log", Clear::Log)];
+
+/// Whether the session goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Next {
+    Line,
+    Exit,
+}
+
+/// What commands work on.
+pub(super) struct Session<'s, 'g, IO, S, Y> {
+    pub(super) gateway: &'s Gateway<'g>,
+    pub(super) out: Output<IO>,
+    pub(super) store: &'s mut S,
+    pub(super) system: &'s Y,
+    /// Settings that are being changed, loaded or saved: too big for the stack of a small board.
+    pub(super) draft: Settings,
+    /// The number of the line for error texts, where input has lines and not a person before it.
+    pub(super) line_number: Option<u32>,
+}
+
+impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
+    /// Runs `line`; what is wrong with it is said on the stream, and only the stream's own errors are returned.
+    pub(super) async fn execute(&mut self, line: &str) -> Result<Next, IO::Error> {
+        let mut words = Words::new(line);
+        let verb = words.take();
+        if verb.is_end() {
+            return Ok(Next::Line);
+        }
+        match verb.keyword(COMMANDS, "a command (see help)") {
+            Err(error) => self.fail(format_args!("{error}")).await?,
+            Ok(Command::Settings) => self.change(line).await?,
+            Ok(Command::Show) => match topic(&mut words, TOPICS_SHOW, SHOW_EXPECTED) {
+                Ok(show) => self.show(show).await?,
+                Err(error) => self.fail(format_args!("{error}")).await?,
+            },
+            Ok(Command::Clear) => match topic(&mut words, TOPICS_CLEAR, "stats or log") {
+                Ok(Clear::Stats) => self.gateway.ports().iter().for_each(|place| place.stats.clear()),
+                Ok(Clear::Log) => self.gateway.log().clear(),
+                Err(error) => self.fail(format_args!("{error}")).await?,
+            },
+            Ok(Command::Help) => match help::topic(&mut words) {
+                Ok(lines) => {
+                    for line in lines {
+                        self.out.line(format_args!("{line}")).await?;
+                    }
+                }
+                Err(error) => self.fail(format_args!("{error}")).await?,
+            },
+            Ok(command) => match words.end() {
+                Ok(()) => return self.act(command).await,
+                Err(error) => self.fail(format_args!("{error}")).await?,
+            },
+        }
+        Ok(Next::Line)
+    }
+
+    /// The commands without words of their own.
+    async fn act(&mut self, command: Command) -> Result<Next, IO::Error> {
+        match command {
+            Command::Save => self.save().await?,
+            Command::Load => self.load().await?,
+            Command::Exit => return Ok(Next::Exit),
+            Command::Reboot => {
+                self.out.line(format_args!("starting again")).await?;
+                self.out.flush().await?;
+                self.system.reboot();
+            }
+            Command::Help | Command::Settings | Command::Show | Command::Clear => {}
+        }
+        Ok(Next::Line)
+    }
+
+    async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
+        self.gateway.settings(|settings| self.draft.clone_from(settings));
+        let warning = match config::apply(&mut self.draft, line) {
+            Ok(applied) => applied.warning,
+            Err(error) => return self.fail(format_args!("{error}")).await,
+        };
+        if let Err(error) = self.gateway.apply(&self.draft) {
+            return self.fail(format_args!("{error}")).await;
+        }
+        match warning {
+            Some(warning) => self.out.line(format_args!("warning: {warning}")).await,
+            None => Ok(()),
+        }
+    }
+
+    async fn save(&mut self) -> Result<(), IO::Error> {
+        self.gateway.settings(|settings| self.draft.clone_from(settings));
+        match config::write_store(&self.draft, self.store).await {
+            Ok(()) => self.out.line(format_args!("saved")).await,
+            Err(error) => self.fail(format_args!("{error}")).await,
+        }
+    }
+
+    async fn load(&mut self) -> Result<(), IO::Error> {
+        match config::read_store(self.store, &mut self.draft).await {
+            Ok(0) => self.fail(format_args!("nothing is saved")).await,
+            Ok(_) => match self.gateway.apply(&self.draft) {
+                Ok(()) => self.out.line(format_args!("loaded")).await,
+                Err(error) => self.fail(format_args!("{error}")).await,
+            },
+            Err(ReadError::Text(error)) => self.fail(format_args!("saved settings: {error}")).await,
+            Err(ReadError::Store(error)) => self.fail(format_args!("{error}")).await,
+        }
+    }
+
+    /// Says what is wrong.
+    pub(super) async fn fail(&mut self, what: fmt::Arguments<'_>) -> Result<(), IO::Error> {
+        match self.line_number {
+            Some(number) => self.out.line(format_args!("error: line {number}, {what}")).await,
+            None => self.out.line(format_args!("error: {what}")).await,
+        }
+    }
+}
+
+const SHOW_EXPECTED: &str = "ports, routes, units, clients, stats, config, log or version";
+
+/// The last word of a line as a topic of `table`.
+fn topic<T: Copy>(
+    words: &mut Words,
+    table: &[(&'static str, T)],
+    expected: &'static str,
+) -> Result<T, LineError> {
+    let topic = words.take().keyword(table, expected)?;
+    words.end()?;
+    Ok(topic)
+}

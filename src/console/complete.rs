@@ -1,0 +1,130 @@
+//! Completion of the word before the cursor: commands, their topics, port names and option words.
+
+use heapless::String;
+
+use super::command::{COMMANDS, TOPICS_CLEAR, TOPICS_SHOW};
+use crate::config::{Settings, WORD_BYTES_MAX, option_words};
+
+/// What can be done about a word that was begun.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Completion {
+    /// No word begins so.
+    None,
+    /// Append this: the rest of the only word, or what all words have in common.
+    Append(String<WORD_BYTES_MAX>),
+    /// Several words begin so and differ in the next letter.
+    Several,
+}
+
+/// Completes the last word of `before`.
+pub(super) fn complete(before: &str, settings: &Settings) -> Completion {
+    let mut common = String::<WORD_BYTES_MAX>::new();
+    let mut count = 0_usize;
+    candidates(before, settings, &mut |word| {
+        if count == 0 {
+            // Keywords and port names are shorter than the buffer.
+            let _ = common.push_str(word);
+        } else {
+            let same = |(a, b): &(u8, u8)| a.eq_ignore_ascii_case(b);
+            let length = common.bytes().zip(word.bytes()).take_while(same).count();
+            common.truncate(length);
+        }
+        count += 1;
+    });
+    let rest = common.get(last_word(before).len()..).unwrap_or_default();
+    let mut append = String::new();
+    let _ = append.push_str(rest);
+    match count {
+        0 => return Completion::None,
+        1 => {
+            let _ = append.push(' ');
+        }
+        _ if append.is_empty() => return Completion::Several,
+        _ => {}
+    }
+    Completion::Append(append)
+}
+
+/// Calls `each` with every word that could stand for the last word of `before`.
+pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut(&str)) {
+    let begun = last_word(before);
+    let mut offer = |word: &str| {
+        if word.get(..begun.len()).is_some_and(|start| start.eq_ignore_ascii_case(begun)) {
+            each(word);
+        }
+    };
+    let done = before.get(..before.len() - begun.len()).unwrap_or_default();
+    let mut words = done.split_whitespace();
+    let verb = words.next();
+    let is = |word: &str| verb.is_some_and(|verb| verb.eq_ignore_ascii_case(word));
+    let second = words.next().is_none();
+    if verb.is_none() || (is("help") && second) {
+        COMMANDS.iter().for_each(|(word, _)| offer(word));
+    } else if is("show") && second {
+        TOPICS_SHOW.iter().for_each(|(word, _)| offer(word));
+    } else if is("clear") && second {
+        TOPICS_CLEAR.iter().for_each(|(word, _)| offer(word));
+    } else if (is("insert") || is("move")) && second {
+        offer("route");
+    } else if is("edit") && second {
+        ["port", "route"].into_iter().for_each(offer);
+    } else if is("delete") && second {
+        ["port", "route", "routes"].into_iter().for_each(offer);
+    } else if ["port", "route", "edit", "insert", "delete"].into_iter().any(is) {
+        settings.ports.iter().flatten().for_each(|port| offer(&port.name));
+        if !second {
+            option_words().for_each(offer);
+        }
+    }
+}
+
+fn last_word(before: &str) -> &str {
+    before.rsplit([' ', '\t', ',']).next().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::ToString;
+    use std::vec::Vec;
+
+    use super::*;
+    use crate::config::apply;
+
+    fn settings() -> Settings {
+        let mut settings = Settings::new();
+        for line in ["port meters serial uart1 rtu client", "port P502 tcp server 502"] {
+            apply(&mut settings, line).unwrap();
+        }
+        settings
+    }
+
+    fn appended(before: &str) -> Option<std::string::String> {
+        match complete(before, &settings()) {
+            Completion::Append(text) => Some(text.to_string()),
+            Completion::Several | Completion::None => None,
+        }
+    }
+
+    #[test]
+    fn a_word_that_only_one_begins_with_is_completed() {
+        assert_eq!(appended("sh").as_deref(), Some("ow "));
+        assert_eq!(appended("show st").as_deref(), Some("ats "));
+        assert_eq!(appended("delete route").as_deref(), None);
+        assert_eq!(appended("edit port me").as_deref(), Some("ters "));
+        assert_eq!(appended("route p").as_deref(), Some("502 "));
+        assert_eq!(appended("edit port meters tur").as_deref(), Some("naround "));
+        assert_eq!(appended("help inse").as_deref(), Some("rt "));
+    }
+
+    #[test]
+    fn several_words_are_completed_as_far_as_they_agree() {
+        assert_eq!(appended("show r").as_deref(), Some("outes "));
+        assert_eq!(appended("del").as_deref(), Some("ete "));
+        assert_eq!(complete("s", &settings()), Completion::Several);
+        assert_eq!(complete("xyz", &settings()), Completion::None);
+        let mut all = Vec::new();
+        candidates("s", &settings(), &mut |word| all.push(word.to_string()));
+        assert_eq!(all, ["show", "save"]);
+    }
+}

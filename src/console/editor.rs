@@ -1,0 +1,323 @@
+//! The line editor: a state machine that takes bytes from a terminal and gives finished lines and echo.
+//!
+//! It is written by hand because the kept crates for it (noline, embedded-cli) speak older versions of embedded-io,
+//! or none that is asynchronous. Lines are ASCII, so a byte is a column.
+
+use core::fmt::Write;
+
+use heapless::{String, Vec};
+
+use super::history::History;
+use super::keys::{Key, Keys};
+use crate::config::LINE_BYTES_MAX;
+
+/// Bytes of echo that one key can cause.
+const ECHO_BYTES_MAX: usize = 192;
+/// Columns of a terminal. A longer line scrolls sideways, because how a terminal wraps is not known.
+const COLUMNS: usize = 80;
+const BELL: char = '\x07';
+
+/// What the editor needs its owner to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Event {
+    /// Nothing.
+    Editing,
+    /// Run [`Editor::line`], then call [`Editor::start`].
+    Line,
+    /// Say that the line was longer than [`LINE_BYTES_MAX`], then call [`Editor::start`].
+    LineTooLong,
+    /// Complete the word at the cursor.
+    Complete,
+    /// End the session.
+    Leave,
+}
+
+/// The line being edited.
+pub(super) struct Editor {
+    prompt: &'static str,
+    keys: Keys,
+    line: Vec<u8, LINE_BYTES_MAX>,
+    cursor: usize,
+    /// A key had no room: the line is not what was typed and must not run.
+    cut: bool,
+    history: History,
+    /// How far back in the history the line is from; 0: it is a new one, which `draft` keeps meanwhile.
+    back: usize,
+    draft: Vec<u8, LINE_BYTES_MAX>,
+    /// To be written to the terminal and cleared after each key.
+    pub(super) echo: String<ECHO_BYTES_MAX>,
+}
+
+impl Editor {
+    /// An editor that has not shown its `prompt` yet.
+    pub(super) fn new(prompt: &'static str) -> Self {
+        Self {
+            prompt,
+            keys: Keys::default(),
+            line: Vec::new(),
+            cursor: 0,
+            cut: false,
+            history: History::default(),
+            back: 0,
+            draft: Vec::new(),
+            echo: String::new(),
+        }
+    }
+
+    /// The line as it stands.
+    pub(super) fn line(&self) -> &str {
+        text(&self.line)
+    }
+
+    /// The part of the line before the cursor.
+    pub(super) fn before_cursor(&self) -> &str {
+        text(self.line.get(..self.cursor).unwrap_or_default())
+    }
+
+    /// Starts an empty line.
+    pub(super) fn start(&mut self) {
+        self.set(&[]);
+        self.cut = false;
+        self.back = 0;
+        self.draft.clear();
+        self.redraw();
+    }
+
+    /// Takes a byte.
+    pub(super) fn feed(&mut self, byte: u8) -> Event {
+        let Some(key) = self.keys.feed(byte) else { return Event::Editing };
+        match key {
+            Key::Insert(byte) => self.insert(byte),
+            Key::Enter => return self.enter(),
+            Key::Left => self.move_to(self.cursor.checked_sub(1)),
+            Key::Right => self.move_to(Some(self.cursor + 1)),
+            Key::Home => self.move_to(Some(0)),
+            Key::End => self.move_to(Some(self.line.len())),
+            Key::Earlier => self.browse(Some(self.back + 1)),
+            Key::Later => self.browse(self.back.checked_sub(1)),
+            Key::DeleteLeft => self.delete(self.cursor.saturating_sub(1), self.cursor),
+            Key::Leave if self.line.is_empty() => return Event::Leave,
+            Key::DeleteRight | Key::Leave => self.delete(self.cursor, self.cursor + 1),
+            Key::DeleteWord => {
+                let before = self.before_cursor().trim_end();
+                let from = before.rfind(char::is_whitespace).map_or(0, |at| at + 1);
+                self.delete(from, self.cursor);
+            }
+            Key::DeleteToStart => self.delete(0, self.cursor),
+            Key::DeleteToEnd => self.delete(self.cursor, self.line.len()),
+            Key::ClearScreen => {
+                self.print("\x1b[H\x1b[2J");
+                self.redraw();
+            }
+            Key::Complete => return Event::Complete,
+            Key::Cancel => {
+                self.print("^C\r\n");
+                self.start();
+            }
+            Key::Unknown => self.bell(),
+        }
+        Event::Editing
+    }
+
+    /// Inserts `text` at the cursor, as if it were typed.
+    pub(super) fn insert_text(&mut self, text: &str) {
+        for byte in text.bytes() {
+            // The echo of one key is bounded, that of a word need not be.
+            self.echo.clear();
+            self.insert(byte);
+        }
+        self.echo.clear();
+        self.redraw();
+    }
+
+    /// Rings the terminal's bell.
+    pub(super) fn bell(&mut self) {
+        let _ = self.echo.push(BELL);
+    }
+
+    /// Draws prompt and line anew and puts the cursor in its place.
+    pub(super) fn redraw(&mut self) {
+        let room = COLUMNS - 1 - self.prompt.len().min(COLUMNS / 2);
+        let first = self.cursor.saturating_sub(room);
+        let last = self.line.len().min(first + room);
+        let shown = text(self.line.get(first..last).unwrap_or_default());
+        let column = self.prompt.len() + self.cursor - first;
+        let _ = write!(self.echo, "\r{}{shown}\x1b[K\r\x1b[{column}C", self.prompt);
+    }
+
+    fn enter(&mut self) -> Event {
+        self.print("\r\n");
+        if self.cut {
+            return Event::LineTooLong;
+        }
+        self.history.push(&self.line);
+        Event::Line
+    }
+
+    fn insert(&mut self, byte: u8) {
+        if self.line.insert(self.cursor.min(self.line.len()), byte).is_err() {
+            self.cut = true;
+            return self.bell();
+        }
+        self.cursor += 1;
+        let fits = self.prompt.len() + self.line.len() < COLUMNS;
+        if fits && self.cursor == self.line.len() {
+            let _ = self.echo.push(char::from(byte));
+        } else {
+            self.redraw();
+        }
+    }
+
+    fn delete(&mut self, from: usize, to: usize) {
+        let to = to.min(self.line.len());
+        if from >= to {
+            return self.bell();
+        }
+        self.line.copy_within(to.., from);
+        self.line.truncate(self.line.len() - (to - from));
+        self.cursor = from;
+        if self.line.is_empty() {
+            // What had no room was part of a line that is gone.
+            self.cut = false;
+        }
+        self.redraw();
+    }
+
+    fn move_to(&mut self, cursor: Option<usize>) {
+        match cursor.filter(|&cursor| cursor <= self.line.len()) {
+            Some(cursor) => {
+                self.cursor = cursor;
+                self.redraw();
+            }
+            None => self.bell(),
+        }
+    }
+
+    /// Shows the line `back` lines ago.
+    fn browse(&mut self, back: Option<usize>) {
+        let line = match back {
+            Some(0) => Some(Ok(self.draft.clone())),
+            Some(back) => self.history.back(back).map(Vec::from_slice),
+            None => None,
+        };
+        let (Some(back), Some(Ok(line))) = (back, line) else { return self.bell() };
+        if self.back == 0 {
+            self.draft.clone_from(&self.line);
+        }
+        self.back = back;
+        self.set(&line);
+        self.redraw();
+    }
+
+    fn set(&mut self, line: &[u8]) {
+        self.line.clear();
+        // Every line came out of a buffer of the same size.
+        let _ = self.line.extend_from_slice(line);
+        self.cursor = self.line.len();
+    }
+
+    fn print(&mut self, text: &str) {
+        let _ = self.echo.push_str(text);
+    }
+}
+
+/// Only printable ASCII is inserted.
+fn text(bytes: &[u8]) -> &str {
+    core::str::from_utf8(bytes).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::String;
+
+    use super::*;
+
+    /// Types `bytes` and gives the line and the cursor, the line as another one would see it.
+    fn typed(bytes: &str) -> (String, usize) {
+        let mut editor = Editor::new("> ");
+        for &byte in bytes.as_bytes() {
+            if editor.feed(byte) == Event::Line {
+                editor.start();
+            }
+            editor.echo.clear();
+        }
+        (editor.line().into(), editor.cursor)
+    }
+
+    #[test]
+    fn keys_edit_the_line_at_the_cursor() {
+        assert_eq!(typed("abc"), ("abc".into(), 3));
+        assert_eq!(typed("abc\x1b[D\x1b[DX"), ("aXbc".into(), 2));
+        assert_eq!(typed("abc\x01\x7fX\x05Y"), ("XabcY".into(), 5));
+        assert_eq!(typed("abc\x1b[H\x1b[3~"), ("bc".into(), 0));
+        assert_eq!(typed("abc\x1b[D\x08"), ("ac".into(), 1));
+        assert_eq!(typed("one two  \x17"), ("one ".into(), 4));
+        assert_eq!(typed("one two\x02\x02\x0b"), ("one t".into(), 5));
+        assert_eq!(typed("one two\x02\x02\x15"), ("wo".into(), 0));
+        assert_eq!(typed("abc\x03d"), ("d".into(), 1));
+        assert_eq!(typed("\x1b[C\x1b[D\x7f\x0b\x1b[B"), ("".into(), 0));
+    }
+
+    #[test]
+    fn arrows_browse_the_history_and_come_back_to_the_new_line() {
+        assert_eq!(typed("one\rtwo\r\x1b[A").0, "two");
+        assert_eq!(typed("one\rtwo\r\x1b[A\x1b[A\x1b[A").0, "one");
+        assert_eq!(typed("one\rtwo\rnew\x1b[A\x1b[A\x1b[B\x1b[B").0, "new");
+        assert_eq!(typed("one\r\x1b[Ax\x1b[A\x1b[B").0, "", "an edited old line is not kept");
+    }
+
+    #[test]
+    fn a_line_that_had_no_room_does_not_run() {
+        let mut editor = Editor::new("> ");
+        let feed = |editor: &mut Editor, byte| {
+            let event = editor.feed(byte);
+            editor.echo.clear();
+            event
+        };
+        for _ in 0..10_000 {
+            assert_eq!(feed(&mut editor, b'x'), Event::Editing);
+        }
+        feed(&mut editor, 0x7f);
+        assert_eq!(feed(&mut editor, b'\r'), Event::LineTooLong);
+        editor.start();
+        editor.echo.clear();
+        feed(&mut editor, b'y');
+        assert_eq!(feed(&mut editor, b'\r'), Event::Line);
+        assert_eq!(editor.line(), "y");
+    }
+
+    #[test]
+    fn typing_at_the_end_echoes_only_the_key_and_elsewhere_redraws() {
+        let mut editor = Editor::new("> ");
+        editor.start();
+        assert_eq!(editor.echo.as_str(), "\r> \x1b[K\r\x1b[2C");
+        editor.echo.clear();
+        editor.feed(b'a');
+        assert_eq!(editor.echo.as_str(), "a");
+        editor.echo.clear();
+        for byte in *b"\x1b[D" {
+            editor.feed(byte);
+        }
+        assert_eq!(editor.echo.as_str(), "\r> a\x1b[K\r\x1b[2C");
+    }
+
+    #[test]
+    fn a_long_line_scrolls_so_that_the_cursor_is_on_the_screen() {
+        let mut editor = Editor::new("> ");
+        for n in 0..LINE_BYTES_MAX {
+            editor.echo.clear();
+            editor.feed(b'a' + (n % 26) as u8);
+            assert!(editor.echo.len() < ECHO_BYTES_MAX - 60, "the echo fits");
+        }
+        assert!(editor.echo.ends_with("\r\x1b[79C"));
+    }
+
+    #[test]
+    fn ctrl_d_leaves_only_on_an_empty_line() {
+        let mut editor = Editor::new("> ");
+        assert_eq!(editor.feed(4), Event::Leave);
+        editor.feed(b'a');
+        assert_eq!(editor.feed(4), Event::Editing);
+    }
+}

@@ -1,0 +1,108 @@
+//! What `help` says.
+
+use crate::config::{LineError, Words};
+
+/// The texts of `help WORD`.
+const TOPICS: &[(&str, &[&str])] = &[
+    ("help", &["help [WORD]                      this list, or more about one command"]),
+    (
+        "port",
+        &[
+            "port NAME serial DEVICE rtu|ascii client|server [BAUD] [FORMAT] [OPTION VALUE]...",
+            "port NAME tcp server [ADDRESS:]PORT [OPTION VALUE]...",
+            "  A new port, or another one in place of the port of that name.",
+            "  serial: 19200 8E1 (ascii 7E1), gap T|auto, char-timeout T|auto, rs485|rs232; client side only:",
+            "          timeout T, retries N, turnaround T, start-delay T, late-window T|auto, down-after N",
+            "  tcp:    clients N, idle T, pipeline N, lifetime T, reserve N for PREFIX[,PREFIX]...",
+            "  A time T has its unit: 750us, 1.75ms, 300ms, 1s, 2m.",
+            "  port P1 serial uart1 rtu client 19200 8E1 timeout 300ms",
+        ],
+    ),
+    (
+        "route",
+        &[
+            "route SOURCE UNITS IP TAG DESTINATION [readonly|all|functions LIST] [priority high|normal|low]",
+            "  A rule behind the others; the first one that fits a request decides.",
+            "  UNITS: 7, 1-64 or *    IP: address, prefix or *    TAG: * keeps the unit, +N or -N shifts it, =N sets it",
+            "  DESTINATION: a port, local, discard (no answer) or nopath (exception 0Ah)",
+            "  route P502 101-132 192.168.1.0/24 -100 P3 readonly priority high",
+        ],
+    ),
+    (
+        "edit",
+        &[
+            "edit port NAME WORD...           changes what the words name, as in port; the rest stays",
+            "edit route N SOURCE UNITS IP TAG DESTINATION ...   puts another rule in place of rule N",
+        ],
+    ),
+    ("insert", &["insert route N SOURCE UNITS IP TAG DESTINATION ...   puts a rule before rule N"]),
+    ("move", &["move route N M                   makes rule N the rule M"]),
+    (
+        "delete",
+        &[
+            "delete port NAME                 takes a port away that no rule names",
+            "delete route N                   takes rule N away",
+            "delete routes                    takes all rules away",
+        ],
+    ),
+    (
+        "show",
+        &[
+            "show ports                       what the ports are and how they do",
+            "show routes                      the rules by number; an implied one is the way back of another",
+            "show units                       the devices behind the ports, and whether they answer",
+            "show clients                     who is connected",
+            "show stats                       what the ports counted",
+            "show log                         the last transactions",
+            "show config                      the settings as lines that make them",
+            "show version                     what runs here, and for how long",
+        ],
+    ),
+    (
+        "clear",
+        &[
+            "clear stats                      sets counters to zero",
+            "clear log                        forgets the transactions",
+        ],
+    ),
+    ("save", &["save                             keeps the settings for the next start"]),
+    ("load", &["load                             takes the saved settings back"]),
+    ("reboot", &["reboot                           starts again with the saved settings"]),
+    ("exit", &["exit                             ends this session"]),
+];
+
+const OVERVIEW: &[&str] = &[
+    "port NAME serial|tcp ...         sets a port                  help port",
+    "route SOURCE UNITS IP TAG DEST   adds a rule                  help route",
+    "edit port|route ...              changes a port or a rule     help edit",
+    "insert route, move route         order of rules               help insert",
+    "delete port|route|routes         takes away                   help delete",
+    "show TOPIC                       ports, routes, units, clients, stats, config, log, version",
+    "clear stats|log                  forgets",
+    "save, load                       settings of the next start",
+    "reboot, exit                     the gateway's end, the session's end",
+];
+
+/// The text for the rest of a line that began with `help`.
+pub(super) fn topic(words: &mut Words) -> Result<&'static [&'static str], LineError> {
+    if words.peek().is_end() {
+        return Ok(OVERVIEW);
+    }
+    let lines = words.take().keyword(TOPICS, "a command (see help)")?;
+    words.end()?;
+    Ok(lines)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::command::COMMANDS;
+    use super::*;
+
+    #[test]
+    fn every_command_has_its_help() {
+        for (command, _) in COMMANDS {
+            assert!(TOPICS.iter().any(|(topic, lines)| topic == command && lines[0].starts_with(command)));
+        }
+        assert_eq!(TOPICS.len(), COMMANDS.len());
+    }
+}

@@ -1,0 +1,177 @@
+//! Keys out of the bytes that a terminal sends: control characters and the escape sequences of ANSI terminals.
+
+/// What a key asks the editor to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Key {
+    Insert(u8),
+    Enter,
+    Left,
+    Right,
+    Home,
+    End,
+    Earlier,
+    Later,
+    DeleteLeft,
+    DeleteRight,
+    DeleteWord,
+    DeleteToStart,
+    DeleteToEnd,
+    ClearScreen,
+    Complete,
+    Cancel,
+    /// Ctrl-D: leaves on an empty line, else deletes to the right.
+    Leave,
+    /// A byte that is no key of this editor.
+    Unknown,
+}
+
+/// Where in a sequence of bytes the terminal is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum Keys {
+    #[default]
+    Ground,
+    /// A CR was a whole Enter: a LF or NUL right behind it belongs to it.
+    AfterCr,
+    Escape,
+    /// `ESC O`.
+    Application,
+    /// `ESC [` and the first number so far; later ones (Shift, Ctrl) say nothing to the editor.
+    Control {
+        number: u8,
+        first: bool,
+    },
+}
+
+const ESCAPE: u8 = 0x1b;
+
+impl Keys {
+    /// Takes a byte and gives the key that it completes.
+    pub(super) fn feed(&mut self, byte: u8) -> Option<Key> {
+        match core::mem::take(self) {
+            Self::AfterCr if byte == b'\n' || byte == 0 => None,
+            Self::Ground | Self::AfterCr => self.plain(byte),
+            Self::Escape => {
+                *self = match byte {
+                    b'[' => Self::Control { number: 0, first: true },
+                    b'O' => Self::Application,
+                    ESCAPE => Self::Escape,
+                    _ => Self::Ground,
+                };
+                None
+            }
+            Self::Application => Some(final_byte(byte, 0)),
+            Self::Control { number, first } => match byte {
+                b'0'..=b'9' if first => {
+                    let number = number.saturating_mul(10).saturating_add(byte - b'0');
+                    *self = Self::Control { number, first };
+                    None
+                }
+                // Parameter and intermediate bytes (ECMA-48, 5.4).
+                0x20..=0x3f => {
+                    *self = Self::Control { number, first: false };
+                    None
+                }
+                _ => Some(final_byte(byte, number)),
+            },
+        }
+    }
+
+    fn plain(&mut self, byte: u8) -> Option<Key> {
+        const fn ctrl(letter: u8) -> u8 {
+            letter & 0x1f
+        }
+        const CTRL: [(u8, Key); 17] = [
+            (ctrl(b'A'), Key::Home),
+            (ctrl(b'B'), Key::Left),
+            (ctrl(b'C'), Key::Cancel),
+            (ctrl(b'D'), Key::Leave),
+            (ctrl(b'E'), Key::End),
+            (ctrl(b'F'), Key::Right),
+            (ctrl(b'H'), Key::DeleteLeft),
+            (0x7f, Key::DeleteLeft),
+            (b'\t', Key::Complete),
+            (b'\n', Key::Enter),
+            (ctrl(b'K'), Key::DeleteToEnd),
+            (ctrl(b'L'), Key::ClearScreen),
+            (b'\r', Key::Enter),
+            (ctrl(b'N'), Key::Later),
+            (ctrl(b'P'), Key::Earlier),
+            (ctrl(b'U'), Key::DeleteToStart),
+            (ctrl(b'W'), Key::DeleteWord),
+        ];
+        match byte {
+            ESCAPE => *self = Self::Escape,
+            b'\r' => *self = Self::AfterCr,
+            _ => {}
+        }
+        match byte {
+            ESCAPE | 0 => None,
+            b' '..=b'~' => Some(Key::Insert(byte)),
+            _ => Some(CTRL.iter().find(|(code, _)| *code == byte).map_or(Key::Unknown, |&(_, key)| key)),
+        }
+    }
+}
+
+/// The key of a sequence that ends with `byte`.
+fn final_byte(byte: u8, number: u8) -> Key {
+    match (byte, number) {
+        (b'A', _) => Key::Earlier,
+        (b'B', _) => Key::Later,
+        (b'C', _) => Key::Right,
+        (b'D', _) => Key::Left,
+        (b'H', _) | (b'~', 1 | 7) => Key::Home,
+        (b'F', _) | (b'~', 4 | 8) => Key::End,
+        (b'~', 3) => Key::DeleteRight,
+        _ => Key::Unknown,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::vec::Vec;
+
+    use super::*;
+
+    fn keys(bytes: &[u8]) -> Vec<Key> {
+        let mut keys = Keys::default();
+        bytes.iter().filter_map(|&byte| keys.feed(byte)).collect()
+    }
+
+    #[test]
+    fn every_line_end_is_one_enter() {
+        assert_eq!(keys(b"\r\n\r\0\n\n\r\r"), [Key::Enter; 6]);
+    }
+
+    #[test]
+    fn arrows_and_editing_keys_come_in_both_dialects() {
+        assert_eq!(keys(b"\x1b[A\x1bOB\x1b[C\x1bOD"), [Key::Earlier, Key::Later, Key::Right, Key::Left]);
+        assert_eq!(keys(b"\x1b[H\x1b[1~\x1b[7~\x1bOH"), [Key::Home; 4]);
+        assert_eq!(keys(b"\x1b[F\x1b[4~\x1b[8~"), [Key::End; 3]);
+        assert_eq!(
+            keys(b"\x1b[3~\x1b[1;5C\x1b[15~x"),
+            [Key::DeleteRight, Key::Right, Key::Unknown, Key::Insert(b'x')]
+        );
+    }
+
+    #[test]
+    fn control_letters_edit_and_other_bytes_are_unknown() {
+        assert_eq!(
+            keys(b"\x01\x05\x0b\x15\x17\x0c\x03\x04\x08\x7f\t"),
+            [
+                Key::Home,
+                Key::End,
+                Key::DeleteToEnd,
+                Key::DeleteToStart,
+                Key::DeleteWord,
+                Key::ClearScreen,
+                Key::Cancel,
+                Key::Leave,
+                Key::DeleteLeft,
+                Key::DeleteLeft,
+                Key::Complete
+            ]
+        );
+        assert_eq!(keys(b"\xc3\xa9\x02\x1a"), [Key::Unknown, Key::Unknown, Key::Left, Key::Unknown]);
+    }
+}

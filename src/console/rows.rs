@@ -1,0 +1,107 @@
+//! What stands in the rows of the tables: texts for values that have none of their own.
+
+use core::fmt;
+
+use embassy_time::{Duration, Instant};
+use heapless::String;
+
+use crate::config::{DEVICE_BYTES_MAX, PortId, PortKind, SPEED_BYTES_MAX, Settings, Time, is_implied};
+use crate::gateway::Status;
+use crate::port::units::Unit;
+use crate::route::{Functions, Route};
+use crate::stats::{LogEntry, Outcome};
+
+/// Text that is padded as a whole when it is printed.
+pub(super) fn text<const N: usize>(content: fmt::Arguments<'_>) -> String<N> {
+    let mut text = String::new();
+    // A column that is too narrow for its content would show nothing at all; the sizes are those of the contents.
+    let _ = fmt::Write::write_fmt(&mut text, content);
+    text
+}
+
+/// The time since `then` in whole seconds.
+pub(super) fn age(then: Instant, now: Instant) -> String<24> {
+    text(format_args!("{}s", now.saturating_duration_since(then).as_secs()))
+}
+
+pub(super) fn state(unit: &Unit, now: Instant) -> &'static str {
+    match unit {
+        Unit { down: true, .. } => "down",
+        Unit { held_until, .. } if *held_until > now => "held",
+        _ => "up",
+    }
+}
+
+/// A port's role, the place where it is, and how its line is set.
+pub(super) fn describe(kind: &PortKind) -> (String<12>, String<DEVICE_BYTES_MAX>, String<SPEED_BYTES_MAX>) {
+    match kind {
+        PortKind::Serial(serial) => {
+            let role = text(format_args!("{} {}", serial.framing, serial.side));
+            (role, serial.device.clone(), serial.line.speed())
+        }
+        PortKind::TcpServer(server) => {
+            (text(format_args!("tcp server")), text(format_args!("{}", server.listen)), String::new())
+        }
+    }
+}
+
+pub(super) struct StatusText(pub(super) Status);
+
+impl fmt::Display for StatusText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Status::Off => f.write_str("off"),
+            Status::Open => f.write_str("open"),
+            Status::Lost => f.write_str("lost, is opened again"),
+            Status::Failed(error) => write!(f, "{error}"),
+        }
+    }
+}
+
+pub(super) struct Row<'s> {
+    pub(super) settings: &'s Settings,
+    pub(super) route: &'s Route,
+}
+
+impl fmt::Display for Row<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { settings, route } = self;
+        let peer = match route.peer {
+            Some(peer) => text::<44>(format_args!("{peer}")),
+            None => text(format_args!("*")),
+        };
+        let kind = if is_implied(settings, route) { "implied" } else { "rule" };
+        let (source, destination) = (settings.name(route.source), settings.destination(route.destination));
+        write!(f, "{source:15} {:7} {peer:18} {:4} {destination:15} ", route.units, route.tag)?;
+        write!(f, "{:8} {kind:7} ", route.priority)?;
+        match route.functions {
+            Functions::ALL => f.write_str("all"),
+            Functions::READ_ONLY => f.write_str("readonly"),
+            functions => write!(f, "{functions}"),
+        }
+    }
+}
+
+pub(super) struct LogRow<'s> {
+    pub(super) settings: &'s Settings,
+    pub(super) entry: LogEntry,
+}
+
+impl fmt::Display for LogRow<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { settings, entry } = self;
+        let LogEntry { unit, target, function, .. } = entry;
+        let name = |id: PortId| settings.name(id);
+        let took = text::<16>(format_args!("{}", Time(Duration::from_micros(entry.took_us.into()))));
+        let (source, destination) = (name(entry.source), entry.destination.map_or("-", name));
+        write!(f, "{source:15} {unit:>4} {destination:15} {target:>6} {function:>8} {took:>10} ")?;
+        match entry.outcome {
+            Outcome::Answer => f.write_str("answer"),
+            Outcome::Exception(exception) => write!(f, "{exception}"),
+            Outcome::Silence => f.write_str("no answer due"),
+            Outcome::AskerGone => f.write_str("asker gone"),
+        }
+    }
+}
+
+const _: () = assert!(crate::config::NAME_BYTES_MAX == 15, "the width of port columns");

@@ -1,0 +1,178 @@
+//! The tables of `show`: a header line, then aligned rows.
+
+use embassy_time::{Duration, Instant};
+use embedded_io_async::{Read, Write};
+use heapless::String;
+
+use super::command::Session;
+use super::rows::{LogRow, Row, StatusText, age, describe, state, text};
+use crate::config::{LINE_BYTES_MAX, Time, write_line};
+use crate::hal::{Store, System};
+use crate::port::units::Unit;
+use crate::stats::{Event, LOG_ENTRIES_MAX};
+
+/// What can be shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Show {
+    Ports,
+    Routes,
+    Units,
+    Clients,
+    Stats,
+    Config,
+    Log,
+    Version,
+}
+
+impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
+    /// Prints one table. The settings are copied first: they may change while the stream takes its time.
+    pub(super) async fn show(&mut self, what: Show) -> Result<(), IO::Error> {
+        self.gateway.settings(|settings| self.draft.clone_from(settings));
+        match what {
+            Show::Ports => self.ports().await,
+            Show::Routes => self.routes().await,
+            Show::Units => self.units().await,
+            Show::Clients => self.clients().await,
+            Show::Stats => self.stats().await,
+            Show::Config => self.config().await,
+            Show::Log => self.log().await,
+            Show::Version => self.version().await,
+        }
+    }
+
+    async fn ports(&mut self) -> Result<(), IO::Error> {
+        // Device names are 6 to 96 characters long.
+        let ports = || self.draft.ports.iter().flatten();
+        let width = ports().map(|port| describe(&port.kind).1.len()).fold("WHERE".len(), usize::max);
+        self.out
+            .line(format_args!("{:15} {:12} {:width$} {:12} STATUS", "PORT", "ROLE", "WHERE", "LINE"))
+            .await?;
+        for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
+            let Some(port) = port else { continue };
+            let (role, place_name, line) = describe(&port.kind);
+            let status = StatusText(place.status());
+            self.out
+                .line(format_args!("{:15} {role:12} {place_name:width$} {line:12} {status}", port.name))
+                .await?;
+        }
+        Ok(())
+    }
+
+    async fn routes(&mut self) -> Result<(), IO::Error> {
+        self.out
+            .line(format_args!(
+                "{:>3} {:15} {:7} {:18} {:4} {:15} {:8} {:7} FUNCTIONS",
+                "NO", "SOURCE", "UNITS", "IP", "TAG", "DESTINATION", "PRIORITY", "KIND"
+            ))
+            .await?;
+        for (at, route) in self.draft.routes.iter().enumerate() {
+            self.out.line(format_args!("{:>3} {}", at + 1, Row { settings: &self.draft, route })).await?;
+        }
+        Ok(())
+    }
+
+    async fn units(&mut self) -> Result<(), IO::Error> {
+        self.out
+            .line(format_args!(
+                "{:15} {:>4} {:5} {:>10} {:>10} {:>10} {:>10} {:>10} {:>10}",
+                "PORT", "UNIT", "STATE", "REQUESTS", "ANSWERS", "EXCEPTIONS", "TIMEOUTS", "DAMAGED", "LAST"
+            ))
+            .await?;
+        let now = Instant::now();
+        for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
+            let Some(port) = port else { continue };
+            let mut nth = 0;
+            while let Some(unit) = place.units(|units| units.iter().nth(nth).copied()) {
+                nth += 1;
+                let Unit { id, requests, answers, exceptions, timeouts, damaged, .. } = unit;
+                let took = text::<16>(format_args!("{}", Time(Duration::from_micros(unit.took_us.into()))));
+                let took = if answers == 0 { "-" } else { &took };
+                let state = state(&unit, now);
+                self.out
+                    .line(format_args!(
+                        "{:15} {id:>4} {state:5} {requests:>10} {answers:>10} {exceptions:>10} {timeouts:>10} \
+                         {damaged:>10} {took:>10}",
+                        port.name
+                    ))
+                    .await?;
+            }
+        }
+        Ok(())
+    }
+
+    async fn clients(&mut self) -> Result<(), IO::Error> {
+        self.out
+            .line(format_args!(
+                "{:15} {:21} {:>9} {:>9} {:>4} {:>10} PLACE",
+                "PORT", "PEER", "SINCE", "QUIET", "OPEN", "REQUESTS"
+            ))
+            .await?;
+        let now = Instant::now();
+        for seat in self.gateway.seats() {
+            let state = seat.state();
+            let (Some(port), Some(peer)) = (state.port, state.peer) else { continue };
+            let port = self.draft.name(port);
+            let peer = text::<60>(format_args!("{peer}"));
+            let (since, quiet) = (age(state.since, now), age(state.last_request, now));
+            let (open, requests) = (state.open_requests, state.requests);
+            let place = if state.marked { "reserved" } else { "ordinary" };
+            self.out
+                .line(format_args!(
+                    "{port:15} {peer:21} {since:>9} {quiet:>9} {open:>4} {requests:>10} {place}"
+                ))
+                .await?;
+        }
+        Ok(())
+    }
+
+    async fn stats(&mut self) -> Result<(), IO::Error> {
+        self.out.line(format_args!("{:15} {:13} {:>10}", "PORT", "EVENT", "COUNT")).await?;
+        for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
+            let Some(port) = port else { continue };
+            for event in Event::ALL {
+                let count = place.stats.get(event);
+                // Most events never happen at most ports.
+                if count != 0 || matches!(event, Event::Request | Event::Answer) {
+                    self.out.line(format_args!("{:15} {:13} {count:>10}", port.name, event.name())).await?;
+                }
+            }
+        }
+        let pool = self.gateway.pool();
+        self.out.line(format_args!("{:15} {:13} {:>10}", "-", "frames-free", pool.free())).await?;
+        self.out.line(format_args!("{:15} {:13} {:>10}", "-", "frames", pool.capacity())).await
+    }
+
+    async fn config(&mut self) -> Result<(), IO::Error> {
+        let mut n = 0;
+        let mut line = String::<LINE_BYTES_MAX>::new();
+        // Lines of settings fit, see LINE_BYTES_MAX.
+        while let Some(Ok(())) = write_line(&self.draft, n, &mut line) {
+            self.out.line(format_args!("{line}")).await?;
+            line.clear();
+            n += 1;
+        }
+        Ok(())
+    }
+
+    async fn log(&mut self) -> Result<(), IO::Error> {
+        self.out
+            .line(format_args!(
+                "{:>9} {:15} {:>4} {:15} {:>6} {:>8} {:>10} OUTCOME",
+                "AGE", "SOURCE", "UNIT", "DESTINATION", "TARGET", "FUNCTION", "TOOK"
+            ))
+            .await?;
+        let now = Instant::now();
+        for back in (0..LOG_ENTRIES_MAX).rev() {
+            let Some(entry) = self.gateway.log().newest(back) else { continue };
+            let age = age(entry.at, now);
+            self.out.line(format_args!("{age:>9} {}", LogRow { settings: &self.draft, entry })).await?;
+        }
+        Ok(())
+    }
+
+    async fn version(&mut self) -> Result<(), IO::Error> {
+        let (version, board) = (env!("CARGO_PKG_VERSION"), self.system.name());
+        let up = age(Instant::from_ticks(0), Instant::now());
+        self.out.line(format_args!("mobgate {version} on {board}, up {up}")).await
+    }
+}

@@ -1,0 +1,409 @@
+//! Whole sessions, typed at a terminal or piped in, against a gateway whose ports nobody runs.
+
+extern crate std;
+use std::cell::Cell;
+use std::convert::Infallible;
+use std::format;
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+use embassy_futures::block_on;
+use embedded_io_async::{ErrorType, Read, Write};
+// The clock behind `Instant`.
+use mobgate_clock as _;
+
+use super::*;
+use crate::config::PortId;
+use crate::frame::{FramePool, Slot};
+use crate::gateway::{PortPlace, Seat};
+use crate::hal::StoreError;
+use crate::modbus::Exception;
+use crate::stats::{Event, LogEntry, Outcome};
+
+/// Gives what was typed in pieces of one size, and keeps what is printed.
+struct Stream<'t> {
+    typed: &'t [u8],
+    piece: usize,
+    printed: Vec<u8>,
+}
+
+impl ErrorType for Stream<'_> {
+    type Error = Infallible;
+}
+
+impl Read for Stream<'_> {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, Infallible> {
+        let count = self.typed.len().min(into.len()).min(self.piece);
+        into[..count].copy_from_slice(&self.typed[..count]);
+        self.typed = &self.typed[count..];
+        Ok(count)
+    }
+}
+
+impl Write for Stream<'_> {
+    async fn write(&mut self, from: &[u8]) -> Result<usize, Infallible> {
+        // Short writes must not lose anything.
+        let count = from.len().min(7);
+        self.printed.extend_from_slice(&from[..count]);
+        Ok(count)
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+#[derive(Default)]
+struct Memory {
+    saved: Vec<u8>,
+    next: Vec<u8>,
+    absent: bool,
+}
+
+impl Store for Memory {
+    async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
+        let rest = self.saved.get(offset..).unwrap_or_default();
+        let count = rest.len().min(into.len());
+        into[..count].copy_from_slice(&rest[..count]);
+        Ok(count)
+    }
+
+    async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
+        if self.absent {
+            return Err(StoreError::Absent("start with --config FILE"));
+        }
+        self.next.extend_from_slice(text);
+        Ok(())
+    }
+
+    async fn commit(&mut self) -> Result<(), StoreError> {
+        self.saved = std::mem::take(&mut self.next);
+        Ok(())
+    }
+}
+
+#[derive(Default)]
+struct Bench {
+    reboots: Cell<u32>,
+}
+
+impl System for Bench {
+    fn name(&self) -> &str {
+        "bench"
+    }
+
+    fn reboot(&self) {
+        self.reboots.set(self.reboots.get() + 1);
+    }
+}
+
+const SEATS: usize = 40;
+
+/// Calls `test` with a gateway of four port places.
+fn with_gateway(test: impl FnOnce(&Gateway<'_>)) {
+    let slots = [const { Slot::new() }; SEATS + 8];
+    let ports = [const { PortPlace::new() }; 5];
+    let seats = [const { Seat::new() }; SEATS];
+    let pool = FramePool::new(&slots, SEATS + 5);
+    test(&Gateway::new(&pool, &ports, &seats));
+}
+
+fn session(gateway: &Gateway<'_>, store: &mut Memory, mode: Mode, typed: &str, piece: usize) -> String {
+    let mut stream = Stream { typed: typed.as_bytes(), piece, printed: Vec::new() };
+    block_on(run(gateway, &mut stream, store, &Bench::default(), mode)).unwrap();
+    String::from_utf8(stream.printed).unwrap()
+}
+
+/// What a session with piped input prints.
+fn pipe(gateway: &Gateway<'_>, text: &str) -> String {
+    session(gateway, &mut Memory::default(), Mode::Plain, text, 50)
+}
+
+/// What a session at a terminal prints, without the redrawing of lines.
+fn typed(gateway: &Gateway<'_>, keys: &str) -> String {
+    session(gateway, &mut Memory::default(), Mode::Echo, keys, 3)
+}
+
+const SETTINGS: &str = "\
+port P1   serial /dev/ttyUSB0 rtu client 9600 8N1 timeout 300ms
+port P2   serial uart2 rtu server 19200 8E1
+port P502 tcp server 502 clients 16
+route P502 101-132 192.168.1.0/24 -100 P1 readonly priority high
+route P502 1-64    * * P1
+route P1   1-64    * * P502
+";
+
+#[test]
+fn piped_settings_are_applied_without_a_word_and_shown_as_lines_that_make_them() {
+    with_gateway(|gateway| {
+        assert_eq!(pipe(gateway, SETTINGS), "");
+        let shown = pipe(gateway, "show config\n");
+        assert_eq!(
+            shown,
+            "port P1   serial /dev/ttyUSB0 rtu client 9600 8N1 timeout 300ms\n\
+             port P2   serial uart2 rtu server 19200 8E1\n\
+             port P502 tcp server 502\n\
+             route P502 101-132 192.168.1.0/24 -100 P1 readonly priority high\n\
+             route P502 1-64    * * P1\n\
+             route P1   1-64    * * P502\n"
+        );
+        assert_eq!(pipe(gateway, "delete routes\ndelete port P1\ndelete port P2\ndelete port P502"), "");
+        assert_eq!(pipe(gateway, &shown), "");
+        assert_eq!(pipe(gateway, "show config"), shown);
+    });
+}
+
+#[test]
+fn an_error_in_piped_input_names_its_line_and_the_rest_goes_on() {
+    with_gateway(|gateway| {
+        let printed = pipe(
+            gateway,
+            "# settings\r\nprot P1\r\nport P1 serial uart1 rtu client 81E\nport P1 serial uart1 rtu client\n\
+             shwo ports\nshow prots\nshow ports now\n",
+        );
+        assert_eq!(
+            printed,
+            "error: line 2, column 1: \"prot\": expected a command (see help); did you mean port?\n\
+             error: line 3, column 33: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2\n\
+             error: line 5, column 1: \"shwo\": expected a command (see help); did you mean show?\n\
+             error: line 6, column 6: \"prots\": expected ports, routes, units, clients, stats, config, log or \
+             version; did you mean ports?\n\
+             error: line 7, column 12: \"now\": expected the end of the line\n"
+        );
+        assert_eq!(pipe(gateway, "show config"), "port P1 serial uart1 rtu client 19200 8E1\n");
+    });
+}
+
+#[test]
+fn ports_and_rules_are_shown_as_tables_with_a_header() {
+    with_gateway(|gateway| {
+        pipe(gateway, SETTINGS);
+        assert_eq!(
+            pipe(gateway, "show ports"),
+            "PORT            ROLE         WHERE        LINE         STATUS\n\
+             P1              rtu client   /dev/ttyUSB0 9600 8N1     off\n\
+             P2              rtu server   uart2        19200 8E1    off\n\
+             P502            tcp server   502                       off\n"
+        );
+        let rows = pipe(gateway, "show routes");
+        let rows: Vec<&str> = rows.lines().collect();
+        assert_eq!(rows.len(), 4);
+        assert_eq!(
+            rows[0],
+            " NO SOURCE          UNITS   IP                 TAG  DESTINATION     PRIORITY KIND    FUNCTIONS"
+        );
+        assert_eq!(
+            rows[1],
+            "  1 P502            101-132 192.168.1.0/24     -100 P1              high     rule    readonly"
+        );
+        assert_eq!(
+            rows[3],
+            "  3 P1              1-64    *                  *    P502            normal   implied all"
+        );
+    });
+}
+
+#[test]
+fn counters_units_and_transactions_are_shown_and_cleared() {
+    with_gateway(|gateway| {
+        pipe(gateway, SETTINGS);
+        let place = &gateway.ports()[0];
+        place.stats.count(Event::Request);
+        place.stats.count(Event::Timeout);
+        place.units(|units| units.asked(7));
+        let now = embassy_time::Instant::now();
+        gateway.log().push(LogEntry {
+            at: now,
+            source: PortId(2),
+            destination: Some(PortId(0)),
+            unit: 107,
+            target: 7,
+            function: 3,
+            outcome: Outcome::Exception(Exception::GATEWAY_NO_RESPONSE),
+            took_us: 300_500,
+        });
+        let stats = pipe(gateway, "show stats");
+        assert!(stats.starts_with("PORT            EVENT              COUNT\n"), "{stats}");
+        assert!(stats.contains("P1              requests               1\n"), "{stats}");
+        assert!(stats.contains("P1              timeouts               1\n"), "{stats}");
+        let free = format!("-               frames-free   {:>10}\n", SEATS + 8);
+        assert!(stats.contains(&free), "{stats}");
+        let units = pipe(gateway, "show units");
+        assert_eq!(
+            units.lines().nth(1),
+            Some(
+                "P1                 7 up             1          0          0          0          0          -"
+            )
+        );
+        let log = pipe(gateway, "show log");
+        assert_eq!(
+            log.lines().nth(1),
+            Some(
+                "       0s P502             107 P1                   7        3    300.5ms \
+                 gateway target device failed to respond (0Bh)"
+            )
+        );
+        assert_eq!(pipe(gateway, "clear log\nclear stats\n"), "");
+        assert_eq!(pipe(gateway, "show log").lines().count(), 1);
+        assert!(!pipe(gateway, "show stats").contains("timeouts"));
+    });
+}
+
+#[test]
+fn nobody_is_connected_to_a_gateway_that_nobody_runs() {
+    with_gateway(|gateway| {
+        assert_eq!(
+            pipe(gateway, "port P502 tcp server 502\nshow clients\n"),
+            "PORT            PEER                      SINCE     QUIET OPEN   REQUESTS PLACE\n"
+        );
+        let version = pipe(gateway, "show version");
+        assert!(version.starts_with("mobgate 0.") && version.contains(" on bench, up "), "{version}");
+    });
+}
+
+#[test]
+fn saved_settings_come_back_and_a_fault_in_them_changes_nothing() {
+    with_gateway(|gateway| {
+        let mut store = Memory::default();
+        let mut pipe = |text| session(gateway, &mut store, Mode::Plain, text, 11);
+        assert_eq!(pipe("load"), "error: line 1, nothing is saved\n");
+        assert_eq!(pipe(SETTINGS), "");
+        assert_eq!(pipe("save\ndelete routes\nload\n"), "saved\nloaded\n");
+        assert_eq!(pipe("show config").lines().count(), 6);
+        store.saved.extend_from_slice(b"route P9 * * * P1\n");
+        let mut pipe = |text| session(gateway, &mut store, Mode::Plain, text, 11);
+        assert_eq!(
+            pipe("delete routes\nload\n"),
+            "error: line 2, saved settings: line 7, column 7: \"P9\": there is no port of this name\n"
+        );
+        assert_eq!(pipe("show config").lines().count(), 3);
+        store.absent = true;
+        let printed = session(gateway, &mut store, Mode::Plain, "save", 11);
+        assert_eq!(printed, "error: line 1, there is no place to save settings: start with --config FILE\n");
+    });
+}
+
+#[test]
+fn settings_that_are_empty_can_be_saved() {
+    with_gateway(|gateway| {
+        let mut store = Memory::default();
+        let text = "save\nport P1 tcp server 502\nload\nshow config\n";
+        assert_eq!(session(gateway, &mut store, Mode::Plain, text, 11), "saved\nloaded\n");
+    });
+}
+
+#[test]
+fn what_the_board_cannot_run_is_refused() {
+    with_gateway(|gateway| {
+        let printed = pipe(gateway, "port P502 tcp server 502 clients 40\nshow config\n");
+        assert!(printed.starts_with("error: line 1, the TCP servers want 41 connections"), "{printed}");
+        assert_eq!(printed.lines().count(), 1);
+    });
+}
+
+#[test]
+fn a_warning_is_said_and_the_line_applies() {
+    with_gateway(|gateway| {
+        let printed = pipe(gateway, "port P1 serial uart1 rtu client 9600 gap 1ms\nshow config\n");
+        assert_eq!(
+            printed,
+            "warning: port P1: gap 1ms is below the specification's 4.011ms\n\
+             port P1 serial uart1 rtu client 9600 8E1 gap 1ms\n"
+        );
+    });
+}
+
+#[test]
+fn lines_that_are_too_long_or_no_text_are_refused_as_a_whole() {
+    with_gateway(|gateway| {
+        let long = "delete ".to_string() + &"x".repeat(10_000) + "\nshow version\n";
+        let printed = pipe(gateway, &long);
+        let first = "error: line 1, column 385: end of line: the line is longer than 384 bytes\nmobgate ";
+        assert!(printed.starts_with(first), "{printed}");
+        let printed = typed(gateway, &long);
+        assert!(printed.contains("\r\nerror: column 385: end of line: the line is longer"), "{printed}");
+        let mut stream = Stream { typed: b"show \xff\n", piece: 64, printed: Vec::new() };
+        block_on(run(gateway, &mut stream, &mut Memory::default(), &Bench::default(), Mode::Plain)).unwrap();
+        assert_eq!(stream.printed, b"error: line 1, column 6: end of line: the line is not text (UTF-8)\n");
+    });
+}
+
+#[test]
+fn a_person_types_edits_completes_and_leaves() {
+    with_gateway(|gateway| {
+        let printed = typed(
+            gateway,
+            "port P1 serial uart1 rtu client 960\x7f00\r\nrout\t P1 1 * * loc\t\r\nsh\tver\t\r\nexit\r\nshow log\r\n",
+        );
+        assert!(printed.starts_with("\r\n") || printed.starts_with("\rmobgate> "), "{printed:?}");
+        assert!(printed.contains("\r\nmobgate 0."), "{printed:?}");
+        assert!(!printed.contains("AGE"), "nothing runs after exit: {printed:?}");
+        assert_eq!(
+            pipe(gateway, "show config"),
+            "port P1 serial uart1 rtu client 9600 8E1\nroute P1 1       * * local\n"
+        );
+    });
+}
+
+#[test]
+fn tab_lists_the_words_that_a_word_could_become() {
+    with_gateway(|gateway| {
+        let printed = typed(gateway, "s\t\x15help move\r");
+        assert!(printed.contains("\r\nshow  save\r\n\rmobgate> s"), "{printed:?}");
+        assert!(printed.contains("move route N M"), "{printed:?}");
+    });
+}
+
+#[test]
+fn an_error_at_the_terminal_has_no_line_number() {
+    with_gateway(|gateway| {
+        let printed = typed(gateway, "reboot now\r");
+        let expected = "\r\nerror: column 8: \"now\": expected the end of the line\r\n\rmobgate> ";
+        assert!(printed.contains(expected), "{printed:?}");
+    });
+}
+
+#[test]
+fn reboot_asks_the_board() {
+    with_gateway(|gateway| {
+        let system = Bench::default();
+        let mut stream = Stream { typed: b"reboot\n", piece: 64, printed: Vec::new() };
+        block_on(run(gateway, &mut stream, &mut Memory::default(), &system, Mode::Plain)).unwrap();
+        assert_eq!((stream.printed.as_slice(), system.reboots.get()), (&b"starting again\n"[..], 1));
+    });
+}
+
+#[test]
+fn help_is_given_for_all_and_for_one() {
+    with_gateway(|gateway| {
+        assert!(pipe(gateway, "help").lines().count() >= 8);
+        assert!(pipe(gateway, "help route").starts_with("route SOURCE UNITS IP TAG DESTINATION"));
+        assert!(pipe(gateway, "help hepl").contains("did you mean help?"));
+    });
+}
+
+proptest::proptest! {
+    #[test]
+    fn random_bytes_never_panic_in_either_mode(
+        bytes in proptest::collection::vec(proptest::prelude::any::<u8>(), 0..600)
+    ) {
+        with_gateway(|gateway| {
+            for mode in [Mode::Echo, Mode::Plain] {
+                let mut stream = Stream { typed: &bytes, piece: 64, printed: Vec::new() };
+                block_on(run(gateway, &mut stream, &mut Memory::default(), &Bench::default(), mode)).unwrap();
+            }
+        });
+    }
+}
+
+#[test]
+fn a_session_fits_into_twelve_kilobytes() {
+    with_gateway(|gateway| {
+        let mut stream = Stream { typed: b"", piece: 1, printed: Vec::new() };
+        let mut store = Memory::default();
+        let system = Bench::default();
+        let future = run(gateway, &mut stream, &mut store, &system, Mode::Echo);
+        let bytes = size_of_val(&future);
+        assert!(bytes < 12 * 1024, "{bytes}");
+    });
+}

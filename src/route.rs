@@ -90,7 +90,8 @@ impl Functions {
     pub const ALL: Self = Self(!0);
     /// No code; add some with [`Functions::with`].
     pub const NONE: Self = Self(0);
-    /// Codes that change nothing in the device: reads, diagnostics counters, identification.
+    /// Codes that change nothing in the device. Not 43: besides the identification it carries CANopen requests, writes
+    /// among them; nor 8, which can restart a device.
     pub const READ_ONLY: Self = Self::NONE
         .with(1)
         .with(2)

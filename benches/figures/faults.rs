@@ -4,6 +4,7 @@ use embassy_time::{Duration, Instant, Timer};
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::device::Fresh;
 use mobgate_simulator::fault::When;
+use mobgate_simulator::rig::machine;
 use mobgate_simulator::{Client, Device, Fault, Faults, Random, rig};
 
 use crate::{Target, figure};
@@ -52,7 +53,7 @@ pub(crate) fn figures() {
 
 /// Two devices, of which every second answer or so is at fault, and a client that asks both for values of now.
 fn run(settings: &str, faults: &[Fault]) -> Trials {
-    rig::run(11, settings, |world, rig| {
+    rig::with_gateway(11, settings, |world, rig| {
         let devices = [1, 2].map(|unit| {
             let chance = When::Chance(0.3 / faults.len() as f64);
             let rules = faults
@@ -60,9 +61,9 @@ fn run(settings: &str, faults: &[Fault]) -> Trials {
                 .fold(Faults::new(unit.into()), |rules, fault| rules.with(chance.clone(), *fault));
             Device::new(unit).with_fresh(FRESH).with_faults(rules)
         });
-        rig.attach(world, "bus", &devices);
+        rig.attach(world, "bus", devices.clone());
         let mut random = Random::new(12);
-        let mut client = rig.client(1, 502);
+        let mut client = rig.client(machine(1), 502);
         let mut trials = Trials::default();
         let mut last_reads = [0; 2];
         for _ in 0..TRIALS {

@@ -4,6 +4,7 @@ use embassy_time::{Duration, Instant, Timer};
 use mobgate::config::LineSettings;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::client::load::ClosedLoop;
+use mobgate_simulator::rig::machine;
 use mobgate_simulator::{Client, Device, Random, rig};
 
 use crate::{Target, figure};
@@ -65,12 +66,12 @@ pub(crate) fn figures() {
 /// Bus transactions per second as a part of the legal rate, and the shortest silence before a request.
 fn rate(speed: &Speed, clients: u8) {
     const RUN: Duration = Duration::from_secs(60);
-    rig::run(u64::from(clients), &speed.settings(), |world, rig| {
+    rig::with_gateway(u64::from(clients), &speed.settings(), |world, rig| {
         let device = Device::new(1).with_turnaround(TURNAROUND);
-        rig.attach(world, "bus", &[device.clone()]);
+        rig.attach(world, "bus", [device.clone()]);
         let until = Instant::now() + RUN;
         for host in 1..=clients {
-            let mut client = rig.client(host, 502);
+            let mut client = rig.client(machine(host), 502);
             world.spawn(async move {
                 ClosedLoop::until(until).run(&mut client, || (1, READ.to_vec()), |_, _, _| {}).await
             });
@@ -88,10 +89,10 @@ fn rate(speed: &Speed, clients: u8) {
 /// What the way through the gateway adds to a direct transaction, at the worst of many moments. The clock ticks in
 /// microseconds, and each of the four ends of frames is rounded up to a tick.
 fn added(speed: &Speed) {
-    rig::run(7, &speed.settings(), |world, rig| {
-        rig.attach(world, "bus", &[Device::new(1).with_turnaround(TURNAROUND)]);
+    rig::with_gateway(7, &speed.settings(), |world, rig| {
+        rig.attach(world, "bus", [Device::new(1).with_turnaround(TURNAROUND)]);
         let mut random = Random::new(7);
-        let mut client = rig.client(1, 502);
+        let mut client = rig.client(machine(1), 502);
         let direct = speed.transaction(RESPONSE_CHARS);
         let mut worst: f64 = 0.0;
         for _ in 0..1_000 {
@@ -106,9 +107,9 @@ fn added(speed: &Speed) {
 
 /// An exception of the device, from the request on TCP to the exception on TCP.
 fn exception(speed: &Speed) {
-    rig::run(8, &speed.settings(), |world, rig| {
-        rig.attach(world, "bus", &[Device::new(1).with_turnaround(TURNAROUND)]);
-        let mut client = rig.client(1, 502);
+    rig::with_gateway(8, &speed.settings(), |world, rig| {
+        rig.attach(world, "bus", [Device::new(1).with_turnaround(TURNAROUND)]);
+        let mut client = rig.client(machine(1), 502);
         let mut worst: f64 = 0.0;
         for _ in 0..100 {
             // An address that the device does not have.

@@ -3,6 +3,7 @@
 use embassy_time::{Duration, Instant, Timer};
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::client::load::{ClosedLoop, Latencies, Load};
+use mobgate_simulator::rig::machine;
 use mobgate_simulator::world::Task;
 use mobgate_simulator::{Client, Device, Random, Rig, World, rig};
 
@@ -25,9 +26,9 @@ pub(crate) fn figures() {
 fn beside_a_dead_unit() {
     const RUN: Duration = Duration::from_secs(600);
     let throughput = |with_dead: bool| {
-        rig::run(3, &Speed::new(19_200).settings(), |world, rig| {
+        rig::with_gateway(3, &Speed::new(19_200).settings(), |world, rig| {
             let healthy = Device::new(1);
-            rig.attach(world, "bus", &[healthy.clone()]);
+            rig.attach(world, "bus", [healthy.clone()]);
             poll(world, rig, 1, 1, RUN, Duration::from_ticks(0));
             if with_dead {
                 // A unit that is down fails at once: without a pause virtual time would stand still.
@@ -49,7 +50,7 @@ fn poll<'w>(
     run: Duration,
     think: Duration,
 ) -> Task<Load> {
-    let mut client = rig.client(host, 502);
+    let mut client = rig.client(machine(host), 502);
     let until = Instant::now() + run;
     world.spawn(async move {
         ClosedLoop::until(until)
@@ -64,17 +65,17 @@ fn among_flooders(name: &str, rule: &str, flood: &str, depth: usize, periods: f6
     for baud in [9_600, 19_200, 115_200] {
         let speed = Speed::new(baud);
         let settings = speed.settings().replace("route", &format!("{rule}route"));
-        rig::run(5, &settings, |world, rig| {
+        rig::with_gateway(5, &settings, |world, rig| {
             let device = Device::new(1);
-            rig.attach(world, "bus", &[device.clone()]);
+            rig.attach(world, "bus", [device.clone()]);
             for host in 1..=FLOODERS {
-                world.spawn(keep_open(rig.client(host, 502), depth));
+                world.spawn(keep_open(rig.client(machine(host), 502), depth));
             }
             // Until every flooder has had its turn, nobody has been served longer ago than a newcomer.
             world.run_for(Duration::from_secs(10));
             let begin = Instant::now();
             let start = device.counters().all_requests();
-            let (latencies, answers) = world.run_until(ask_now_and_then(rig.client(200, 502)));
+            let (latencies, answers) = world.run_until(ask_now_and_then(rig.client(machine(200), 502)));
             let served = (device.counters().all_requests() - start) as f64;
             assert_eq!(answers, ASKED, "answers without exception");
             let p99 = latencies.percentile(99.0).map_or(f64::MAX, seconds);

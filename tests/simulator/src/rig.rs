@@ -1,150 +1,241 @@
-//! A gateway in a world: its statics, its tasks, and the settings that a test gives as lines.
+//! A gateway in a world: its settings are lines of text, its serial devices are wires, its clients come over a network.
+//!
+//! Every serial device that the settings name is a wire of its own with the gateway on it; what else is on the wire the
+//! scenario adds. All of it lives on the stack of [`with_gateway`], and ends with it.
 
 use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::Duration;
-use mobgate::config::{Loader, PORTS_MAX, Port, PortId, PortKind, Settings};
+use mobgate::config::{Loader, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, apply};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
 use mobgate::stats::Event;
 
-use crate::wire::EndRecord;
-use crate::{Client, Device, LineEnd, Network, SimSerial, Wire, World, device};
+use crate::client::Client;
+use crate::device::{Device, serve};
+use crate::net::Network;
+use crate::serial::SimSerial;
+use crate::wire::{EndRecord, LineEnd, Wire};
+use crate::world::World;
 
-/// Frames of the rig's gateway beyond the one that each seat has of its own.
-pub const SHARED_FRAMES: usize = 32;
-/// Connections of the rig's gateway, over all its TCP servers.
-pub const SEATS: usize = 80;
+/// How large a gateway is.
+#[derive(Debug, Clone, Copy)]
+pub struct Size {
+    /// Frames in the pool; a seat has one of them for itself.
+    pub frames: usize,
+    /// TCP connections at a time.
+    pub seats: usize,
+}
 
-/// When a test begins: by then the ports are open.
-const STARTED: Duration = Duration::from_millis(10);
+impl Default for Size {
+    /// 80 seats and 112 frames.
+    fn default() -> Self {
+        Self { frames: 112, seats: 80 }
+    }
+}
 
-/// A running gateway and its surroundings.
-pub struct Rig<'w> {
-    /// The gateway; its tasks run in the world.
-    pub gateway: &'w Gateway<'w>,
-    /// The network that its TCP servers listen at.
+/// The gateway and what it is connected to.
+pub struct Rig<'g> {
+    /// The gateway itself.
+    pub gateway: &'g Gateway<'g>,
+    /// The network that its TCP ports are on.
     pub network: Network,
     lines: Vec<Line>,
 }
 
-/// A serial line of the rig: the wire and the gateway's end of it.
+/// A serial device of the gateway.
 struct Line {
     device: String,
     wire: Wire,
     end: LineEnd,
 }
 
-/// Runs `test` in a world of `seed` with a gateway that was given `settings`, lines of the console's language. Every serial
-/// device that they name is a wire, on which the test may put devices.
+/// Runs `scenario` with a gateway of the usual size that has `settings`.
 ///
 /// # Panics
-/// When the settings are refused.
-pub fn run<R>(seed: u64, settings: &str, test: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>) -> R) -> R {
-    let slots: Vec<Slot> = (0..SEATS + SHARED_FRAMES).map(|_| Slot::new()).collect();
-    let pool = FramePool::new(&slots, SEATS);
-    let places: Vec<PortPlace> = (0..PORTS_MAX).map(|_| PortPlace::new()).collect();
-    let seats: Vec<Seat> = (0..SEATS).map(|_| Seat::new()).collect();
-    let gateway = Gateway::new(&pool, &places, &seats);
-    let settings = parse(settings);
-    gateway.apply(&settings).expect("settings that fit the rig");
-
-    let mut world = World::new(seed);
-    let network = Network::new(seed);
-    let lines: Vec<Line> = settings.ports.iter().flatten().filter_map(Line::of).collect();
-    let host = lines.iter().fold(SimSerial::new(), |host, line| host.with(&line.device, &line.end));
-    world.spawn(gateway.route());
-    for port in 0..PORTS_MAX {
-        let mut host = host.clone();
-        let gateway = &gateway;
-        world.spawn(async move { gateway.run_port(PortId(port as u8), &mut host).await });
-    }
-    for seat in 0..SEATS {
-        let mut host = network.host();
-        let gateway = &gateway;
-        world.spawn(async move { gateway.run_seat(seat, &mut host).await });
-    }
-    let rig = Rig { gateway: &gateway, network, lines };
-    world.run_for(STARTED);
-    test(&mut world, &rig)
+/// When the settings are not good.
+pub fn with_gateway<T>(
+    seed: u64,
+    settings: &str,
+    scenario: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>) -> T,
+) -> T {
+    with_gateway_of(Size::default(), seed, settings, scenario)
 }
 
-/// Settings from their lines.
+/// Runs `scenario` with a gateway of `size` that has `settings`. The gateway has been started and its listeners are open.
 ///
 /// # Panics
-/// When a line is bad.
-pub fn parse(lines: &str) -> Settings {
+/// When the settings are not good.
+pub fn with_gateway_of<T>(
+    size: Size,
+    seed: u64,
+    settings: &str,
+    scenario: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>) -> T,
+) -> T {
+    let settings = parse(settings);
+    let lines = lines(&settings);
+    let slots: Vec<Slot> = (0..size.frames).map(|_| Slot::new()).collect();
+    let places: Vec<PortPlace> = (0..PORTS_MAX).map(|_| PortPlace::new()).collect();
+    let seats: Vec<Seat> = (0..size.seats).map(|_| Seat::new()).collect();
+    let pool = FramePool::new(&slots, size.seats);
+    let gateway = Gateway::new(&pool, &places, &seats);
+    let mut world = World::new(seed);
+    let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };
+    rig.gateway.apply(&settings).expect("settings that the gateway takes");
+    rig.start(&world, size.seats);
+    world.run_for(Duration::from_ticks(1));
+    scenario(&mut world, &rig)
+}
+
+fn parse(text: &str) -> Settings {
     let mut settings = Settings::new();
     let mut loader = Loader::new(&mut settings);
-    loader.feed(lines.as_bytes()).and_then(|()| loader.finish()).unwrap_or_else(|error| panic!("{error}"));
+    let loaded = loader.feed(text.as_bytes()).and_then(|()| loader.finish());
+    if let Err(error) = loaded {
+        panic!("{error}");
+    }
     settings
 }
 
-impl Line {
-    fn of(port: &Port) -> Option<Self> {
-        let PortKind::Serial(serial) = &port.kind else { return None };
-        let wire = Wire::new();
-        let end = wire.tap(serial.line);
-        Some(Self { device: serial.device.as_str().to_owned(), wire, end })
+fn serial(kind: &PortKind) -> Option<&SerialSettings> {
+    match kind {
+        PortKind::Serial(serial) => Some(serial),
+        PortKind::TcpServer(_) => None,
     }
 }
 
-impl<'w> Rig<'w> {
-    fn line(&self, device: &str) -> &Line {
-        self.lines.iter().find(|line| line.device == device).expect("a device of the settings")
+fn lines(settings: &Settings) -> Vec<Line> {
+    let ports = settings.ports.iter().flatten().filter_map(|port| serial(&port.kind));
+    ports
+        .map(|serial| {
+            let wire = Wire::new();
+            let end = wire.tap(serial.line);
+            Line { device: serial.device.as_str().to_owned(), wire, end }
+        })
+        .collect()
+}
+
+impl<'g> Rig<'g> {
+    fn start(&self, world: &World<'g>, seats: usize) {
+        let gateway = self.gateway;
+        world.spawn(gateway.route());
+        let board =
+            self.lines.iter().fold(SimSerial::new(), |board, line| board.with(&line.device, &line.end));
+        for port in 0..PORTS_MAX {
+            let mut host = board.clone();
+            world.spawn(async move { gateway.run_port(PortId(port as u8), &mut host).await });
+        }
+        for seat in 0..seats {
+            let mut host = self.network.host();
+            world.spawn(async move { gateway.run_seat(seat, &mut host).await });
+        }
     }
 
-    /// The wire behind the serial device called `device`.
+    /// The wire that the gateway knows as `device`.
     ///
     /// # Panics
-    /// When no port names it.
+    /// When the settings at the start named no such device.
     pub fn wire(&self, device: &str) -> &Wire {
         &self.line(device).wire
     }
 
-    /// What the gateway has sent on the wire behind `device`.
+    /// The gateway's own connection to the wire `device`.
     ///
     /// # Panics
-    /// When no port names it.
+    /// When the settings at the start named no such device.
+    pub fn end(&self, device: &str) -> &LineEnd {
+        &self.line(device).end
+    }
+
+    fn line(&self, device: &str) -> &Line {
+        let line = self.lines.iter().find(|line| line.device == device);
+        line.unwrap_or_else(|| panic!("no serial device is called {device}"))
+    }
+
+    /// Puts `devices` on the wire `device`, at one connection to it, with the gateway's speed and format.
+    ///
+    /// # Panics
+    /// When the settings at the start named no such device.
+    pub fn attach(&self, world: &World<'g>, device: &str, devices: impl Into<Vec<Device>>) {
+        let Line { wire, end, .. } = self.line(device);
+        world.spawn(serve(wire.tap(end.line()), devices.into()));
+    }
+
+    /// What the gateway has sent on the wire `device`.
+    ///
+    /// # Panics
+    /// When the settings at the start named no such device.
     pub fn sent(&self, device: &str) -> EndRecord {
-        let line = self.line(device);
-        line.wire.record_of(&line.end)
-    }
-
-    /// Puts `devices` on the wire behind `device`, at one connection to it, with the gateway's speed and format.
-    ///
-    /// # Panics
-    /// When no port names it.
-    pub fn attach(&self, world: &World<'w>, device: &str, devices: &[Device]) {
-        let line = self.line(device);
-        let end = line.wire.tap(line.end.line());
-        world.spawn(device::serve(end, devices.to_vec()));
-    }
-
-    /// A client of the machine 10.0.0.`host`, connected to TCP `port`.
-    ///
-    /// # Panics
-    /// When nobody listens there.
-    pub fn client(&self, host: u8, port: u16) -> Client {
-        Client::new(self.network.connect(address(host), port).expect("a listener"))
-    }
-
-    /// How often the port called `name` counted `event`.
-    ///
-    /// # Panics
-    /// When there is no such port.
-    pub fn count(&self, name: &str, event: Event) -> u32 {
-        let id = self.gateway.settings(|settings| settings.find(name)).expect("a port of the settings");
-        self.gateway.ports()[id.index()].stats.get(event)
+        let Line { wire, end, .. } = self.line(device);
+        wire.record_of(end)
     }
 
     /// Frames that are somewhere on their way.
     pub fn frames_in_use(&self) -> usize {
         self.gateway.pool().capacity() - self.gateway.pool().free()
     }
+
+    /// The names of the serial devices.
+    pub fn devices(&self) -> impl Iterator<Item = &str> {
+        self.lines.iter().map(|line| line.device.as_str())
+    }
+
+    /// A client on the machine `from`, connected to the gateway's TCP `port`.
+    ///
+    /// # Panics
+    /// When the gateway does not listen there.
+    pub fn client(&self, from: IpAddr, port: u16) -> Client {
+        Client::new(self.network.connect(from, port).expect("the gateway listens"))
+    }
+
+    /// Changes the settings by a line, as a console does; an error is the text that the console would show.
+    pub fn console(&self, line: &str) -> Result<(), String> {
+        let mut settings = self.gateway.settings(Settings::clone);
+        apply(&mut settings, line).map_err(|error| error.to_string())?;
+        self.gateway.apply(&settings).map_err(|error| error.to_string())
+    }
+
+    /// How often the port called `name` has counted `event`.
+    ///
+    /// # Panics
+    /// When there is no such port.
+    pub fn counted(&self, name: &str, event: Event) -> u32 {
+        let port = self.gateway.settings(|settings| settings.find(name));
+        let port = port.unwrap_or_else(|| panic!("no port is called {name}"));
+        self.gateway.ports()[port.index()].stats.get(event)
+    }
 }
 
 /// The machine 10.0.0.`host`.
-pub fn address(host: u8) -> IpAddr {
+pub const fn machine(host: u8) -> IpAddr {
     IpAddr::V4(Ipv4Addr::new(10, 0, 0, host))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::{IpAddr, Ipv4Addr};
+
+    use mobgate::stats::Event;
+
+    use super::with_gateway;
+    use crate::client::Answer;
+    use crate::device::Device;
+
+    const HERE: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
+    const SETTINGS: &str = "port bus serial uart1 rtu client 9600 8E1
+        port P502 tcp server 502
+        route P502 1-247 * * bus";
+
+    #[test]
+    fn a_client_reaches_a_device_through_the_gateway() {
+        with_gateway(1, SETTINGS, |world, rig| {
+            let wire = rig.wire("uart1");
+            world.spawn(Device::new(5).run(wire.tap(rig.end("uart1").line())));
+            let mut client = rig.client(HERE, 502);
+            let answer = world.run_until(client.request(5, &[3, 0, 7, 0, 1]));
+            assert_eq!(answer, Answer::Pdu(vec![3, 2, 5, 7]));
+            assert_eq!(rig.counted("bus", Event::Answer), 1);
+            assert_eq!(wire.collisions(), 0);
+        });
+    }
 }

@@ -5,6 +5,7 @@
 //! [`tcp::TcpStream`].
 
 pub mod cli;
+pub mod console;
 pub mod demo;
 pub mod executor;
 mod fair;
@@ -12,6 +13,7 @@ mod hint;
 pub mod lines;
 pub mod logging;
 pub mod settings;
+pub mod start;
 pub mod stdio;
 pub mod store;
 pub mod tcp;

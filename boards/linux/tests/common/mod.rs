@@ -74,11 +74,23 @@ impl Program {
     }
 
     /// Starts `command`, which listens on `port`.
-    pub(crate) fn start(mut command: Command, folder: tempfile::TempDir, port: u16) -> Self {
-        let mut child = command.stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    pub(crate) fn start(command: Command, folder: tempfile::TempDir, port: u16) -> Self {
+        Self::start_on(command, Stdio::piped(), folder, port)
+    }
+
+    /// Starts `command` with `stdout`; what goes to a pipe is gathered with the log.
+    pub(crate) fn start_on(
+        mut command: Command,
+        stdout: Stdio,
+        folder: tempfile::TempDir,
+        port: u16,
+    ) -> Self {
+        let mut child = command.stderr(Stdio::piped()).stdout(stdout).spawn().unwrap();
         let log = Arc::<Mutex<String>>::default();
         gather(child.stderr.take().unwrap(), &log);
-        gather(child.stdout.take().unwrap(), &log);
+        if let Some(stdout) = child.stdout.take() {
+            gather(stdout, &log);
+        }
         let program = Self { child, log, folder, port };
         wait_for("the TCP server", || TcpStream::connect((Ipv4Addr::LOCALHOST, port)).ok());
         program

@@ -7,8 +7,8 @@
 pub mod cli;
 pub mod console;
 pub mod demo;
+mod descriptor;
 pub mod executor;
-mod fair;
 mod hint;
 pub mod lines;
 pub mod logging;

@@ -20,7 +20,7 @@ fn with_console(settings: &str) -> (Program, u16) {
     fs::write(&file, settings.replace("{port}", &port.to_string())).unwrap();
     let mut command = mobgate();
     command.arg("--config").arg(file).args(["--console", &console.to_string()]);
-    (Program::start(command, folder, port), console)
+    (Program::start(&mut command, folder, port), console)
 }
 
 fn session(console: u16) -> TcpStream {
@@ -67,7 +67,7 @@ fn the_demo_cannot_save_and_says_how_it_could() {
     let (port, console) = (free_port(), free_port());
     let mut command = mobgate();
     command.args(["--listen", &port.to_string(), "--console", &console.to_string()]);
-    let _program = Program::start(command, tempfile::tempdir().unwrap(), port);
+    let _program = Program::start(&mut command, tempfile::tempdir().unwrap(), port);
     converse(&mut session(console), "save\n", "start with --config FILE");
 }
 
@@ -102,7 +102,7 @@ fn lines_of_a_file_on_standard_input_are_carried_out_and_the_gateway_goes_on() {
     fs::write(&lines, format!("port P502 tcp server 127.0.0.1:{port}\nshow config")).unwrap();
     let mut command = mobgate();
     command.arg("--config").arg(config).args(["--console", "off"]).stdin(File::open(lines).unwrap());
-    let mut program = Program::start(command, folder, port);
+    let mut program = Program::start(&mut command, folder, port);
     program.logs(&format!("port P502 tcp server 127.0.0.1:{port}"));
     assert!(program.is_running());
 }
@@ -120,7 +120,7 @@ fn on_terminal() -> (Program, SerialPort, SerialPort) {
     let mut command = std::process::Command::new("setsid");
     command.args(["--ctty", "--wait", env!("CARGO_BIN_EXE_mobgate"), "--console", "off", "--listen"]);
     command.arg(port.to_string()).stdin(Stdio::from(open()));
-    let program = Program::start_on(command, Stdio::from(open()), tempfile::tempdir().unwrap(), port);
+    let program = Program::start_on(&mut command, Stdio::from(open()), tempfile::tempdir().unwrap(), port);
     (program, keyboard, terminal)
 }
 

@@ -8,7 +8,6 @@ use std::io::{self, Read as _, Write as _};
 use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
-use async_io::Async;
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::config::{LineSettings, Parity};
 use mobgate::hal::{OpenError, OpenErrorKind, SerialHost};
@@ -43,9 +42,9 @@ impl SerialHost for TtyHost {
         // An absolute name replaces the folder it is joined to.
         let (device, line) = (Path::new("/dev").join(device), *line);
         let port = blocking::unblock(move || open(device, &line)).await?;
-        let io = Async::new(File::from(OwnedFd::from(port)))
+        let io = Descriptor::new(File::from(OwnedFd::from(port)))
             .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
-        Ok(Tty { io: Descriptor::new(io) })
+        Ok(Tty { io })
     }
 }
 

@@ -6,4 +6,5 @@ use mobgate_clock as _;
 mod frames;
 mod line;
 mod queue;
+mod torture;
 mod units;

@@ -18,7 +18,7 @@ use rustix::termios::{QueueSelector, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush};
 use serial2::rs4xx::{Rs485Config, TransceiverMode};
 use serial2::{CharSize, SerialPort, StopBits};
 
-use crate::fair::Share;
+use crate::descriptor::Descriptor;
 use crate::hint;
 
 mod low_latency;
@@ -33,8 +33,7 @@ pub struct TtyHost;
 /// An open serial line.
 #[derive(Debug)]
 pub struct Tty {
-    io: Async<File>,
-    share: Share,
+    io: Descriptor<File>,
 }
 
 impl SerialHost for TtyHost {
@@ -46,7 +45,7 @@ impl SerialHost for TtyHost {
         let port = blocking::unblock(move || open(device, &line)).await?;
         let io = Async::new(File::from(OwnedFd::from(port)))
             .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
-        Ok(Tty { io, share: Share::default() })
+        Ok(Tty { io: Descriptor::new(io) })
     }
 }
 
@@ -115,14 +114,12 @@ impl ErrorType for Tty {
 
 impl Read for Tty {
     async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        self.share.take().await;
         self.io.read_with(|mut file| file.read(into)).await
     }
 }
 
 impl Write for Tty {
     async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
-        self.share.take().await;
         self.io.write_with(|mut file| file.write(from)).await
     }
 

@@ -105,6 +105,8 @@ fn values_that_a_function_cannot_have_are_refused() {
         assert_eq!(check_request(pdu), Err(Exception::ILLEGAL_VALUE), "{pdu:02X?}");
     }
     assert_eq!(check_request(&[20, 7, 6, 0, 1, 0, 0, 0, 124]), Ok(()));
+    // Echo requests without data exist.
+    assert_eq!(check_request(&[8, 0, 0]), Ok(()));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Modbus TCP clients, written from the specification and not from the gateway's codecs.
 //!
 //! [`Client::request`] does one transaction; [`Client::send`] and [`Client::receive`] keep several open. [`load`] has clients that
-//! ask again and again and note how long each answer took.
+//! ask again and again and note how long each answer took; a [`session`] sends and receives independently.
 
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::{Read, Write};
@@ -9,6 +9,7 @@ use embedded_io_async::{Read, Write};
 use crate::net::ClientStream;
 
 pub mod load;
+pub mod session;
 #[cfg(test)]
 mod tests;
 
@@ -83,6 +84,22 @@ pub fn frame(transaction: u16, unit: u8, pdu: &[u8]) -> Vec<u8> {
     frame
 }
 
+/// Takes the first frame off `received`, when all of it is there.
+///
+/// # Panics
+/// When the gateway sent a length that no frame has: the stream cannot be understood any more.
+fn take_frame(received: &mut Vec<u8>) -> Option<Reply> {
+    let word = |at: usize| Some(u16::from_be_bytes([*received.get(at)?, *received.get(at + 1)?]));
+    let (transaction, protocol, length) = (word(0)?, word(2)?, word(4)?);
+    let end = HEADER_BYTES - 1 + usize::from(length);
+    assert!((HEADER_BYTES..=FRAME_BYTES_MAX).contains(&end), "the gateway sent an MBAP length of {length}");
+    if received.len() < end {
+        return None;
+    }
+    let frame: Vec<u8> = received.drain(..end).collect();
+    Some(Reply { transaction, protocol, unit: frame[6], pdu: frame[HEADER_BYTES..].to_vec() })
+}
+
 impl Client {
     /// A client on `stream` that waits 10 s for an answer.
     pub fn new(stream: ClientStream) -> Self {
@@ -132,7 +149,7 @@ impl Client {
 
     async fn receive_patiently(&mut self) -> Result<Reply, NoReply> {
         loop {
-            if let Some(reply) = self.take_frame() {
+            if let Some(reply) = take_frame(&mut self.received) {
                 return Ok(reply);
             }
             let mut buffer = [0; FRAME_BYTES_MAX];
@@ -141,23 +158,6 @@ impl Client {
                 Ok(count) => self.received.extend_from_slice(&buffer[..count]),
             }
         }
-    }
-
-    /// Takes the first frame off the stream, when all of it is there.
-    fn take_frame(&mut self) -> Option<Reply> {
-        let word =
-            |at: usize| Some(u16::from_be_bytes([*self.received.get(at)?, *self.received.get(at + 1)?]));
-        let (transaction, protocol, length) = (word(0)?, word(2)?, word(4)?);
-        let end = HEADER_BYTES - 1 + usize::from(length);
-        assert!(
-            (HEADER_BYTES..=FRAME_BYTES_MAX).contains(&end),
-            "the gateway sent an MBAP length of {length}"
-        );
-        if self.received.len() < end {
-            return None;
-        }
-        let frame: Vec<u8> = self.received.drain(..end).collect();
-        Some(Reply { transaction, protocol, unit: frame[6], pdu: frame[HEADER_BYTES..].to_vec() })
     }
 
     /// Waits until the gateway ends the connection; false when it does not within the client's patience, or sends something.

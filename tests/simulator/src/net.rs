@@ -238,7 +238,25 @@ pub struct ClientStream {
     outgoing: Pipe,
 }
 
+/// The receiving half of a client's connection, for a task of its own. It does not keep the connection open.
+pub struct ClientReader(Pipe);
+
+impl ErrorType for ClientReader {
+    type Error = ErrorKind;
+}
+
+impl Read for ClientReader {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
+        self.0.read(into).await
+    }
+}
+
 impl ClientStream {
+    /// A second way to read, for a task that receives while another one sends.
+    pub fn reader(&self) -> ClientReader {
+        ClientReader(self.incoming.clone())
+    }
+
     /// Sends the FIN behind what was written, and goes on reading: a half-closed connection.
     pub fn finish(&mut self) {
         self.outgoing.finish();

@@ -1,0 +1,240 @@
+//! Random worlds: lines, devices with faults, clients that misbehave, all drawn from a seed.
+//!
+//! Whatever happens, every request gets exactly one answer, it is the asker's own, its values are of now, every frame is
+//! back in the pool at the end, and the gateway never speaks before the line was silent for t3.5.
+//!
+//! `MOBGATE_SEED=17 cargo test torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=5000` runs so many.
+
+use std::collections::HashMap;
+
+use embassy_time::{Duration, Instant, Timer};
+use mobgate::config::LineSettings;
+use mobgate_simulator::client::{Answer, NoReply};
+use mobgate_simulator::device::Fresh;
+use mobgate_simulator::fault::When;
+use mobgate_simulator::net::Path;
+use mobgate_simulator::rig::{Rig, machine, with_gateway};
+use mobgate_simulator::{Client, Device, Fault, Faults, Random, World};
+
+const SEEDS: u64 = 400;
+const BAUDS: [u32; 4] = [4_800, 9_600, 19_200, 115_200];
+/// Devices 1 to this on each line; two more ids are asked for and belong to nobody.
+const DEVICES: u8 = 4;
+const FRESH: u16 = 100;
+/// Units of the second line as clients write them: 100 higher.
+const TAG: u8 = 100;
+
+#[test]
+fn random_worlds_keep_the_promises() {
+    let number = |name| std::env::var(name).ok().map(|text| text.parse::<u64>().expect("a number"));
+    match number("MOBGATE_SEED") {
+        Some(seed) => live(seed),
+        None => (0..number("MOBGATE_SEEDS").unwrap_or(SEEDS)).for_each(live),
+    }
+}
+
+fn live(seed: u64) {
+    let mut random = Random::new(seed);
+    let bauds = [0, 1].map(|_| BAUDS[random.index(BAUDS.len())]);
+    let settings = format!(
+        "port A serial a rtu client {} 8E1 timeout {}ms retries {} down-after {}
+         port B serial b rtu client {} 8N1 timeout {}ms
+         port P502 tcp server 502 clients {} pipeline {} lifetime {}ms
+         port P503 tcp server 503 clients 8 idle 2s
+         route P502 1-{DEVICES} * * A
+         route P502 5-6 * * A readonly
+         route P502 101-106 * -{TAG} B priority high
+         route P503 101-106 * -{TAG} B
+         route P503 1-6 10.0.0.0/28 * A priority low",
+        bauds[0],
+        [50, 50, 60, 300][random.index(4)],
+        random.index(3),
+        random.index(4),
+        bauds[1],
+        [50, 50, 60, 300][random.index(4)],
+        random.within(1..=6),
+        random.within(1..=16),
+        random.within(500..=20_000),
+    );
+    with_gateway(seed, &settings, |world, rig| {
+        let quiet =
+            [connect_devices(world, rig, "a", &mut random), connect_devices(world, rig, "b", &mut random)];
+        let clients = random.within(1..=10) as u8;
+        let done: Vec<_> = (1..=clients)
+            .map(|host| {
+                let port = [502, 503][random.index(2)];
+                let path = draw_path(&mut random);
+                let stream =
+                    rig.network.connect_over(path, machine(host), port).expect("the gateway listens");
+                let visitor = Visitor { host, port, random: random.fork() };
+                world.spawn(visitor.visit(Client::new(stream).with_patience(Duration::from_secs(120))))
+            })
+            .collect();
+        for task in done {
+            world.run_until(task);
+        }
+        // Late answers, and requests whose askers have gone.
+        world.run_for(Duration::from_secs(60));
+        assert_eq!(rig.frames_in_use(), 0, "frames that never came home");
+        for (line, (quiet, baud)) in ["a", "b"].into_iter().zip(quiet.into_iter().zip(bauds)) {
+            let format = LineSettings { baud, ..LineSettings::DEFAULT };
+            let format = if line == "b" {
+                LineSettings { parity: mobgate::config::Parity::None, ..format }
+            } else {
+                format
+            };
+            if let (true, Some(gap)) = (quiet, rig.sent(line).shortest_gap_ns) {
+                let least = format.t3_5().as_micros() * 1_000;
+                assert!(gap + 1_000 > least, "a gap of {gap} ns on line {line}, {least} at least");
+            }
+        }
+    });
+}
+
+/// Puts the devices on a line; whether none of them ever speaks without being asked just before.
+fn connect_devices<'w>(world: &World<'w>, rig: &Rig<'w>, line: &str, random: &mut Random) -> bool {
+    let mut quiet = true;
+    let devices: Vec<Device> = (1..=DEVICES)
+        .map(|unit| {
+            let mut faults = Faults::new(random.bits());
+            for _ in 0..random.index(3) {
+                let fault = draw_fault(random);
+                quiet &= !matches!(fault, Fault::Late(..) | Fault::GapInside(_) | Fault::Twice(_));
+                faults = faults.with(When::Chance(random.index(40) as f64 / 100.0), fault);
+            }
+            let turnaround = Duration::from_micros(random.within(0..=20_000));
+            Device::new(unit).with_fresh(FRESH).with_turnaround(turnaround).with_faults(faults)
+        })
+        .collect();
+    rig.attach(world, line, devices);
+    quiet
+}
+
+fn draw_fault(random: &mut Random) -> Fault {
+    let pause = Duration::from_micros(random.within(2_000..=20_000));
+    // At most twice the shortest time-out less a long frame: within the window in which a late answer is expected.
+    let late = Fault::Late(Duration::from_millis(30), Duration::from_millis(90));
+    let faults = [
+        Fault::Dead,
+        late,
+        late,
+        late,
+        late,
+        Fault::BadCrc,
+        Fault::FlippedBit,
+        Fault::LostByte,
+        Fault::Truncated,
+        Fault::WrongUnit,
+        Fault::WrongFunction,
+        Fault::WrongLength,
+        Fault::WrongEcho,
+        Fault::NoiseBefore(3),
+        Fault::NoiseAfter(3),
+        Fault::GapInside(pause),
+        Fault::Exception(6),
+    ];
+    faults[random.index(faults.len())]
+}
+
+fn draw_path(random: &mut Random) -> Path {
+    Path {
+        latency: Duration::from_micros(random.within(1..=5_000)),
+        piece_bytes_max: [None, Some(1), Some(7)][random.index(3)],
+        piece_spacing: Duration::from_micros(random.within(1..=500)),
+        coalesce: Duration::from_micros(random.within(0..=2_000)),
+        ..Path::default()
+    }
+}
+
+/// A client, which asks for a while and may leave without a word.
+struct Visitor {
+    host: u8,
+    port: u16,
+    random: Random,
+}
+
+impl Visitor {
+    async fn visit(mut self, mut client: Client) {
+        for _ in 0..self.random.within(1..=30) {
+            Timer::after_micros(self.random.within(0..=50_000)).await;
+            let burst = if self.random.chance(0.3) { self.random.within(2..=20) } else { 1 };
+            let mut open = HashMap::new();
+            for _ in 0..burst {
+                let request = self.draw_request();
+                let Some(id) = client.send(request.unit, &request.pdu).await else { return };
+                assert!(open.insert(id, (request, Instant::now())).is_none());
+            }
+            if self.random.chance(0.03) {
+                return;
+            }
+            while !open.is_empty() {
+                let reply = match client.receive().await {
+                    Ok(reply) => reply,
+                    // Crowded out, or idle for too long.
+                    Err(NoReply::Closed) => return,
+                    Err(NoReply::Silence) => panic!("no answer to {open:?}"),
+                };
+                let asked = open.remove(&reply.transaction);
+                let (request, at) = asked.unwrap_or_else(|| panic!("nobody asked for {reply:?}"));
+                assert_eq!((reply.unit, reply.protocol), (request.unit, 0));
+                self.check(&request, at, &Answer::Pdu(reply.pdu));
+            }
+        }
+    }
+
+    fn draw_request(&mut self) -> Request {
+        let unit = self.random.within(1..=u64::from(DEVICES) + 3) as u8 + [0, TAG][self.random.index(2)];
+        let address = self.random.within(0..=50) as u16;
+        let count = self.random.within(1..=40) as u16;
+        let [high, low] = address.to_be_bytes();
+        let pdu = match self.random.index(6) {
+            0 | 5 => vec![3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8],
+            1 | 2 => vec![[3, 4][self.random.index(2)], high, low, 0, count as u8],
+            3 => vec![6, 1, low, self.random.byte(), self.random.byte()],
+            _ => vec![16, 2, low, 0, 1, 2, self.random.byte(), self.random.byte()],
+        };
+        Request { unit, pdu }
+    }
+
+    /// Whether `answer` is one that `request` may get.
+    fn check(&self, request: &Request, asked: Instant, answer: &Answer) {
+        let tell = || format!("host {} asked {request:?} at {asked}: {answer:?}", self.host);
+        let device = request.unit % TAG;
+        let routed = (1..=6).contains(&device) && (self.port == 502 || self.host < 16);
+        if let Some(code) = answer.exception() {
+            // 05 to 06 of unit 5 and 6 are refused on port 502: those are read-only there.
+            let refused = self.port == 502 && request.unit < TAG && device > DEVICES && request.pdu[0] > 4;
+            let expected: &[u8] = match (routed, refused) {
+                (false, _) => &[0x06, 0x0a],
+                (true, true) => &[0x06, 0x01],
+                // The device says busy, or the fault on top of it turns a bit of that.
+                (true, false) => &[0x06, 0x07, 0x0b],
+            };
+            assert!(expected.contains(&code), "{}", tell());
+            return;
+        }
+        assert!(routed && device <= DEVICES, "{}", tell());
+        let Answer::Pdu(pdu) = answer else { panic!("{}", tell()) };
+        match request.pdu[..] {
+            [3, 0, 100, 0, 4] => {
+                let fresh = Fresh::from_answer(pdu).unwrap_or_else(|| panic!("{}", tell()));
+                assert!(u64::from(fresh.at_us) >= asked.as_micros(), "stale: {}", tell());
+            }
+            [function @ (3 | 4), 0, address, 0, count] => {
+                // Input registers hold the complement of what holding registers hold.
+                let mask = if function == 4 { 0xff } else { 0 };
+                let values =
+                    (address..).take(count.into()).flat_map(|address| [device ^ mask, address ^ mask]);
+                let expected: Vec<u8> = [function, 2 * count].into_iter().chain(values).collect();
+                assert_eq!(*pdu, expected, "{}", tell());
+            }
+            _ => assert_eq!(pdu[..], request.pdu[..5], "{}", tell()),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Request {
+    unit: u8,
+    pdu: Vec<u8>,
+}

@@ -1,0 +1,125 @@
+//! What a scenario file holds: settings, what is connected, and cases.
+
+use std::collections::BTreeMap;
+use std::net::{IpAddr, Ipv4Addr};
+
+use serde::Deserialize;
+
+/// A file: what its cases have in common, and the cases.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct File {
+    /// What the cases are about, for the reader.
+    #[serde(rename = "about")]
+    _about: String,
+    settings: Option<String>,
+    bus: Option<BTreeMap<String, Bus>>,
+    client: Option<BTreeMap<String, Client>>,
+    case: Vec<CaseText>,
+}
+
+/// The gateway's settings and its surroundings. What a case says replaces what the file says, table by table.
+pub(crate) struct Setup {
+    /// Lines as they are typed at the console.
+    pub(crate) settings: String,
+    /// The buses by the gateway's name for the device.
+    pub(crate) bus: BTreeMap<String, Bus>,
+    /// The clients by name.
+    pub(crate) client: BTreeMap<String, Client>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CaseText {
+    name: String,
+    steps: String,
+    settings: Option<String>,
+    bus: Option<BTreeMap<String, Bus>>,
+    client: Option<BTreeMap<String, Client>>,
+}
+
+/// What hangs on a serial line.
+#[derive(Deserialize, Clone, Default)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Bus {
+    /// Speed and format of the devices where it is not what the gateway's settings say: a settings line's words.
+    pub(crate) line: Option<String>,
+    /// The gateway's adapter hears itself.
+    #[serde(default)]
+    pub(crate) echo: bool,
+    #[serde(default)]
+    pub(crate) device: Vec<Device>,
+}
+
+/// A Modbus RTU device.
+#[derive(Deserialize, Clone)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Device {
+    pub(crate) unit: u8,
+    /// From the end of the request's silence to the answer.
+    pub(crate) turnaround: Option<String>,
+    /// Address of registers that differ at every read.
+    pub(crate) fresh: Option<u16>,
+    /// Sentences such as `every 3rd bad crc`.
+    #[serde(default)]
+    pub(crate) faults: Vec<String>,
+    /// A tap of its own instead of one that all devices of the bus share: it collides with the others.
+    #[serde(default)]
+    pub(crate) apart: bool,
+}
+
+/// A Modbus TCP client and its path to the gateway.
+#[derive(Deserialize, Clone)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Client {
+    #[serde(default = "anywhere")]
+    pub(crate) from: IpAddr,
+    #[serde(default = "modbus_port")]
+    pub(crate) port: u16,
+    pub(crate) latency: Option<String>,
+    /// Writes arrive in pieces of up to so many bytes.
+    pub(crate) pieces: Option<usize>,
+    /// Between the pieces.
+    pub(crate) spacing: Option<String>,
+    /// Bytes arrive together at multiples of this time.
+    pub(crate) coalesce: Option<String>,
+    /// Bytes of window.
+    pub(crate) window: Option<usize>,
+    /// It never reads.
+    #[serde(default)]
+    pub(crate) deaf: bool,
+}
+
+fn anywhere() -> IpAddr {
+    IpAddr::V4(Ipv4Addr::new(10, 0, 0, 1))
+}
+
+fn modbus_port() -> u16 {
+    502
+}
+
+/// A case, ready to be played.
+pub(crate) struct Case {
+    pub(crate) name: String,
+    pub(crate) steps: String,
+    pub(crate) setup: Setup,
+}
+
+impl File {
+    pub(crate) fn cases(&self) -> Vec<Case> {
+        self.case.iter().map(|case| self.case(case)).collect()
+    }
+
+    fn case(&self, case: &CaseText) -> Case {
+        let setup = Setup {
+            settings: own_or_common(&case.settings, &self.settings),
+            bus: own_or_common(&case.bus, &self.bus),
+            client: own_or_common(&case.client, &self.client),
+        };
+        Case { name: case.name.clone(), steps: case.steps.clone(), setup }
+    }
+}
+
+fn own_or_common<T: Clone + Default>(own: &Option<T>, common: &Option<T>) -> T {
+    own.as_ref().or(common.as_ref()).cloned().unwrap_or_default()
+}

@@ -1,0 +1,127 @@
+//! Plays a case: builds its world, takes its steps, and at the end checks what holds in every case.
+
+use std::collections::BTreeMap;
+
+use embassy_time::{Duration, Instant};
+use mobgate::config::{LineSettings, PortKind, Settings, apply};
+use mobgate_simulator::{Device, LineEnd, Rig, World, device, rig, wire::Silence};
+
+mod acts;
+mod clients;
+
+use crate::faults::faults;
+use crate::file::{Bus, Case, Setup};
+use crate::step::{Step, step};
+use crate::words::duration;
+use clients::Clients;
+
+/// After the last step the clients leave, and so long later nothing may be left of their requests.
+const AFTERMATH: Duration = Duration::from_secs(60);
+
+/// What the steps act on.
+struct Stage<'s, 'r, 'g> {
+    rig: &'r Rig<'g>,
+    /// By bus and unit id.
+    devices: BTreeMap<(String, u8), Device>,
+    /// A tap on each wire, for noise.
+    strangers: BTreeMap<String, LineEnd>,
+    clients: Clients<'s>,
+}
+
+/// Every case is played with this many seeds: they decide in which order tasks that could run do run.
+const SEEDS: u64 = 3;
+
+/// Plays `case`; what is not as it should be is told with the step at which it showed.
+pub(crate) fn play(case: &Case) -> Result<(), String> {
+    (1..=SEEDS).try_for_each(|seed| play_once(case, seed).map_err(|error| format!("{error} (seed {seed})")))
+}
+
+fn play_once(case: &Case, seed: u64) -> Result<(), String> {
+    let lines = case.steps.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+    let told = |line: &str, error: String| format!("at `{line}`: {error}");
+    let steps: Vec<(&str, Step)> = lines
+        .map(|line| Ok((line, step(line).map_err(|error| told(line, error))?)))
+        .collect::<Result<_, String>>()?;
+    rig::with_gateway(seed, &case.setup.settings, |world, rig| {
+        let mut stage = Stage::build(&case.setup, world, rig)?;
+        for (line, step) in &steps {
+            let acted = stage.act(world, step);
+            acted.map_err(|error| format!("{}, at {} us", told(line, error), Instant::now().as_micros()))?;
+        }
+        stage.clients.check_nothing_is_left()?;
+        stage.clients.leave();
+        world.run_for(AFTERMATH);
+        stage.check_gateway()
+    })
+}
+
+impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
+    fn build(setup: &'s Setup, world: &World<'_>, rig: &'r Rig<'g>) -> Result<Self, String> {
+        let mut stage = Self {
+            rig,
+            devices: BTreeMap::new(),
+            strangers: BTreeMap::new(),
+            clients: Clients::new(&setup.client),
+        };
+        for (name, bus) in &setup.bus {
+            stage.connect_bus(world, name, bus)?;
+        }
+        Ok(stage)
+    }
+
+    fn connect_bus(&mut self, world: &World<'_>, name: &str, bus: &Bus) -> Result<(), String> {
+        let end = self.rig.end(name);
+        end.set_echo(bus.echo);
+        let line = bus.line.as_deref().map_or(Ok(end.line()), line_settings)?;
+        let wire = self.rig.wire(name);
+        self.strangers.insert(name.to_owned(), wire.tap(end.line()));
+        let mut together = Vec::new();
+        for (seed, setup) in bus.device.iter().enumerate() {
+            let mut device = Device::new(setup.unit).with_faults(faults(seed as u64, &setup.faults)?);
+            if let Some(turnaround) = &setup.turnaround {
+                device = device.with_turnaround(duration(turnaround)?);
+            }
+            if let Some(address) = setup.fresh {
+                device = device.with_fresh(address);
+            }
+            self.devices.insert((name.to_owned(), setup.unit), device.clone());
+            if setup.apart {
+                world.spawn(device.run(wire.tap(line)));
+            } else {
+                together.push(device);
+            }
+        }
+        world.spawn(device::serve(wire.tap(line), together));
+        Ok(())
+    }
+
+    /// What holds after every case: no frame is lost, and the gateway kept its silences.
+    fn check_gateway(&self) -> Result<(), String> {
+        let pool = self.rig.gateway.pool();
+        if pool.free() != pool.capacity() {
+            return Err(format!("{} frames have not come home", pool.capacity() - pool.free()));
+        }
+        for device in self.rig.devices() {
+            let end = self.rig.end(device);
+            let least = end.line().gap.map_or(Silence::of(&end.line()).between_ns, |gap| gap.as_nanos());
+            match self.rig.wire(device).record_of(end).shortest_gap_ns {
+                Some(gap) if gap < least => {
+                    return Err(format!("a gap of {gap} ns on {device} is shorter than {least} ns"));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Speed and format from words of the settings language.
+fn line_settings(words: &str) -> Result<LineSettings, String> {
+    let mut settings = Settings::new();
+    let line = format!("port any serial any rtu client {words}");
+    apply(&mut settings, &line).map_err(|error| error.to_string())?;
+    match settings.ports.iter().flatten().next().map(|port| &port.kind) {
+        Some(PortKind::Serial(serial)) => Ok(serial.line),
+        _ => Err(format!("{words} is no line")),
+    }
+}

@@ -1,0 +1,103 @@
+//! What each step does, except those of clients.
+
+use std::net::{IpAddr, Ipv4Addr};
+
+use embassy_futures::select::select;
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::Write;
+use mobgate_simulator::{Random, World, fault::babble};
+
+use super::Stage;
+use crate::faults::faults;
+use crate::step::{OfUnit, OfWire, Step};
+
+/// Time for the gateway to take note of something that has just been done to it.
+const MOMENT: Duration = Duration::from_millis(1);
+
+impl Stage<'_, '_, '_> {
+    /// Takes a step.
+    pub(super) fn act(&mut self, world: &mut World<'_>, step: &Step) -> Result<(), String> {
+        match step {
+            Step::Wait(time) => world.run_for(*time),
+            Step::At(at) if *at < Instant::now() => return Err("that time has passed".to_owned()),
+            Step::At(at) => world.run_until(Timer::at(*at)),
+            Step::Console { line, refused } => {
+                match (self.rig.console(line), refused) {
+                    (Ok(()), true) => return Err("the line was taken".to_owned()),
+                    (Err(error), false) => return Err(error),
+                    _ => {}
+                }
+                world.run_for(MOMENT);
+            }
+            Step::Times(count, step) => return (0..*count).try_for_each(|_| self.act(world, step)),
+            Step::Counted { port, count, event } => {
+                return equal("the counter", self.rig.counted(port, *event), *count);
+            }
+            Step::Crowd { count, port } => return self.crowd(world, *count, *port),
+            Step::Unit { unit, device, what } => return self.unit(device, *unit, what),
+            Step::Wire { device, what } => return self.wire(world, device, what),
+            Step::Client { name, action } => return self.clients.act(world, self.rig, name, action),
+        }
+        Ok(())
+    }
+
+    /// Connections that are opened and dropped, some with half a request.
+    fn crowd(&self, world: &mut World<'_>, count: usize, port: u16) -> Result<(), String> {
+        for number in 0..count {
+            let from = IpAddr::V4(Ipv4Addr::from_bits(0x0a80_0000 + number as u32));
+            // Whether it is let in is not the crowd's concern.
+            let Ok(mut stream) = self.rig.network.connect(from, port) else { continue };
+            if number % 3 == 0 {
+                let half = world.run_until(stream.write_all(&[0, 1, 0, 0, 0, 6, 1]));
+                half.map_err(|error| format!("half a request: {error}"))?;
+            }
+            if number % 2 == 0 {
+                stream.reset();
+            }
+            if number % 16 == 0 {
+                world.run_for(MOMENT);
+            }
+        }
+        Ok(())
+    }
+
+    fn unit(&self, bus: &str, unit: u8, what: &OfUnit) -> Result<(), String> {
+        let device = self.devices.get(&(bus.to_owned(), unit)).ok_or("there is no such device")?;
+        match what {
+            OfUnit::Faults(sentences) => device.set_faults(faults(u64::from(unit), sentences)?),
+            OfUnit::Saw(count) => return equal("requests seen", device.counters().all_requests(), *count),
+            OfUnit::Executed(count) => return equal("writes executed", device.writes().len(), *count),
+            OfUnit::Holds(value, address) => {
+                return equal("the register", device.memory().holding[usize::from(*address)], *value);
+            }
+        }
+        Ok(())
+    }
+
+    fn wire(&self, world: &mut World<'_>, name: &str, what: &OfWire) -> Result<(), String> {
+        let end = self.rig.end(name);
+        let stranger = || self.strangers.get(name).cloned().ok_or("nothing is connected to this wire");
+        match what {
+            OfWire::Unplugged => end.unplug(),
+            OfWire::PluggedIn => end.replug(),
+            OfWire::Noise(noise) => {
+                let sent = world.run_until(stranger()?.write_all(noise));
+                sent.map_err(|error| error.to_string())?;
+            }
+            OfWire::Babbles(time) => {
+                let until = Timer::after(*time);
+                let babbling = babble(stranger()?, Random::new(1), 16, Duration::from_ticks(0));
+                world.spawn(select(babbling, until));
+            }
+            OfWire::Carried(count) => {
+                let frames = self.rig.wire(name).record_of(end).frames;
+                return equal("frames from the gateway", frames, *count);
+            }
+        }
+        Ok(())
+    }
+}
+
+pub(super) fn equal<T: PartialEq + std::fmt::Display>(what: &str, is: T, should: T) -> Result<(), String> {
+    if is == should { Ok(()) } else { Err(format!("{what}: {is}, not {should}")) }
+}

@@ -1,0 +1,202 @@
+//! The clients of a case: what they send, what they must get, and that nothing else comes.
+
+use std::collections::BTreeMap;
+
+use embassy_time::{Duration, Instant, with_timeout};
+use mobgate_simulator::client::Reply;
+use mobgate_simulator::client::session::{Arrival, Session};
+use mobgate_simulator::device::{Fresh, Memory};
+use mobgate_simulator::net::Path;
+use mobgate_simulator::{Rig, World};
+
+use crate::file::Client;
+use crate::step::{Action, Expected, Going, Times};
+use crate::words::duration;
+
+/// How long a step waits for what it expects, beyond the time that it names.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// All clients of a case.
+pub(super) struct Clients<'s> {
+    setups: &'s BTreeMap<String, Client>,
+    connected: BTreeMap<String, Connected>,
+}
+
+struct Connected {
+    session: Session,
+    questions: BTreeMap<u16, Question>,
+}
+
+struct Question {
+    unit: u8,
+    pdu: Vec<u8>,
+    at: Instant,
+}
+
+impl<'s> Clients<'s> {
+    pub(super) fn new(setups: &'s BTreeMap<String, Client>) -> Self {
+        Self { setups, connected: BTreeMap::new() }
+    }
+
+    /// Lets the client `name` do or get something; it connects at its first action.
+    pub(super) fn act(
+        &mut self,
+        world: &mut World<'_>,
+        rig: &Rig<'_>,
+        name: &str,
+        action: &Action,
+    ) -> Result<(), String> {
+        let setup = self.setups.get(name).ok_or_else(|| format!("nobody is called {name}"))?;
+        match action {
+            Action::IsRefused => {
+                return match connect(world, rig, setup) {
+                    Ok(_) => Err("it could connect".to_owned()),
+                    Err(_) => Ok(()),
+                };
+            }
+            Action::Goes(going) => {
+                let Some(client) = self.connected.remove(name) else {
+                    return Err("it is not connected".to_owned());
+                };
+                client.check_nothing_came(name)?;
+                match going {
+                    Going::Leaves => drop(client),
+                    Going::Resets => client.session.into_stream().reset(),
+                    Going::Vanishes => client.session.into_stream().vanish(),
+                }
+                return Ok(());
+            }
+            _ => {}
+        }
+        if !self.connected.contains_key(name) || matches!(action, Action::Connects) {
+            let session = connect(world, rig, setup)?;
+            let client = Connected { session, questions: BTreeMap::new() };
+            if self.connected.insert(name.to_owned(), client).is_some() {
+                return Err("it is connected already".to_owned());
+            }
+        }
+        match self.connected.get_mut(name) {
+            Some(client) => client.act(world, action),
+            None => Err("it is not connected".to_owned()),
+        }
+    }
+
+    /// Every question has its answer, and nobody got anything besides.
+    pub(super) fn check_nothing_is_left(&self) -> Result<(), String> {
+        for (name, client) in &self.connected {
+            client.check_nothing_came(name)?;
+            if let Some(question) = client.questions.values().next() {
+                return Err(format!("{name} has no answer from unit {} yet", question.unit));
+            }
+        }
+        Ok(())
+    }
+
+    /// All clients close their connections.
+    pub(super) fn leave(&mut self) {
+        self.connected.clear();
+    }
+}
+
+fn connect(world: &World<'_>, rig: &Rig<'_>, setup: &Client) -> Result<Session, String> {
+    let optional = |time: &Option<String>| time.as_deref().map_or(Ok(Duration::from_ticks(0)), duration);
+    let path = Path {
+        latency: optional(&setup.latency)?,
+        piece_bytes_max: setup.pieces,
+        piece_spacing: optional(&setup.spacing)?,
+        coalesce: optional(&setup.coalesce)?,
+        window_bytes: setup.window.unwrap_or(Path::default().window_bytes),
+    };
+    let stream = rig.network.connect_over(path, setup.from, setup.port);
+    let stream = stream.map_err(|error| format!("it cannot connect: {error}"))?;
+    Ok(if setup.deaf { Session::deaf(stream) } else { Session::start(stream, world) })
+}
+
+impl Connected {
+    fn act(&mut self, world: &mut World<'_>, action: &Action) -> Result<(), String> {
+        match action {
+            Action::Asks(unit, pdu) => {
+                let at = Instant::now();
+                let transaction = world.run_until(self.session.send(*unit, pdu));
+                let transaction = transaction.ok_or("its connection has ended")?;
+                self.questions.insert(transaction, Question { unit: *unit, pdu: pdu.clone(), at });
+                Ok(())
+            }
+            Action::Sends(bytes) => match world.run_until(self.session.send_bytes(bytes)) {
+                true => Ok(()),
+                false => Err("its connection has ended".to_owned()),
+            },
+            Action::Gets(expected, times) => self.gets(world, expected, times),
+            Action::GetsNothing(time) => {
+                world.run_for(*time);
+                self.questions.clear();
+                self.check_nothing_came("it")
+            }
+            Action::IsClosed(times) => {
+                let asked = Instant::now();
+                match self.next(world, times)? {
+                    Arrival { at, reply: None } => times.check(at.saturating_duration_since(asked)),
+                    Arrival { reply: Some(reply), .. } => Err(format!("it got {}", told(&reply))),
+                }
+            }
+            Action::Connects | Action::IsRefused | Action::Goes(_) => Ok(()),
+        }
+    }
+
+    fn gets(&mut self, world: &mut World<'_>, expected: &Expected, times: &Times) -> Result<(), String> {
+        let arrival = self.next(world, times)?;
+        let Some(reply) = arrival.reply else { return Err("the connection was closed".to_owned()) };
+        let Some(question) = self.questions.remove(&reply.transaction) else {
+            return Err(format!("it got {}, and has not asked", told(&reply)));
+        };
+        if (reply.protocol, reply.unit) != (0, question.unit) {
+            return Err(format!("it asked unit {} and got {}", question.unit, told(&reply)));
+        }
+        let should = match expected {
+            Expected::Pdu(pdu) => pdu.clone(),
+            Expected::Exception(code) => vec![question.pdu[0] | 0x80, *code],
+            Expected::OfUnit(unit) => {
+                let answer = Memory::new(*unit).execute(&question.pdu);
+                answer.unwrap_or_else(|code| vec![question.pdu[0] | 0x80, code])
+            }
+            Expected::Fresh => {
+                let fresh = Fresh::from_answer(&reply.pdu).ok_or_else(|| told(&reply))?;
+                let read = Instant::from_micros(u64::from(fresh.at_us));
+                if !(question.at..=arrival.at).contains(&read) {
+                    return Err(format!("the values are of {read}, asked was at {}", question.at));
+                }
+                reply.pdu.clone()
+            }
+        };
+        if reply.pdu != should {
+            return Err(format!("it got {}, not {should:02X?}", told(&reply)));
+        }
+        times.check(arrival.at.saturating_duration_since(question.at))
+    }
+
+    fn next(&mut self, world: &mut World<'_>, times: &Times) -> Result<Arrival, String> {
+        let patience = PATIENCE + times.within.unwrap_or(Duration::from_ticks(0));
+        let arrival = world.run_until(with_timeout(patience, self.session.next()));
+        arrival.map_err(|_| format!("it got nothing within {} s", patience.as_secs()))
+    }
+
+    fn check_nothing_came(&self, name: &str) -> Result<(), String> {
+        match self.session.try_next() {
+            None => Ok(()),
+            Some(Arrival { reply: Some(reply), .. }) => Err(format!("{name} also got {}", told(&reply))),
+            Some(Arrival { reply: None, at }) => Err(format!("{name} was disconnected at {at}")),
+        }
+    }
+}
+
+impl Times {
+    fn check(&self, took: Duration) -> Result<(), String> {
+        let early = self.after.is_some_and(|after| took < after);
+        let late = self.within.is_some_and(|within| took > within);
+        if early || late { Err(format!("it took {} us", took.as_micros())) } else { Ok(()) }
+    }
+}
+
+fn told(reply: &Reply) -> String {
+    format!("{:02X?} from unit {} (transaction {})", reply.pdu, reply.unit, reply.transaction)
+}

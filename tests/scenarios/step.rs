@@ -1,0 +1,225 @@
+//! Steps: one line each, a sentence whose first word says who acts.
+
+use embassy_time::{Duration, Instant};
+use mobgate::stats::Event;
+
+use crate::words::{bytes, duration, number, request};
+
+/// Something that happens, or something that must have come of it.
+pub(crate) enum Step {
+    /// `wait 500ms`
+    Wait(Duration),
+    /// `at 2s`
+    At(Instant),
+    /// `console: delete port bus`; `console refuses: ...`
+    Console { line: String, refused: bool },
+    /// `port bus counted 2 timeouts`
+    Counted { port: String, count: u32, event: Event },
+    /// `16 times: scada asks ...`
+    Times(usize, Box<Step>),
+    /// `100 clients come and go on 502`
+    Crowd { count: usize, port: u16 },
+    /// `unit 5 on uart1 ...`
+    Unit { unit: u8, device: String, what: OfUnit },
+    /// `wire uart1 ...`
+    Wire { device: String, what: OfWire },
+    /// `scada ...`
+    Client { name: String, action: Action },
+}
+
+/// What a device does, or has done.
+pub(crate) enum OfUnit {
+    /// `: always dead`; `: well` is no faults.
+    Faults(Vec<String>),
+    /// `saw 3 requests`
+    Saw(u64),
+    /// `executed 1 writes`
+    Executed(usize),
+    /// `holds 1234 at 7`
+    Holds(u16, u16),
+}
+
+/// What happens on a wire, or has happened.
+pub(crate) enum OfWire {
+    /// `: unplugged`
+    Unplugged,
+    /// `: plugged in`
+    PluggedIn,
+    /// `: noise 01 02 03`
+    Noise(Vec<u8>),
+    /// `: babbles for 5s`
+    Babbles(Duration),
+    /// `carried 2 frames from the gateway`
+    Carried(u64),
+}
+
+/// What a client does or gets.
+pub(crate) enum Action {
+    /// `connects`
+    Connects,
+    /// `is refused`
+    IsRefused,
+    /// `leaves`, `resets`, `vanishes`
+    Goes(Going),
+    /// `asks unit 5: read 1 holding register from 0`
+    Asks(u8, Vec<u8>),
+    /// `sends 00 01`
+    Sends(Vec<u8>),
+    /// `gets 03 02 00 05 after 1s within 2s`
+    Gets(Expected, Times),
+    /// `gets nothing for 1s`
+    GetsNothing(Duration),
+    /// `is closed within 1s`
+    IsClosed(Times),
+}
+
+/// How a client ends its connection.
+pub(crate) enum Going {
+    Leaves,
+    Resets,
+    Vanishes,
+}
+
+/// An answer.
+pub(crate) enum Expected {
+    /// These bytes.
+    Pdu(Vec<u8>),
+    /// `exception 0B`
+    Exception(u8),
+    /// `the answer of unit 5`: what a device with that id that nobody has written to answers.
+    OfUnit(u8),
+    /// `fresh values`: read between question and answer.
+    Fresh,
+}
+
+/// Bounds of a time since the question.
+#[derive(Default)]
+pub(crate) struct Times {
+    pub(crate) after: Option<Duration>,
+    pub(crate) within: Option<Duration>,
+}
+
+/// Reads a line of a scenario's steps.
+pub(crate) fn step(line: &str) -> Result<Step, String> {
+    if let Some(line) = line.strip_prefix("console refuses:") {
+        return Ok(Step::Console { line: line.trim().to_owned(), refused: true });
+    }
+    if let Some(line) = line.strip_prefix("console:") {
+        return Ok(Step::Console { line: line.trim().to_owned(), refused: false });
+    }
+    if let Some((count, repeated)) = line.split_once(" times: ") {
+        return Ok(Step::Times(number(count)?, Box::new(step(repeated)?)));
+    }
+    let words: Vec<&str> = line.split_whitespace().collect();
+    Ok(match &words[..] {
+        ["wait", time] => Step::Wait(duration(time)?),
+        ["at", time] => Step::At(Instant::from_ticks(0) + duration(time)?),
+        ["port", port, "counted", count, event] => {
+            let event = Event::ALL.into_iter().find(|known| known.name() == *event);
+            let event = event.ok_or("no counter has this name")?;
+            Step::Counted { port: (*port).to_owned(), count: number(count)?, event }
+        }
+        [count, "clients", "come", "and", "go", "on", port] => {
+            Step::Crowd { count: number(count)?, port: number(port)? }
+        }
+        ["unit", unit, "on", rest @ ..] => {
+            let (device, rest) = name(rest)?;
+            Step::Unit { unit: number(unit)?, device, what: of_unit(&rest)? }
+        }
+        ["wire", rest @ ..] => {
+            let (device, rest) = name(rest)?;
+            Step::Wire { device, what: of_wire(&rest)? }
+        }
+        [name, rest @ ..] => Step::Client { name: (*name).to_owned(), action: action(rest)? },
+        [] => return Err("an empty step".to_owned()),
+    })
+}
+
+/// A name, with the colon behind it as a word of its own.
+fn name<'s>(words: &[&'s str]) -> Result<(String, Vec<&'s str>), String> {
+    let (&first, rest) = words.split_first().ok_or("a name is missing")?;
+    Ok(match first.strip_suffix(':') {
+        Some(name) => (name.to_owned(), [&[":"], rest].concat()),
+        None => (first.to_owned(), rest.to_vec()),
+    })
+}
+
+fn of_unit(words: &[&str]) -> Result<OfUnit, String> {
+    Ok(match words {
+        [":", "well"] => OfUnit::Faults(Vec::new()),
+        [":", fault @ ..] => OfUnit::Faults(vec![fault.join(" ")]),
+        ["saw", count, "request" | "requests"] => OfUnit::Saw(number(count)?),
+        ["executed", count, "write" | "writes"] => OfUnit::Executed(number(count)?),
+        ["holds", value, "at", address] => OfUnit::Holds(number(value)?, number(address)?),
+        _ => return Err("a unit has a fault, saw requests, executed writes or holds values".to_owned()),
+    })
+}
+
+fn of_wire(words: &[&str]) -> Result<OfWire, String> {
+    Ok(match words {
+        [":", "unplugged"] => OfWire::Unplugged,
+        [":", "plugged", "in"] => OfWire::PluggedIn,
+        [":", "noise", noise @ ..] => OfWire::Noise(bytes(noise)?),
+        [":", "babbles", "for", time] => OfWire::Babbles(duration(time)?),
+        ["carried", count, "frame" | "frames", "from", "the", "gateway"] => OfWire::Carried(number(count)?),
+        _ => {
+            return Err("a wire is unplugged or plugged in, has noise, babbles, or carried frames".to_owned());
+        }
+    })
+}
+
+fn action(words: &[&str]) -> Result<Action, String> {
+    Ok(match words {
+        ["connects"] => Action::Connects,
+        ["is", "refused"] => Action::IsRefused,
+        ["leaves"] => Action::Goes(Going::Leaves),
+        ["resets"] => Action::Goes(Going::Resets),
+        ["vanishes"] => Action::Goes(Going::Vanishes),
+        ["asks", "unit", unit, pdu @ ..] => {
+            let unit = unit.strip_suffix(':').ok_or("a colon is missing behind the unit")?;
+            Action::Asks(number(unit)?, request(pdu)?)
+        }
+        ["sends", sent @ ..] => Action::Sends(bytes(sent)?),
+        ["gets", "nothing", "for", time] => Action::GetsNothing(duration(time)?),
+        ["gets", rest @ ..] => {
+            let (answer, times) = times(rest)?;
+            Action::Gets(expected(answer)?, times)
+        }
+        ["is", "closed", rest @ ..] => match times(rest)? {
+            ([], times) => Action::IsClosed(times),
+            _ => return Err("after `is closed` comes at most a time".to_owned()),
+        },
+        _ => return Err("this is no sentence about a client".to_owned()),
+    })
+}
+
+/// Takes `after T` and `within T` off the end.
+fn times<'w, 's>(words: &'w [&'s str]) -> Result<(&'w [&'s str], Times), String> {
+    let mut words = words;
+    let mut times = Times::default();
+    loop {
+        match words {
+            [rest @ .., "within", time] => {
+                times.within = Some(duration(time)?);
+                words = rest;
+            }
+            [rest @ .., "after", time] => {
+                times.after = Some(duration(time)?);
+                words = rest;
+            }
+            _ => return Ok((words, times)),
+        }
+    }
+}
+
+fn expected(words: &[&str]) -> Result<Expected, String> {
+    Ok(match words {
+        ["exception", code] => match bytes(&[code])?[..] {
+            [code] => Expected::Exception(code),
+            _ => return Err("an exception code is one byte".to_owned()),
+        },
+        ["the", "answer", "of", "unit", unit] => Expected::OfUnit(number(unit)?),
+        ["fresh", "values"] => Expected::Fresh,
+        _ => Expected::Pdu(bytes(words)?),
+    })
+}

@@ -1,0 +1,108 @@
+//! A client whose answers are taken in as they come, each with its time of arrival.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::future::poll_fn;
+use std::rc::Rc;
+use std::task::{Poll, Waker};
+
+use embassy_time::Instant;
+use embedded_io_async::{Read, Write};
+
+use super::{FRAME_BYTES_MAX, Reply, frame, take_frame};
+use crate::net::{ClientReader, ClientStream};
+use crate::world::World;
+
+/// A connected client that sends and receives independently.
+pub struct Session {
+    stream: ClientStream,
+    inbox: Rc<RefCell<Inbox>>,
+    transaction: u16,
+}
+
+/// Something that came.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Arrival {
+    /// When.
+    pub at: Instant,
+    /// The frame; none is the end of the connection.
+    pub reply: Option<Reply>,
+}
+
+#[derive(Default)]
+struct Inbox {
+    arrivals: VecDeque<Arrival>,
+    waiting: Option<Waker>,
+}
+
+impl Session {
+    /// Starts to receive on `stream`.
+    pub fn start(stream: ClientStream, world: &World<'_>) -> Self {
+        let inbox = Rc::<RefCell<Inbox>>::default();
+        world.spawn(receive(stream.reader(), inbox.clone()));
+        Self { stream, inbox, transaction: 0 }
+    }
+
+    /// A session on `stream` that never receives anything.
+    pub fn deaf(stream: ClientStream) -> Self {
+        Self { stream, inbox: Rc::default(), transaction: 0 }
+    }
+
+    /// Sends a request; its transaction id, or nothing when the connection has ended.
+    pub async fn send(&mut self, unit: u8, pdu: &[u8]) -> Option<u16> {
+        self.transaction = self.transaction.wrapping_add(1);
+        let frame = frame(self.transaction, unit, pdu);
+        self.send_bytes(&frame).await.then_some(self.transaction)
+    }
+
+    /// Sends `bytes` as they are; false when the connection has ended.
+    pub async fn send_bytes(&mut self, bytes: &[u8]) -> bool {
+        self.stream.write_all(bytes).await.is_ok()
+    }
+
+    /// The next arrival that was not taken yet, if it has come.
+    pub fn try_next(&self) -> Option<Arrival> {
+        self.inbox.borrow_mut().arrivals.pop_front()
+    }
+
+    /// Waits for the next arrival.
+    pub async fn next(&self) -> Arrival {
+        poll_fn(|context| {
+            let mut inbox = self.inbox.borrow_mut();
+            match inbox.arrivals.pop_front() {
+                Some(arrival) => Poll::Ready(arrival),
+                None => {
+                    inbox.waiting = Some(context.waker().clone());
+                    Poll::Pending
+                }
+            }
+        })
+        .await
+    }
+
+    /// The connection, to end it in one of its ways.
+    pub fn into_stream(self) -> ClientStream {
+        self.stream
+    }
+}
+
+async fn receive(mut stream: ClientReader, inbox: Rc<RefCell<Inbox>>) {
+    let mut received = Vec::new();
+    loop {
+        let mut buffer = [0; FRAME_BYTES_MAX];
+        let count = stream.read(&mut buffer).await.unwrap_or(0);
+        received.extend_from_slice(&buffer[..count]);
+        let mut inbox = inbox.borrow_mut();
+        let at = Instant::now();
+        while let Some(reply) = take_frame(&mut received) {
+            inbox.arrivals.push_back(Arrival { at, reply: Some(reply) });
+        }
+        if count == 0 {
+            inbox.arrivals.push_back(Arrival { at, reply: None });
+        }
+        inbox.waiting.take().into_iter().for_each(Waker::wake);
+        if count == 0 {
+            return;
+        }
+    }
+}

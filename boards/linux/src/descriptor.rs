@@ -37,13 +37,23 @@ impl<T: AsFd> Descriptor<T> {
     /// Calls `read` until it does not have to wait. A dropped future has read nothing.
     pub(crate) async fn read_with<R>(&mut self, read: impl FnMut(&T) -> io::Result<R>) -> io::Result<R> {
         self.take_turn().await;
-        operate(&self.io, self.registration.reading(), read).await
+        operate(&self.io, self.registration.reading(), read, || Ok(())).await
     }
 
     /// Calls `write` until it does not have to wait. A dropped future has written nothing.
     pub(crate) async fn write_with<R>(&mut self, write: impl FnMut(&T) -> io::Result<R>) -> io::Result<R> {
         self.take_turn().await;
-        operate(&self.io, self.registration.writing(), write).await
+        let Self { io, registration, .. } = self;
+        let mut watched = false;
+        let watch = || {
+            watched = true;
+            registration.watch_writing(&*io, true)
+        };
+        let written = operate(io, registration.writing(), write, watch).await;
+        if watched {
+            registration.watch_writing(&*io, false)?;
+        }
+        written
     }
 
     /// Reads from a stream socket into `buffer`. Fewer bytes than asked for mean that there are no more for now
@@ -71,17 +81,21 @@ impl<T: AsFd> Descriptor<T> {
     }
 }
 
-/// Calls `operation` whenever `direction` is ready, until it does not have to wait.
+/// Calls `operation` whenever `direction` is ready, until it does not have to wait; `blocked` each time that it would.
 async fn operate<T, R>(
     io: &T,
     direction: &Direction,
     mut operation: impl FnMut(&T) -> io::Result<R>,
+    mut blocked: impl FnMut() -> io::Result<()>,
 ) -> io::Result<R> {
     poll_fn(|context| {
         loop {
             ready!(direction.poll_ready(context));
             match operation(io) {
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => direction.block(),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                    direction.block();
+                    blocked()?;
+                }
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 done => return Poll::Ready(done),
             }

@@ -1,8 +1,9 @@
 //! The thread's event loop: it sleeps in epoll until a descriptor is ready, the next alarm is due, or another thread wakes it.
 //!
-//! Every descriptor is registered once, edge-triggered, for reading and writing. What epoll reports is remembered until an
-//! operation would block, so a transaction costs its reads and writes and one `epoll_wait` for each time that there is
-//! nothing to do: no timer descriptor, no registration for each wait, no second thread.
+//! Every descriptor is registered once, edge-triggered, for reading; for writing only while a write would block. What epoll
+//! reports is remembered until an operation would block, so a transaction costs its reads and writes and one
+//! `epoll_pwait2` for each time that there is nothing to do: no timer descriptor, no registration for each wait, no
+//! second thread.
 
 use std::cell::{Cell, RefCell};
 use std::future::Future;
@@ -23,6 +24,9 @@ use slab::Slab;
 const EVENTS_MAX: usize = 64;
 /// The event that stands for a wake-up by another thread; no source has this number.
 const WOKEN: u64 = u64::MAX;
+
+/// What is always reported.
+const READING: EventFlags = EventFlags::IN.union(EventFlags::RDHUP).union(EventFlags::ET);
 
 thread_local! {
     static REACTOR: Reactor = Reactor::new().expect("the system has epoll, and descriptors left");
@@ -187,12 +191,18 @@ impl Registration {
         REACTOR.with(|reactor| {
             let source = Rc::new(Source::default());
             let key = reactor.sources.borrow_mut().insert(source.clone());
-            let flags = EventFlags::IN | EventFlags::OUT | EventFlags::RDHUP | EventFlags::ET;
-            let added = epoll::add(&reactor.epoll, descriptor, EventData::new_u64(key as u64), flags);
+            let added = epoll::add(&reactor.epoll, descriptor, EventData::new_u64(key as u64), READING);
             // Dropped at an error, which gives the place back.
             let registration = Self { key, source };
             added.map(|()| registration).map_err(io::Error::from)
         })
+    }
+
+    /// Has room to write in `descriptor` reported, or no longer: a tty reports it after every write, which wakes nobody.
+    pub(crate) fn watch_writing(&self, descriptor: impl AsFd, watch: bool) -> io::Result<()> {
+        let flags = if watch { READING | EventFlags::OUT } else { READING };
+        let data = EventData::new_u64(self.key as u64);
+        REACTOR.with(|reactor| Ok(epoll::modify(&reactor.epoll, descriptor, data, flags)?))
     }
 
     /// Takes `descriptor` out again.

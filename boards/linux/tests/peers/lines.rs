@@ -15,8 +15,15 @@ pub(crate) fn first_input(unit: u8) -> u16 {
 /// A line with a server on it, for as long as it is held.
 pub(crate) struct Line {
     folder: tempfile::TempDir,
+    /// How long the gateway waits for an answer.
+    timeout: &'static str,
     _programs: Vec<Running>,
 }
+
+/// An interpreter beside other tests on a busy machine may be slow.
+const PYTHON_TIMEOUT: &str = "5s";
+/// Short, because tests wait for units that do not answer.
+const RUST_TIMEOUT: &str = "500ms";
 
 impl Line {
     /// `units` played by pymodbus.
@@ -29,6 +36,7 @@ impl Line {
         BufReader::new(server.0.stdout.as_mut().unwrap()).read_line(&mut said).unwrap();
         assert_eq!(said, "ready\n", "pymodbus's server");
         line._programs.push(server);
+        line.timeout = PYTHON_TIMEOUT;
         line
     }
 
@@ -50,7 +58,7 @@ impl Line {
         let folder = tempfile::tempdir().unwrap();
         let end = |name| format!("pty,raw,echo=0,link={}", folder.path().join(name).display()).into();
         let socat = Tool::socat().start([end("near"), end("far")]);
-        let line = Self { folder, _programs: vec![socat] };
+        let line = Self { folder, timeout: RUST_TIMEOUT, _programs: vec![socat] };
         wait_for("socat's PTYs", || (line.near_end().exists() && line.far_end().exists()).then_some(()));
         line
     }
@@ -68,8 +76,8 @@ impl Line {
 /// The program with `lines` as its ports P1, P2 and so on, a TCP server P502, and `routes`. The lines are open.
 pub(crate) fn program(lines: &[Line], routes: &str) -> Program {
     let port = |(index, line): (usize, &Line)| {
-        let device = line.near_end();
-        format!("port P{} serial {} rtu client 115200 8N1 timeout 500ms\n", index + 1, device.display())
+        let (device, timeout) = (line.near_end(), line.timeout);
+        format!("port P{} serial {} rtu client 115200 8N1 timeout {timeout}\n", index + 1, device.display())
     };
     let ports: String = lines.iter().enumerate().map(port).collect();
     let program = Program::configured(&format!("{ports}port P502 tcp server {{port}}\n{routes}"));

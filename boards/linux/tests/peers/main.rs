@@ -1,8 +1,8 @@
 //! The real program between Modbus software by others: `mbpoll`, pymodbus and tokio-modbus ask by TCP; pymodbus, rmodbus
 //! and tokio-modbus answer by RTU on PTYs that `socat` joins.
 //!
-//! A missing outside program fails a test, with the command that installs it. `MOBGATE_PYTHON` names the Python that has
-//! pymodbus, for instance a virtual environment's; by default it is `python3`.
+//! A missing outside program fails a test, with the command that installs it. Python is the virtual environment's that
+//! `tests/peers/setup` makes, or the one that the variable `MOBGATE_PYTHON` names.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -21,20 +21,15 @@ impl Tool {
         Self { program: "socat".into(), install: "apt-get install socat".into() }
     }
 
-    /// A Python that has pymodbus.
+    /// A Python that has pymodbus: the one that `MOBGATE_PYTHON` names, or else the virtual environment's.
     pub(crate) fn python() -> Self {
-        let install = format!(
-            "python3 -m pip install -r {}, or set MOBGATE_PYTHON to a Python that has them",
-            script("requirements.txt").display()
-        );
-        let python = Self { program: env::var_os("MOBGATE_PYTHON").unwrap_or("python3".into()), install };
-        let probe = python.command().args(["-c", "import pymodbus.simulator, serial"]).output();
-        assert!(
-            probe.is_ok_and(|probe| probe.status.success()),
-            "{} with pymodbus and pyserial is missing: {}",
-            python.program.display(),
-            python.install
-        );
+        let prepared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/python/bin/python3");
+        let python = Self {
+            program: env::var_os("MOBGATE_PYTHON").unwrap_or(prepared.into()),
+            install: "apt-get install python3-venv && tests/peers/setup".into(),
+        };
+        let (good, said) = python.run(&["-c", "import pymodbus.simulator, serial"]);
+        assert!(good, "pymodbus or pyserial is missing: {}\n{said}", python.install);
         python
     }
 

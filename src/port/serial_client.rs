@@ -42,6 +42,7 @@ pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSetting
                 pause = REOPEN_FIRST;
             }
             Err(error) => {
+                desk.close();
                 if place.set_status(Status::Failed(error)) {
                     log_warn!("{} cannot be opened: {}", settings.device.as_str(), error);
                 }

@@ -6,5 +6,6 @@ use mobgate_clock as _;
 mod frames;
 mod line;
 mod queue;
+mod serial_server;
 mod torture;
 mod units;

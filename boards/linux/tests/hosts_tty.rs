@@ -97,8 +97,10 @@ fn what_cannot_be_opened_is_told_apart() {
 }
 
 #[test]
-fn a_pty_has_no_rs485_driver_and_says_so() {
+fn a_pty_has_no_rs485_driver_and_no_rts_and_says_so() {
     let (_outside, _inside, name) = pty();
-    let line = LineSettings { rs485: true, ..LineSettings::DEFAULT };
-    assert_eq!(open(&name, &line).unwrap_err(), OpenErrorKind::Unsupported);
+    for driver in [Driver::Rs485, Driver::Rts] {
+        let line = LineSettings { driver, ..LineSettings::DEFAULT };
+        assert_eq!(open(&name, &line).unwrap_err(), OpenErrorKind::Unsupported);
+    }
 }

@@ -31,15 +31,11 @@ pub(crate) enum Failure {
 pub(crate) struct Bus<'s, L> {
     line: Line<'s, L>,
     client: SerialClientSettings,
-    reception: Reception,
+    framing: Framing,
+    /// What has come of an ASCII response, judged character by character; an RTU response is judged as a whole.
+    decoder: Decoder,
     /// The silence that ends what has begun.
     silence: Duration,
-}
-
-/// A response that has begun to come: RTU is judged as a whole, ASCII character by character.
-enum Reception {
-    Rtu,
-    Ascii(Decoder),
 }
 
 /// What a look at the line found.
@@ -59,11 +55,8 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     pub(crate) fn new(mut line: Line<'s, L>, settings: &SerialSettings) -> Self {
         line.active += settings.client.start_delay;
         let silence = settings.framing.silence(&line.settings) + line.jitter;
-        let reception = match settings.framing {
-            Framing::Rtu => Reception::Rtu,
-            Framing::Ascii => Reception::Ascii(Decoder::default()),
-        };
-        Self { line, client: settings.client, reception, silence }
+        let SerialSettings { client, framing, .. } = *settings;
+        Self { line, client, framing, decoder: Decoder::default(), silence }
     }
 
     /// Waits until the line has been silent for the gap; what comes meanwhile is dropped.
@@ -116,11 +109,9 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     }
 
     async fn send(&mut self, unit: u8, request: &[u8]) -> Result<Result<(), Collision>, LineLost> {
-        if let Reception::Ascii(decoder) = &mut self.reception {
-            decoder.clear();
-        }
+        self.decoder.clear();
         let mut frame = [0; FRAME_CHARS_MAX];
-        let frame = self.framing().encode(unit, request, LINE_FEED, &mut frame).map_err(|_| LineLost)?;
+        let frame = self.framing.encode(unit, request, LINE_FEED, &mut frame).map_err(|_| LineLost)?;
         let sent = self.line.send(frame).await;
         self.line.stats.count(Event::Request);
         sent
@@ -134,7 +125,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         take: &mut impl FnMut(&[u8]),
     ) -> Result<Result<(), Failure>, LineLost> {
         // A frame that has begun in time is heard to its end, but a line that babbles is not heard for ever.
-        let longest = self.line.settings.chars(self.framing().chars_max());
+        let longest = self.line.settings.chars(self.framing.chars_max());
         let end = deadline + longest + self.silence;
         // What was read with the request's echo.
         let mut found = self.look(unit, request, take);
@@ -164,33 +155,27 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         }
     }
 
-    fn framing(&self) -> Framing {
-        match self.reception {
-            Reception::Rtu => Framing::Rtu,
-            Reception::Ascii(_) => Framing::Ascii,
-        }
-    }
-
     /// Whether something has begun of which more is to come.
     fn has_begun(&self) -> bool {
-        match &self.reception {
-            Reception::Rtu => !self.line.heard().is_empty(),
-            Reception::Ascii(decoder) => decoder.in_frame(),
+        match self.framing {
+            Framing::Rtu => !self.line.heard().is_empty(),
+            Framing::Ascii => self.decoder.in_frame(),
         }
     }
 
     /// Looks at what has come so far.
     fn look(&mut self, unit: u8, request: &[u8], take: &mut impl FnMut(&[u8])) -> Found {
-        match &mut self.reception {
-            Reception::Rtu => match rtu::response(unit, request, self.line.heard()) {
+        match self.framing {
+            Framing::Rtu => match rtu::response(unit, request, self.line.heard()) {
                 Received::Complete(pdu) => {
                     take(pdu);
                     Found::Response
                 }
                 Received::Partial => Found::Nothing,
             },
-            Reception::Ascii(decoder) => {
-                let (found, count) = look_for_ascii(decoder, self.line.heard(), unit, request, take);
+            Framing::Ascii => {
+                let (found, count) =
+                    look_for_ascii(&mut self.decoder, self.line.heard(), unit, request, take);
                 self.line.consume(count);
                 found
             }
@@ -199,8 +184,8 @@ impl<'s, L: SerialLine> Bus<'s, L> {
 
     /// Looks at what has come when nothing more is to come of it.
     fn look_at_silence(&mut self, unit: u8, request: &[u8], take: &mut impl FnMut(&[u8])) -> Found {
-        let found = match &mut self.reception {
-            Reception::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
+        let found = match self.framing {
+            Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
                 AtSilence::Complete(pdu) => {
                     take(pdu);
                     Found::Response
@@ -210,9 +195,9 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                 AtSilence::Misfit(_) => Found::Other(Event::Misfit),
                 AtSilence::Noise => Found::Other(Event::Noise),
             },
-            Reception::Ascii(decoder) => {
-                decoder.clear();
-                damage(decoder, unit, request)
+            Framing::Ascii => {
+                self.decoder.clear();
+                damage(&self.decoder, unit, request)
             }
         };
         self.line.clear();

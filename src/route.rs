@@ -1,12 +1,13 @@
 //! Routing rules and their matching: which port a request goes to, and under which unit id.
 //!
 //! A rule has the five columns of the MobGate paper (Source, Slave ID, IP, TAG, Destination) and, behind them, a
-//! function policy and a priority. Rules are tried in table order; the first that matches decides.
+//! policy: functions and addresses that pass, and a priority. Rules are tried in table order; the first that matches decides.
 
 use core::net::IpAddr;
 
 use crate::config::{IpPrefix, PortId, Settings, Side, is_implied};
 use crate::modbus::Exception;
+use crate::modbus::pdu::{self, Extent};
 
 /// One row of the routing table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,10 +22,71 @@ pub struct Route {
     pub tag: Tag,
     /// Where the request goes.
     pub destination: Destination,
+    /// What may pass, and how urgent it is.
+    pub policy: Policy,
+}
+
+/// What a rule lets through, and with which rank.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Policy {
     /// Which functions pass; others are answered 01h.
     pub functions: Functions,
+    /// Data addresses that may be touched; a request for others is answered 02h.
+    pub addresses: AddressRange,
+    /// Data addresses that may be written; a write to others is answered 02h.
+    pub writes: AddressRange,
     /// Rank in the destination's queue.
     pub priority: Priority,
+    /// Functions that rank high whatever `priority` says.
+    pub urgent: Functions,
+}
+
+impl Default for Policy {
+    /// Everything passes, with normal priority.
+    fn default() -> Self {
+        Self {
+            functions: Functions::ALL,
+            addresses: AddressRange::ALL,
+            writes: AddressRange::ALL,
+            priority: Priority::Normal,
+            urgent: Functions::NONE,
+        }
+    }
+}
+
+impl Policy {
+    /// The rank of `request`, or the exception that it gets.
+    pub fn admit(&self, request: &[u8]) -> Result<Priority, Exception> {
+        let function = request.first().copied().unwrap_or(0);
+        if !self.functions.contains(function) {
+            return Err(Exception::ILLEGAL_FUNCTION);
+        }
+        for extent in pdu::extents(request).into_iter().flatten() {
+            if !self.addresses.contains(&extent) || (extent.write && !self.writes.contains(&extent)) {
+                return Err(Exception::ILLEGAL_ADDRESS);
+            }
+        }
+        Ok(if self.urgent.contains(function) { Priority::High } else { self.priority })
+    }
+}
+
+/// Data addresses from `first` to `last` as they are on the wire, both included.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AddressRange {
+    /// Lowest address.
+    pub first: u16,
+    /// Highest address, not below `first`.
+    pub last: u16,
+}
+
+impl AddressRange {
+    /// Every address.
+    pub const ALL: Self = Self { first: 0, last: u16::MAX };
+
+    /// Whether all of `extent` is in the range. What runs over the end of the addresses is left to the device to refuse.
+    pub fn contains(&self, extent: &Extent) -> bool {
+        self.first <= extent.first && extent.last.min(u32::from(u16::MAX)) <= u32::from(self.last)
+    }
 }
 
 /// Unit ids from `first` to `last`, both included; `*` is 0 to 255.
@@ -83,13 +145,13 @@ pub enum Destination {
 
 /// Which function codes a rule lets through: a set over 1 to 127.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Functions(u128);
+pub struct Functions([u32; 4]);
 
 impl Functions {
     /// Every code.
-    pub const ALL: Self = Self(!0);
+    pub const ALL: Self = Self([!1, !0, !0, !0]);
     /// No code; add some with [`Functions::with`].
-    pub const NONE: Self = Self(0);
+    pub const NONE: Self = Self([0; 4]);
     /// Codes that change nothing in the device. Not 43: besides the identification it carries CANopen requests, writes
     /// among them; nor 8, which can restart a device.
     pub const READ_ONLY: Self = Self::NONE
@@ -108,13 +170,20 @@ impl Functions {
     /// The set and `function` besides.
     #[must_use]
     pub const fn with(self, function: u8) -> Self {
-        Self(self.0 | 1 << (function & 0x7f))
+        let mut words = self.0;
+        words[word(function)] |= 1 << (function % 32);
+        Self(words)
     }
 
     /// Whether `function` is in the set.
     pub const fn contains(&self, function: u8) -> bool {
-        self.0 >> (function & 0x7f) & 1 == 1
+        self.0[word(function)] >> (function % 32) & 1 == 1
     }
+}
+
+/// The word of a [`Functions`] that has the bit of `function`; an exception has its function's.
+const fn word(function: u8) -> usize {
+    (function & 0x7f) as usize / 32
 }
 
 /// Rank in a destination's queue.
@@ -173,20 +242,27 @@ fn rule(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr>) -> 
 }
 
 /// The decision of the first rule of `settings` that matches.
-pub fn decide(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr>, function: u8) -> Decision {
+pub fn decide(
+    settings: &Settings,
+    source: PortId,
+    unit: u8,
+    peer: Option<IpAddr>,
+    request: &[u8],
+) -> Decision {
     let Some(route) = rule(settings, source, unit, peer) else {
         return Decision::NoRule;
     };
-    if !route.functions.contains(function) {
-        return Decision::Refuse(Exception::ILLEGAL_FUNCTION);
-    }
+    let priority = match route.policy.admit(request) {
+        Ok(priority) => priority,
+        Err(exception) => return Decision::Refuse(exception),
+    };
     match route.destination {
         Destination::Local => Decision::Local,
         Destination::Discard => Decision::Discard,
         Destination::NoPath => Decision::Refuse(Exception::GATEWAY_NO_PATH),
         Destination::Port(port) => match route.tag.apply(unit) {
             Some(unit) if settings.port(port).is_some_and(|port| port.kind.side() == Side::Client) => {
-                Decision::Forward { port, unit, priority: route.priority }
+                Decision::Forward { port, unit, priority }
             }
             // There is no such port.
             _ => Decision::Refuse(Exception::GATEWAY_NO_PATH),

@@ -30,9 +30,11 @@ impl Gateway<'_> {
     fn forward(&self, frame: Frame<'_>) {
         let envelope = frame.envelope();
         let port = envelope.origin.port;
-        let decision = self.settings(|settings| {
-            route::decide(settings, port, envelope.unit, envelope.peer, frame.function())
+        let decision = frame.pdu(|request| {
+            let decide = |settings: &_| route::decide(settings, port, envelope.unit, envelope.peer, request);
+            Some(self.settings(decide))
         });
+        let decision = decision.unwrap_or(Decision::Refuse(Exception::ILLEGAL_VALUE));
         let count = |event| self.count_at(&envelope, event);
         match decision {
             Decision::Forward { port, unit, priority } => match self.ports().get(port.index()) {

@@ -10,7 +10,7 @@ use super::{
     Driver, Framing, LineSettings, Parity, Port, PortKind, SerialClientSettings, SerialServerSettings,
     SerialSettings, Settings, Side, TcpServerSettings,
 };
-use crate::route::{Functions, Priority, Route, Tag, UnitRange};
+use crate::route::{AddressRange, Functions, Policy, Priority, Route, Tag, UnitRange};
 
 /// Longest baud rate and character format.
 pub const SPEED_BYTES_MAX: usize = 16;
@@ -41,12 +41,33 @@ fn write_route(settings: &Settings, route: &Route, width: usize, out: &mut impl 
         None => write!(out, "* ")?,
     }
     write!(out, "{} {}", route.tag, settings.destination(route.destination))?;
-    match route.functions {
-        Functions::ALL => {}
-        Functions::READ_ONLY => out.write_str(" readonly")?,
-        functions => write!(out, " functions {functions}")?,
+    write!(out, "{}", route.policy)
+}
+
+/// The words behind a rule's columns, each with a blank before it; nothing for what is the default.
+impl Display for Policy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let default = Self::default();
+        match self.functions {
+            Functions::ALL => {}
+            Functions::READ_ONLY => f.write_str(" readonly")?,
+            functions => write!(f, " functions {functions}")?,
+        }
+        option(f, "addresses", self.addresses, self.addresses != default.addresses)?;
+        option(f, "writes", self.writes, self.writes != default.writes)?;
+        option(f, "priority", self.priority, self.priority != default.priority)?;
+        option(f, "urgent", self.urgent, self.urgent != default.urgent)
     }
-    if route.priority == Priority::default() { Ok(()) } else { write!(out, " priority {}", route.priority) }
+}
+
+impl Display for AddressRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.first == self.last {
+            write!(f, "{}", self.first)
+        } else {
+            write!(f, "{}-{}", self.first, self.last)
+        }
+    }
 }
 
 /// The words behind a port's name.

@@ -4,9 +4,10 @@ use super::problem::{LineError, Problem};
 use super::values::{parse_number, prefix, small};
 use super::words::{Word, Words};
 use super::{IpPrefix, PortId, PortKind, Settings};
-use crate::route::{Destination, Functions, Priority, Route, Tag, UnitRange};
+use crate::route::{AddressRange, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
 
-const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16 or priority high|normal|low";
+const OPTIONS_EXPECTED: &str =
+    "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low or urgent 5,6";
 
 /// Reads one row up to the end of the line and checks it against the ports.
 pub(super) fn route(settings: &Settings, words: &mut Words) -> Result<Route, LineError> {
@@ -20,8 +21,8 @@ pub(super) fn route(settings: &Settings, words: &mut Words) -> Result<Route, Lin
     if destination == Destination::Port(source) {
         return Err(destination_word.error(Problem::ToItself));
     }
-    let (functions, priority) = options(words)?;
-    Ok(Route { source, units, peer, tag, destination, functions, priority })
+    let policy = options(words)?;
+    Ok(Route { source, units, peer, tag, destination, policy })
 }
 
 fn port(settings: &Settings, word: Word) -> Result<PortId, LineError> {
@@ -93,14 +94,20 @@ enum Key {
     Functions,
     ReadOnly,
     All,
+    Addresses,
+    Writes,
     Priority,
+    Urgent,
 }
 
 const KEYS: &[(&str, Key)] = &[
     ("readonly", Key::ReadOnly),
     ("all", Key::All),
     ("functions", Key::Functions),
+    ("addresses", Key::Addresses),
+    ("writes", Key::Writes),
     ("priority", Key::Priority),
+    ("urgent", Key::Urgent),
 ];
 
 const DESTINATIONS: &[(&str, Destination)] =
@@ -116,24 +123,40 @@ pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
     keys.chain(destinations).chain(PRIORITIES.iter().map(|&(keyword, _)| keyword))
 }
 
-fn options(words: &mut Words) -> Result<(Functions, Priority), LineError> {
-    let (mut functions, mut priority) = (None, None);
+fn options(words: &mut Words) -> Result<Policy, LineError> {
+    let mut policy = Policy::default();
+    let mut seen = 0_u8;
     while !words.peek().is_end() {
         let word = words.take();
-        let twice = match word.keyword(KEYS, OPTIONS_EXPECTED)? {
-            Key::ReadOnly => functions.replace(Functions::READ_ONLY).is_some(),
-            Key::All => functions.replace(Functions::ALL).is_some(),
-            Key::Functions => functions.replace(function_list(words)?).is_some(),
-            Key::Priority => {
-                let rank = words.take().keyword(PRIORITIES, "high, normal or low")?;
-                priority.replace(rank).is_some()
-            }
-        };
-        if twice {
+        let key = word.keyword(KEYS, OPTIONS_EXPECTED)?;
+        match key {
+            Key::ReadOnly => policy.functions = Functions::READ_ONLY,
+            Key::All => policy.functions = Functions::ALL,
+            Key::Functions => policy.functions = function_list(words)?,
+            Key::Addresses => policy.addresses = addresses(words.take())?,
+            Key::Writes => policy.writes = addresses(words.take())?,
+            Key::Priority => policy.priority = words.take().keyword(PRIORITIES, "high, normal or low")?,
+            Key::Urgent => policy.urgent = function_list(words)?,
+        }
+        // Three of the words say the same thing in different ways.
+        let thing = if matches!(key, Key::ReadOnly | Key::All) { Key::Functions } else { key };
+        if seen & 1 << thing as u8 != 0 {
             return Err(word.error(Problem::Twice));
         }
+        seen |= 1 << thing as u8;
     }
-    Ok((functions.unwrap_or(Functions::ALL), priority.unwrap_or_default()))
+    Ok(policy)
+}
+
+/// `100`, or `0-99`: addresses as they are on the wire.
+fn addresses(word: Word) -> Result<AddressRange, LineError> {
+    let (first, last) = word.text.split_once('-').unwrap_or((word.text, word.text));
+    let address = |text| parse_number(text).and_then(|address| u16::try_from(address).ok());
+    match (address(first), address(last)) {
+        (Some(first), Some(last)) if first <= last => Ok(AddressRange { first, last }),
+        (Some(_), Some(_)) => Err(word.error(Problem::UnitsReversed)),
+        _ => Err(word.expected("addresses from 0 to 65535, such as 0-99")),
+    }
 }
 
 /// `3,4,16`, with ranges: `1-4,43`; or one of the sets that have a name.

@@ -8,7 +8,7 @@ use heapless::String;
 use crate::config::{DEVICE_BYTES_MAX, PortId, PortKind, SPEED_BYTES_MAX, Settings, Time, is_implied};
 use crate::gateway::Status;
 use crate::port::units::Unit;
-use crate::route::{Functions, Route};
+use crate::route::{Policy, Route};
 use crate::stats::{LogEntry, Outcome};
 
 /// Text that is padded as a whole when it is printed.
@@ -73,12 +73,8 @@ impl fmt::Display for Row<'_> {
         let kind = if is_implied(settings, route) { "implied" } else { "rule" };
         let (source, destination) = (settings.name(route.source), settings.destination(route.destination));
         write!(f, "{source:15} {:7} {peer:18} {:4} {destination:15} ", route.units, route.tag)?;
-        write!(f, "{:8} {kind:7} ", route.priority)?;
-        match route.functions {
-            Functions::ALL => f.write_str("all"),
-            Functions::READ_ONLY => f.write_str("readonly"),
-            functions => write!(f, "{functions}"),
-        }
+        let everything = if route.policy == Policy::default() { " all" } else { "" };
+        write!(f, "{kind:7}{everything}{}", route.policy)
     }
 }
 

@@ -61,8 +61,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     async fn routes(&mut self) -> Result<(), IO::Error> {
         self.out
             .line(format_args!(
-                "{:>3} {:15} {:7} {:18} {:4} {:15} {:8} {:7} FUNCTIONS",
-                "NO", "SOURCE", "UNITS", "IP", "TAG", "DESTINATION", "PRIORITY", "KIND"
+                "{:>3} {:15} {:7} {:18} {:4} {:15} {:7} POLICY",
+                "NO", "SOURCE", "UNITS", "IP", "TAG", "DESTINATION", "KIND"
             ))
             .await?;
         for (at, route) in self.draft.routes.iter().enumerate() {

@@ -190,15 +190,15 @@ fn ports_and_rules_are_shown_as_tables_with_a_header() {
         assert_eq!(rows.len(), 4);
         assert_eq!(
             rows[0],
-            " NO SOURCE          UNITS   IP                 TAG  DESTINATION     PRIORITY KIND    FUNCTIONS"
+            " NO SOURCE          UNITS   IP                 TAG  DESTINATION     KIND    POLICY"
         );
         assert_eq!(
             rows[1],
-            "  1 P502            101-132 192.168.1.0/24     -100 P1              high     rule    readonly"
+            "  1 P502            101-132 192.168.1.0/24     -100 P1              rule    readonly priority high"
         );
         assert_eq!(
             rows[3],
-            "  3 P1              1-64    *                  *    P502            normal   implied all"
+            "  3 P1              1-64    *                  *    P502            implied all"
         );
     });
 }

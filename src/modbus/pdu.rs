@@ -4,10 +4,12 @@
 //! is refused for being unknown: the gateway knows the public codes only to see an answer's end early and to tell
 //! the right answer from a wrong one. Clauses are those of the Application Protocol V1.1b3.
 
+mod extent;
 pub mod function;
 mod request;
 mod response;
 
+pub use extent::{Extent, extents};
 pub use function::{is_read, name as function_name};
 pub use request::{check_request, request_length};
 pub use response::{Misfit, ResponseLength, fits, response_length};

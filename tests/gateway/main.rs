@@ -7,5 +7,6 @@ mod frames;
 mod line;
 mod queue;
 mod serial_server;
+mod shared_bus;
 mod torture;
 mod units;

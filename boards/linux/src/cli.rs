@@ -1,6 +1,6 @@
 //! The command line.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -8,7 +8,8 @@ use clap::Parser;
 use mobgate::config::TcpListen;
 
 /// Where the console listens unless told otherwise.
-pub const CONSOLE_DEFAULT: &str = "127.0.0.1:5026";
+pub const CONSOLE_DEFAULT: TcpListen =
+    TcpListen { address: Some(IpAddr::V4(Ipv4Addr::LOCALHOST)), port: 5026 };
 
 const EXAMPLES: &str = "\
 Examples:
@@ -49,9 +50,9 @@ pub struct Options {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "demo", "listen", "console"])]
     pub check: Option<PathBuf>,
 
-    /// Offer the console on a TCP port, to whoever can reach it without a password
-    #[arg(long, value_name = "[ADDR:]PORT|off", default_value = CONSOLE_DEFAULT)]
-    pub console: ConsolePort,
+    /// Offer the console on a TCP port, to whoever can reach it and without a password [default: 127.0.0.1:5026]
+    #[arg(long, value_name = "[ADDR:]PORT|off")]
+    pub console: Option<ConsolePort>,
 }
 
 impl Options {
@@ -73,8 +74,7 @@ impl FromStr for ConsolePort {
             return Ok(Self(None));
         }
         let TcpListen { address, port } = listen(text)?;
-        let loopback = std::net::Ipv4Addr::LOCALHOST.into();
-        Ok(Self(Some(TcpListen { address: address.or(Some(loopback)), port })))
+        Ok(Self(Some(TcpListen { address: address.or(CONSOLE_DEFAULT.address), port })))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Embassy's executor in one Linux thread, which sleeps in async-io's reactor.
 //!
 //! A wake-up goes this way: epoll reports a readable descriptor, async-io wakes the task that waits for it, the task
-//! enters embassy's run queue, the queue calls [`pender`], and the pender wakes the future that [`run`] blocks on. That
+//! enters embassy's run queue, the queue calls `__pender`, and the pender wakes the future that [`run`] blocks on. That
 //! future polls the run queue until it is empty, then sets one timer to the thread's next alarm.
 
 use std::future::{Future, poll_fn};

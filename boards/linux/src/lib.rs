@@ -5,13 +5,15 @@
 //! [`tcp::TcpStream`].
 
 pub mod cli;
+pub mod console;
 pub mod demo;
+mod descriptor;
 pub mod executor;
-mod fair;
 mod hint;
 pub mod lines;
 pub mod logging;
 pub mod settings;
+pub mod start;
 pub mod stdio;
 pub mod store;
 pub mod tcp;

@@ -12,6 +12,13 @@ pub fn start() {
     let journal = std::env::var_os("JOURNAL_STREAM").is_some() && !stderr().is_terminal();
     if journal {
         builder.format(|into, record| writeln!(into, "<{}>{}", priority(record.level()), record.args()));
+    } else if stderr().is_terminal() {
+        builder.format(|into, record| {
+            let (level, time) = (record.level(), into.timestamp_millis());
+            let style = into.default_level_style(level);
+            // The console may have its prompt on the line.
+            writeln!(into, "\r\x1b[K{time} {style}{level:<5}{style:#} {}", record.args())
+        });
     } else {
         builder.format_timestamp_millis();
     }

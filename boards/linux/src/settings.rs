@@ -1,52 +1,36 @@
 //! Settings from a file: read as a whole, checked as a whole, and only then taken over.
 
-use std::fmt;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
-use mobgate::config::{LoadError, Loader, PortKind, Settings, TcpListen};
+use mobgate::config::{Loader, PortKind, Settings, TcpListen, TcpServerSettings};
 
-/// Why there are no settings.
-#[derive(Debug)]
-pub enum Refusal {
-    /// The file cannot be read.
-    Unreadable(io::Error),
-    /// A line is wrong.
-    Bad(LoadError),
-}
-
-impl fmt::Display for Refusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unreadable(error) if error.kind() == io::ErrorKind::NotFound => f.write_str(
-                "no such file (an empty one is a good start: settings can be typed at the console)",
-            ),
-            Self::Unreadable(error) => error.fmt(f),
-            Self::Bad(error) => error.fmt(f),
+/// The settings that the file at `path` says, or what is wrong with it, and where.
+pub fn read(path: &Path) -> Result<Settings, String> {
+    let opened = File::open(path).map_err(|error| match error.kind() {
+        ErrorKind::NotFound => {
+            "no such file (an empty one is a good start: settings can be typed at the console)".to_owned()
         }
-    }
-}
-
-/// The settings that the file at `path` says.
-pub fn read(path: &Path) -> Result<Settings, Refusal> {
-    File::open(path).map_err(Refusal::Unreadable).and_then(parse)
+        _ => error.to_string(),
+    });
+    opened.and_then(parse).map_err(|fault| format!("{}: {fault}", path.display()))
 }
 
 /// The settings that `text` says.
-pub fn parse(mut text: impl Read) -> Result<Settings, Refusal> {
+pub fn parse(mut text: impl Read) -> Result<Settings, String> {
     let mut settings = Settings::new();
     let mut loader = Loader::new(&mut settings);
     let mut piece = [0; 4096];
     loop {
         match text.read(&mut piece) {
             Ok(0) => break,
-            Ok(count) => loader.feed(&piece[..count]).map_err(Refusal::Bad)?,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(Refusal::Unreadable(error)),
+            Ok(count) => loader.feed(&piece[..count]).map_err(|error| error.to_string())?,
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error.to_string()),
         }
     }
-    loader.finish().map_err(Refusal::Bad)?;
+    loader.finish().map_err(|error| error.to_string())?;
     Ok(settings)
 }
 
@@ -60,9 +44,9 @@ pub fn tcp_servers(settings: &Settings) -> impl Iterator<Item = (&str, &TcpListe
 
 /// Lets the first TCP server listen at `listen`; says whether there is one.
 pub fn redirect(settings: &mut Settings, listen: TcpListen) -> bool {
-    let servers = settings.ports.iter_mut().flatten().filter_map(|port| match &mut port.kind {
+    let first = settings.ports.iter_mut().flatten().find_map(|port| match &mut port.kind {
         PortKind::TcpServer(server) => Some(server),
         PortKind::Serial(_) => None,
     });
-    servers.take(1).map(|server| server.listen = listen).count() == 1
+    first.map(|server: &mut TcpServerSettings| server.listen = listen).is_some()
 }

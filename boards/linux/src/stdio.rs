@@ -4,7 +4,6 @@
 //! everything else that has it open, the shell included. On a terminal the console edits and echoes by itself, so the
 //! terminal is put into raw mode until [`RawMode`] is dropped.
 
-use std::future::pending;
 use std::io::{self, Stdin, Stdout, stdin, stdout};
 
 use blocking::Unblock;
@@ -16,12 +15,12 @@ use rustix::termios::{
     tcsetattr,
 };
 
-/// Standard input and output as one stream. After the end of input a read waits for ever, so that a service
-/// started with `/dev/null` goes on.
+/// Standard input and output as one stream.
 #[derive(Debug)]
 pub struct Stdio {
-    input: Option<Unblock<Stdin>>,
+    input: Unblock<Stdin>,
     output: Unblock<Stdout>,
+    ended: bool,
 }
 
 impl Stdio {
@@ -29,7 +28,16 @@ impl Stdio {
     pub fn open() -> Option<Self> {
         let background =
             isatty(stdin()) && tcgetpgrp(stdin()).is_ok_and(|foreground| foreground != getpgrp());
-        (!background).then(|| Self { input: Some(Unblock::new(stdin())), output: Unblock::new(stdout()) })
+        (!background).then(|| Self {
+            input: Unblock::new(stdin()),
+            output: Unblock::new(stdout()),
+            ended: false,
+        })
+    }
+
+    /// Whether a read has met the end of input.
+    pub fn has_ended(&self) -> bool {
+        self.ended
     }
 }
 
@@ -39,16 +47,9 @@ impl ErrorType for Stdio {
 
 impl Read for Stdio {
     async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        if let Some(input) = &mut self.input {
-            match input.read(into).await {
-                Ok(count) if count > 0 => return Ok(count),
-                ended => {
-                    self.input = None;
-                    log::debug!("standard input has ended: {ended:?}");
-                }
-            }
-        }
-        pending().await
+        let read = self.input.read(into).await;
+        self.ended = !matches!(read, Ok(1..));
+        read
     }
 }
 

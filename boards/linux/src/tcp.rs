@@ -10,13 +10,13 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::rc::{Rc, Weak};
 use std::time::Duration;
 
-use async_io::{Async, Timer};
+use async_io::Timer;
 use embedded_io_async::{ErrorType, Read, Write};
 use futures_lite::future::or;
 use mobgate::config::TcpListen;
 use mobgate::hal::{self, OpenError, TcpHost};
 
-use crate::fair::Share;
+use crate::descriptor::Descriptor;
 
 mod listener;
 
@@ -63,15 +63,14 @@ impl TcpHost for TcpSockets {
         let listener = self.open(listen)?;
         self.next = None;
         let (io, peer) = listener.accept().await;
-        Ok((TcpStream { io, share: Share::default(), _listener: listener }, peer))
+        Ok((TcpStream { io: Descriptor::new(io), _listener: listener }, peer))
     }
 }
 
 /// An accepted connection.
 #[derive(Debug)]
 pub struct TcpStream {
-    io: Async<std::net::TcpStream>,
-    share: Share,
+    io: Descriptor<std::net::TcpStream>,
     /// Keeps the listener open while this is its only connection task and busy, so that no newcomer is refused.
     _listener: Rc<Listener>,
 }
@@ -104,14 +103,12 @@ impl ErrorType for TcpStream {
 
 impl Read for TcpStream {
     async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        self.share.take().await;
         self.io.read_with(|mut stream| stream.read(into)).await
     }
 }
 
 impl Write for TcpStream {
     async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
-        self.share.take().await;
         self.io.write_with(|mut stream| stream.write(from)).await
     }
 

@@ -19,7 +19,7 @@ use rustix::termios::{QueueSelector, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush};
 use serial2::rs4xx::{Rs485Config, TransceiverMode};
 use serial2::{CharSize, SerialPort, StopBits};
 
-use crate::fair::Share;
+use crate::descriptor::Descriptor;
 use crate::hint;
 
 mod low_latency;
@@ -34,10 +34,9 @@ pub struct TtyHost;
 /// An open serial line.
 #[derive(Debug)]
 pub struct Tty {
-    io: Async<File>,
+    io: Descriptor<File>,
     /// The same line, to switch its RTS, if that switches the transceiver's driver.
     rts: Option<Arc<SerialPort>>,
-    share: Share,
 }
 
 impl SerialHost for TtyHost {
@@ -53,7 +52,7 @@ impl SerialHost for TtyHost {
         };
         let io = Async::new(File::from(OwnedFd::from(port)))
             .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
-        Ok(Tty { io, rts: rts.map(Arc::new), share: Share::default() })
+        Ok(Tty { io: Descriptor::new(io), rts: rts.map(Arc::new) })
     }
 }
 
@@ -153,14 +152,12 @@ impl ErrorType for Tty {
 
 impl Read for Tty {
     async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        self.share.take().await;
         self.io.read_with(|mut file| file.read(into)).await
     }
 }
 
 impl Write for Tty {
     async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
-        self.share.take().await;
         self.io.write_with(|mut file| file.write(from)).await
     }
 

@@ -162,6 +162,6 @@ fn the_journal_gets_priorities_and_no_times() {
     fs::write(&file, fs::read_to_string(&file).unwrap().replace("{port}", &port.to_string())).unwrap();
     let mut command = mobgate();
     command.env("JOURNAL_STREAM", "8:12345").arg("--config").arg(file.path()).args(["--console", "off"]);
-    let program = Program::start(command, tempfile::tempdir().unwrap(), port);
+    let program = Program::start(&mut command, tempfile::tempdir().unwrap(), port);
     program.logs("<4>/dev/does-not-exist cannot be opened: not found");
 }

@@ -2,9 +2,11 @@
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
+use std::{fs, thread};
 
-use common::{Program, ask, wait_for};
+use common::{Program, ask, free_port, wait_for};
 
 mod common;
 
@@ -24,6 +26,26 @@ fn ten_thousand_connections_opened_and_dropped_leave_the_program_as_it_was() {
 }
 
 #[test]
+fn without_descriptors_left_connections_wait_and_the_program_does_not_spin() {
+    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
+    let config = folder.path().join("mobgate.conf");
+    fs::write(&config, format!("port P502 tcp server {port} clients 100\n")).unwrap();
+    let mut command = Command::new("sh");
+    let limited = "ulimit -n 40; exec \"$0\" --console off --config \"$1\"";
+    command.args(["-c", limited, env!("CARGO_BIN_EXE_mobgate")]).arg(config);
+    let program = Program::start(command.stdin(Stdio::null()), folder, port);
+    let crowd: Vec<TcpStream> = (0..60).map(|_| program.connect()).collect();
+    program.logs("a TCP connection has to wait");
+    let before = program.cpu_ticks();
+    thread::sleep(Duration::from_secs(2)); // what is measured
+    let spent = program.cpu_ticks() - before;
+    assert!(spent < 20, "{} ms of processor time in 2 s of waiting", spent * 10);
+    drop(crowd);
+    // There is no rule, so the answer is 0Ah.
+    assert_eq!(ask(&mut program.connect(), 1, &READ_METER), [0x84, 0x0a]);
+}
+
+#[test]
 fn a_client_that_never_reads_stops_nobody_else() {
     let program = Program::demo();
     let mut rude = program.connect();
@@ -37,7 +59,7 @@ fn a_client_that_never_reads_stops_nobody_else() {
         match rude.write(&request) {
             Ok(count) => sent += count,
             Err(error) if error.kind() == ErrorKind::WouldBlock => {
-                std::thread::sleep(Duration::from_millis(1)); // it is full
+                thread::sleep(Duration::from_millis(1)); // it is full
             }
             Err(error) => panic!("{error}"),
         }

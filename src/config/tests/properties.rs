@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use super::{PORTS, load, print, std};
 use crate::config::*;
-use crate::route::{Destination, Functions, Priority, Route, Tag, UnitRange};
+use crate::route::{AddressRange, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
 
 fn duration(us: core::ops::RangeInclusive<u64>) -> impl Strategy<Value = Duration> {
     let (low, high) = (*us.start(), *us.end());
@@ -146,8 +146,23 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     ];
     let priority = prop_oneof![Just(Priority::High), Just(Priority::Normal), Just(Priority::Low)];
     let tag = (any::<u8>(), any::<u8>(), 0..3_u8, any::<u8>());
-    (0..count, tag, prop::option::of(any_prefix()), destination, functions, priority).prop_map(
-        move |(source, (a, b, kind, value), peer, destination, functions, priority)| {
+    let range = prop_oneof![
+        Just(AddressRange::ALL),
+        any::<(u16, u16)>().prop_map(|(a, b)| AddressRange { first: a.min(b), last: a.max(b) }),
+    ];
+    let urgent = prop::collection::vec(1..=127_u8, 0..5)
+        .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with));
+    let policy = (functions, range.clone(), range, priority, urgent).prop_map(
+        |(functions, addresses, writes, priority, urgent)| Policy {
+            functions,
+            addresses,
+            writes,
+            priority,
+            urgent,
+        },
+    );
+    (0..count, tag, prop::option::of(any_prefix()), destination, policy).prop_map(
+        move |(source, (a, b, kind, value), peer, destination, policy)| {
             let units = UnitRange { first: a.min(b), last: a.max(b) };
             // A shift within what the range leaves on either side.
             let (down, up) = (i16::from(units.first), 255 - i16::from(units.last));
@@ -161,7 +176,7 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
             let source = PortId(source);
             let destination =
                 if destination == Destination::Port(source) { Destination::Local } else { destination };
-            Route { source, units, peer: peer.filter(|_| !serial), tag, destination, functions, priority }
+            Route { source, units, peer: peer.filter(|_| !serial), tag, destination, policy }
         },
     )
 }

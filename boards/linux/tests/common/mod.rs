@@ -62,7 +62,7 @@ impl Program {
         fs::write(folder.path().join("mobgate.conf"), settings.replace("{port}", &port.to_string())).unwrap();
         let mut command = mobgate();
         command.arg("--config").arg(folder.path().join("mobgate.conf")).args(["--console", "off"]);
-        Self::start(command, folder, port)
+        Self::start(&mut command, folder, port)
     }
 
     /// Starts the demo on a free port of the loopback address.
@@ -70,15 +70,27 @@ impl Program {
         let port = free_port();
         let mut command = mobgate();
         command.args(["--listen", &format!("127.0.0.1:{port}"), "--console", "off"]);
-        Self::start(command, tempfile::tempdir().unwrap(), port)
+        Self::start(&mut command, tempfile::tempdir().unwrap(), port)
     }
 
     /// Starts `command`, which listens on `port`.
-    pub(crate) fn start(mut command: Command, folder: tempfile::TempDir, port: u16) -> Self {
-        let mut child = command.stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    pub(crate) fn start(command: &mut Command, folder: tempfile::TempDir, port: u16) -> Self {
+        Self::start_on(command, Stdio::piped(), folder, port)
+    }
+
+    /// Starts `command` with `stdout`; what goes to a pipe is gathered with the log.
+    pub(crate) fn start_on(
+        command: &mut Command,
+        stdout: Stdio,
+        folder: tempfile::TempDir,
+        port: u16,
+    ) -> Self {
+        let mut child = command.stderr(Stdio::piped()).stdout(stdout).spawn().unwrap();
         let log = Arc::<Mutex<String>>::default();
         gather(child.stderr.take().unwrap(), &log);
-        gather(child.stdout.take().unwrap(), &log);
+        if let Some(stdout) = child.stdout.take() {
+            gather(stdout, &log);
+        }
         let program = Self { child, log, folder, port };
         wait_for("the TCP server", || TcpStream::connect((Ipv4Addr::LOCALHOST, port)).ok());
         program

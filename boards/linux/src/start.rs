@@ -1,0 +1,58 @@
+//! The start: which settings are in force and which listeners they need.
+
+use std::path::Path;
+use std::rc::Rc;
+
+use mobgate::config::{Settings, TcpListen};
+
+use crate::cli::Options;
+use crate::demo;
+use crate::settings::{self, tcp_servers};
+use crate::tcp::{Listener, TcpSockets};
+
+/// Settings, and their listeners, which are held until the tasks that accept have taken them.
+pub struct Start {
+    /// What the gateway takes over.
+    pub settings: Settings,
+    /// The open listeners.
+    pub listeners: Vec<Rc<Listener>>,
+}
+
+/// What the program starts with: the configuration file's settings, or the demo's.
+pub fn prepare(options: &Options, sockets: &TcpSockets) -> Result<Start, String> {
+    match &options.config {
+        Some(file) => configured(file, options.listen, sockets),
+        None => demonstrated(options.listen, sockets),
+    }
+}
+
+/// The file's settings. A TCP port that cannot be opened is an error: whoever configured it counts on it.
+fn configured(file: &Path, listen: Option<TcpListen>, sockets: &TcpSockets) -> Result<Start, String> {
+    let mut settings = settings::read(file)?;
+    if let Some(listen) = listen
+        && !settings::redirect(&mut settings, listen)
+    {
+        return Err(format!("--listen: {} has no TCP server", file.display()));
+    }
+    let open = |(name, at)| sockets.open(at).map_err(|error| format!("port {name}: TCP port {at}: {error}"));
+    let listeners = tcp_servers(&settings).map(open).collect::<Result<_, _>>()?;
+    Ok(Start { settings, listeners })
+}
+
+/// The demo's settings, on the first of its TCP ports that may be opened.
+fn demonstrated(listen: Option<TcpListen>, sockets: &TcpSockets) -> Result<Start, String> {
+    let default = demo::TCP_PORTS.map(|port| TcpListen { address: None, port });
+    let candidates = listen.as_ref().map_or(&default[..], std::slice::from_ref);
+    let mut faults = Vec::new();
+    for at in candidates {
+        match sockets.open(at) {
+            Ok(listener) => {
+                let settings = settings::parse(demo::settings_text(at).as_bytes())?;
+                print!("{}", demo::invitation(at));
+                return Ok(Start { settings, listeners: vec![listener] });
+            }
+            Err(error) => faults.push(format!("TCP port {at}: {error}")),
+        }
+    }
+    Err(faults.join("; "))
+}

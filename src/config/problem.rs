@@ -93,6 +93,12 @@ pub enum Problem {
     /// A setting that only means something when requests are sent.
     #[error("is for the client side only")]
     ClientOnly,
+    /// A setting that only means something when requests are answered.
+    #[error("is for the server side only")]
+    ServerOnly,
+    /// A setting that only means something when somebody switches the transceiver's driver.
+    #[error("needs rs485 or rts")]
+    DriverOnly,
     /// More reserved places than there are.
     #[error("more places are reserved than the {0} that there are")]
     ReservedTooMany(u16),

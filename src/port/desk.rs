@@ -12,7 +12,7 @@ use embassy_sync::signal::Signal;
 use embassy_time::{Instant, Timer};
 
 use crate::config::PortId;
-use crate::frame::{Envelope, Frame};
+use crate::frame::{Envelope, Frame, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::Exception;
 use crate::port::queue::{Asker, Next, PortQueue, Ready, Ticket};
@@ -179,11 +179,10 @@ impl<'g> Desk<'g> {
 
 fn ticket(envelope: &Envelope) -> Ticket {
     let origin = envelope.origin;
+    // A port has seats or a line, not both.
+    let seat = if let Way::Seat(seat) = origin.way { seat } else { 0 };
     Ticket {
-        asker: Asker {
-            address: envelope.peer,
-            connection: u32::from(origin.port.0) << 16 | u32::from(origin.seat),
-        },
+        asker: Asker { address: envelope.peer, connection: u32::from(origin.port.0) << 16 | u32::from(seat) },
         priority: envelope.priority,
         unit: envelope.target,
         deadline: envelope.deadline,

@@ -6,5 +6,7 @@ use mobgate_clock as _;
 mod frames;
 mod line;
 mod queue;
+mod serial_server;
+mod shared_bus;
 mod torture;
 mod units;

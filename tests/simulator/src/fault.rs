@@ -4,8 +4,9 @@ use std::ops::RangeInclusive;
 
 use embassy_time::{Duration, Instant};
 use embedded_io_async::Write;
+use mobgate::config::Framing;
 
-use crate::device::rtu;
+use crate::framing;
 use crate::random::Random;
 use crate::wire::LineEnd;
 
@@ -16,7 +17,7 @@ pub enum Fault {
     Dead,
     /// The answer comes later, by a time between the two.
     Late(Duration, Duration),
-    /// The CRC is wrong.
+    /// The CRC, or in ASCII the LRC, is wrong.
     BadCrc,
     /// One bit of one byte is turned.
     FlippedBit,
@@ -101,7 +102,13 @@ impl Faults {
     }
 
     /// What goes on the wire instead of `unit`'s `answer` to `request`.
-    pub(crate) fn transmission(&mut self, unit: u8, request: &[u8], answer: Vec<u8>) -> Vec<Piece> {
+    pub(crate) fn transmission(
+        &mut self,
+        framing: Framing,
+        unit: u8,
+        request: &[u8],
+        answer: Vec<u8>,
+    ) -> Vec<Piece> {
         self.requests += 1;
         let faults = self.draw(request);
         self.injected += faults.len() as u64;
@@ -113,9 +120,10 @@ impl Faults {
         for &fault in &faults {
             forge(fault, &mut unit, &mut pdu);
         }
-        let mut pieces = vec![Piece { pause: Duration::from_ticks(0), bytes: rtu::frame(unit, &pdu) }];
+        let mut pieces =
+            vec![Piece { pause: Duration::from_ticks(0), bytes: framing::frame(framing, unit, &pdu) }];
         for &fault in &faults {
-            self.damage(fault, &mut pieces);
+            self.damage(framing, fault, &mut pieces);
         }
         pieces
     }
@@ -135,18 +143,19 @@ impl Faults {
     }
 
     /// Faults of the transmission: its bytes no longer are what was meant.
-    fn damage(&mut self, fault: Fault, pieces: &mut Vec<Piece>) {
+    fn damage(&mut self, framing: Framing, fault: Fault, pieces: &mut Vec<Piece>) {
         let Some(Piece { pause, bytes }) = pieces.last_mut() else { return };
         let place = self.random.index(bytes.len());
         match fault {
             Fault::Late(least, most) => {
                 *pause += Duration::from_ticks(self.random.within(least.as_ticks()..=most.as_ticks()));
             }
-            Fault::BadCrc => {
-                if let Some(last) = bytes.last_mut() {
-                    *last ^= 0xa5;
-                }
-            }
+            Fault::BadCrc => match (framing, &mut bytes[..]) {
+                // Another digit in the LRC, which stands before the line's end.
+                (Framing::Ascii, [.., digit, _, _]) => *digit = if *digit == b'0' { b'1' } else { b'0' },
+                (_, [.., last]) => *last ^= 0xa5,
+                (_, []) => {}
+            },
             Fault::FlippedBit => bytes[place] ^= 1 << self.random.index(8),
             Fault::LostByte => drop(bytes.remove(place)),
             Fault::Truncated => bytes.truncate(place.max(1)),

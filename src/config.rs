@@ -13,6 +13,7 @@ mod problem;
 mod route_words;
 mod saved;
 mod text;
+mod unit_words;
 mod values;
 mod words;
 
@@ -135,6 +136,50 @@ pub struct Port {
     pub name: Name,
     /// What the port is and how it is set.
     pub kind: PortKind,
+    /// What special unit ids mean here; used when the port plays the server.
+    pub units: UnitPolicy,
+}
+
+/// What the unit ids mean that are no device's own: 0 is the broadcast, 248 to 255 are reserved (Serial Line 2.2), and 255 is
+/// the TCP device itself (Messaging on TCP/IP 4.4.1.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct UnitPolicy {
+    /// Unit 0.
+    pub broadcast: Special,
+    /// A TCP client's broadcast is answered as if it were a write to one device.
+    pub confirm: bool,
+    /// Unit 255.
+    pub unit_255: Special,
+    /// Units 248 to 254.
+    pub reserved: Special,
+}
+
+impl UnitPolicy {
+    /// What `unit` means.
+    pub const fn of(&self, unit: u8) -> Special {
+        match unit {
+            0 => self.broadcast,
+            248..=254 => self.reserved,
+            255 => self.unit_255,
+            _ => Special::Rules,
+        }
+    }
+}
+
+/// What a special unit id means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Special {
+    /// What the rules say, as for any other.
+    #[default]
+    Rules,
+    /// Nothing: 0Ah to a TCP client, silence on a serial line.
+    Off,
+    /// The gateway's own unit.
+    Local,
+    /// This unit, for which the rules are asked.
+    Replace(u8),
+    /// Unit 0 only: every serial line that the rules of this port lead to.
+    AllLines,
 }
 
 /// The kinds of port.

@@ -121,13 +121,26 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
         })
 }
 
-fn any_port(n: usize) -> impl Strategy<Value = Port> {
-    ("[A-Za-z][A-Za-z0-9_.-]{0,12}", prop_oneof![any_serial(n).boxed(), any_tcp_server(n).boxed()]).prop_map(
-        move |(name, kind)| {
-            // The number keeps names apart, also from the reserved ones.
-            Port { name: Name::try_from(format!("{name}{n}").as_str()).unwrap(), kind }
-        },
+fn any_units() -> impl Strategy<Value = UnitPolicy> {
+    let meaning = prop_oneof![
+        Just(Special::Rules),
+        Just(Special::Off),
+        Just(Special::Local),
+        (1..=247_u8).prop_map(Special::Replace),
+    ];
+    let broadcast = prop_oneof![meaning.clone(), Just(Special::AllLines)];
+    (broadcast, any::<bool>(), meaning.clone(), meaning).prop_map(
+        |(broadcast, confirm, unit_255, reserved)| UnitPolicy { broadcast, confirm, unit_255, reserved },
     )
+}
+
+fn any_port(n: usize) -> impl Strategy<Value = Port> {
+    let kind = prop_oneof![any_serial(n).boxed(), any_tcp_server(n).boxed()];
+    ("[A-Za-z][A-Za-z0-9_.-]{0,12}", kind, any_units()).prop_map(move |(name, kind, units)| {
+        // The number keeps names apart, also from the reserved ones.
+        let units = if kind.side() == Side::Server { units } else { UnitPolicy::default() };
+        Port { name: Name::try_from(format!("{name}{n}").as_str()).unwrap(), kind, units }
+    })
 }
 
 fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {

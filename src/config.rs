@@ -37,7 +37,7 @@ pub(crate) use self::words::Words;
 use crate::route::{Destination, Route};
 
 /// Longest line of the line language in bytes. Settings at their limits print lines of about 340: what is printed can be read.
-pub const LINE_BYTES_MAX: usize = 384;
+pub const LINE_BYTES_MAX: usize = 640;
 /// Ports that settings can hold.
 pub const PORTS_MAX: usize = 16;
 /// Routing rules that settings can hold.
@@ -46,7 +46,7 @@ pub const ROUTES_MAX: usize = 64;
 pub const NAME_BYTES_MAX: usize = 15;
 /// Longest device name in bytes: names under `/dev/serial/by-id` come near it.
 pub const DEVICE_BYTES_MAX: usize = 96;
-/// Reserved-address prefixes of one TCP server.
+/// Address prefixes in one list of a TCP server.
 pub const RESERVED_MAX: usize = 4;
 
 /// A port's name, as rules call it.
@@ -403,6 +403,8 @@ pub struct TcpServerSettings {
     pub reserved: u16,
     /// Peers that may use the reserved places and are never closed to make room.
     pub reserved_for: Vec<IpPrefix, RESERVED_MAX>,
+    /// Peers that may connect; others are closed at once. Empty: everybody may (Messaging on TCP/IP 4.2.3, restricted mode).
+    pub allowed: Vec<IpPrefix, RESERVED_MAX>,
 }
 
 impl TcpServerSettings {
@@ -416,6 +418,7 @@ impl TcpServerSettings {
             lifetime: Duration::from_secs(5),
             reserved: 0,
             reserved_for: Vec::new(),
+            allowed: Vec::new(),
         }
     }
 }

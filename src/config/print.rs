@@ -7,8 +7,8 @@ use heapless::String;
 
 use super::values::Time;
 use super::{
-    Driver, Framing, LineSettings, Parity, Port, PortKind, SerialClientSettings, SerialServerSettings,
-    SerialSettings, Settings, Side, Special, TcpServerSettings, UnitPolicy,
+    Driver, Framing, IpPrefix, LineSettings, Parity, Port, PortKind, SerialClientSettings,
+    SerialServerSettings, SerialSettings, Settings, Side, Special, TcpServerSettings, UnitPolicy,
 };
 use crate::route::{AddressRange, Functions, Policy, Priority, Route, Tag, UnitRange};
 
@@ -172,11 +172,16 @@ impl Display for TcpServerSettings {
         option(f, "pipeline", self.pipeline, self.pipeline != default.pipeline)?;
         option(f, "lifetime", Time(self.lifetime), self.lifetime != default.lifetime)?;
         option(f, "reserve", self.reserved, self.reserved != 0)?;
-        for (nth, prefix) in self.reserved_for.iter().enumerate() {
-            write!(f, "{}{prefix}", if nth == 0 { " for " } else { "," })?;
-        }
-        Ok(())
+        list(f, " for ", &self.reserved_for)?;
+        list(f, " allow ", &self.allowed)
     }
+}
+
+fn list(f: &mut fmt::Formatter<'_>, first: &str, prefixes: &[IpPrefix]) -> fmt::Result {
+    for (nth, prefix) in prefixes.iter().enumerate() {
+        write!(f, "{}{prefix}", if nth == 0 { first } else { "," })?;
+    }
+    Ok(())
 }
 
 fn option(f: &mut fmt::Formatter<'_>, keyword: &str, value: impl Display, print: bool) -> fmt::Result {

@@ -104,8 +104,11 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
     ]);
     let idle = prop_oneof![Just(Duration::from_ticks(0)), duration(1_000_000..=86_400_000_000)];
     let reserved_for = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
-    (address, 1..=1_000_u16, idle, 1..=16_u8, duration(10_000..=3_600_000_000), 1..=1_000_u16, reserved_for)
-        .prop_map(move |(address, clients, idle, pipeline, lifetime, reserved, reserved_for)| {
+    let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
+    let lists = (reserved_for, allowed);
+    (address, 1..=1_000_u16, idle, 1..=16_u8, duration(10_000..=3_600_000_000), 1..=1_000_u16, lists)
+        .prop_map(move |(address, clients, idle, pipeline, lifetime, reserved, (reserved_for, allowed))| {
+            let allowed = allowed.into_iter().collect();
             let reserved = if reserved_for.is_empty() { 0 } else { reserved.min(clients) };
             let reserved_for = reserved_for.into_iter().collect();
             let listen = TcpListen { address, port: 502 + n as u16 };
@@ -117,6 +120,7 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
                 lifetime,
                 reserved,
                 reserved_for,
+                allowed,
             })
         })
 }
@@ -136,10 +140,10 @@ fn any_units() -> impl Strategy<Value = UnitPolicy> {
 
 fn any_port(n: usize) -> impl Strategy<Value = Port> {
     let kind = prop_oneof![any_serial(n).boxed(), any_tcp_server(n).boxed()];
-    ("[A-Za-z][A-Za-z0-9_.-]{0,12}", kind, any_units()).prop_map(move |(name, kind, units)| {
+    ("[A-Za-z][A-Za-z0-9.-]{0,11}", kind, any_units()).prop_map(move |(name, kind, units)| {
         // The number keeps names apart, also from the reserved ones.
         let units = if kind.side() == Side::Server { units } else { UnitPolicy::default() };
-        Port { name: Name::try_from(format!("{name}{n}").as_str()).unwrap(), kind, units }
+        Port { name: Name::try_from(format!("{name}_{n}").as_str()).unwrap(), kind, units }
     })
 }
 

@@ -387,6 +387,9 @@ fn seats_of(kind: &PortKind) -> usize {
 async fn play<H: SerialHost>(desk: &Desk<'_>, serial: Option<SerialSettings>, host: &mut H) {
     match serial {
         Some(settings) => serial_client::run(desk, &settings, host).await,
-        None => core::future::pending().await,
+        None => {
+            desk.close();
+            core::future::pending().await
+        }
     }
 }

@@ -33,7 +33,7 @@ pub(crate) struct Desk<'g> {
 }
 
 impl<'g> Desk<'g> {
-    /// An empty, closed desk.
+    /// An empty desk. It takes orders in while its line is being opened for the first time; they wait for that.
     pub(crate) fn new(gateway: &'g Gateway<'g>, place: &'g PortPlace, id: PortId) -> Self {
         Self {
             gateway,
@@ -41,7 +41,7 @@ impl<'g> Desk<'g> {
             id,
             queue: RefCell::new(PortQueue::new()),
             current: RefCell::new(None),
-            open: Cell::new(false),
+            open: Cell::new(true),
             arrived: Signal::new(),
         }
     }

@@ -8,9 +8,8 @@ use std::io::{self, Read as _, Write as _};
 use std::net::{Shutdown, SocketAddr};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::rc::{Rc, Weak};
-use std::time::Duration;
 
-use async_io::Timer;
+use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Read, Write};
 use futures_lite::future::or;
 use mobgate::config::TcpListen;
@@ -63,7 +62,7 @@ impl TcpHost for TcpSockets {
         let listener = self.open(listen)?;
         self.next = None;
         let (io, peer) = listener.accept().await;
-        Ok((TcpStream { io: Descriptor::new(io), _listener: listener }, peer))
+        Ok((TcpStream { io, _listener: listener }, peer))
     }
 }
 
@@ -103,7 +102,7 @@ impl ErrorType for TcpStream {
 
 impl Read for TcpStream {
     async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        self.io.read_with(|mut stream| stream.read(into)).await
+        self.io.read_stream(into, |mut stream, into| stream.read(into)).await
     }
 }
 

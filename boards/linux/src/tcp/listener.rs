@@ -4,19 +4,20 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream};
 use std::time::Duration;
 
-use async_io::{Async, Timer};
 use async_lock::Mutex;
+use embassy_time::Timer;
 use mobgate::config::TcpListen;
 use mobgate::hal::{OpenError, OpenErrorKind};
 use rustix::io::Errno;
 use socket2::{Domain, Protocol, Socket, TcpKeepalive, Type};
 
+use crate::descriptor::Descriptor;
 use crate::hint;
 
 /// Connections that the kernel accepts ahead of us.
 const BACKLOG: i32 = 1024;
 /// Pause when the system has no descriptor or memory for one more connection.
-const EXHAUSTED_PAUSE: Duration = Duration::from_millis(200);
+const EXHAUSTED_PAUSE: embassy_time::Duration = embassy_time::Duration::from_millis(200);
 /// Time after which a peer that acknowledges nothing is gone.
 const USER_TIMEOUT: Duration = Duration::from_secs(30);
 const KEEPALIVE_IDLE: Duration = Duration::from_secs(30);
@@ -26,7 +27,7 @@ const KEEPALIVE_PROBES: u32 = 3;
 /// A listening socket. Waiting tasks queue up, so that a connection wakes one of them and not all.
 #[derive(Debug)]
 pub struct Listener {
-    socket: Mutex<Async<TcpListener>>,
+    socket: Mutex<Descriptor<TcpListener>>,
 }
 
 impl Listener {
@@ -44,7 +45,7 @@ impl Listener {
                     }
                 }),
             };
-        let socket = bound.and_then(Async::new).map_err(|error| refusal(&error))?;
+        let socket = bound.and_then(Descriptor::new).map_err(|error| refusal(&error))?;
         Ok(Self { socket: Mutex::new(socket) })
     }
 
@@ -57,10 +58,11 @@ impl Listener {
     }
 
     /// The next connection and its peer, an IPv4 peer as such also on a socket for both.
-    pub(super) async fn accept(&self) -> (Async<TcpStream>, SocketAddr) {
-        let socket = self.socket.lock().await;
+    pub(super) async fn accept(&self) -> (Descriptor<TcpStream>, SocketAddr) {
+        let mut socket = self.socket.lock().await;
         loop {
-            match socket.accept().await {
+            let accepted = socket.read_with(TcpListener::accept).await;
+            match accepted.and_then(|(stream, peer)| Ok((Descriptor::new(stream)?, peer))) {
                 Ok((stream, peer)) => {
                     return (stream, SocketAddr::new(peer.ip().to_canonical(), peer.port()));
                 }

@@ -125,7 +125,8 @@ fn all_outcomes(server: &str, client: &str) {
         let framing = rig.framing("down");
         // Who is switched on hears a silence first.
         world.run_for(Duration::from_millis(10));
-        for (function, coming) in (1..=127).flat_map(|function| Coming::ALL.map(|coming| (function, coming))) {
+        for (function, coming) in (1..=127).flat_map(|function| Coming::ALL.map(|coming| (function, coming)))
+        {
             let (request, answer) = exchange(function);
             device.set_answer(&answer);
             device.set_faults(coming.faults(u64::from(function)));

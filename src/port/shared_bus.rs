@@ -160,7 +160,8 @@ impl RtuEar {
             return None;
         }
         let longest = received.len().min(FRAME_BYTES_MAX);
-        (FRAME_BYTES_MIN..=longest).find(|&end| received.get(..end).is_some_and(|frame| rtu::decode(frame).is_ok()))
+        (FRAME_BYTES_MIN..=longest)
+            .find(|&end| received.get(..end).is_some_and(|frame| rtu::decode(frame).is_ok()))
     }
 
     /// The length of the answer that is expected, if `so_far` can be the beginning of that.

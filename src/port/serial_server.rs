@@ -307,7 +307,9 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let Ok(frame) = framing.encode(envelope.unit, pdu, delimiter, &mut frame) else { return Ok(()) };
         // After a collision the master has heard no good answer, and asks again.
         let _ = self.line.send(frame).await?;
-        let until = self.line.silent_at() + self.line.jitter;
+        // No frame that begins behind the answer can have ended by then.
+        let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);
+        let until = self.line.active + shortest + self.line.jitter;
         self.answered = Some(Answered { unit: envelope.unit, crc: crc16(pdu), until });
         let stats = &self.server.place.stats;
         stats.count(Event::Answer);

@@ -148,7 +148,20 @@ impl RtuEar {
             [function, _, ..] if function & EXCEPTION_BIT != 0 => whole(2),
             _ => None,
         };
-        as_request.or_else(unheard).map(<[u8]>::len)
+        as_request.or_else(unheard).map(<[u8]>::len).or_else(|| self.end_of_unlisted(received, is_ours))
+    }
+
+    /// Where a frame of another unit ends whose function does not tell its length: where the CRC is good. For a frame of
+    /// ours the silence is awaited: it comes, since the master waits for us.
+    fn end_of_unlisted(&self, received: &[u8], is_ours: &impl Fn(u8) -> bool) -> Option<usize> {
+        let (&unit, so_far) = received.split_first()?;
+        let tells = pdu::request_length(so_far).is_some() || matches!(so_far, [1..=4 | EXCEPTION_BIT.., ..]);
+        if is_ours(unit) || tells {
+            return None;
+        }
+        let longest = received.len().min(FRAME_BYTES_MAX);
+        (FRAME_BYTES_MIN..=longest)
+            .find(|&end| received.get(..end).is_some_and(|frame| rtu::decode(frame).is_ok()))
     }
 
     /// The length of the answer that is expected, if `so_far` can be the beginning of that.

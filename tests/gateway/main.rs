@@ -5,6 +5,7 @@ use mobgate_clock as _;
 
 mod frames;
 mod line;
+mod outcomes;
 mod queue;
 mod serial_server;
 mod shared_bus;

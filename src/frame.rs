@@ -283,6 +283,11 @@ impl<'p> Frame<'p> {
         Ok(())
     }
 
+    /// Whether this is a handle to the same frame as `other`, of the same pool.
+    pub fn is(&self, other: &Self) -> bool {
+        self.index == other.index
+    }
+
     /// A second handle to the same frame.
     pub fn share(&self) -> Self {
         self.with(|slot| slot.handles += 1);

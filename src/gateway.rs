@@ -13,13 +13,14 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
-use crate::config::{PORTS_MAX, PortId, PortKind, SerialSettings, Settings, Side};
+use crate::config::{PORTS_MAX, PortId, PortKind, Settings, Side};
 use crate::frame::{Channel, Frame, FramePool, Origin, Stage};
-use crate::hal::{OpenError, SerialHost, TcpHost};
+use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
+use crate::port::sockets::Socket;
 use crate::port::units::Units;
-use crate::port::{serial_client, tcp_server};
+use crate::port::{serial_client, tcp_client, tcp_server};
 use crate::stats::{Counters, Log};
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
@@ -32,6 +33,8 @@ pub struct PortPlace {
     pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
     /// The port's counters.
     pub stats: Counters,
+    /// The port's connection to an outside server.
+    pub(crate) socket: Socket,
     units: Shared<Units>,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
 }
@@ -43,6 +46,8 @@ pub enum Status {
     Off,
     /// It works.
     Open,
+    /// It works, and connects when the next request comes.
+    Idle,
     /// It was open and is lost; it is opened again.
     Lost,
     /// It cannot be opened; it is tried again.
@@ -56,6 +61,7 @@ impl PortPlace {
             queue: Channel::new(),
             changed: Signal::new(),
             stats: Counters::new(),
+            socket: Socket::new(),
             units: Mutex::new(RefCell::new(Units::new())),
             status: Mutex::new(Cell::new(Status::Off)),
         }
@@ -269,16 +275,21 @@ impl<'g> Gateway<'g> {
     }
 
     /// The port task of place `id`: plays the part that the settings say, for ever.
-    pub async fn run_port<H: SerialHost>(&self, id: PortId, host: &mut H) {
+    ///
+    /// `lines` opens serial lines, `connector` makes connections.
+    pub async fn run_port<H: SerialHost, C: TcpConnect>(&self, id: PortId, lines: &mut H, connector: &mut C) {
         let Some(place) = self.ports.get(id.index()) else { return };
         loop {
-            let serial = self.settings(|settings| match settings.port(id).map(|port| &port.kind) {
-                Some(PortKind::Serial(serial)) if serial.side == Side::Client => Some(serial.clone()),
+            let kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
+            let unit = match &kind {
+                Some(PortKind::TcpClient(settings)) => settings.unit,
                 _ => None,
-            });
-            let desk = Desk::new(self, place, id);
-            select(place.changed.wait(), select(desk.take_in(), play(&desk, serial, host))).await;
+            };
+            let desk = Desk::new(self, place, id, unit);
+            let part = play(&desk, kind.as_ref(), lines, connector);
+            select(place.changed.wait(), select(desk.take_in(), part)).await;
             desk.close();
+            place.socket.closed(self.ports);
         }
     }
 
@@ -289,7 +300,7 @@ impl<'g> Gateway<'g> {
             let served = seat.state().port.and_then(|id| {
                 let settings = self.settings(|settings| match &settings.port(id)?.kind {
                     PortKind::TcpServer(settings) => Some(settings.clone()),
-                    PortKind::Serial(_) => None,
+                    PortKind::Serial(_) | PortKind::TcpClient(_) => None,
                 })?;
                 Some((id, self.ports.get(id.index())?, settings))
             });
@@ -343,14 +354,22 @@ impl Seat {
 fn seats_of(kind: &PortKind) -> usize {
     match kind {
         PortKind::TcpServer(server) => usize::from(server.clients) + 1,
-        PortKind::Serial(_) => 0,
+        PortKind::Serial(_) | PortKind::TcpClient(_) => 0,
     }
 }
 
 /// The part that a port plays besides taking orders in.
-async fn play<H: SerialHost>(desk: &Desk<'_>, serial: Option<SerialSettings>, host: &mut H) {
-    match serial {
-        Some(settings) => serial_client::run(desk, &settings, host).await,
-        None => core::future::pending().await,
+async fn play<H: SerialHost, C: TcpConnect>(
+    desk: &Desk<'_>,
+    kind: Option<&PortKind>,
+    lines: &mut H,
+    connector: &mut C,
+) {
+    match kind {
+        Some(PortKind::Serial(settings)) if settings.side == Side::Client => {
+            serial_client::run(desk, settings, lines).await;
+        }
+        Some(PortKind::TcpClient(settings)) => tcp_client::run(desk, settings, connector).await,
+        _ => core::future::pending().await,
     }
 }

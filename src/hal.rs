@@ -31,6 +31,12 @@ pub enum OpenErrorKind {
     InUse,
     /// The hardware cannot do these settings.
     Unsupported,
+    /// The other side refused the connection.
+    Refused,
+    /// The other side did not answer in time.
+    TimedOut,
+    /// The board has no socket left.
+    Exhausted,
     /// Anything else.
     Failed,
 }
@@ -49,6 +55,9 @@ impl fmt::Display for OpenError {
             OpenErrorKind::Denied => "permission denied",
             OpenErrorKind::InUse => "in use by another program",
             OpenErrorKind::Unsupported => "settings not supported",
+            OpenErrorKind::Refused => "connection refused",
+            OpenErrorKind::TimedOut => "no answer",
+            OpenErrorKind::Exhausted => "no socket left",
             OpenErrorKind::Failed => "failed",
         })?;
         if self.hint.is_empty() { Ok(()) } else { write!(f, " ({})", self.hint) }
@@ -93,6 +102,18 @@ pub trait TcpHost {
     /// Waits for the next connection at `listen` and gives it with the peer's address. Dropping the pending
     /// future loses no connection.
     async fn accept(&mut self, listen: &TcpListen) -> Result<(Self::Stream<'_>, SocketAddr), OpenError>;
+}
+
+/// Makes TCP connections to outside servers, one at a time; every port task owns one.
+pub trait TcpConnect {
+    /// A connection, Nagle off, keepalive and user time-out set.
+    type Stream<'a>: TcpStream
+    where
+        Self: 'a;
+
+    /// Connects to `server`; [`OpenErrorKind::Exhausted`] when all of the board's sockets are in use. The caller limits the
+    /// time: dropping the pending future gives up.
+    async fn connect(&mut self, server: SocketAddr) -> Result<Self::Stream<'_>, OpenError>;
 }
 
 /// A TCP connection. `read` gives `Ok(0)` at the peer's FIN; dropping a pending `read` loses no byte.

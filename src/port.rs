@@ -2,13 +2,18 @@
 //!
 //! A server-side port turns what an outside client sends into frames for the router and gives the answers back; a
 //! client-side port takes orders from its channel and asks outside servers. Ports know framing and timing, nothing of
-//! routes. `queue` and `units` are the pure parts: who is served next, and which units are alive.
+//! routes. `queue`, `units` and `flights` are the pure parts: who is served next, which units are
+//! alive, and which requests are open on a connection.
 
+pub mod flights;
 pub mod queue;
 pub mod units;
 
 pub(crate) mod bus;
 pub(crate) mod desk;
+pub(crate) mod link;
 pub(crate) mod local;
 pub(crate) mod serial_client;
+pub(crate) mod sockets;
+pub(crate) mod tcp_client;
 pub(crate) mod tcp_server;

@@ -48,9 +48,11 @@ pub enum Event {
     Discarded,
     /// The port could not read on because its share of frames was in use.
     BackPressure,
-    /// A connection was accepted.
+    /// An answer that no open request waits for: a late one, or one with an unknown transaction id.
+    Stray,
+    /// A connection was accepted, or made.
     Connected,
-    /// A connection was closed by its client.
+    /// A connection was closed by the other side.
     Left,
     /// A connection was closed to make room, or refused because there was none.
     Crowded,
@@ -58,13 +60,13 @@ pub enum Event {
     Stalled,
     /// Bytes from a client that are no Modbus TCP.
     Malformed,
-    /// The line was lost and is opened again.
+    /// The line, or the connection to a server, was lost and is opened again.
     LineLost,
 }
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 24] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -82,6 +84,7 @@ impl Event {
         Self::NoPath,
         Self::Discarded,
         Self::BackPressure,
+        Self::Stray,
         Self::Connected,
         Self::Left,
         Self::Crowded,
@@ -110,6 +113,7 @@ impl Event {
             Self::NoPath => "no-path",
             Self::Discarded => "discarded",
             Self::BackPressure => "back-pressure",
+            Self::Stray => "stray",
             Self::Connected => "connected",
             Self::Left => "left",
             Self::Crowded => "crowded",

@@ -3,6 +3,7 @@
 //! A [`Draft`] starts from the defaults or from the port as it is, takes word by word in any order, and is checked
 //! as a whole at the end of the line. What a port cannot use is refused, so that no setting is taken and ignored.
 
+use super::network_words::{TCP_CLIENT_EXPECTED, TCP_CLIENT_KEYS, server, set_tcp_client};
 use super::port_keys::{
     Key, SERIAL_EXPECTED, SERIAL_KEYS, TCP_SERVER_EXPECTED, TCP_SERVER_KEYS, device, set_serial,
     set_tcp_server,
@@ -10,23 +11,27 @@ use super::port_keys::{
 use super::problem::{LineError, Problem};
 use super::values::{listen, parse_number};
 use super::words::{Word, Words};
-use super::{Framing, LineSettings, PortKind, SerialClientSettings, SerialSettings, Side, TcpServerSettings};
+use super::{
+    Framing, LineSettings, PortKind, SerialClientSettings, SerialSettings, Side, StreamFraming,
+    TcpClientSettings, TcpServerSettings,
+};
 
 /// A port's settings while a line is read.
 pub(super) struct Draft<'a> {
     pub(super) kind: PortKind,
     /// The word that names the device or the listening address, or else the line's first: blamed when that is taken.
     pub(super) place: Word<'a>,
-    seen: u32,
+    seen: u64,
     /// The words that checks over the whole line blame.
     format: Option<Word<'a>>,
     client_only: Option<Word<'a>>,
     reserve: Option<Word<'a>>,
+    several: Option<Word<'a>>,
 }
 
 impl<'a> Draft<'a> {
     fn new(kind: PortKind, place: Word<'a>) -> Self {
-        Self { kind, place, seen: 0, format: None, client_only: None, reserve: None }
+        Self { kind, place, seen: 0, format: None, client_only: None, reserve: None, several: None }
     }
 
     /// Reads a new port up to the end of the line.
@@ -34,7 +39,7 @@ impl<'a> Draft<'a> {
         let kind = words.take();
         match kind.keyword(&[("serial", true), ("tcp", false)], "serial or tcp")? {
             true => Self::create_serial(words),
-            false => Self::create_tcp_server(words),
+            false => Self::create_tcp(words),
         }
     }
 
@@ -68,9 +73,28 @@ impl<'a> Draft<'a> {
         draft.check()
     }
 
+    fn create_tcp(words: &mut Words<'a>) -> Result<Self, LineError> {
+        let sides = [
+            ("server", Side::Server),
+            ("slave", Side::Server),
+            ("client", Side::Client),
+            ("master", Side::Client),
+        ];
+        match words.take().keyword(&sides, "server or client")? {
+            Side::Server => Self::create_tcp_server(words),
+            Side::Client => Self::create_tcp_client(words),
+        }
+    }
+
+    fn create_tcp_client(words: &mut Words<'a>) -> Result<Self, LineError> {
+        let place = words.take();
+        let mut draft = Self::new(PortKind::TcpClient(TcpClientSettings::new(server(place)?)), place);
+        draft.once(Key::Server, place)?;
+        draft.read(words)?;
+        draft.check()
+    }
+
     fn create_tcp_server(words: &mut Words<'a>) -> Result<Self, LineError> {
-        let side = words.take();
-        side.keyword(&[("server", ()), ("slave", ())], "server")?;
         let place = words.take();
         let listen = listen(place)?;
         let mut settings = TcpServerSettings::new(listen.port);
@@ -122,9 +146,13 @@ impl<'a> Draft<'a> {
             }
             PortKind::Serial(_) => word.keyword(SERIAL_KEYS, SERIAL_EXPECTED)?,
             PortKind::TcpServer(_) => word.keyword(TCP_SERVER_KEYS, TCP_SERVER_EXPECTED)?,
+            PortKind::TcpClient(_) => word.keyword(TCP_CLIENT_KEYS, TCP_CLIENT_EXPECTED)?,
         };
         self.once(key, word)?;
-        if matches!(key, Key::Device | Key::Listen) {
+        if matches!(key, Key::InFlight | Key::Pipeline) {
+            self.several = Some(word);
+        }
+        if matches!(key, Key::Device | Key::Listen | Key::Server) {
             self.place = words.peek();
         }
         match &mut self.kind {
@@ -143,6 +171,7 @@ impl<'a> Draft<'a> {
                 }
                 set_tcp_server(settings, key, words)
             }
+            PortKind::TcpClient(settings) => set_tcp_client(settings, key, words),
         }
     }
 
@@ -165,8 +194,29 @@ impl<'a> Draft<'a> {
                     let word = self.reserve.unwrap_or(self.place);
                     return Err(word.error(Problem::ReservedTooMany(settings.clients)));
                 }
+                let several = &mut settings.pipeline;
+                one_at_a_time(settings.framing, self.several, several, TcpServerSettings::new(1).pipeline)?;
+            }
+            PortKind::TcpClient(settings) => {
+                one_at_a_time(settings.framing, self.several, &mut settings.in_flight, 1)?;
             }
         }
         Ok(self)
     }
+}
+
+/// RTU over TCP has no transaction ids: how many requests may be open is no setting there, and stays as it is by `default`.
+fn one_at_a_time(
+    framing: StreamFraming,
+    word: Option<Word>,
+    several: &mut u8,
+    default: u8,
+) -> Result<(), LineError> {
+    if framing == StreamFraming::Rtu {
+        if let Some(word) = word {
+            return Err(word.error(Problem::OneAtATime));
+        }
+        *several = default;
+    }
+    Ok(())
 }

@@ -75,6 +75,7 @@ impl Display for PortKind {
         match self {
             Self::Serial(settings) => settings.fmt(f),
             Self::TcpServer(settings) => settings.fmt(f),
+            Self::TcpClient(settings) => settings.fmt(f),
         }
     }
 }
@@ -129,7 +130,7 @@ impl LineSettings {
 impl Display for TcpServerSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let default = Self::new(self.listen.port);
-        write!(f, "tcp server {}", self.listen)?;
+        write!(f, "tcp server {}{}", self.listen, self.framing)?;
         option(f, "clients", self.clients, self.clients != default.clients)?;
         option(f, "idle", Time(self.idle), self.idle != default.idle)?;
         option(f, "pipeline", self.pipeline, self.pipeline != default.pipeline)?;
@@ -142,7 +143,12 @@ impl Display for TcpServerSettings {
     }
 }
 
-fn option(f: &mut fmt::Formatter<'_>, keyword: &str, value: impl Display, print: bool) -> fmt::Result {
+pub(super) fn option(
+    f: &mut fmt::Formatter<'_>,
+    keyword: &str,
+    value: impl Display,
+    print: bool,
+) -> fmt::Result {
     if print { write!(f, " {keyword} {value}") } else { Ok(()) }
 }
 

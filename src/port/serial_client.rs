@@ -11,8 +11,8 @@ use crate::config::{SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
 use crate::gateway::Status;
 use crate::hal::SerialHost;
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
-use crate::modbus::{Exception, PDU_BYTES_MAX};
+use crate::modbus::PDU_BYTES_MAX;
+use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::port::bus::{Bus, Failure, LineLost};
 use crate::port::desk::Desk;
 use crate::port::queue::Next;
@@ -69,11 +69,11 @@ async fn serve<L: Read + Write>(desk: &Desk<'_>, mut bus: Bus<'_, L>, client: &S
     }
 }
 
-async fn carry_out<L: Read + Write>(
-    desk: &Desk<'_>,
+async fn carry_out<'g, L: Read + Write>(
+    desk: &Desk<'g>,
     bus: &mut Bus<'_, L>,
     client: &SerialClientSettings,
-    frame: Frame<'_>,
+    frame: Frame<'g>,
     unit: u8,
 ) -> Result<(), LineLost> {
     let place = desk.place();
@@ -82,7 +82,7 @@ async fn carry_out<L: Read + Write>(
     let request = request.get(..length).unwrap_or(&[]);
     if unit == 0 {
         bus.broadcast(request).await?;
-        desk.done_silently();
+        desk.done_silently(&frame);
         return Ok(());
     }
     place.units(|units| units.asked(unit));
@@ -98,7 +98,7 @@ async fn carry_out<L: Read + Write>(
             if exception {
                 place.stats.count(Event::Exception);
             }
-            desk.done();
+            desk.done(&frame);
             return Ok(());
         }
         Err(Failure::Damaged) => {
@@ -111,16 +111,6 @@ async fn carry_out<L: Read + Write>(
             place.units(|units| units.timed_out(unit, Instant::now(), window, client.down_after));
         }
     }
-    // A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until
-    // the late answer can no longer come.
-    let mut envelope = frame.envelope();
-    if envelope.repeats < client.retries && request.first().is_some_and(|function| pdu::is_read(*function)) {
-        envelope.repeats += 1;
-        frame.address(envelope);
-        place.stats.count(Event::Retry);
-        desk.again();
-    } else {
-        desk.failed(Exception::GATEWAY_NO_RESPONSE);
-    }
+    desk.failed(&frame, client.retries);
     Ok(())
 }

@@ -3,8 +3,10 @@
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
 
+mod flights;
 mod frames;
 mod line;
 mod queue;
+mod tcp_client;
 mod torture;
 mod units;

@@ -11,12 +11,13 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::Write;
 
-use crate::fault::Faults;
+use crate::fault::{Faults, Sent};
 use crate::wire::{Heard, LineEnd, Silence};
 
 mod fresh;
 mod memory;
 pub mod rtu;
+pub mod tcp;
 #[cfg(test)]
 mod tests;
 
@@ -155,11 +156,23 @@ impl Device {
         }
         let State { unit, turnaround, ref mut faults, .. } = *state;
         let mut at = Instant::now() + turnaround;
-        for piece in faults.transmission(unit, pdu, answer) {
+        for piece in faults.transmission(unit, pdu, answer, |unit, pdu, _| rtu::frame(unit, pdu)) {
             at += piece.pause;
-            let length = line.line().chars(piece.bytes.len());
-            outbox.push(Outgoing { at, bytes: piece.bytes });
-            at += length;
+            let length = if let Sent::Bytes(bytes) = &piece.what { bytes.len() } else { 0 };
+            outbox.push(Outgoing { at, what: piece.what });
+            at += line.line().chars(length);
+        }
+    }
+
+    /// Takes a request in that came by TCP; the pieces of the answer go to `outbox`.
+    fn asked(&self, pdu: &[u8], frame: impl Fn(u8, &[u8], bool) -> Vec<u8>, outbox: &mut Vec<Outgoing>) {
+        let mut state = self.0.borrow_mut();
+        let answer = state.execute(pdu, false);
+        let State { unit, turnaround, ref mut faults, .. } = *state;
+        let mut at = Instant::now() + turnaround;
+        for piece in faults.transmission(unit, pdu, answer, frame) {
+            at += piece.pause;
+            outbox.push(Outgoing { at, what: piece.what });
         }
     }
 }
@@ -183,7 +196,19 @@ impl State {
 /// Bytes that are due to be sent.
 struct Outgoing {
     at: Instant,
-    bytes: Vec<u8>,
+    what: Sent,
+}
+
+/// Waits until something is due, and takes it out.
+async fn due(outbox: &mut Vec<Outgoing>) -> Sent {
+    let first = outbox.iter().enumerate().min_by_key(|(_, outgoing)| outgoing.at);
+    match first.map(|(index, outgoing)| (index, outgoing.at)) {
+        Some((index, at)) => {
+            Timer::at(at).await;
+            outbox.remove(index).what
+        }
+        None => std::future::pending().await,
+    }
 }
 
 /// Lets `devices` live at `line`, for ever. They hear the same frames; an answer that is late is sent then, whatever
@@ -192,24 +217,14 @@ pub async fn serve(mut line: LineEnd, devices: Vec<Device>) {
     let mut outbox: Vec<Outgoing> = Vec::new();
     loop {
         let silence = Silence::of(&line.line());
-        let next = outbox.iter().enumerate().min_by_key(|(_, outgoing)| outgoing.at);
-        let next = next.map(|(index, outgoing)| (index, outgoing.at));
-        let due = async {
-            match next {
-                Some((index, at)) => {
-                    Timer::at(at).await;
-                    index
-                }
-                None => std::future::pending().await,
-            }
-        };
-        match select(line.frame(silence), due).await {
+        match select(line.frame(silence), due(&mut outbox)).await {
             Either::First(heard) => devices.iter().for_each(|device| device.hear(&heard, &line, &mut outbox)),
-            Either::Second(index) => {
-                let outgoing = outbox.remove(index);
+            Either::Second(Sent::Bytes(bytes)) => {
                 // The bus has nobody to tell: an unplugged device just is not heard.
-                let _ = line.write_all(&outgoing.bytes).await;
+                let _ = line.write_all(&bytes).await;
             }
+            // A bus has no connections.
+            Either::Second(Sent::Close | Sent::Reset) => {}
         }
     }
 }

@@ -5,7 +5,6 @@ use std::ops::RangeInclusive;
 use embassy_time::{Duration, Instant};
 use embedded_io_async::Write;
 
-use crate::device::rtu;
 use crate::random::Random;
 use crate::wire::LineEnd;
 
@@ -42,6 +41,12 @@ pub enum Fault {
     Exception(u8),
     /// The answer comes twice, with this silence between.
     Twice(Duration),
+    /// On TCP: another transaction id.
+    WrongTransaction,
+    /// On TCP: the device closes the connection instead of answering.
+    Close,
+    /// On TCP: the device resets the connection instead of answering.
+    Reset,
 }
 
 /// Which requests a fault hits. Requests of a device are counted from 1 on.
@@ -74,7 +79,15 @@ pub struct Faults {
 pub(crate) struct Piece {
     /// Before it.
     pub(crate) pause: Duration,
-    pub(crate) bytes: Vec<u8>,
+    pub(crate) what: Sent,
+}
+
+/// What is sent, or done to the connection.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Sent {
+    Bytes(Vec<u8>),
+    Close,
+    Reset,
 }
 
 impl Faults {
@@ -100,8 +113,15 @@ impl Faults {
         self.injected
     }
 
-    /// What goes on the wire instead of `unit`'s `answer` to `request`.
-    pub(crate) fn transmission(&mut self, unit: u8, request: &[u8], answer: Vec<u8>) -> Vec<Piece> {
+    /// What goes on the wire instead of `unit`'s `answer` to `request`. `frame` makes a frame of unit and PDU, and is told
+    /// whether its transaction id is to be wrong.
+    pub(crate) fn transmission(
+        &mut self,
+        unit: u8,
+        request: &[u8],
+        answer: Vec<u8>,
+        frame: impl Fn(u8, &[u8], bool) -> Vec<u8>,
+    ) -> Vec<Piece> {
         self.requests += 1;
         let faults = self.draw(request);
         self.injected += faults.len() as u64;
@@ -113,7 +133,8 @@ impl Faults {
         for &fault in &faults {
             forge(fault, &mut unit, &mut pdu);
         }
-        let mut pieces = vec![Piece { pause: Duration::from_ticks(0), bytes: rtu::frame(unit, &pdu) }];
+        let bytes = frame(unit, &pdu, faults.contains(&Fault::WrongTransaction));
+        let mut pieces = vec![Piece { pause: Duration::from_ticks(0), what: Sent::Bytes(bytes) }];
         for &fault in &faults {
             self.damage(fault, &mut pieces);
         }
@@ -136,7 +157,13 @@ impl Faults {
 
     /// Faults of the transmission: its bytes no longer are what was meant.
     fn damage(&mut self, fault: Fault, pieces: &mut Vec<Piece>) {
-        let Some(Piece { pause, bytes }) = pieces.last_mut() else { return };
+        let Some(Piece { pause, what }) = pieces.last_mut() else { return };
+        match fault {
+            Fault::Close => return *what = Sent::Close,
+            Fault::Reset => return *what = Sent::Reset,
+            _ => {}
+        }
+        let Sent::Bytes(bytes) = what else { return };
         let place = self.random.index(bytes.len());
         match fault {
             Fault::Late(least, most) => {
@@ -157,13 +184,14 @@ impl Faults {
             Fault::NoiseAfter(count) => bytes.extend((0..count).map(|_| self.random.byte())),
             Fault::GapInside(pause) => {
                 let bytes = bytes.split_off(bytes.len() / 2);
-                pieces.push(Piece { pause, bytes });
+                pieces.push(Piece { pause, what: Sent::Bytes(bytes) });
             }
             Fault::Twice(pause) => {
                 let bytes = bytes.clone();
-                pieces.push(Piece { pause, bytes });
+                pieces.push(Piece { pause, what: Sent::Bytes(bytes) });
             }
-            // Done by `forge`, or no answer at all.
+            // Done by `forge` or above, or no answer at all.
+            Fault::Close | Fault::Reset | Fault::WrongTransaction => {}
             Fault::Dead | Fault::WrongUnit | Fault::WrongFunction | Fault::WrongLength => {}
             Fault::WrongEcho | Fault::Exception(_) => {}
         }

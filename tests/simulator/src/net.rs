@@ -16,10 +16,13 @@ use mobgate::hal::{OpenError, OpenErrorKind, TcpHost, TcpStream};
 
 use crate::random::Random;
 
+mod outgoing;
 mod pipe;
 #[cfg(test)]
 mod tests;
 
+use outgoing::Outside;
+pub use outgoing::{OutgoingStream, Server, SimTcpConnect};
 pub use pipe::Path;
 use pipe::Pipe;
 
@@ -33,6 +36,7 @@ pub struct Network(Rc<RefCell<State>>);
 struct State {
     listeners: HashMap<u16, Listener>,
     refused: HashMap<u16, OpenErrorKind>,
+    outside: Outside,
     random: Random,
     next_client_port: u16,
     counters: Counters,
@@ -54,6 +58,8 @@ pub struct Counters {
     pub closed: u64,
     /// Connections that the gateway let fall: the client sees a reset.
     pub dropped: u64,
+    /// Connections made by the gateway.
+    pub made: u64,
 }
 
 impl Network {
@@ -62,6 +68,7 @@ impl Network {
         Self(Rc::new(RefCell::new(State {
             listeners: HashMap::new(),
             refused: HashMap::new(),
+            outside: Outside::default(),
             random: Random::new(seed),
             next_client_port: 49_152,
             counters: Counters::default(),

@@ -12,6 +12,7 @@ use mobgate::gateway::{Gateway, PortPlace, Seat};
 use mobgate::stats::Event;
 
 use crate::client::Client;
+use crate::device::tcp::{Framing, serve as serve_tcp};
 use crate::device::{Device, serve};
 use crate::net::Network;
 use crate::serial::SimSerial;
@@ -100,7 +101,7 @@ fn parse(text: &str) -> Settings {
 fn serial(kind: &PortKind) -> Option<&SerialSettings> {
     match kind {
         PortKind::Serial(serial) => Some(serial),
-        PortKind::TcpServer(_) => None,
+        PortKind::TcpServer(_) | PortKind::TcpClient(_) => None,
     }
 }
 
@@ -123,7 +124,8 @@ impl<'g> Rig<'g> {
             self.lines.iter().fold(SimSerial::new(), |board, line| board.with(&line.device, &line.end));
         for port in 0..PORTS_MAX {
             let mut host = board.clone();
-            world.spawn(async move { gateway.run_port(PortId(port as u8), &mut host).await });
+            let mut connector = self.network.connector();
+            world.spawn(async move { gateway.run_port(PortId(port as u8), &mut host, &mut connector).await });
         }
         for seat in 0..seats {
             let mut host = self.network.host();
@@ -159,6 +161,18 @@ impl<'g> Rig<'g> {
     pub fn attach(&self, world: &World<'g>, device: &str, devices: impl Into<Vec<Device>>) {
         let Line { wire, end, .. } = self.line(device);
         world.spawn(serve(wire.tap(end.line()), devices.into()));
+    }
+
+    /// Puts `devices` into the network, behind Modbus TCP at `address`.
+    pub fn attach_tcp(&self, world: &World<'g>, address: &str, devices: impl Into<Vec<Device>>) {
+        let address = address.parse().expect("an address such as 10.0.1.1:502");
+        world.spawn(serve_tcp(self.network.serve(address), Framing::Mbap, devices.into(), world.spawner()));
+    }
+
+    /// Puts `devices` into the network, behind RTU over TCP at `address`.
+    pub fn attach_rtu_over_tcp(&self, world: &World<'g>, address: &str, devices: impl Into<Vec<Device>>) {
+        let address = address.parse().expect("an address such as 10.0.1.1:502");
+        world.spawn(serve_tcp(self.network.serve(address), Framing::Rtu, devices.into(), world.spawner()));
     }
 
     /// What the gateway has sent on the wire `device`.

@@ -9,19 +9,15 @@ use async_lock::Mutex;
 use mobgate::config::TcpListen;
 use mobgate::hal::{OpenError, OpenErrorKind};
 use rustix::io::Errno;
-use socket2::{Domain, Protocol, Socket, TcpKeepalive, Type};
+use socket2::{Domain, Protocol, Socket, Type};
 
+use super::options;
 use crate::hint;
 
 /// Connections that the kernel accepts ahead of us.
 const BACKLOG: i32 = 1024;
 /// Pause when the system has no descriptor or memory for one more connection.
 const EXHAUSTED_PAUSE: Duration = Duration::from_millis(200);
-/// Time after which a peer that acknowledges nothing is gone.
-const USER_TIMEOUT: Duration = Duration::from_secs(30);
-const KEEPALIVE_IDLE: Duration = Duration::from_secs(30);
-const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(5);
-const KEEPALIVE_PROBES: u32 = 3;
 
 /// A listening socket. Waiting tasks queue up, so that a connection wakes one of them and not all.
 #[derive(Debug)]
@@ -76,7 +72,8 @@ impl Listener {
     }
 }
 
-fn is_exhausted(error: &io::Error) -> bool {
+/// Whether the system has no descriptor or memory left.
+pub(super) fn is_exhausted(error: &io::Error) -> bool {
     matches!(Errno::from_io_error(error), Some(Errno::MFILE | Errno::NFILE | Errno::NOBUFS | Errno::NOMEM))
 }
 
@@ -88,10 +85,7 @@ fn bind(at: SocketAddr) -> io::Result<TcpListener> {
     // Else a restarted program finds its port taken by its own closed connections (TIME_WAIT).
     socket.set_reuse_address(true)?;
     // Accepted sockets inherit these on Linux.
-    socket.set_tcp_nodelay(true)?;
-    socket.set_tcp_user_timeout(Some(USER_TIMEOUT))?;
-    let keepalive = TcpKeepalive::new().with_time(KEEPALIVE_IDLE).with_interval(KEEPALIVE_INTERVAL);
-    socket.set_tcp_keepalive(&keepalive.with_retries(KEEPALIVE_PROBES))?;
+    options::set(&socket)?;
     socket.bind(&at.into())?;
     socket.listen(BACKLOG)?;
     Ok(socket.into())

@@ -193,6 +193,8 @@ pub struct SerialSettings {
     pub line: LineSettings,
     /// How requests are sent; used when `side` is [`Side::Client`].
     pub client: SerialClientSettings,
+    /// How requests are answered; used when `side` is [`Side::Server`].
+    pub server: SerialServerSettings,
 }
 
 /// Speed, character format and silent intervals of a line.
@@ -210,8 +212,25 @@ pub struct LineSettings {
     pub gap: Option<Duration>,
     /// Longest silence inside a frame; `None` is the general rule (a frame ends after the gap).
     pub char_timeout: Option<Duration>,
-    /// The driver switches the transceiver's direction (Linux: TIOCSRS485); refused where it cannot.
-    pub rs485: bool,
+    /// Who switches the transceiver's driver.
+    pub driver: Driver,
+    /// From switching the driver on to the first start bit.
+    pub driver_before: Duration,
+    /// From the last stop bit to switching the driver off.
+    pub driver_after: Duration,
+    /// The adapter hears itself: what comes back is compared with what was sent, and dropped.
+    pub echo: bool,
+}
+
+/// Who switches the transceiver of a two-wire line from hearing to speaking and back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Driver {
+    /// Nobody needs to: RS-232, four wires, or an adapter that does it by itself.
+    Automatic,
+    /// The hardware or its driver (Linux: TIOCSRS485); refused where it cannot.
+    Rs485,
+    /// The gateway, by RTS.
+    Rts,
 }
 
 /// Parity of a character.
@@ -234,7 +253,10 @@ impl LineSettings {
         stop_bits: 1,
         gap: None,
         char_timeout: None,
-        rs485: false,
+        driver: Driver::Automatic,
+        driver_before: Duration::from_ticks(0),
+        driver_after: Duration::from_ticks(0),
+        echo: false,
     };
 
     /// Bits of one character on the wire: start, data, parity, stop.
@@ -290,6 +312,22 @@ impl SerialClientSettings {
         late_window: None,
         down_after: 3,
     };
+}
+
+/// How a server-side serial port answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SerialServerSettings {
+    /// From the request to the answer. After this time the master has given up: there is no answer, and a request not
+    /// yet on its destination's wire is not sent any more.
+    pub answer_within: Duration,
+    /// Least time from the end of the request to the answer, for masters that are slow to listen; never below the gap.
+    pub reply_delay: Duration,
+}
+
+impl SerialServerSettings {
+    /// An answer within 3 s, as soon as there is one.
+    pub const DEFAULT: Self =
+        Self { answer_within: Duration::from_secs(3), reply_delay: Duration::from_ticks(0) };
 }
 
 /// Where a TCP server listens.

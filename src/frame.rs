@@ -29,7 +29,7 @@ use crate::route::Priority;
 pub struct Envelope {
     /// Who asked; the frame goes back there.
     pub origin: Origin,
-    /// The MBAP transaction id to give back; 0 from serial lines.
+    /// The MBAP transaction id to give back; 0 from serial lines, which have one request open at a time.
     pub transaction: u16,
     /// The asker's address, on TCP.
     pub peer: Option<IpAddr>,
@@ -56,10 +56,22 @@ pub struct Envelope {
 pub struct Origin {
     /// The port that received the request.
     pub port: PortId,
-    /// The TCP connection's place; 0 on serial lines.
-    pub seat: u16,
-    /// Which connection in a row it is at that place: an answer for an earlier one must not reach its successor.
+    /// Where at that port the answer goes.
+    pub way: Way,
+    /// Which connection in a row it is at that seat, or which request in a row on that line: an answer for an earlier one
+    /// must not reach its successor.
     pub generation: u16,
+}
+
+/// The way back to whoever asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Way {
+    /// To the TCP connection at this place.
+    Seat(u16),
+    /// To the port itself: the master on its serial line.
+    Line,
+    /// None: a broadcast on a serial line, for whose answer nobody waits.
+    Nobody,
 }
 
 /// Where in its life a frame is.
@@ -75,7 +87,7 @@ pub enum Stage {
 
 impl Envelope {
     const EMPTY: Self = Self {
-        origin: Origin { port: PortId(0), seat: 0, generation: 0 },
+        origin: Origin { port: PortId(0), way: Way::Nobody, generation: 0 },
         transaction: 0,
         peer: None,
         unit: 0,

@@ -6,6 +6,7 @@
 
 use core::cell::{Cell, RefCell};
 use core::net::SocketAddr;
+use core::sync::atomic::{AtomicU16, Ordering};
 
 use embassy_futures::select::select;
 use embassy_sync::blocking_mutex::Mutex;
@@ -14,21 +15,24 @@ use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
 use crate::config::{PORTS_MAX, PortId, PortKind, Settings, Side};
-use crate::frame::{Channel, Frame, FramePool, Origin, Stage};
+use crate::frame::{Channel, Frame, FramePool, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
 use crate::port::sockets::Socket;
 use crate::port::units::Units;
-use crate::port::{serial_client, tcp_client, tcp_server};
+use crate::port::{serial_client, serial_server, tcp_client, tcp_server};
 use crate::stats::{Counters, Log};
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
 
 /// What the tasks share of one port.
 pub struct PortPlace {
-    /// What the router has for the port; only the router sends, only the port receives.
+    /// What the router has for the port: requests for outside servers, or answers for the master on a serial line. Only the
+    /// router sends, only the port receives.
     pub(crate) queue: Channel,
+    /// Counts the requests of the master on a serial line, and the port's runs.
+    generation: AtomicU16,
     /// The settings of the port have changed.
     pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
     /// The port's counters.
@@ -59,6 +63,7 @@ impl PortPlace {
     pub const fn new() -> Self {
         Self {
             queue: Channel::new(),
+            generation: AtomicU16::new(0),
             changed: Signal::new(),
             stats: Counters::new(),
             socket: Socket::new(),
@@ -75,6 +80,17 @@ impl PortPlace {
     /// How the port is doing.
     pub fn status(&self) -> Status {
         self.status.lock(Cell::get)
+    }
+
+    /// Answers to requests from before this moment find nobody; the generation of the next request.
+    pub(crate) fn renew(&self) -> u16 {
+        let generation = self.generation.load(Ordering::Relaxed).wrapping_add(1);
+        self.generation.store(generation, Ordering::Relaxed);
+        generation
+    }
+
+    pub(crate) fn generation(&self) -> u16 {
+        self.generation.load(Ordering::Relaxed)
     }
 
     /// Notes how the port is doing; says whether that is news.
@@ -281,15 +297,25 @@ impl<'g> Gateway<'g> {
         let Some(place) = self.ports.get(id.index()) else { return };
         loop {
             let kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
-            let unit = match &kind {
-                Some(PortKind::TcpClient(settings)) => settings.unit,
-                _ => None,
-            };
-            let desk = Desk::new(self, place, id, unit);
-            let part = play(&desk, kind.as_ref(), lines, connector);
-            select(place.changed.wait(), select(desk.take_in(), part)).await;
-            desk.close();
-            place.socket.closed(self.ports);
+            place.renew();
+            match &kind {
+                Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
+                    let server = serial_server::Server { gateway: self, place, id, settings };
+                    select(place.changed.wait(), server.run(lines)).await;
+                    server.close();
+                }
+                kind => {
+                    let unit = match kind {
+                        Some(PortKind::TcpClient(settings)) => settings.unit,
+                        _ => None,
+                    };
+                    let desk = Desk::new(self, place, id, unit);
+                    let part = play(&desk, kind.as_ref(), lines, connector);
+                    select(place.changed.wait(), select(desk.take_in(), part)).await;
+                    desk.close();
+                    place.socket.closed(self.ports);
+                }
+            }
         }
     }
 
@@ -316,8 +342,18 @@ impl<'g> Gateway<'g> {
 
     /// Whether an answer to `origin` would find nobody.
     pub(crate) fn is_gone(&self, origin: Origin) -> bool {
-        let seat = self.seats.get(usize::from(origin.seat)).map(Seat::state);
-        seat.is_none_or(|seat| seat.generation != origin.generation || seat.peer.is_none())
+        match origin.way {
+            Way::Seat(seat) => {
+                let seat = self.seats.get(usize::from(seat)).map(Seat::state);
+                seat.is_none_or(|seat| seat.generation != origin.generation || seat.peer.is_none())
+            }
+            Way::Line => {
+                let place = self.ports.get(origin.port.index());
+                place.is_none_or(|place| place.generation() != origin.generation)
+            }
+            // Nobody waits, so nobody can have gone.
+            Way::Nobody => false,
+        }
     }
 
     /// Sends a frame home whose PDU is the answer by now.
@@ -358,7 +394,7 @@ fn seats_of(kind: &PortKind) -> usize {
     }
 }
 
-/// The part that a port plays besides taking orders in.
+/// The part that a client-side port plays besides taking orders in.
 async fn play<H: SerialHost, C: TcpConnect>(
     desk: &Desk<'_>,
     kind: Option<&PortKind>,
@@ -366,10 +402,8 @@ async fn play<H: SerialHost, C: TcpConnect>(
     connector: &mut C,
 ) {
     match kind {
-        Some(PortKind::Serial(settings)) if settings.side == Side::Client => {
-            serial_client::run(desk, settings, lines).await;
-        }
+        Some(PortKind::Serial(settings)) => serial_client::run(desk, settings, lines).await,
         Some(PortKind::TcpClient(settings)) => tcp_client::run(desk, settings, connector).await,
-        _ => core::future::pending().await,
+        Some(PortKind::TcpServer(_)) | None => core::future::pending().await,
     }
 }

@@ -72,7 +72,7 @@ impl fmt::Display for OpenError {
 /// they have. Dropping the line closes it.
 pub trait SerialHost {
     /// An open line.
-    type Line<'a>: Read + Write
+    type Line<'a>: SerialLine
     where
         Self: 'a;
 
@@ -83,6 +83,16 @@ pub trait SerialHost {
     /// Silence inside a frame is believed only when it lasts that much longer.
     fn read_jitter(&self) -> Duration {
         Duration::from_ticks(0)
+    }
+}
+
+/// An open serial line.
+pub trait SerialLine: Read + Write {
+    /// Switches the transceiver's driver on before a frame, and off when its last bit should have left; a line that knows
+    /// better when that is waits for it. Called only where the settings leave the driver to the gateway
+    /// ([`Driver::Rts`](crate::config::Driver::Rts)); `open` refuses those settings where it cannot be done.
+    async fn drive(&mut self, _on: bool) -> Result<(), Self::Error> {
+        Ok(())
     }
 }
 

@@ -5,7 +5,7 @@
 
 use core::net::IpAddr;
 
-use crate::config::{IpPrefix, PortId, Settings, Side};
+use crate::config::{IpPrefix, PortId, Settings, Side, is_implied};
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, Extent};
 
@@ -229,6 +229,18 @@ pub enum Decision {
     NoRule,
 }
 
+/// Whether a rule leads requests from `source` for `unit` anywhere, whatever comes of them: on a serial line, whether the
+/// unit is ours.
+pub fn is_routed(settings: &Settings, source: PortId, unit: u8) -> bool {
+    rule(settings, source, unit, None).is_some()
+}
+
+/// The first rule that matches. A way back never does: it would swallow what a rule behind it is for.
+fn rule(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr>) -> Option<&Route> {
+    let mut matching = settings.routes.iter().filter(|route| route.matches(source, unit, peer));
+    matching.find(|route| !is_implied(settings, route))
+}
+
 /// The decision of the first rule of `settings` that matches.
 pub fn decide(
     settings: &Settings,
@@ -237,7 +249,7 @@ pub fn decide(
     peer: Option<IpAddr>,
     request: &[u8],
 ) -> Decision {
-    let Some(route) = settings.routes.iter().find(|route| route.matches(source, unit, peer)) else {
+    let Some(route) = rule(settings, source, unit, peer) else {
         return Decision::NoRule;
     };
     let priority = match route.policy.admit(request) {
@@ -252,7 +264,7 @@ pub fn decide(
             Some(unit) if settings.port(port).is_some_and(|port| port.kind.side() == Side::Client) => {
                 Decision::Forward { port, unit, priority }
             }
-            // The port plays the server's part: the row is the way back of another one, and answers need none.
+            // There is no such port.
             _ => Decision::Refuse(Exception::GATEWAY_NO_PATH),
         },
     }

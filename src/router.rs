@@ -6,7 +6,7 @@
 
 use embassy_time::Instant;
 
-use crate::frame::{Envelope, Frame, Stage};
+use crate::frame::{Channel, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
@@ -57,7 +57,11 @@ impl Gateway<'_> {
             }
             Decision::NoRule => {
                 count(Event::NoPath);
-                self.refuse(frame, Exception::GATEWAY_NO_PATH);
+                match envelope.origin.way {
+                    Way::Seat(_) => self.refuse(frame, Exception::GATEWAY_NO_PATH),
+                    // On a shared bus the unit may be somebody else's.
+                    Way::Line | Way::Nobody => self.unanswered(frame),
+                }
             }
         }
     }
@@ -65,12 +69,10 @@ impl Gateway<'_> {
     /// Gives a frame back to whoever asked, and writes the transaction into the log.
     fn settle(&self, frame: Frame<'_>) {
         let envelope = frame.envelope();
-        let seat = self.seats().get(usize::from(envelope.origin.seat));
-        let outcome = match (seat, exception_of(&frame), envelope.stage) {
-            (Some(_), _, _) if self.is_gone(envelope.origin) => Outcome::AskerGone,
-            (None, _, _) => Outcome::AskerGone,
-            (_, _, Stage::Silence) => Outcome::Silence,
-            (_, Some(exception), _) => Outcome::Exception(exception),
+        let outcome = match (exception_of(&frame), envelope.stage) {
+            _ if self.is_gone(envelope.origin) => Outcome::AskerGone,
+            (_, Stage::Silence) => Outcome::Silence,
+            (Some(exception), _) => Outcome::Exception(exception),
             _ => Outcome::Answer,
         };
         let now = Instant::now();
@@ -85,11 +87,19 @@ impl Gateway<'_> {
             outcome,
             took_us: u32::try_from(took.as_micros()).unwrap_or(u32::MAX),
         });
-        match (seat, outcome) {
-            (Some(seat), Outcome::Answer | Outcome::Exception(_) | Outcome::Silence) => {
-                seat.answers.send(frame)
-            }
-            _ => self.count_at(&envelope, Event::AskerGone),
+        match (self.way_back(envelope.origin), outcome) {
+            (_, Outcome::AskerGone) => self.count_at(&envelope, Event::AskerGone),
+            (Some(channel), _) => channel.send(frame),
+            (None, _) => {}
+        }
+    }
+
+    /// The channel in which whoever asked waits for the answer.
+    fn way_back(&self, origin: Origin) -> Option<&Channel> {
+        match origin.way {
+            Way::Seat(seat) => self.seats().get(usize::from(seat)).map(|seat| &seat.answers),
+            Way::Line => self.ports().get(origin.port.index()).map(|place| &place.queue),
+            Way::Nobody => None,
         }
     }
 

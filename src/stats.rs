@@ -1,7 +1,7 @@
 //! Counters of a port, by event, and the ring of the last transactions.
 
 use core::cell::RefCell;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -62,11 +62,15 @@ pub enum Event {
     Malformed,
     /// The line, or the connection to a server, was lost and is opened again.
     LineLost,
+    /// Somebody else was sending at the same time: the echo of a frame was not the frame.
+    Collision,
+    /// A frame for or from another unit on a shared bus.
+    Foreign,
 }
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 26] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -91,6 +95,8 @@ impl Event {
         Self::Stalled,
         Self::Malformed,
         Self::LineLost,
+        Self::Collision,
+        Self::Foreign,
     ];
 
     /// Its name in `show stats`.
@@ -120,34 +126,113 @@ impl Event {
             Self::Stalled => "stalled",
             Self::Malformed => "malformed",
             Self::LineLost => "line-lost",
+            Self::Collision => "collisions",
+            Self::Foreign => "foreign",
         }
     }
 }
 
-/// One counter for each event; they wrap around.
-pub struct Counters([AtomicU32; Event::ALL.len()]);
+/// What went wrong last at a serial port, with the numbers that controllers show for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum LastError {
+    /// Nothing.
+    None = 0,
+    /// The line could not be opened.
+    Port = 3,
+    /// A bad CRC or LRC.
+    Checksum = 4,
+    /// A frame too short, or with a length that its function cannot have.
+    Length = 5,
+    /// A request for an address that is not there (exception 02).
+    Address = 6,
+    /// A request with a function that is not there or not allowed (exception 01).
+    Function = 7,
+    /// A request with a value or quantity that cannot be (exception 03).
+    Value = 9,
+    /// Too wide a gap between two characters.
+    Gap = 10,
+    /// An ASCII frame that is too long, has an unexpected character, or no line feed.
+    Ascii = 11,
+    /// The line has not been opened yet.
+    NotStarted = 12,
+}
+
+impl LastError {
+    /// Every cause; first that of a port at the start, so that counters are all zeros then.
+    pub const ALL: [Self; 10] = [
+        Self::NotStarted,
+        Self::None,
+        Self::Port,
+        Self::Checksum,
+        Self::Length,
+        Self::Address,
+        Self::Function,
+        Self::Value,
+        Self::Gap,
+        Self::Ascii,
+    ];
+
+    /// Its name in `show stats`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Port => "port not opened",
+            Self::Checksum => "bad checksum",
+            Self::Length => "bad length",
+            Self::Address => "unmapped address",
+            Self::Function => "unsupported function",
+            Self::Value => "bad data",
+            Self::Gap => "gap between characters",
+            Self::Ascii => "ASCII error",
+            Self::NotStarted => "not started yet",
+        }
+    }
+}
+
+/// One counter for each event, which wraps around; and what went wrong last.
+pub struct Counters {
+    events: [AtomicU32; Event::ALL.len()],
+    /// Place in [`LastError::ALL`].
+    last_error: AtomicU8,
+}
 
 impl Counters {
     /// All zero.
     pub const fn new() -> Self {
-        Self([const { AtomicU32::new(0) }; Event::ALL.len()])
+        Self { events: [const { AtomicU32::new(0) }; Event::ALL.len()], last_error: AtomicU8::new(0) }
+    }
+
+    /// Notes what went wrong.
+    pub fn note(&self, error: LastError) {
+        let place = LastError::ALL.iter().position(|known| *known == error).unwrap_or(0);
+        self.last_error.store(place as u8, Ordering::Relaxed);
+    }
+
+    /// What went wrong last.
+    pub fn last_error(&self) -> LastError {
+        let place = self.last_error.load(Ordering::Relaxed);
+        LastError::ALL.get(usize::from(place)).copied().unwrap_or(LastError::None)
     }
 
     /// Counts `event`.
     pub fn count(&self, event: Event) {
-        if let Some(counter) = self.0.get(event as usize) {
+        if let Some(counter) = self.events.get(event as usize) {
             counter.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// How often `event` was counted.
     pub fn get(&self, event: Event) -> u32 {
-        self.0.get(event as usize).map_or(0, |counter| counter.load(Ordering::Relaxed))
+        self.events.get(event as usize).map_or(0, |counter| counter.load(Ordering::Relaxed))
     }
 
-    /// Sets all to zero.
+    /// Sets all to zero; a port that works has no last error any more.
     pub fn clear(&self) {
-        self.0.iter().for_each(|counter| counter.store(0, Ordering::Relaxed));
+        if !matches!(self.last_error(), LastError::NotStarted | LastError::Port) {
+            self.note(LastError::None);
+        }
+        self.events.iter().for_each(|counter| counter.store(0, Ordering::Relaxed));
     }
 }
 

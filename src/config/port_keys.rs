@@ -10,7 +10,7 @@ use super::problem::LineError;
 use super::values::{listen, medium, number, prefix, small, time};
 use super::words::{Word, Words};
 use super::{
-    Framing, IpPrefix, Parity, RESERVED_MAX, SerialSettings, Side, StreamFraming, TcpServerSettings,
+    Driver, Framing, IpPrefix, Parity, RESERVED_MAX, SerialSettings, Side, StreamFraming, TcpServerSettings,
 };
 
 const BAUD: RangeInclusive<u32> = 1..=10_000_000;
@@ -23,6 +23,9 @@ const TURNAROUND: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration:
 const START_DELAY: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(3_600);
 pub(super) const LATE_WINDOW: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(3_600);
 pub(super) const DOWN_AFTER: RangeInclusive<u8> = 0..=255;
+const ANSWER_WITHIN: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3_600);
+const REPLY_DELAY: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(10);
+const DRIVER_DELAY: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(1);
 /// A board may have room for fewer.
 const CLIENTS: RangeInclusive<u16> = 1..=1_000;
 const IDLE: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(86_400);
@@ -40,7 +43,12 @@ pub(super) enum Key {
     Format,
     Gap,
     CharTimeout,
-    Rs485(bool),
+    Driver(Driver),
+    DriverBefore,
+    DriverAfter,
+    Echo(bool),
+    AnswerWithin,
+    ReplyDelay,
     Timeout,
     Retries,
     Turnaround,
@@ -85,14 +93,19 @@ impl Key {
             Self::Pipeline => 16,
             Self::Lifetime => 17,
             Self::Reserve => 18,
-            Self::Rs485(_) => 19,
-            Self::Stream(_) => 32,
-            Self::Server => 33,
-            Self::Unit => 34,
-            Self::InFlight => 35,
-            Self::ConnectTimeout => 36,
-            Self::ConnectDelay => 37,
-            Self::RequestDelay => 38,
+            Self::Driver(_) => 19,
+            Self::DriverBefore => 20,
+            Self::DriverAfter => 21,
+            Self::Echo(_) => 22,
+            Self::AnswerWithin => 23,
+            Self::ReplyDelay => 24,
+            Self::Stream(_) => 25,
+            Self::Server => 26,
+            Self::Unit => 27,
+            Self::InFlight => 28,
+            Self::ConnectTimeout => 29,
+            Self::ConnectDelay => 30,
+            Self::RequestDelay => 31,
         }
     }
 }
@@ -107,9 +120,16 @@ pub(super) const SERIAL_KEYS: &[(&str, Key)] = &[
     ("slave", Key::Side(Side::Server)),
     ("gap", Key::Gap),
     ("char-timeout", Key::CharTimeout),
-    ("rs485", Key::Rs485(true)),
-    // For `edit`: the flag has no value that could say so.
-    ("rs232", Key::Rs485(false)),
+    ("rs485", Key::Driver(Driver::Rs485)),
+    ("rts", Key::Driver(Driver::Rts)),
+    // For `edit`: a flag has no value that could say so.
+    ("rs232", Key::Driver(Driver::Automatic)),
+    ("driver-before", Key::DriverBefore),
+    ("driver-after", Key::DriverAfter),
+    ("echo", Key::Echo(true)),
+    ("no-echo", Key::Echo(false)),
+    ("answer-within", Key::AnswerWithin),
+    ("reply-delay", Key::ReplyDelay),
     ("timeout", Key::Timeout),
     ("retries", Key::Retries),
     ("turnaround", Key::Turnaround),
@@ -143,7 +163,8 @@ pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
 }
 
 pub(super) const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, \
-     char-timeout, gap, rs485, retries, turnaround, start-delay, late-window or down-after";
+     char-timeout, gap, rs485, rts, driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
+     down-after, answer-within or reply-delay";
 pub(super) const TCP_SERVER_EXPECTED: &str = "listen, rtu, clients, idle, pipeline, lifetime or reserve";
 
 /// Sets in a serial port what `key` says; its value is `word` itself or the next word.
@@ -153,7 +174,7 @@ pub(super) fn set_serial(
     word: Word,
     words: &mut Words,
 ) -> Result<(), LineError> {
-    let (line, client) = (&mut settings.line, &mut settings.client);
+    let SerialSettings { line, client, server, .. } = settings;
     match key {
         Key::Device => settings.device = device(words.take())?,
         Key::Framing(framing) => settings.framing = framing,
@@ -162,7 +183,12 @@ pub(super) fn set_serial(
         Key::Format => (line.data_bits, line.parity, line.stop_bits) = format(word)?,
         Key::Gap => line.gap = auto_or_time(words.take(), GAP)?,
         Key::CharTimeout => line.char_timeout = auto_or_time(words.take(), CHAR_TIMEOUT)?,
-        Key::Rs485(driver) => line.rs485 = driver,
+        Key::Driver(driver) => line.driver = driver,
+        Key::DriverBefore => line.driver_before = time(words.take(), DRIVER_DELAY)?,
+        Key::DriverAfter => line.driver_after = time(words.take(), DRIVER_DELAY)?,
+        Key::Echo(echo) => line.echo = echo,
+        Key::AnswerWithin => server.answer_within = time(words.take(), ANSWER_WITHIN)?,
+        Key::ReplyDelay => server.reply_delay = time(words.take(), REPLY_DELAY)?,
         Key::Timeout => client.timeout = time(words.take(), TIMEOUT)?,
         Key::Retries => client.retries = small(words.take(), "retries", RETRIES)?,
         Key::Turnaround => client.turnaround = time(words.take(), TURNAROUND)?,

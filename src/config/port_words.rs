@@ -12,8 +12,8 @@ use super::problem::{LineError, Problem};
 use super::values::{listen, parse_number};
 use super::words::{Word, Words};
 use super::{
-    Framing, LineSettings, PortKind, SerialClientSettings, SerialSettings, Side, StreamFraming,
-    TcpClientSettings, TcpServerSettings,
+    Driver, Framing, LineSettings, PortKind, SerialClientSettings, SerialServerSettings, SerialSettings,
+    Side, StreamFraming, TcpClientSettings, TcpServerSettings,
 };
 
 /// A port's settings while a line is read.
@@ -25,13 +25,25 @@ pub(super) struct Draft<'a> {
     /// The words that checks over the whole line blame.
     format: Option<Word<'a>>,
     client_only: Option<Word<'a>>,
+    server_only: Option<Word<'a>>,
+    driver_only: Option<Word<'a>>,
     reserve: Option<Word<'a>>,
     several: Option<Word<'a>>,
 }
 
 impl<'a> Draft<'a> {
     fn new(kind: PortKind, place: Word<'a>) -> Self {
-        Self { kind, place, seen: 0, format: None, client_only: None, reserve: None, several: None }
+        Self {
+            kind,
+            place,
+            seen: 0,
+            format: None,
+            client_only: None,
+            server_only: None,
+            driver_only: None,
+            reserve: None,
+            several: None,
+        }
     }
 
     /// Reads a new port up to the end of the line.
@@ -51,6 +63,7 @@ impl<'a> Draft<'a> {
             side: Side::Client,
             line: LineSettings::DEFAULT,
             client: SerialClientSettings::DEFAULT,
+            server: SerialServerSettings::DEFAULT,
         };
         let mut draft = Self::new(PortKind::Serial(settings), place);
         draft.once(Key::Device, place)?;
@@ -161,6 +174,8 @@ impl<'a> Draft<'a> {
                     Key::Format | Key::Framing(_) => self.format = Some(word),
                     Key::Timeout | Key::Retries | Key::Turnaround => self.client_only = Some(word),
                     Key::StartDelay | Key::LateWindow | Key::DownAfter => self.client_only = Some(word),
+                    Key::AnswerWithin | Key::ReplyDelay => self.server_only = Some(word),
+                    Key::DriverBefore | Key::DriverAfter => self.driver_only = Some(word),
                     _ => {}
                 }
                 set_serial(settings, key, word, words)
@@ -182,11 +197,24 @@ impl<'a> Draft<'a> {
                 if settings.framing == Framing::Rtu && settings.line.data_bits != 8 {
                     return Err(self.format.unwrap_or(self.place).error(Problem::RtuDataBits));
                 }
-                if settings.side == Side::Server {
-                    if let Some(word) = self.client_only {
-                        return Err(word.error(Problem::ClientOnly));
+                // What the port as it is now cannot use is refused, and what it no longer can use is forgotten.
+                let (other_side, problem) = match settings.side {
+                    Side::Server => (self.client_only, Problem::ClientOnly),
+                    Side::Client => (self.server_only, Problem::ServerOnly),
+                };
+                if let Some(word) = other_side {
+                    return Err(word.error(problem));
+                }
+                match settings.side {
+                    Side::Server => settings.client = SerialClientSettings::DEFAULT,
+                    Side::Client => settings.server = SerialServerSettings::DEFAULT,
+                }
+                if settings.line.driver == Driver::Automatic {
+                    if let Some(word) = self.driver_only {
+                        return Err(word.error(Problem::DriverOnly));
                     }
-                    settings.client = SerialClientSettings::DEFAULT;
+                    let LineSettings { driver_before, driver_after, .. } = LineSettings::DEFAULT;
+                    settings.line = LineSettings { driver_before, driver_after, ..settings.line };
                 }
             }
             PortKind::TcpServer(settings) => {

@@ -2,12 +2,13 @@
 
 use core::fmt::{self, Display, Write};
 
+use embassy_time::Duration;
 use heapless::String;
 
 use super::values::Time;
 use super::{
-    Framing, LineSettings, Parity, Port, PortKind, SerialClientSettings, SerialSettings, Settings, Side,
-    TcpServerSettings,
+    Driver, Framing, LineSettings, Parity, Port, PortKind, SerialClientSettings, SerialServerSettings,
+    SerialSettings, Settings, Side, TcpServerSettings,
 };
 use crate::route::{AddressRange, Functions, Policy, Priority, Route, Tag, UnitRange};
 
@@ -82,10 +83,13 @@ impl Display for PortKind {
 
 impl Display for SerialSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { device, framing, side, line, client } = self;
+        let Self { device, framing, side, line, client, server } = self;
         write!(f, "serial {device} {framing} {side} {line}")?;
         if *side == Side::Server {
-            return Ok(());
+            let default = SerialServerSettings::DEFAULT;
+            let (within, delay) = (server.answer_within, server.reply_delay);
+            option(f, "answer-within", Time(within), within != default.answer_within)?;
+            return option(f, "reply-delay", Time(delay), delay != default.reply_delay);
         }
         let default = SerialClientSettings::DEFAULT;
         option(f, "timeout", Time(client.timeout), client.timeout != default.timeout)?;
@@ -107,7 +111,15 @@ impl Display for LineSettings {
                 option(f, keyword, Time(time), true)?;
             }
         }
-        if self.rs485 { f.write_str(" rs485") } else { Ok(()) }
+        match self.driver {
+            Driver::Automatic => {}
+            Driver::Rs485 => f.write_str(" rs485")?,
+            Driver::Rts => f.write_str(" rts")?,
+        }
+        let zero = Duration::from_ticks(0);
+        option(f, "driver-before", Time(self.driver_before), self.driver_before != zero)?;
+        option(f, "driver-after", Time(self.driver_after), self.driver_after != zero)?;
+        if self.echo { f.write_str(" echo") } else { Ok(()) }
     }
 }
 

@@ -96,6 +96,12 @@ pub enum Problem {
     /// A number of open requests where there can be one.
     #[error("cannot be set with rtu, which carries one request at a time")]
     OneAtATime,
+    /// A setting that only means something when requests are answered.
+    #[error("is for the server side only")]
+    ServerOnly,
+    /// A setting that only means something when somebody switches the transceiver's driver.
+    #[error("needs rs485 or rts")]
+    DriverOnly,
     /// More reserved places than there are.
     #[error("more places are reserved than the {0} that there are")]
     ReservedTooMany(u16),

@@ -122,6 +122,11 @@ impl Decoder {
         self.state != State::Outside
     }
 
+    /// Unit and what else has come of the latest frame, whole or not.
+    pub fn bytes(&self) -> &[u8] {
+        self.bytes.get(..self.length).unwrap_or_default()
+    }
+
     /// Takes the next character. Gives unit and PDU at the end of a frame, or why the frame that had begun is
     /// none; characters outside of frames are skipped in silence.
     pub fn push(&mut self, character: u8) -> Option<Result<(u8, &[u8]), AsciiError>> {
@@ -166,7 +171,7 @@ impl Decoder {
 
     /// Unit and PDU of the bytes between `:` and carriage return.
     fn judge(&self) -> Result<(u8, &[u8]), AsciiError> {
-        let bytes = self.bytes.get(..self.length).unwrap_or_default();
+        let bytes = self.bytes();
         let [unit, pdu @ .., received] = bytes else {
             return Err(AsciiError::Short(bytes.len()));
         };

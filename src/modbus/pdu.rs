@@ -11,7 +11,7 @@ mod response;
 
 pub use extent::{Extent, extents};
 pub use function::{is_read, name as function_name};
-pub use request::check_request;
+pub use request::{check_request, request_length};
 pub use response::{Misfit, ResponseLength, fits, response_length};
 
 /// Set in the function code of an answer that is an exception.

@@ -1,26 +1,20 @@
 //! One serial line seen from its client: waits for silence, sends a request, gathers the response.
 //!
-//! The end of a response is known by its length and CRC where the request tells the length, else by the silence that
-//! ends every frame (Modbus over Serial Line 2.5.1.1). Bytes that are no answer to the request leave the response
-//! timer running. The time that the request spends on the wire is computed, not waited for, and does not eat the
-//! response time.
+//! The end of an RTU response is known by its length and CRC where the request tells the length, else by the silence that
+//! ends every frame (Modbus over Serial Line 2.5.1.1); an ASCII response ends itself. What is no answer to the request
+//! leaves the response timer running. The time that the request spends on the wire does not eat the response time.
 
 use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline, with_timeout};
-use embedded_io_async::{Read, Write};
+use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
 
-use crate::config::{LineSettings, SerialClientSettings};
+use crate::config::{Framing, SerialClientSettings, SerialSettings};
+use crate::hal::SerialLine;
+use crate::modbus::ascii::{Decoder, LINE_FEED};
+use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::rtu::{self, AtSilence, Received};
-use crate::stats::{Counters, Event};
-
-/// Bytes that may come between a request and the end of its response: a frame and as much noise again.
-const RECEIVE_BYTES_MAX: usize = 2 * rtu::FRAME_BYTES_MAX;
-/// A line that takes no bytes for so long beyond their time on the wire is lost.
-const STUCK: Duration = Duration::from_secs(2);
-
-/// The line is gone and must be opened again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct LineLost;
+use crate::port::framing::FRAME_CHARS_MAX;
+use crate::port::line::{Collision, Line, LineLost};
+use crate::stats::Event;
 
 /// Why there is no response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,44 +23,50 @@ pub(crate) enum Failure {
     Timeout,
     /// It came damaged.
     Damaged,
+    /// The request was damaged by somebody who sent at the same time.
+    Collision,
 }
 
-/// An open line and its timing.
+/// An open line and what is expected on it.
 pub(crate) struct Bus<'s, L> {
-    line: L,
-    settings: LineSettings,
+    line: Line<'s, L>,
     client: SerialClientSettings,
-    /// How late a read may be behind the wire, on this board.
-    jitter: Duration,
-    stats: &'s Counters,
-    /// The last activity that is known of, by anybody.
-    active: Instant,
-    received: [u8; RECEIVE_BYTES_MAX],
-    length: usize,
+    framing: Framing,
+    /// What has come of an ASCII response, judged character by character; an RTU response is judged as a whole.
+    decoder: Decoder,
+    /// The silence that ends what has begun.
+    silence: Duration,
 }
 
-impl<'s, L: Read + Write> Bus<'s, L> {
+/// What a look at the line found.
+enum Found {
+    /// Nothing yet, or noise between frames.
+    Nothing,
+    /// The response.
+    Response,
+    /// The response, but damaged.
+    Damaged,
+    /// Something else.
+    Other(Event),
+}
+
+impl<'s, L: SerialLine> Bus<'s, L> {
     /// A line that was just opened; nothing is sent during the start delay.
-    pub(crate) fn new(
-        line: L,
-        settings: LineSettings,
-        client: SerialClientSettings,
-        jitter: Duration,
-        stats: &'s Counters,
-    ) -> Self {
-        let active = Instant::now() + client.start_delay;
-        Self { line, settings, client, jitter, stats, active, received: [0; RECEIVE_BYTES_MAX], length: 0 }
+    pub(crate) fn new(mut line: Line<'s, L>, settings: &SerialSettings) -> Self {
+        line.active += settings.client.start_delay;
+        let silence = settings.framing.silence(&line.settings) + line.jitter;
+        let SerialSettings { client, framing, .. } = *settings;
+        Self { line, client, framing, decoder: Decoder::default(), silence }
     }
 
     /// Waits until the line has been silent for the gap; what comes meanwhile is dropped.
     pub(crate) async fn silence(&mut self) -> Result<(), LineLost> {
         loop {
-            self.length = 0;
-            let silent = self.active + self.settings.gap();
-            match with_deadline(silent, self.read()).await {
+            self.line.clear();
+            match with_deadline(self.line.silent_at(), self.line.read()).await {
                 Ok(read) => {
                     read?;
-                    self.stats.count(Event::Noise);
+                    self.line.stats.count(Event::Noise);
                 }
                 Err(TimeoutError) => return Ok(()),
             }
@@ -75,10 +75,10 @@ impl<'s, L: Read + Write> Bus<'s, L> {
 
     /// Watches the idle line until `until` is over; what comes meanwhile is dropped.
     pub(crate) async fn idle<T>(&mut self, until: impl Future<Output = T>) -> Result<(), LineLost> {
-        self.length = 0;
-        match select(self.read(), until).await {
+        self.line.clear();
+        match select(self.line.read(), until).await {
             Either::First(read) => {
-                self.stats.count(Event::Noise);
+                self.line.stats.count(Event::Noise);
                 read
             }
             Either::Second(_) => Ok(()),
@@ -87,8 +87,9 @@ impl<'s, L: Read + Write> Bus<'s, L> {
 
     /// Sends `request` to every unit and waits out the turnaround delay (Serial Line 2.4.1).
     pub(crate) async fn broadcast(&mut self, request: &[u8]) -> Result<(), LineLost> {
-        self.send(0, request).await?;
-        Timer::at(self.active + self.client.turnaround).await;
+        // Nobody answers, so nobody can be asked again: a collision is counted, and that is all.
+        let _ = self.send(0, request).await?;
+        Timer::at(self.line.active + self.client.turnaround).await;
         Ok(())
     }
 
@@ -97,27 +98,23 @@ impl<'s, L: Read + Write> Bus<'s, L> {
         &mut self,
         unit: u8,
         request: &[u8],
-        take: impl FnOnce(&[u8]),
+        mut take: impl FnMut(&[u8]),
     ) -> Result<Result<Duration, Failure>, LineLost> {
-        self.send(unit, request).await?;
-        let sent = self.active;
-        let outcome = self.response(unit, request, sent + self.client.timeout, take).await?;
-        Ok(outcome.map(|()| self.active.saturating_duration_since(sent)))
+        if let Err(Collision) = self.send(unit, request).await? {
+            return Ok(Err(Failure::Collision));
+        }
+        let sent = self.line.active;
+        let outcome = self.response(unit, request, sent + self.client.timeout, &mut take).await?;
+        Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
     }
 
-    async fn send(&mut self, unit: u8, request: &[u8]) -> Result<(), LineLost> {
-        self.length = 0;
-        let mut frame = [0; rtu::FRAME_BYTES_MAX];
-        let frame = rtu::encode(unit, request, &mut frame).map_err(|_| LineLost)?;
-        let on_wire = self.settings.chars(frame.len());
-        let end = Instant::now() + on_wire;
-        match with_timeout(on_wire + STUCK, self.line.write_all(frame)).await {
-            Ok(Ok(())) => {}
-            _ => return Err(LineLost),
-        }
-        self.active = end.max(Instant::now());
-        self.stats.count(Event::Request);
-        Ok(())
+    async fn send(&mut self, unit: u8, request: &[u8]) -> Result<Result<(), Collision>, LineLost> {
+        self.decoder.clear();
+        let mut frame = [0; FRAME_CHARS_MAX];
+        let frame = self.framing.encode(unit, request, LINE_FEED, &mut frame).map_err(|_| LineLost)?;
+        let sent = self.line.send(frame).await;
+        self.line.stats.count(Event::Request);
+        sent
     }
 
     async fn response(
@@ -125,60 +122,119 @@ impl<'s, L: Read + Write> Bus<'s, L> {
         unit: u8,
         request: &[u8],
         deadline: Instant,
-        take: impl FnOnce(&[u8]),
+        take: &mut impl FnMut(&[u8]),
     ) -> Result<Result<(), Failure>, LineLost> {
-        let silence = self.settings.char_timeout.unwrap_or(self.settings.gap()) + self.jitter;
         // A frame that has begun in time is heard to its end, but a line that babbles is not heard for ever.
-        let end = deadline + self.settings.chars(rtu::FRAME_BYTES_MAX) + silence;
+        let longest = self.line.settings.chars(self.framing.chars_max());
+        let end = deadline + longest + self.silence;
+        // What was read with the request's echo.
+        let mut found = self.look(unit, request, take);
         loop {
-            let until = if self.length == 0 { deadline } else { end.min(self.active + silence) };
-            if let Ok(read) = with_deadline(until, self.read()).await {
-                read?;
-                if let Received::Complete(pdu) = rtu::response(unit, request, self.heard()) {
-                    take(pdu);
-                    return Ok(Ok(()));
+            match found {
+                Found::Nothing => {}
+                Found::Response => return Ok(Ok(())),
+                Found::Damaged => return Ok(Err(Failure::Damaged)),
+                Found::Other(event) => {
+                    self.line.stats.count(event);
+                    if !self.line.heard().is_empty() {
+                        found = self.look(unit, request, take);
+                        continue;
+                    }
                 }
-                continue;
             }
-            if self.length == 0 {
-                return Ok(Err(Failure::Timeout));
+            let begun = self.has_begun();
+            let until = if begun { end.min(self.line.active + self.silence) } else { deadline };
+            found = match with_deadline(until, self.line.read()).await {
+                Ok(read) => {
+                    read?;
+                    self.look(unit, request, take)
+                }
+                Err(TimeoutError) if begun => self.look_at_silence(unit, request, take),
+                Err(TimeoutError) => return Ok(Err(Failure::Timeout)),
+            };
+        }
+    }
+
+    /// Whether something has begun of which more is to come.
+    fn has_begun(&self) -> bool {
+        match self.framing {
+            Framing::Rtu => !self.line.heard().is_empty(),
+            Framing::Ascii => self.decoder.in_frame(),
+        }
+    }
+
+    /// Looks at what has come so far.
+    fn look(&mut self, unit: u8, request: &[u8], take: &mut impl FnMut(&[u8])) -> Found {
+        match self.framing {
+            Framing::Rtu => match rtu::response(unit, request, self.line.heard()) {
+                Received::Complete(pdu) => {
+                    take(pdu);
+                    Found::Response
+                }
+                Received::Partial => Found::Nothing,
+            },
+            Framing::Ascii => {
+                let (found, count) =
+                    look_for_ascii(&mut self.decoder, self.line.heard(), unit, request, take);
+                self.line.consume(count);
+                found
             }
-            let event = match rtu::response_at_silence(unit, request, self.heard()) {
+        }
+    }
+
+    /// Looks at what has come when nothing more is to come of it.
+    fn look_at_silence(&mut self, unit: u8, request: &[u8], take: &mut impl FnMut(&[u8])) -> Found {
+        let found = match self.framing {
+            Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
                 AtSilence::Complete(pdu) => {
                     take(pdu);
-                    return Ok(Ok(()));
+                    Found::Response
                 }
-                AtSilence::Damaged => return Ok(Err(Failure::Damaged)),
-                AtSilence::WrongUnit(_) => Event::WrongUnit,
-                AtSilence::Misfit(_) => Event::Misfit,
-                AtSilence::Noise => Event::Noise,
-            };
-            self.stats.count(event);
-            self.length = 0;
-            if Instant::now() >= deadline {
-                return Ok(Err(Failure::Timeout));
+                AtSilence::Damaged => Found::Damaged,
+                AtSilence::WrongUnit(_) => Found::Other(Event::WrongUnit),
+                AtSilence::Misfit(_) => Found::Other(Event::Misfit),
+                AtSilence::Noise => Found::Other(Event::Noise),
+            },
+            Framing::Ascii => {
+                self.decoder.clear();
+                damage(&self.decoder, unit, request)
             }
-        }
+        };
+        self.line.clear();
+        found
     }
+}
 
-    fn heard(&self) -> &[u8] {
-        self.received.get(..self.length).unwrap_or(&[])
-    }
-
-    /// Reads what is there behind what was received already.
-    async fn read(&mut self) -> Result<(), LineLost> {
-        if self.length >= rtu::FRAME_BYTES_MAX {
-            // Nobody talks that long: keep the newest part, in which an answer may be.
-            self.received.copy_within(self.length - rtu::FRAME_BYTES_MAX / 2..self.length, 0);
-            self.length = rtu::FRAME_BYTES_MAX / 2;
-        }
-        match self.line.read(&mut self.received[self.length..]).await {
-            Ok(0) | Err(_) => Err(LineLost),
-            Ok(count) => {
-                self.length += count;
-                self.active = Instant::now();
-                Ok(())
+/// Looks through `heard` up to the first end of a frame, and says how many characters that took.
+fn look_for_ascii(
+    decoder: &mut Decoder,
+    heard: &[u8],
+    unit: u8,
+    request: &[u8],
+    take: &mut impl FnMut(&[u8]),
+) -> (Found, usize) {
+    for (before, &character) in heard.iter().enumerate() {
+        let found = match decoder.push(character) {
+            None => continue,
+            Some(Ok((from, _))) if from != unit => Found::Other(Event::WrongUnit),
+            Some(Ok((_, response))) if pdu::fits(request, response).is_err() => Found::Other(Event::Misfit),
+            Some(Ok((_, response))) => {
+                take(response);
+                Found::Response
             }
+            Some(Err(_)) => damage(decoder, unit, request),
+        };
+        return (found, before + 1);
+    }
+    (Found::Nothing, heard.len())
+}
+
+/// What a frame was that did not come whole: the response if it begins as that does.
+fn damage(decoder: &Decoder, unit: u8, request: &[u8]) -> Found {
+    match (decoder.bytes(), request) {
+        ([from, answered, ..], [function, ..]) if *from == unit && answered & !EXCEPTION_BIT == *function => {
+            Found::Damaged
         }
+        _ => Found::Other(Event::Noise),
     }
 }

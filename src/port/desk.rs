@@ -13,7 +13,7 @@ use embassy_time::{Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
-use crate::frame::{Envelope, Frame};
+use crate::frame::{Envelope, Frame, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::Exception;
 use crate::modbus::pdu;
@@ -231,11 +231,10 @@ impl<'g> Desk<'g> {
 
 fn ticket(envelope: &Envelope) -> Ticket {
     let origin = envelope.origin;
+    // A port has seats or a line, not both.
+    let seat = if let Way::Seat(seat) = origin.way { seat } else { 0 };
     Ticket {
-        asker: Asker {
-            address: envelope.peer,
-            connection: u32::from(origin.port.0) << 16 | u32::from(origin.seat),
-        },
+        asker: Asker { address: envelope.peer, connection: u32::from(origin.port.0) << 16 | u32::from(seat) },
         priority: envelope.priority,
         unit: envelope.target,
         deadline: envelope.deadline,

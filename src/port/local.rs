@@ -1,8 +1,10 @@
 //! The gateway's own unit: answers what a rule sends to `local`.
 //!
 //! It knows the loop-back test (FC 08 sub-function 0) and the report of the server id (FC 11h), so that a client can
-//! tell that the gateway lives; everything else is answered 01h.
+//! tell that the gateway lives, and on ASCII lines the change of the character that ends frames (FC 08 sub-function 3);
+//! everything else is answered 01h.
 
+use crate::config::{Framing, PortKind};
 use crate::frame::Frame;
 use crate::gateway::Gateway;
 use crate::modbus::{Exception, PDU_BYTES_MAX};
@@ -19,6 +21,12 @@ pub(crate) fn answer(gateway: &Gateway<'_>, frame: Frame<'_>) {
     let fits = match request.get(..length).unwrap_or(&[]) {
         // The answer repeats the request, which is in the frame already (Application Protocol 6.8).
         [8, 0, 0, ..] => Ok(()),
+        // A character that is part of frames cannot end them.
+        [8, 0, 3, b'0'..=b'9' | b'A'..=b'F' | b':' | b'\r', 0] if on_ascii(gateway, &frame) => {
+            return gateway.refuse(frame, Exception::ILLEGAL_VALUE);
+        }
+        // The port that the request came by changes the character, behind this answer.
+        [8, 0, 3, _, 0] if on_ascii(gateway, &frame) => Ok(()),
         [17] => {
             let mut writer = frame.rewrite();
             let header = [17, SERVER_ID.len() as u8 + 1];
@@ -32,4 +40,13 @@ pub(crate) fn answer(gateway: &Gateway<'_>, frame: Frame<'_>) {
         Ok(()) => gateway.answered(frame),
         Err(_) => gateway.refuse(frame, Exception::DEVICE_FAILURE),
     }
+}
+
+/// Whether the request came by an ASCII line.
+fn on_ascii(gateway: &Gateway<'_>, frame: &Frame<'_>) -> bool {
+    let port = frame.envelope().origin.port;
+    gateway.settings(|settings| {
+        let kind = settings.port(port).map(|port| &port.kind);
+        matches!(kind, Some(PortKind::Serial(serial)) if serial.framing == Framing::Ascii)
+    })
 }

@@ -4,56 +4,36 @@
 //! desk gives the order whose turn it is; its response is written into the order's frame, which goes home.
 
 use embassy_futures::select::select;
-use embassy_time::{Duration, Instant, Timer};
-use embedded_io_async::{Read, Write};
+use embassy_time::{Instant, Timer};
 
 use crate::config::{SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
-use crate::gateway::Status;
-use crate::hal::SerialHost;
+use crate::hal::{SerialHost, SerialLine};
 use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::EXCEPTION_BIT;
-use crate::port::bus::{Bus, Failure, LineLost};
+use crate::port::bus::{Bus, Failure};
 use crate::port::desk::Desk;
+use crate::port::line::{LineLost, Opening};
 use crate::port::queue::Next;
 use crate::stats::Event;
 
-/// First and longest pause before a line is opened again.
-const REOPEN_FIRST: Duration = Duration::from_millis(250);
-const REOPEN_LONGEST: Duration = Duration::from_secs(5);
-
 /// Keeps the line open and carries out the desk's orders, for ever.
 pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSettings, host: &mut H) {
-    let place = desk.place();
-    let mut pause = REOPEN_FIRST;
+    let mut opening = Opening::new(desk.place(), settings);
     loop {
         let jitter = host.read_jitter();
-        match host.open(&settings.device, &settings.line).await {
-            Ok(line) => {
-                log_info!("{} is open", settings.device.as_str());
-                place.set_status(Status::Open);
-                desk.open();
-                let bus = Bus::new(line, settings.line, settings.client, jitter, &place.stats);
-                serve(desk, bus, &settings.client).await;
-                desk.close();
-                log_warn!("{} is lost", settings.device.as_str());
-                place.stats.count(Event::LineLost);
-                place.set_status(Status::Lost);
-                pause = REOPEN_FIRST;
-            }
-            Err(error) => {
-                if place.set_status(Status::Failed(error)) {
-                    log_warn!("{} cannot be opened: {}", settings.device.as_str(), error);
-                }
-            }
+        if let Some(line) = opening.opened(host.open(&settings.device, &settings.line).await, jitter) {
+            desk.open();
+            serve(desk, Bus::new(line, settings), &settings.client).await;
+            desk.close();
+            opening.lost();
         }
-        Timer::after(pause).await;
-        pause = (pause * 2).min(REOPEN_LONGEST);
+        opening.pause().await;
     }
 }
 
 /// Carries orders out until the line is lost.
-async fn serve<L: Read + Write>(desk: &Desk<'_>, mut bus: Bus<'_, L>, client: &SerialClientSettings) {
+async fn serve<L: SerialLine>(desk: &Desk<'_>, mut bus: Bus<'_, L>, client: &SerialClientSettings) {
     loop {
         if bus.silence().await.is_err() {
             return;
@@ -69,7 +49,7 @@ async fn serve<L: Read + Write>(desk: &Desk<'_>, mut bus: Bus<'_, L>, client: &S
     }
 }
 
-async fn carry_out<'g, L: Read + Write>(
+async fn carry_out<'g, L: SerialLine>(
     desk: &Desk<'g>,
     bus: &mut Bus<'_, L>,
     client: &SerialClientSettings,
@@ -90,6 +70,7 @@ async fn carry_out<'g, L: Read + Write>(
     let take = |response: &[u8]| {
         let _ = frame.replace(response);
     };
+    let window = client.late_window.unwrap_or(client.timeout);
     match bus.exchange(unit, request, take).await? {
         Ok(took) => {
             let exception = frame.function() & EXCEPTION_BIT != 0;
@@ -105,9 +86,10 @@ async fn carry_out<'g, L: Read + Write>(
             place.stats.count(Event::Damaged);
             place.units(|units| units.damaged(unit));
         }
+        // Only the echo may have been damaged: the unit may have heard the request, and answer.
+        Err(Failure::Collision) => place.units(|units| units.hold(unit, Instant::now(), window)),
         Err(Failure::Timeout) => {
             place.stats.count(Event::Timeout);
-            let window = client.late_window.unwrap_or(client.timeout);
             place.units(|units| units.timed_out(unit, Instant::now(), window, client.down_after));
         }
     }

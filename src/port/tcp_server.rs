@@ -13,7 +13,7 @@ use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use crate::config::{PortId, TcpServerSettings};
-use crate::frame::{Envelope, Frame, Origin, Stage};
+use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
 use crate::hal::{TcpHost, TcpStream};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
@@ -128,7 +128,7 @@ impl Server<'_, '_> {
             seat.update(|seat| seat.leaving = true);
             seat.leave.signal(());
         }
-        Some(Origin { port: self.id, seat: self.index as u16, generation: own.generation })
+        Some(Origin { port: self.id, way: Way::Seat(self.index as u16), generation: own.generation })
     }
 
     async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin, peer: SocketAddr) -> End {

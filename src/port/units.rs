@@ -146,6 +146,11 @@ impl Units {
         });
     }
 
+    /// `id` is held for `window`: an answer that nobody waits for may come.
+    pub fn hold(&mut self, id: u8, now: Instant, window: Duration) {
+        self.entry(id, |unit| unit.held_until = unit.held_until.max(now + window));
+    }
+
     fn entry(&mut self, id: u8, change: impl FnOnce(&mut Unit)) {
         let known = self.0.iter().position(|unit| unit.id == id);
         let index = known.unwrap_or_else(|| {

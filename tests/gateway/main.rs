@@ -7,6 +7,8 @@ mod flights;
 mod frames;
 mod line;
 mod queue;
+mod serial_server;
+mod shared_bus;
 mod tcp_client;
 mod torture;
 mod units;

@@ -5,7 +5,7 @@ use std::io;
 use embassy_time::Duration;
 use embedded_io_async::{Error, ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
-use mobgate::hal::{OpenError, SerialHost};
+use mobgate::hal::{OpenError, SerialHost, SerialLine};
 use mobgate_simulator::SimSerial;
 use mobgate_simulator::serial::SimLine;
 
@@ -49,6 +49,15 @@ pub enum Line {
     Tty(Tty),
     /// The demo's.
     Demo(SimLine),
+}
+
+impl SerialLine for Line {
+    async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
+        match self {
+            Self::Tty(line) => line.drive(on).await.map_err(kind),
+            Self::Demo(line) => line.drive(on).await,
+        }
+    }
 }
 
 impl ErrorType for Line {

@@ -7,11 +7,12 @@ use std::fs::File;
 use std::io::{self, Read as _, Write as _};
 use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use async_io::Async;
 use embedded_io_async::{ErrorType, Read, Write};
-use mobgate::config::{LineSettings, Parity};
-use mobgate::hal::{OpenError, OpenErrorKind, SerialHost};
+use mobgate::config::{Driver, LineSettings, Parity};
+use mobgate::hal::{OpenError, OpenErrorKind, SerialHost, SerialLine};
 use rustix::fs::{FlockOperation, flock, fstat, major};
 use rustix::io::Errno;
 use rustix::termios::{QueueSelector, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush};
@@ -34,6 +35,8 @@ pub struct TtyHost;
 #[derive(Debug)]
 pub struct Tty {
     io: Descriptor<File>,
+    /// The same line, to switch its RTS, if that switches the transceiver's driver.
+    rts: Option<Arc<SerialPort>>,
 }
 
 impl SerialHost for TtyHost {
@@ -43,9 +46,13 @@ impl SerialHost for TtyHost {
         // An absolute name replaces the folder it is joined to.
         let (device, line) = (Path::new("/dev").join(device), *line);
         let port = blocking::unblock(move || open(device, &line)).await?;
+        let rts = match line.driver {
+            Driver::Rts => Some(port.try_clone().map_err(|_| OpenError::new(OpenErrorKind::Failed, ""))?),
+            Driver::Automatic | Driver::Rs485 => None,
+        };
         let io = Async::new(File::from(OwnedFd::from(port)))
             .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
-        Ok(Tty { io: Descriptor::new(io) })
+        Ok(Tty { io: Descriptor::new(io), rts: rts.map(Arc::new) })
     }
 }
 
@@ -55,15 +62,31 @@ fn open(device: PathBuf, line: &LineSettings) -> Result<SerialPort, OpenError> {
     claim(&port).map_err(|error| refusal(&error.into(), &device))?;
     configure(&mut port, line)
         .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "speed or character format"))?;
-    if line.rs485 {
-        port.set_rs4xx_mode(TransceiverMode::Rs485(Rs485Config::new())).map_err(|_| {
-            OpenError::new(OpenErrorKind::Unsupported, "the driver has no rs485 mode; remove the word rs485")
-        })?;
-    }
+    prepare_driver(&mut port, line)?;
     low_latency::request(&port, &device);
     // What came in before belongs to nobody's request.
     let _ = tcflush(&port, QueueSelector::IFlush);
     Ok(port)
+}
+
+/// Leaves the transceiver's driver to the kernel, or switches it off until something is sent.
+fn prepare_driver(port: &mut SerialPort, line: &LineSettings) -> Result<(), OpenError> {
+    let refused = |hint| OpenError::new(OpenErrorKind::Unsupported, hint);
+    match line.driver {
+        Driver::Automatic => Ok(()),
+        Driver::Rs485 => {
+            // The kernel counts in milliseconds: never less than what was asked for.
+            let delay = |time: embassy_time::Duration| {
+                std::time::Duration::from_millis(time.as_micros().div_ceil(1_000))
+            };
+            let mut config = Rs485Config::new();
+            config.set_delay_before_send(delay(line.driver_before));
+            config.set_delay_after_send(delay(line.driver_after));
+            port.set_rs4xx_mode(TransceiverMode::Rs485(config))
+                .map_err(|_| refused("the driver has no rs485 mode; try rts instead of rs485"))
+        }
+        Driver::Rts => port.set_rts(false).map_err(|_| refused("the line has no RTS; remove the word rts")),
+    }
 }
 
 /// Keeps other programs away from the line: TIOCEXCL refuses later opens, the lock refuses programs that use locks
@@ -106,6 +129,21 @@ fn refusal(error: &io::Error, device: &Path) -> OpenError {
         _ => (OpenErrorKind::Failed, ""),
     };
     OpenError::new(kind, hint)
+}
+
+impl SerialLine for Tty {
+    async fn drive(&mut self, on: bool) -> io::Result<()> {
+        let Some(port) = self.rts.clone() else { return Ok(()) };
+        if on {
+            return port.set_rts(true);
+        }
+        // An adapter may still hold characters back. Waiting for them blocks, so a worker does it.
+        blocking::unblock(move || {
+            port.flush()?;
+            port.set_rts(false)
+        })
+        .await
+    }
 }
 
 impl ErrorType for Tty {

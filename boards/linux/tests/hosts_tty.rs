@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use async_io::block_on;
 use embedded_io_async::{Read, Write};
 use futures_lite::future::poll_once;
-use mobgate::config::{LineSettings, Parity};
+use mobgate::config::{Driver, LineSettings, Parity};
 use mobgate::hal::{OpenErrorKind, SerialHost};
 use mobgate_linux::tty::{Tty, TtyHost};
 use serial2::SerialPort;
@@ -97,8 +97,10 @@ fn what_cannot_be_opened_is_told_apart() {
 }
 
 #[test]
-fn a_pty_has_no_rs485_driver_and_says_so() {
+fn a_pty_has_no_rs485_driver_and_no_rts_and_says_so() {
     let (_outside, _inside, name) = pty();
-    let line = LineSettings { rs485: true, ..LineSettings::DEFAULT };
-    assert_eq!(open(&name, &line).unwrap_err(), OpenErrorKind::Unsupported);
+    for driver in [Driver::Rs485, Driver::Rts] {
+        let line = LineSettings { driver, ..LineSettings::DEFAULT };
+        assert_eq!(open(&name, &line).unwrap_err(), OpenErrorKind::Unsupported);
+    }
 }

@@ -35,17 +35,35 @@ fn any_line(framing: Framing) -> impl Strategy<Value = LineSettings> {
     let parity = prop_oneof![Just(Parity::None), Just(Parity::Even), Just(Parity::Odd)];
     let gap = prop::option::of(duration(0..=1_000_000));
     let char_timeout = prop::option::of(duration(100..=60_000_000));
-    (1..=10_000_000_u32, data_bits, parity, 1..=2_u8, gap, char_timeout, any::<bool>()).prop_map(
-        |(baud, data_bits, parity, stop_bits, gap, char_timeout, rs485)| LineSettings {
+    let line =
+        (1..=10_000_000_u32, data_bits, parity, 1..=2_u8, gap, char_timeout, any_driver(), any::<bool>());
+    line.prop_map(|(baud, data_bits, parity, stop_bits, gap, char_timeout, driver, echo)| {
+        let (driver, driver_before, driver_after) = driver;
+        LineSettings {
             baud,
             data_bits,
             parity,
             stop_bits,
             gap,
             char_timeout,
-            rs485,
-        },
-    )
+            driver,
+            driver_before,
+            driver_after,
+            echo,
+        }
+    })
+}
+
+fn any_driver() -> impl Strategy<Value = (Driver, Duration, Duration)> {
+    let none = Duration::from_ticks(0);
+    let switched = (any::<bool>(), duration(0..=1_000_000), duration(0..=1_000_000))
+        .prop_map(|(rts, before, after)| (if rts { Driver::Rts } else { Driver::Rs485 }, before, after));
+    prop_oneof![Just((Driver::Automatic, none, none)), switched]
+}
+
+fn any_server() -> impl Strategy<Value = SerialServerSettings> {
+    (duration(10_000..=3_600_000_000), duration(0..=10_000_000))
+        .prop_map(|(answer_within, reply_delay)| SerialServerSettings { answer_within, reply_delay })
 }
 
 fn any_client() -> impl Strategy<Value = SerialClientSettings> {
@@ -66,14 +84,16 @@ fn any_client() -> impl Strategy<Value = SerialClientSettings> {
 
 fn any_serial(n: usize) -> impl Strategy<Value = PortKind> {
     (prop_oneof![Just(Framing::Rtu), Just(Framing::Ascii)], any::<bool>())
-        .prop_flat_map(|(framing, server)| (Just(framing), Just(server), any_line(framing), any_client()))
-        .prop_map(move |(framing, server, line, client)| {
+        .prop_flat_map(|(framing, is_server)| {
+            (Just(framing), Just(is_server), any_line(framing), any_client(), any_server())
+        })
+        .prop_map(move |(framing, is_server, line, client, server)| {
             let device = heapless::String::try_from(format!("/dev/tty#{n}").as_str()).unwrap();
-            let (side, client) = match server {
-                true => (Side::Server, SerialClientSettings::DEFAULT),
-                false => (Side::Client, client),
+            let (side, client, server) = match is_server {
+                true => (Side::Server, SerialClientSettings::DEFAULT, server),
+                false => (Side::Client, client, SerialServerSettings::DEFAULT),
             };
-            PortKind::Serial(SerialSettings { device, framing, side, line, client })
+            PortKind::Serial(SerialSettings { device, framing, side, line, client, server })
         })
 }
 

@@ -40,6 +40,34 @@ pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
     }
 }
 
+/// The length of the request that begins with `so_far`, the function code included, where its function tells it; a frame
+/// of another length is no request.
+pub fn request_length(so_far: &[u8]) -> Option<usize> {
+    let counted = |at: usize| Some(at + 1 + usize::from(*so_far.get(at)?));
+    match so_far {
+        [
+            READ_COILS
+            | READ_DISCRETE_INPUTS
+            | READ_HOLDING_REGISTERS
+            | READ_INPUT_REGISTERS
+            | WRITE_SINGLE_COIL
+            | WRITE_SINGLE_REGISTER,
+            ..,
+        ] => Some(5),
+        [READ_EXCEPTION_STATUS | GET_COMM_EVENT_COUNTER | GET_COMM_EVENT_LOG | REPORT_SERVER_ID, ..] => {
+            Some(1)
+        }
+        [DIAGNOSTICS, 0, 1..=4 | 10..=18 | 20, ..] => Some(5),
+        [WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS, ..] => counted(5),
+        [READ_FILE_RECORD | WRITE_FILE_RECORD, ..] => counted(1),
+        [MASK_WRITE_REGISTER, ..] => Some(7),
+        [READ_WRITE_MULTIPLE_REGISTERS, ..] => counted(9),
+        [READ_FIFO_QUEUE, ..] => Some(3),
+        [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, ..] => Some(4),
+        _ => None,
+    }
+}
+
 /// Whether `fields`, what stands behind the function code, can belong to `function`.
 fn possible(function: u8, fields: &[u8]) -> bool {
     match (function, fields) {

@@ -1,7 +1,7 @@
-//! Modbus RTU devices, written from the specification and not from the gateway's codecs.
+//! Modbus RTU and ASCII devices, written from the specification and not from the gateway's codecs.
 //!
-//! A device hears whole frames: it wants t3.5 of silence behind a frame, drops one that has a silence over t1.5 inside or a
-//! wrong CRC, and answers after its turnaround time. Its [`Faults`] then decide what the answer looks like on the
+//! A device hears whole frames: in RTU it wants t3.5 of silence behind a frame and drops one that has a silence over t1.5
+//! inside; a wrong check it drops in any case. It answers after its turnaround time. Its [`Faults`] then decide what the answer looks like on the
 //! wire. [`serve`] lets several devices share one connection to the bus, which costs less than one each.
 
 use std::cell::{RefCell, RefMut};
@@ -10,10 +10,13 @@ use std::rc::Rc;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::Write;
+use mobgate::config::Framing;
 
 use crate::fault::{Faults, Sent};
-use crate::wire::{Heard, LineEnd, Silence};
+use crate::framing::{self, Listener};
+use crate::wire::{Heard, LineEnd};
 
+pub mod ascii;
 mod fresh;
 mod memory;
 pub mod rtu;
@@ -130,19 +133,19 @@ impl Device {
         self.0.borrow().faults.injected()
     }
 
-    /// Lives at `line`, for ever.
+    /// Lives at `line` in RTU, for ever.
     pub async fn run(self, line: LineEnd) {
         serve(line, vec![self]).await;
     }
 
     /// Takes a frame in; the pieces of the answer, if one is to be sent, go to `outbox`.
-    fn hear(&self, heard: &Heard, line: &LineEnd, outbox: &mut Vec<Outgoing>) {
+    fn hear(&self, framing: Framing, heard: &Heard, line: &LineEnd, outbox: &mut Vec<Outgoing>) {
         let mut state = self.0.borrow_mut();
         if heard.gap_inside {
             state.counters.gap_inside += 1;
             return;
         }
-        let Some((unit, pdu)) = rtu::open(&heard.bytes) else {
+        let Some((unit, pdu)) = framing::open(framing, &heard.bytes) else {
             state.counters.bad_crc += 1;
             return;
         };
@@ -150,13 +153,14 @@ impl Device {
         if unit != state.unit && !broadcast {
             return;
         }
-        let answer = state.execute(pdu, broadcast);
+        let answer = state.execute(&pdu, broadcast);
         if broadcast {
             return;
         }
         let State { unit, turnaround, ref mut faults, .. } = *state;
         let mut at = Instant::now() + turnaround;
-        for piece in faults.transmission(unit, pdu, answer, |unit, pdu, _| rtu::frame(unit, pdu)) {
+        let frame = |unit, pdu: &[u8], _| framing::frame(framing, unit, pdu);
+        for piece in faults.transmission(framing, unit, &pdu, answer, frame) {
             at += piece.pause;
             let length = if let Sent::Bytes(bytes) = &piece.what { bytes.len() } else { 0 };
             outbox.push(Outgoing { at, what: piece.what });
@@ -170,7 +174,7 @@ impl Device {
         let answer = state.execute(pdu, false);
         let State { unit, turnaround, ref mut faults, .. } = *state;
         let mut at = Instant::now() + turnaround;
-        for piece in faults.transmission(unit, pdu, answer, frame) {
+        for piece in faults.transmission(Framing::Rtu, unit, pdu, answer, frame) {
             at += piece.pause;
             outbox.push(Outgoing { at, what: piece.what });
         }
@@ -211,14 +215,21 @@ async fn due(outbox: &mut Vec<Outgoing>) -> Sent {
     }
 }
 
-/// Lets `devices` live at `line`, for ever. They hear the same frames; an answer that is late is sent then, whatever
-/// else is on the wire.
-pub async fn serve(mut line: LineEnd, devices: Vec<Device>) {
+/// Lets `devices` live at `line` in RTU, for ever. They hear the same frames; an answer that is late is sent then,
+/// whatever else is on the wire.
+pub async fn serve(line: LineEnd, devices: Vec<Device>) {
+    serve_in(Framing::Rtu, line, devices).await;
+}
+
+/// [`serve`] in either framing.
+pub async fn serve_in(framing: Framing, mut line: LineEnd, devices: Vec<Device>) {
     let mut outbox: Vec<Outgoing> = Vec::new();
+    let mut listener = Listener::new(line.clone(), framing);
     loop {
-        let silence = Silence::of(&line.line());
-        match select(line.frame(silence), due(&mut outbox)).await {
-            Either::First(heard) => devices.iter().for_each(|device| device.hear(&heard, &line, &mut outbox)),
+        match select(listener.hear(), due(&mut outbox)).await {
+            Either::First(heard) => {
+                devices.iter().for_each(|device| device.hear(framing, &heard, &line, &mut outbox));
+            }
             Either::Second(Sent::Bytes(bytes)) => {
                 // The bus has nobody to tell: an unplugged device just is not heard.
                 let _ = line.write_all(&bytes).await;

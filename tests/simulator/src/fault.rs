@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 
 use embassy_time::{Duration, Instant};
 use embedded_io_async::Write;
+use mobgate::config::Framing;
 
 use crate::random::Random;
 use crate::wire::LineEnd;
@@ -15,7 +16,7 @@ pub enum Fault {
     Dead,
     /// The answer comes later, by a time between the two.
     Late(Duration, Duration),
-    /// The CRC is wrong.
+    /// The CRC, or in ASCII the LRC, is wrong.
     BadCrc,
     /// One bit of one byte is turned.
     FlippedBit,
@@ -117,6 +118,7 @@ impl Faults {
     /// whether its transaction id is to be wrong.
     pub(crate) fn transmission(
         &mut self,
+        framing: Framing,
         unit: u8,
         request: &[u8],
         answer: Vec<u8>,
@@ -136,7 +138,7 @@ impl Faults {
         let bytes = frame(unit, &pdu, faults.contains(&Fault::WrongTransaction));
         let mut pieces = vec![Piece { pause: Duration::from_ticks(0), what: Sent::Bytes(bytes) }];
         for &fault in &faults {
-            self.damage(fault, &mut pieces);
+            self.damage(framing, fault, &mut pieces);
         }
         pieces
     }
@@ -156,7 +158,7 @@ impl Faults {
     }
 
     /// Faults of the transmission: its bytes no longer are what was meant.
-    fn damage(&mut self, fault: Fault, pieces: &mut Vec<Piece>) {
+    fn damage(&mut self, framing: Framing, fault: Fault, pieces: &mut Vec<Piece>) {
         let Some(Piece { pause, what }) = pieces.last_mut() else { return };
         match fault {
             Fault::Close => return *what = Sent::Close,
@@ -169,11 +171,12 @@ impl Faults {
             Fault::Late(least, most) => {
                 *pause += Duration::from_ticks(self.random.within(least.as_ticks()..=most.as_ticks()));
             }
-            Fault::BadCrc => {
-                if let Some(last) = bytes.last_mut() {
-                    *last ^= 0xa5;
-                }
-            }
+            Fault::BadCrc => match (framing, &mut bytes[..]) {
+                // Another digit in the LRC, which stands before the line's end.
+                (Framing::Ascii, [.., digit, _, _]) => *digit = if *digit == b'0' { b'1' } else { b'0' },
+                (_, [.., last]) => *last ^= 0xa5,
+                (_, []) => {}
+            },
             Fault::FlippedBit => bytes[place] ^= 1 << self.random.index(8),
             Fault::LostByte => drop(bytes.remove(place)),
             Fault::Truncated => bytes.truncate(place.max(1)),

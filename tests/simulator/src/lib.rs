@@ -2,13 +2,15 @@
 //!
 //! [`World`] polls the gateway's futures and the simulated surroundings in an order drawn from a seed, and leaps
 //! from alarm to alarm. The parts themselves use embassy-time only, so they also run on the wall clock (the
-//! Linux program's demo does that). [`device`] and [`client`] build and check frames by themselves, without the core's
+//! Linux program's demo does that). [`device`], [`client`] and [`master`] build and check frames by themselves, without the core's
 //! codecs, so that one side checks the other.
 #![forbid(unsafe_code)]
 
 pub mod client;
 pub mod device;
 pub mod fault;
+pub mod framing;
+pub mod master;
 pub mod net;
 pub mod random;
 pub mod rig;
@@ -19,6 +21,7 @@ pub mod world;
 pub use client::Client;
 pub use device::Device;
 pub use fault::{Fault, Faults};
+pub use master::Master;
 pub use net::Network;
 pub use random::Random;
 pub use rig::Rig;

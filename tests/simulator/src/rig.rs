@@ -6,14 +6,15 @@
 use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::Duration;
-use mobgate::config::{Loader, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, apply};
+use mobgate::config::{Framing, Loader, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, apply};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
 use mobgate::stats::Event;
 
 use crate::client::Client;
-use crate::device::tcp::{Framing, serve as serve_tcp};
-use crate::device::{Device, serve};
+use crate::device::tcp::{Stream, serve as serve_tcp};
+use crate::device::{Device, serve_in};
+use crate::master::Master;
 use crate::net::Network;
 use crate::serial::SimSerial;
 use crate::wire::{EndRecord, LineEnd, Wire};
@@ -22,16 +23,16 @@ use crate::world::World;
 /// How large a gateway is.
 #[derive(Debug, Clone, Copy)]
 pub struct Size {
-    /// Frames in the pool; a seat has one of them for itself.
+    /// Frames in the pool; a seat and a port have one of them each for themselves.
     pub frames: usize,
     /// TCP connections at a time.
     pub seats: usize,
 }
 
 impl Default for Size {
-    /// 80 seats and 112 frames.
+    /// 80 seats and 128 frames.
     fn default() -> Self {
-        Self { frames: 112, seats: 80 }
+        Self { frames: 128, seats: 80 }
     }
 }
 
@@ -47,6 +48,7 @@ pub struct Rig<'g> {
 /// A serial device of the gateway.
 struct Line {
     device: String,
+    framing: Framing,
     wire: Wire,
     end: LineEnd,
 }
@@ -78,7 +80,7 @@ pub fn with_gateway_of<T>(
     let slots: Vec<Slot> = (0..size.frames).map(|_| Slot::new()).collect();
     let places: Vec<PortPlace> = (0..PORTS_MAX).map(|_| PortPlace::new()).collect();
     let seats: Vec<Seat> = (0..size.seats).map(|_| Seat::new()).collect();
-    let pool = FramePool::new(&slots, size.seats);
+    let pool = FramePool::new(&slots, size.seats + PORTS_MAX);
     let gateway = Gateway::new(&pool, &places, &seats);
     let mut world = World::new(seed);
     let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };
@@ -111,7 +113,7 @@ fn lines(settings: &Settings) -> Vec<Line> {
         .map(|serial| {
             let wire = Wire::new();
             let end = wire.tap(serial.line);
-            Line { device: serial.device.as_str().to_owned(), wire, end }
+            Line { device: serial.device.as_str().to_owned(), framing: serial.framing, wire, end }
         })
         .collect()
 }
@@ -154,25 +156,42 @@ impl<'g> Rig<'g> {
         line.unwrap_or_else(|| panic!("no serial device is called {device}"))
     }
 
-    /// Puts `devices` on the wire `device`, at one connection to it, with the gateway's speed and format.
+    /// Puts `devices` on the wire `device`, at one connection to it, with the gateway's speed, format and framing.
     ///
     /// # Panics
     /// When the settings at the start named no such device.
     pub fn attach(&self, world: &World<'g>, device: &str, devices: impl Into<Vec<Device>>) {
-        let Line { wire, end, .. } = self.line(device);
-        world.spawn(serve(wire.tap(end.line()), devices.into()));
+        let Line { wire, end, framing, .. } = self.line(device);
+        world.spawn(serve_in(*framing, wire.tap(end.line()), devices.into()));
+    }
+
+    /// A master on the wire `device`, with the gateway's speed, format and framing.
+    ///
+    /// # Panics
+    /// When the settings at the start named no such device.
+    pub fn master(&self, device: &str) -> Master {
+        let Line { wire, end, framing, .. } = self.line(device);
+        Master::new(wire.tap(end.line()), *framing)
+    }
+
+    /// The framing of the wire `device`.
+    ///
+    /// # Panics
+    /// When the settings at the start named no such device.
+    pub fn framing(&self, device: &str) -> Framing {
+        self.line(device).framing
     }
 
     /// Puts `devices` into the network, behind Modbus TCP at `address`.
     pub fn attach_tcp(&self, world: &World<'g>, address: &str, devices: impl Into<Vec<Device>>) {
         let address = address.parse().expect("an address such as 10.0.1.1:502");
-        world.spawn(serve_tcp(self.network.serve(address), Framing::Mbap, devices.into(), world.spawner()));
+        world.spawn(serve_tcp(self.network.serve(address), Stream::Mbap, devices.into(), world.spawner()));
     }
 
     /// Puts `devices` into the network, behind RTU over TCP at `address`.
     pub fn attach_rtu_over_tcp(&self, world: &World<'g>, address: &str, devices: impl Into<Vec<Device>>) {
         let address = address.parse().expect("an address such as 10.0.1.1:502");
-        world.spawn(serve_tcp(self.network.serve(address), Framing::Rtu, devices.into(), world.spawner()));
+        world.spawn(serve_tcp(self.network.serve(address), Stream::Rtu, devices.into(), world.spawner()));
     }
 
     /// What the gateway has sent on the wire `device`.

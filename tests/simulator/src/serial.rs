@@ -2,7 +2,7 @@
 
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
-use mobgate::hal::{OpenError, OpenErrorKind, SerialHost};
+use mobgate::hal::{OpenError, OpenErrorKind, SerialHost, SerialLine};
 
 use crate::wire::LineEnd;
 
@@ -46,6 +46,13 @@ pub struct SimLine(LineEnd);
 impl Drop for SimLine {
     fn drop(&mut self) {
         self.0.close();
+    }
+}
+
+impl SerialLine for SimLine {
+    async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
+        self.0.drive(on);
+        Ok(())
     }
 }
 

@@ -14,7 +14,7 @@ use crate::world::Spawner;
 
 /// How frames look in the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Framing {
+pub enum Stream {
     /// Modbus TCP.
     Mbap,
     /// RTU over TCP.
@@ -22,7 +22,7 @@ pub enum Framing {
 }
 
 /// Accepts connections to `devices`, for ever.
-pub async fn serve(server: Server, framing: Framing, devices: Vec<Device>, spawner: Spawner<'_>) {
+pub async fn serve(server: Server, framing: Stream, devices: Vec<Device>, spawner: Spawner<'_>) {
     loop {
         let stream = server.accept().await;
         spawner.spawn(converse(stream, framing, devices.clone()));
@@ -30,7 +30,7 @@ pub async fn serve(server: Server, framing: Framing, devices: Vec<Device>, spawn
 }
 
 /// Serves one connection to its end.
-async fn converse(mut stream: ClientStream, framing: Framing, devices: Vec<Device>) {
+async fn converse(mut stream: ClientStream, framing: Stream, devices: Vec<Device>) {
     let mut outbox: Vec<Outgoing> = Vec::new();
     let mut received = Vec::new();
     loop {
@@ -53,10 +53,10 @@ async fn converse(mut stream: ClientStream, framing: Framing, devices: Vec<Devic
 }
 
 /// Takes the requests that are whole.
-fn hear(framing: Framing, received: &mut Vec<u8>, devices: &[Device], outbox: &mut Vec<Outgoing>) {
+fn hear(framing: Stream, received: &mut Vec<u8>, devices: &[Device], outbox: &mut Vec<Outgoing>) {
     let asked = |unit| devices.iter().find(move |device| device.unit() == unit);
     match framing {
-        Framing::Mbap => {
+        Stream::Mbap => {
             while let Some(request) = take_frame(received) {
                 assert_eq!(request.protocol, 0, "the gateway speaks Modbus");
                 let answer = |unit, pdu: &[u8], wrong| {
@@ -68,7 +68,7 @@ fn hear(framing: Framing, received: &mut Vec<u8>, devices: &[Device], outbox: &m
             }
         }
         // One request at a time: what has come is one, as soon as its CRC is right.
-        Framing::Rtu => {
+        Stream::Rtu => {
             if let Some((unit, pdu)) = rtu::open(received) {
                 if let Some(device) = asked(unit) {
                     device.asked(pdu, |unit, pdu, _| rtu::frame(unit, pdu), outbox);

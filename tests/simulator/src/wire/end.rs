@@ -74,6 +74,11 @@ impl LineEnd {
         self.wire.0.borrow_mut().ends[self.number].echo = echo;
     }
 
+    /// Switches the transceiver's driver; the record notes when.
+    pub(crate) fn drive(&self, on: bool) {
+        self.wire.0.borrow_mut().record.ends[self.number].switched.push((now_ns(), on));
+    }
+
     /// Pulls the adapter out: this handle and its clones are dead for good.
     pub fn unplug(&self) {
         let mut bus = self.wire.0.borrow_mut();

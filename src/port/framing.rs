@@ -1,0 +1,44 @@
+//! The two framings of a serial line, where they differ: frames on the wire, and the silences that part them.
+
+use embassy_time::Duration;
+
+use crate::config::{Framing, LineSettings};
+use crate::modbus::{PduLength, ascii, rtu};
+
+/// Most characters of a frame in either framing.
+pub(crate) const FRAME_CHARS_MAX: usize = ascii::FRAME_CHARS_MAX;
+/// Longest silence between two characters of an ASCII frame (Serial Line 2.5.2.1).
+const ASCII_SILENCE: Duration = Duration::from_secs(1);
+
+impl Framing {
+    /// The frame of `unit` and `pdu`; an ASCII one ends with `delimiter`.
+    pub(crate) fn encode<'a>(
+        self,
+        unit: u8,
+        pdu: &[u8],
+        delimiter: u8,
+        out: &'a mut [u8; FRAME_CHARS_MAX],
+    ) -> Result<&'a [u8], PduLength> {
+        match self {
+            // An ASCII frame is the longer one, so there is always room.
+            Self::Rtu => rtu::encode(unit, pdu, out.first_chunk_mut().ok_or(PduLength(pdu.len()))?),
+            Self::Ascii => ascii::encode(unit, pdu, out, delimiter),
+        }
+    }
+
+    /// The most characters that a frame has.
+    pub(crate) const fn chars_max(self) -> usize {
+        match self {
+            Self::Rtu => rtu::FRAME_BYTES_MAX,
+            Self::Ascii => ascii::FRAME_CHARS_MAX,
+        }
+    }
+
+    /// The silence that ends an RTU frame and spoils an ASCII one.
+    pub(crate) fn silence(self, line: &LineSettings) -> Duration {
+        line.char_timeout.unwrap_or_else(|| match self {
+            Self::Rtu => line.gap(),
+            Self::Ascii => ASCII_SILENCE,
+        })
+    }
+}

@@ -1,0 +1,271 @@
+//! What a frame is that was heard on a serial line with other devices: a request for us, a request for another one, another
+//! one's answer, or garbage. Pure, with silences as facts.
+//!
+//! In RTU a frame of another unit has two readings: the answer to a read begins as a request does. So after another unit's
+//! request its answer is expected, and is taken for that if it fits; everything else is read as a request. A frame under
+//! one of our ids is never somebody's answer, whatever was expected.
+//!
+//! Silence tells frames apart, and all that stands between two silences is tried as one frame first. Where silences cannot
+//! be seen (reads of an operating system are late), or were too short, frames are split off by the lengths that both
+//! readings give them, with good CRCs; never does a frame begin anywhere but at the end of another one. Who has lost the
+//! thread, as everybody has who is switched on, waits for a silence. ASCII frames need none of that: they have their
+//! beginnings and ends in them.
+
+use crate::modbus::ascii::{AsciiError, Decoder, LINE_FEED};
+use crate::modbus::pdu::{self, EXCEPTION_BIT, ResponseLength};
+use crate::modbus::rtu::{self, FRAME_BYTES_MAX, FRAME_BYTES_MIN};
+use crate::modbus::{PDU_BYTES_MAX, ascii};
+use crate::stats::LastError;
+
+/// What was heard.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Heard<'a> {
+    /// A request for one of our units, or for everybody.
+    Request {
+        /// The unit as the master calls it.
+        unit: u8,
+        /// Function code and data.
+        pdu: &'a [u8],
+    },
+    /// A request for another unit.
+    ForeignRequest,
+    /// The answer of another unit.
+    ForeignAnswer,
+    /// No frame, and why.
+    Garbage(LastError),
+    /// Nothing that could be judged yet.
+    Nothing,
+}
+
+/// Listens on an RTU line.
+pub struct RtuEar {
+    expected: Option<Foreign>,
+    /// Whether the beginning of what is heard is the beginning of a frame.
+    in_step: bool,
+}
+
+/// A request for another unit, whose answer is expected.
+struct Foreign {
+    unit: u8,
+    request: [u8; PDU_BYTES_MAX],
+    length: usize,
+}
+
+impl Foreign {
+    fn request(&self) -> &[u8] {
+        self.request.get(..self.length).unwrap_or_default()
+    }
+}
+
+/// Bytes of a frame that are not the PDU's: unit and CRC.
+const OVERHEAD_BYTES: usize = FRAME_BYTES_MAX - PDU_BYTES_MAX;
+
+impl Default for RtuEar {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl RtuEar {
+    /// Switched on in the middle of whatever happens on the line.
+    pub const fn new() -> Self {
+        Self { expected: None, in_step: false }
+    }
+
+    /// Whether only a silence helps, though nothing was heard.
+    pub const fn needs_silence(&self) -> bool {
+        !self.in_step
+    }
+
+    /// Judges the beginning of `received`, all that was heard and not yet judged, and says how many bytes of it that took.
+    /// `silent`: the line has been silent since. `is_ours` knows our units, 0 among them if broadcasts are for us.
+    ///
+    /// To be called again with the rest until there is [`Heard::Nothing`].
+    pub fn hear<'a>(
+        &mut self,
+        received: &'a [u8],
+        silent: bool,
+        is_ours: impl Fn(u8) -> bool,
+    ) -> (Heard<'a>, usize) {
+        let was_in_step = self.in_step;
+        let end = if silent && was_in_step && rtu::decode(received).is_ok() {
+            Some(received.len())
+        } else {
+            self.end_of_first(received, silent, &is_ours)
+        };
+        let frame = end.and_then(|end| Some((end, rtu::decode(received.get(..end)?).ok()?)));
+        if let Some((end, (unit, pdu))) = frame {
+            self.in_step = true;
+            let heard = match self.judge(unit, pdu, &is_ours) {
+                // It may be data that looks like a frame: the master will ask again.
+                Heard::Request { .. } if !was_in_step => Heard::ForeignAnswer,
+                heard => heard,
+            };
+            return (heard, end);
+        }
+        if silent {
+            self.in_step = true;
+            return match received {
+                [] => (Heard::Nothing, 0),
+                _ => {
+                    self.expected = None;
+                    (Heard::Garbage(garbage(received)), received.len())
+                }
+            };
+        }
+        if received.len() >= FRAME_BYTES_MAX {
+            // Longer than any frame, and none at its beginning: the thread is lost.
+            self.in_step = false;
+            self.expected = None;
+            return (Heard::Garbage(LastError::Length), 1);
+        }
+        (Heard::Nothing, 0)
+    }
+
+    /// Where the first frame ends by one of its readings, when that much is there with a good CRC.
+    fn end_of_first(&self, received: &[u8], silent: bool, is_ours: &impl Fn(u8) -> bool) -> Option<usize> {
+        let (&unit, so_far) = received.split_first()?;
+        let whole = |length: usize| {
+            received.get(..length + OVERHEAD_BYTES).filter(|frame| rtu::decode(frame).is_ok())
+        };
+        if let Some(length) = self.answer_length(unit, so_far, is_ours) {
+            match received.len() < length + OVERHEAD_BYTES {
+                // The answer that is expected may still become whole, and its data could look like a request.
+                true if !silent => return None,
+                _ => {
+                    if let Some(frame) = whole(length) {
+                        return Some(frame.len());
+                    }
+                }
+            }
+        }
+        let as_request = pdu::request_length(so_far).and_then(whole);
+        // The answer to a request that was not heard: a read's says how long it is.
+        let unheard = || match so_far {
+            [1..=4, count, ..] if !is_ours(unit) => whole(2 + usize::from(*count)),
+            [function, _, ..] if function & EXCEPTION_BIT != 0 => whole(2),
+            _ => None,
+        };
+        as_request.or_else(unheard).map(<[u8]>::len)
+    }
+
+    /// The length of the answer that is expected, if `so_far` can be the beginning of that.
+    fn answer_length(&self, unit: u8, so_far: &[u8], is_ours: &impl Fn(u8) -> bool) -> Option<usize> {
+        let expected = self.expected.as_ref().filter(|expected| expected.unit == unit && !is_ours(unit))?;
+        let ResponseLength::Known(length) = pdu::response_length(expected.request(), so_far) else {
+            return None;
+        };
+        match so_far {
+            // A read's answer counts its bytes.
+            [1..=4 | 23, count, ..] if usize::from(*count) + 2 != length => None,
+            _ => Some(length),
+        }
+    }
+
+    fn judge<'a>(&mut self, unit: u8, pdu: &'a [u8], is_ours: &impl Fn(u8) -> bool) -> Heard<'a> {
+        let expected = self.expected.take();
+        let is_request = pdu::request_length(pdu).is_none_or(|length| length == pdu.len())
+            && pdu.first().is_some_and(|function| (1..EXCEPTION_BIT).contains(function));
+        if is_ours(unit) {
+            return match is_request {
+                true => Heard::Request { unit, pdu },
+                // Another device has this id, or the master is wrong.
+                false => Heard::Garbage(LastError::Length),
+            };
+        }
+        let fits = |expected: &Foreign| expected.unit == unit && pdu::fits(expected.request(), pdu).is_ok();
+        if expected.as_ref().is_some_and(fits) || !is_request {
+            return Heard::ForeignAnswer;
+        }
+        // Nobody answers a broadcast.
+        if unit != 0 {
+            let mut foreign = Foreign { unit, request: [0; PDU_BYTES_MAX], length: pdu.len() };
+            foreign.request.iter_mut().zip(pdu).for_each(|(place, byte)| *place = *byte);
+            self.expected = Some(foreign);
+        }
+        Heard::ForeignRequest
+    }
+}
+
+/// What is wrong with bytes between two silences that are no frame.
+fn garbage(received: &[u8]) -> LastError {
+    match received.len() {
+        FRAME_BYTES_MIN..=FRAME_BYTES_MAX => LastError::Checksum,
+        _ => LastError::Length,
+    }
+}
+
+/// Listens on an ASCII line.
+pub struct AsciiEar {
+    decoder: Decoder,
+    delimiter: u8,
+}
+
+impl Default for AsciiEar {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl AsciiEar {
+    /// Frames end with a line feed.
+    pub const fn new() -> Self {
+        Self { decoder: Decoder::new(LINE_FEED), delimiter: LINE_FEED }
+    }
+
+    /// The character that ends frames.
+    pub const fn delimiter(&self) -> u8 {
+        self.delimiter
+    }
+
+    /// Ends frames with another character from now on (Application Protocol 6.8.1, sub-function 3).
+    pub const fn set_delimiter(&mut self, delimiter: u8) {
+        *self = Self { decoder: Decoder::new(delimiter), delimiter };
+    }
+
+    /// Whether a frame has begun and not ended.
+    pub fn in_frame(&self) -> bool {
+        self.decoder.in_frame()
+    }
+
+    /// The next character is overdue.
+    pub fn overdue(&mut self) -> Heard<'static> {
+        self.decoder.clear();
+        Heard::Garbage(LastError::Gap)
+    }
+
+    /// Takes characters up to the end of a frame, and says how many those were.
+    pub fn hear(&mut self, received: &[u8], is_ours: impl Fn(u8) -> bool) -> (Heard<'_>, usize) {
+        let end = received.iter().enumerate().find_map(|(before, &character)| {
+            let judged = self.decoder.push(character)?.map(|_| ());
+            Some((before + 1, judged))
+        });
+        let heard = match end {
+            None => return (Heard::Nothing, received.len()),
+            Some((_, Err(error))) => Heard::Garbage(cause(error)),
+            Some((_, Ok(()))) => self.judge(is_ours),
+        };
+        (heard, end.map_or(received.len(), |(count, _)| count))
+    }
+
+    /// Judges the frame that has just ended well.
+    fn judge(&self, is_ours: impl Fn(u8) -> bool) -> Heard<'_> {
+        let Some((&unit, [pdu @ .., _])) = self.decoder.bytes().split_first() else { return Heard::Nothing };
+        let is_request = pdu::request_length(pdu).is_none_or(|length| length == pdu.len())
+            && pdu.first().is_some_and(|function| (1..EXCEPTION_BIT).contains(function));
+        match (is_ours(unit), is_request) {
+            (true, true) => Heard::Request { unit, pdu },
+            (true, false) => Heard::Garbage(LastError::Length),
+            (false, true) => Heard::ForeignRequest,
+            (false, false) => Heard::ForeignAnswer,
+        }
+    }
+}
+
+fn cause(error: AsciiError) -> LastError {
+    match error {
+        ascii::AsciiError::Lrc { .. } => LastError::Checksum,
+        ascii::AsciiError::Short(_) => LastError::Length,
+        AsciiError::NotHex(_) | AsciiError::Odd | AsciiError::Long | AsciiError::NoLf(_) => LastError::Ascii,
+    }
+}

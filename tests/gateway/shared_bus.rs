@@ -1,0 +1,253 @@
+//! What a frame is that was heard on a shared bus, by value.
+
+use mobgate::modbus::rtu;
+use mobgate::port::shared_bus::{AsciiEar, Heard, RtuEar};
+use mobgate::stats::LastError;
+use mobgate_simulator::device::ascii;
+
+const OURS: u8 = 10;
+const OTHER: u8 = 7;
+/// FC 3, two registers from 0.
+const READ: [u8; 5] = [3, 0, 0, 0, 2];
+const ANSWER: [u8; 6] = [3, 4, 1, 2, 3, 4];
+
+fn is_ours(unit: u8) -> bool {
+    unit == OURS
+}
+
+fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
+    let mut out = [0; 256];
+    rtu::encode(unit, pdu, &mut out).unwrap().to_vec()
+}
+
+/// What is told without its bytes, so that it can be kept.
+#[derive(Debug, PartialEq)]
+enum Told {
+    Request(u8, Vec<u8>),
+    ForeignRequest,
+    ForeignAnswer,
+    Garbage(LastError),
+}
+
+fn told(heard: Heard) -> Option<Told> {
+    Some(match heard {
+        Heard::Request { unit, pdu } => Told::Request(unit, pdu.to_vec()),
+        Heard::ForeignRequest => Told::ForeignRequest,
+        Heard::ForeignAnswer => Told::ForeignAnswer,
+        Heard::Garbage(error) => Told::Garbage(error),
+        Heard::Nothing => return None,
+    })
+}
+
+/// An ear, and what it has not judged yet.
+struct Listener {
+    ear: RtuEar,
+    received: Vec<u8>,
+}
+
+impl Listener {
+    /// Switched on, and in step after a silence.
+    fn in_step() -> Self {
+        let mut listener = Self { ear: RtuEar::new(), received: Vec::new() };
+        assert_eq!(listener.silence(), []);
+        listener
+    }
+
+    /// Hears bytes with silence behind them.
+    fn frame(&mut self, bytes: &[u8]) -> Vec<Told> {
+        self.received.extend_from_slice(bytes);
+        self.silence()
+    }
+
+    /// Hears bytes; whether there is silence behind them cannot be told.
+    fn bytes(&mut self, bytes: &[u8]) -> Vec<Told> {
+        self.received.extend_from_slice(bytes);
+        self.judge(false)
+    }
+
+    fn silence(&mut self) -> Vec<Told> {
+        self.judge(true)
+    }
+
+    fn judge(&mut self, silent: bool) -> Vec<Told> {
+        let mut all = Vec::new();
+        loop {
+            let (heard, count) = self.ear.hear(&self.received, silent, is_ours);
+            let told = told(heard);
+            self.received.drain(..count);
+            match told {
+                Some(told) => all.push(told),
+                None => return all,
+            }
+        }
+    }
+}
+
+fn ours(pdu: &[u8]) -> Told {
+    Told::Request(OURS, pdu.to_vec())
+}
+
+#[test]
+fn requests_for_us_are_found_among_others_and_their_answers() {
+    let mut listener = Listener::in_step();
+    assert_eq!(listener.frame(&frame(OTHER, &READ)), [Told::ForeignRequest]);
+    assert_eq!(listener.frame(&frame(OTHER, &ANSWER)), [Told::ForeignAnswer]);
+    assert_eq!(listener.frame(&frame(OURS, &READ)), [ours(&READ)]);
+    assert_eq!(listener.frame(&frame(OTHER, &READ)), [Told::ForeignRequest]);
+    // The other one is silent, and the master goes on.
+    assert_eq!(listener.frame(&frame(OURS, &READ)), [ours(&READ)]);
+}
+
+#[test]
+fn a_foreign_frame_with_two_readings_is_an_answer_after_its_request_and_a_request_otherwise() {
+    let write = frame(OTHER, &[6, 0, 1, 0, 2]);
+    let mut listener = Listener::in_step();
+    assert_eq!(listener.frame(&write), [Told::ForeignRequest]);
+    assert_eq!(listener.frame(&write), [Told::ForeignAnswer]);
+    assert_eq!(listener.frame(&write), [Told::ForeignRequest]);
+    // Another unit's frame in between.
+    assert_eq!(listener.frame(&frame(8, &[6, 0, 1, 0, 2])), [Told::ForeignRequest]);
+    assert_eq!(listener.frame(&write), [Told::ForeignRequest]);
+}
+
+#[test]
+fn functions_of_unknown_length_are_ended_by_silence() {
+    let mut listener = Listener::in_step();
+    assert_eq!(listener.bytes(&frame(OURS, &[65, 1, 2, 3])), []);
+    assert_eq!(listener.silence(), [ours(&[65, 1, 2, 3])]);
+}
+
+#[test]
+fn an_answer_under_our_id_is_no_request() {
+    let mut listener = Listener::in_step();
+    assert_eq!(listener.frame(&frame(OURS, &ANSWER)), [Told::Garbage(LastError::Length)]);
+    assert_eq!(listener.frame(&frame(OURS, &[0x83, 2])), [Told::Garbage(LastError::Length)]);
+    assert_eq!(listener.frame(&frame(OURS, &READ)), [ours(&READ)]);
+}
+
+#[test]
+fn damaged_frames_are_garbage_and_do_not_disturb_the_next() {
+    let mut damaged = frame(OURS, &READ);
+    damaged[3] ^= 1;
+    let mut listener = Listener::in_step();
+    assert_eq!(listener.frame(&damaged), [Told::Garbage(LastError::Checksum)]);
+    assert_eq!(listener.frame(&frame(OURS, &READ)[..3]), [Told::Garbage(LastError::Length)]);
+    let long = [0x55; 300];
+    assert_eq!(listener.frame(&long), [Told::Garbage(LastError::Length)]);
+    // Noise right before a request spoils it.
+    assert_eq!(
+        listener.frame(&[&[0xff], &frame(OURS, &READ)[..]].concat()),
+        [Told::Garbage(LastError::Checksum)]
+    );
+    assert_eq!(listener.frame(&frame(OURS, &READ)), [ours(&READ)]);
+}
+
+#[test]
+fn who_is_switched_on_in_mid_traffic_waits_for_silence() {
+    let traffic = [frame(OTHER, &ANSWER), frame(OURS, &READ)].concat();
+    for cut in 1..traffic.len() {
+        let mut listener = Listener { ear: RtuEar::new(), received: Vec::new() };
+        assert!(listener.ear.needs_silence());
+        let told = listener.frame(&traffic[cut..]);
+        let request = cut == traffic.len() - 8;
+        // A frame that begins where the listening began is believed to be one, but is not answered.
+        assert!(!told.contains(&ours(&READ)), "{cut}: {told:?}");
+        assert_eq!(told == [Told::ForeignAnswer], request, "{cut}: {told:?}");
+        assert_eq!(listener.frame(&frame(OURS, &READ)), [ours(&READ)]);
+    }
+}
+
+#[test]
+fn without_silences_frames_are_parted_by_both_readings() {
+    let traffic = [
+        (frame(OTHER, &READ), Told::ForeignRequest),
+        (frame(OTHER, &ANSWER), Told::ForeignAnswer),
+        (frame(OURS, &READ), ours(&READ)),
+        (frame(OTHER, &[16, 0, 0, 0, 1, 2, 9, 9]), Told::ForeignRequest),
+        (frame(OTHER, &[16, 0, 0, 0, 1]), Told::ForeignAnswer),
+        (frame(8, &[3, 0, 0, 0, 100]), Told::ForeignRequest),
+        (frame(8, &[0x83, 6]), Told::ForeignAnswer),
+        (frame(8, &[3, 0, 0, 0, 100]), Told::ForeignRequest),
+        (frame(OURS, &[5, 0, 1, 0xff, 0]), ours(&[5, 0, 1, 0xff, 0])),
+    ];
+    let (bytes, expected): (Vec<_>, Vec<_>) = traffic.into_iter().unzip();
+    let bytes = bytes.concat();
+    for size in [1, 3, 8, bytes.len()] {
+        let mut listener = Listener::in_step();
+        let told: Vec<Told> = bytes.chunks(size).flat_map(|chunk| listener.bytes(chunk)).collect();
+        assert_eq!(told, expected, "in pieces of {size}");
+    }
+}
+
+#[test]
+fn data_that_looks_like_a_request_is_not_one() {
+    // The other one's registers hold a whole request for us.
+    let inside = frame(OURS, &READ);
+    let answer = frame(OTHER, &[&[3, 8], &inside[..]].concat());
+    let request = frame(OTHER, &[3, 0, 0, 0, 4]);
+    for size in [1, 5, 200] {
+        let mut listener = Listener::in_step();
+        let bytes = [&request[..], &answer].concat();
+        let told: Vec<Told> = bytes.chunks(size).flat_map(|chunk| listener.bytes(chunk)).collect();
+        assert_eq!(told, [Told::ForeignRequest, Told::ForeignAnswer], "in pieces of {size}");
+    }
+    let mut listener = Listener::in_step();
+    assert_eq!(listener.frame(&answer), [Told::ForeignAnswer]);
+    assert_eq!(listener.frame(&request), [Told::ForeignRequest]);
+    assert_eq!(listener.frame(&answer), [Told::ForeignAnswer]);
+}
+
+#[test]
+fn who_has_lost_the_thread_finds_it_again_without_silence() {
+    let mut listener = Listener::in_step();
+    let noise: Vec<u8> = (0..300_u16).map(|number| (number * 37) as u8).collect();
+    let exchange = [frame(OTHER, &READ), frame(OTHER, &ANSWER), frame(OURS, &READ)].concat();
+    let mut told = listener.bytes(&noise);
+    for _ in 0..20 {
+        told.extend(listener.bytes(&exchange));
+    }
+    let found = told.iter().filter(|told| **told == ours(&READ)).count();
+    // As long as a frame can be, the noise could have been one; after that every request is found.
+    assert!(found >= 5, "{found}");
+    assert!(listener.received.len() < 256);
+}
+
+#[test]
+fn an_ascii_line_needs_no_silence() {
+    let mut ear = AsciiEar::new();
+    let mut hear = |bytes: &[u8]| {
+        let mut all = Vec::new();
+        let mut bytes = bytes;
+        loop {
+            let (heard, count) = ear.hear(bytes, is_ours);
+            let told = told(heard);
+            bytes = &bytes[count..];
+            match told {
+                Some(told) => all.push(told),
+                None => return all,
+            }
+        }
+    };
+    let traffic =
+        [ascii::frame(OTHER, &READ), ascii::frame(OTHER, &ANSWER), ascii::frame(OURS, &READ)].concat();
+    assert_eq!(hear(&traffic), [Told::ForeignRequest, Told::ForeignAnswer, ours(&READ)]);
+    let lower = ascii::frame(OURS, &[3, 0, 0xab, 0, 1]).to_ascii_lowercase();
+    assert_eq!(hear(&lower), [Told::Garbage(LastError::Ascii)]);
+    let mut damaged = ascii::frame(OURS, &READ);
+    damaged[4] = b'7';
+    assert_eq!(hear(&damaged), [Told::Garbage(LastError::Checksum)]);
+    assert_eq!(hear(b":0A\r\n"), [Told::Garbage(LastError::Length)]);
+    assert_eq!(hear(&ascii::frame(OURS, &ANSWER)), [Told::Garbage(LastError::Length)]);
+    assert_eq!(hear(&ascii::frame(OURS, &READ)), [ours(&READ)]);
+}
+
+#[test]
+fn the_character_that_ends_ascii_frames_can_be_another() {
+    let mut ear = AsciiEar::new();
+    ear.set_delimiter(b'!');
+    let mut frame = ascii::frame(OURS, &READ);
+    assert_eq!(told(ear.hear(&frame, is_ours).0), Some(Told::Garbage(LastError::Ascii)));
+    *frame.last_mut().unwrap() = b'!';
+    assert_eq!(told(ear.hear(&frame, is_ours).0), Some(ours(&READ)));
+    assert_eq!(ear.delimiter(), b'!');
+}

@@ -19,5 +19,6 @@ pub(crate) mod local;
 pub(crate) mod serial_client;
 pub(crate) mod serial_server;
 pub(crate) mod sockets;
+pub(crate) mod stream;
 pub(crate) mod tcp_client;
 pub(crate) mod tcp_server;

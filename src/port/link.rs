@@ -14,15 +14,13 @@ use crate::hal::TcpStream;
 use crate::modbus::pdu::{EXCEPTION_BIT, fits};
 use crate::modbus::rtu::{self, AtSilence, Received};
 use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
-use crate::modbus::{PDU_BYTES_MAX, PduLength};
+use crate::modbus::PDU_BYTES_MAX;
 use crate::port::desk::Desk;
 use crate::port::flights::{Flight, Flights};
 use crate::port::queue::Next;
+use crate::port::stream::{RTU_PAUSE, encode};
 use crate::stats::Event;
 
-/// A pause that ends a frame of RTU over TCP whose length its function does not tell. A stream has no silences of its own:
-/// this is what a serial device server takes to send the rest of a frame, and a network to carry it.
-pub(crate) const RTU_PAUSE: Duration = Duration::from_millis(100);
 /// Pause after a broadcast by RTU over TCP: the turnaround delay of the line behind it (Serial Line 2.4.1).
 const TURNAROUND: Duration = Duration::from_millis(100);
 /// Bytes that may come between a request and the end of its response: a frame and as much noise again.
@@ -186,17 +184,13 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
     }
 
     async fn write(&mut self, transaction: u16, unit: u8, request: &[u8]) -> Result<(), End> {
-        let mut mbap = [0; ADU_BYTES_MAX];
-        let mut rtu = [0; rtu::FRAME_BYTES_MAX];
-        let frame: Result<&[u8], PduLength> = match self.settings.framing {
-            StreamFraming::Mbap => tcp::encode(Header { transaction, unit }, request, &mut mbap),
-            StreamFraming::Rtu => {
-                // What came before the request is no answer to it.
-                self.drop_noise();
-                rtu::encode(unit, request, &mut rtu)
-            }
-        };
-        let frame = frame.map_err(|_| End::Lost)?;
+        if self.settings.framing == StreamFraming::Rtu {
+            // What came before the request is no answer to it.
+            self.drop_noise();
+        }
+        let mut frame = [0; ADU_BYTES_MAX];
+        let header = Header { transaction, unit };
+        let frame = encode(self.settings.framing, header, request, &mut frame).map_err(|_| End::Lost)?;
         // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
         match with_timeout(self.settings.timeout, self.stream.write_all(frame)).await {
             Ok(Ok(())) => Ok(()),

@@ -28,7 +28,9 @@ use heapless::{String, Vec};
 
 pub(crate) use self::line::LineBuffer;
 pub use self::loader::{LoadError, Loader};
-pub use self::network::{MODBUS_TCP_PORT, StreamFraming, TcpClientSettings};
+pub use self::network::{
+    MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, UDP_REQUESTS_MAX, UdpServerSettings,
+};
 pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
 pub use self::saved::{ReadError, read_store, write_store};
@@ -149,6 +151,8 @@ pub enum PortKind {
     TcpServer(TcpServerSettings),
     /// A device behind Modbus TCP, or RTU over TCP.
     TcpClient(TcpClientSettings),
+    /// A listener for Modbus UDP clients.
+    UdpServer(UdpServerSettings),
 }
 
 impl PortKind {
@@ -156,7 +160,7 @@ impl PortKind {
     pub const fn side(&self) -> Side {
         match self {
             Self::Serial(settings) => settings.side,
-            Self::TcpServer(_) => Side::Server,
+            Self::TcpServer(_) | Self::UdpServer(_) => Side::Server,
             Self::TcpClient(_) => Side::Client,
         }
     }
@@ -330,12 +334,12 @@ impl SerialServerSettings {
         Self { answer_within: Duration::from_secs(3), reply_delay: Duration::from_ticks(0) };
 }
 
-/// Where a TCP server listens.
+/// Where a TCP or UDP server listens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TcpListen {
     /// The local address; `None` is all of them.
     pub address: Option<IpAddr>,
-    /// TCP port number, 1 to 65535.
+    /// TCP or UDP port number, 1 to 65535.
     pub port: u16,
 }
 

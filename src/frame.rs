@@ -70,6 +70,8 @@ pub enum Way {
     Seat(u16),
     /// To the port itself: the master on its serial line.
     Line,
+    /// To the port itself, which knows who sent the datagram.
+    Datagrams,
     /// None: a broadcast on a serial line, for whose answer nobody waits.
     Nobody,
 }

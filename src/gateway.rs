@@ -16,12 +16,12 @@ use embassy_time::Instant;
 
 use crate::config::{PORTS_MAX, PortId, PortKind, Settings, Side};
 use crate::frame::{Channel, Frame, FramePool, Origin, Stage, Way};
-use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost};
+use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
 use crate::port::sockets::Socket;
 use crate::port::units::Units;
-use crate::port::{serial_client, serial_server, tcp_client, tcp_server};
+use crate::port::{serial_client, serial_server, tcp_client, tcp_server, udp_server};
 use crate::stats::{Counters, Log};
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
@@ -292,8 +292,14 @@ impl<'g> Gateway<'g> {
 
     /// The port task of place `id`: plays the part that the settings say, for ever.
     ///
-    /// `lines` opens serial lines, `connector` makes connections.
-    pub async fn run_port<H: SerialHost, C: TcpConnect>(&self, id: PortId, lines: &mut H, connector: &mut C) {
+    /// `lines` opens serial lines, `connector` makes connections, `datagrams` opens UDP sockets.
+    pub async fn run_port<H: SerialHost, C: TcpConnect, U: UdpHost>(
+        &self,
+        id: PortId,
+        lines: &mut H,
+        connector: &mut C,
+        datagrams: &mut U,
+    ) {
         let Some(place) = self.ports.get(id.index()) else { return };
         loop {
             let kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
@@ -302,6 +308,11 @@ impl<'g> Gateway<'g> {
                 Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
                     let server = serial_server::Server { gateway: self, place, id, settings };
                     select(place.changed.wait(), server.run(lines)).await;
+                    server.close();
+                }
+                Some(PortKind::UdpServer(settings)) => {
+                    let server = udp_server::Server::new(self, place, id, settings);
+                    select(place.changed.wait(), server.run(datagrams)).await;
                     server.close();
                 }
                 kind => {
@@ -326,7 +337,7 @@ impl<'g> Gateway<'g> {
             let served = seat.state().port.and_then(|id| {
                 let settings = self.settings(|settings| match &settings.port(id)?.kind {
                     PortKind::TcpServer(settings) => Some(settings.clone()),
-                    PortKind::Serial(_) | PortKind::TcpClient(_) => None,
+                    _ => None,
                 })?;
                 Some((id, self.ports.get(id.index())?, settings))
             });
@@ -347,7 +358,7 @@ impl<'g> Gateway<'g> {
                 let seat = self.seats.get(usize::from(seat)).map(Seat::state);
                 seat.is_none_or(|seat| seat.generation != origin.generation || seat.peer.is_none())
             }
-            Way::Line => {
+            Way::Line | Way::Datagrams => {
                 let place = self.ports.get(origin.port.index());
                 place.is_none_or(|place| place.generation() != origin.generation)
             }
@@ -390,7 +401,7 @@ impl Seat {
 fn seats_of(kind: &PortKind) -> usize {
     match kind {
         PortKind::TcpServer(server) => usize::from(server.clients) + 1,
-        PortKind::Serial(_) | PortKind::TcpClient(_) => 0,
+        PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) => 0,
     }
 }
 
@@ -404,6 +415,6 @@ async fn play<H: SerialHost, C: TcpConnect>(
     match kind {
         Some(PortKind::Serial(settings)) => serial_client::run(desk, settings, lines).await,
         Some(PortKind::TcpClient(settings)) => tcp_client::run(desk, settings, connector).await,
-        Some(PortKind::TcpServer(_)) | None => core::future::pending().await,
+        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_)) | None => core::future::pending().await,
     }
 }

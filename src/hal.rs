@@ -132,6 +132,30 @@ pub trait TcpStream: Read + Write {
     async fn close(self);
 }
 
+/// Opens UDP sockets; every port task owns one.
+pub trait UdpHost {
+    /// An open socket.
+    type Socket<'a>: UdpSocket
+    where
+        Self: 'a;
+
+    /// Opens a socket at `listen`'s address and UDP port.
+    async fn bind(&mut self, listen: &TcpListen) -> Result<Self::Socket<'_>, OpenError>;
+}
+
+/// A UDP socket. Datagrams may be lost, doubled or overtake each other; dropping a pending `receive` loses none.
+pub trait UdpSocket {
+    /// Waits for a datagram, and gives its length and who sent it. One that is longer than `into` is cut off there.
+    async fn receive(&mut self, into: &mut [u8]) -> Result<(usize, SocketAddr), SocketLost>;
+
+    /// Sends a datagram. That nobody is there to receive it is no error.
+    async fn send(&mut self, datagram: &[u8], to: SocketAddr) -> Result<(), SocketLost>;
+}
+
+/// A socket that cannot be used any more, and must be opened again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SocketLost;
+
 /// Where the settings' text is kept. Replaced as a whole, so that a power cut leaves the old or the new text.
 pub trait Store {
     /// Reads up to `into.len()` bytes of the saved text from `offset` on; 0 at its end or when nothing is saved.

@@ -22,3 +22,4 @@ pub(crate) mod sockets;
 pub(crate) mod stream;
 pub(crate) mod tcp_client;
 pub(crate) mod tcp_server;
+pub(crate) mod udp_server;

@@ -58,6 +58,8 @@ pub enum Event {
     Crowded,
     /// A connection was closed because its client was silent or did not read.
     Stalled,
+    /// A request that came twice, and was not carried out again.
+    Duplicate,
     /// Bytes from a client that are no Modbus TCP.
     Malformed,
     /// The line, or the connection to a server, was lost and is opened again.
@@ -70,7 +72,7 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 27] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -93,6 +95,7 @@ impl Event {
         Self::Left,
         Self::Crowded,
         Self::Stalled,
+        Self::Duplicate,
         Self::Malformed,
         Self::LineLost,
         Self::Collision,
@@ -124,6 +127,7 @@ impl Event {
             Self::Left => "left",
             Self::Crowded => "crowded",
             Self::Stalled => "stalled",
+            Self::Duplicate => "duplicates",
             Self::Malformed => "malformed",
             Self::LineLost => "line-lost",
             Self::Collision => "collisions",

@@ -4,6 +4,8 @@ use core::net::SocketAddr;
 
 use embassy_time::Duration;
 
+use super::TcpListen;
+
 /// TCP port number of Modbus (Messaging on TCP/IP 4.3.1.1).
 pub const MODBUS_TCP_PORT: u16 = 502;
 
@@ -15,6 +17,29 @@ pub enum StreamFraming {
     Mbap,
     /// RTU over TCP: the bytes of a serial line with their CRC, as serial device servers carry them. One request at a time.
     Rtu,
+}
+
+/// Requests that one UDP server can have open in all.
+pub const UDP_REQUESTS_MAX: usize = 32;
+
+/// A listener for Modbus UDP clients.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UdpServerSettings {
+    /// Where it listens, by UDP.
+    pub listen: TcpListen,
+    /// Requests of one peer that may be open at a time; one more is answered 06h. 1 to 16.
+    pub pipeline: u8,
+    /// Requests of all peers that may be open at a time; one more is answered 06h. 1 to [`UDP_REQUESTS_MAX`].
+    pub requests: u8,
+    /// A request not yet on the wire after this time is not sent any more, and answered 0Bh.
+    pub lifetime: Duration,
+}
+
+impl UdpServerSettings {
+    /// A listener on `listen` with the defaults: 16 requests of a peer, 32 in all, 5 s of life.
+    pub const fn new(listen: TcpListen) -> Self {
+        Self { listen, pipeline: 16, requests: UDP_REQUESTS_MAX as u8, lifetime: Duration::from_secs(5) }
+    }
 }
 
 /// A device, or a gateway with devices behind it, that is asked over TCP.

@@ -6,12 +6,14 @@ use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
 
-use super::port_keys::{DOWN_AFTER, Key, LATE_WINDOW, PIPELINE, RETRIES, TIMEOUT, auto_or_time, idle};
+use super::port_keys::{
+    DOWN_AFTER, Key, LATE_WINDOW, LIFETIME, PIPELINE, RETRIES, TIMEOUT, auto_or_time, idle,
+};
 use super::print::option;
 use super::problem::LineError;
-use super::values::{Time, small, time};
+use super::values::{Time, listen, small, time};
 use super::words::{Word, Words};
-use super::{MODBUS_TCP_PORT, StreamFraming, TcpClientSettings};
+use super::{MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, UDP_REQUESTS_MAX, UdpServerSettings};
 
 const DELAY: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(60);
 
@@ -62,6 +64,42 @@ pub(super) fn set_tcp_client(
         _ => return Err(value.expected(TCP_CLIENT_EXPECTED)),
     }
     Ok(())
+}
+
+pub(super) const UDP_SERVER_KEYS: &[(&str, Key)] = &[
+    ("listen", Key::Listen),
+    ("pipeline", Key::Pipeline),
+    ("requests", Key::Requests),
+    ("lifetime", Key::Lifetime),
+];
+
+pub(super) const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests or lifetime";
+
+/// Sets in a UDP server what `key` says.
+pub(super) fn set_udp_server(
+    settings: &mut UdpServerSettings,
+    key: Key,
+    words: &mut Words,
+) -> Result<(), LineError> {
+    let value = words.take();
+    match key {
+        Key::Listen => settings.listen = listen(value)?,
+        Key::Pipeline => settings.pipeline = small(value, "requests", PIPELINE)?,
+        Key::Requests => settings.requests = small(value, "requests", 1..=UDP_REQUESTS_MAX as u8)?,
+        Key::Lifetime => settings.lifetime = time(value, LIFETIME)?,
+        _ => return Err(value.expected(UDP_SERVER_EXPECTED)),
+    }
+    Ok(())
+}
+
+impl Display for UdpServerSettings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let default = Self::new(self.listen);
+        write!(f, "udp server {}", self.listen)?;
+        option(f, "pipeline", self.pipeline, self.pipeline != default.pipeline)?;
+        option(f, "requests", self.requests, self.requests != default.requests)?;
+        option(f, "lifetime", Time(self.lifetime), self.lifetime != default.lifetime)
+    }
 }
 
 /// Where a server is: `192.168.1.20:502`, `[fe80::1]:502`; without a port number it is Modbus's own.

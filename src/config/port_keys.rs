@@ -5,7 +5,7 @@ use core::ops::RangeInclusive;
 use embassy_time::Duration;
 use heapless::{String, Vec};
 
-use super::network_words::TCP_CLIENT_KEYS;
+use super::network_words::{TCP_CLIENT_KEYS, UDP_SERVER_KEYS};
 use super::problem::LineError;
 use super::values::{listen, medium, number, prefix, small, time};
 use super::words::{Word, Words};
@@ -31,7 +31,7 @@ const CLIENTS: RangeInclusive<u16> = 1..=1_000;
 const IDLE: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(86_400);
 /// Messaging on TCP/IP 4.4.1.1 (NumberMaxOfServerTransaction): 1 to 16.
 pub(super) const PIPELINE: RangeInclusive<u8> = 1..=16;
-const LIFETIME: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3_600);
+pub(super) const LIFETIME: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3_600);
 
 /// What a word of a port line sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,6 +68,7 @@ pub(super) enum Key {
     ConnectTimeout,
     ConnectDelay,
     RequestDelay,
+    Requests,
 }
 
 impl Key {
@@ -106,6 +107,7 @@ impl Key {
             Self::ConnectTimeout => 29,
             Self::ConnectDelay => 30,
             Self::RequestDelay => 31,
+            Self::Requests => 32,
         }
     }
 }
@@ -152,7 +154,7 @@ pub(super) const TCP_SERVER_KEYS: &[(&str, Key)] = &[
 
 /// The words that set something.
 pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
-    let tables = [SERIAL_KEYS, TCP_SERVER_KEYS, TCP_CLIENT_KEYS];
+    let tables = [SERIAL_KEYS, TCP_SERVER_KEYS, TCP_CLIENT_KEYS, UDP_SERVER_KEYS];
     // Several ports have a `timeout`: it is one word.
     tables.into_iter().enumerate().flat_map(move |(nth, table)| {
         let new = move |keyword: &str| {

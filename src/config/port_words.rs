@@ -3,7 +3,10 @@
 //! A [`Draft`] starts from the defaults or from the port as it is, takes word by word in any order, and is checked
 //! as a whole at the end of the line. What a port cannot use is refused, so that no setting is taken and ignored.
 
-use super::network_words::{TCP_CLIENT_EXPECTED, TCP_CLIENT_KEYS, server, set_tcp_client};
+use super::network_words::{
+    TCP_CLIENT_EXPECTED, TCP_CLIENT_KEYS, UDP_SERVER_EXPECTED, UDP_SERVER_KEYS, server, set_tcp_client,
+    set_udp_server,
+};
 use super::port_keys::{
     Key, SERIAL_EXPECTED, SERIAL_KEYS, TCP_SERVER_EXPECTED, TCP_SERVER_KEYS, device, set_serial,
     set_tcp_server,
@@ -13,7 +16,7 @@ use super::values::{listen, parse_number};
 use super::words::{Word, Words};
 use super::{
     Driver, Framing, LineSettings, PortKind, SerialClientSettings, SerialServerSettings, SerialSettings,
-    Side, StreamFraming, TcpClientSettings, TcpServerSettings,
+    Side, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
 };
 
 /// A port's settings while a line is read.
@@ -49,10 +52,9 @@ impl<'a> Draft<'a> {
     /// Reads a new port up to the end of the line.
     pub(super) fn create(words: &mut Words<'a>) -> Result<Self, LineError> {
         let kind = words.take();
-        match kind.keyword(&[("serial", true), ("tcp", false)], "serial or tcp")? {
-            true => Self::create_serial(words),
-            false => Self::create_tcp(words),
-        }
+        let creates: [(&str, fn(&mut Words<'a>) -> Result<Self, LineError>); 3] =
+            [("serial", Self::create_serial), ("tcp", Self::create_tcp), ("udp", Self::create_udp_server)];
+        kind.keyword(&creates, "serial, tcp or udp")?(words)
     }
 
     fn create_serial(words: &mut Words<'a>) -> Result<Self, LineError> {
@@ -97,6 +99,16 @@ impl<'a> Draft<'a> {
             Side::Server => Self::create_tcp_server(words),
             Side::Client => Self::create_tcp_client(words),
         }
+    }
+
+    fn create_udp_server(words: &mut Words<'a>) -> Result<Self, LineError> {
+        words.take().keyword(&[("server", ()), ("slave", ())], "server")?;
+        let place = words.take();
+        let settings = UdpServerSettings::new(listen(place)?);
+        let mut draft = Self::new(PortKind::UdpServer(settings), place);
+        draft.once(Key::Listen, place)?;
+        draft.read(words)?;
+        draft.check()
     }
 
     fn create_tcp_client(words: &mut Words<'a>) -> Result<Self, LineError> {
@@ -160,6 +172,7 @@ impl<'a> Draft<'a> {
             PortKind::Serial(_) => word.keyword(SERIAL_KEYS, SERIAL_EXPECTED)?,
             PortKind::TcpServer(_) => word.keyword(TCP_SERVER_KEYS, TCP_SERVER_EXPECTED)?,
             PortKind::TcpClient(_) => word.keyword(TCP_CLIENT_KEYS, TCP_CLIENT_EXPECTED)?,
+            PortKind::UdpServer(_) => word.keyword(UDP_SERVER_KEYS, UDP_SERVER_EXPECTED)?,
         };
         self.once(key, word)?;
         if matches!(key, Key::InFlight | Key::Pipeline) {
@@ -187,6 +200,7 @@ impl<'a> Draft<'a> {
                 set_tcp_server(settings, key, words)
             }
             PortKind::TcpClient(settings) => set_tcp_client(settings, key, words),
+            PortKind::UdpServer(settings) => set_udp_server(settings, key, words),
         }
     }
 
@@ -228,6 +242,7 @@ impl<'a> Draft<'a> {
             PortKind::TcpClient(settings) => {
                 one_at_a_time(settings.framing, self.several, &mut settings.in_flight, 1)?;
             }
+            PortKind::UdpServer(_) => {}
         }
         Ok(self)
     }

@@ -77,6 +77,7 @@ impl Display for PortKind {
             Self::Serial(settings) => settings.fmt(f),
             Self::TcpServer(settings) => settings.fmt(f),
             Self::TcpClient(settings) => settings.fmt(f),
+            Self::UdpServer(settings) => settings.fmt(f),
         }
     }
 }

@@ -75,7 +75,7 @@ pub fn is_implied(settings: &Settings, route: &Route) -> bool {
 
 /// The words that stand in rows and behind port names, besides names, numbers and addresses.
 pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
-    ["serial", "tcp"].into_iter().chain(port_keys::keywords()).chain(route_words::keywords())
+    ["serial", "tcp", "udp"].into_iter().chain(port_keys::keywords()).chain(route_words::keywords())
 }
 
 fn port(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
@@ -108,6 +108,9 @@ fn put_port(
                 return Err(place.error(Problem::DeviceTaken));
             }
             (PortKind::TcpServer(own), PortKind::TcpServer(other)) if own.listen.collides(&other.listen) => {
+                return Err(place.error(Problem::ListenTaken));
+            }
+            (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
                 return Err(place.error(Problem::ListenTaken));
             }
             _ => {}

@@ -51,6 +51,9 @@ pub(super) fn describe(kind: &PortKind) -> (String<12>, String<DEVICE_BYTES_MAX>
             text(format_args!("{}", client.server)),
             framing(client.framing),
         ),
+        PortKind::UdpServer(server) => {
+            (text(format_args!("udp server")), text(format_args!("{}", server.listen)), String::new())
+        }
     }
 }
 

@@ -9,6 +9,7 @@ mod line;
 mod queue;
 mod serial_server;
 mod shared_bus;
+mod stream_server;
 mod tcp_client;
 mod torture;
 mod units;

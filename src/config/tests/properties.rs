@@ -165,6 +165,15 @@ fn any_tcp_client() -> impl Strategy<Value = PortKind> {
         })
 }
 
+fn any_udp_server(n: usize) -> impl Strategy<Value = PortKind> {
+    (1..=16_u8, 1..=32_u8, duration(10_000..=3_600_000_000)).prop_map(
+        move |(pipeline, requests, lifetime)| {
+            let listen = TcpListen { address: None, port: 502 + n as u16 };
+            PortKind::UdpServer(UdpServerSettings { listen, pipeline, requests, lifetime })
+        },
+    )
+}
+
 fn any_stream() -> impl Strategy<Value = StreamFraming> {
     prop_oneof![Just(StreamFraming::Mbap), Just(StreamFraming::Rtu)]
 }
@@ -172,7 +181,12 @@ fn any_stream() -> impl Strategy<Value = StreamFraming> {
 fn any_port(n: usize) -> impl Strategy<Value = Port> {
     (
         "[A-Za-z][A-Za-z0-9_.-]{0,12}",
-        prop_oneof![any_serial(n).boxed(), any_tcp_server(n).boxed(), any_tcp_client().boxed()],
+        prop_oneof![
+            any_serial(n).boxed(),
+            any_tcp_server(n).boxed(),
+            any_tcp_client().boxed(),
+            any_udp_server(n).boxed()
+        ],
     )
         .prop_map(move |(name, kind)| {
             // The number keeps names apart, also from the reserved ones.

@@ -9,6 +9,7 @@ use embedded_io_async::{Read, Write};
 use crate::net::ClientStream;
 
 pub mod load;
+pub mod rtu;
 pub mod session;
 #[cfg(test)]
 mod tests;

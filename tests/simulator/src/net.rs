@@ -20,11 +20,14 @@ mod outgoing;
 mod pipe;
 #[cfg(test)]
 mod tests;
+mod udp;
 
 use outgoing::Outside;
 pub use outgoing::{OutgoingStream, Server, SimTcpConnect};
 pub use pipe::Path;
 use pipe::Pipe;
+use udp::Mailbox;
+pub use udp::{SimUdpHost, SimUdpSocket, UdpClient, Weather};
 
 /// Connections that wait for an `accept`; one more is refused.
 const BACKLOG_MAX: usize = 128;
@@ -37,6 +40,8 @@ struct State {
     listeners: HashMap<u16, Listener>,
     refused: HashMap<u16, OpenErrorKind>,
     outside: Outside,
+    udp: HashMap<u16, Mailbox>,
+    weather: Weather,
     random: Random,
     next_client_port: u16,
     counters: Counters,
@@ -69,6 +74,8 @@ impl Network {
             listeners: HashMap::new(),
             refused: HashMap::new(),
             outside: Outside::default(),
+            udp: HashMap::new(),
+            weather: Weather::default(),
             random: Random::new(seed),
             next_client_port: 49_152,
             counters: Counters::default(),

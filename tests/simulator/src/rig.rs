@@ -103,7 +103,7 @@ fn parse(text: &str) -> Settings {
 fn serial(kind: &PortKind) -> Option<&SerialSettings> {
     match kind {
         PortKind::Serial(serial) => Some(serial),
-        PortKind::TcpServer(_) | PortKind::TcpClient(_) => None,
+        _ => None,
     }
 }
 
@@ -126,8 +126,10 @@ impl<'g> Rig<'g> {
             self.lines.iter().fold(SimSerial::new(), |board, line| board.with(&line.device, &line.end));
         for port in 0..PORTS_MAX {
             let mut host = board.clone();
-            let mut connector = self.network.connector();
-            world.spawn(async move { gateway.run_port(PortId(port as u8), &mut host, &mut connector).await });
+            let (mut connector, mut datagrams) = (self.network.connector(), self.network.udp_host());
+            world.spawn(async move {
+                gateway.run_port(PortId(port as u8), &mut host, &mut connector, &mut datagrams).await
+            });
         }
         for seat in 0..seats {
             let mut host = self.network.host();

@@ -92,7 +92,7 @@ fn bind(at: SocketAddr) -> io::Result<TcpListener> {
 }
 
 /// What a system error means for the user.
-fn refusal(error: &io::Error) -> OpenError {
+pub(crate) fn refusal(error: &io::Error) -> OpenError {
     let (kind, hint) = match Errno::from_io_error(error) {
         Some(Errno::ACCESS | Errno::PERM) => (OpenErrorKind::Denied, hint::port_denied()),
         Some(Errno::ADDRINUSE) => (OpenErrorKind::InUse, "see who listens: ss -ltnp"),

@@ -415,6 +415,9 @@ async fn play<H: SerialHost, C: TcpConnect>(
     match kind {
         Some(PortKind::Serial(settings)) => serial_client::run(desk, settings, lines).await,
         Some(PortKind::TcpClient(settings)) => tcp_client::run(desk, settings, connector).await,
-        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_)) | None => core::future::pending().await,
+        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_)) | None => {
+            desk.close();
+            core::future::pending().await
+        }
     }
 }

@@ -34,6 +34,16 @@ pub(super) struct Draft<'a> {
     several: Option<Word<'a>>,
 }
 
+/// What a port's bytes travel on.
+#[derive(Clone, Copy)]
+enum Medium {
+    Serial,
+    Tcp,
+    Udp,
+}
+
+const MEDIA: [(&str, Medium); 3] = [("serial", Medium::Serial), ("tcp", Medium::Tcp), ("udp", Medium::Udp)];
+
 impl<'a> Draft<'a> {
     fn new(kind: PortKind, place: Word<'a>) -> Self {
         Self {
@@ -52,9 +62,11 @@ impl<'a> Draft<'a> {
     /// Reads a new port up to the end of the line.
     pub(super) fn create(words: &mut Words<'a>) -> Result<Self, LineError> {
         let kind = words.take();
-        let creates: [(&str, fn(&mut Words<'a>) -> Result<Self, LineError>); 3] =
-            [("serial", Self::create_serial), ("tcp", Self::create_tcp), ("udp", Self::create_udp_server)];
-        kind.keyword(&creates, "serial, tcp or udp")?(words)
+        match kind.keyword(&MEDIA, "serial, tcp or udp")? {
+            Medium::Serial => Self::create_serial(words),
+            Medium::Tcp => Self::create_tcp(words),
+            Medium::Udp => Self::create_udp_server(words),
+        }
     }
 
     fn create_serial(words: &mut Words<'a>) -> Result<Self, LineError> {

@@ -194,6 +194,10 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("port X serial uart9 rtu client timeout 2h", "expected a time from 1ms to 3600s"),
         ("port X serial uart9 rtu client timeout", "end of line: expected a time with its unit"),
         ("port X serial uart9 rtu server retries 2", "\"retries\": is for the client side only"),
+        ("port X serial uart9 rtu client reply-delay 2ms", "\"reply-delay\": is for the server side only"),
+        ("port X serial uart9 rtu server answer-within 1ms", "expected a time from 10ms to 3600s"),
+        ("port X serial uart9 rtu client driver-after 1ms", "\"driver-after\": needs rs485 or rts"),
+        ("port X serial uart9 rtu client rs485 rts", "\"rts\": is set twice"),
         ("route P9 1 * * P1", "column 7: \"P9\": there is no port of this name"),
         ("route P502 64-1 * * P1", "\"64-1\": the range ends before it starts"),
         ("route P502 256 * * P1", "\"256\": expected a unit id from 0 to 255"),
@@ -267,6 +271,26 @@ fn an_edit_changes_only_the_named_words() {
     );
     let text = print(&settings);
     assert!(text.contains("port P1   serial uart1 rtu client 9600 8E1\n"), "{text}");
+}
+
+#[test]
+fn settings_of_the_other_side_and_of_no_driver_are_forgotten() {
+    let mut settings = load(PORTS);
+    let lines = [
+        "edit port P2 answer-within 500ms reply-delay 5ms rts driver-before 1ms driver-after 2ms echo",
+        "edit port P2 client rs232 no-echo",
+    ];
+    apply_all(&mut settings, &lines[..1]);
+    let text = print(&settings);
+    let printed = "port P2   serial uart2 rtu server 9600 8N1 rts driver-before 1ms driver-after 2ms echo \
+                   answer-within 500ms reply-delay 5ms\n";
+    assert!(text.contains(printed), "{text}");
+    apply_all(&mut settings, &lines[1..]);
+    let text = print(&settings);
+    assert!(text.contains("port P2   serial uart2 rtu client 9600 8N1\n"), "{text}");
+    apply_all(&mut settings, &["edit port P2 server rs485"]);
+    let text = print(&settings);
+    assert!(text.contains("port P2   serial uart2 rtu server 9600 8N1 rs485\n"), "{text}");
 }
 
 #[test]
@@ -382,7 +406,8 @@ fn the_longest_lines_that_print_can_be_read() {
     let functions: Vec<String> = (1..128).step_by(2).map(|code: u8| code.to_string()).collect();
     let lines = [
         format!("port {one} serial {device} ascii client 10000000 7E1"),
-        format!("edit port {one} rs485 char-timeout 59999.999ms gap 999.999ms timeout {time} retries 10"),
+        format!("edit port {one} rs485 driver-before 999.999ms driver-after 999.999ms echo"),
+        format!("edit port {one} char-timeout 59999.999ms gap 999.999ms timeout {time} retries 10"),
         format!(
             "edit port {one} turnaround 59999.999ms start-delay {time} late-window {time} down-after 255"
         ),

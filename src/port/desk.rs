@@ -38,7 +38,7 @@ pub(crate) struct Desk<'g> {
 }
 
 impl<'g> Desk<'g> {
-    /// An empty, closed desk.
+    /// An empty desk. It takes orders in while its line is being opened for the first time; they wait for that.
     pub(crate) fn new(gateway: &'g Gateway<'g>, place: &'g PortPlace, id: PortId, unit: Option<u8>) -> Self {
         Self {
             gateway,
@@ -47,7 +47,7 @@ impl<'g> Desk<'g> {
             queue: RefCell::new(PortQueue::new()),
             unit,
             current: RefCell::new(Vec::new()),
-            open: Cell::new(false),
+            open: Cell::new(true),
             arrived: Signal::new(),
         }
     }

@@ -25,9 +25,9 @@ pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSetting
         if let Some(line) = opening.opened(host.open(&settings.device, &settings.line).await, jitter) {
             desk.open();
             serve(desk, Bus::new(line, settings), &settings.client).await;
-            desk.close();
             opening.lost();
         }
+        desk.close();
         opening.pause().await;
     }
 }

@@ -16,6 +16,7 @@ use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::hal::{SerialHost, SerialLine};
 use crate::modbus::ascii::LINE_FEED;
+use crate::modbus::crc::crc16;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX, rtu};
 use crate::port::framing::FRAME_CHARS_MAX;
@@ -64,6 +65,17 @@ struct Session<'s, 'g, L> {
     line: Line<'s, L>,
     ear: Ear,
     open: Open<'g>,
+    /// The latest answer.
+    answered: Option<Answered>,
+}
+
+/// What tells an answer from the request that repeats it (a write's answer is the write): an adapter that hears itself
+/// would otherwise have the gateway ask itself for ever, unless the settings say `echo`.
+struct Answered {
+    unit: u8,
+    crc: u16,
+    /// Its echo is heard before.
+    until: Instant,
 }
 
 enum Ear {
@@ -83,7 +95,7 @@ impl Server<'_, '_> {
                     Framing::Rtu => Ear::Rtu(RtuEar::new()),
                     Framing::Ascii => Ear::Ascii(AsciiEar::new()),
                 };
-                let mut session = Session { server: self, line, ear, open: Open::None };
+                let mut session = Session { server: self, line, ear, open: Open::None, answered: None };
                 let Err(LineLost) = session.serve().await;
                 self.close();
                 opening.lost();
@@ -200,6 +212,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             }
             let event = match judged {
                 Judged::Nothing => break,
+                Judged::Request(unit) if self.is_echo(unit, request) => Event::Noise,
                 Judged::Request(unit) => {
                     let received = self.line.active;
                     if self.server.ask(unit, request, received) {
@@ -220,6 +233,12 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         if !self.line.heard().is_empty() {
             self.interrupted();
         }
+    }
+
+    /// Whether this is what the gateway itself has just sent.
+    fn is_echo(&mut self, unit: u8, pdu: &[u8]) -> bool {
+        let answered = self.answered.take();
+        answered.is_some_and(|own| own.unit == unit && self.line.active < own.until && own.crc == crc16(pdu))
     }
 
     /// The next thing that was heard, how many bytes that were, and its PDU if it is a request for us.
@@ -288,6 +307,8 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let Ok(frame) = framing.encode(envelope.unit, pdu, delimiter, &mut frame) else { return Ok(()) };
         // After a collision the master has heard no good answer, and asks again.
         let _ = self.line.send(frame).await?;
+        let until = self.line.silent_at() + self.line.jitter;
+        self.answered = Some(Answered { unit: envelope.unit, crc: crc16(pdu), until });
         let stats = &self.server.place.stats;
         stats.count(Event::Answer);
         if let [function, code] = *pdu

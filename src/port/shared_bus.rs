@@ -88,10 +88,12 @@ impl RtuEar {
         is_ours: impl Fn(u8) -> bool,
     ) -> (Heard<'a>, usize) {
         let was_in_step = self.in_step;
-        let end = if silent && was_in_step && rtu::decode(received).is_ok() {
+        let whole = silent && was_in_step && is_whole(received);
+        let end = if whole {
             Some(received.len())
         } else {
             self.end_of_first(received, silent, &is_ours)
+                .or((silent && was_in_step).then_some(received.len()))
         };
         let frame = end.and_then(|end| Some((end, rtu::decode(received.get(..end)?).ok()?)));
         if let Some((end, (unit, pdu))) = frame {
@@ -185,6 +187,13 @@ impl RtuEar {
         }
         Heard::ForeignRequest
     }
+}
+
+/// Whether all of `received` is one frame. A CRC is good with zeros behind it as well, so the length must be possible, too.
+fn is_whole(received: &[u8]) -> bool {
+    rtu::decode(received).is_ok_and(|(_, pdu)| {
+        received.last() != Some(&0) || pdu::request_length(pdu).is_none_or(|length| length == pdu.len())
+    })
 }
 
 /// What is wrong with bytes between two silences that are no frame.

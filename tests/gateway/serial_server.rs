@@ -1,7 +1,7 @@
 //! A master on a serial line asks the gateway, in virtual time.
 
 use embassy_time::Duration;
-use mobgate::stats::Event;
+use mobgate::stats::{Event, LastError};
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::{Device, Rig, World, rig};
 
@@ -43,4 +43,65 @@ fn a_master_reaches_a_device_in_all_pairs_of_framings() {
             });
         }
     }
+}
+
+#[test]
+fn rts_is_on_from_before_the_first_bit_until_after_the_last() {
+    let rts = "19200 8E1 rts driver-before 200us driver-after 100us";
+    played(&format!("rtu server {rts}"), &format!("rtu client {rts}"), |world, rig| {
+        let mut master = rig.master("up");
+        for unit in [5, 6, 5] {
+            let answer = world.run_until(master.request(unit, &READ));
+            assert_eq!(answer, Answer::Pdu(vec![3, 2, unit, 7]));
+        }
+        for line in ["up", "down"] {
+            let switched = rig.sent(line).switched;
+            let frames = rig.wire(line).frames();
+            let own = frames.iter().filter(|frame| frame.from == rig.end(line).number());
+            let times: Vec<_> = own.flat_map(|frame| [frame.start_ns, frame.end_ns]).collect();
+            assert_eq!(switched.len(), 6, "three frames on each line");
+            for ((switched, on), at) in switched.into_iter().zip(times) {
+                let ahead = if on { at - switched } else { switched - at };
+                // The clock ticks in microseconds.
+                let wanted = if on { 200_000 } else { 100_000 };
+                assert!((wanted..=wanted + 2_000).contains(&ahead), "{line}: {ahead}");
+            }
+        }
+    });
+}
+
+#[test]
+fn the_last_error_tells_what_was_wrong_with_a_request() {
+    let settings = "port S serial up ascii server 9600 7E1\nport R serial bus rtu server\n\
+                    port X serial gone rtu server\nroute S 5 * * local\nroute R 5 * * local\n";
+    rig::with_gateway(1, settings, |world, rig| {
+        let last_error = |name: &str| {
+            let port = rig.gateway.settings(|settings| settings.find(name)).unwrap();
+            rig.gateway.ports()[port.index()].stats.last_error()
+        };
+        rig.end("gone").unplug();
+        assert_eq!(last_error("S"), LastError::None);
+        let (mut ascii, mut rtu) = (rig.master("up"), rig.master("bus"));
+        let mut try_ascii = |bytes: &[u8]| {
+            world.run_until(ascii.send_bytes(bytes));
+            world.run_for(Duration::from_secs(2));
+            last_error("S")
+        };
+        assert_eq!(try_ascii(b":050300000001F8\r\n"), LastError::Checksum);
+        assert_eq!(try_ascii(b":0503\r\n"), LastError::Length);
+        assert_eq!(try_ascii(b":0503000x"), LastError::Ascii);
+        assert_eq!(try_ascii(b":050300"), LastError::Gap);
+        assert_eq!(try_ascii(b":050300000001F7\r\n"), LastError::Function);
+        assert_eq!(try_ascii(b":0503000000007EFF\r\n"), LastError::Checksum);
+        world.run_for(Duration::from_secs(1));
+        let answer = world.run_until(rtu.request(5, &[3, 0, 0, 0, 126]));
+        assert_eq!((answer, last_error("R")), (Answer::Pdu(vec![0x83, 3]), LastError::Value));
+        world.run_until(rtu.send_bytes(&[5, 3, 0, 0, 0, 1, 0, 0]));
+        world.run_for(Duration::from_secs(1));
+        assert_eq!(last_error("R"), LastError::Checksum);
+        // An adapter that is out when the port is set anew.
+        rig.console("edit port X 9600").unwrap();
+        world.run_for(Duration::from_secs(1));
+        assert_eq!(last_error("X"), LastError::Port);
+    });
 }

@@ -251,3 +251,10 @@ fn the_character_that_ends_ascii_frames_can_be_another() {
     assert_eq!(told(ear.hear(&frame, is_ours).0), Some(ours(&READ)));
     assert_eq!(ear.delimiter(), b'!');
 }
+
+#[test]
+fn stray_bits_behind_a_request_do_not_spoil_it() {
+    let mut listener = Listener::in_step();
+    let told = listener.frame(&[&frame(OURS, &READ)[..], &[0]].concat());
+    assert_eq!(told, [ours(&READ), Told::Garbage(LastError::Length)]);
+}

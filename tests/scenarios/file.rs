@@ -68,10 +68,12 @@ pub(crate) struct Device {
     pub(crate) apart: bool,
 }
 
-/// A Modbus TCP client and its path to the gateway.
+/// A Modbus TCP client and its path to the gateway, or a master on a serial line.
 #[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Client {
+    /// The line that it is the master of; what is said of its way by TCP means nothing then.
+    pub(crate) on: Option<String>,
     #[serde(default = "anywhere")]
     pub(crate) from: IpAddr,
     #[serde(default = "modbus_port")]

@@ -86,12 +86,12 @@ impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
             }
             self.devices.insert((name.to_owned(), setup.unit), device.clone());
             if setup.apart {
-                world.spawn(device.run(wire.tap(line)));
+                world.spawn(device::serve_in(self.rig.framing(name), wire.tap(line), vec![device]));
             } else {
                 together.push(device);
             }
         }
-        world.spawn(device::serve(wire.tap(line), together));
+        world.spawn(device::serve_in(self.rig.framing(name), wire.tap(line), together));
         Ok(())
     }
 

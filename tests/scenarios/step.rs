@@ -90,6 +90,8 @@ pub(crate) enum Expected {
     OfUnit(u8),
     /// `fresh values`: read between question and answer.
     Fresh,
+    /// `a damaged frame`, on a serial line.
+    Damaged,
 }
 
 /// Bounds of a time since the question.
@@ -220,6 +222,7 @@ fn expected(words: &[&str]) -> Result<Expected, String> {
         },
         ["the", "answer", "of", "unit", unit] => Expected::OfUnit(number(unit)?),
         ["fresh", "values"] => Expected::Fresh,
+        ["a", "damaged", "frame"] => Expected::Damaged,
         _ => Expected::Pdu(bytes(words)?),
     })
 }

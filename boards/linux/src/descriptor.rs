@@ -1,16 +1,14 @@
 //! A non-blocking descriptor that one task reads and writes.
-//!
-//! async-io's own futures register with epoll each time they are made, and try the operation each time they are polled.
-//! The core makes a new `read` future whenever something else happened to its port, so here the registration
-//! outlives the future: a transaction costs a third of the system calls.
 
 use std::future::poll_fn;
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
-use std::task::{Context, Poll, ready};
+use std::task::{Poll, ready};
 
-use async_io::Async;
 use futures_lite::future::yield_now;
+use rustix::io::ioctl_fionbio;
+
+use crate::reactor::{Direction, Registration};
 
 /// Operations that may succeed at once, one after the other. Embassy's tasks are cooperative, and an operation on a
 /// ready descriptor never suspends, so that a babbling line would stop every other one.
@@ -18,34 +16,59 @@ const TURNS_MAX: u8 = 32;
 
 /// An open descriptor with its reader and its writer.
 #[derive(Debug)]
-pub(crate) struct Descriptor<T> {
-    io: Async<T>,
+pub(crate) struct Descriptor<T: AsFd> {
+    io: T,
+    registration: Registration,
     turns: u8,
-    read_blocked: bool,
-    write_blocked: bool,
 }
 
 impl<T: AsFd> Descriptor<T> {
-    pub(crate) fn new(io: Async<T>) -> Self {
-        Self { io, turns: 0, read_blocked: false, write_blocked: false }
+    /// Makes `io` non-blocking and registers it with the thread's reactor.
+    pub(crate) fn new(io: T) -> io::Result<Self> {
+        ioctl_fionbio(&io, true)?;
+        let registration = Registration::new(&io)?;
+        Ok(Self { io, registration, turns: 0 })
     }
 
     pub(crate) fn get_ref(&self) -> &T {
-        self.io.get_ref()
+        &self.io
     }
 
     /// Calls `read` until it does not have to wait. A dropped future has read nothing.
     pub(crate) async fn read_with<R>(&mut self, read: impl FnMut(&T) -> io::Result<R>) -> io::Result<R> {
         self.take_turn().await;
-        let Self { io, read_blocked, .. } = self;
-        operate(io, read_blocked, read, Async::poll_readable).await
+        operate(&self.io, self.registration.reading(), read, || Ok(())).await
     }
 
     /// Calls `write` until it does not have to wait. A dropped future has written nothing.
     pub(crate) async fn write_with<R>(&mut self, write: impl FnMut(&T) -> io::Result<R>) -> io::Result<R> {
         self.take_turn().await;
-        let Self { io, write_blocked, .. } = self;
-        operate(io, write_blocked, write, Async::poll_writable).await
+        let Self { io, registration, .. } = self;
+        let mut watched = false;
+        let watch = || {
+            watched = true;
+            registration.watch_writing(&*io, true)
+        };
+        let written = operate(io, registration.writing(), write, watch).await;
+        if watched {
+            registration.watch_writing(&*io, false)?;
+        }
+        written
+    }
+
+    /// Reads from a stream socket into `buffer`. Fewer bytes than asked for mean that there are no more for now
+    /// (epoll(7)), so the next read waits for an event instead of being refused by the kernel.
+    pub(crate) async fn read_stream(
+        &mut self,
+        buffer: &mut [u8],
+        mut read: impl FnMut(&T, &mut [u8]) -> io::Result<usize>,
+    ) -> io::Result<usize> {
+        let length = buffer.len();
+        let count = self.read_with(|io| read(io, buffer)).await?;
+        if count < length {
+            self.registration.reading().block_unless_over();
+        }
+        Ok(count)
     }
 
     /// Lets other tasks run now and then; before an operation, because a dropped future must not lose a result.
@@ -58,21 +81,21 @@ impl<T: AsFd> Descriptor<T> {
     }
 }
 
-/// Calls `operation` when `poll_ready` says so; `blocked` remembers over futures that it has been asked to.
+/// Calls `operation` whenever `direction` is ready, until it does not have to wait; `blocked` each time that it would.
 async fn operate<T, R>(
-    io: &Async<T>,
-    blocked: &mut bool,
+    io: &T,
+    direction: &Direction,
     mut operation: impl FnMut(&T) -> io::Result<R>,
-    poll_ready: impl Fn(&Async<T>, &mut Context<'_>) -> Poll<io::Result<()>>,
+    mut blocked: impl FnMut() -> io::Result<()>,
 ) -> io::Result<R> {
     poll_fn(|context| {
         loop {
-            if *blocked {
-                ready!(poll_ready(io, context))?;
-                *blocked = false;
-            }
-            match operation(io.get_ref()) {
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => *blocked = true,
+            ready!(direction.poll_ready(context));
+            match operation(io) {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                    direction.block();
+                    blocked()?;
+                }
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 done => return Poll::Ready(done),
             }
@@ -83,6 +106,12 @@ async fn operate<T, R>(
 
 impl<T: AsFd> AsFd for Descriptor<T> {
     fn as_fd(&self) -> BorrowedFd<'_> {
-        self.io.get_ref().as_fd()
+        self.io.as_fd()
+    }
+}
+
+impl<T: AsFd> Drop for Descriptor<T> {
+    fn drop(&mut self) {
+        self.registration.remove(&self.io);
     }
 }

@@ -1,18 +1,17 @@
-//! Embassy's executor in one Linux thread, which sleeps in async-io's reactor.
+//! Embassy's executor in one Linux thread, which sleeps in the [`reactor`].
 //!
-//! A wake-up goes this way: epoll reports a readable descriptor, async-io wakes the task that waits for it, the task
+//! A wake-up goes this way: epoll reports a readable descriptor, the reactor wakes the task that waits for it, the task
 //! enters embassy's run queue, the queue calls `__pender`, and the pender wakes the future that [`run`] blocks on. That
-//! future polls the run queue until it is empty, then sets one timer to the thread's next alarm.
+//! future polls the run queue until it is empty.
 
 use std::future::{Future, poll_fn};
-use std::pin::{Pin, pin};
+use std::pin::pin;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
-use std::task::{Context, Poll};
-use std::time::Duration;
 
-use async_io::Timer;
 use embassy_executor::{Spawner, raw};
 use embassy_sync::waitqueue::AtomicWaker;
+
+use crate::reactor;
 
 /// Passes over the run queue before the reactor looks for I/O again: tasks that wake each other for ever must not
 /// keep the sockets from being read.
@@ -26,18 +25,16 @@ pub fn run<T>(init: impl FnOnce(Spawner), end: impl Future<Output = T>) -> T {
     let executor: &'static raw::Executor = Box::leak(Box::new(raw::Executor::new(context)));
     init(executor.spawner());
 
-    let mut alarm = Alarm { at: None, timer: Timer::never() };
     let mut end = pin!(end);
-    async_io::block_on(poll_fn(|context| {
+    reactor::block_on(poll_fn(|context| {
         pended.waker.register(context.waker());
         pended.polling.store(true, SeqCst);
         for _ in 0..ROUNDS_MAX {
             pended.work.store(false, SeqCst);
-            mobgate_clock::fire_due();
             // SAFETY: `poll` must not run twice at a time, and only in the thread that made the executor. Nobody
             // but this closure knows the executor, and `block_on` calls it in this thread, never from a task.
             unsafe { executor.poll() };
-            if alarm.poll(context).is_pending() && !pended.work.load(SeqCst) {
+            if !pended.work.load(SeqCst) {
                 break;
             }
         }
@@ -74,36 +71,6 @@ fn pender(context: *mut ()) {
     }
 }
 
-/// The timer for the thread's earliest alarm.
-struct Alarm {
-    /// The tick that the timer is set to.
-    at: Option<u64>,
-    timer: Timer,
-}
-
-impl Alarm {
-    /// Ready when an alarm is due already; else `context` is woken when it is.
-    fn poll(&mut self, context: &mut Context<'_>) -> Poll<()> {
-        let next = mobgate_clock::next_alarm();
-        // A timer that is left alone costs no system call.
-        if self.at != next {
-            self.at = next;
-            match next {
-                Some(tick) => {
-                    let ahead = tick.saturating_sub(embassy_time::Instant::now().as_ticks());
-                    self.timer.set_after(Duration::from_micros(ahead));
-                }
-                None => self.timer = Timer::never(),
-            }
-        }
-        let due = Pin::new(&mut self.timer).poll(context);
-        if due.is_ready() {
-            self.at = None;
-        }
-        due.map(drop)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::cell::Cell;
@@ -133,7 +100,7 @@ mod tests {
         let start = Instant::now();
         let seen = run(|spawner| spawner.spawn(count(turns.clone()).unwrap()), async {
             while turns.get() < 100 {
-                async_io::Timer::after(Duration::from_millis(1)).await;
+                embassy_time::Timer::after_millis(1).await;
             }
             turns.get()
         });
@@ -143,9 +110,7 @@ mod tests {
 
     #[test]
     fn a_task_that_never_rests_keeps_no_io_from_being_seen() {
-        run(|spawner| spawner.spawn(hog().unwrap()), async {
-            async_io::Timer::after(Duration::from_millis(5)).await
-        });
+        run(|spawner| spawner.spawn(hog().unwrap()), async { embassy_time::Timer::after_millis(5).await });
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The Linux board: serial lines, TCP sockets, the settings file and the terminal as the core's `hal` wants them, and
 //! an executor for embassy tasks.
 //!
-//! A byte that arrives takes this way: epoll, [`executor`], the port's task, which reads it from its [`tty::Tty`] or
+//! A byte that arrives takes this way: epoll, [`reactor`], [`executor`], the port's task, which reads it from its [`tty::Tty`] or
 //! [`tcp::TcpStream`].
 
 pub mod cli;
@@ -12,7 +12,9 @@ pub mod executor;
 mod hint;
 pub mod lines;
 pub mod logging;
+pub mod reactor;
 pub mod settings;
+pub mod signals;
 pub mod start;
 pub mod stdio;
 pub mod store;

@@ -4,12 +4,10 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-use async_signal::{Signal as SystemSignal, Signals};
 use clap::Parser;
 use embassy_executor::Spawner;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use futures_lite::StreamExt;
 use mobgate::config::{PORTS_MAX, PortId, TcpListen};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
@@ -17,6 +15,7 @@ use mobgate::hal::System;
 use mobgate_linux::cli::Options;
 use mobgate_linux::demo::Demo;
 use mobgate_linux::lines::Lines;
+use mobgate_linux::signals::{Signal as Caught, Signals};
 use mobgate_linux::start::prepare;
 use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
@@ -81,11 +80,12 @@ async fn console_on_tcp(sockets: TcpSockets, listen: TcpListen, store: FileStore
 
 #[embassy_executor::task]
 async fn signals(mut caught: Signals, config: Option<PathBuf>) {
-    while let Some(Ok(signal)) = caught.next().await {
-        match (signal, &config) {
-            (SystemSignal::Hup, Some(file)) => reload(file),
-            _ => {
-                log::info!("ended by {signal:?}");
+    loop {
+        match (caught.next().await, &config) {
+            (Caught::Reload, Some(file)) => reload(file),
+            (Caught::Reload, None) => END.signal(End::Stop),
+            (Caught::End(name), _) => {
+                log::info!("ended by {name}");
                 END.signal(End::Stop);
             }
         }
@@ -131,8 +131,7 @@ fn check(file: &Path) -> Result<(), String> {
 fn run(options: Options) -> Result<End, String> {
     logging::start();
     // First of all: who sees a port open may send a signal.
-    let caught = Signals::new([SystemSignal::Term, SystemSignal::Int, SystemSignal::Hup])
-        .map_err(|error| format!("signals cannot be caught: {error}"))?;
+    let caught = Signals::catch().map_err(|error| format!("signals cannot be caught: {error}"))?;
     let sockets = TcpSockets::default();
     let start = prepare(&options, &sockets)?;
     let console = console::open(options.console, &sockets)?;

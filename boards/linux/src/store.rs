@@ -86,7 +86,7 @@ mod tests {
     use std::fs;
     use std::os::unix::fs::{PermissionsExt, symlink};
 
-    use async_io::block_on;
+    use crate::reactor::block_on;
     use mobgate::hal::{Store, StoreError};
 
     use super::{FileStore, TEXT_BYTES_MAX};

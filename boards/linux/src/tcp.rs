@@ -9,9 +9,8 @@ use std::io::{self, Read as _, Write as _};
 use std::net::{Shutdown, SocketAddr};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::rc::{Rc, Weak};
-use std::time::Duration;
 
-use async_io::{Async, Timer};
+use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Read, Write};
 use futures_lite::future::or;
 use mobgate::config::TcpListen;
@@ -81,8 +80,8 @@ pub struct TcpStream {
 }
 
 impl TcpStream {
-    fn new(io: Async<std::net::TcpStream>, listener: Option<Rc<Listener>>) -> Self {
-        Self { io: Descriptor::new(io), _listener: listener }
+    fn new(io: Descriptor<std::net::TcpStream>, listener: Option<Rc<Listener>>) -> Self {
+        Self { io, _listener: listener }
     }
 }
 
@@ -114,7 +113,7 @@ impl ErrorType for TcpStream {
 
 impl Read for TcpStream {
     async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        self.io.read_with(|mut stream| stream.read(into)).await
+        self.io.read_stream(into, |mut stream, into| stream.read(into)).await
     }
 }
 

@@ -9,7 +9,6 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use async_io::Async;
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::config::{Driver, LineSettings, Parity};
 use mobgate::hal::{OpenError, OpenErrorKind, SerialHost, SerialLine};
@@ -50,9 +49,9 @@ impl SerialHost for TtyHost {
             Driver::Rts => Some(port.try_clone().map_err(|_| OpenError::new(OpenErrorKind::Failed, ""))?),
             Driver::Automatic | Driver::Rs485 => None,
         };
-        let io = Async::new(File::from(OwnedFd::from(port)))
+        let io = Descriptor::new(File::from(OwnedFd::from(port)))
             .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
-        Ok(Tty { io: Descriptor::new(io), rts: rts.map(Arc::new) })
+        Ok(Tty { io, rts: rts.map(Arc::new) })
     }
 }
 

@@ -3,7 +3,6 @@
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket as SystemSocket};
 
-use async_io::Async;
 use mobgate::config::TcpListen;
 use mobgate::hal::{OpenError, SocketLost, UdpHost, UdpSocket};
 use rustix::io::Errno;
@@ -33,8 +32,8 @@ impl UdpHost for Datagrams {
                     }
                 }),
             };
-        let socket = bound.and_then(Async::new).map_err(|error| refusal(&error))?;
-        Ok(Datagram(Descriptor::new(socket)))
+        let socket = bound.and_then(Descriptor::new).map_err(|error| refusal(&error))?;
+        Ok(Datagram(socket))
     }
 }
 

@@ -24,7 +24,8 @@ fn with_console(settings: &str) -> (Program, u16) {
 }
 
 fn session(console: u16) -> TcpStream {
-    let session = TcpStream::connect((Ipv4Addr::LOCALHOST, console)).unwrap();
+    // The console opens a moment after the gateway's own ports.
+    let session = wait_for("the console", || TcpStream::connect((Ipv4Addr::LOCALHOST, console)).ok());
     session.set_read_timeout(Some(PATIENCE)).unwrap();
     session
 }

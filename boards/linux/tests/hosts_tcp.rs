@@ -4,11 +4,12 @@ use std::io::{Read as _, Write as _};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
-use async_io::{Timer, block_on};
+use embassy_time::Timer;
 use embedded_io_async::{Read, Write};
 use futures_lite::future::{or, poll_once, zip};
 use mobgate::config::TcpListen;
 use mobgate::hal::{OpenErrorKind, TcpHost, TcpStream as _};
+use mobgate_linux::reactor::block_on;
 use mobgate_linux::tcp::TcpSockets;
 
 const LOOPBACK: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
@@ -56,7 +57,7 @@ fn a_listener_closes_when_the_last_waiting_task_leaves() {
     let (listen, mut sockets) = (loopback(), TcpSockets::default());
     block_on(async {
         let gave_up = or(async { sockets.accept(&listen).await.map(drop).is_ok() }, async {
-            Timer::after(Duration::from_millis(10)).await;
+            Timer::after_millis(10).await;
             false
         });
         assert!(!gave_up.await);

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use async_io::block_on;
 use embedded_io_async::{Read, Write};
 use futures_lite::future::poll_once;
 use mobgate::config::{Driver, LineSettings, Parity};
 use mobgate::hal::{OpenErrorKind, SerialHost};
+use mobgate_linux::reactor::block_on;
 use mobgate_linux::tty::{Tty, TtyHost};
 use serial2::SerialPort;
 

@@ -6,7 +6,7 @@ use embassy_time::{Duration, Instant, with_timeout};
 use mobgate_simulator::client::Reply;
 use mobgate_simulator::client::session::{Arrival, Session};
 use mobgate_simulator::device::{Fresh, Memory};
-use mobgate_simulator::net::Path;
+use mobgate_simulator::net::{ClientStream, Path};
 use mobgate_simulator::{Rig, World};
 
 use crate::file::Client;
@@ -61,8 +61,8 @@ impl<'s> Clients<'s> {
                 client.check_nothing_came(name)?;
                 match going {
                     Going::Leaves => drop(client),
-                    Going::Resets => client.session.into_stream().reset(),
-                    Going::Vanishes => client.session.into_stream().vanish(),
+                    Going::Resets => client.stream()?.reset(),
+                    Going::Vanishes => client.stream()?.vanish(),
                 }
                 return Ok(());
             }
@@ -99,6 +99,10 @@ impl<'s> Clients<'s> {
 }
 
 fn connect(world: &World<'_>, rig: &Rig<'_>, setup: &Client) -> Result<Session, String> {
+    if let Some(device) = &setup.on {
+        let line = rig.wire(device).tap(rig.end(device).line());
+        return Ok(Session::on_line(line, rig.framing(device), world));
+    }
     let optional = |time: &Option<String>| time.as_deref().map_or(Ok(Duration::from_ticks(0)), duration);
     let path = Path {
         latency: optional(&setup.latency)?,
@@ -113,6 +117,10 @@ fn connect(world: &World<'_>, rig: &Rig<'_>, setup: &Client) -> Result<Session, 
 }
 
 impl Connected {
+    fn stream(self) -> Result<ClientStream, String> {
+        self.session.into_stream().ok_or_else(|| "a line has no connection".to_owned())
+    }
+
     fn act(&mut self, world: &mut World<'_>, action: &Action) -> Result<(), String> {
         match action {
             Action::Asks(unit, pdu) => {
@@ -149,11 +157,16 @@ impl Connected {
         let Some(question) = self.questions.remove(&reply.transaction) else {
             return Err(format!("it got {}, and has not asked", told(&reply)));
         };
-        if (reply.protocol, reply.unit) != (0, question.unit) {
+        let is_damaged = reply.pdu.is_empty();
+        if is_damaged != matches!(expected, Expected::Damaged) {
+            return Err(format!("it got {}", told(&reply)));
+        }
+        if !is_damaged && (reply.protocol, reply.unit) != (0, question.unit) {
             return Err(format!("it asked unit {} and got {}", question.unit, told(&reply)));
         }
         let should = match expected {
             Expected::Pdu(pdu) => pdu.clone(),
+            Expected::Damaged => Vec::new(),
             Expected::Exception(code) => vec![question.pdu[0] | 0x80, *code],
             Expected::OfUnit(unit) => {
                 let answer = Memory::new(*unit).execute(&question.pdu);

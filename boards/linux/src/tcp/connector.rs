@@ -3,13 +3,13 @@
 use std::io;
 use std::net::{SocketAddr, TcpStream as SystemStream};
 
-use async_io::Async;
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
 use rustix::io::Errno;
-use socket2::SockRef;
+use socket2::{Domain, Protocol, Socket, Type};
 
 use super::listener::is_exhausted;
 use super::{TcpStream, options};
+use crate::descriptor::Descriptor;
 
 /// Makes connections.
 #[derive(Debug, Clone, Copy, Default)]
@@ -19,9 +19,31 @@ impl TcpConnect for Connector {
     type Stream<'a> = TcpStream;
 
     async fn connect(&mut self, server: SocketAddr) -> Result<TcpStream, OpenError> {
-        let connected = Async::<SystemStream>::connect(server).await;
-        let tuned = connected.and_then(|stream| options::set(&SockRef::from(&stream)).map(|()| stream));
-        tuned.map(|stream| TcpStream::new(stream, None)).map_err(|error| refusal(&error))
+        let mut stream = begin(server).map_err(|error| refusal(&error))?;
+        let connected = stream.write_with(is_connected).await;
+        connected.map(|()| TcpStream::new(stream, None)).map_err(|error| refusal(&error))
+    }
+}
+
+/// A socket that is connecting.
+fn begin(server: SocketAddr) -> io::Result<Descriptor<SystemStream>> {
+    let socket = Socket::new(Domain::for_address(server), Type::STREAM, Some(Protocol::TCP))?;
+    options::set(&socket)?;
+    socket.set_nonblocking(true)?;
+    match socket.connect(&server.into()) {
+        Err(error) if Errno::from_io_error(&error) != Some(Errno::INPROGRESS) => Err(error),
+        _ => Descriptor::new(socket.into()),
+    }
+}
+
+/// Whether the connection has come about; `WouldBlock` as long as that is open (connect(2), EINPROGRESS).
+fn is_connected(stream: &SystemStream) -> io::Result<()> {
+    match (stream.take_error()?, stream.peer_addr()) {
+        (Some(error), _) => Err(error),
+        (None, Err(error)) if Errno::from_io_error(&error) == Some(Errno::NOTCONN) => {
+            Err(io::ErrorKind::WouldBlock.into())
+        }
+        (None, peer) => peer.map(drop),
     }
 }
 

@@ -2,16 +2,16 @@
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream};
-use std::time::Duration;
 
-use async_io::{Async, Timer};
 use async_lock::Mutex;
+use embassy_time::{Duration, Timer};
 use mobgate::config::TcpListen;
 use mobgate::hal::{OpenError, OpenErrorKind};
 use rustix::io::Errno;
 use socket2::{Domain, Protocol, Socket, Type};
 
 use super::options;
+use crate::descriptor::Descriptor;
 use crate::hint;
 
 /// Connections that the kernel accepts ahead of us.
@@ -22,7 +22,7 @@ const EXHAUSTED_PAUSE: Duration = Duration::from_millis(200);
 /// A listening socket. Waiting tasks queue up, so that a connection wakes one of them and not all.
 #[derive(Debug)]
 pub struct Listener {
-    socket: Mutex<Async<TcpListener>>,
+    socket: Mutex<Descriptor<TcpListener>>,
 }
 
 impl Listener {
@@ -40,7 +40,7 @@ impl Listener {
                     }
                 }),
             };
-        let socket = bound.and_then(Async::new).map_err(|error| refusal(&error))?;
+        let socket = bound.and_then(Descriptor::new).map_err(|error| refusal(&error))?;
         Ok(Self { socket: Mutex::new(socket) })
     }
 
@@ -53,10 +53,11 @@ impl Listener {
     }
 
     /// The next connection and its peer, an IPv4 peer as such also on a socket for both.
-    pub(super) async fn accept(&self) -> (Async<TcpStream>, SocketAddr) {
-        let socket = self.socket.lock().await;
+    pub(super) async fn accept(&self) -> (Descriptor<TcpStream>, SocketAddr) {
+        let mut socket = self.socket.lock().await;
         loop {
-            match socket.accept().await {
+            let accepted = socket.read_with(TcpListener::accept).await;
+            match accepted.and_then(|(stream, peer)| Ok((Descriptor::new(stream)?, peer))) {
                 Ok((stream, peer)) => {
                     return (stream, SocketAddr::new(peer.ip().to_canonical(), peer.port()));
                 }

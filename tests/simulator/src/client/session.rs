@@ -1,4 +1,4 @@
-//! A client whose answers are taken in as they come, each with its time of arrival.
+//! A client, or a master on a serial line, whose answers are taken in as they come, each with its time of arrival.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -8,16 +8,25 @@ use std::task::{Poll, Waker};
 
 use embassy_time::Instant;
 use embedded_io_async::{Read, Write};
+use mobgate::config::Framing;
 
 use super::{FRAME_BYTES_MAX, Reply, frame, take_frame};
+use crate::framing::{self, Listener};
 use crate::net::{ClientReader, ClientStream};
+use crate::wire::LineEnd;
 use crate::world::World;
 
 /// A connected client that sends and receives independently.
 pub struct Session {
-    stream: ClientStream,
+    way: Way,
     inbox: Rc<RefCell<Inbox>>,
     transaction: u16,
+}
+
+/// What a session sends by.
+enum Way {
+    Stream(ClientStream),
+    Line(LineEnd, Framing),
 }
 
 /// Something that came.
@@ -40,24 +49,40 @@ impl Session {
     pub fn start(stream: ClientStream, world: &World<'_>) -> Self {
         let inbox = Rc::<RefCell<Inbox>>::default();
         world.spawn(receive(stream.reader(), inbox.clone()));
-        Self { stream, inbox, transaction: 0 }
+        Self { way: Way::Stream(stream), inbox, transaction: 0 }
+    }
+
+    /// Starts to receive on a serial line, as a master. What comes bears no transaction id: it has 0. A damaged frame has
+    /// no PDU.
+    pub fn on_line(line: LineEnd, framing: Framing, world: &World<'_>) -> Self {
+        let inbox = Rc::<RefCell<Inbox>>::default();
+        world.spawn(hear(Listener::new(line.clone(), framing), framing, inbox.clone()));
+        Self { way: Way::Line(line, framing), inbox, transaction: 0 }
     }
 
     /// A session on `stream` that never receives anything.
     pub fn deaf(stream: ClientStream) -> Self {
-        Self { stream, inbox: Rc::default(), transaction: 0 }
+        Self { way: Way::Stream(stream), inbox: Rc::default(), transaction: 0 }
     }
 
     /// Sends a request; its transaction id, or nothing when the connection has ended.
     pub async fn send(&mut self, unit: u8, pdu: &[u8]) -> Option<u16> {
-        self.transaction = self.transaction.wrapping_add(1);
-        let frame = frame(self.transaction, unit, pdu);
+        let frame = match &self.way {
+            Way::Stream(_) => {
+                self.transaction = self.transaction.wrapping_add(1);
+                frame(self.transaction, unit, pdu)
+            }
+            Way::Line(_, framing) => framing::frame(*framing, unit, pdu),
+        };
         self.send_bytes(&frame).await.then_some(self.transaction)
     }
 
     /// Sends `bytes` as they are; false when the connection has ended.
     pub async fn send_bytes(&mut self, bytes: &[u8]) -> bool {
-        self.stream.write_all(bytes).await.is_ok()
+        match &mut self.way {
+            Way::Stream(stream) => stream.write_all(bytes).await.is_ok(),
+            Way::Line(line, _) => line.write_all(bytes).await.is_ok(),
+        }
     }
 
     /// The next arrival that was not taken yet, if it has come.
@@ -80,9 +105,25 @@ impl Session {
         .await
     }
 
-    /// The connection, to end it in one of its ways.
-    pub fn into_stream(self) -> ClientStream {
-        self.stream
+    /// The connection, to end it in one of its ways; a line has none.
+    pub fn into_stream(self) -> Option<ClientStream> {
+        match self.way {
+            Way::Stream(stream) => Some(stream),
+            Way::Line(..) => None,
+        }
+    }
+}
+
+async fn hear(mut listener: Listener, framing: Framing, inbox: Rc<RefCell<Inbox>>) {
+    loop {
+        let heard = listener.hear().await;
+        let (unit, pdu) = framing::open(framing, &heard.bytes).unwrap_or_default();
+        // The frame was there with its last bit; in RTU the listener knows so after the silence.
+        let at = Instant::from_micros(heard.end_ns.div_ceil(1_000));
+        let mut inbox = inbox.borrow_mut();
+        let reply = Some(Reply { transaction: 0, protocol: 0, unit, pdu });
+        inbox.arrivals.push_back(Arrival { at, reply });
+        inbox.waiting.take().into_iter().for_each(Waker::wake);
     }
 }
 

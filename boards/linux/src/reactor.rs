@@ -1,0 +1,228 @@
+//! The thread's event loop: it sleeps in epoll until a descriptor is ready, the next alarm is due, or another thread wakes it.
+//!
+//! Every descriptor is registered once, edge-triggered, for reading; for writing only while a write would block. What epoll
+//! reports is remembered until an operation would block, so a transaction costs its reads and writes and one
+//! `epoll_pwait2` for each time that there is nothing to do: no timer descriptor, no registration for each wait, no
+//! second thread.
+
+use std::cell::{Cell, RefCell};
+use std::future::Future;
+use std::io;
+use std::os::fd::{AsFd, OwnedFd};
+use std::pin::pin;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::task::{Context, Poll, Wake, Waker};
+
+use embassy_time::Instant;
+use rustix::event::epoll::{self, CreateFlags, EventData, EventFlags};
+use rustix::event::{EventfdFlags, Timespec, eventfd};
+use slab::Slab;
+
+/// Events taken from the kernel at a time.
+const EVENTS_MAX: usize = 64;
+/// The event that stands for a wake-up by another thread; no source has this number.
+const WOKEN: u64 = u64::MAX;
+
+/// What is always reported.
+const READING: EventFlags = EventFlags::IN.union(EventFlags::RDHUP).union(EventFlags::ET);
+
+thread_local! {
+    static REACTOR: Reactor = Reactor::new().expect("the system has epoll, and descriptors left");
+}
+
+struct Reactor {
+    epoll: OwnedFd,
+    sources: RefCell<Slab<Rc<Source>>>,
+    alert: Arc<Alert>,
+}
+
+/// Wakes the thread of a reactor.
+struct Alert {
+    /// Something is to be polled.
+    awake: AtomicBool,
+    /// The thread is in `epoll_wait`, or about to be: only then is it worth a system call to wake it.
+    asleep: AtomicBool,
+    bell: OwnedFd,
+}
+
+impl Wake for Alert {
+    fn wake(self: Arc<Self>) {
+        self.wake_by_ref();
+    }
+
+    fn wake_by_ref(self: &Arc<Self>) {
+        self.awake.store(true, SeqCst);
+        if self.asleep.swap(false, SeqCst) {
+            // The counter of an eventfd overflows after 2^64 rings.
+            let _ = rustix::io::write(&self.bell, &1_u64.to_ne_bytes());
+        }
+    }
+}
+
+/// Runs `future` and, on the way, everything that waits for descriptors and times of this thread.
+pub fn block_on<T>(future: impl Future<Output = T>) -> T {
+    let mut future = pin!(future);
+    REACTOR.with(|reactor| {
+        let waker = Waker::from(reactor.alert.clone());
+        let mut context = Context::from_waker(&waker);
+        // Whatever an earlier run left behind, this future has not been polled yet.
+        reactor.alert.awake.store(true, SeqCst);
+        loop {
+            mobgate_clock::fire_due();
+            if reactor.alert.awake.swap(false, SeqCst)
+                && let Poll::Ready(value) = future.as_mut().poll(&mut context)
+            {
+                return value;
+            }
+            reactor.sleep();
+        }
+    })
+}
+
+impl Reactor {
+    fn new() -> io::Result<Self> {
+        let epoll = epoll::create(CreateFlags::CLOEXEC)?;
+        let bell = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
+        epoll::add(&epoll, &bell, EventData::new_u64(WOKEN), EventFlags::IN | EventFlags::ET)?;
+        let alert = Alert { awake: AtomicBool::new(false), asleep: AtomicBool::new(false), bell };
+        Ok(Self { epoll, sources: RefCell::default(), alert: Arc::new(alert) })
+    }
+
+    /// Sleeps until something happens, or looks only whether something has when there is more to poll.
+    fn sleep(&self) {
+        self.alert.asleep.store(true, SeqCst);
+        let patience = if self.alert.awake.load(SeqCst) { Some(0) } else { until_next_alarm() };
+        let timeout = patience.map(|micros| Timespec {
+            tv_sec: (micros / 1_000_000).try_into().unwrap_or(i64::MAX),
+            tv_nsec: (micros % 1_000_000 * 1_000) as i64,
+        });
+        let mut events = Vec::with_capacity(EVENTS_MAX);
+        let waited = epoll::wait(&self.epoll, rustix::buffer::spare_capacity(&mut events), timeout.as_ref());
+        self.alert.asleep.store(false, SeqCst);
+        if waited.is_err() {
+            return; // by a signal; whatever is ready is reported again
+        }
+        for event in events {
+            let (number, flags) = (event.data.u64(), event.flags);
+            let source = usize::try_from(number).ok().and_then(|key| self.sources.borrow().get(key).cloned());
+            // A number may have been given to another source by now, which then looks once in vain.
+            if let Some(source) = source {
+                source.notice(flags);
+            }
+        }
+    }
+}
+
+/// Microseconds until the thread's next alarm; none when no alarm is set.
+fn until_next_alarm() -> Option<u64> {
+    mobgate_clock::next_alarm().map(|at| at.saturating_sub(Instant::now().as_ticks()))
+}
+
+/// A registered descriptor.
+#[derive(Debug, Default)]
+struct Source {
+    reading: Direction,
+    writing: Direction,
+}
+
+/// One direction of a descriptor.
+#[derive(Debug, Default)]
+pub(crate) struct Direction {
+    /// Nothing has been reported since an operation would have blocked.
+    blocked: Cell<bool>,
+    /// The peer has ended it, or it broke: no further event will tell.
+    over: Cell<bool>,
+    waiting: RefCell<Option<Waker>>,
+}
+
+impl Source {
+    fn notice(&self, flags: EventFlags) {
+        let broken = EventFlags::HUP | EventFlags::ERR;
+        self.reading.notice(flags, EventFlags::IN, EventFlags::RDHUP | broken);
+        self.writing.notice(flags, EventFlags::OUT, broken);
+    }
+}
+
+impl Direction {
+    fn notice(&self, flags: EventFlags, more: EventFlags, over: EventFlags) {
+        if flags.intersects(over) {
+            self.over.set(true);
+        }
+        if flags.intersects(more | over) {
+            self.blocked.set(false);
+            if let Some(waker) = self.waiting.take() {
+                waker.wake();
+            }
+        }
+    }
+
+    /// An operation would have blocked: the next one is to wait for an event.
+    pub(crate) fn block(&self) {
+        self.blocked.set(true);
+    }
+
+    /// An operation did less than it was asked to, so the next one would block, unless it is to learn of the end.
+    pub(crate) fn block_unless_over(&self) {
+        self.blocked.set(!self.over.get());
+    }
+
+    /// Ready unless an operation would block, as far as is known.
+    pub(crate) fn poll_ready(&self, context: &Context<'_>) -> Poll<()> {
+        if !self.blocked.get() {
+            return Poll::Ready(());
+        }
+        self.waiting.replace(Some(context.waker().clone()));
+        Poll::Pending
+    }
+}
+
+/// A descriptor's place in the reactor of the thread that made it; it must be dropped there, before the descriptor closes.
+#[derive(Debug)]
+pub(crate) struct Registration {
+    key: usize,
+    source: Rc<Source>,
+}
+
+impl Registration {
+    /// Registers `descriptor`, which is non-blocking. An error when epoll refuses it, as it does with files.
+    pub(crate) fn new(descriptor: impl AsFd) -> io::Result<Self> {
+        REACTOR.with(|reactor| {
+            let source = Rc::new(Source::default());
+            let key = reactor.sources.borrow_mut().insert(source.clone());
+            let added = epoll::add(&reactor.epoll, descriptor, EventData::new_u64(key as u64), READING);
+            // Dropped at an error, which gives the place back.
+            let registration = Self { key, source };
+            added.map(|()| registration).map_err(io::Error::from)
+        })
+    }
+
+    /// Has room to write in `descriptor` reported, or no longer: a tty reports it after every write, which wakes nobody.
+    pub(crate) fn watch_writing(&self, descriptor: impl AsFd, watch: bool) -> io::Result<()> {
+        let flags = if watch { READING | EventFlags::OUT } else { READING };
+        let data = EventData::new_u64(self.key as u64);
+        REACTOR.with(|reactor| Ok(epoll::modify(&reactor.epoll, descriptor, data, flags)?))
+    }
+
+    /// Takes `descriptor` out again.
+    pub(crate) fn remove(&self, descriptor: impl AsFd) {
+        // It is registered, so nothing can be wrong.
+        let _ = REACTOR.try_with(|reactor| epoll::delete(&reactor.epoll, descriptor));
+    }
+
+    pub(crate) fn reading(&self) -> &Direction {
+        &self.source.reading
+    }
+
+    pub(crate) fn writing(&self) -> &Direction {
+        &self.source.writing
+    }
+}
+
+impl Drop for Registration {
+    fn drop(&mut self) {
+        // At the end of the thread the reactor may be gone already.
+        let _ = REACTOR.try_with(|reactor| reactor.sources.borrow_mut().try_remove(self.key));
+    }
+}

@@ -1,0 +1,54 @@
+//! The signals that the program acts on, as bytes in a socket that the reactor watches.
+
+use std::io::{self, Read};
+use std::os::unix::net::UnixStream;
+
+use embassy_futures::select::{Either3, select3};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::low_level::pipe;
+
+use crate::descriptor::Descriptor;
+
+/// A signal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Signal {
+    /// SIGHUP: read the settings again.
+    Reload,
+    /// SIGTERM or SIGINT: end.
+    End(&'static str),
+}
+
+/// Catches signals from its making on.
+#[derive(Debug)]
+pub struct Signals {
+    hup: Descriptor<UnixStream>,
+    int: Descriptor<UnixStream>,
+    term: Descriptor<UnixStream>,
+}
+
+impl Signals {
+    /// From now on signals are kept until [`Signals::next`] gives them.
+    pub fn catch() -> io::Result<Self> {
+        Ok(Self { hup: caught(SIGHUP)?, int: caught(SIGINT)?, term: caught(SIGTERM)? })
+    }
+
+    /// The next signal.
+    pub async fn next(&mut self) -> Signal {
+        match select3(arrived(&mut self.hup), arrived(&mut self.int), arrived(&mut self.term)).await {
+            Either3::First(()) => Signal::Reload,
+            Either3::Second(()) => Signal::End("SIGINT"),
+            Either3::Third(()) => Signal::End("SIGTERM"),
+        }
+    }
+}
+
+fn caught(signal: i32) -> io::Result<Descriptor<UnixStream>> {
+    let (reader, writer) = UnixStream::pair()?;
+    pipe::register(signal, writer)?;
+    Descriptor::new(reader)
+}
+
+async fn arrived(signal: &mut Descriptor<UnixStream>) {
+    // The other end lives as long as the process, so this can neither end nor fail.
+    let _ = signal.read_with(|mut stream| stream.read(&mut [0; 16])).await;
+}

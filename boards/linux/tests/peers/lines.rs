@@ -1,0 +1,86 @@
+//! Serial lines: pairs of PTYs, with one of the servers at the far end.
+
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+
+use crate::common::{Program, wait_for};
+use crate::outside::{Running, Tool, script};
+use crate::{rmodbus_server, tokio_server};
+
+/// Input register 0 of this unit; the following ones count up.
+pub(crate) fn first_input(unit: u8) -> u16 {
+    u16::from(unit) << 8
+}
+
+/// A line with a server on it, for as long as it is held.
+pub(crate) struct Line {
+    folder: tempfile::TempDir,
+    /// How long the gateway waits for an answer.
+    timeout: &'static str,
+    _programs: Vec<Running>,
+}
+
+/// An interpreter beside other tests on a busy machine may be slow.
+const PYTHON_TIMEOUT: &str = "5s";
+/// Short, because tests wait for units that do not answer.
+const RUST_TIMEOUT: &str = "500ms";
+
+impl Line {
+    /// `units` played by pymodbus.
+    pub(crate) fn with_pymodbus(units: &[u8]) -> Self {
+        let mut line = Self::bare();
+        let mut arguments = vec![script("server.py").into(), line.far_end().into()];
+        arguments.extend(units.iter().map(|unit| unit.to_string().into()));
+        let mut server = Tool::python().start(arguments);
+        let mut said = String::new();
+        BufReader::new(server.0.stdout.as_mut().unwrap()).read_line(&mut said).unwrap();
+        assert_eq!(said, "ready\n", "pymodbus's server");
+        line._programs.push(server);
+        line.timeout = PYTHON_TIMEOUT;
+        line
+    }
+
+    /// `unit` played by rmodbus; other units are silent.
+    pub(crate) fn with_rmodbus(unit: u8) -> Self {
+        let line = Self::bare();
+        rmodbus_server::start(&line.far_end(), unit);
+        line
+    }
+
+    /// `unit` played by tokio-modbus; other units are silent.
+    pub(crate) fn with_tokio_modbus(unit: u8) -> Self {
+        let line = Self::bare();
+        tokio_server::start(&line.far_end(), unit);
+        line
+    }
+
+    fn bare() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let end = |name| format!("pty,raw,echo=0,link={}", folder.path().join(name).display()).into();
+        let socat = Tool::socat().start([end("near"), end("far")]);
+        let line = Self { folder, timeout: RUST_TIMEOUT, _programs: vec![socat] };
+        wait_for("socat's PTYs", || (line.near_end().exists() && line.far_end().exists()).then_some(()));
+        line
+    }
+
+    /// The gateway's end.
+    fn near_end(&self) -> PathBuf {
+        self.folder.path().join("near")
+    }
+
+    fn far_end(&self) -> PathBuf {
+        self.folder.path().join("far")
+    }
+}
+
+/// The program with `lines` as its ports P1, P2 and so on, a TCP server P502, and `routes`. The lines are open.
+pub(crate) fn program(lines: &[Line], routes: &str) -> Program {
+    let port = |(index, line): (usize, &Line)| {
+        let (device, timeout) = (line.near_end(), line.timeout);
+        format!("port P{} serial {} rtu client 115200 8N1 timeout {timeout}\n", index + 1, device.display())
+    };
+    let ports: String = lines.iter().enumerate().map(port).collect();
+    let program = Program::configured(&format!("{ports}port P502 tcp server {{port}}\n{routes}"));
+    wait_for("the lines", || (program.log().matches("is open").count() == lines.len()).then_some(()));
+    program
+}

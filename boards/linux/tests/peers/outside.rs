@@ -1,0 +1,75 @@
+//! Outside programs: how they are found, run, and asked for when they are missing.
+
+use std::env;
+use std::ffi::OsString;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+/// An outside program that a test needs.
+pub(crate) struct Tool {
+    program: OsString,
+    install: String,
+}
+
+impl Tool {
+    pub(crate) fn mbpoll() -> Self {
+        Self { program: "mbpoll".into(), install: "apt-get install mbpoll".into() }
+    }
+
+    pub(crate) fn socat() -> Self {
+        Self { program: "socat".into(), install: "apt-get install socat".into() }
+    }
+
+    /// A Python that has pymodbus: the one that `MOBGATE_PYTHON` names, or else the virtual environment's.
+    pub(crate) fn python() -> Self {
+        let prepared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/python/bin/python3");
+        let python = Self {
+            program: env::var_os("MOBGATE_PYTHON").unwrap_or(prepared.into()),
+            install: "apt-get install python3-venv && tests/peers/setup".into(),
+        };
+        let (good, said) = python.run(&["-c", "import pymodbus.simulator, serial"]);
+        assert!(good, "pymodbus or pyserial is missing: {}\n{said}", python.install);
+        python
+    }
+
+    fn command(&self) -> Command {
+        Command::new(&self.program)
+    }
+
+    /// Runs it to its end; both outputs, and whether it ended well.
+    pub(crate) fn run(&self, arguments: &[&str]) -> (bool, String) {
+        let ended = self.command().args(arguments).stdin(Stdio::null()).output();
+        let output = ended.unwrap_or_else(|error| self.missing(&error));
+        let text = [output.stdout, output.stderr].concat();
+        (output.status.success(), String::from_utf8_lossy(&text).into_owned())
+    }
+
+    /// Starts it, with its standard output to be read.
+    pub(crate) fn start(&self, arguments: impl IntoIterator<Item = OsString>) -> Running {
+        let started = self.command().args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
+        Running(started.unwrap_or_else(|error| self.missing(&error)))
+    }
+
+    fn missing(&self, error: &std::io::Error) -> ! {
+        match error.kind() {
+            ErrorKind::NotFound => panic!("{} is missing: {}", self.program.display(), self.install),
+            _ => panic!("{}: {error}", self.program.display()),
+        }
+    }
+}
+
+/// A running outside program, which ends with the test.
+pub(crate) struct Running(pub(crate) Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A file beside this one.
+pub(crate) fn script(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peers").join(name)
+}

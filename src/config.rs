@@ -6,6 +6,8 @@
 
 mod line;
 mod loader;
+mod network;
+mod network_words;
 mod port_keys;
 mod port_words;
 mod print;
@@ -27,6 +29,9 @@ use heapless::{String, Vec};
 
 pub(crate) use self::line::LineBuffer;
 pub use self::loader::{LoadError, Loader};
+pub use self::network::{
+    MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, UDP_REQUESTS_MAX, UdpServerSettings,
+};
 pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
 pub use self::saved::{ReadError, read_store, write_store};
@@ -189,6 +194,10 @@ pub enum PortKind {
     Serial(SerialSettings),
     /// A listener for Modbus TCP clients.
     TcpServer(TcpServerSettings),
+    /// A device behind Modbus TCP, or RTU over TCP.
+    TcpClient(TcpClientSettings),
+    /// A listener for Modbus UDP clients.
+    UdpServer(UdpServerSettings),
 }
 
 impl PortKind {
@@ -196,7 +205,8 @@ impl PortKind {
     pub const fn side(&self) -> Side {
         match self {
             Self::Serial(settings) => settings.side,
-            Self::TcpServer(_) => Side::Server,
+            Self::TcpServer(_) | Self::UdpServer(_) => Side::Server,
+            Self::TcpClient(_) => Side::Client,
         }
     }
 }
@@ -369,12 +379,12 @@ impl SerialServerSettings {
         Self { answer_within: Duration::from_secs(3), reply_delay: Duration::from_ticks(0) };
 }
 
-/// Where a TCP server listens.
+/// Where a TCP or UDP server listens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TcpListen {
     /// The local address; `None` is all of them.
     pub address: Option<IpAddr>,
-    /// TCP port number, 1 to 65535.
+    /// TCP or UDP port number, 1 to 65535.
     pub port: u16,
 }
 
@@ -391,11 +401,14 @@ impl TcpListen {
 pub struct TcpServerSettings {
     /// Where it listens.
     pub listen: TcpListen,
+    /// Modbus TCP or RTU over TCP.
+    pub framing: StreamFraming,
     /// Connections at a time. One more is accepted for a moment, to decide who goes.
     pub clients: u16,
     /// A connection without a request for so long is closed; zero never.
     pub idle: Duration,
-    /// Requests of one connection that may be open at a time; one more is answered 06h. 1 to 16.
+    /// Requests of one connection that may be open at a time; one more is answered 06h. 1 to 16; with RTU over TCP it is one,
+    /// and the next waits.
     pub pipeline: u8,
     /// A request not yet on the wire after this time is not sent any more, and answered 0Bh.
     pub lifetime: Duration,
@@ -412,6 +425,7 @@ impl TcpServerSettings {
     pub fn new(port: u16) -> Self {
         Self {
             listen: TcpListen { address: None, port },
+            framing: StreamFraming::Mbap,
             clients: 16,
             idle: Duration::from_secs(60),
             pipeline: 16,

@@ -70,6 +70,8 @@ pub enum Way {
     Seat(u16),
     /// To the port itself: the master on its serial line.
     Line,
+    /// To the port itself, which knows who sent the datagram.
+    Datagrams,
     /// None: a broadcast on a serial line, for whose answer nobody waits.
     Nobody,
 }
@@ -293,6 +295,11 @@ impl<'p> Frame<'p> {
         writer.push(pdu)?;
         writer.finish();
         Ok(())
+    }
+
+    /// Whether this is a handle to the same frame as `other`, of the same pool.
+    pub fn is(&self, other: &Self) -> bool {
+        self.index == other.index
     }
 
     /// A second handle to the same frame.

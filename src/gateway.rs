@@ -14,13 +14,14 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
-use crate::config::{PORTS_MAX, PortId, PortKind, SerialSettings, Settings, Side};
+use crate::config::{PORTS_MAX, PortId, PortKind, Settings, Side};
 use crate::frame::{Channel, Frame, FramePool, Origin, Stage, Way};
-use crate::hal::{OpenError, SerialHost, TcpHost};
+use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
+use crate::port::sockets::Socket;
 use crate::port::units::Units;
-use crate::port::{serial_client, serial_server, tcp_server};
+use crate::port::{serial_client, serial_server, tcp_client, tcp_server, udp_server};
 use crate::stats::{Counters, Log};
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
@@ -36,6 +37,8 @@ pub struct PortPlace {
     pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
     /// The port's counters.
     pub stats: Counters,
+    /// The port's connection to an outside server.
+    pub(crate) socket: Socket,
     units: Shared<Units>,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
 }
@@ -47,6 +50,8 @@ pub enum Status {
     Off,
     /// It works.
     Open,
+    /// It works, and connects when the next request comes.
+    Idle,
     /// It was open and is lost; it is opened again.
     Lost,
     /// It cannot be opened; it is tried again.
@@ -61,6 +66,7 @@ impl PortPlace {
             generation: AtomicU16::new(0),
             changed: Signal::new(),
             stats: Counters::new(),
+            socket: Socket::new(),
             units: Mutex::new(RefCell::new(Units::new())),
             status: Mutex::new(Cell::new(Status::Off)),
         }
@@ -287,24 +293,40 @@ impl<'g> Gateway<'g> {
     }
 
     /// The port task of place `id`: plays the part that the settings say, for ever.
-    pub async fn run_port<H: SerialHost>(&self, id: PortId, host: &mut H) {
+    ///
+    /// `lines` opens serial lines, `connector` makes connections, `datagrams` opens UDP sockets.
+    pub async fn run_port<H: SerialHost, C: TcpConnect, U: UdpHost>(
+        &self,
+        id: PortId,
+        lines: &mut H,
+        connector: &mut C,
+        datagrams: &mut U,
+    ) {
         let Some(place) = self.ports.get(id.index()) else { return };
         loop {
-            let serial = self.settings(|settings| match settings.port(id).map(|port| &port.kind) {
-                Some(PortKind::Serial(serial)) => Some(serial.clone()),
-                _ => None,
-            });
+            let kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
             place.renew();
-            match serial {
-                Some(settings) if settings.side == Side::Server => {
-                    let server = serial_server::Server { gateway: self, place, id, settings: &settings };
-                    select(place.changed.wait(), server.run(host)).await;
+            match &kind {
+                Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
+                    let server = serial_server::Server { gateway: self, place, id, settings };
+                    select(place.changed.wait(), server.run(lines)).await;
                     server.close();
                 }
-                client => {
-                    let desk = Desk::new(self, place, id);
-                    select(place.changed.wait(), select(desk.take_in(), play(&desk, client, host))).await;
+                Some(PortKind::UdpServer(settings)) => {
+                    let server = udp_server::Server::new(self, place, id, settings);
+                    select(place.changed.wait(), server.run(datagrams)).await;
+                    server.close();
+                }
+                kind => {
+                    let unit = match kind {
+                        Some(PortKind::TcpClient(settings)) => settings.unit,
+                        _ => None,
+                    };
+                    let desk = Desk::new(self, place, id, unit);
+                    let part = play(&desk, kind.as_ref(), lines, connector);
+                    select(place.changed.wait(), select(desk.take_in(), part)).await;
                     desk.close();
+                    place.socket.closed(self.ports);
                 }
             }
         }
@@ -317,7 +339,7 @@ impl<'g> Gateway<'g> {
             let served = seat.state().port.and_then(|id| {
                 let settings = self.settings(|settings| match &settings.port(id)?.kind {
                     PortKind::TcpServer(settings) => Some(settings.clone()),
-                    PortKind::Serial(_) => None,
+                    _ => None,
                 })?;
                 Some((id, self.ports.get(id.index())?, settings))
             });
@@ -338,7 +360,7 @@ impl<'g> Gateway<'g> {
                 let seat = self.seats.get(usize::from(seat)).map(Seat::state);
                 seat.is_none_or(|seat| seat.generation != origin.generation || seat.peer.is_none())
             }
-            Way::Line => {
+            Way::Line | Way::Datagrams => {
                 let place = self.ports.get(origin.port.index());
                 place.is_none_or(|place| place.generation() != origin.generation)
             }
@@ -381,15 +403,21 @@ impl Seat {
 fn seats_of(kind: &PortKind) -> usize {
     match kind {
         PortKind::TcpServer(server) => usize::from(server.clients) + 1,
-        PortKind::Serial(_) => 0,
+        PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) => 0,
     }
 }
 
 /// The part that a client-side port plays besides taking orders in.
-async fn play<H: SerialHost>(desk: &Desk<'_>, serial: Option<SerialSettings>, host: &mut H) {
-    match serial {
-        Some(settings) => serial_client::run(desk, &settings, host).await,
-        None => {
+async fn play<H: SerialHost, C: TcpConnect>(
+    desk: &Desk<'_>,
+    kind: Option<&PortKind>,
+    lines: &mut H,
+    connector: &mut C,
+) {
+    match kind {
+        Some(PortKind::Serial(settings)) => serial_client::run(desk, settings, lines).await,
+        Some(PortKind::TcpClient(settings)) => tcp_client::run(desk, settings, connector).await,
+        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_)) | None => {
             desk.close();
             core::future::pending().await
         }

@@ -31,6 +31,12 @@ pub enum OpenErrorKind {
     InUse,
     /// The hardware cannot do these settings.
     Unsupported,
+    /// The other side refused the connection.
+    Refused,
+    /// The other side did not answer in time.
+    TimedOut,
+    /// The board has no socket left.
+    Exhausted,
     /// Anything else.
     Failed,
 }
@@ -49,6 +55,9 @@ impl fmt::Display for OpenError {
             OpenErrorKind::Denied => "permission denied",
             OpenErrorKind::InUse => "in use by another program",
             OpenErrorKind::Unsupported => "settings not supported",
+            OpenErrorKind::Refused => "connection refused",
+            OpenErrorKind::TimedOut => "no answer",
+            OpenErrorKind::Exhausted => "no socket left",
             OpenErrorKind::Failed => "failed",
         })?;
         if self.hint.is_empty() { Ok(()) } else { write!(f, " ({})", self.hint) }
@@ -105,11 +114,47 @@ pub trait TcpHost {
     async fn accept(&mut self, listen: &TcpListen) -> Result<(Self::Stream<'_>, SocketAddr), OpenError>;
 }
 
+/// Makes TCP connections to outside servers, one at a time; every port task owns one.
+pub trait TcpConnect {
+    /// A connection, Nagle off, keepalive and user time-out set.
+    type Stream<'a>: TcpStream
+    where
+        Self: 'a;
+
+    /// Connects to `server`; [`OpenErrorKind::Exhausted`] when all of the board's sockets are in use. The caller limits the
+    /// time: dropping the pending future gives up.
+    async fn connect(&mut self, server: SocketAddr) -> Result<Self::Stream<'_>, OpenError>;
+}
+
 /// A TCP connection. `read` gives `Ok(0)` at the peer's FIN; dropping a pending `read` loses no byte.
 pub trait TcpStream: Read + Write {
     /// Ends the connection in an orderly way, within a bounded time.
     async fn close(self);
 }
+
+/// Opens UDP sockets; every port task owns one.
+pub trait UdpHost {
+    /// An open socket.
+    type Socket<'a>: UdpSocket
+    where
+        Self: 'a;
+
+    /// Opens a socket at `listen`'s address and UDP port.
+    async fn bind(&mut self, listen: &TcpListen) -> Result<Self::Socket<'_>, OpenError>;
+}
+
+/// A UDP socket. Datagrams may be lost, doubled or overtake each other; dropping a pending `receive` loses none.
+pub trait UdpSocket {
+    /// Waits for a datagram, and gives its length and who sent it. One that is longer than `into` is cut off there.
+    async fn receive(&mut self, into: &mut [u8]) -> Result<(usize, SocketAddr), SocketLost>;
+
+    /// Sends a datagram. That nobody is there to receive it is no error.
+    async fn send(&mut self, datagram: &[u8], to: SocketAddr) -> Result<(), SocketLost>;
+}
+
+/// A socket that cannot be used any more, and must be opened again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SocketLost;
 
 /// Where the settings' text is kept. Replaced as a whole, so that a power cut leaves the old or the new text.
 pub trait Store {

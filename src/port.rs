@@ -2,9 +2,10 @@
 //!
 //! A server-side port turns what an outside client sends into frames for the router and gives the answers back; a
 //! client-side port takes orders from its channel and asks outside servers. Ports know framing and timing, nothing of
-//! routes. `queue`, `units` and `shared_bus` are the pure parts: who is served next, which units are alive, and what a
-//! frame is that was heard on a bus with other devices.
+//! routes. `queue`, `units`, `flights` and `shared_bus` are the pure parts: who is served next, which units are alive,
+//! which requests are open on a connection, and what a frame is that was heard on a bus with other devices.
 
+pub mod flights;
 pub mod queue;
 pub mod shared_bus;
 pub mod units;
@@ -13,7 +14,12 @@ pub(crate) mod bus;
 pub(crate) mod desk;
 pub(crate) mod framing;
 pub(crate) mod line;
+pub(crate) mod link;
 pub(crate) mod local;
 pub(crate) mod serial_client;
 pub(crate) mod serial_server;
+pub(crate) mod sockets;
+pub(crate) mod stream;
+pub(crate) mod tcp_client;
 pub(crate) mod tcp_server;
+pub(crate) mod udp_server;

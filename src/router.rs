@@ -60,7 +60,7 @@ impl Gateway<'_> {
             Decision::NoRule => {
                 count(Event::NoPath);
                 match envelope.origin.way {
-                    Way::Seat(_) => self.refuse(frame, Exception::GATEWAY_NO_PATH),
+                    Way::Seat(_) | Way::Datagrams => self.refuse(frame, Exception::GATEWAY_NO_PATH),
                     // On a shared bus the unit may be somebody else's.
                     Way::Line | Way::Nobody => self.unanswered(frame),
                 }
@@ -150,7 +150,7 @@ impl Gateway<'_> {
     fn way_back(&self, origin: Origin) -> Option<&Channel> {
         match origin.way {
             Way::Seat(seat) => self.seats().get(usize::from(seat)).map(|seat| &seat.answers),
-            Way::Line => self.ports().get(origin.port.index()).map(|place| &place.queue),
+            Way::Line | Way::Datagrams => self.ports().get(origin.port.index()).map(|place| &place.queue),
             Way::Nobody => None,
         }
     }

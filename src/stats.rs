@@ -48,9 +48,11 @@ pub enum Event {
     Discarded,
     /// The port could not read on because its share of frames was in use.
     BackPressure,
-    /// A connection was accepted.
+    /// An answer that no open request waits for: a late one, or one with an unknown transaction id.
+    Stray,
+    /// A connection was accepted, or made.
     Connected,
-    /// A connection was closed by its client.
+    /// A connection was closed by the other side.
     Left,
     /// A connection was closed because its address is not allowed.
     Unwelcome,
@@ -58,9 +60,11 @@ pub enum Event {
     Crowded,
     /// A connection was closed because its client was silent or did not read.
     Stalled,
+    /// A request that came twice, and was not carried out again.
+    Duplicate,
     /// Bytes from a client that are no Modbus TCP.
     Malformed,
-    /// The line was lost and is opened again.
+    /// The line, or the connection to a server, was lost and is opened again.
     LineLost,
     /// Somebody else was sending at the same time: the echo of a frame was not the frame.
     Collision,
@@ -70,7 +74,7 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 28] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -88,11 +92,13 @@ impl Event {
         Self::NoPath,
         Self::Discarded,
         Self::BackPressure,
+        Self::Stray,
         Self::Connected,
         Self::Left,
         Self::Unwelcome,
         Self::Crowded,
         Self::Stalled,
+        Self::Duplicate,
         Self::Malformed,
         Self::LineLost,
         Self::Collision,
@@ -119,11 +125,13 @@ impl Event {
             Self::NoPath => "no-path",
             Self::Discarded => "discarded",
             Self::BackPressure => "back-pressure",
+            Self::Stray => "stray",
             Self::Connected => "connected",
             Self::Left => "left",
             Self::Unwelcome => "unwelcome",
             Self::Crowded => "crowded",
             Self::Stalled => "stalled",
+            Self::Duplicate => "duplicates",
             Self::Malformed => "malformed",
             Self::LineLost => "line-lost",
             Self::Collision => "collisions",

@@ -5,21 +5,24 @@ use core::ops::RangeInclusive;
 use embassy_time::Duration;
 use heapless::{String, Vec};
 
+use super::network_words::{TCP_CLIENT_KEYS, UDP_SERVER_KEYS};
 use super::problem::LineError;
 use super::values::{listen, medium, number, prefix, small, time};
 use super::words::{Word, Words};
-use super::{Driver, Framing, IpPrefix, Parity, RESERVED_MAX, SerialSettings, Side, TcpServerSettings};
+use super::{
+    Driver, Framing, IpPrefix, Parity, RESERVED_MAX, SerialSettings, Side, StreamFraming, TcpServerSettings,
+};
 
 const BAUD: RangeInclusive<u32> = 1..=10_000_000;
 /// A gap above a second would make every line useless; 0 is for lines whose other end needs none.
 const GAP: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(1);
 const CHAR_TIMEOUT: RangeInclusive<Duration> = Duration::from_micros(100)..=Duration::from_secs(60);
-const TIMEOUT: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
-const RETRIES: RangeInclusive<u8> = 0..=10;
+pub(super) const TIMEOUT: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
+pub(super) const RETRIES: RangeInclusive<u8> = 0..=10;
 const TURNAROUND: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(60);
 const START_DELAY: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(3_600);
-const LATE_WINDOW: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(3_600);
-const DOWN_AFTER: RangeInclusive<u8> = 0..=255;
+pub(super) const LATE_WINDOW: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(3_600);
+pub(super) const DOWN_AFTER: RangeInclusive<u8> = 0..=255;
 const ANSWER_WITHIN: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3_600);
 const REPLY_DELAY: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(10);
 const DRIVER_DELAY: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(1);
@@ -27,8 +30,8 @@ const DRIVER_DELAY: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duratio
 const CLIENTS: RangeInclusive<u16> = 1..=1_000;
 const IDLE: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(86_400);
 /// Messaging on TCP/IP 4.4.1.1 (NumberMaxOfServerTransaction): 1 to 16.
-const PIPELINE: RangeInclusive<u8> = 1..=16;
-const LIFETIME: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3_600);
+pub(super) const PIPELINE: RangeInclusive<u8> = 1..=16;
+pub(super) const LIFETIME: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3_600);
 
 /// What a word of a port line sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,11 +62,19 @@ pub(super) enum Key {
     Lifetime,
     Reserve,
     Allow,
+    Stream(StreamFraming),
+    Server,
+    Unit,
+    InFlight,
+    ConnectTimeout,
+    ConnectDelay,
+    RequestDelay,
+    Requests,
 }
 
 impl Key {
     /// A bit for "this line has set it".
-    pub(super) fn bit(self) -> u32 {
+    pub(super) fn bit(self) -> u64 {
         1 << match self {
             Self::Device => 0,
             Self::Framing(_) => 1,
@@ -90,7 +101,15 @@ impl Key {
             Self::Echo(_) => 22,
             Self::AnswerWithin => 23,
             Self::ReplyDelay => 24,
-            Self::Allow => 25,
+            Self::Stream(_) => 25,
+            Self::Server => 26,
+            Self::Unit => 27,
+            Self::InFlight => 28,
+            Self::ConnectTimeout => 29,
+            Self::ConnectDelay => 30,
+            Self::RequestDelay => 31,
+            Self::Requests => 32,
+            Self::Allow => 33,
         }
     }
 }
@@ -131,17 +150,28 @@ pub(super) const TCP_SERVER_KEYS: &[(&str, Key)] = &[
     ("lifetime", Key::Lifetime),
     ("reserve", Key::Reserve),
     ("allow", Key::Allow),
+    ("rtu", Key::Stream(StreamFraming::Rtu)),
+    // For `edit`: the flag has no value that could say so.
+    ("mbap", Key::Stream(StreamFraming::Mbap)),
 ];
 
 /// The words that set something.
 pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
-    SERIAL_KEYS.iter().chain(TCP_SERVER_KEYS).map(|&(keyword, _)| keyword)
+    let tables = [SERIAL_KEYS, TCP_SERVER_KEYS, TCP_CLIENT_KEYS, UDP_SERVER_KEYS];
+    // Several ports have a `timeout`: it is one word.
+    tables.into_iter().enumerate().flat_map(move |(nth, table)| {
+        let new = move |keyword: &str| {
+            !tables.iter().take(nth).any(|earlier| earlier.iter().any(|(known, _)| *known == keyword))
+        };
+        table.iter().map(|&(keyword, _)| keyword).filter(move |keyword| new(keyword))
+    })
 }
 
 pub(super) const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, \
      char-timeout, gap, rs485, rts, driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
      down-after, answer-within or reply-delay";
-pub(super) const TCP_SERVER_EXPECTED: &str = "listen, clients, idle, pipeline, lifetime, reserve or allow";
+pub(super) const TCP_SERVER_EXPECTED: &str =
+    "listen, rtu, clients, idle, pipeline, lifetime, reserve or allow";
 
 /// Sets in a serial port what `key` says; its value is `word` itself or the next word.
 pub(super) fn set_serial(
@@ -171,15 +201,7 @@ pub(super) fn set_serial(
         Key::StartDelay => client.start_delay = time(words.take(), START_DELAY)?,
         Key::LateWindow => client.late_window = auto_or_time(words.take(), LATE_WINDOW)?,
         Key::DownAfter => client.down_after = small(words.take(), "time-outs in a row", DOWN_AFTER)?,
-        Key::Listen
-        | Key::Clients
-        | Key::Idle
-        | Key::Pipeline
-        | Key::Lifetime
-        | Key::Reserve
-        | Key::Allow => {
-            return Err(word.expected(SERIAL_EXPECTED));
-        }
+        _ => return Err(word.expected(SERIAL_EXPECTED)),
     }
     Ok(())
 }
@@ -197,12 +219,15 @@ pub(super) fn set_tcp_server(
         }
         return Ok(());
     }
+    if let Key::Stream(framing) = key {
+        settings.framing = framing;
+        return Ok(());
+    }
     let value = words.take();
     match key {
         Key::Listen => settings.listen = listen(value)?,
         Key::Clients => settings.clients = medium(value, "connections", CLIENTS)?,
-        Key::Idle if value.text == "0" => settings.idle = Duration::from_ticks(0),
-        Key::Idle => settings.idle = time(value, IDLE)?,
+        Key::Idle => settings.idle = idle(value)?,
         Key::Pipeline => settings.pipeline = small(value, "requests", PIPELINE)?,
         Key::Lifetime => settings.lifetime = time(value, LIFETIME)?,
         Key::Reserve => {
@@ -240,8 +265,16 @@ fn prefixes(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineError>
 
 const _: () = assert!(RESERVED_MAX == 4, "the error text of `prefixes` names the number");
 
+/// A time after which a connection without requests is closed; 0 is never.
+pub(super) fn idle(word: Word) -> Result<Duration, LineError> {
+    if word.text == "0" { Ok(Duration::from_ticks(0)) } else { time(word, IDLE) }
+}
+
 /// `auto` gives the setting back to the specification's rule.
-fn auto_or_time(word: Word, range: RangeInclusive<Duration>) -> Result<Option<Duration>, LineError> {
+pub(super) fn auto_or_time(
+    word: Word,
+    range: RangeInclusive<Duration>,
+) -> Result<Option<Duration>, LineError> {
     if word.is("auto") { Ok(None) } else { time(word, range).map(Some) }
 }
 

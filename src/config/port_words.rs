@@ -3,6 +3,10 @@
 //! A [`Draft`] starts from the defaults or from the port as it is, takes word by word in any order, and is checked
 //! as a whole at the end of the line. What a port cannot use is refused, so that no setting is taken and ignored.
 
+use super::network_words::{
+    TCP_CLIENT_EXPECTED, TCP_CLIENT_KEYS, UDP_SERVER_EXPECTED, UDP_SERVER_KEYS, server, set_tcp_client,
+    set_udp_server,
+};
 use super::port_keys::{
     Key, SERIAL_EXPECTED, SERIAL_KEYS, TCP_SERVER_EXPECTED, TCP_SERVER_KEYS, device, set_serial,
     set_tcp_server,
@@ -13,7 +17,7 @@ use super::values::{listen, parse_number};
 use super::words::{Word, Words};
 use super::{
     Driver, Framing, LineSettings, Port, PortKind, SerialClientSettings, SerialServerSettings,
-    SerialSettings, Side, TcpServerSettings,
+    SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
 };
 
 /// A port's settings while a line is read.
@@ -23,14 +27,25 @@ pub(super) struct Draft<'a> {
     pub(super) place: Word<'a>,
     /// What special unit ids mean.
     pub(super) units: UnitDraft<'a>,
-    seen: u32,
+    seen: u64,
     /// The words that checks over the whole line blame.
     format: Option<Word<'a>>,
     client_only: Option<Word<'a>>,
     server_only: Option<Word<'a>>,
     driver_only: Option<Word<'a>>,
     reserve: Option<Word<'a>>,
+    several: Option<Word<'a>>,
 }
+
+/// What a port's bytes travel on.
+#[derive(Clone, Copy)]
+enum Medium {
+    Serial,
+    Tcp,
+    Udp,
+}
+
+const MEDIA: [(&str, Medium); 3] = [("serial", Medium::Serial), ("tcp", Medium::Tcp), ("udp", Medium::Udp)];
 
 impl<'a> Draft<'a> {
     fn new(kind: PortKind, place: Word<'a>) -> Self {
@@ -44,15 +59,17 @@ impl<'a> Draft<'a> {
             server_only: None,
             driver_only: None,
             reserve: None,
+            several: None,
         }
     }
 
     /// Reads a new port up to the end of the line.
     pub(super) fn create(words: &mut Words<'a>) -> Result<Self, LineError> {
         let kind = words.take();
-        match kind.keyword(&[("serial", true), ("tcp", false)], "serial or tcp")? {
-            true => Self::create_serial(words),
-            false => Self::create_tcp_server(words),
+        match kind.keyword(&MEDIA, "serial, tcp or udp")? {
+            Medium::Serial => Self::create_serial(words),
+            Medium::Tcp => Self::create_tcp(words),
+            Medium::Udp => Self::create_udp_server(words),
         }
     }
 
@@ -87,9 +104,38 @@ impl<'a> Draft<'a> {
         draft.check()
     }
 
+    fn create_tcp(words: &mut Words<'a>) -> Result<Self, LineError> {
+        let sides = [
+            ("server", Side::Server),
+            ("slave", Side::Server),
+            ("client", Side::Client),
+            ("master", Side::Client),
+        ];
+        match words.take().keyword(&sides, "server or client")? {
+            Side::Server => Self::create_tcp_server(words),
+            Side::Client => Self::create_tcp_client(words),
+        }
+    }
+
+    fn create_udp_server(words: &mut Words<'a>) -> Result<Self, LineError> {
+        words.take().keyword(&[("server", ()), ("slave", ())], "server")?;
+        let place = words.take();
+        let settings = UdpServerSettings::new(listen(place)?);
+        let mut draft = Self::new(PortKind::UdpServer(settings), place);
+        draft.once(Key::Listen, place)?;
+        draft.read(words)?;
+        draft.check()
+    }
+
+    fn create_tcp_client(words: &mut Words<'a>) -> Result<Self, LineError> {
+        let place = words.take();
+        let mut draft = Self::new(PortKind::TcpClient(TcpClientSettings::new(server(place)?)), place);
+        draft.once(Key::Server, place)?;
+        draft.read(words)?;
+        draft.check()
+    }
+
     fn create_tcp_server(words: &mut Words<'a>) -> Result<Self, LineError> {
-        let side = words.take();
-        side.keyword(&[("server", ()), ("slave", ())], "server")?;
         let place = words.take();
         let listen = listen(place)?;
         let mut settings = TcpServerSettings::new(listen.port);
@@ -145,9 +191,14 @@ impl<'a> Draft<'a> {
             }
             PortKind::Serial(_) => word.keyword(SERIAL_KEYS, SERIAL_EXPECTED)?,
             PortKind::TcpServer(_) => word.keyword(TCP_SERVER_KEYS, TCP_SERVER_EXPECTED)?,
+            PortKind::TcpClient(_) => word.keyword(TCP_CLIENT_KEYS, TCP_CLIENT_EXPECTED)?,
+            PortKind::UdpServer(_) => word.keyword(UDP_SERVER_KEYS, UDP_SERVER_EXPECTED)?,
         };
         self.once(key, word)?;
-        if matches!(key, Key::Device | Key::Listen) {
+        if matches!(key, Key::InFlight | Key::Pipeline) {
+            self.several = Some(word);
+        }
+        if matches!(key, Key::Device | Key::Listen | Key::Server) {
             self.place = words.peek();
         }
         match &mut self.kind {
@@ -168,6 +219,8 @@ impl<'a> Draft<'a> {
                 }
                 set_tcp_server(settings, key, words)
             }
+            PortKind::TcpClient(settings) => set_tcp_client(settings, key, words),
+            PortKind::UdpServer(settings) => set_udp_server(settings, key, words),
         }
     }
 
@@ -209,8 +262,30 @@ impl<'a> Draft<'a> {
                     let word = self.reserve.unwrap_or(self.place);
                     return Err(word.error(Problem::ReservedTooMany(settings.clients)));
                 }
+                let several = &mut settings.pipeline;
+                one_at_a_time(settings.framing, self.several, several, TcpServerSettings::new(1).pipeline)?;
             }
+            PortKind::TcpClient(settings) => {
+                one_at_a_time(settings.framing, self.several, &mut settings.in_flight, 1)?;
+            }
+            PortKind::UdpServer(_) => {}
         }
         Ok(self)
     }
+}
+
+/// RTU over TCP has no transaction ids: how many requests may be open is no setting there, and stays as it is by `default`.
+fn one_at_a_time(
+    framing: StreamFraming,
+    word: Option<Word>,
+    several: &mut u8,
+    default: u8,
+) -> Result<(), LineError> {
+    if framing == StreamFraming::Rtu {
+        if let Some(word) = word {
+            return Err(word.error(Problem::OneAtATime));
+        }
+        *several = default;
+    }
+    Ok(())
 }

@@ -101,6 +101,8 @@ impl Display for PortKind {
         match self {
             Self::Serial(settings) => settings.fmt(f),
             Self::TcpServer(settings) => settings.fmt(f),
+            Self::TcpClient(settings) => settings.fmt(f),
+            Self::UdpServer(settings) => settings.fmt(f),
         }
     }
 }
@@ -166,7 +168,7 @@ impl LineSettings {
 impl Display for TcpServerSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let default = Self::new(self.listen.port);
-        write!(f, "tcp server {}", self.listen)?;
+        write!(f, "tcp server {}{}", self.listen, self.framing)?;
         option(f, "clients", self.clients, self.clients != default.clients)?;
         option(f, "idle", Time(self.idle), self.idle != default.idle)?;
         option(f, "pipeline", self.pipeline, self.pipeline != default.pipeline)?;
@@ -184,7 +186,12 @@ fn list(f: &mut fmt::Formatter<'_>, first: &str, prefixes: &[IpPrefix]) -> fmt::
     Ok(())
 }
 
-fn option(f: &mut fmt::Formatter<'_>, keyword: &str, value: impl Display, print: bool) -> fmt::Result {
+pub(super) fn option(
+    f: &mut fmt::Formatter<'_>,
+    keyword: &str,
+    value: impl Display,
+    print: bool,
+) -> fmt::Result {
     if print { write!(f, " {keyword} {value}") } else { Ok(()) }
 }
 

@@ -93,6 +93,9 @@ pub enum Problem {
     /// A setting that only means something when requests are sent.
     #[error("is for the client side only")]
     ClientOnly,
+    /// A number of open requests where there can be one.
+    #[error("cannot be set with rtu, which carries one request at a time")]
+    OneAtATime,
     /// A setting that only means something when requests are answered.
     #[error("is for the server side only")]
     ServerOnly,

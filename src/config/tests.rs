@@ -70,6 +70,26 @@ fn ports_are_read_by_value() {
 }
 
 #[test]
+fn a_tcp_client_is_read_by_value_and_changed_by_words() {
+    let mut settings = load("port plc tcp client 192.168.1.20 in-flight 4 idle 0 unit 255 retries 2");
+    let client = |settings: &Settings| match settings.ports[0].as_ref().map(|port| port.kind.clone()) {
+        Some(PortKind::TcpClient(client)) => client,
+        other => panic!("{other:?}"),
+    };
+    let plc = client(&settings);
+    assert_eq!(plc.server, "192.168.1.20:502".parse().unwrap());
+    assert_eq!((plc.in_flight, plc.unit, plc.retries), (4, Some(255), 2));
+    assert_eq!(plc.idle, Duration::from_ticks(0));
+    apply_all(&mut settings, &["edit port plc address [::1]:1502 unit auto rtu"]);
+    let plc = client(&settings);
+    assert_eq!((plc.server, plc.unit), ("[::1]:1502".parse().unwrap(), None));
+    assert_eq!((plc.framing, plc.in_flight), (StreamFraming::Rtu, 1), "one request at a time with rtu");
+    assert_eq!(print(&settings), "port plc tcp client [::1]:1502 rtu idle 0 retries 2\n");
+    apply_all(&mut settings, &["edit port plc mbap"]);
+    assert_eq!(client(&settings).framing, StreamFraming::Mbap);
+}
+
+#[test]
 fn options_come_in_any_order_and_case_with_commas_and_tabs() {
     let one = load("port P1 serial uart1 rtu client 9600 8N2 timeout 300ms gap 5ms retries 2");
     let two = load("PORT P1\tSerial uart1, 8n2,9600, Retries 2, GAP 5ms Master RTU timeout 0.3s # done");
@@ -140,8 +160,19 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("port 7 tcp server 1", "column 6: \"7\": expected a port name"),
         ("port local tcp server 1", "column 6: \"local\": expected a port name"),
         ("port sixteen--letters tcp server 1", "expected a port name"),
-        ("port X", "column 7: end of line: expected serial or tcp"),
-        ("port X tcp client 1", "\"client\": expected server"),
+        ("port X", "column 7: end of line: expected serial, tcp or udp"),
+        ("port X udp client 1", "\"client\": expected server"),
+        ("port X udp server 502 requests 33", "expected requests from 1 to 32"),
+        ("port X tcp klient 1", "expected server or client; did you mean client?"),
+        ("port X tcp client 1", "\"1\": expected the address of a server"),
+        ("port X tcp client 0.0.0.0:502", "expected the address of a server"),
+        ("port X tcp client 10.0.0.1:0", "expected the address of a server"),
+        ("port X tcp client 10.0.0.1 in-flight 17", "expected requests from 1 to 16"),
+        ("port X tcp client 10.0.0.1 unit 256", "expected auto, or a unit id from 0 to 255"),
+        ("port X tcp client 10.0.0.1 rtu in-flight 4", "\"in-flight\": cannot be set with rtu"),
+        ("port X tcp server 1 pipeline 4 rtu", "\"pipeline\": cannot be set with rtu"),
+        ("port X tcp client 10.0.0.1 connect-delay 2m", "expected a time from 0 to 60s"),
+        ("port X tcp client 10.0.0.1 clients 4", "expected address, rtu, unit"),
         ("port X tcp server 0", "\"0\": expected a TCP port from 1 to 65535"),
         ("port X tcp server 1 clints 4", "did you mean clients?"),
         ("port X tcp server 1 idle 60", "\"60\": expected a time with its unit"),

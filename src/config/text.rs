@@ -76,7 +76,8 @@ pub fn is_implied(settings: &Settings, route: &Route) -> bool {
 
 /// The words that stand in rows and behind port names, besides names, numbers and addresses.
 pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
-    let ports = ["serial", "tcp"].into_iter().chain(port_keys::keywords()).chain(unit_words::keywords());
+    let ports =
+        ["serial", "tcp", "udp"].into_iter().chain(port_keys::keywords()).chain(unit_words::keywords());
     ports.chain(route_words::keywords())
 }
 
@@ -116,6 +117,9 @@ fn put_port(
                 return Err(place.error(Problem::DeviceTaken));
             }
             (PortKind::TcpServer(own), PortKind::TcpServer(other)) if own.listen.collides(&other.listen) => {
+                return Err(place.error(Problem::ListenTaken));
+            }
+            (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
                 return Err(place.error(Problem::ListenTaken));
             }
             _ => {}

@@ -5,7 +5,9 @@ use core::fmt;
 use embassy_time::{Duration, Instant};
 use heapless::String;
 
-use crate::config::{DEVICE_BYTES_MAX, PortId, PortKind, SPEED_BYTES_MAX, Settings, Time, is_implied};
+use crate::config::{
+    DEVICE_BYTES_MAX, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time, is_implied,
+};
 use crate::gateway::Status;
 use crate::port::units::Unit;
 use crate::route::{Policy, Route};
@@ -39,10 +41,24 @@ pub(super) fn describe(kind: &PortKind) -> (String<12>, String<DEVICE_BYTES_MAX>
             let role = text(format_args!("{} {}", serial.framing, serial.side));
             (role, serial.device.clone(), serial.line.speed())
         }
-        PortKind::TcpServer(server) => {
-            (text(format_args!("tcp server")), text(format_args!("{}", server.listen)), String::new())
+        PortKind::TcpServer(server) => (
+            text(format_args!("tcp server")),
+            text(format_args!("{}", server.listen)),
+            framing(server.framing),
+        ),
+        PortKind::TcpClient(client) => (
+            text(format_args!("tcp client")),
+            text(format_args!("{}", client.server)),
+            framing(client.framing),
+        ),
+        PortKind::UdpServer(server) => {
+            (text(format_args!("udp server")), text(format_args!("{}", server.listen)), String::new())
         }
     }
+}
+
+fn framing(framing: StreamFraming) -> String<SPEED_BYTES_MAX> {
+    String::try_from(if framing == StreamFraming::Rtu { "rtu" } else { "" }).unwrap_or_default()
 }
 
 pub(super) struct StatusText(pub(super) Status);
@@ -52,6 +68,7 @@ impl fmt::Display for StatusText {
         match self.0 {
             Status::Off => f.write_str("off"),
             Status::Open => f.write_str("open"),
+            Status::Idle => f.write_str("idle, connects when asked"),
             Status::Lost => f.write_str("lost, is opened again"),
             Status::Failed(error) => write!(f, "{error}"),
         }

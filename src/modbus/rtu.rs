@@ -8,6 +8,10 @@ use super::crc::crc16;
 use super::pdu::{EXCEPTION_BIT, Misfit, ResponseLength, fits, response_length};
 use super::{PDU_BYTES_MAX, PduLength};
 
+mod request;
+
+pub use request::{Cut, request, request_at_pause};
+
 /// Longest frame in bytes (Serial Line V1.02, clause 2.5.1).
 pub const FRAME_BYTES_MAX: usize = 256;
 /// Shortest frame in bytes: unit, function code, CRC.

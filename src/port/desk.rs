@@ -10,11 +10,14 @@ use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Instant, Timer};
+use heapless::Vec;
 
 use crate::config::PortId;
 use crate::frame::{Envelope, Frame, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::Exception;
+use crate::modbus::pdu;
+use crate::port::flights::FLIGHTS_MAX;
 use crate::port::queue::{Asker, Next, PortQueue, Ready, Ticket};
 use crate::port::units::Gate;
 use crate::stats::Event;
@@ -25,8 +28,10 @@ pub(crate) struct Desk<'g> {
     place: &'g PortPlace,
     id: PortId,
     queue: RefCell<PortQueue<Frame<'g>>>,
-    /// The order that is being carried out.
-    current: RefCell<Option<Frame<'g>>>,
+    /// The unit that is asked whatever the rule says.
+    unit: Option<u8>,
+    /// The orders that are being carried out.
+    current: RefCell<Vec<Frame<'g>, FLIGHTS_MAX>>,
     open: Cell<bool>,
     /// Something changed: an order came or a unit's gate moved.
     arrived: Signal<NoopRawMutex, ()>,
@@ -34,16 +39,27 @@ pub(crate) struct Desk<'g> {
 
 impl<'g> Desk<'g> {
     /// An empty desk. It takes orders in while its line is being opened for the first time; they wait for that.
-    pub(crate) fn new(gateway: &'g Gateway<'g>, place: &'g PortPlace, id: PortId) -> Self {
+    pub(crate) fn new(gateway: &'g Gateway<'g>, place: &'g PortPlace, id: PortId, unit: Option<u8>) -> Self {
         Self {
             gateway,
             place,
             id,
             queue: RefCell::new(PortQueue::new()),
-            current: RefCell::new(None),
+            unit,
+            current: RefCell::new(Vec::new()),
             open: Cell::new(true),
             arrived: Signal::new(),
         }
+    }
+
+    /// The gateway that the port is one of.
+    pub(crate) fn gateway(&self) -> &'g Gateway<'g> {
+        self.gateway
+    }
+
+    /// The port's place in the settings.
+    pub(crate) fn id(&self) -> PortId {
+        self.id
     }
 
     /// The port's counters, units and channel.
@@ -63,7 +79,11 @@ impl<'g> Desk<'g> {
     }
 
     fn admit(&self, frame: Frame<'g>) {
-        let envelope = frame.envelope();
+        let mut envelope = frame.envelope();
+        if let Some(target) = self.unit {
+            envelope.target = target;
+            frame.address(envelope);
+        }
         if !self.open.get() {
             return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
@@ -99,7 +119,7 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// The next order, which becomes the current one.
+    /// The next order, which is being carried out from now on.
     pub(crate) fn next(&self) -> Next<Frame<'g>> {
         self.sweep();
         let ready = |unit| match self.gate(unit) {
@@ -108,9 +128,17 @@ impl<'g> Desk<'g> {
         };
         let next = self.queue.borrow_mut().next(Instant::now(), ready);
         if let Next::Serve(frame, _) = &next {
-            self.current.replace(Some(frame.share()));
+            // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
+            let _ = self.current.borrow_mut().push(frame.share());
         }
         next
+    }
+
+    /// Waits until an order waits.
+    pub(crate) async fn wanted(&self) {
+        while self.queue.borrow().is_empty() {
+            self.changed().await;
+        }
     }
 
     /// Waits until [`Desk::next`] may have something new to say.
@@ -118,30 +146,45 @@ impl<'g> Desk<'g> {
         self.arrived.wait().await;
     }
 
-    /// Sends the current order home with what it holds by now as its answer.
-    pub(crate) fn done(&self) {
-        if let Some(frame) = self.current.take() {
+    /// Sends `order` home with what it holds by now as its answer.
+    pub(crate) fn done(&self, order: &Frame<'g>) {
+        if let Some(frame) = self.take(order) {
             self.gateway.answered(frame);
         }
     }
 
-    /// Sends the current order home without an answer: a broadcast.
-    pub(crate) fn done_silently(&self) {
-        if let Some(frame) = self.current.take() {
+    /// Sends `order` home without an answer: a broadcast.
+    pub(crate) fn done_silently(&self, order: &Frame<'g>) {
+        if let Some(frame) = self.take(order) {
             self.gateway.finish_broadcast(frame);
         }
     }
 
-    /// Answers the current order with `exception`.
-    pub(crate) fn failed(&self, exception: Exception) {
-        if let Some(frame) = self.current.take() {
-            self.gateway.refuse(frame, exception);
+    /// `order` got no answer: it is repeated up to `retries` times if it is a read, else answered 0Bh.
+    ///
+    /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until the
+    /// late answer can no longer come.
+    pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
+        let mut envelope = order.envelope();
+        if envelope.repeats < retries && pdu::is_read(order.function()) {
+            envelope.repeats += 1;
+            order.address(envelope);
+            self.place.stats.count(Event::Retry);
+            self.again(order);
+        } else if let Some(frame) = self.take(order) {
+            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
         }
     }
 
-    /// Puts the current order back in the queue, for a repeat.
-    pub(crate) fn again(&self) {
-        if let Some(frame) = self.current.take() {
+    fn take(&self, order: &Frame<'g>) -> Option<Frame<'g>> {
+        let mut current = self.current.borrow_mut();
+        let at = current.iter().position(|frame| frame.is(order))?;
+        Some(current.swap_remove(at))
+    }
+
+    /// Puts `order` back in the queue.
+    fn again(&self, order: &Frame<'g>) {
+        if let Some(frame) = self.take(order) {
             let ticket = ticket(&frame.envelope());
             if let Some(refused) = self.queue.borrow_mut().push(frame, ticket) {
                 self.fail(refused, Event::QueueFull, Exception::BUSY);
@@ -157,7 +200,10 @@ impl<'g> Desk<'g> {
     /// Closes the desk: whatever was on the wire is answered 0Bh, whatever waits or comes 0Ah.
     pub(crate) fn close(&self) {
         self.open.set(false);
-        self.failed(Exception::GATEWAY_NO_RESPONSE);
+        loop {
+            let Some(frame) = self.current.borrow_mut().pop() else { break };
+            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
+        }
         while let Some((frame, event)) = self.queue.borrow_mut().take_if(|_, _| Some(Event::NoPath)) {
             self.fail(frame, event, Exception::GATEWAY_NO_PATH);
         }
@@ -167,7 +213,13 @@ impl<'g> Desk<'g> {
     }
 
     fn gate(&self, unit: u8) -> Gate {
-        self.place.units(|units| units.gate(unit, Instant::now()))
+        let gate = self.place.units(|units| match units.gate(unit, Instant::now()) {
+            Gate::Open(_) if units.is_down(unit) => None,
+            gate => Some(gate),
+        });
+        // A unit that is down gets one probe at a time.
+        let probed = || self.current.borrow().iter().any(|frame| frame.envelope().target == unit);
+        gate.unwrap_or_else(|| if probed() { Gate::Down } else { Gate::Open(Ready::Now) })
     }
 
     fn fail(&self, frame: Frame<'g>, event: Event, exception: Exception) {

@@ -9,8 +9,8 @@ use embassy_time::{Instant, Timer};
 use crate::config::{SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
 use crate::hal::{SerialHost, SerialLine};
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
-use crate::modbus::{Exception, PDU_BYTES_MAX};
+use crate::modbus::PDU_BYTES_MAX;
+use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::port::bus::{Bus, Failure};
 use crate::port::desk::Desk;
 use crate::port::line::{LineLost, Opening};
@@ -49,11 +49,11 @@ async fn serve<L: SerialLine>(desk: &Desk<'_>, mut bus: Bus<'_, L>, client: &Ser
     }
 }
 
-async fn carry_out<L: SerialLine>(
-    desk: &Desk<'_>,
+async fn carry_out<'g, L: SerialLine>(
+    desk: &Desk<'g>,
     bus: &mut Bus<'_, L>,
     client: &SerialClientSettings,
-    frame: Frame<'_>,
+    frame: Frame<'g>,
     unit: u8,
 ) -> Result<(), LineLost> {
     let place = desk.place();
@@ -62,7 +62,7 @@ async fn carry_out<L: SerialLine>(
     let request = request.get(..length).unwrap_or(&[]);
     if unit == 0 {
         bus.broadcast(request).await?;
-        desk.done_silently();
+        desk.done_silently(&frame);
         return Ok(());
     }
     place.units(|units| units.asked(unit));
@@ -79,7 +79,7 @@ async fn carry_out<L: SerialLine>(
             if exception {
                 place.stats.count(Event::Exception);
             }
-            desk.done();
+            desk.done(&frame);
             return Ok(());
         }
         Err(Failure::Damaged) => {
@@ -93,16 +93,6 @@ async fn carry_out<L: SerialLine>(
             place.units(|units| units.timed_out(unit, Instant::now(), window, client.down_after));
         }
     }
-    // A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until
-    // the late answer can no longer come.
-    let mut envelope = frame.envelope();
-    if envelope.repeats < client.retries && request.first().is_some_and(|function| pdu::is_read(*function)) {
-        envelope.repeats += 1;
-        frame.address(envelope);
-        place.stats.count(Event::Retry);
-        desk.again();
-    } else {
-        desk.failed(Exception::GATEWAY_NO_RESPONSE);
-    }
+    desk.failed(&frame, client.retries);
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! A Modbus TCP server: one seat's part of it, which serves one client after the other.
+//! A TCP server: one seat's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP.
 //!
 //! Each of the listener's clients has a seat; one seat more is always there to accept a newcomer and to decide who goes
 //! when all places are taken: the ordinary client that has been idle longest. Requests are cut out of the stream, put
@@ -12,13 +12,14 @@ use core::net::SocketAddr;
 use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
-use crate::config::{PortId, TcpServerSettings};
+use crate::config::{PortId, StreamFraming, TcpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
 use crate::hal::{TcpHost, TcpStream};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
-use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
+use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
+use crate::port::stream::{Input, encode};
 use crate::route::Priority;
 use crate::stats::Event;
 
@@ -145,52 +146,67 @@ impl Server<'_, '_> {
     }
 
     async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin, peer: SocketAddr) -> End {
-        let mut input = [0; ADU_BYTES_MAX];
-        let mut length = 0;
+        let mut input = Input::new(self.settings.framing);
         loop {
-            let mut starved = false;
-            while let Some(received) = input.get(..length) {
-                let consumed = match tcp::parse(received) {
-                    Ok(Parsed::Incomplete) => break,
-                    Ok(Parsed::Skip { consumed }) => {
-                        self.place.stats.count(Event::Malformed);
-                        consumed
-                    }
-                    Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, peer, header, pdu)
-                    {
-                        Taken::Sent => consumed,
-                        Taken::Refused(exception) => {
-                            let answer = exception.response(pdu.first().copied().unwrap_or(0));
-                            if let Err(end) = write(stream, header, &answer).await {
-                                return end;
-                            }
-                            consumed
-                        }
-                        Taken::Starved => {
-                            starved = true;
-                            self.place.stats.count(Event::BackPressure);
-                            break;
-                        }
-                    },
-                    Err(_) => return End::Malformed,
-                };
-                input.copy_within(consumed..length, 0);
-                length -= consumed;
-            }
-            let space = input.get_mut(length..).unwrap_or(&mut []);
-            let read = async { if starved { pending().await } else { stream.read(space).await } };
+            let waits = match self.take_requests(stream, &mut input, origin, peer).await {
+                Ok(waits) => waits,
+                Err(end) => return end,
+            };
+            let pause_end = if waits == Waits::No { input.pause_end() } else { Instant::MAX };
+            let space = input.space();
+            let deaf = waits == Waits::ForFrame || space.is_empty();
+            let read = async { if deaf { pending().await } else { stream.read(space).await } };
             let answers = self.seat.answers.receive(self.gateway.pool());
-            match select4(read, answers, self.seat.leave.wait(), Timer::at(self.idle_until())).await {
+            let wake = Timer::at(self.idle_until().min(pause_end));
+            match select4(read, answers, self.seat.leave.wait(), wake).await {
                 Either4::First(Ok(0) | Err(_)) => return End::Client,
-                Either4::First(Ok(count)) => length += count,
+                Either4::First(Ok(count)) => input.grew(count),
                 Either4::Second(frame) => {
                     if let Err(end) = self.give(stream, frame).await {
                         return end;
                     }
                 }
                 Either4::Third(()) => return End::Crowded,
-                Either4::Fourth(()) => return End::Stalled,
+                Either4::Fourth(()) if self.idle_until() <= Instant::now() => return End::Stalled,
+                Either4::Fourth(()) => {}
             }
+        }
+    }
+
+    /// Takes the requests that are whole, and says whether the next one has to wait.
+    async fn take_requests<S: TcpStream>(
+        &self,
+        stream: &mut S,
+        input: &mut Input,
+        origin: Origin,
+        peer: SocketAddr,
+    ) -> Result<Waits, End> {
+        loop {
+            // RTU answers do not say which request they belong to.
+            if self.settings.framing == StreamFraming::Rtu && self.seat.state().open_requests > 0 {
+                return Ok(Waits::ForAnswer);
+            }
+            let consumed = match input.front() {
+                Ok(Parsed::Incomplete) => return Ok(Waits::No),
+                Ok(Parsed::Skip { consumed }) => {
+                    self.place.stats.count(input.skip_event());
+                    consumed
+                }
+                Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, peer, header, pdu) {
+                    Taken::Sent => consumed,
+                    Taken::Refused(exception) => {
+                        let answer = exception.response(pdu.first().copied().unwrap_or(0));
+                        self.write(stream, header, &answer).await?;
+                        consumed
+                    }
+                    Taken::Starved => {
+                        self.place.stats.count(Event::BackPressure);
+                        return Ok(Waits::ForFrame);
+                    }
+                },
+                Err(_) => return Err(End::Malformed),
+            };
+            input.consume(consumed);
         }
     }
 
@@ -249,7 +265,18 @@ impl Server<'_, '_> {
         if answer.first().is_some_and(|function| function & EXCEPTION_BIT != 0) {
             self.place.stats.count(Event::Exception);
         }
-        write(stream, Header { transaction: envelope.transaction, unit: envelope.unit }, answer).await
+        self.write(stream, Header { transaction: envelope.transaction, unit: envelope.unit }, answer).await
+    }
+
+    /// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+    async fn write<S: TcpStream>(&self, stream: &mut S, header: Header, answer: &[u8]) -> Result<(), End> {
+        let mut out = [0; ADU_BYTES_MAX];
+        let Ok(out) = encode(self.settings.framing, header, answer, &mut out) else { return Ok(()) };
+        match with_timeout(WRITE_PATIENCE, stream.write_all(out)).await {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(_)) => Err(End::Client),
+            Err(_) => Err(End::Stalled),
+        }
     }
 
     /// When the client will have been idle too long; never while it waits for an answer.
@@ -260,6 +287,17 @@ impl Server<'_, '_> {
     }
 }
 
+/// Whether the next request of a connection has to wait.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Waits {
+    /// It can be taken as soon as it has come.
+    No,
+    /// The one before it has no answer yet.
+    ForAnswer,
+    /// There is no frame for it now.
+    ForFrame,
+}
+
 /// What became of a request.
 enum Taken {
     /// The router has it.
@@ -268,15 +306,4 @@ enum Taken {
     Refused(Exception),
     /// There is no frame for it now.
     Starved,
-}
-
-/// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-async fn write<S: TcpStream>(stream: &mut S, header: Header, answer: &[u8]) -> Result<(), End> {
-    let mut out = [0; ADU_BYTES_MAX];
-    let Ok(out) = tcp::encode(header, answer, &mut out) else { return Ok(()) };
-    match with_timeout(WRITE_PATIENCE, stream.write_all(out)).await {
-        Ok(Ok(())) => Ok(()),
-        Ok(Err(_)) => Err(End::Client),
-        Err(_) => Err(End::Stalled),
-    }
 }

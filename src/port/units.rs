@@ -100,6 +100,11 @@ impl Units {
         }
     }
 
+    /// Whether `id` counts as down, whatever is due.
+    pub fn is_down(&self, id: u8) -> bool {
+        self.0.iter().any(|unit| unit.id == id && unit.down)
+    }
+
     /// A request to `id` is sent.
     pub fn asked(&mut self, id: u8) {
         self.entry(id, |unit| unit.requests = unit.requests.wrapping_add(1));
@@ -128,6 +133,10 @@ impl Units {
         self.entry(id, |unit| {
             unit.timeouts = unit.timeouts.wrapping_add(1);
             unit.silent = unit.silent.saturating_add(1);
+            if unit.down && unit.held_until > now {
+                // It was asked several things at a time, and the first time-out of them has said so already.
+                return;
+            }
             unit.held_until = now + window;
             if down_after != 0 && unit.silent >= down_after {
                 unit.down = true;

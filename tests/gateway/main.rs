@@ -3,11 +3,14 @@
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
 
+mod flights;
 mod frames;
 mod line;
 mod outcomes;
 mod queue;
 mod serial_server;
 mod shared_bus;
+mod stream_server;
+mod tcp_client;
 mod torture;
 mod units;

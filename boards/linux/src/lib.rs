@@ -20,3 +20,4 @@ pub mod stdio;
 pub mod store;
 pub mod tcp;
 pub mod tty;
+pub mod udp;

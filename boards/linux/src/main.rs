@@ -19,7 +19,8 @@ use mobgate_linux::signals::{Signal as Caught, Signals};
 use mobgate_linux::start::prepare;
 use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
-use mobgate_linux::tcp::TcpSockets;
+use mobgate_linux::tcp::{Connector, TcpSockets};
+use mobgate_linux::udp::Datagrams;
 use mobgate_linux::{console, executor, logging, settings};
 
 /// TCP connections of all servers together. Each takes a descriptor, of which a process has 1024 by default.
@@ -54,7 +55,7 @@ async fn router() {
 
 #[embassy_executor::task(pool_size = PORTS_MAX)]
 async fn port(id: PortId, mut lines: Lines) {
-    GATEWAY.run_port(id, &mut lines).await
+    GATEWAY.run_port(id, &mut lines, &mut Connector, &mut Datagrams).await
 }
 
 #[embassy_executor::task(pool_size = SEATS)]

@@ -38,7 +38,7 @@ pub fn parse(mut text: impl Read) -> Result<Settings, String> {
 pub fn tcp_servers(settings: &Settings) -> impl Iterator<Item = (&str, &TcpListen)> {
     settings.ports.iter().flatten().filter_map(|port| match &port.kind {
         PortKind::TcpServer(server) => Some((port.name.as_str(), &server.listen)),
-        PortKind::Serial(_) => None,
+        _ => None,
     })
 }
 
@@ -46,7 +46,7 @@ pub fn tcp_servers(settings: &Settings) -> impl Iterator<Item = (&str, &TcpListe
 pub fn redirect(settings: &mut Settings, listen: TcpListen) -> bool {
     let first = settings.ports.iter_mut().flatten().find_map(|port| match &mut port.kind {
         PortKind::TcpServer(server) => Some(server),
-        PortKind::Serial(_) => None,
+        _ => None,
     });
     first.map(|server: &mut TcpServerSettings| server.listen = listen).is_some()
 }

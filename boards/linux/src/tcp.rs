@@ -1,4 +1,5 @@
-//! TCP connections: hosts that share listening sockets, and the streams that they accept.
+//! TCP connections: hosts that share listening sockets, and the streams that they accept; a connector for those to outside
+//! servers.
 //!
 //! A connection task asks its host for the next connection at an address. The first to ask opens the listener; it
 //! closes when nobody waits on it and no connection from it is left.
@@ -17,9 +18,13 @@ use mobgate::hal::{self, OpenError, TcpHost};
 
 use crate::descriptor::Descriptor;
 
+mod connector;
 mod listener;
+mod options;
 
+pub use connector::Connector;
 pub use listener::Listener;
+pub(crate) use listener::refusal;
 
 /// Time that an orderly end of a connection may take.
 const CLOSE_MAX: Duration = Duration::from_millis(250);
@@ -62,16 +67,22 @@ impl TcpHost for TcpSockets {
         let listener = self.open(listen)?;
         self.next = None;
         let (io, peer) = listener.accept().await;
-        Ok((TcpStream { io, _listener: listener }, peer))
+        Ok((TcpStream::new(io, Some(listener)), peer))
     }
 }
 
-/// An accepted connection.
+/// A connection, accepted or made.
 #[derive(Debug)]
 pub struct TcpStream {
     io: Descriptor<std::net::TcpStream>,
     /// Keeps the listener open while this is its only connection task and busy, so that no newcomer is refused.
-    _listener: Rc<Listener>,
+    _listener: Option<Rc<Listener>>,
+}
+
+impl TcpStream {
+    fn new(io: Descriptor<std::net::TcpStream>, listener: Option<Rc<Listener>>) -> Self {
+        Self { io, _listener: listener }
+    }
 }
 
 impl hal::TcpStream for TcpStream {

@@ -105,22 +105,73 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
     let idle = prop_oneof![Just(Duration::from_ticks(0)), duration(1_000_000..=86_400_000_000)];
     let reserved_for = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
     let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
-    let lists = (reserved_for, allowed);
-    (address, 1..=1_000_u16, idle, 1..=16_u8, duration(10_000..=3_600_000_000), 1..=1_000_u16, lists)
-        .prop_map(move |(address, clients, idle, pipeline, lifetime, reserved, (reserved_for, allowed))| {
-            let allowed = allowed.into_iter().collect();
-            let reserved = if reserved_for.is_empty() { 0 } else { reserved.min(clients) };
-            let reserved_for = reserved_for.into_iter().collect();
-            let listen = TcpListen { address, port: 502 + n as u16 };
-            PortKind::TcpServer(TcpServerSettings {
-                listen,
+    (
+        (address, any_stream()),
+        1..=1_000_u16,
+        idle,
+        1..=16_u8,
+        duration(10_000..=3_600_000_000),
+        1..=1_000_u16,
+        (reserved_for, allowed),
+    )
+        .prop_map(
+            move |(
+                (address, framing),
                 clients,
                 idle,
                 pipeline,
                 lifetime,
                 reserved,
-                reserved_for,
-                allowed,
+                (reserved_for, allowed),
+            )| {
+                let allowed = allowed.into_iter().collect();
+                let reserved = if reserved_for.is_empty() { 0 } else { reserved.min(clients) };
+                let reserved_for = reserved_for.into_iter().collect();
+                let listen = TcpListen { address, port: 502 + n as u16 };
+                let pipeline = if framing == StreamFraming::Rtu { 16 } else { pipeline };
+                PortKind::TcpServer(TcpServerSettings {
+                    listen,
+                    framing,
+                    clients,
+                    idle,
+                    pipeline,
+                    lifetime,
+                    reserved,
+                    reserved_for,
+                    allowed,
+                })
+            },
+        )
+}
+
+fn any_tcp_client() -> impl Strategy<Value = PortKind> {
+    let zero = Just(Duration::from_ticks(0));
+    let address = prop_oneof![
+        (1..=u32::MAX).prop_map(|bits| IpAddr::V4(bits.into())),
+        (1..=u128::MAX).prop_map(|bits| IpAddr::V6(bits.into())),
+    ];
+    let hour = 3_600_000_000;
+    let place = (address, 1..=u16::MAX, any_stream(), prop::option::of(any::<u8>()), 1..=16_u8);
+    let delays = (duration(0..=60_000_000), duration(0..=60_000_000));
+    let idle = prop_oneof![zero, duration(1_000_000..=86_400_000_000)];
+    let late_window = prop::option::of(duration(0..=hour));
+    (place, duration(1_000..=hour), duration(1_000..=hour), delays, idle, 0..=10_u8, late_window, any::<u8>())
+        .prop_map(|(place, timeout, connect_timeout, delays, idle, retries, late_window, down_after)| {
+            let (address, port, framing, unit, in_flight) = place;
+            let (connect_delay, request_delay) = delays;
+            PortKind::TcpClient(TcpClientSettings {
+                server: (address, port).into(),
+                framing,
+                unit,
+                in_flight: if framing == StreamFraming::Rtu { 1 } else { in_flight },
+                timeout,
+                connect_timeout,
+                connect_delay,
+                request_delay,
+                idle,
+                retries,
+                late_window,
+                down_after,
             })
         })
 }
@@ -138,8 +189,26 @@ fn any_units() -> impl Strategy<Value = UnitPolicy> {
     )
 }
 
+fn any_udp_server(n: usize) -> impl Strategy<Value = PortKind> {
+    (1..=16_u8, 1..=32_u8, duration(10_000..=3_600_000_000)).prop_map(
+        move |(pipeline, requests, lifetime)| {
+            let listen = TcpListen { address: None, port: 502 + n as u16 };
+            PortKind::UdpServer(UdpServerSettings { listen, pipeline, requests, lifetime })
+        },
+    )
+}
+
+fn any_stream() -> impl Strategy<Value = StreamFraming> {
+    prop_oneof![Just(StreamFraming::Mbap), Just(StreamFraming::Rtu)]
+}
+
 fn any_port(n: usize) -> impl Strategy<Value = Port> {
-    let kind = prop_oneof![any_serial(n).boxed(), any_tcp_server(n).boxed()];
+    let kind = prop_oneof![
+        any_serial(n).boxed(),
+        any_tcp_server(n).boxed(),
+        any_tcp_client().boxed(),
+        any_udp_server(n).boxed()
+    ];
     ("[A-Za-z][A-Za-z0-9.-]{0,11}", kind, any_units()).prop_map(move |(name, kind, units)| {
         // The number keeps names apart, also from the reserved ones.
         let units = if kind.side() == Side::Server { units } else { UnitPolicy::default() };

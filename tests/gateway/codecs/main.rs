@@ -3,6 +3,7 @@
 mod ascii;
 mod pdu;
 mod rtu;
+mod rtu_request;
 mod rtu_response;
 mod samples;
 mod tcp;

@@ -9,6 +9,7 @@ use embedded_io_async::{Read, Write};
 use crate::net::ClientStream;
 
 pub mod load;
+pub mod rtu;
 pub mod session;
 #[cfg(test)]
 mod tests;
@@ -88,7 +89,7 @@ pub fn frame(transaction: u16, unit: u8, pdu: &[u8]) -> Vec<u8> {
 ///
 /// # Panics
 /// When the gateway sent a length that no frame has: the stream cannot be understood any more.
-fn take_frame(received: &mut Vec<u8>) -> Option<Reply> {
+pub(crate) fn take_frame(received: &mut Vec<u8>) -> Option<Reply> {
     let word = |at: usize| Some(u16::from_be_bytes([*received.get(at)?, *received.get(at + 1)?]));
     let (transaction, protocol, length) = (word(0)?, word(2)?, word(4)?);
     let end = HEADER_BYTES - 1 + usize::from(length);

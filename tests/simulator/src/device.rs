@@ -12,7 +12,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::Write;
 use mobgate::config::Framing;
 
-use crate::fault::Faults;
+use crate::fault::{Faults, Sent};
 use crate::framing::{self, Listener};
 use crate::wire::{Heard, LineEnd};
 
@@ -20,6 +20,7 @@ pub mod ascii;
 mod fresh;
 mod memory;
 pub mod rtu;
+pub mod tcp;
 #[cfg(test)]
 mod tests;
 
@@ -166,11 +167,24 @@ impl Device {
         }
         let State { unit, turnaround, ref mut faults, .. } = *state;
         let mut at = Instant::now() + turnaround;
-        for piece in faults.transmission(framing, unit, &pdu, answer) {
+        let frame = |unit, pdu: &[u8], _| framing::frame(framing, unit, pdu);
+        for piece in faults.transmission(framing, unit, &pdu, answer, frame) {
             at += piece.pause;
-            let length = line.line().chars(piece.bytes.len());
-            outbox.push(Outgoing { at, bytes: piece.bytes });
-            at += length;
+            let length = if let Sent::Bytes(bytes) = &piece.what { bytes.len() } else { 0 };
+            outbox.push(Outgoing { at, what: piece.what });
+            at += line.line().chars(length);
+        }
+    }
+
+    /// Takes a request in that came by TCP; the pieces of the answer go to `outbox`.
+    fn asked(&self, pdu: &[u8], frame: impl Fn(u8, &[u8], bool) -> Vec<u8>, outbox: &mut Vec<Outgoing>) {
+        let mut state = self.0.borrow_mut();
+        let answer = state.execute(pdu, false);
+        let State { unit, turnaround, ref mut faults, .. } = *state;
+        let mut at = Instant::now() + turnaround;
+        for piece in faults.transmission(Framing::Rtu, unit, pdu, answer, frame) {
+            at += piece.pause;
+            outbox.push(Outgoing { at, what: piece.what });
         }
     }
 }
@@ -197,7 +211,19 @@ impl State {
 /// Bytes that are due to be sent.
 struct Outgoing {
     at: Instant,
-    bytes: Vec<u8>,
+    what: Sent,
+}
+
+/// Waits until something is due, and takes it out.
+async fn due(outbox: &mut Vec<Outgoing>) -> Sent {
+    let first = outbox.iter().enumerate().min_by_key(|(_, outgoing)| outgoing.at);
+    match first.map(|(index, outgoing)| (index, outgoing.at)) {
+        Some((index, at)) => {
+            Timer::at(at).await;
+            outbox.remove(index).what
+        }
+        None => std::future::pending().await,
+    }
 }
 
 /// Lets `devices` live at `line` in RTU, for ever. They hear the same frames; an answer that is late is sent then,
@@ -211,26 +237,16 @@ pub async fn serve_in(framing: Framing, mut line: LineEnd, devices: Vec<Device>)
     let mut outbox: Vec<Outgoing> = Vec::new();
     let mut listener = Listener::new(line.clone(), framing);
     loop {
-        let next = outbox.iter().enumerate().min_by_key(|(_, outgoing)| outgoing.at);
-        let next = next.map(|(index, outgoing)| (index, outgoing.at));
-        let due = async {
-            match next {
-                Some((index, at)) => {
-                    Timer::at(at).await;
-                    index
-                }
-                None => std::future::pending().await,
-            }
-        };
-        match select(listener.hear(), due).await {
+        match select(listener.hear(), due(&mut outbox)).await {
             Either::First(heard) => {
                 devices.iter().for_each(|device| device.hear(framing, &heard, &line, &mut outbox));
             }
-            Either::Second(index) => {
-                let outgoing = outbox.remove(index);
+            Either::Second(Sent::Bytes(bytes)) => {
                 // The bus has nobody to tell: an unplugged device just is not heard.
-                let _ = line.write_all(&outgoing.bytes).await;
+                let _ = line.write_all(&bytes).await;
             }
+            // A bus has no connections.
+            Either::Second(Sent::Close | Sent::Reset) => {}
         }
     }
 }

@@ -6,7 +6,6 @@ use embassy_time::{Duration, Instant};
 use embedded_io_async::Write;
 use mobgate::config::Framing;
 
-use crate::framing;
 use crate::random::Random;
 use crate::wire::LineEnd;
 
@@ -43,6 +42,12 @@ pub enum Fault {
     Exception(u8),
     /// The answer comes twice, with this silence between.
     Twice(Duration),
+    /// On TCP: another transaction id.
+    WrongTransaction,
+    /// On TCP: the device closes the connection instead of answering.
+    Close,
+    /// On TCP: the device resets the connection instead of answering.
+    Reset,
 }
 
 /// Which requests a fault hits. Requests of a device are counted from 1 on.
@@ -75,7 +80,15 @@ pub struct Faults {
 pub(crate) struct Piece {
     /// Before it.
     pub(crate) pause: Duration,
-    pub(crate) bytes: Vec<u8>,
+    pub(crate) what: Sent,
+}
+
+/// What is sent, or done to the connection.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Sent {
+    Bytes(Vec<u8>),
+    Close,
+    Reset,
 }
 
 impl Faults {
@@ -101,13 +114,15 @@ impl Faults {
         self.injected
     }
 
-    /// What goes on the wire instead of `unit`'s `answer` to `request`.
+    /// What goes on the wire instead of `unit`'s `answer` to `request`. `frame` makes a frame of unit and PDU, and is told
+    /// whether its transaction id is to be wrong.
     pub(crate) fn transmission(
         &mut self,
         framing: Framing,
         unit: u8,
         request: &[u8],
         answer: Vec<u8>,
+        frame: impl Fn(u8, &[u8], bool) -> Vec<u8>,
     ) -> Vec<Piece> {
         self.requests += 1;
         let faults = self.draw(request);
@@ -120,8 +135,8 @@ impl Faults {
         for &fault in &faults {
             forge(fault, &mut unit, &mut pdu);
         }
-        let mut pieces =
-            vec![Piece { pause: Duration::from_ticks(0), bytes: framing::frame(framing, unit, &pdu) }];
+        let bytes = frame(unit, &pdu, faults.contains(&Fault::WrongTransaction));
+        let mut pieces = vec![Piece { pause: Duration::from_ticks(0), what: Sent::Bytes(bytes) }];
         for &fault in &faults {
             self.damage(framing, fault, &mut pieces);
         }
@@ -144,7 +159,13 @@ impl Faults {
 
     /// Faults of the transmission: its bytes no longer are what was meant.
     fn damage(&mut self, framing: Framing, fault: Fault, pieces: &mut Vec<Piece>) {
-        let Some(Piece { pause, bytes }) = pieces.last_mut() else { return };
+        let Some(Piece { pause, what }) = pieces.last_mut() else { return };
+        match fault {
+            Fault::Close => return *what = Sent::Close,
+            Fault::Reset => return *what = Sent::Reset,
+            _ => {}
+        }
+        let Sent::Bytes(bytes) = what else { return };
         let place = self.random.index(bytes.len());
         match fault {
             Fault::Late(least, most) => {
@@ -166,13 +187,14 @@ impl Faults {
             Fault::NoiseAfter(count) => bytes.extend((0..count).map(|_| self.random.byte())),
             Fault::GapInside(pause) => {
                 let bytes = bytes.split_off(bytes.len() / 2);
-                pieces.push(Piece { pause, bytes });
+                pieces.push(Piece { pause, what: Sent::Bytes(bytes) });
             }
             Fault::Twice(pause) => {
                 let bytes = bytes.clone();
-                pieces.push(Piece { pause, bytes });
+                pieces.push(Piece { pause, what: Sent::Bytes(bytes) });
             }
-            // Done by `forge`, or no answer at all.
+            // Done by `forge` or above, or no answer at all.
+            Fault::Close | Fault::Reset | Fault::WrongTransaction => {}
             Fault::Dead | Fault::WrongUnit | Fault::WrongFunction | Fault::WrongLength => {}
             Fault::WrongEcho | Fault::Exception(_) => {}
         }

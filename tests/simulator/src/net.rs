@@ -16,12 +16,18 @@ use mobgate::hal::{OpenError, OpenErrorKind, TcpHost, TcpStream};
 
 use crate::random::Random;
 
+mod outgoing;
 mod pipe;
 #[cfg(test)]
 mod tests;
+mod udp;
 
+use outgoing::Outside;
+pub use outgoing::{OutgoingStream, Server, SimTcpConnect};
 pub use pipe::Path;
 use pipe::Pipe;
+use udp::Mailbox;
+pub use udp::{SimUdpHost, SimUdpSocket, UdpClient, Weather};
 
 /// Connections that wait for an `accept`; one more is refused.
 const BACKLOG_MAX: usize = 128;
@@ -33,6 +39,9 @@ pub struct Network(Rc<RefCell<State>>);
 struct State {
     listeners: HashMap<u16, Listener>,
     refused: HashMap<u16, OpenErrorKind>,
+    outside: Outside,
+    udp: HashMap<u16, Mailbox>,
+    weather: Weather,
     random: Random,
     next_client_port: u16,
     counters: Counters,
@@ -54,6 +63,8 @@ pub struct Counters {
     pub closed: u64,
     /// Connections that the gateway let fall: the client sees a reset.
     pub dropped: u64,
+    /// Connections made by the gateway.
+    pub made: u64,
 }
 
 impl Network {
@@ -62,6 +73,9 @@ impl Network {
         Self(Rc::new(RefCell::new(State {
             listeners: HashMap::new(),
             refused: HashMap::new(),
+            outside: Outside::default(),
+            udp: HashMap::new(),
+            weather: Weather::default(),
             random: Random::new(seed),
             next_client_port: 49_152,
             counters: Counters::default(),

@@ -12,6 +12,7 @@ use mobgate::gateway::{Gateway, PortPlace, Seat};
 use mobgate::stats::Event;
 
 use crate::client::Client;
+use crate::device::tcp::{Stream, serve as serve_tcp};
 use crate::device::{Device, serve_in};
 use crate::master::Master;
 use crate::net::Network;
@@ -104,7 +105,7 @@ fn parse(text: &str) -> Settings {
 fn serial(kind: &PortKind) -> Option<&SerialSettings> {
     match kind {
         PortKind::Serial(serial) => Some(serial),
-        PortKind::TcpServer(_) => None,
+        _ => None,
     }
 }
 
@@ -129,7 +130,10 @@ impl<'g> Rig<'g> {
             });
         for port in 0..PORTS_MAX {
             let mut host = board.clone();
-            world.spawn(async move { gateway.run_port(PortId(port as u8), &mut host).await });
+            let (mut connector, mut datagrams) = (self.network.connector(), self.network.udp_host());
+            world.spawn(async move {
+                gateway.run_port(PortId(port as u8), &mut host, &mut connector, &mut datagrams).await
+            });
         }
         for seat in 0..size.seats {
             let mut host = self.network.host();
@@ -182,6 +186,18 @@ impl<'g> Rig<'g> {
     /// When the settings at the start named no such device.
     pub fn framing(&self, device: &str) -> Framing {
         self.line(device).framing
+    }
+
+    /// Puts `devices` into the network, behind Modbus TCP at `address`.
+    pub fn attach_tcp(&self, world: &World<'g>, address: &str, devices: impl Into<Vec<Device>>) {
+        let address = address.parse().expect("an address such as 10.0.1.1:502");
+        world.spawn(serve_tcp(self.network.serve(address), Stream::Mbap, devices.into(), world.spawner()));
+    }
+
+    /// Puts `devices` into the network, behind RTU over TCP at `address`.
+    pub fn attach_rtu_over_tcp(&self, world: &World<'g>, address: &str, devices: impl Into<Vec<Device>>) {
+        let address = address.parse().expect("an address such as 10.0.1.1:502");
+        world.spawn(serve_tcp(self.network.serve(address), Stream::Rtu, devices.into(), world.spawner()));
     }
 
     /// What the gateway has sent on the wire `device`.

@@ -2,27 +2,22 @@
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream};
-use std::time::Duration;
 
 use async_lock::Mutex;
-use embassy_time::Timer;
+use embassy_time::{Duration, Timer};
 use mobgate::config::TcpListen;
 use mobgate::hal::{OpenError, OpenErrorKind};
 use rustix::io::Errno;
-use socket2::{Domain, Protocol, Socket, TcpKeepalive, Type};
+use socket2::{Domain, Protocol, Socket, Type};
 
+use super::options;
 use crate::descriptor::Descriptor;
 use crate::hint;
 
 /// Connections that the kernel accepts ahead of us.
 const BACKLOG: i32 = 1024;
 /// Pause when the system has no descriptor or memory for one more connection.
-const EXHAUSTED_PAUSE: embassy_time::Duration = embassy_time::Duration::from_millis(200);
-/// Time after which a peer that acknowledges nothing is gone.
-const USER_TIMEOUT: Duration = Duration::from_secs(30);
-const KEEPALIVE_IDLE: Duration = Duration::from_secs(30);
-const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(5);
-const KEEPALIVE_PROBES: u32 = 3;
+const EXHAUSTED_PAUSE: Duration = Duration::from_millis(200);
 
 /// A listening socket. Waiting tasks queue up, so that a connection wakes one of them and not all.
 #[derive(Debug)]
@@ -78,7 +73,8 @@ impl Listener {
     }
 }
 
-fn is_exhausted(error: &io::Error) -> bool {
+/// Whether the system has no descriptor or memory left.
+pub(super) fn is_exhausted(error: &io::Error) -> bool {
     matches!(Errno::from_io_error(error), Some(Errno::MFILE | Errno::NFILE | Errno::NOBUFS | Errno::NOMEM))
 }
 
@@ -90,17 +86,14 @@ fn bind(at: SocketAddr) -> io::Result<TcpListener> {
     // Else a restarted program finds its port taken by its own closed connections (TIME_WAIT).
     socket.set_reuse_address(true)?;
     // Accepted sockets inherit these on Linux.
-    socket.set_tcp_nodelay(true)?;
-    socket.set_tcp_user_timeout(Some(USER_TIMEOUT))?;
-    let keepalive = TcpKeepalive::new().with_time(KEEPALIVE_IDLE).with_interval(KEEPALIVE_INTERVAL);
-    socket.set_tcp_keepalive(&keepalive.with_retries(KEEPALIVE_PROBES))?;
+    options::set(&socket)?;
     socket.bind(&at.into())?;
     socket.listen(BACKLOG)?;
     Ok(socket.into())
 }
 
 /// What a system error means for the user.
-fn refusal(error: &io::Error) -> OpenError {
+pub(crate) fn refusal(error: &io::Error) -> OpenError {
     let (kind, hint) = match Errno::from_io_error(error) {
         Some(Errno::ACCESS | Errno::PERM) => (OpenErrorKind::Denied, hint::port_denied()),
         Some(Errno::ADDRINUSE) => (OpenErrorKind::InUse, "see who listens: ss -ltnp"),

@@ -1,0 +1,92 @@
+//! UDP sockets.
+
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket as SystemSocket};
+
+use mobgate::config::TcpListen;
+use mobgate::hal::{OpenError, SocketLost, UdpHost, UdpSocket};
+use rustix::io::Errno;
+use socket2::{Domain, Protocol, Socket, Type};
+
+use crate::descriptor::Descriptor;
+use crate::tcp::refusal;
+
+/// Opens UDP sockets.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Datagrams;
+
+impl UdpHost for Datagrams {
+    type Socket<'a> = Datagram;
+
+    /// Without an address on every one, by IPv6 and IPv4 where the system has both.
+    async fn bind(&mut self, listen: &TcpListen) -> Result<Datagram, OpenError> {
+        let bound =
+            match listen.address {
+                Some(address) => bind((address, listen.port).into()),
+                None => bind((Ipv6Addr::UNSPECIFIED, listen.port).into()).or_else(|error| {
+                    match Errno::from_io_error(&error) {
+                        Some(Errno::AFNOSUPPORT | Errno::ADDRNOTAVAIL) => {
+                            bind((Ipv4Addr::UNSPECIFIED, listen.port).into())
+                        }
+                        _ => Err(error),
+                    }
+                }),
+            };
+        let socket = bound.and_then(Descriptor::new).map_err(|error| refusal(&error))?;
+        Ok(Datagram(socket))
+    }
+}
+
+fn bind(at: SocketAddr) -> io::Result<SystemSocket> {
+    let socket = Socket::new(Domain::for_address(at), Type::DGRAM, Some(Protocol::UDP))?;
+    if at.ip() == IpAddr::V6(Ipv6Addr::UNSPECIFIED) {
+        socket.set_only_v6(false)?;
+    }
+    socket.bind(&at.into())?;
+    Ok(socket.into())
+}
+
+/// An open socket.
+#[derive(Debug)]
+pub struct Datagram(Descriptor<SystemSocket>);
+
+impl UdpSocket for Datagram {
+    async fn receive(&mut self, into: &mut [u8]) -> Result<(usize, SocketAddr), SocketLost> {
+        loop {
+            match self.0.read_with(|socket| socket.recv_from(into)).await {
+                Ok(received) => return Ok(received),
+                Err(error) if is_peers(&error) => {}
+                Err(error) => return Err(lost(&error)),
+            }
+        }
+    }
+
+    async fn send(&mut self, datagram: &[u8], to: SocketAddr) -> Result<(), SocketLost> {
+        match self.0.write_with(|socket| socket.send_to(datagram, to)).await {
+            Ok(_) => Ok(()),
+            Err(error) if is_peers(&error) => Ok(()),
+            Err(error) => Err(lost(&error)),
+        }
+    }
+}
+
+/// Whether an error is about one peer, which cannot be reached now, and not about the socket.
+fn is_peers(error: &io::Error) -> bool {
+    let errno = Errno::from_io_error(error);
+    matches!(
+        errno,
+        Some(
+            Errno::CONNREFUSED
+                | Errno::HOSTUNREACH
+                | Errno::NETUNREACH
+                | Errno::PERM
+                | Errno::NOBUFS
+                | Errno::INVAL
+        )
+    )
+}
+
+fn lost(error: &io::Error) -> SocketLost {
+    log::warn!("UDP: {error}");
+    SocketLost
+}

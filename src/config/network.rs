@@ -1,0 +1,99 @@
+//! Settings of the ports that speak over a network, besides the Modbus TCP server.
+
+use core::net::SocketAddr;
+
+use embassy_time::Duration;
+
+use super::TcpListen;
+
+/// TCP port number of Modbus (Messaging on TCP/IP 4.3.1.1).
+pub const MODBUS_TCP_PORT: u16 = 502;
+
+/// How frames look in a TCP stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum StreamFraming {
+    /// Modbus TCP: the MBAP header says where a frame ends and which request an answer belongs to.
+    #[default]
+    Mbap,
+    /// RTU over TCP: the bytes of a serial line with their CRC, as serial device servers carry them. One request at a time.
+    Rtu,
+}
+
+/// Requests that one UDP server can have open in all.
+pub const UDP_REQUESTS_MAX: usize = 32;
+
+/// A listener for Modbus UDP clients.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UdpServerSettings {
+    /// Where it listens, by UDP.
+    pub listen: TcpListen,
+    /// Requests of one peer that may be open at a time; one more is answered 06h. 1 to 16.
+    pub pipeline: u8,
+    /// Requests of all peers that may be open at a time; one more is answered 06h. 1 to [`UDP_REQUESTS_MAX`].
+    pub requests: u8,
+    /// A request not yet on the wire after this time is not sent any more, and answered 0Bh.
+    pub lifetime: Duration,
+}
+
+impl UdpServerSettings {
+    /// A listener on `listen` with the defaults: 16 requests of a peer, 32 in all, 5 s of life.
+    pub const fn new(listen: TcpListen) -> Self {
+        Self { listen, pipeline: 16, requests: UDP_REQUESTS_MAX as u8, lifetime: Duration::from_secs(5) }
+    }
+}
+
+/// A device, or a gateway with devices behind it, that is asked over TCP.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TcpClientSettings {
+    /// Where it listens.
+    pub server: SocketAddr,
+    /// Modbus TCP or RTU over TCP.
+    pub framing: StreamFraming,
+    /// The unit id that is sent whatever the rule says; `None` sends the rule's.
+    pub unit: Option<u8>,
+    /// Requests that may be open at a time, 1 to 16; 1 with RTU over TCP.
+    pub in_flight: u8,
+    /// From a request to its response.
+    pub timeout: Duration,
+    /// From the first try to the open connection.
+    pub connect_timeout: Duration,
+    /// Pause between the opening of the connection and the first request.
+    pub connect_delay: Duration,
+    /// Pause between whatever was sent or received last and a request.
+    pub request_delay: Duration,
+    /// A connection without a request for so long is closed, and opened when the next request comes; zero: it is opened at
+    /// once and kept.
+    pub idle: Duration,
+    /// Repeats of a read that got no response. Writes are never repeated.
+    pub retries: u8,
+    /// How long after a time-out its answer may still come; `None`: `timeout`.
+    pub late_window: Option<Duration>,
+    /// Time-outs in a row after which a unit counts as down and fails at once; 0 never.
+    pub down_after: u8,
+}
+
+impl TcpClientSettings {
+    /// Modbus TCP to `server`: one request at a time, 1 s for a response, 3 s to connect, closed after a minute, no repeats,
+    /// down after three time-outs.
+    pub const fn new(server: SocketAddr) -> Self {
+        Self {
+            server,
+            framing: StreamFraming::Mbap,
+            unit: None,
+            in_flight: 1,
+            timeout: Duration::from_secs(1),
+            connect_timeout: Duration::from_secs(3),
+            connect_delay: Duration::from_ticks(0),
+            request_delay: Duration::from_ticks(0),
+            idle: Duration::from_secs(60),
+            retries: 0,
+            late_window: None,
+            down_after: 3,
+        }
+    }
+
+    /// How long after a time-out its answer may still come.
+    pub fn late_window(&self) -> Duration {
+        self.late_window.unwrap_or(self.timeout)
+    }
+}

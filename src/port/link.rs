@@ -1,0 +1,357 @@
+//! One connection to an outside server while it is open: sends the desk's orders and pairs the answers with them.
+//!
+//! By Modbus TCP several requests may be open at a time. An answer is taken only when its transaction id belongs to an open
+//! request and its unit, function, length and echoed fields are that request's; all others are dropped and counted, and
+//! leave the response timers running. By RTU over TCP one request is open at a time, and its answer is found by its length
+//! and CRC, or by the pause behind it.
+
+use embassy_futures::select::{Either4, select4};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
+
+use crate::config::{StreamFraming, TcpClientSettings};
+use crate::frame::Frame;
+use crate::hal::TcpStream;
+use crate::modbus::PDU_BYTES_MAX;
+use crate::modbus::pdu::{EXCEPTION_BIT, fits};
+use crate::modbus::rtu::{self, AtSilence, Received};
+use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
+use crate::port::desk::Desk;
+use crate::port::flights::{Flight, Flights};
+use crate::port::queue::Next;
+use crate::port::stream::{RTU_PAUSE, encode};
+use crate::stats::Event;
+
+/// Pause after a broadcast by RTU over TCP: the turnaround delay of the line behind it (Serial Line 2.4.1).
+const TURNAROUND: Duration = Duration::from_millis(100);
+/// Bytes that may come between a request and the end of its response: a frame and as much noise again.
+const INPUT_BYTES_MAX: usize = 2 * ADU_BYTES_MAX;
+/// A connection that lived for so long without a request was in order, though the server has closed it.
+const SETTLED: Duration = Duration::from_secs(1);
+
+/// An open connection.
+pub(crate) struct Link<'l, 'g, S> {
+    desk: &'l Desk<'g>,
+    settings: &'l TcpClientSettings,
+    stream: S,
+    flights: Flights<Frame<'g>>,
+    input: [u8; INPUT_BYTES_MAX],
+    length: usize,
+    opened: Instant,
+    /// When something was sent or received last.
+    active: Instant,
+    /// When the last request was sent.
+    used: Instant,
+    /// When something was received last.
+    heard: Instant,
+    /// Whether a request was answered.
+    proven: bool,
+    /// The board needs the socket.
+    leaving: bool,
+}
+
+/// Why a connection ends.
+enum End {
+    /// It is not needed now.
+    Unused,
+    /// The server has closed it, or it broke.
+    Lost,
+}
+
+impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
+    /// A connection that has just been opened. `first` is the first transaction id.
+    pub(crate) fn new(desk: &'l Desk<'g>, settings: &'l TcpClientSettings, stream: S, first: u16) -> Self {
+        let now = Instant::now();
+        Self {
+            desk,
+            settings,
+            stream,
+            flights: Flights::new(first),
+            input: [0; INPUT_BYTES_MAX],
+            length: 0,
+            opened: now,
+            active: now,
+            used: now,
+            heard: now,
+            proven: false,
+            leaving: false,
+        }
+    }
+
+    /// Carries orders out until the connection ends. Says whether the server is well as far as one can tell.
+    ///
+    /// What was open when the connection broke may have been carried out: it is answered 0Bh, but for reads that may be
+    /// repeated. What has not been sent stays with the desk.
+    pub(crate) async fn run(mut self) -> bool {
+        let end = self.serve().await;
+        let cut = !self.flights.is_empty();
+        while let Some(flight) = self.flights.pop() {
+            self.desk.failed(&flight.order, self.settings.retries);
+        }
+        let well = match end {
+            End::Unused => true,
+            End::Lost => {
+                self.desk.place().stats.count(if cut { Event::LineLost } else { Event::Left });
+                self.proven || (!cut && self.opened.elapsed() >= SETTLED)
+            }
+        };
+        self.stream.close().await;
+        well
+    }
+
+    async fn serve(&mut self) -> End {
+        let place = self.desk.place();
+        loop {
+            self.judge_pause();
+            self.expire();
+            let due = match self.send_due().await {
+                Ok(due) => due,
+                Err(end) => return end,
+            };
+            place.socket.busy(!self.flights.is_empty());
+            let deadline = self.flights.first_deadline().unwrap_or(Instant::MAX);
+            let wake = due.min(deadline).min(self.pause_end());
+            let space = self.input.get_mut(self.length..).unwrap_or(&mut []);
+            let read = self.stream.read(space);
+            match select4(read, self.desk.changed(), Timer::at(wake), place.socket.leave.wait()).await {
+                Either4::First(Ok(0) | Err(_)) => return End::Lost,
+                Either4::First(Ok(count)) => {
+                    if let Err(end) = self.received(count) {
+                        return end;
+                    }
+                }
+                Either4::Second(()) | Either4::Third(()) => {}
+                Either4::Fourth(()) => self.leaving = true,
+            }
+        }
+    }
+
+    /// Sends what may be sent now, and says when to look again if nothing happens.
+    async fn send_due(&mut self) -> Result<Instant, End> {
+        loop {
+            let now = Instant::now();
+            if self.leaving {
+                return if self.flights.is_empty() { Err(End::Unused) } else { Ok(Instant::MAX) };
+            }
+            if self.flights.len() >= usize::from(self.settings.in_flight) {
+                return Ok(Instant::MAX);
+            }
+            let Some(room) = self.flights.room(now) else { return Ok(Instant::MAX) };
+            let rested = self.active + self.settings.request_delay;
+            let due = room.max(rested).max(self.opened + self.settings.connect_delay);
+            if due > now {
+                return Ok(due);
+            }
+            match self.desk.next() {
+                Next::Serve(order, ticket) => self.send(order, ticket.unit, now).await?,
+                Next::Wait(until) => return Ok(until),
+                Next::Empty if self.settings.idle == Duration::from_ticks(0) => return Ok(Instant::MAX),
+                Next::Empty if !self.flights.is_empty() => return Ok(Instant::MAX),
+                Next::Empty => {
+                    let end = self.used + self.settings.idle;
+                    return if now >= end { Err(End::Unused) } else { Ok(end) };
+                }
+            }
+        }
+    }
+
+    async fn send(&mut self, order: Frame<'g>, unit: u8, now: Instant) -> Result<(), End> {
+        let place = self.desk.place();
+        let mut request = [0; PDU_BYTES_MAX];
+        let length = order.copy_pdu(&mut request);
+        let request = request.get(..length).unwrap_or(&[]);
+        let broadcast = unit == 0 && self.settings.framing == StreamFraming::Rtu;
+        if broadcast {
+            let sent = self.write(0, unit, request).await;
+            self.desk.done_silently(&order);
+            sent?;
+            self.active = now + TURNAROUND;
+        } else {
+            let id = match self.flights.start(order, unit, now, self.settings.timeout) {
+                Ok(id) => id,
+                // There is room, it was looked for just now.
+                Err(order) => {
+                    self.desk.failed(&order, 0);
+                    return Ok(());
+                }
+            };
+            place.units(|units| units.asked(unit));
+            self.write(id, unit, request).await?;
+            self.active = now;
+        }
+        self.used = now;
+        place.stats.count(Event::Request);
+        Ok(())
+    }
+
+    async fn write(&mut self, transaction: u16, unit: u8, request: &[u8]) -> Result<(), End> {
+        if self.settings.framing == StreamFraming::Rtu {
+            // What came before the request is no answer to it.
+            self.drop_noise();
+        }
+        let mut frame = [0; ADU_BYTES_MAX];
+        let header = Header { transaction, unit };
+        let frame = encode(self.settings.framing, header, request, &mut frame).map_err(|_| End::Lost)?;
+        // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+        match with_timeout(self.settings.timeout, self.stream.write_all(frame)).await {
+            Ok(Ok(())) => Ok(()),
+            _ => Err(End::Lost),
+        }
+    }
+
+    fn received(&mut self, count: usize) -> Result<(), End> {
+        self.length += count;
+        self.heard = Instant::now();
+        self.active = self.active.max(self.heard);
+        match self.settings.framing {
+            StreamFraming::Mbap => self.take_frames(),
+            StreamFraming::Rtu => {
+                self.take_response();
+                Ok(())
+            }
+        }
+    }
+
+    /// Takes the Modbus TCP frames that have come.
+    fn take_frames(&mut self) -> Result<(), End> {
+        let stats = &self.desk.place().stats;
+        loop {
+            let consumed = match tcp::parse(self.input.get(..self.length).unwrap_or(&[])) {
+                Ok(Parsed::Incomplete) => return Ok(()),
+                Ok(Parsed::Skip { consumed }) => {
+                    stats.count(Event::Malformed);
+                    consumed
+                }
+                Ok(Parsed::Frame { header, pdu, consumed }) => {
+                    match pair(&mut self.flights, header, pdu) {
+                        Ok(flight) => {
+                            self.proven = true;
+                            answer(self.desk, flight, pdu);
+                        }
+                        Err(event) => stats.count(event),
+                    }
+                    consumed
+                }
+                Err(_) => {
+                    stats.count(Event::Malformed);
+                    return Err(End::Lost);
+                }
+            };
+            self.input.copy_within(consumed..self.length, 0);
+            self.length -= consumed;
+        }
+    }
+
+    /// Takes the RTU response, if it is whole.
+    fn take_response(&mut self) {
+        let Some(flight) = self.flights.first() else { return self.drop_noise() };
+        let mut request = [0; PDU_BYTES_MAX];
+        let length = flight.order.copy_pdu(&mut request);
+        let (id, unit) = (flight.id, flight.unit);
+        let heard = self.input.get(..self.length).unwrap_or(&[]);
+        if let Received::Complete(pdu) = rtu::response(unit, request.get(..length).unwrap_or(&[]), heard) {
+            self.proven = true;
+            if let Some(flight) = self.flights.finish(id) {
+                answer(self.desk, flight, pdu);
+            }
+            self.length = 0;
+        } else if self.length >= rtu::FRAME_BYTES_MAX {
+            // No frame is that long: keep the newest part, in which the response may be.
+            self.input.copy_within(self.length - rtu::FRAME_BYTES_MAX / 2..self.length, 0);
+            self.length = rtu::FRAME_BYTES_MAX / 2;
+        }
+    }
+
+    /// When the pause behind what came by RTU over TCP has lasted long enough to judge it.
+    fn pause_end(&self) -> Instant {
+        let waits = self.settings.framing == StreamFraming::Rtu && self.length > 0;
+        if waits { self.heard + RTU_PAUSE } else { Instant::MAX }
+    }
+
+    /// Judges what came by RTU over TCP when a pause, or the response time's end, says that no more comes.
+    fn judge_pause(&mut self) {
+        let now = Instant::now();
+        let over = self.flights.first_deadline().is_some_and(|deadline| deadline <= now);
+        if self.pause_end() == Instant::MAX || (self.pause_end() > now && !over) {
+            return;
+        }
+        let Some(flight) = self.flights.first() else { return self.drop_noise() };
+        let mut request = [0; PDU_BYTES_MAX];
+        let length = flight.order.copy_pdu(&mut request);
+        let request = request.get(..length).unwrap_or(&[]);
+        let (id, unit) = (flight.id, flight.unit);
+        let place = self.desk.place();
+        match rtu::response_at_silence(unit, request, self.input.get(..self.length).unwrap_or(&[])) {
+            AtSilence::Complete(pdu) => {
+                self.proven = true;
+                if let Some(flight) = self.flights.finish(id) {
+                    answer(self.desk, flight, pdu);
+                }
+            }
+            AtSilence::Damaged => {
+                self.proven = true;
+                place.stats.count(Event::Damaged);
+                place.units(|units| units.damaged(unit));
+                if let Some(flight) = self.flights.finish(id) {
+                    self.desk.failed(&flight.order, self.settings.retries);
+                }
+            }
+            AtSilence::WrongUnit(_) => place.stats.count(Event::WrongUnit),
+            AtSilence::Misfit(_) => place.stats.count(Event::Misfit),
+            AtSilence::Noise => place.stats.count(Event::Noise),
+        }
+        self.length = 0;
+    }
+
+    fn drop_noise(&mut self) {
+        if self.length > 0 {
+            self.desk.place().stats.count(Event::Noise);
+            self.length = 0;
+        }
+    }
+
+    /// Gives up what has waited for its answer long enough.
+    fn expire(&mut self) {
+        let (now, window) = (Instant::now(), self.settings.late_window());
+        // Transaction ids tell late answers from others; RTU has none, so there the unit must not be asked meanwhile.
+        let held = match self.settings.framing {
+            StreamFraming::Mbap => Duration::from_ticks(0),
+            StreamFraming::Rtu => window,
+        };
+        let place = self.desk.place();
+        while let Some(flight) = self.flights.expire(now, window) {
+            place.stats.count(Event::Timeout);
+            place.units(|units| units.timed_out(flight.unit, now, held, self.settings.down_after));
+            self.desk.failed(&flight.order, self.settings.retries);
+        }
+    }
+}
+
+/// The open request that a Modbus TCP frame answers; else what the frame is.
+fn pair<'g>(
+    flights: &mut Flights<Frame<'g>>,
+    header: Header,
+    pdu: &[u8],
+) -> Result<Flight<Frame<'g>>, Event> {
+    let flight = flights.find(header.transaction).ok_or(Event::Stray)?;
+    if flight.unit != header.unit {
+        return Err(Event::WrongUnit);
+    }
+    let mut request = [0; PDU_BYTES_MAX];
+    let length = flight.order.copy_pdu(&mut request);
+    fits(request.get(..length).unwrap_or(&[]), pdu).map_err(|_| Event::Misfit)?;
+    flights.finish(header.transaction).ok_or(Event::Stray)
+}
+
+/// Sends the order home with `pdu` as its answer.
+fn answer<'g>(desk: &Desk<'g>, flight: Flight<Frame<'g>>, pdu: &[u8]) {
+    let place = desk.place();
+    // It fits into the frame: it is no longer than a PDU may be.
+    let _ = flight.order.replace(pdu);
+    let exception = flight.order.function() & EXCEPTION_BIT != 0;
+    place.units(|units| units.answered(flight.unit, flight.sent.elapsed(), exception));
+    place.stats.count(Event::Answer);
+    if exception {
+        place.stats.count(Event::Exception);
+    }
+    desk.done(&flight.order);
+}

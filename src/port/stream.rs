@@ -1,0 +1,100 @@
+//! What a client sends over TCP, gathered and cut into requests: Modbus TCP, or RTU over TCP.
+
+use embassy_time::{Duration, Instant};
+
+use crate::config::StreamFraming;
+use crate::modbus::PduLength;
+use crate::modbus::rtu::{self, Cut};
+use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, MbapError, Parsed};
+use crate::stats::Event;
+
+/// A pause that ends a frame of RTU over TCP whose length its function does not tell. A stream has no silences of its own:
+/// this is what a serial device server takes to send the rest of a frame, and a network to carry it.
+pub(crate) const RTU_PAUSE: Duration = Duration::from_millis(100);
+
+/// Bytes that came and are not consumed yet.
+pub(crate) struct Input {
+    framing: StreamFraming,
+    bytes: [u8; ADU_BYTES_MAX],
+    length: usize,
+    /// When the last of them came.
+    heard: Instant,
+}
+
+impl Input {
+    /// Nothing came yet.
+    pub(crate) const fn new(framing: StreamFraming) -> Self {
+        Self { framing, bytes: [0; ADU_BYTES_MAX], length: 0, heard: Instant::MIN }
+    }
+
+    /// What stands at the front, or why the stream cannot be followed any further. RTU has no transaction id: it is 0.
+    pub(crate) fn front(&self) -> Result<Parsed<'_>, MbapError> {
+        let received = self.bytes.get(..self.length).unwrap_or(&[]);
+        if self.framing == StreamFraming::Mbap {
+            return tcp::parse(received);
+        }
+        let cut = match rtu::request(received) {
+            Cut::Incomplete if self.is_over() => rtu::request_at_pause(received),
+            cut => cut,
+        };
+        Ok(match cut {
+            Cut::Incomplete => Parsed::Incomplete,
+            Cut::Request { unit, pdu, consumed } => {
+                Parsed::Frame { header: Header { transaction: 0, unit }, pdu, consumed }
+            }
+            Cut::Noise { consumed } => Parsed::Skip { consumed },
+        })
+    }
+
+    /// What is counted for bytes that are skipped.
+    pub(crate) fn skip_event(&self) -> Event {
+        match self.framing {
+            StreamFraming::Mbap => Event::Malformed,
+            StreamFraming::Rtu => Event::Noise,
+        }
+    }
+
+    /// Drops so many bytes at the front.
+    pub(crate) fn consume(&mut self, count: usize) {
+        self.bytes.copy_within(count.min(self.length)..self.length, 0);
+        self.length = self.length.saturating_sub(count);
+    }
+
+    /// Room for more.
+    pub(crate) fn space(&mut self) -> &mut [u8] {
+        self.bytes.get_mut(self.length..).unwrap_or(&mut [])
+    }
+
+    /// So many bytes were put into the space.
+    pub(crate) fn grew(&mut self, count: usize) {
+        self.length += count;
+        self.heard = Instant::now();
+    }
+
+    /// When what is there is to be looked at again if nothing else comes.
+    pub(crate) fn pause_end(&self) -> Instant {
+        let waits = self.framing == StreamFraming::Rtu && self.length > 0;
+        if waits { self.heard + RTU_PAUSE } else { Instant::MAX }
+    }
+
+    fn is_over(&self) -> bool {
+        self.pause_end() <= Instant::now()
+    }
+}
+
+/// Writes the frame of an answer into `out` and gives the part that it takes.
+pub(crate) fn encode<'a>(
+    framing: StreamFraming,
+    header: Header,
+    answer: &[u8],
+    out: &'a mut [u8; ADU_BYTES_MAX],
+) -> Result<&'a [u8], PduLength> {
+    match framing {
+        StreamFraming::Mbap => tcp::encode(header, answer, out),
+        StreamFraming::Rtu => match out.first_chunk_mut() {
+            Some(out) => rtu::encode(header.unit, answer, out),
+            // An RTU frame is shorter than a TCP frame can be.
+            None => Ok(&[]),
+        },
+    }
+}

@@ -1,0 +1,202 @@
+//! A Modbus UDP server: each datagram is one Modbus TCP frame, and its answer goes back to where it came from.
+//!
+//! There are no connections, so what is open is kept in a table, bounded for each peer and in all; one more is answered
+//! 06h. A datagram that the network has doubled, or that a client repeats out of impatience, is not carried out again
+//! while the first one is open. One that is no whole frame is dropped.
+
+use core::cell::RefCell;
+use core::net::SocketAddr;
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Instant, Timer};
+use heapless::Vec;
+
+use crate::config::{PortId, UDP_REQUESTS_MAX, UdpServerSettings};
+use crate::frame::{Envelope, Frame, Origin, Stage, Way};
+use crate::gateway::{Gateway, PortPlace, Status};
+use crate::hal::{SocketLost, UdpHost, UdpSocket};
+use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
+use crate::modbus::{Exception, PDU_BYTES_MAX};
+use crate::route::Priority;
+use crate::stats::Event;
+
+/// Pause after the socket failed.
+const BIND_PAUSE: Duration = Duration::from_secs(1);
+/// A datagram that is longer than a frame is seen to be.
+const DATAGRAM_BYTES_MAX: usize = ADU_BYTES_MAX + 1;
+
+/// A UDP server.
+pub(crate) struct Server<'s, 'g> {
+    gateway: &'s Gateway<'g>,
+    place: &'s PortPlace,
+    id: PortId,
+    settings: &'s UdpServerSettings,
+    open: RefCell<Vec<Open, UDP_REQUESTS_MAX>>,
+}
+
+/// A request that is not answered yet.
+#[derive(Clone, Copy)]
+struct Open {
+    peer: SocketAddr,
+    header: Header,
+    /// What its frame carries for a transaction id: ids of several peers may be the same.
+    number: u16,
+}
+
+impl<'s, 'g> Server<'s, 'g> {
+    /// A server without requests.
+    pub(crate) fn new(
+        gateway: &'s Gateway<'g>,
+        place: &'s PortPlace,
+        id: PortId,
+        settings: &'s UdpServerSettings,
+    ) -> Self {
+        Self { gateway, place, id, settings, open: RefCell::new(Vec::new()) }
+    }
+
+    /// Keeps the socket open and answers, for ever.
+    pub(crate) async fn run<H: UdpHost>(&self, host: &mut H) {
+        loop {
+            match host.bind(&self.settings.listen).await {
+                Ok(mut socket) => {
+                    if self.place.set_status(Status::Open) {
+                        log_info!("listening on UDP port {}", self.settings.listen.port);
+                    }
+                    let SocketLost = self.serve(&mut socket).await;
+                    self.place.stats.count(Event::LineLost);
+                    self.place.set_status(Status::Lost);
+                }
+                Err(error) => {
+                    if self.place.set_status(Status::Failed(error)) {
+                        log_warn!("UDP port {} cannot be opened: {}", self.settings.listen.port, error);
+                    }
+                }
+            }
+            Timer::after(BIND_PAUSE).await;
+        }
+    }
+
+    /// Nobody waits any more: answers that are there or still come are dropped.
+    pub(crate) fn close(&self) {
+        self.place.renew();
+        while self.place.queue.try_receive(self.gateway.pool()).is_some() {}
+    }
+
+    async fn serve<S: UdpSocket>(&self, socket: &mut S) -> SocketLost {
+        let mut datagram = [0; DATAGRAM_BYTES_MAX];
+        let mut number = 0_u16;
+        loop {
+            let answers = self.place.queue.receive(self.gateway.pool());
+            let reply = match select(answers, socket.receive(&mut datagram)).await {
+                Either::First(frame) => self.answer(frame),
+                Either::Second(Ok((length, peer))) => {
+                    number = number.wrapping_add(1);
+                    let received = datagram.get(..length).unwrap_or(&[]);
+                    self.take(received, peer, number)
+                }
+                Either::Second(Err(lost)) => return lost,
+            };
+            let Some(Reply { peer, header, pdu, length }) = reply else { continue };
+            let mut out = [0; ADU_BYTES_MAX];
+            if let Ok(out) = tcp::encode(header, pdu.get(..length).unwrap_or(&[]), &mut out)
+                && let Err(lost) = socket.send(out, peer).await
+            {
+                return lost;
+            }
+        }
+    }
+
+    /// Takes a datagram in: sends its request to the router, or gives the exception that it is answered with.
+    fn take(&self, datagram: &[u8], peer: SocketAddr, number: u16) -> Option<Reply> {
+        let stats = &self.place.stats;
+        let (header, request) = match tcp::parse(datagram) {
+            Ok(Parsed::Frame { header, pdu, consumed }) if consumed == datagram.len() => (header, pdu),
+            _ => {
+                stats.count(Event::Malformed);
+                return None;
+            }
+        };
+        let refuse = |event, exception: Exception| {
+            stats.count(event);
+            let [function, code] = exception.response(request.first().copied().unwrap_or(0));
+            Some(Reply::new(peer, header, &[function, code]))
+        };
+        let mut open = self.open.borrow_mut();
+        let of_peer = || open.iter().filter(|open| open.peer == peer);
+        if of_peer().any(|open| open.header == header) {
+            stats.count(Event::Duplicate);
+            return None;
+        }
+        if let Err(exception) = pdu::check_request(request) {
+            return refuse(Event::Refused, exception);
+        }
+        let own = usize::from(self.settings.pipeline);
+        if of_peer().count() >= own || open.len() >= usize::from(self.settings.requests) {
+            return refuse(Event::QueueFull, Exception::BUSY);
+        }
+        // The pool's first frames are the seats', the next are the ports'.
+        let owner = self.gateway.seats().len() + self.id.index();
+        let Some((mut writer, frame)) = self.gateway.pool().take(owner) else {
+            return refuse(Event::BackPressure, Exception::BUSY);
+        };
+        // The parser gives no longer PDU than fits.
+        let _ = writer.push(request);
+        writer.finish();
+        frame.address(self.envelope(header.unit, peer, number));
+        stats.count(Event::Request);
+        // There is room: `requests` is at most what the table holds.
+        let _ = open.push(Open { peer, header, number });
+        self.gateway.inbox.send(frame);
+        None
+    }
+
+    fn envelope(&self, unit: u8, peer: SocketAddr, number: u16) -> Envelope {
+        let received = Instant::now();
+        Envelope {
+            origin: Origin { port: self.id, way: Way::Datagrams, generation: self.place.generation() },
+            transaction: number,
+            peer: Some(peer.ip().to_canonical()),
+            unit,
+            target: unit,
+            destination: None,
+            priority: Priority::Normal,
+            received,
+            deadline: received + self.settings.lifetime,
+            repeats: 0,
+            stage: Stage::Request,
+        }
+    }
+
+    /// The answer in `frame`, for whoever asked; none when the frame came home without one.
+    fn answer(&self, frame: Frame<'_>) -> Option<Reply> {
+        let envelope = frame.envelope();
+        let mut open = self.open.borrow_mut();
+        let at = open.iter().position(|open| open.number == envelope.transaction)?;
+        let Open { peer, header, .. } = open.swap_remove(at);
+        if envelope.stage == Stage::Silence {
+            return None;
+        }
+        self.place.stats.count(Event::Answer);
+        if frame.function() & EXCEPTION_BIT != 0 {
+            self.place.stats.count(Event::Exception);
+        }
+        frame.pdu(|pdu| Some(Reply::new(peer, header, pdu)))
+    }
+}
+
+/// An answer and where it goes.
+struct Reply {
+    peer: SocketAddr,
+    header: Header,
+    pdu: [u8; PDU_BYTES_MAX],
+    length: usize,
+}
+
+impl Reply {
+    fn new(peer: SocketAddr, header: Header, answer: &[u8]) -> Self {
+        let mut pdu = [0; PDU_BYTES_MAX];
+        pdu.iter_mut().zip(answer).for_each(|(byte, answer)| *byte = *answer);
+        Self { peer, header, pdu, length: answer.len() }
+    }
+}

@@ -1,0 +1,73 @@
+//! A client that speaks RTU over TCP.
+
+use embassy_time::{Duration, with_timeout};
+use embedded_io_async::{Read, Write};
+
+use super::{Answer, Reply};
+use crate::device::rtu;
+use crate::net::ClientStream;
+
+/// A connected client.
+pub struct RtuClient {
+    stream: ClientStream,
+    patience: Duration,
+}
+
+impl RtuClient {
+    /// A client on `stream` that waits 10 s for an answer.
+    pub fn new(stream: ClientStream) -> Self {
+        Self { stream, patience: Duration::from_secs(10) }
+    }
+
+    /// The client with another patience.
+    #[must_use]
+    pub fn with_patience(self, patience: Duration) -> Self {
+        Self { patience, ..self }
+    }
+
+    /// Asks `unit` and waits for the answer.
+    pub async fn request(&mut self, unit: u8, pdu: &[u8]) -> Answer {
+        if self.send_bytes(&rtu::frame(unit, pdu)).await {
+            self.answer(unit, pdu).await
+        } else {
+            Answer::Closed
+        }
+    }
+
+    /// Sends `bytes` as they are; false when the connection has ended.
+    pub async fn send_bytes(&mut self, bytes: &[u8]) -> bool {
+        self.stream.write_all(bytes).await.is_ok()
+    }
+
+    /// The answer to a request for `unit` that was sent: the first bytes with a good CRC.
+    pub async fn answer(&mut self, unit: u8, pdu: &[u8]) -> Answer {
+        let patience = self.patience;
+        let received = with_timeout(patience, self.receive()).await;
+        match received {
+            Err(_) => Answer::Silence,
+            Ok(None) => Answer::Closed,
+            Ok(Some((from, answer))) if from == unit && answer[0] & 0x7f == pdu[0] => Answer::Pdu(answer),
+            Ok(Some((unit, pdu))) => Answer::Wrong(Reply { transaction: 0, protocol: 0, unit, pdu }),
+        }
+    }
+
+    /// Byte by byte, so that of two frames in a row only the first is taken.
+    async fn receive(&mut self) -> Option<(u8, Vec<u8>)> {
+        let mut received = Vec::new();
+        loop {
+            let mut byte = [0];
+            match self.stream.read(&mut byte).await {
+                Ok(1) => received.extend(byte),
+                _ => return None,
+            }
+            if let Some((unit, pdu)) = rtu::open(&received) {
+                return Some((unit, pdu.to_vec()));
+            }
+        }
+    }
+
+    /// The connection, to end it in one of its ways.
+    pub fn into_stream(self) -> ClientStream {
+        self.stream
+    }
+}

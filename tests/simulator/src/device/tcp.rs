@@ -1,0 +1,80 @@
+//! Devices behind TCP, by Modbus TCP or RTU over TCP, written from the specification and not from the gateway's codecs.
+//!
+//! Each connection is served by itself. Requests are executed as they come and answered after the device's turnaround time,
+//! so answers of slow requests come behind those of quick ones. A device whose unit id is not asked for says nothing.
+
+use embassy_futures::select::{Either, select};
+use embedded_io_async::{Read, Write};
+
+use super::{Device, Outgoing, due, rtu};
+use crate::client::{frame, take_frame};
+use crate::fault::Sent;
+use crate::net::{ClientStream, Server};
+use crate::world::Spawner;
+
+/// How frames look in the stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stream {
+    /// Modbus TCP.
+    Mbap,
+    /// RTU over TCP.
+    Rtu,
+}
+
+/// Accepts connections to `devices`, for ever.
+pub async fn serve(server: Server, framing: Stream, devices: Vec<Device>, spawner: Spawner<'_>) {
+    loop {
+        let stream = server.accept().await;
+        spawner.spawn(converse(stream, framing, devices.clone()));
+    }
+}
+
+/// Serves one connection to its end.
+async fn converse(mut stream: ClientStream, framing: Stream, devices: Vec<Device>) {
+    let mut outbox: Vec<Outgoing> = Vec::new();
+    let mut received = Vec::new();
+    loop {
+        let mut buffer = [0; 260];
+        match select(stream.read(&mut buffer), due(&mut outbox)).await {
+            Either::First(Ok(0) | Err(_)) => return,
+            Either::First(Ok(count)) => {
+                received.extend_from_slice(&buffer[..count]);
+                hear(framing, &mut received, &devices, &mut outbox);
+            }
+            Either::Second(Sent::Bytes(bytes)) => {
+                if stream.write_all(&bytes).await.is_err() {
+                    return;
+                }
+            }
+            Either::Second(Sent::Close) => return,
+            Either::Second(Sent::Reset) => return stream.reset(),
+        }
+    }
+}
+
+/// Takes the requests that are whole.
+fn hear(framing: Stream, received: &mut Vec<u8>, devices: &[Device], outbox: &mut Vec<Outgoing>) {
+    let asked = |unit| devices.iter().find(move |device| device.unit() == unit);
+    match framing {
+        Stream::Mbap => {
+            while let Some(request) = take_frame(received) {
+                assert_eq!(request.protocol, 0, "the gateway speaks Modbus");
+                let answer = |unit, pdu: &[u8], wrong| {
+                    frame(request.transaction ^ if wrong { 0x5a5a } else { 0 }, unit, pdu)
+                };
+                if let Some(device) = asked(request.unit) {
+                    device.asked(&request.pdu, answer, outbox);
+                }
+            }
+        }
+        // One request at a time: what has come is one, as soon as its CRC is right.
+        Stream::Rtu => {
+            if let Some((unit, pdu)) = rtu::open(received) {
+                if let Some(device) = asked(unit) {
+                    device.asked(pdu, |unit, pdu, _| rtu::frame(unit, pdu), outbox);
+                }
+                received.clear();
+            }
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! Connections that the gateway makes, and the servers in the network that it makes them to.
+
+use std::collections::{HashMap, HashSet, VecDeque};
+use std::future::poll_fn;
+use std::net::SocketAddr;
+use std::task::{Poll, Waker};
+
+use embassy_time::Timer;
+use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream};
+
+use super::pipe::{Path, Pipe};
+use super::{ClientStream, Network};
+
+/// What the gateway can connect to.
+#[derive(Default)]
+pub(super) struct Outside {
+    servers: HashMap<SocketAddr, Listening>,
+    unreachable: HashSet<SocketAddr>,
+    paths: HashMap<SocketAddr, Path>,
+    /// Sockets of the board that are left; none: as many as wanted.
+    sockets: Option<usize>,
+}
+
+#[derive(Default)]
+struct Listening {
+    backlog: VecDeque<ClientStream>,
+    waiting: Option<Waker>,
+}
+
+/// A server that accepts the gateway's connections; dropped, it listens no more.
+pub struct Server {
+    network: Network,
+    address: SocketAddr,
+}
+
+impl Network {
+    /// Starts to listen at `address` for the gateway's connections.
+    pub fn serve(&self, address: SocketAddr) -> Server {
+        self.0.borrow_mut().outside.servers.insert(address, Listening::default());
+        Server { network: self.clone(), address }
+    }
+
+    /// One more connector for the gateway.
+    pub fn connector(&self) -> SimTcpConnect {
+        SimTcpConnect(self.clone())
+    }
+
+    /// From now on nothing comes back from `address` to who connects there, not even a refusal; or again it does.
+    pub fn set_unreachable(&self, address: SocketAddr, unreachable: bool) {
+        let set = &mut self.0.borrow_mut().outside.unreachable;
+        if unreachable {
+            set.insert(address)
+        } else {
+            set.remove(&address)
+        };
+    }
+
+    /// How bytes travel to and from `address` on connections made from now on.
+    pub fn set_path(&self, address: SocketAddr, path: Path) {
+        self.0.borrow_mut().outside.paths.insert(address, path);
+    }
+
+    /// The board has `sockets` for connections that it makes.
+    pub fn set_sockets(&self, sockets: usize) {
+        self.0.borrow_mut().outside.sockets = Some(sockets);
+    }
+}
+
+impl Server {
+    /// The next connection.
+    pub async fn accept(&self) -> ClientStream {
+        poll_fn(|context| {
+            let mut state = self.network.0.borrow_mut();
+            let Some(listening) = state.outside.servers.get_mut(&self.address) else { return Poll::Pending };
+            if let Some(stream) = listening.backlog.pop_front() {
+                return Poll::Ready(stream);
+            }
+            listening.waiting = Some(context.waker().clone());
+            Poll::Pending
+        })
+        .await
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let abandoned = self.network.0.borrow_mut().outside.servers.remove(&self.address);
+        // Streams may look at the network when they fall, so it must be free by then.
+        for stream in abandoned.into_iter().flat_map(|listening| listening.backlog) {
+            stream.reset();
+        }
+    }
+}
+
+/// The gateway's way to outside servers.
+pub struct SimTcpConnect(Network);
+
+impl TcpConnect for SimTcpConnect {
+    type Stream<'a> = OutgoingStream;
+
+    async fn connect(&mut self, server: SocketAddr) -> Result<OutgoingStream, OpenError> {
+        let socket = Socket::take(&self.0).ok_or(OpenError::new(OpenErrorKind::Exhausted, ""))?;
+        let path = self.0.0.borrow().outside.paths.get(&server).copied().unwrap_or_default();
+        // SYN there, and its acknowledgement back.
+        Timer::after(path.latency * 2).await;
+        if self.0.0.borrow().outside.unreachable.contains(&server) {
+            std::future::pending::<()>().await;
+        }
+        let mut state = self.0.0.borrow_mut();
+        let (up, down) = (Pipe::new(path, state.random.fork()), Pipe::new(path, state.random.fork()));
+        let listening = state.outside.servers.get_mut(&server);
+        let listening = listening.ok_or(OpenError::new(OpenErrorKind::Refused, ""))?;
+        listening.backlog.push_back(ClientStream { incoming: up.clone(), outgoing: down.clone() });
+        let waiting = listening.waiting.take();
+        state.counters.made += 1;
+        drop(state);
+        waiting.into_iter().for_each(Waker::wake);
+        Ok(OutgoingStream { incoming: down, outgoing: up, ended: false, _socket: socket })
+    }
+}
+
+/// One of the board's sockets, in use until it is dropped.
+struct Socket(Network);
+
+impl Socket {
+    fn take(network: &Network) -> Option<Self> {
+        if let Some(left) = &mut network.0.borrow_mut().outside.sockets {
+            *left = left.checked_sub(1)?;
+        }
+        Some(Self(network.clone()))
+    }
+}
+
+impl Drop for Socket {
+    fn drop(&mut self) {
+        if let Some(left) = &mut self.0.0.borrow_mut().outside.sockets {
+            *left += 1;
+        }
+    }
+}
+
+/// The gateway's end of a connection that it made. Dropped without [`close`](TcpStream::close) it resets the connection.
+pub struct OutgoingStream {
+    incoming: Pipe,
+    outgoing: Pipe,
+    ended: bool,
+    _socket: Socket,
+}
+
+impl TcpStream for OutgoingStream {
+    async fn close(mut self) {
+        self.ended = true;
+        self.outgoing.finish();
+        self.incoming.abandon();
+    }
+}
+
+impl Drop for OutgoingStream {
+    fn drop(&mut self) {
+        if !self.ended {
+            self.outgoing.reset();
+            self.incoming.reset();
+        }
+    }
+}
+
+impl ErrorType for OutgoingStream {
+    type Error = ErrorKind;
+}
+
+impl Read for OutgoingStream {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
+        self.incoming.read(into).await
+    }
+}
+
+impl Write for OutgoingStream {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
+        self.outgoing.write(bytes).await
+    }
+
+    /// Waits for the peer's acknowledgement of everything, as embassy-net does.
+    async fn flush(&mut self) -> Result<(), ErrorKind> {
+        self.outgoing.acknowledged().await
+    }
+}

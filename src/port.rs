@@ -5,17 +5,21 @@
 //! routes. `queue`, `units`, `flights` and `shared_bus` are the pure parts: who is served next, which units are alive,
 //! which requests are open on a connection, and what a frame is that was heard on a bus with other devices.
 
+pub mod cut;
 pub mod flights;
 pub mod queue;
 pub mod shared_bus;
 pub mod units;
 
+pub(crate) mod arriving;
 pub(crate) mod bus;
+pub(crate) mod copy;
 pub(crate) mod desk;
 pub(crate) mod framing;
 pub(crate) mod line;
 pub(crate) mod link;
 pub(crate) mod local;
+pub(crate) mod reply;
 pub(crate) mod serial_client;
 pub(crate) mod serial_server;
 pub(crate) mod sockets;

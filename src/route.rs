@@ -9,6 +9,10 @@ use crate::config::{IpPrefix, PortId, PortKind, Settings, Side, Special, is_impl
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, Extent};
 
+mod cut;
+
+pub use cut::{Onward, onward};
+
 /// One row of the routing table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Route {
@@ -39,6 +43,20 @@ pub struct Policy {
     pub priority: Priority,
     /// Functions that rank high whatever `priority` says.
     pub urgent: Functions,
+    /// Whether frames from one serial line to another are passed on while they arrive.
+    pub cut: Cut,
+}
+
+/// Whether frames are passed on while they arrive (cut-through), or when they are whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Cut {
+    /// Where the board's transmitters cannot underrun.
+    #[default]
+    Auto,
+    /// Wherever it can be done.
+    On,
+    /// Never.
+    Off,
 }
 
 impl Default for Policy {
@@ -50,6 +68,7 @@ impl Default for Policy {
             writes: AddressRange::ALL,
             priority: Priority::Normal,
             urgent: Functions::NONE,
+            cut: Cut::Auto,
         }
     }
 }
@@ -57,7 +76,8 @@ impl Default for Policy {
 impl Policy {
     /// The rank of `request`, or the exception that it gets.
     pub fn admit(&self, request: &[u8]) -> Result<Priority, Exception> {
-        let function = request.first().copied().unwrap_or(0);
+        // A request of which only the unit has come, by a rule that needs no more of it.
+        let Some(&function) = request.first() else { return Ok(self.priority) };
         if !self.functions.contains(function) {
             return Err(Exception::ILLEGAL_FUNCTION);
         }

@@ -4,10 +4,10 @@ use super::problem::{LineError, Problem};
 use super::values::{parse_number, prefix, small};
 use super::words::{Word, Words};
 use super::{IpPrefix, PortId, PortKind, Settings};
-use crate::route::{AddressRange, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
+use crate::route::{AddressRange, Cut, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
 
-const OPTIONS_EXPECTED: &str =
-    "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low or urgent 5,6";
+const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low, urgent 5,6 or \
+     cut auto|on|off";
 
 /// Reads one row up to the end of the line and checks it against the ports.
 pub(super) fn route(settings: &Settings, words: &mut Words) -> Result<Route, LineError> {
@@ -98,6 +98,7 @@ enum Key {
     Writes,
     Priority,
     Urgent,
+    Cut,
 }
 
 const KEYS: &[(&str, Key)] = &[
@@ -108,6 +109,7 @@ const KEYS: &[(&str, Key)] = &[
     ("writes", Key::Writes),
     ("priority", Key::Priority),
     ("urgent", Key::Urgent),
+    ("cut", Key::Cut),
 ];
 
 const DESTINATIONS: &[(&str, Destination)] =
@@ -116,11 +118,15 @@ const DESTINATIONS: &[(&str, Destination)] =
 const PRIORITIES: &[(&str, Priority)] =
     &[("high", Priority::High), ("normal", Priority::Normal), ("low", Priority::Low)];
 
+const CUTS: &[(&str, Cut)] = &[("auto", Cut::Auto), ("on", Cut::On), ("off", Cut::Off)];
+
 /// The words of the columns and options.
 pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
     let keys = KEYS.iter().map(|&(keyword, _)| keyword);
     let destinations = DESTINATIONS.iter().map(|&(keyword, _)| keyword);
-    keys.chain(destinations).chain(PRIORITIES.iter().map(|&(keyword, _)| keyword))
+    let values =
+        PRIORITIES.iter().map(|&(keyword, _)| keyword).chain(CUTS.iter().map(|&(keyword, _)| keyword));
+    keys.chain(destinations).chain(values)
 }
 
 fn options(words: &mut Words) -> Result<Policy, LineError> {
@@ -137,6 +143,7 @@ fn options(words: &mut Words) -> Result<Policy, LineError> {
             Key::Writes => policy.writes = addresses(words.take())?,
             Key::Priority => policy.priority = words.take().keyword(PRIORITIES, "high, normal or low")?,
             Key::Urgent => policy.urgent = function_list(words)?,
+            Key::Cut => policy.cut = words.take().keyword(CUTS, "auto, on or off")?,
         }
         // Three of the words say the same thing in different ways.
         let thing = if matches!(key, Key::ReadOnly | Key::All) { Key::Functions } else { key };

@@ -13,7 +13,7 @@ use embassy_time::{Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
-use crate::frame::{Envelope, Frame, Way};
+use crate::frame::{Envelope, Frame, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::Exception;
 use crate::modbus::pdu;
@@ -148,9 +148,22 @@ impl<'g> Desk<'g> {
 
     /// Sends `order` home with what it holds by now as its answer.
     pub(crate) fn done(&self, order: &Frame<'g>) {
-        if let Some(frame) = self.take(order) {
-            self.gateway.answered(frame);
+        match self.take(order) {
+            Some(frame) if is_answering(&frame) => self.gateway.note(&frame),
+            Some(frame) => self.gateway.answered(frame),
+            None => {}
         }
+    }
+
+    /// Gives whoever asked `order` while its answer is still written into it.
+    pub(crate) fn answering(&self, order: &Frame<'g>) {
+        order.address(Envelope { stage: Stage::Answering, ..order.envelope() });
+        self.gateway.inbox.send(order.share());
+    }
+
+    /// Drops `order`, which was broken off while it arrived: whoever sent it knows.
+    pub(crate) fn forget(&self, order: &Frame<'g>) {
+        drop(self.take(order));
     }
 
     /// Sends `order` home without an answer: a broadcast.
@@ -165,6 +178,10 @@ impl<'g> Desk<'g> {
     /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until the
     /// late answer can no longer come.
     pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
+        if is_answering(order) {
+            // The answer has begun: nothing can follow it.
+            return self.done(order);
+        }
         let mut envelope = order.envelope();
         if envelope.repeats < retries && pdu::is_read(order.function()) {
             envelope.repeats += 1;
@@ -202,7 +219,9 @@ impl<'g> Desk<'g> {
         self.open.set(false);
         loop {
             let Some(frame) = self.current.borrow_mut().pop() else { break };
-            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
+            if !is_answering(&frame) {
+                self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
+            }
         }
         while let Some((frame, event)) = self.queue.borrow_mut().take_if(|_, _| Some(Event::NoPath)) {
             self.fail(frame, event, Exception::GATEWAY_NO_PATH);
@@ -227,6 +246,11 @@ impl<'g> Desk<'g> {
         log_debug!("port {}: {} for unit {}", self.id.0, event.name(), frame.envelope().target);
         self.gateway.refuse(frame, exception);
     }
+}
+
+/// Whether whoever asked `order` has been given it while its answer was still being written: it must not be sent home again.
+pub(crate) fn is_answering(order: &Frame<'_>) -> bool {
+    order.envelope().stage == Stage::Answering
 }
 
 fn ticket(envelope: &Envelope) -> Ticket {

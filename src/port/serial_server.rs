@@ -12,18 +12,22 @@ use embassy_futures::select::{Either3, select3};
 use embassy_time::{Instant, Timer};
 
 use crate::config::{Framing, PortId, SerialSettings};
-use crate::frame::{Envelope, Frame, Origin, Stage, Way};
+use crate::frame::{Envelope, Fill, Frame, FrameWriter, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::hal::{SerialHost, SerialLine};
 use crate::modbus::ascii::LINE_FEED;
 use crate::modbus::crc::crc16;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX, rtu};
+use crate::port::arriving::Passing;
+use crate::port::copy::{Copied, copy};
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::{Line, LineLost, Opening};
 use crate::port::shared_bus::{AsciiEar, Heard, RtuEar};
-use crate::route::{self, Priority};
+use crate::route::{self, Onward, Priority};
 use crate::stats::{Counters, Event, LastError};
+
+mod onward;
 
 /// The port, as long as its settings stay.
 pub(crate) struct Server<'s, 'g> {
@@ -31,6 +35,8 @@ pub(crate) struct Server<'s, 'g> {
     pub(crate) place: &'s PortPlace,
     pub(crate) id: PortId,
     pub(crate) settings: &'s SerialSettings,
+    /// What the board says of its transmitters.
+    pub(crate) never_underruns: bool,
 }
 
 /// The request that is open.
@@ -65,6 +71,11 @@ struct Session<'s, 'g, L> {
     line: Line<'s, L>,
     ear: Ear,
     open: Open<'g>,
+    /// When what is being heard began, and how far it has been passed on.
+    begun: Instant,
+    passing: Passing<'g>,
+    /// This master has used functions whose end only silence tells: no frame is begun before its function is known.
+    wary: bool,
     /// The latest answer.
     answered: Option<Answered>,
 }
@@ -83,7 +94,7 @@ enum Ear {
     Ascii(AsciiEar),
 }
 
-impl Server<'_, '_> {
+impl<'g> Server<'_, 'g> {
     /// Keeps the line open and answers on it, for ever.
     pub(crate) async fn run<H: SerialHost>(&self, host: &mut H) {
         let mut opening = Opening::new(self.place, self.settings);
@@ -95,7 +106,16 @@ impl Server<'_, '_> {
                     Framing::Rtu => Ear::Rtu(RtuEar::new()),
                     Framing::Ascii => Ear::Ascii(AsciiEar::new()),
                 };
-                let mut session = Session { server: self, line, ear, open: Open::None, answered: None };
+                let mut session = Session {
+                    server: self,
+                    begun: line.active,
+                    line,
+                    ear,
+                    open: Open::None,
+                    passing: Passing::Whole,
+                    wary: false,
+                    answered: None,
+                };
                 let Err(LineLost) = session.serve().await;
                 self.close();
                 opening.lost();
@@ -114,20 +134,16 @@ impl Server<'_, '_> {
         self.gateway.settings(|settings| route::is_routed(settings, self.id, unit))
     }
 
-    /// Sends a request to the router; says whether an answer will come.
-    fn ask(&self, unit: u8, request: &[u8], received: Instant) -> bool {
+    fn take_frame(&self) -> Option<(FrameWriter<'g>, Frame<'g>)> {
         // The pool's first frames are the seats', the next are the ports'.
-        let owner = self.gateway.seats().len() + self.id.index();
-        let Some((mut writer, frame)) = self.gateway.pool().take(owner) else {
-            self.place.stats.count(Event::BackPressure);
-            return false;
-        };
-        // A frame's PDU is no longer than a PDU may be.
-        let _ = writer.push(request);
-        writer.finish();
+        self.gateway.pool().take(self.gateway.seats().len() + self.id.index())
+    }
+
+    /// The envelope of the master's next request.
+    fn envelope(&self, unit: u8, received: Instant) -> Envelope {
         let generation = self.place.renew();
         let way = if unit == 0 { Way::Nobody } else { Way::Line };
-        frame.address(Envelope {
+        Envelope {
             origin: Origin { port: self.id, way, generation },
             transaction: 0,
             peer: None,
@@ -139,7 +155,21 @@ impl Server<'_, '_> {
             deadline: received + self.settings.server.answer_within,
             repeats: 0,
             stage: Stage::Request,
-        });
+            cut: false,
+        }
+    }
+
+    /// Sends a request to the router; says whether an answer will come.
+    fn ask(&self, unit: u8, request: &[u8], received: Instant) -> bool {
+        let Some((mut writer, frame)) = self.take_frame() else {
+            self.place.stats.count(Event::BackPressure);
+            return false;
+        };
+        // A frame's PDU is no longer than a PDU may be.
+        let _ = writer.push(request);
+        writer.finish();
+        let cut = matches!(self.onward(unit, request), Onward::To(_));
+        frame.address(Envelope { cut, ..self.envelope(unit, received) });
         self.place.stats.count(Event::Request);
         match pdu::check_request(request) {
             Ok(()) => self.gateway.inbox.send(frame),
@@ -164,17 +194,29 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             };
             let server = self.server;
             let answers = server.place.queue.receive(server.gateway.pool());
-            match select3(self.line.read(), answers, Timer::at(due.min(quiet))).await {
+            let (active, begins) = (self.line.active, self.line.heard().is_empty());
+            let until = due.min(quiet).min(self.passing.due());
+            match select3(self.line.read(), answers, Timer::at(until)).await {
                 Either3::First(read) => {
                     read?;
                     self.interrupted();
-                    // Where reads keep up with the wire, only silence ends a frame.
-                    if self.line.jitter.as_ticks() > 0 || matches!(self.ear, Ear::Ascii(_)) {
+                    if begins {
+                        self.begin(active);
+                    }
+                    let passed = self.pass_on();
+                    // Where reads keep up with the wire, only silence ends a frame that has not been passed on.
+                    if passed || self.line.jitter.as_ticks() > 0 || matches!(self.ear, Ear::Ascii(_)) {
                         self.listen(false);
+                    }
+                    if passed {
+                        self.give_up();
                     }
                 }
                 Either3::Second(frame) => self.take_answer(frame),
                 Either3::Third(()) if Instant::now() >= quiet => self.listen(true),
+                Either3::Third(()) if self.passing.is_due() => {
+                    self.pass_on();
+                }
                 Either3::Third(()) => self.due().await?,
             }
         }
@@ -215,7 +257,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
                 Judged::Request(unit) if self.is_echo(unit, request) => Event::Noise,
                 Judged::Request(unit) => {
                     let received = self.line.active;
-                    if self.server.ask(unit, request, received) {
+                    if self.finish(request, received) || self.server.ask(unit, request, received) {
                         let until = received + self.server.settings.server.answer_within;
                         self.open = Open::Asked { received, until };
                     }
@@ -228,6 +270,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
                 }
             };
             self.server.place.stats.count(event);
+            self.passing = Passing::Whole;
         }
         // The beginning of the next frame.
         if !self.line.heard().is_empty() {
@@ -294,10 +337,24 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
 
     async fn answer(&mut self, answer: Frame<'g>) -> Result<(), LineLost> {
         let envelope = answer.envelope();
+        let arriving = answer.filled().1 != Fill::Complete;
+        let units = (envelope.target, envelope.unit);
+        if arriving && copy(&mut self.line, &answer, units).await? == Copied::Broken {
+            return Ok(());
+        }
         let mut pdu = [0; PDU_BYTES_MAX];
         let length = answer.copy_pdu(&mut pdu);
         drop(answer);
         let pdu = pdu.get(..length).unwrap_or(&[]);
+        if !arriving {
+            self.send(&envelope, pdu).await?;
+        }
+        self.answered(&envelope, pdu);
+        Ok(())
+    }
+
+    /// Sends an answer that is whole.
+    async fn send(&mut self, envelope: &Envelope, pdu: &[u8]) -> Result<(), LineLost> {
         let delimiter = match &self.ear {
             Ear::Ascii(ear) => ear.delimiter(),
             Ear::Rtu(_) => LINE_FEED,
@@ -307,6 +364,14 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let Ok(frame) = framing.encode(envelope.unit, pdu, delimiter, &mut frame) else { return Ok(()) };
         // After a collision the master has heard no good answer, and asks again.
         let _ = self.line.send(frame).await?;
+        if envelope.destination.is_some() {
+            self.server.place.stats.count(Event::Stored);
+        }
+        Ok(())
+    }
+
+    /// Notes what has been answered.
+    fn answered(&mut self, envelope: &Envelope, pdu: &[u8]) {
         // No frame that begins behind the answer can have ended by then.
         let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);
         let until = self.line.active + shortest + self.line.jitter;
@@ -325,7 +390,6 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         {
             ear.set_delimiter(*delimiter);
         }
-        Ok(())
     }
 }
 

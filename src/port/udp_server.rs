@@ -165,6 +165,7 @@ impl<'s, 'g> Server<'s, 'g> {
             deadline: received + self.settings.lifetime,
             repeats: 0,
             stage: Stage::Request,
+            cut: false,
         }
     }
 

@@ -3,6 +3,7 @@
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
 
+mod cut_through;
 mod flights;
 mod frames;
 mod line;

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use super::{PORTS, load, print, std};
 use crate::config::*;
-use crate::route::{AddressRange, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
+use crate::route::{AddressRange, Cut, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
 
 fn duration(us: core::ops::RangeInclusive<u64>) -> impl Strategy<Value = Duration> {
     let (low, high) = (*us.start(), *us.end());
@@ -238,13 +238,15 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     ];
     let urgent = prop::collection::vec(1..=127_u8, 0..5)
         .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with));
-    let policy = (functions, range.clone(), range, priority, urgent).prop_map(
-        |(functions, addresses, writes, priority, urgent)| Policy {
+    let cut = prop_oneof![Just(Cut::Auto), Just(Cut::On), Just(Cut::Off)];
+    let policy = (functions, range.clone(), range, priority, urgent, cut).prop_map(
+        |(functions, addresses, writes, priority, urgent, cut)| Policy {
             functions,
             addresses,
             writes,
             priority,
             urgent,
+            cut,
         },
     );
     (0..count, tag, prop::option::of(any_prefix()), destination, policy).prop_map(

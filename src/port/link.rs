@@ -102,7 +102,9 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         let place = self.desk.place();
         loop {
             self.judge_pause();
-            self.expire();
+            if self.expire() && self.is_astray() {
+                return End::Lost;
+            }
             let due = match self.send_due().await {
                 Ok(due) => due,
                 Err(end) => return end,
@@ -140,6 +142,9 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             let due = room.max(rested).max(self.opened + self.settings.connect_delay);
             if due > now {
                 return Ok(due);
+            }
+            if self.flights.is_empty() && self.is_astray() {
+                return Err(End::Lost);
             }
             match self.desk.next() {
                 Next::Serve(order, ticket) => self.send(order, ticket.unit, now).await?,
@@ -217,10 +222,6 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         loop {
             let consumed = match tcp::parse(self.input.get(..self.length).unwrap_or(&[])) {
                 Ok(Parsed::Incomplete) => return Ok(()),
-                Ok(Parsed::Skip { consumed }) => {
-                    stats.count(Event::Malformed);
-                    consumed
-                }
                 Ok(Parsed::Frame { header, pdu, consumed }) => {
                     match pair(&mut self.flights, header, pdu) {
                         Ok(flight) => {
@@ -231,7 +232,8 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
                     }
                     consumed
                 }
-                Err(_) => {
+                // Nobody asked for another protocol: the border between two frames is lost.
+                Ok(Parsed::Skip { .. }) | Err(_) => {
                     stats.count(Event::Malformed);
                     return Err(End::Lost);
                 }
@@ -259,6 +261,12 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             self.input.copy_within(self.length - rtu::FRAME_BYTES_MAX / 2..self.length, 0);
             self.length = rtu::FRAME_BYTES_MAX / 2;
         }
+    }
+
+    /// Whether a part of a Modbus TCP frame is there whose rest should have come by now. What comes next may be anything, so a
+    /// new connection is the way to find a frame's beginning again.
+    fn is_astray(&self) -> bool {
+        self.settings.framing == StreamFraming::Mbap && self.length > 0
     }
 
     /// When the pause behind what came by RTU over TCP has lasted long enough to judge it.
@@ -309,8 +317,8 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         }
     }
 
-    /// Gives up what has waited for its answer long enough.
-    fn expire(&mut self) {
+    /// Gives up what has waited for its answer long enough; says whether something has.
+    fn expire(&mut self) -> bool {
         let (now, window) = (Instant::now(), self.settings.late_window());
         // Transaction ids tell late answers from others; RTU has none, so there the unit must not be asked meanwhile.
         let held = match self.settings.framing {
@@ -318,11 +326,13 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             StreamFraming::Rtu => window,
         };
         let place = self.desk.place();
+        let open = self.flights.len();
         while let Some(flight) = self.flights.expire(now, window) {
             place.stats.count(Event::Timeout);
             place.units(|units| units.timed_out(flight.unit, now, held, self.settings.down_after));
             self.desk.failed(&flight.order, self.settings.retries);
         }
+        self.flights.len() < open
     }
 }
 

@@ -52,6 +52,8 @@ pub enum Event {
     Connected,
     /// A connection was closed by its client.
     Left,
+    /// A connection was closed because its address is not allowed.
+    Unwelcome,
     /// A connection was closed to make room, or refused because there was none.
     Crowded,
     /// A connection was closed because its client was silent or did not read.
@@ -68,7 +70,7 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 26] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -88,6 +90,7 @@ impl Event {
         Self::BackPressure,
         Self::Connected,
         Self::Left,
+        Self::Unwelcome,
         Self::Crowded,
         Self::Stalled,
         Self::Malformed,
@@ -118,6 +121,7 @@ impl Event {
             Self::BackPressure => "back-pressure",
             Self::Connected => "connected",
             Self::Left => "left",
+            Self::Unwelcome => "unwelcome",
             Self::Crowded => "crowded",
             Self::Stalled => "stalled",
             Self::Malformed => "malformed",

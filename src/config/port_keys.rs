@@ -58,6 +58,7 @@ pub(super) enum Key {
     Pipeline,
     Lifetime,
     Reserve,
+    Allow,
 }
 
 impl Key {
@@ -89,6 +90,7 @@ impl Key {
             Self::Echo(_) => 22,
             Self::AnswerWithin => 23,
             Self::ReplyDelay => 24,
+            Self::Allow => 25,
         }
     }
 }
@@ -128,6 +130,7 @@ pub(super) const TCP_SERVER_KEYS: &[(&str, Key)] = &[
     ("pipeline", Key::Pipeline),
     ("lifetime", Key::Lifetime),
     ("reserve", Key::Reserve),
+    ("allow", Key::Allow),
 ];
 
 /// The words that set something.
@@ -138,7 +141,7 @@ pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
 pub(super) const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, \
      char-timeout, gap, rs485, rts, driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
      down-after, answer-within or reply-delay";
-pub(super) const TCP_SERVER_EXPECTED: &str = "listen, clients, idle, pipeline, lifetime or reserve";
+pub(super) const TCP_SERVER_EXPECTED: &str = "listen, clients, idle, pipeline, lifetime, reserve or allow";
 
 /// Sets in a serial port what `key` says; its value is `word` itself or the next word.
 pub(super) fn set_serial(
@@ -168,7 +171,13 @@ pub(super) fn set_serial(
         Key::StartDelay => client.start_delay = time(words.take(), START_DELAY)?,
         Key::LateWindow => client.late_window = auto_or_time(words.take(), LATE_WINDOW)?,
         Key::DownAfter => client.down_after = small(words.take(), "time-outs in a row", DOWN_AFTER)?,
-        Key::Listen | Key::Clients | Key::Idle | Key::Pipeline | Key::Lifetime | Key::Reserve => {
+        Key::Listen
+        | Key::Clients
+        | Key::Idle
+        | Key::Pipeline
+        | Key::Lifetime
+        | Key::Reserve
+        | Key::Allow => {
             return Err(word.expected(SERIAL_EXPECTED));
         }
     }
@@ -181,6 +190,13 @@ pub(super) fn set_tcp_server(
     key: Key,
     words: &mut Words,
 ) -> Result<(), LineError> {
+    if key == Key::Allow {
+        settings.allowed = if words.peek().is("*") { Vec::new() } else { prefixes(words)? };
+        if settings.allowed.is_empty() {
+            words.take();
+        }
+        return Ok(());
+    }
     let value = words.take();
     match key {
         Key::Listen => settings.listen = listen(value)?,
@@ -204,6 +220,11 @@ pub(super) fn set_tcp_server(
 /// `for 192.168.1.0/24,10.0.0.7`: what stands behind the number of reserved places.
 fn reserved_for(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineError> {
     words.take().keyword(&[("for", ())], "for and the addresses that the places are kept for")?;
+    prefixes(words)
+}
+
+/// `192.168.1.0/24,10.0.0.7`
+fn prefixes(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineError> {
     let mut prefixes = Vec::new();
     loop {
         let word = words.take();
@@ -217,7 +238,7 @@ fn reserved_for(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineEr
     }
 }
 
-const _: () = assert!(RESERVED_MAX == 4, "the error text of `reserved_for` names the number");
+const _: () = assert!(RESERVED_MAX == 4, "the error text of `prefixes` names the number");
 
 /// `auto` gives the setting back to the specification's rule.
 fn auto_or_time(word: Word, range: RangeInclusive<Duration>) -> Result<Option<Duration>, LineError> {

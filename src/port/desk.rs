@@ -128,7 +128,7 @@ impl<'g> Desk<'g> {
     /// Sends the current order home without an answer: a broadcast.
     pub(crate) fn done_silently(&self) {
         if let Some(frame) = self.current.take() {
-            self.gateway.unanswered(frame);
+            self.gateway.finish_broadcast(frame);
         }
     }
 

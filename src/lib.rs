@@ -2,7 +2,8 @@
 //!
 //! # The path of one request
 //!
-//! 1. A server-side port ([`port`]) receives a request: it strips the framing ([`modbus`]), takes a frame from the pool
+//! 1. A server-side port ([`port`]) receives a request, from a TCP client or from a master on a serial line, where
+//!    [`port::shared_bus`] tells it from what others say: it strips the framing ([`modbus`]), takes a frame from the pool
 //!    ([`frame`]), writes the PDU and an envelope into it (who asked, for which unit, until when), and sends it to the
 //!    router's inbox.
 //! 2. The routing task (`router`) looks the first matching rule up ([`route`]), translates the unit id, and sends the frame

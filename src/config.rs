@@ -15,6 +15,7 @@ mod problem;
 mod route_words;
 mod saved;
 mod text;
+mod unit_words;
 mod values;
 mod words;
 
@@ -41,7 +42,7 @@ pub(crate) use self::words::Words;
 use crate::route::{Destination, Route};
 
 /// Longest line of the line language in bytes. Settings at their limits print lines of about 340: what is printed can be read.
-pub const LINE_BYTES_MAX: usize = 384;
+pub const LINE_BYTES_MAX: usize = 640;
 /// Ports that settings can hold.
 pub const PORTS_MAX: usize = 16;
 /// Routing rules that settings can hold.
@@ -50,7 +51,7 @@ pub const ROUTES_MAX: usize = 64;
 pub const NAME_BYTES_MAX: usize = 15;
 /// Longest device name in bytes: names under `/dev/serial/by-id` come near it.
 pub const DEVICE_BYTES_MAX: usize = 96;
-/// Reserved-address prefixes of one TCP server.
+/// Address prefixes in one list of a TCP server.
 pub const RESERVED_MAX: usize = 4;
 
 /// A port's name, as rules call it.
@@ -140,6 +141,50 @@ pub struct Port {
     pub name: Name,
     /// What the port is and how it is set.
     pub kind: PortKind,
+    /// What special unit ids mean here; used when the port plays the server.
+    pub units: UnitPolicy,
+}
+
+/// What the unit ids mean that are no device's own: 0 is the broadcast, 248 to 255 are reserved (Serial Line 2.2), and 255 is
+/// the TCP device itself (Messaging on TCP/IP 4.4.1.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct UnitPolicy {
+    /// Unit 0.
+    pub broadcast: Special,
+    /// A TCP client's broadcast is answered as if it were a write to one device.
+    pub confirm: bool,
+    /// Unit 255.
+    pub unit_255: Special,
+    /// Units 248 to 254.
+    pub reserved: Special,
+}
+
+impl UnitPolicy {
+    /// What `unit` means.
+    pub const fn of(&self, unit: u8) -> Special {
+        match unit {
+            0 => self.broadcast,
+            248..=254 => self.reserved,
+            255 => self.unit_255,
+            _ => Special::Rules,
+        }
+    }
+}
+
+/// What a special unit id means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Special {
+    /// What the rules say, as for any other.
+    #[default]
+    Rules,
+    /// Nothing: 0Ah to a TCP client, silence on a serial line.
+    Off,
+    /// The gateway's own unit.
+    Local,
+    /// This unit, for which the rules are asked.
+    Replace(u8),
+    /// Unit 0 only: every serial line that the rules of this port lead to.
+    AllLines,
 }
 
 /// The kinds of port.
@@ -371,6 +416,8 @@ pub struct TcpServerSettings {
     pub reserved: u16,
     /// Peers that may use the reserved places and are never closed to make room.
     pub reserved_for: Vec<IpPrefix, RESERVED_MAX>,
+    /// Peers that may connect; others are closed at once. Empty: everybody may (Messaging on TCP/IP 4.2.3, restricted mode).
+    pub allowed: Vec<IpPrefix, RESERVED_MAX>,
 }
 
 impl TcpServerSettings {
@@ -385,6 +432,7 @@ impl TcpServerSettings {
             lifetime: Duration::from_secs(5),
             reserved: 0,
             reserved_for: Vec::new(),
+            allowed: Vec::new(),
         }
     }
 }

@@ -253,7 +253,8 @@ impl<'g> Gateway<'g> {
         self.settings.lock(|settings| f(&settings.borrow()))
     }
 
-    /// Takes `new` over: rules from the next request on, and ports that differ are started again; the others go on.
+    /// Takes `new` over: rules and what special units mean from the next request on; ports that differ in kind or its
+    /// settings are started again, the others go on.
     pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
         let wanted =
             |settings: &Settings| settings.ports.iter().flatten().map(|port| seats_of(&port.kind)).sum();
@@ -267,7 +268,8 @@ impl<'g> Gateway<'g> {
         self.settings.lock(|settings| {
             let mut settings = settings.borrow_mut();
             for (changed, (old, new)) in changed.iter_mut().zip(settings.ports.iter().zip(&new.ports)) {
-                *changed = old != new;
+                // A name or what special units mean is looked up anew for each request.
+                *changed = old.as_ref().map(|port| &port.kind) != new.as_ref().map(|port| &port.kind);
             }
             settings.clone_from(new);
         });

@@ -5,7 +5,7 @@
 
 use core::net::IpAddr;
 
-use crate::config::{IpPrefix, PortId, Settings, Side, is_implied};
+use crate::config::{IpPrefix, PortId, PortKind, Settings, Side, Special, is_implied};
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, Extent};
 
@@ -225,14 +225,25 @@ pub enum Decision {
     Discard,
     /// An exception of the gateway.
     Refuse(Exception),
-    /// No rule matches: 0Ah to a TCP client, silence on a shared serial line.
+    /// A broadcast to every line that [`leads_to`] says.
+    AllLines,
+    /// No rule matches, or the unit means nothing here: 0Ah to a TCP client, silence on a shared serial line.
     NoRule,
 }
 
 /// Whether a rule leads requests from `source` for `unit` anywhere, whatever comes of them: on a serial line, whether the
 /// unit is ours.
 pub fn is_routed(settings: &Settings, source: PortId, unit: u8) -> bool {
-    rule(settings, source, unit, None).is_some()
+    match meaning(settings, source, unit) {
+        Special::Rules => rule(settings, source, unit, None).is_some(),
+        Special::Replace(unit) => rule(settings, source, unit, None).is_some(),
+        Special::Local | Special::AllLines => true,
+        Special::Off => false,
+    }
+}
+
+fn meaning(settings: &Settings, source: PortId, unit: u8) -> Special {
+    settings.port(source).map_or(Special::Rules, |port| port.units.of(unit))
 }
 
 /// The first rule that matches. A way back never does: it would swallow what a rule behind it is for.
@@ -249,6 +260,14 @@ pub fn decide(
     peer: Option<IpAddr>,
     request: &[u8],
 ) -> Decision {
+    let unit = match meaning(settings, source, unit) {
+        Special::Rules => unit,
+        Special::Replace(unit) => unit,
+        Special::Off => return Decision::NoRule,
+        Special::Local => return Decision::Local,
+        Special::AllLines if pdu::is_broadcastable(request) => return Decision::AllLines,
+        Special::AllLines => return Decision::Refuse(Exception::ILLEGAL_FUNCTION),
+    };
     let Some(route) = rule(settings, source, unit, peer) else {
         return Decision::NoRule;
     };
@@ -261,6 +280,10 @@ pub fn decide(
         Destination::Discard => Decision::Discard,
         Destination::NoPath => Decision::Refuse(Exception::GATEWAY_NO_PATH),
         Destination::Port(port) => match route.tag.apply(unit) {
+            // Nobody would answer, and nothing would have been done.
+            Some(0) if is_line(settings, port) && !pdu::is_broadcastable(request) => {
+                Decision::Refuse(Exception::ILLEGAL_FUNCTION)
+            }
             Some(unit) if settings.port(port).is_some_and(|port| port.kind.side() == Side::Client) => {
                 Decision::Forward { port, unit, priority }
             }
@@ -268,4 +291,26 @@ pub fn decide(
             _ => Decision::Refuse(Exception::GATEWAY_NO_PATH),
         },
     }
+}
+
+/// Whether a broadcast from `source` by `peer` goes out on the serial line `port`, and with which rank: when a rule leads
+/// there for any unit, and lets `request` pass.
+pub fn leads_to(
+    settings: &Settings,
+    source: PortId,
+    peer: Option<IpAddr>,
+    request: &[u8],
+    port: PortId,
+) -> Option<Priority> {
+    let by_peer =
+        |route: &&Route| route.peer.is_none_or(|prefix| peer.is_some_and(|peer| prefix.contains(peer)));
+    let mut rules = settings.routes.iter().filter(|route| route.source == source).filter(by_peer);
+    let rule = rules.find(|route| route.destination == Destination::Port(port))?;
+    if is_line(settings, port) { rule.policy.admit(request).ok() } else { None }
+}
+
+/// Whether `port` is a serial line that the gateway asks on.
+fn is_line(settings: &Settings, port: PortId) -> bool {
+    let kind = settings.port(port).map(|port| &port.kind);
+    matches!(kind, Some(PortKind::Serial(serial)) if serial.side == Side::Client)
 }

@@ -6,10 +6,11 @@
 
 use embassy_time::Instant;
 
+use crate::config::PortId;
 use crate::frame::{Channel, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
-use crate::modbus::Exception;
-use crate::modbus::pdu::EXCEPTION_BIT;
+use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::local;
 use crate::route::{self, Decision};
 use crate::stats::{Event, LogEntry, Outcome};
@@ -45,6 +46,7 @@ impl Gateway<'_> {
                 }
                 None => self.refuse(frame, Exception::GATEWAY_NO_PATH),
             },
+            Decision::AllLines => self.broadcast(frame),
             Decision::Local => local::answer(self, frame),
             Decision::Discard => {
                 count(Event::Discarded);
@@ -63,6 +65,56 @@ impl Gateway<'_> {
                     Way::Line | Way::Nobody => self.unanswered(frame),
                 }
             }
+        }
+    }
+
+    /// Sends copies of a broadcast to all lines that the rules of its port lead to. Nobody waits for the copies; the
+    /// original goes home at once.
+    fn broadcast(&self, frame: Frame<'_>) {
+        let envelope = frame.envelope();
+        let origin = envelope.origin;
+        let mut request = [0; PDU_BYTES_MAX];
+        let length = frame.copy_pdu(&mut request);
+        let request = request.get(..length).unwrap_or(&[]);
+        let mut lines = 0;
+        for (index, place) in self.ports().iter().enumerate() {
+            let port = PortId(index as u8);
+            let rank = |settings: &_| route::leads_to(settings, origin.port, envelope.peer, request, port);
+            let Some(priority) = self.settings(rank) else { continue };
+            // No frame is anybody's own here: a flood of broadcasts must not cost others theirs.
+            let Some((mut writer, copy)) = self.pool().take(usize::MAX) else {
+                self.count_at(&envelope, Event::QueueFull);
+                continue;
+            };
+            // It fitted into a frame of the same size.
+            let _ = writer.push(request);
+            writer.finish();
+            let origin = Origin { way: Way::Nobody, ..origin };
+            copy.address(Envelope { origin, target: 0, destination: Some(port), priority, ..envelope });
+            place.queue.send(copy);
+            lines += 1;
+        }
+        if lines == 0 {
+            self.count_at(&envelope, Event::NoPath);
+            return self.refuse(frame, Exception::GATEWAY_NO_PATH);
+        }
+        self.finish_broadcast(frame);
+    }
+
+    /// Sends a broadcast home: without an answer, unless its port is told to confirm what TCP clients write.
+    pub(crate) fn finish_broadcast(&self, frame: Frame<'_>) {
+        let origin = frame.envelope().origin;
+        let confirm =
+            self.settings(|settings| settings.port(origin.port).is_some_and(|port| port.units.confirm));
+        let mut request = [0; PDU_BYTES_MAX];
+        let length = frame.copy_pdu(&mut request);
+        match pdu::confirmation(request.get(..length).unwrap_or(&[])) {
+            Some(answer) if confirm && matches!(origin.way, Way::Seat(_)) => {
+                // It is a part of the request.
+                let _ = frame.replace(answer);
+                self.answered(frame);
+            }
+            _ => self.unanswered(frame),
         }
     }
 

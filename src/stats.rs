@@ -54,6 +54,8 @@ pub enum Event {
     Connected,
     /// A connection was closed by the other side.
     Left,
+    /// A connection was closed because its address is not allowed.
+    Unwelcome,
     /// A connection was closed to make room, or refused because there was none.
     Crowded,
     /// A connection was closed because its client was silent or did not read.
@@ -72,7 +74,7 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 27] = [
+    pub const ALL: [Self; 28] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -93,6 +95,7 @@ impl Event {
         Self::Stray,
         Self::Connected,
         Self::Left,
+        Self::Unwelcome,
         Self::Crowded,
         Self::Stalled,
         Self::Duplicate,
@@ -125,6 +128,7 @@ impl Event {
             Self::Stray => "stray",
             Self::Connected => "connected",
             Self::Left => "left",
+            Self::Unwelcome => "unwelcome",
             Self::Crowded => "crowded",
             Self::Stalled => "stalled",
             Self::Duplicate => "duplicates",

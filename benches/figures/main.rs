@@ -7,6 +7,7 @@ use mobgate_clock as _;
 
 mod faults;
 mod line;
+mod shared_bus;
 mod sharing;
 
 /// What a value must be.
@@ -27,8 +28,12 @@ pub(crate) fn figure(name: &str, value: f64, unit: &str, target: Target) {
 }
 
 fn main() {
-    let groups: [(&str, fn()); 3] =
-        [("line", line::figures), ("sharing", sharing::figures), ("faults", faults::figures)];
+    let groups: [(&str, fn()); 4] = [
+        ("line", line::figures),
+        ("sharing", sharing::figures),
+        ("faults", faults::figures),
+        ("shared_bus", shared_bus::figures),
+    ];
     // Cargo adds `--bench`; what is left are the names of groups.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();
     for (name, figures) in groups {

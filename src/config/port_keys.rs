@@ -61,6 +61,7 @@ pub(super) enum Key {
     Pipeline,
     Lifetime,
     Reserve,
+    Allow,
     Stream(StreamFraming),
     Server,
     Unit,
@@ -108,6 +109,7 @@ impl Key {
             Self::ConnectDelay => 30,
             Self::RequestDelay => 31,
             Self::Requests => 32,
+            Self::Allow => 33,
         }
     }
 }
@@ -147,6 +149,7 @@ pub(super) const TCP_SERVER_KEYS: &[(&str, Key)] = &[
     ("pipeline", Key::Pipeline),
     ("lifetime", Key::Lifetime),
     ("reserve", Key::Reserve),
+    ("allow", Key::Allow),
     ("rtu", Key::Stream(StreamFraming::Rtu)),
     // For `edit`: the flag has no value that could say so.
     ("mbap", Key::Stream(StreamFraming::Mbap)),
@@ -167,7 +170,8 @@ pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
 pub(super) const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, \
      char-timeout, gap, rs485, rts, driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
      down-after, answer-within or reply-delay";
-pub(super) const TCP_SERVER_EXPECTED: &str = "listen, rtu, clients, idle, pipeline, lifetime or reserve";
+pub(super) const TCP_SERVER_EXPECTED: &str =
+    "listen, rtu, clients, idle, pipeline, lifetime, reserve or allow";
 
 /// Sets in a serial port what `key` says; its value is `word` itself or the next word.
 pub(super) fn set_serial(
@@ -208,6 +212,13 @@ pub(super) fn set_tcp_server(
     key: Key,
     words: &mut Words,
 ) -> Result<(), LineError> {
+    if key == Key::Allow {
+        settings.allowed = if words.peek().is("*") { Vec::new() } else { prefixes(words)? };
+        if settings.allowed.is_empty() {
+            words.take();
+        }
+        return Ok(());
+    }
     if let Key::Stream(framing) = key {
         settings.framing = framing;
         return Ok(());
@@ -234,6 +245,11 @@ pub(super) fn set_tcp_server(
 /// `for 192.168.1.0/24,10.0.0.7`: what stands behind the number of reserved places.
 fn reserved_for(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineError> {
     words.take().keyword(&[("for", ())], "for and the addresses that the places are kept for")?;
+    prefixes(words)
+}
+
+/// `192.168.1.0/24,10.0.0.7`
+fn prefixes(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineError> {
     let mut prefixes = Vec::new();
     loop {
         let word = words.take();
@@ -247,7 +263,7 @@ fn reserved_for(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineEr
     }
 }
 
-const _: () = assert!(RESERVED_MAX == 4, "the error text of `reserved_for` names the number");
+const _: () = assert!(RESERVED_MAX == 4, "the error text of `prefixes` names the number");
 
 /// A time after which a connection without requests is closed; 0 is never.
 pub(super) fn idle(word: Word) -> Result<Duration, LineError> {

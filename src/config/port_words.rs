@@ -12,11 +12,12 @@ use super::port_keys::{
     set_tcp_server,
 };
 use super::problem::{LineError, Problem};
+use super::unit_words::UnitDraft;
 use super::values::{listen, parse_number};
 use super::words::{Word, Words};
 use super::{
-    Driver, Framing, LineSettings, PortKind, SerialClientSettings, SerialServerSettings, SerialSettings,
-    Side, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
+    Driver, Framing, LineSettings, Port, PortKind, SerialClientSettings, SerialServerSettings,
+    SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
 };
 
 /// A port's settings while a line is read.
@@ -24,6 +25,8 @@ pub(super) struct Draft<'a> {
     pub(super) kind: PortKind,
     /// The word that names the device or the listening address, or else the line's first: blamed when that is taken.
     pub(super) place: Word<'a>,
+    /// What special unit ids mean.
+    pub(super) units: UnitDraft<'a>,
     seen: u64,
     /// The words that checks over the whole line blame.
     format: Option<Word<'a>>,
@@ -49,6 +52,7 @@ impl<'a> Draft<'a> {
         Self {
             kind,
             place,
+            units: UnitDraft::default(),
             seen: 0,
             format: None,
             client_only: None,
@@ -143,8 +147,9 @@ impl<'a> Draft<'a> {
     }
 
     /// Reads changes of a port as it is, up to the end of the line.
-    pub(super) fn edit(kind: PortKind, words: &mut Words<'a>) -> Result<Self, LineError> {
-        let mut draft = Self::new(kind, words.peek());
+    pub(super) fn edit(port: &Port, words: &mut Words<'a>) -> Result<Self, LineError> {
+        let mut draft = Self::new(port.kind.clone(), words.peek());
+        draft.units = UnitDraft::new(port.units);
         // An edit without words is a line that was not finished.
         draft.word(words)?;
         draft.read(words)?;
@@ -173,6 +178,9 @@ impl<'a> Draft<'a> {
     /// Takes one word, with its value if it has one.
     fn word(&mut self, words: &mut Words<'a>) -> Result<(), LineError> {
         let word = words.take();
+        if self.units.take(word, words)? {
+            return Ok(());
+        }
         let key = match &self.kind {
             PortKind::Serial(_) if word.text.starts_with(|first: char| first.is_ascii_digit()) => {
                 if parse_number(word.text).is_some() {
@@ -218,6 +226,12 @@ impl<'a> Draft<'a> {
 
     /// Checks, behind the last word, what words say about each other.
     fn check(mut self) -> Result<Self, LineError> {
+        if self.kind.side() == Side::Client {
+            if let Some(word) = self.units.word {
+                return Err(word.error(Problem::ServerOnly));
+            }
+            self.units = UnitDraft::default();
+        }
         match &mut self.kind {
             PortKind::Serial(settings) => {
                 if settings.framing == Framing::Rtu && settings.line.data_bits != 8 {

@@ -7,8 +7,8 @@ use heapless::String;
 
 use super::values::Time;
 use super::{
-    Driver, Framing, LineSettings, Parity, Port, PortKind, SerialClientSettings, SerialServerSettings,
-    SerialSettings, Settings, Side, TcpServerSettings,
+    Driver, Framing, IpPrefix, LineSettings, Parity, Port, PortKind, SerialClientSettings,
+    SerialServerSettings, SerialSettings, Settings, Side, Special, TcpServerSettings, UnitPolicy,
 };
 use crate::route::{AddressRange, Functions, Policy, Priority, Route, Tag, UnitRange};
 
@@ -31,7 +31,32 @@ pub fn write_line(settings: &Settings, n: usize, out: &mut impl Write) -> Option
 }
 
 fn write_port(port: &Port, width: usize, out: &mut impl Write) -> fmt::Result {
-    write!(out, "port {:width$} {}", port.name, port.kind)
+    write!(out, "port {:width$} {}{}", port.name, port.kind, port.units)
+}
+
+/// The words of a port about special unit ids, each with a blank before it; nothing for what is the default.
+impl Display for UnitPolicy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let changed = |special| special != Special::default();
+        option(f, "broadcast", self.broadcast, changed(self.broadcast))?;
+        if self.confirm {
+            f.write_str(" confirm-broadcast")?;
+        }
+        option(f, "unit-255", self.unit_255, changed(self.unit_255))?;
+        option(f, "reserved-units", self.reserved, changed(self.reserved))
+    }
+}
+
+impl Display for Special {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Rules => f.write_str("rules"),
+            Self::Off => f.write_str("off"),
+            Self::Local => f.write_str("local"),
+            Self::Replace(unit) => write!(f, "replace {unit}"),
+            Self::AllLines => f.write_str("all"),
+        }
+    }
 }
 
 fn write_route(settings: &Settings, route: &Route, width: usize, out: &mut impl Write) -> fmt::Result {
@@ -149,11 +174,16 @@ impl Display for TcpServerSettings {
         option(f, "pipeline", self.pipeline, self.pipeline != default.pipeline)?;
         option(f, "lifetime", Time(self.lifetime), self.lifetime != default.lifetime)?;
         option(f, "reserve", self.reserved, self.reserved != 0)?;
-        for (nth, prefix) in self.reserved_for.iter().enumerate() {
-            write!(f, "{}{prefix}", if nth == 0 { " for " } else { "," })?;
-        }
-        Ok(())
+        list(f, " for ", &self.reserved_for)?;
+        list(f, " allow ", &self.allowed)
     }
+}
+
+fn list(f: &mut fmt::Formatter<'_>, first: &str, prefixes: &[IpPrefix]) -> fmt::Result {
+    for (nth, prefix) in prefixes.iter().enumerate() {
+        write!(f, "{}{prefix}", if nth == 0 { first } else { "," })?;
+    }
+    Ok(())
 }
 
 pub(super) fn option(

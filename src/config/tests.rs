@@ -358,7 +358,7 @@ fn a_gap_below_the_specification_draws_a_warning() {
 #[test]
 fn a_long_line_is_refused_as_a_whole() {
     let line = "route ".to_string() + &"1 ".repeat(5_000);
-    assert!(error(&line).contains("the line is longer than 384 bytes"));
+    assert!(error(&line).contains("the line is longer than 640 bytes"));
     let mut settings = Settings::new();
     let mut loader = Loader::new(&mut settings);
     loader.feed(b"# short\n").unwrap();
@@ -414,7 +414,15 @@ fn the_longest_lines_that_print_can_be_read() {
         format!("port {two} tcp server [1111:1111:1111:1111:1111:1111:1111:1111]:65535 clients 1000"),
         format!("edit port {two} idle 86399999.999ms pipeline 15 lifetime {time}"),
         format!("edit port {two} reserve 1000 for {prefix},{prefix},{prefix},{prefix}"),
-        format!("route {two} 101-132 {prefix} -100 {one} functions {} priority normal", functions.join(",")),
+        format!("edit port {two} allow {prefix},{prefix},{prefix},{prefix}"),
+        format!("edit port {two} broadcast replace 247 confirm-broadcast unit-255 replace 247"),
+        format!("edit port {two} reserved-units replace 247"),
+        format!(
+            "route {two} 101-132 {prefix} -100 {one} functions {} addresses 10000-65535 writes 10000-65535 \
+             priority low urgent {}",
+            functions.join(","),
+            functions.join(",")
+        ),
     ];
     let mut settings = Settings::new();
     for line in &lines {

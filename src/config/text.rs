@@ -9,6 +9,7 @@ use super::port_keys;
 use super::port_words::Draft;
 use super::problem::{LineError, Problem, Rules, Warning};
 use super::route_words::{self, route};
+use super::unit_words;
 use super::values::{name, number};
 use super::words::{Word, Words};
 use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side, gap_warning};
@@ -75,7 +76,9 @@ pub fn is_implied(settings: &Settings, route: &Route) -> bool {
 
 /// The words that stand in rows and behind port names, besides names, numbers and addresses.
 pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
-    ["serial", "tcp", "udp"].into_iter().chain(port_keys::keywords()).chain(route_words::keywords())
+    let ports =
+        ["serial", "tcp", "udp"].into_iter().chain(port_keys::keywords()).chain(unit_words::keywords());
+    ports.chain(route_words::keywords())
 }
 
 fn port(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
@@ -90,7 +93,13 @@ fn port(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError
         .position(same)
         .or_else(|| settings.ports.iter().position(Option::is_none))
         .ok_or_else(|| name_word.error(Problem::PortsFull))?;
-    put_port(settings, PortId(place as u8), Port { name, kind: draft.kind }, name_word, draft.place)
+    put_port(
+        settings,
+        PortId(place as u8),
+        Port { name, kind: draft.kind, units: draft.units.policy },
+        name_word,
+        draft.place,
+    )
 }
 
 /// Checks `port` against all the others and the rules, then puts it at `id`.
@@ -171,8 +180,8 @@ fn edit(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError
         Thing::Port => {
             let name_word = words.take();
             let (id, old) = existing_port(settings, name_word)?;
-            let draft = Draft::edit(old.kind.clone(), words)?;
-            let port = Port { name: old.name.clone(), kind: draft.kind };
+            let draft = Draft::edit(old, words)?;
+            let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units.policy };
             put_port(settings, id, port, name_word, draft.place)
         }
         Thing::Route | Thing::Routes => {

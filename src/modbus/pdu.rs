@@ -10,7 +10,7 @@ mod request;
 mod response;
 
 pub use extent::{Extent, extents};
-pub use function::{is_read, name as function_name};
+pub use function::{confirmation, is_broadcastable, is_read, name as function_name};
 pub use request::{check_request, request_length};
 pub use response::{Misfit, ResponseLength, fits, response_length};
 

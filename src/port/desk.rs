@@ -156,7 +156,7 @@ impl<'g> Desk<'g> {
     /// Sends `order` home without an answer: a broadcast.
     pub(crate) fn done_silently(&self, order: &Frame<'g>) {
         if let Some(frame) = self.take(order) {
-            self.gateway.unanswered(frame);
+            self.gateway.finish_broadcast(frame);
         }
     }
 

@@ -48,6 +48,8 @@ enum End {
     Malformed,
     /// Its place was needed.
     Crowded,
+    /// Its address is not allowed.
+    Unwelcome,
 }
 
 impl Server<'_, '_> {
@@ -69,9 +71,14 @@ impl Server<'_, '_> {
             log_info!("listening on TCP port {}", self.settings.listen.port);
         }
         let (mut stream, peer) = host.accept(&self.settings.listen).await?;
-        let end = match self.seat_down(peer) {
-            Some(origin) => self.serve(&mut stream, origin, peer).await,
-            None => End::Crowded,
+        self.place.stats.count(Event::Connected);
+        let end = if self.is_welcome(peer) {
+            match self.seat_down(peer) {
+                Some(origin) => self.serve(&mut stream, origin, peer).await,
+                None => End::Crowded,
+            }
+        } else {
+            End::Unwelcome
         };
         self.left();
         self.place.stats.count(match end {
@@ -79,6 +86,7 @@ impl Server<'_, '_> {
             End::Stalled => Event::Stalled,
             End::Malformed => Event::Malformed,
             End::Crowded => Event::Crowded,
+            End::Unwelcome => Event::Unwelcome,
         });
         stream.close().await;
         Ok(())
@@ -90,10 +98,15 @@ impl Server<'_, '_> {
         while self.seat.answers.try_receive(self.gateway.pool()).is_some() {}
     }
 
+    /// Whether the settings let `peer` in.
+    fn is_welcome(&self, peer: SocketAddr) -> bool {
+        let allowed = &self.settings.allowed;
+        allowed.is_empty() || allowed.iter().any(|prefix| prefix.contains(peer.ip()))
+    }
+
     /// Takes the newcomer in and sees that there is room, or refuses it.
     fn seat_down(&self, peer: SocketAddr) -> Option<Origin> {
         let now = Instant::now();
-        self.place.stats.count(Event::Connected);
         self.seat.leave.reset();
         let own = self.seat.update(|seat| {
             let marked = self.settings.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));

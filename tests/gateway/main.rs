@@ -7,6 +7,7 @@ mod flights;
 mod frames;
 mod line;
 mod matrix;
+mod outcomes;
 mod queue;
 mod serial_server;
 mod shared_bus;

@@ -1,8 +1,10 @@
 //! A master on a serial line asks the gateway, in virtual time.
 
 use embassy_time::Duration;
+use mobgate::config::Framing;
 use mobgate::stats::{Event, LastError};
 use mobgate_simulator::client::Answer;
+use mobgate_simulator::shared_bus::torture;
 use mobgate_simulator::{Device, Rig, World, rig};
 
 const READ: [u8; 5] = [3, 0, 7, 0, 1];
@@ -104,4 +106,24 @@ fn the_last_error_tells_what_was_wrong_with_a_request() {
         world.run_for(Duration::from_secs(1));
         assert_eq!(last_error("X"), LastError::Port);
     });
+}
+
+/// The full count is among the figures of `cargo bench`.
+#[test]
+fn on_a_shared_bus_nobody_elses_questions_are_answered_and_none_of_ours_is_missed() {
+    let punctual = Duration::from_ticks(0);
+    for (framing, late_reads) in [
+        (Framing::Rtu, punctual),
+        (Framing::Ascii, punctual),
+        (Framing::Rtu, Duration::from_millis(16)),
+        (Framing::Ascii, Duration::from_millis(16)),
+    ] {
+        let outcome = torture(1, 1_000, framing, late_reads);
+        let tell = format!("{framing}, reads late by {late_reads}: {outcome:?}");
+        assert_eq!((outcome.unasked, outcome.collisions), (0, 0), "{tell}");
+        assert!(outcome.ours > 400 && outcome.spoilt > 80, "{tell}");
+        // Where the silence behind a damaged frame cannot be seen, the next one is lost with it.
+        let share = if framing == Framing::Rtu && late_reads > punctual { outcome.ours / 10 } else { 0 };
+        assert!(outcome.missed <= share, "{tell}");
+    }
 }

@@ -22,6 +22,7 @@ fn settings(server: u16, words: &str) -> String {
 
 /// Answers every request of a connection with a register that holds its unit, until the connection ends.
 fn serve(mut stream: TcpStream) {
+    stream.set_nodelay(true).unwrap();
     let mut request = [0; 12];
     while stream.read_exact(&mut request).is_ok() {
         let answer = [&request[..4], &[0, 5, request[6], 3, 2, 0, request[6]]].concat();

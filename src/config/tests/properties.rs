@@ -104,6 +104,7 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
     ]);
     let idle = prop_oneof![Just(Duration::from_ticks(0)), duration(1_000_000..=86_400_000_000)];
     let reserved_for = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
+    let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
     (
         (address, any_stream()),
         1..=1_000_u16,
@@ -111,10 +112,19 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
         1..=16_u8,
         duration(10_000..=3_600_000_000),
         1..=1_000_u16,
-        reserved_for,
+        (reserved_for, allowed),
     )
         .prop_map(
-            move |((address, framing), clients, idle, pipeline, lifetime, reserved, reserved_for)| {
+            move |(
+                (address, framing),
+                clients,
+                idle,
+                pipeline,
+                lifetime,
+                reserved,
+                (reserved_for, allowed),
+            )| {
+                let allowed = allowed.into_iter().collect();
                 let reserved = if reserved_for.is_empty() { 0 } else { reserved.min(clients) };
                 let reserved_for = reserved_for.into_iter().collect();
                 let listen = TcpListen { address, port: 502 + n as u16 };
@@ -128,6 +138,7 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
                     lifetime,
                     reserved,
                     reserved_for,
+                    allowed,
                 })
             },
         )
@@ -165,6 +176,19 @@ fn any_tcp_client() -> impl Strategy<Value = PortKind> {
         })
 }
 
+fn any_units() -> impl Strategy<Value = UnitPolicy> {
+    let meaning = prop_oneof![
+        Just(Special::Rules),
+        Just(Special::Off),
+        Just(Special::Local),
+        (1..=247_u8).prop_map(Special::Replace),
+    ];
+    let broadcast = prop_oneof![meaning.clone(), Just(Special::AllLines)];
+    (broadcast, any::<bool>(), meaning.clone(), meaning).prop_map(
+        |(broadcast, confirm, unit_255, reserved)| UnitPolicy { broadcast, confirm, unit_255, reserved },
+    )
+}
+
 fn any_udp_server(n: usize) -> impl Strategy<Value = PortKind> {
     (1..=16_u8, 1..=32_u8, duration(10_000..=3_600_000_000)).prop_map(
         move |(pipeline, requests, lifetime)| {
@@ -179,19 +203,17 @@ fn any_stream() -> impl Strategy<Value = StreamFraming> {
 }
 
 fn any_port(n: usize) -> impl Strategy<Value = Port> {
-    (
-        "[A-Za-z][A-Za-z0-9_.-]{0,12}",
-        prop_oneof![
-            any_serial(n).boxed(),
-            any_tcp_server(n).boxed(),
-            any_tcp_client().boxed(),
-            any_udp_server(n).boxed()
-        ],
-    )
-        .prop_map(move |(name, kind)| {
-            // The number keeps names apart, also from the reserved ones.
-            Port { name: Name::try_from(format!("{name}{n}").as_str()).unwrap(), kind }
-        })
+    let kind = prop_oneof![
+        any_serial(n).boxed(),
+        any_tcp_server(n).boxed(),
+        any_tcp_client().boxed(),
+        any_udp_server(n).boxed()
+    ];
+    ("[A-Za-z][A-Za-z0-9.-]{0,11}", kind, any_units()).prop_map(move |(name, kind, units)| {
+        // The number keeps names apart, also from the reserved ones.
+        let units = if kind.side() == Side::Server { units } else { UnitPolicy::default() };
+        Port { name: Name::try_from(format!("{name}_{n}").as_str()).unwrap(), kind, units }
+    })
 }
 
 fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {

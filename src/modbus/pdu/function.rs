@@ -42,6 +42,27 @@ pub const ENCAPSULATED_INTERFACE: u8 = 43;
 /// MEI type of function 43: read device identification.
 pub const MEI_DEVICE_IDENTIFICATION: u8 = 14;
 
+/// Whether `request` means something to a unit that does not answer (Serial Line 2.1: broadcasts are writes).
+///
+/// Diagnostics (8) count: a restart may be wanted of all. Codes that the gateway does not know are left to the user.
+pub fn is_broadcastable(request: &[u8]) -> bool {
+    let only_asks = |function| {
+        is_read(function) || matches!(function, READ_WRITE_MULTIPLE_REGISTERS | ENCAPSULATED_INTERFACE)
+    };
+    request.first().is_some_and(|function| !only_asks(*function))
+}
+
+/// How much of `request`, a write, its answer repeats; `None` for functions whose answer says more (clause 6).
+pub fn confirmation(request: &[u8]) -> Option<&[u8]> {
+    match *request.first()? {
+        WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER | WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS => {
+            request.get(..5)
+        }
+        MASK_WRITE_REGISTER => request.get(..7),
+        _ => None,
+    }
+}
+
 /// Whether a request with this function changes nothing, so that repeating it is harmless.
 ///
 /// Not among them: diagnostics (8), whose sub-functions restart the device and clear its counters; the tunnel (43), because

@@ -36,6 +36,8 @@ struct State {
     turnaround: Duration,
     memory: Memory,
     faults: Faults,
+    /// What is answered instead of what the memory says.
+    script: Option<Vec<u8>>,
     counters: Counters,
     writes: Vec<Executed>,
 }
@@ -77,6 +79,7 @@ impl Device {
             turnaround: Duration::from_millis(1),
             memory: Memory::new(unit),
             faults: Faults::none(),
+            script: None,
             counters: Counters { requests: [0; 128], bad_crc: 0, gap_inside: 0 },
             writes: Vec::new(),
         })))
@@ -106,6 +109,11 @@ impl Device {
     /// Replaces the faults.
     pub fn set_faults(&self, faults: Faults) {
         self.0.borrow_mut().faults = faults;
+    }
+
+    /// Answers every request with this PDU from now on, whatever it asks for.
+    pub fn set_answer(&self, pdu: &[u8]) {
+        self.0.borrow_mut().script = Some(pdu.to_vec());
     }
 
     /// The unit id.
@@ -185,6 +193,9 @@ impl State {
     fn execute(&mut self, pdu: &[u8], broadcast: bool) -> Vec<u8> {
         let function = pdu[0];
         self.counters.requests[usize::from(function & 0x7f)] += 1;
+        if let Some(answer) = &self.script {
+            return answer.clone();
+        }
         match self.memory.execute(pdu) {
             Ok(answer) => {
                 if matches!(function, 5 | 6 | 15 | 16 | 22 | 23) {

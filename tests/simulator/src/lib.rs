@@ -15,6 +15,7 @@ pub mod net;
 pub mod random;
 pub mod rig;
 pub mod serial;
+pub mod shared_bus;
 pub mod wire;
 pub mod world;
 

@@ -20,19 +20,21 @@ use crate::serial::SimSerial;
 use crate::wire::{EndRecord, LineEnd, Wire};
 use crate::world::World;
 
-/// How large a gateway is.
+/// What board the gateway runs on.
 #[derive(Debug, Clone, Copy)]
 pub struct Size {
     /// Frames in the pool; a seat and a port have one of them each for themselves.
     pub frames: usize,
     /// TCP connections at a time.
     pub seats: usize,
+    /// How late what is heard on serial lines may be read: not before the next multiple of this time.
+    pub late_reads: Duration,
 }
 
 impl Default for Size {
-    /// 80 seats and 128 frames.
+    /// 80 seats, 128 frames, reads in time.
     fn default() -> Self {
-        Self { frames: 128, seats: 80 }
+        Self { frames: 128, seats: 80, late_reads: Duration::from_ticks(0) }
     }
 }
 
@@ -85,7 +87,7 @@ pub fn with_gateway_of<T>(
     let mut world = World::new(seed);
     let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };
     rig.gateway.apply(&settings).expect("settings that the gateway takes");
-    rig.start(&world, size.seats);
+    rig.start(&world, size);
     world.run_for(Duration::from_ticks(1));
     scenario(&mut world, &rig)
 }
@@ -119,11 +121,13 @@ fn lines(settings: &Settings) -> Vec<Line> {
 }
 
 impl<'g> Rig<'g> {
-    fn start(&self, world: &World<'g>, seats: usize) {
+    fn start(&self, world: &World<'g>, size: Size) {
         let gateway = self.gateway;
         world.spawn(gateway.route());
         let board =
-            self.lines.iter().fold(SimSerial::new(), |board, line| board.with(&line.device, &line.end));
+            self.lines.iter().fold(SimSerial::new().with_late_reads(size.late_reads), |board, line| {
+                board.with(&line.device, &line.end)
+            });
         for port in 0..PORTS_MAX {
             let mut host = board.clone();
             let (mut connector, mut datagrams) = (self.network.connector(), self.network.udp_host());
@@ -131,7 +135,7 @@ impl<'g> Rig<'g> {
                 gateway.run_port(PortId(port as u8), &mut host, &mut connector, &mut datagrams).await
             });
         }
-        for seat in 0..seats {
+        for seat in 0..size.seats {
             let mut host = self.network.host();
             world.spawn(async move { gateway.run_seat(seat, &mut host).await });
         }

@@ -1,5 +1,6 @@
 //! Serial lines of a simulated board: device names, each an end of a wire.
 
+use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
 use mobgate::hal::{OpenError, OpenErrorKind, SerialHost, SerialLine};
@@ -10,12 +11,20 @@ use crate::wire::LineEnd;
 #[derive(Clone, Default)]
 pub struct SimSerial {
     devices: Vec<(String, LineEnd)>,
+    late_reads: Option<Duration>,
 }
 
 impl SimSerial {
     /// A board without serial lines.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// The board with an operating system or an adapter in between: what is heard is read at multiples of `late` only.
+    #[must_use]
+    pub fn with_late_reads(mut self, late: Duration) -> Self {
+        self.late_reads = (late > Duration::from_ticks(0)).then_some(late);
+        self
     }
 
     /// The board with `end` as its device `name`; opening sets the end's speed and format.
@@ -33,25 +42,33 @@ impl SerialHost for SimSerial {
         let error = |kind| OpenError::new(kind, "");
         let (_, end) =
             self.devices.iter().find(|(name, _)| name == device).ok_or(error(OpenErrorKind::NotFound))?;
-        end.open(*line).map(SimLine).map_err(|kind| match kind {
+        let late_reads = self.late_reads;
+        end.open(*line).map(|end| SimLine { end, late_reads }).map_err(|kind| match kind {
             ErrorKind::AddrInUse => error(OpenErrorKind::InUse),
             _ => error(OpenErrorKind::NotFound),
         })
     }
+
+    fn read_jitter(&self) -> Duration {
+        self.late_reads.unwrap_or(Duration::from_ticks(0))
+    }
 }
 
 /// An open serial line; dropping it closes it.
-pub struct SimLine(LineEnd);
+pub struct SimLine {
+    end: LineEnd,
+    late_reads: Option<Duration>,
+}
 
 impl Drop for SimLine {
     fn drop(&mut self) {
-        self.0.close();
+        self.end.close();
     }
 }
 
 impl SerialLine for SimLine {
     async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
-        self.0.drive(on);
+        self.end.drive(on);
         Ok(())
     }
 }
@@ -62,16 +79,21 @@ impl ErrorType for SimLine {
 
 impl Read for SimLine {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
-        self.0.read(into).await
+        if let Some(late) = self.late_reads {
+            self.end.readable().await;
+            let now = Instant::now().as_ticks();
+            Timer::at(Instant::from_ticks(now.next_multiple_of(late.as_ticks()))).await;
+        }
+        self.end.read(into).await
     }
 }
 
 impl Write for SimLine {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
-        self.0.write(bytes).await
+        self.end.write(bytes).await
     }
 
     async fn flush(&mut self) -> Result<(), ErrorKind> {
-        self.0.flush().await
+        self.end.flush().await
     }
 }

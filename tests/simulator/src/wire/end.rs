@@ -150,6 +150,24 @@ impl LineEnd {
         Poll::Pending
     }
 
+    /// Waits until a read would give something, if only the news that the adapter is out.
+    pub(crate) async fn readable(&self) {
+        poll_fn(|context| {
+            let mut bus = self.wire.0.borrow_mut();
+            let coming = bus.audible_from(self.number).next().map(|(_, character)| character.end_ns);
+            if self.is_dead(&bus) || coming.is_some_and(|end_ns| end_ns <= now_ns()) {
+                return Poll::Ready(());
+            }
+            bus.ends[self.number].wait(context);
+            drop(bus);
+            if let Some(end_ns) = coming {
+                schedule_wake(tick_after(end_ns), context.waker());
+            }
+            Poll::Pending
+        })
+        .await;
+    }
+
     fn poll_read(&self, context: &mut Context<'_>, into: &mut [u8]) -> Poll<Result<usize, ErrorKind>> {
         let mut bus = self.wire.0.borrow_mut();
         if into.is_empty() || self.is_dead(&bus) {

@@ -113,6 +113,7 @@ fn a_datagram_is_answered_to_whoever_sent_it() {
     let udp = free_port();
     let ports = format!("port U udp server {udp}\nroute U 1-247 * * plc\n");
     let program = Program::configured(&(settings(server, "") + &ports));
+    program.logs("listening on UDP port");
     let clients = [(); 3].map(|()| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap());
     for round in 0..100 {
         for (unit, client) in (1..).zip(&clients) {

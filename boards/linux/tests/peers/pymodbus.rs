@@ -65,6 +65,7 @@ fn pymodbus_in_every_framing_of_a_network_asks_pymodbus_behind_tcp() {
          route US 2 * * R
 "
     ));
+    program.logs("listening on UDP port");
     for (framing, port) in [("tcp", program.port), ("rtu", rtu_server), ("udp", udp_server)] {
         for unit in [1, 2] {
             compare_everything_by(framing, port, unit, unit);

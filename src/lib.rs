@@ -2,7 +2,8 @@
 //!
 //! # The path of one request
 //!
-//! 1. A server-side port ([`port`]) receives a request: it strips the framing ([`modbus`]), takes a frame from the pool
+//! 1. A server-side port ([`port`]) receives a request, from a TCP client or from a master on a serial line, where
+//!    [`port::shared_bus`] tells it from what others say: it strips the framing ([`modbus`]), takes a frame from the pool
 //!    ([`frame`]), writes the PDU and an envelope into it (who asked, for which unit, until when), and sends it to the
 //!    router's inbox.
 //! 2. The routing task (`router`) looks the first matching rule up ([`route`]), translates the unit id, and sends the frame
@@ -32,6 +33,8 @@
 //! | [`port::queue::WAITING_MAX`] | 64 | orders that wait at a port; one more is answered 06h |
 //! | [`port::units::UNITS_MAX`] | 32 | loads of an RS-485 segment; the quietest healthy unit is forgotten first |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
+//! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
+//! | [`config::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |
 //! | frames, TCP connections | the board's | memory; a connection always has one frame of its own |
 #![no_std]
 #![forbid(unsafe_code)]

@@ -7,6 +7,7 @@ use mobgate_clock as _;
 
 mod faults;
 mod line;
+mod paper;
 mod shared_bus;
 mod sharing;
 
@@ -15,21 +16,25 @@ mod sharing;
 pub(crate) enum Target {
     AtLeast(f64),
     AtMost(f64),
+    None,
 }
 
 /// Prints one figure.
 pub(crate) fn figure(name: &str, value: f64, unit: &str, target: Target) {
-    let (sign, bound, holds) = match target {
-        Target::AtLeast(bound) => (">=", bound, value >= bound),
-        Target::AtMost(bound) => ("<=", bound, value <= bound),
+    let round = |value: f64| (value * 1e4).round() / 1e4;
+    let (wanted, holds) = match target {
+        Target::AtLeast(bound) => (format!(">={}", round(bound)), value >= bound),
+        Target::AtMost(bound) => (format!("<={}", round(bound)), value <= bound),
+        Target::None => ("-".to_owned(), true),
     };
     let verdict = if holds { "ok" } else { "short" };
-    println!("figure {name} {} {unit} {sign}{bound} {verdict}", (value * 1e4).round() / 1e4);
+    println!("figure {name} {} {unit} {wanted} {verdict}", round(value));
 }
 
 fn main() {
-    let groups: [(&str, fn()); 4] = [
+    let groups: [(&str, fn()); 5] = [
         ("line", line::figures),
+        ("paper", paper::figures),
         ("sharing", sharing::figures),
         ("faults", faults::figures),
         ("shared_bus", shared_bus::figures),

@@ -5,6 +5,7 @@
 
 use crate::frame::{Fill, Frame};
 use crate::hal::SerialLine;
+use crate::modbus::crc::MODBUS;
 use crate::modbus::delta::CrcDelta;
 use crate::modbus::{PDU_BYTES_MAX, rtu};
 use crate::port::line::{Line, LineLost};
@@ -15,8 +16,10 @@ use crate::stats::Event;
 pub(crate) enum Copied {
     /// It was good to its end.
     Whole,
-    /// It was damaged before it came here, or was broken off: whoever it is for must not take it for good.
+    /// It was damaged before it came here, or was broken off: whoever it is for will not take it for good.
     Broken,
+    /// It was broken off where what had been sent has a good CRC: whoever it is for may have taken it for a frame.
+    Short,
 }
 
 /// Sends `frame` as far as it has come and as more comes. The line has been silent.
@@ -28,6 +31,7 @@ pub(crate) async fn copy<L: SerialLine>(
     line.stats.count(Event::Cut);
     line.begin();
     let mut delta = CrcDelta::new(from, to);
+    let mut check = MODBUS.digest();
     let mut sent = 0;
     loop {
         let (filled, fill) = frame.filled();
@@ -45,7 +49,9 @@ pub(crate) async fn copy<L: SerialLine>(
             Fill::Broken if frame.crc().1 < 2 => break,
             Fill::Filling | Fill::Broken => {
                 let count = arrived(frame, to, sent, &mut delta, &mut characters);
-                line.feed(characters.get(..count).unwrap_or(&[])).await?;
+                let characters = characters.get(..count).unwrap_or(&[]);
+                check.update(characters);
+                line.feed(characters).await?;
                 sent += count;
             }
         }
@@ -55,7 +61,9 @@ pub(crate) async fn copy<L: SerialLine>(
         frame.more_than(filled).await;
     }
     line.stats.count(Event::Aborted);
-    Ok(Copied::Broken)
+    // The CRC of a frame with its own CRC behind it is zero.
+    let good = sent >= rtu::FRAME_BYTES_MIN && check.finalize() == 0;
+    Ok(if good { Copied::Short } else { Copied::Broken })
 }
 
 /// Writes what is there of `frame` behind the first `sent` characters, and says how many characters those are.

@@ -59,11 +59,18 @@ async fn carry_out<'g, L: SerialLine>(
     unit: u8,
 ) -> Result<(), LineLost> {
     let place = desk.place();
+    let window = client.late_window.unwrap_or(client.timeout);
     let arriving = frame.filled().1 != Fill::Complete;
-    if arriving && bus.copy(&frame, unit).await? == Copied::Broken {
-        // The unit has not been asked: it rejects what it heard.
-        desk.forget(&frame);
-        return Ok(());
+    if arriving {
+        let copied = bus.copy(&frame, unit).await?;
+        if copied == Copied::Short {
+            place.units(|units| units.hold(unit, Instant::now(), window));
+        }
+        if copied != Copied::Whole {
+            // The unit has not been asked: whoever sent this knows, and the far end rejects it.
+            desk.forget(&frame);
+            return Ok(());
+        }
     }
     let mut request = [0; PDU_BYTES_MAX];
     let length = frame.copy_pdu(&mut request);
@@ -77,7 +84,6 @@ async fn carry_out<'g, L: SerialLine>(
     if !arriving && frame.envelope().origin.way == Way::Line {
         place.stats.count(Event::Stored);
     }
-    let window = client.late_window.unwrap_or(client.timeout);
     let outcome = match if arriving { Ok(()) } else { bus.send(unit, request).await? } {
         Ok(()) => bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?,
         Err(Collision) => Err(Failure::Collision),

@@ -5,29 +5,20 @@
 //! when the answer has been sent, when its time is, or as soon as anything else is heard: then the master has gone on,
 //! and an answer would run into the traffic. Answers to what is over find nobody.
 
-use core::convert::Infallible;
-use core::mem;
+use embassy_time::Instant;
 
-use embassy_futures::select::{Either3, select3};
-use embassy_time::{Instant, Timer};
-
-use crate::config::{Framing, PortId, SerialSettings};
-use crate::frame::{Envelope, Fill, Frame, FrameWriter, Origin, Stage, Way};
+use crate::config::{PortId, SerialSettings};
+use crate::frame::{Envelope, Frame, FrameWriter, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
-use crate::hal::{SerialHost, SerialLine};
-use crate::modbus::ascii::LINE_FEED;
-use crate::modbus::crc::crc16;
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
-use crate::modbus::{Exception, PDU_BYTES_MAX, rtu};
-use crate::port::arriving::Passing;
-use crate::port::copy::{Copied, copy};
-use crate::port::framing::FRAME_CHARS_MAX;
-use crate::port::line::{Line, LineLost, Opening};
-use crate::port::shared_bus::{AsciiEar, Heard, RtuEar};
-use crate::route::{self, Onward, Priority};
-use crate::stats::{Counters, Event, LastError};
+use crate::hal::SerialHost;
+use crate::modbus::pdu;
+use crate::port::line::{LineLost, Opening};
+use crate::route::{self, Onward, Priority, onward};
+use crate::stats::Event;
 
-mod onward;
+mod session;
+
+use session::Session;
 
 /// The port, as long as its settings stay.
 pub(crate) struct Server<'s, 'g> {
@@ -39,61 +30,6 @@ pub(crate) struct Server<'s, 'g> {
     pub(crate) never_underruns: bool,
 }
 
-/// The request that is open.
-enum Open<'g> {
-    None,
-    /// The router has it; there is no answer after `until`.
-    Asked {
-        received: Instant,
-        until: Instant,
-    },
-    /// Its answer is to be sent.
-    Ready {
-        answer: Frame<'g>,
-        at: Instant,
-    },
-}
-
-/// What was judged, copied so that the line can go on.
-enum Judged {
-    Nothing,
-    Request(u8),
-    Foreign,
-    Garbage(LastError),
-}
-
-/// Garbage shorter than any frame: stray bits, as drivers make them that switch the line.
-const STRAY_BYTES_MAX: usize = rtu::FRAME_BYTES_MIN - 1;
-
-/// An open line.
-struct Session<'s, 'g, L> {
-    server: &'s Server<'s, 'g>,
-    line: Line<'s, L>,
-    ear: Ear,
-    open: Open<'g>,
-    /// When what is being heard began, and how far it has been passed on.
-    begun: Instant,
-    passing: Passing<'g>,
-    /// This master has used functions whose end only silence tells: no frame is begun before its function is known.
-    wary: bool,
-    /// The latest answer.
-    answered: Option<Answered>,
-}
-
-/// What tells an answer from the request that repeats it (a write's answer is the write): an adapter that hears itself
-/// would otherwise have the gateway ask itself for ever, unless the settings say `echo`.
-struct Answered {
-    unit: u8,
-    crc: u16,
-    /// Its echo is heard before.
-    until: Instant,
-}
-
-enum Ear {
-    Rtu(RtuEar),
-    Ascii(AsciiEar),
-}
-
 impl<'g> Server<'_, 'g> {
     /// Keeps the line open and answers on it, for ever.
     pub(crate) async fn run<H: SerialHost>(&self, host: &mut H) {
@@ -102,21 +38,7 @@ impl<'g> Server<'_, 'g> {
             let jitter = host.read_jitter();
             let opened = host.open(&self.settings.device, &self.settings.line).await;
             if let Some(line) = opening.opened(opened, jitter) {
-                let ear = match self.settings.framing {
-                    Framing::Rtu => Ear::Rtu(RtuEar::new()),
-                    Framing::Ascii => Ear::Ascii(AsciiEar::new()),
-                };
-                let mut session = Session {
-                    server: self,
-                    begun: line.active,
-                    line,
-                    ear,
-                    open: Open::None,
-                    passing: Passing::Whole,
-                    wary: false,
-                    answered: None,
-                };
-                let Err(LineLost) = session.serve().await;
+                let Err(LineLost) = Session::new(self, line).serve().await;
                 self.close();
                 opening.lost();
             }
@@ -134,6 +56,12 @@ impl<'g> Server<'_, 'g> {
         self.gateway.settings(|settings| route::is_routed(settings, self.id, unit))
     }
 
+    /// Whether a request for `unit` that begins with `so_far` may be passed on while it arrives.
+    fn onward(&self, unit: u8, so_far: &[u8]) -> Onward {
+        self.gateway.settings(|settings| onward(settings, self.id, unit, so_far, self.never_underruns))
+    }
+
+    /// A frame for a request.
     fn take_frame(&self) -> Option<(FrameWriter<'g>, Frame<'g>)> {
         // The pool's first frames are the seats', the next are the ports'.
         self.gateway.pool().take(self.gateway.seats().len() + self.id.index())
@@ -179,226 +107,5 @@ impl<'g> Server<'_, 'g> {
             }
         }
         unit != 0
-    }
-}
-
-impl<'g, L: SerialLine> Session<'_, 'g, L> {
-    /// Hears and answers until the line is lost.
-    async fn serve(&mut self) -> Result<Infallible, LineLost> {
-        loop {
-            let quiet = self.quiet_at();
-            let due = match &self.open {
-                Open::None => Instant::MAX,
-                Open::Asked { until, .. } => *until,
-                Open::Ready { at, .. } => *at,
-            };
-            let server = self.server;
-            let answers = server.place.queue.receive(server.gateway.pool());
-            let (active, begins) = (self.line.active, self.line.heard().is_empty());
-            let until = due.min(quiet).min(self.passing.due());
-            match select3(self.line.read(), answers, Timer::at(until)).await {
-                Either3::First(read) => {
-                    read?;
-                    self.interrupted();
-                    if begins {
-                        self.begin(active);
-                    }
-                    let passed = self.pass_on();
-                    // Where reads keep up with the wire, only silence ends a frame that has not been passed on.
-                    if passed || self.line.jitter.as_ticks() > 0 || matches!(self.ear, Ear::Ascii(_)) {
-                        self.listen(false);
-                    }
-                    if passed {
-                        self.give_up();
-                    }
-                }
-                Either3::Second(frame) => self.take_answer(frame),
-                Either3::Third(()) if Instant::now() >= quiet => self.listen(true),
-                Either3::Third(()) if self.passing.is_due() => {
-                    self.pass_on();
-                }
-                Either3::Third(()) => self.due().await?,
-            }
-        }
-    }
-
-    /// When the silence will say something about what has been heard.
-    fn quiet_at(&self) -> Instant {
-        let waits = match &self.ear {
-            Ear::Rtu(ear) => ear.needs_silence() || !self.line.heard().is_empty(),
-            Ear::Ascii(ear) => ear.in_frame(),
-        };
-        let silence = self.server.settings.framing.silence(&self.line.settings) + self.line.jitter;
-        if waits { self.line.active + silence } else { Instant::MAX }
-    }
-
-    /// Something was heard while a request was open: the master does not wait for its answer any more.
-    fn interrupted(&mut self) {
-        if let Open::Ready { .. } = self.open {
-            self.server.place.stats.count(Event::AskerGone);
-        }
-        if !matches!(self.open, Open::None) {
-            self.server.place.renew();
-            self.open = Open::None;
-        }
-    }
-
-    /// Judges what has been heard so far.
-    fn listen(&mut self, silent: bool) {
-        loop {
-            let mut request = [0; PDU_BYTES_MAX];
-            let (judged, count, request) = self.judge(silent, &mut request);
-            // What comes behind a request overtakes it, also when both were heard at once.
-            if count > STRAY_BYTES_MAX {
-                self.interrupted();
-            }
-            let event = match judged {
-                Judged::Nothing => break,
-                Judged::Request(unit) if self.is_echo(unit, request) => Event::Noise,
-                Judged::Request(unit) => {
-                    let received = self.line.active;
-                    if self.finish(request, received) || self.server.ask(unit, request, received) {
-                        let until = received + self.server.settings.server.answer_within;
-                        self.open = Open::Asked { received, until };
-                    }
-                    continue;
-                }
-                Judged::Foreign => Event::Foreign,
-                Judged::Garbage(error) => {
-                    self.server.place.stats.note(error);
-                    if error == LastError::Checksum { Event::Damaged } else { Event::Noise }
-                }
-            };
-            self.server.place.stats.count(event);
-            self.passing = Passing::Whole;
-        }
-        // The beginning of the next frame.
-        if !self.line.heard().is_empty() {
-            self.interrupted();
-        }
-    }
-
-    /// Whether this is what the gateway itself has just sent.
-    fn is_echo(&mut self, unit: u8, pdu: &[u8]) -> bool {
-        let answered = self.answered.take();
-        answered.is_some_and(|own| own.unit == unit && self.line.active < own.until && own.crc == crc16(pdu))
-    }
-
-    /// The next thing that was heard, how many bytes that were, and its PDU if it is a request for us.
-    fn judge<'b>(&mut self, silent: bool, request: &'b mut [u8; PDU_BYTES_MAX]) -> (Judged, usize, &'b [u8]) {
-        let Self { server, line, ear, .. } = self;
-        let is_ours = |unit| server.is_ours(unit);
-        let (heard, count) = match ear {
-            Ear::Rtu(ear) => ear.hear(line.heard(), silent, is_ours),
-            Ear::Ascii(ear) if silent && ear.in_frame() => (ear.overdue(), 0),
-            Ear::Ascii(ear) => ear.hear(line.heard(), is_ours),
-        };
-        let mut length = 0;
-        let judged = match heard {
-            Heard::Request { unit, pdu } => {
-                request.iter_mut().zip(pdu).for_each(|(place, byte)| *place = *byte);
-                length = pdu.len();
-                Judged::Request(unit)
-            }
-            Heard::ForeignRequest | Heard::ForeignAnswer => Judged::Foreign,
-            Heard::Garbage(error) => Judged::Garbage(error),
-            Heard::Nothing => Judged::Nothing,
-        };
-        line.consume(count);
-        (judged, count, request.get(..length).unwrap_or_default())
-    }
-
-    /// A frame has come home: the answer that is waited for, a request that gets none, or what is too late.
-    fn take_answer(&mut self, answer: Frame<'g>) {
-        let envelope = answer.envelope();
-        let is_awaited = envelope.origin.generation == self.server.place.generation();
-        self.open = match (&self.open, envelope.stage) {
-            (Open::Asked { .. }, Stage::Silence) if is_awaited => Open::None,
-            (Open::Asked { received, .. }, _) if is_awaited => {
-                let delay = self.server.settings.server.reply_delay;
-                Open::Ready { at: self.line.silent_at().max(*received + delay), answer }
-            }
-            _ => return self.server.place.stats.count(Event::AskerGone),
-        };
-    }
-
-    /// The open request's time has come: its answer is sent, or there will be none.
-    async fn due(&mut self) -> Result<(), LineLost> {
-        match mem::replace(&mut self.open, Open::None) {
-            Open::Ready { answer, .. } => self.answer(answer).await,
-            Open::Asked { .. } => {
-                self.server.place.renew();
-                self.server.place.stats.count(Event::Timeout);
-                Ok(())
-            }
-            Open::None => Ok(()),
-        }
-    }
-
-    async fn answer(&mut self, answer: Frame<'g>) -> Result<(), LineLost> {
-        let envelope = answer.envelope();
-        let arriving = answer.filled().1 != Fill::Complete;
-        let units = (envelope.target, envelope.unit);
-        if arriving && copy(&mut self.line, &answer, units).await? == Copied::Broken {
-            return Ok(());
-        }
-        let mut pdu = [0; PDU_BYTES_MAX];
-        let length = answer.copy_pdu(&mut pdu);
-        drop(answer);
-        let pdu = pdu.get(..length).unwrap_or(&[]);
-        if !arriving {
-            self.send(&envelope, pdu).await?;
-        }
-        self.answered(&envelope, pdu);
-        Ok(())
-    }
-
-    /// Sends an answer that is whole.
-    async fn send(&mut self, envelope: &Envelope, pdu: &[u8]) -> Result<(), LineLost> {
-        let delimiter = match &self.ear {
-            Ear::Ascii(ear) => ear.delimiter(),
-            Ear::Rtu(_) => LINE_FEED,
-        };
-        let mut frame = [0; FRAME_CHARS_MAX];
-        let framing = self.server.settings.framing;
-        let Ok(frame) = framing.encode(envelope.unit, pdu, delimiter, &mut frame) else { return Ok(()) };
-        // After a collision the master has heard no good answer, and asks again.
-        let _ = self.line.send(frame).await?;
-        if envelope.destination.is_some() {
-            self.server.place.stats.count(Event::Stored);
-        }
-        Ok(())
-    }
-
-    /// Notes what has been answered.
-    fn answered(&mut self, envelope: &Envelope, pdu: &[u8]) {
-        // No frame that begins behind the answer can have ended by then.
-        let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);
-        let until = self.line.active + shortest + self.line.jitter;
-        self.answered = Some(Answered { unit: envelope.unit, crc: crc16(pdu), until });
-        let stats = &self.server.place.stats;
-        stats.count(Event::Answer);
-        if let [function, code] = *pdu
-            && function & EXCEPTION_BIT != 0
-        {
-            stats.count(Event::Exception);
-            note_exception(stats, Exception(code));
-        }
-        // The gateway's own unit has changed the character that ends frames; this answer still had the old one.
-        if let (Ear::Ascii(ear), [pdu::function::DIAGNOSTICS, 0, 3, delimiter, 0], None) =
-            (&mut self.ear, pdu, envelope.destination)
-        {
-            ear.set_delimiter(*delimiter);
-        }
-    }
-}
-
-/// Notes an exception that went out as what it says of the request.
-fn note_exception(stats: &Counters, exception: Exception) {
-    match exception {
-        Exception::ILLEGAL_FUNCTION => stats.note(LastError::Function),
-        Exception::ILLEGAL_ADDRESS => stats.note(LastError::Address),
-        Exception::ILLEGAL_VALUE => stats.note(LastError::Value),
-        _ => {}
     }
 }

@@ -11,11 +11,14 @@
 //! thread, as everybody has who is switched on, waits for a silence. ASCII frames need none of that: they have their
 //! beginnings and ends in them.
 
-use crate::modbus::ascii::{AsciiError, Decoder, LINE_FEED};
+use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::{self, EXCEPTION_BIT, ResponseLength};
 use crate::modbus::rtu::{self, FRAME_BYTES_MAX, FRAME_BYTES_MIN};
-use crate::modbus::{PDU_BYTES_MAX, ascii};
 use crate::stats::LastError;
+
+mod ascii;
+
+pub use ascii::AsciiEar;
 
 /// What was heard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -179,8 +182,7 @@ impl RtuEar {
 
     fn judge<'a>(&mut self, unit: u8, pdu: &'a [u8], is_ours: &impl Fn(u8) -> bool) -> Heard<'a> {
         let expected = self.expected.take();
-        let is_request = pdu::request_length(pdu).is_none_or(|length| length == pdu.len())
-            && pdu.first().is_some_and(|function| (1..EXCEPTION_BIT).contains(function));
+        let is_request = is_request(pdu);
         if is_ours(unit) {
             return match is_request {
                 true => Heard::Request { unit, pdu },
@@ -202,6 +204,12 @@ impl RtuEar {
     }
 }
 
+/// Whether `pdu` can be a request, as far as its function and length go.
+fn is_request(pdu: &[u8]) -> bool {
+    pdu::request_length(pdu).is_none_or(|length| length == pdu.len())
+        && pdu.first().is_some_and(|function| (1..EXCEPTION_BIT).contains(function))
+}
+
 /// Whether all of `received` is one frame. A CRC is good with zeros behind it as well, so the length must be possible, too.
 fn is_whole(received: &[u8]) -> bool {
     rtu::decode(received).is_ok_and(|(_, pdu)| {
@@ -214,80 +222,5 @@ fn garbage(received: &[u8]) -> LastError {
     match received.len() {
         FRAME_BYTES_MIN..=FRAME_BYTES_MAX => LastError::Checksum,
         _ => LastError::Length,
-    }
-}
-
-/// Listens on an ASCII line.
-pub struct AsciiEar {
-    decoder: Decoder,
-    delimiter: u8,
-}
-
-impl Default for AsciiEar {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl AsciiEar {
-    /// Frames end with a line feed.
-    pub const fn new() -> Self {
-        Self { decoder: Decoder::new(LINE_FEED), delimiter: LINE_FEED }
-    }
-
-    /// The character that ends frames.
-    pub const fn delimiter(&self) -> u8 {
-        self.delimiter
-    }
-
-    /// Ends frames with another character from now on (Application Protocol 6.8.1, sub-function 3).
-    pub const fn set_delimiter(&mut self, delimiter: u8) {
-        *self = Self { decoder: Decoder::new(delimiter), delimiter };
-    }
-
-    /// Whether a frame has begun and not ended.
-    pub fn in_frame(&self) -> bool {
-        self.decoder.in_frame()
-    }
-
-    /// The next character is overdue.
-    pub fn overdue(&mut self) -> Heard<'static> {
-        self.decoder.clear();
-        Heard::Garbage(LastError::Gap)
-    }
-
-    /// Takes characters up to the end of a frame, and says how many those were.
-    pub fn hear(&mut self, received: &[u8], is_ours: impl Fn(u8) -> bool) -> (Heard<'_>, usize) {
-        let end = received.iter().enumerate().find_map(|(before, &character)| {
-            let judged = self.decoder.push(character)?.map(|_| ());
-            Some((before + 1, judged))
-        });
-        let heard = match end {
-            None => return (Heard::Nothing, received.len()),
-            Some((_, Err(error))) => Heard::Garbage(cause(error)),
-            Some((_, Ok(()))) => self.judge(is_ours),
-        };
-        (heard, end.map_or(received.len(), |(count, _)| count))
-    }
-
-    /// Judges the frame that has just ended well.
-    fn judge(&self, is_ours: impl Fn(u8) -> bool) -> Heard<'_> {
-        let Some((&unit, [pdu @ .., _])) = self.decoder.bytes().split_first() else { return Heard::Nothing };
-        let is_request = pdu::request_length(pdu).is_none_or(|length| length == pdu.len())
-            && pdu.first().is_some_and(|function| (1..EXCEPTION_BIT).contains(function));
-        match (is_ours(unit), is_request) {
-            (true, true) => Heard::Request { unit, pdu },
-            (true, false) => Heard::Garbage(LastError::Length),
-            (false, true) => Heard::ForeignRequest,
-            (false, false) => Heard::ForeignAnswer,
-        }
-    }
-}
-
-fn cause(error: AsciiError) -> LastError {
-    match error {
-        ascii::AsciiError::Lrc { .. } => LastError::Checksum,
-        ascii::AsciiError::Short(_) => LastError::Length,
-        AsciiError::NotHex(_) | AsciiError::Odd | AsciiError::Long | AsciiError::NoLf(_) => LastError::Ascii,
     }
 }

@@ -134,3 +134,31 @@ fn a_line_open_in_another_program_is_said_to_be_in_use() {
     first.logs("is open");
     program(&name).logs("in use by another program");
 }
+
+#[test]
+fn a_master_behind_an_adapter_is_answered_in_both_framings() {
+    // Unit 7's loop-back test, whose answer is the request.
+    let frames: [(&str, &[u8]); 2] =
+        [("rtu", &[7, 8, 0, 0, 0xa5, 0x37, 0xda, 0xeb]), ("ascii", b":07080000A53715\r\n")];
+    for (framing, frame) in frames {
+        let folder = tempfile::tempdir().unwrap();
+        let name = folder.path().join("usb-adapter");
+        let mut adapter = Adapter::plug(&name);
+        let program = Program::configured(&format!(
+            "port S serial {} {framing} server\nport P502 tcp server {{port}}\nroute S 7 * * local\n",
+            name.display()
+        ));
+        program.logs("is open");
+        // Who is switched on hears a silence first, and silences are seen late.
+        thread::sleep(Duration::from_millis(100));
+        adapter.outside.set_read_timeout(common::PATIENCE).unwrap();
+        for _ in 0..3 {
+            // A repeat that comes as fast as an echo would be taken for one.
+            thread::sleep(Duration::from_millis(50));
+            adapter.outside.write_all(frame).unwrap();
+            let mut answer = vec![0; frame.len()];
+            adapter.outside.read_exact(&mut answer).unwrap();
+            assert_eq!(answer, frame, "{framing}");
+        }
+    }
+}

@@ -6,31 +6,25 @@
 
 use core::mem;
 
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 
-use super::{Ear, Server, Session};
+use super::{Ear, Session};
 use crate::frame::Envelope;
 use crate::hal::SerialLine;
 use crate::modbus::pdu::{self, End};
 use crate::modbus::rtu;
 use crate::port::arriving::{Arriving, Passing, is_whole};
-use crate::route::{Onward, onward};
+use crate::port::serial_server::Server;
+use crate::route::Onward;
 use crate::stats::Event;
-
-impl Server<'_, '_> {
-    /// Whether a request for `unit` that begins with `so_far` may be passed on while it arrives.
-    pub(super) fn onward(&self, unit: u8, so_far: &[u8]) -> Onward {
-        self.gateway.settings(|settings| onward(settings, self.id, unit, so_far, self.never_underruns))
-    }
-}
 
 impl<'g, L: SerialLine> Session<'_, 'g, L> {
     /// Notes when the frame began of which the first bytes have just been read, on a line that was `active` until then.
     pub(super) fn begin(&mut self, active: Instant) {
         self.begun = self.line.active - self.line.settings.chars(self.line.heard().len());
-        // What begins while the gateway itself sends is an echo or a collision.
-        let judged = matches!(&self.ear, Ear::Rtu(ear) if !ear.needs_silence()) && self.begun >= active;
-        self.passing = if judged { Passing::Open } else { Passing::Whole };
+        // What follows at once is an echo, a collision, or stray bits.
+        let in_step = matches!(&self.ear, Ear::Rtu(ear) if !ear.needs_silence());
+        self.passing = if in_step && self.is_apart(active) { Passing::Open } else { Passing::Whole };
     }
 
     /// Passes on what has been heard by now, if it is time. Says whether that is a whole request which was passed on.
@@ -94,14 +88,14 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         }
     }
 
-    fn longest(&self) -> embassy_time::Duration {
+    fn longest(&self) -> Duration {
         self.line.settings.chars(rtu::FRAME_BYTES_MAX)
     }
 }
 
 impl<'g> Server<'_, 'g> {
     /// Sends the frame of a request that began at `begun` to the router, before it is there.
-    fn hand_on(&self, unit: u8, begun: Instant, longest: embassy_time::Duration) -> Option<Arriving<'g>> {
+    fn hand_on(&self, unit: u8, begun: Instant, longest: Duration) -> Option<Arriving<'g>> {
         let (writer, frame) = self.take_frame()?;
         let envelope = self.envelope(unit, begun);
         frame.address(Envelope { deadline: envelope.deadline + longest, cut: true, ..envelope });

@@ -1,0 +1,78 @@
+//! The ASCII half: frames have their beginnings and ends in them, so neither silences nor readings are needed.
+
+use super::{Heard, is_request};
+use crate::modbus::ascii::{AsciiError, Decoder, LINE_FEED};
+use crate::stats::LastError;
+
+/// Listens on an ASCII line.
+pub struct AsciiEar {
+    decoder: Decoder,
+    delimiter: u8,
+}
+
+impl Default for AsciiEar {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl AsciiEar {
+    /// Frames end with a line feed.
+    pub const fn new() -> Self {
+        Self { decoder: Decoder::new(LINE_FEED), delimiter: LINE_FEED }
+    }
+
+    /// The character that ends frames.
+    pub const fn delimiter(&self) -> u8 {
+        self.delimiter
+    }
+
+    /// Ends frames with another character from now on (Application Protocol 6.8.1, sub-function 3).
+    pub const fn set_delimiter(&mut self, delimiter: u8) {
+        *self = Self { decoder: Decoder::new(delimiter), delimiter };
+    }
+
+    /// Whether a frame has begun and not ended.
+    pub fn in_frame(&self) -> bool {
+        self.decoder.in_frame()
+    }
+
+    /// The next character is overdue.
+    pub fn overdue(&mut self) -> Heard<'static> {
+        self.decoder.clear();
+        Heard::Garbage(LastError::Gap)
+    }
+
+    /// Takes characters up to the end of a frame, and says how many those were.
+    pub fn hear(&mut self, received: &[u8], is_ours: impl Fn(u8) -> bool) -> (Heard<'_>, usize) {
+        let end = received.iter().enumerate().find_map(|(before, &character)| {
+            let judged = self.decoder.push(character)?.map(|_| ());
+            Some((before + 1, judged))
+        });
+        let heard = match end {
+            None => return (Heard::Nothing, received.len()),
+            Some((_, Err(error))) => Heard::Garbage(cause(error)),
+            Some((_, Ok(()))) => self.judge(is_ours),
+        };
+        (heard, end.map_or(received.len(), |(count, _)| count))
+    }
+
+    /// Judges the frame that has just ended well.
+    fn judge(&self, is_ours: impl Fn(u8) -> bool) -> Heard<'_> {
+        let Some((&unit, [pdu @ .., _])) = self.decoder.bytes().split_first() else { return Heard::Nothing };
+        match (is_ours(unit), is_request(pdu)) {
+            (true, true) => Heard::Request { unit, pdu },
+            (true, false) => Heard::Garbage(LastError::Length),
+            (false, true) => Heard::ForeignRequest,
+            (false, false) => Heard::ForeignAnswer,
+        }
+    }
+}
+
+fn cause(error: AsciiError) -> LastError {
+    match error {
+        AsciiError::Lrc { .. } => LastError::Checksum,
+        AsciiError::Short(_) => LastError::Length,
+        AsciiError::NotHex(_) | AsciiError::Odd | AsciiError::Long | AsciiError::NoLf(_) => LastError::Ascii,
+    }
+}

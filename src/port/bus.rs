@@ -169,9 +169,9 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         }
     }
 
-    /// Passes on what has been heard since `begun`, if it is time.
+    /// Passes on what has been heard since `begun`, if it is time. What is read late must not be missing.
     fn pass_on(&self, reply: &mut Reply<'_, '_>, begun: Instant) {
-        reply.hear(self.line.heard(), begun, &self.line.settings);
+        reply.hear(self.line.heard(), begun + self.line.jitter, &self.line.settings);
     }
 
     /// Whether something has begun of which more is to come.

@@ -60,7 +60,13 @@ async fn carry_out<'g, L: SerialLine>(
 ) -> Result<(), LineLost> {
     let place = desk.place();
     let window = client.late_window.unwrap_or(client.timeout);
-    let arriving = frame.filled().1 != Fill::Complete;
+    let fill = frame.filled().1;
+    if fill == Fill::Broken {
+        // Nothing of it has been sent, and nothing is.
+        desk.forget(&frame);
+        return Ok(());
+    }
+    let arriving = fill == Fill::Filling;
     if arriving {
         let copied = bus.copy(&frame, unit).await?;
         if copied == Copied::Short {

@@ -4,6 +4,7 @@
 use mobgate_clock as _;
 
 mod cut_through;
+mod cut_torture;
 mod flights;
 mod frames;
 mod line;

@@ -267,7 +267,12 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
 
     async fn answer(&mut self, answer: Frame<'g>) -> Result<(), LineLost> {
         let envelope = answer.envelope();
-        let arriving = answer.filled().1 != Fill::Complete;
+        let fill = answer.filled().1;
+        if fill == Fill::Broken {
+            // Nothing of it has been sent; what the device was asked can only be asked again by the master.
+            return Ok(());
+        }
+        let arriving = fill == Fill::Filling;
         let units = (envelope.target, envelope.unit);
         if arriving && copy(&mut self.line, &answer, units).await? != Copied::Whole {
             return Ok(());

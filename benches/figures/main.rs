@@ -1,6 +1,7 @@
 //! The gateway's figures in virtual time: the same on every machine, since no clock of the machine is looked at.
 //!
-//! Each is printed as `figure NAME VALUE UNIT TARGET ok|short`. Names given as arguments select what is run.
+//! Each is printed as `figure NAME VALUE UNIT TARGET ok|short`. Names given as arguments select what is run; `plot`
+//! draws docs/paper.svg.
 
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
@@ -8,6 +9,7 @@ use mobgate_clock as _;
 mod faults;
 mod line;
 mod paper;
+mod plot;
 mod shared_bus;
 mod sharing;
 
@@ -41,6 +43,9 @@ fn main() {
     ];
     // Cargo adds `--bench`; what is left are the names of groups.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();
+    if wanted.iter().any(|group| group == "plot") {
+        plot::draw().expect("a folder in which docs/ can be written");
+    }
     for (name, figures) in groups {
         if wanted.is_empty() || wanted.iter().any(|group| group == name) {
             figures();

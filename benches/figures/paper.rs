@@ -86,6 +86,21 @@ pub(crate) fn figures() {
     BAUDS.into_iter().for_each(goodput);
 }
 
+/// How many times as long as directly a transaction takes: stored, and passed on while it arrives.
+pub(crate) struct Factors {
+    pub(crate) measured: [f64; 2],
+    pub(crate) formula: [f64; 2],
+}
+
+/// The factors of one router.
+pub(crate) fn factors(baud: u32, registers: u8) -> Factors {
+    let line = Line::new(baud);
+    let standard = direct(line, registers);
+    let measured = ["cut off", ""].map(|rule| through(&[baud, baud], registers, rule, 0).worst / standard);
+    let formula = [store_and_forward, cut_through].map(|formula| formula(line, line, registers) / standard);
+    Factors { measured, formula }
+}
+
 fn one_router(baud: u32, registers: u8) {
     let line = Line::new(baud);
     let standard = direct(line, registers);

@@ -154,7 +154,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                 Ok(read) => {
                     read?;
                     if before == 0 {
-                        begun = self.line.active - self.line.settings.chars(self.line.heard().len());
+                        begun = self.line.begun();
                     }
                     self.pass_on(reply, begun);
                     self.look(reply)

@@ -3,7 +3,7 @@
 //! A line that is as slow as the one that the frame arrives on, or slower, may begin at once: it never has to wait for a
 //! character. A faster one begins so late that its last character is not before the last one that arrives.
 
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 
 use crate::config::LineSettings;
 
@@ -20,7 +20,9 @@ pub fn start(
         return Some(begun);
     }
     let characters = characters?;
-    Some(begun + input.chars(characters) - output.chars(characters.saturating_sub(1)))
+    // A faster output's characters take less time than those that arrive.
+    let lead = input.chars(characters).checked_sub(output.chars(characters.saturating_sub(1)));
+    Some(begun + lead.unwrap_or(Duration::from_ticks(0)))
 }
 
 /// The time of one of `line`'s characters, in a unit that it shares with that of `other`.

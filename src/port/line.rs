@@ -106,6 +106,12 @@ impl<'s, L: SerialLine> Line<'s, L> {
         self.received.get(..self.length).unwrap_or(&[])
     }
 
+    /// When what was heard began, as its length and the last character's arrival tell. Behind a PTY, which has no speed,
+    /// that may seem to be before the clock began.
+    pub(crate) fn begun(&self) -> Instant {
+        self.active.checked_sub(self.settings.chars(self.length)).unwrap_or(Instant::MIN)
+    }
+
     /// Drops the first `count` bytes of what was heard.
     pub(crate) fn consume(&mut self, count: usize) {
         let count = count.min(self.length);
@@ -177,7 +183,9 @@ impl<'s, L: SerialLine> Line<'s, L> {
         self.run.1 += characters.len();
         let (since, count) = self.run;
         self.active = since + self.settings.chars(count);
-        match with_timeout(self.active - now + STUCK, self.io.write_all(characters)).await {
+        match with_timeout(self.active.saturating_duration_since(now) + STUCK, self.io.write_all(characters))
+            .await
+        {
             Ok(Ok(())) => Ok(()),
             _ => Err(LineLost),
         }

@@ -21,7 +21,7 @@ use crate::stats::Event;
 impl<'g, L: SerialLine> Session<'_, 'g, L> {
     /// Notes when the frame began of which the first bytes have just been read, on a line that was `active` until then.
     pub(super) fn begin(&mut self, active: Instant) {
-        self.begun = self.line.active - self.line.settings.chars(self.line.heard().len());
+        self.begun = self.line.begun();
         // What follows at once is an echo, a collision, or stray bits.
         let in_step = matches!(&self.ear, Ear::Rtu(ear) if !ear.needs_silence());
         self.passing = if in_step && self.is_apart(active) { Passing::Open } else { Passing::Whole };

@@ -10,6 +10,7 @@
 //!    to the channel of the destination port.
 //! 3. The client-side port takes it into its queue ([`port::queue`]: who is served next; [`port::units`]: which units are
 //!    alive), sends the request as soon as its line has been silent for long enough, and checks the response strictly.
+//!    Identical reads that wait at that moment are one transaction; each asker gets its own copy of the answer.
 //! 4. The response, or an exception that says what went wrong, replaces the request in the frame, which takes the
 //!    same road back: to the inbox, through the router, to whoever asked.
 //!

@@ -39,6 +39,20 @@ pub struct Policy {
     pub priority: Priority,
     /// Functions that rank high whatever `priority` says.
     pub urgent: Functions,
+    /// Whose answers will do for a read.
+    pub sharing: Sharing,
+}
+
+/// Whose answers will do for a read besides one that is sent for it alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sharing {
+    /// That of an identical read which was waiting, too, when it was sent.
+    pub merge: bool,
+}
+
+impl Sharing {
+    /// Identical reads are merged: the answer is as new as it would be otherwise.
+    pub const DEFAULT: Self = Self { merge: true };
 }
 
 impl Default for Policy {
@@ -50,6 +64,7 @@ impl Default for Policy {
             writes: AddressRange::ALL,
             priority: Priority::Normal,
             urgent: Functions::NONE,
+            sharing: Sharing::DEFAULT,
         }
     }
 }
@@ -218,6 +233,8 @@ pub enum Decision {
         unit: u8,
         /// Rank in the destination's queue.
         priority: Priority,
+        /// Whose answers will do for it.
+        sharing: Sharing,
     },
     /// To the gateway's own unit.
     Local,
@@ -285,7 +302,7 @@ pub fn decide(
                 Decision::Refuse(Exception::ILLEGAL_FUNCTION)
             }
             Some(unit) if settings.port(port).is_some_and(|port| port.kind.side() == Side::Client) => {
-                Decision::Forward { port, unit, priority }
+                Decision::Forward { port, unit, priority, sharing: route.policy.sharing }
             }
             // There is no such port.
             _ => Decision::Refuse(Exception::GATEWAY_NO_PATH),

@@ -32,6 +32,8 @@ pub enum Event {
     Misfit,
     /// A read sent once more.
     Retry,
+    /// A read that shared the answer of an identical one.
+    Merged,
     /// Failed at once because the unit is down.
     UnitDown,
     /// Not sent: its time was over before its turn came.
@@ -74,7 +76,7 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 29] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -84,6 +86,7 @@ impl Event {
         Self::WrongUnit,
         Self::Misfit,
         Self::Retry,
+        Self::Merged,
         Self::UnitDown,
         Self::Expired,
         Self::AskerGone,
@@ -117,6 +120,7 @@ impl Event {
             Self::WrongUnit => "wrong-unit",
             Self::Misfit => "misfit",
             Self::Retry => "retries",
+            Self::Merged => "merged",
             Self::UnitDown => "unit-down",
             Self::Expired => "expired",
             Self::AskerGone => "asker-gone",

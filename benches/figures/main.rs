@@ -7,6 +7,7 @@ use mobgate_clock as _;
 
 mod faults;
 mod line;
+mod merging;
 mod shared_bus;
 mod sharing;
 
@@ -28,9 +29,10 @@ pub(crate) fn figure(name: &str, value: f64, unit: &str, target: Target) {
 }
 
 fn main() {
-    let groups: [(&str, fn()); 4] = [
+    let groups: [(&str, fn()); 5] = [
         ("line", line::figures),
         ("sharing", sharing::figures),
+        ("merging", merging::figures),
         ("faults", faults::figures),
         ("shared_bus", shared_bus::figures),
     ];

@@ -81,7 +81,8 @@ impl Display for Policy {
         option(f, "addresses", self.addresses, self.addresses != default.addresses)?;
         option(f, "writes", self.writes, self.writes != default.writes)?;
         option(f, "priority", self.priority, self.priority != default.priority)?;
-        option(f, "urgent", self.urgent, self.urgent != default.urgent)
+        option(f, "urgent", self.urgent, self.urgent != default.urgent)?;
+        option(f, "merge", "off", !self.sharing.merge)
     }
 }
 

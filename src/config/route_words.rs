@@ -6,8 +6,7 @@ use super::words::{Word, Words};
 use super::{IpPrefix, PortId, PortKind, Settings};
 use crate::route::{AddressRange, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
 
-const OPTIONS_EXPECTED: &str =
-    "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low or urgent 5,6";
+const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low, urgent 5,6 or merge on|off";
 
 /// Reads one row up to the end of the line and checks it against the ports.
 pub(super) fn route(settings: &Settings, words: &mut Words) -> Result<Route, LineError> {
@@ -98,6 +97,7 @@ enum Key {
     Writes,
     Priority,
     Urgent,
+    Merge,
 }
 
 const KEYS: &[(&str, Key)] = &[
@@ -108,10 +108,13 @@ const KEYS: &[(&str, Key)] = &[
     ("writes", Key::Writes),
     ("priority", Key::Priority),
     ("urgent", Key::Urgent),
+    ("merge", Key::Merge),
 ];
 
 const DESTINATIONS: &[(&str, Destination)] =
     &[("local", Destination::Local), ("discard", Destination::Discard), ("nopath", Destination::NoPath)];
+
+const ON_OFF: &[(&str, bool)] = &[("on", true), ("off", false)];
 
 const PRIORITIES: &[(&str, Priority)] =
     &[("high", Priority::High), ("normal", Priority::Normal), ("low", Priority::Low)];
@@ -120,12 +123,13 @@ const PRIORITIES: &[(&str, Priority)] =
 pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
     let keys = KEYS.iter().map(|&(keyword, _)| keyword);
     let destinations = DESTINATIONS.iter().map(|&(keyword, _)| keyword);
-    keys.chain(destinations).chain(PRIORITIES.iter().map(|&(keyword, _)| keyword))
+    let switches = ON_OFF.iter().map(|&(keyword, _)| keyword);
+    keys.chain(destinations).chain(PRIORITIES.iter().map(|&(keyword, _)| keyword)).chain(switches)
 }
 
 fn options(words: &mut Words) -> Result<Policy, LineError> {
     let mut policy = Policy::default();
-    let mut seen = 0_u8;
+    let mut seen = 0_u16;
     while !words.peek().is_end() {
         let word = words.take();
         let key = word.keyword(KEYS, OPTIONS_EXPECTED)?;
@@ -137,6 +141,7 @@ fn options(words: &mut Words) -> Result<Policy, LineError> {
             Key::Writes => policy.writes = addresses(words.take())?,
             Key::Priority => policy.priority = words.take().keyword(PRIORITIES, "high, normal or low")?,
             Key::Urgent => policy.urgent = function_list(words)?,
+            Key::Merge => policy.sharing.merge = words.take().keyword(ON_OFF, "on or off")?,
         }
         // Three of the words say the same thing in different ways.
         let thing = if matches!(key, Key::ReadOnly | Key::All) { Key::Functions } else { key };

@@ -3,6 +3,9 @@
 //!
 //! Orders are taken in at once, also while another one is on the wire, so that refusals do not wait: a full queue is
 //! answered 06h, a unit that is down 0Bh, a line that is not open 0Ah.
+//!
+//! An order that is carried out carries the identical reads that waited with it: their frames ride on its frame, and each gets
+//! a copy of the answer, or is repeated or refused by itself.
 
 use core::cell::{Cell, RefCell};
 
@@ -13,12 +16,12 @@ use embassy_time::{Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
-use crate::frame::{Envelope, Frame, Way};
+use crate::frame::{Frame, Way};
 use crate::gateway::{Gateway, PortPlace};
-use crate::modbus::Exception;
 use crate::modbus::pdu;
+use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::flights::FLIGHTS_MAX;
-use crate::port::queue::{Asker, Next, PortQueue, Ready, Ticket};
+use crate::port::queue::{Access, Asker, Next, PortQueue, Ready, Ticket};
 use crate::port::units::Gate;
 use crate::stats::Event;
 
@@ -90,7 +93,8 @@ impl<'g> Desk<'g> {
         if self.gate(envelope.target) == Gate::Down {
             return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
-        let refused = self.queue.borrow_mut().push(frame, ticket(&envelope));
+        let ticket = ticket(&frame);
+        let refused = self.queue.borrow_mut().push(frame, ticket);
         if let Some(refused) = refused {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
         }
@@ -127,11 +131,21 @@ impl<'g> Desk<'g> {
             Gate::Down => Ready::Now,
         };
         let next = self.queue.borrow_mut().next(Instant::now(), ready);
-        if let Next::Serve(frame, _) = &next {
+        if let Next::Serve(frame, ticket) = &next {
+            self.gather(frame, ticket);
             // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
             let _ = self.current.borrow_mut().push(frame.share());
         }
         next
+    }
+
+    /// Lets the orders that can share the answer of `leader` ride on it.
+    fn gather(&self, leader: &Frame<'g>, ticket: &Ticket) {
+        let mut queue = self.queue.borrow_mut();
+        // From the last one on, each in front of the others: they ride in the order of arrival.
+        while let Some(rider) = queue.companion(ticket, |frame| frame.same_pdu(leader)) {
+            leader.carry(rider);
+        }
     }
 
     /// Waits until an order waits.
@@ -148,8 +162,15 @@ impl<'g> Desk<'g> {
 
     /// Sends `order` home with what it holds by now as its answer.
     pub(crate) fn done(&self, order: &Frame<'g>) {
-        if let Some(frame) = self.take(order) {
-            self.gateway.answered(frame);
+        let Some(frame) = self.take(order) else { return };
+        let mut answer = [0; PDU_BYTES_MAX];
+        let length = frame.copy_pdu(&mut answer);
+        self.gateway.answered(frame);
+        while let Some(rider) = order.unload() {
+            // It fitted into a frame of the same size.
+            let _ = rider.replace(answer.get(..length).unwrap_or(&[]));
+            self.place.stats.count(Event::Merged);
+            self.gateway.answered(rider);
         }
     }
 
@@ -160,19 +181,19 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// `order` got no answer: it is repeated up to `retries` times if it is a read, else answered 0Bh.
+    /// `order` got no answer: it and those that ride on it are repeated up to `retries` times if it is a read, else
+    /// answered 0Bh.
     ///
     /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until the
     /// late answer can no longer come.
     pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
-        let mut envelope = order.envelope();
-        if envelope.repeats < retries && pdu::is_read(order.function()) {
-            envelope.repeats += 1;
-            order.address(envelope);
+        let Some(frame) = self.take(order) else { return };
+        let mut repeated = self.again(frame, retries);
+        while let Some(rider) = order.unload() {
+            repeated |= self.again(rider, retries);
+        }
+        if repeated {
             self.place.stats.count(Event::Retry);
-            self.again(order);
-        } else if let Some(frame) = self.take(order) {
-            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
         }
     }
 
@@ -182,14 +203,20 @@ impl<'g> Desk<'g> {
         Some(current.swap_remove(at))
     }
 
-    /// Puts `order` back in the queue.
-    fn again(&self, order: &Frame<'g>) {
-        if let Some(frame) = self.take(order) {
-            let ticket = ticket(&frame.envelope());
-            if let Some(refused) = self.queue.borrow_mut().push(frame, ticket) {
-                self.fail(refused, Event::QueueFull, Exception::BUSY);
-            }
+    /// Puts an order that got no answer back in the queue, or answers it 0Bh; says which.
+    fn again(&self, frame: Frame<'g>, retries: u8) -> bool {
+        let mut envelope = frame.envelope();
+        if envelope.repeats >= retries || !pdu::is_read(frame.function()) {
+            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
+            return false;
         }
+        envelope.repeats += 1;
+        frame.address(envelope);
+        let ticket = ticket(&frame);
+        if let Some(refused) = self.queue.borrow_mut().push(frame, ticket) {
+            self.fail(refused, Event::QueueFull, Exception::BUSY);
+        }
+        true
     }
 
     /// Opens the desk: orders are queued.
@@ -202,6 +229,9 @@ impl<'g> Desk<'g> {
         self.open.set(false);
         loop {
             let Some(frame) = self.current.borrow_mut().pop() else { break };
+            while let Some(rider) = frame.unload() {
+                self.gateway.refuse(rider, Exception::GATEWAY_NO_RESPONSE);
+            }
             self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
         }
         while let Some((frame, event)) = self.queue.borrow_mut().take_if(|_, _| Some(Event::NoPath)) {
@@ -229,14 +259,21 @@ impl<'g> Desk<'g> {
     }
 }
 
-fn ticket(envelope: &Envelope) -> Ticket {
+fn ticket(frame: &Frame<'_>) -> Ticket {
+    let envelope = frame.envelope();
     let origin = envelope.origin;
     // A port has seats or a line, not both.
     let seat = if let Way::Seat(seat) = origin.way { seat } else { 0 };
+    let access = match pdu::is_read(frame.function()) {
+        false => Access::Write,
+        true if envelope.sharing.merge => Access::SharedRead,
+        true => Access::Read,
+    };
     Ticket {
         asker: Asker { address: envelope.peer, connection: u32::from(origin.port.0) << 16 | u32::from(seat) },
         priority: envelope.priority,
         unit: envelope.target,
         deadline: envelope.deadline,
+        access,
     }
 }

@@ -13,7 +13,7 @@ use crate::gateway::{Gateway, PortPlace};
 use crate::hal::SerialHost;
 use crate::modbus::pdu;
 use crate::port::line::{LineLost, Opening};
-use crate::route::{self, Priority};
+use crate::route::{self, Priority, Sharing};
 use crate::stats::Event;
 
 mod session;
@@ -75,6 +75,7 @@ impl Server<'_, '_> {
             target: unit,
             destination: None,
             priority: Priority::Normal,
+            sharing: Sharing::DEFAULT,
             received,
             deadline: received + self.settings.server.answer_within,
             repeats: 0,

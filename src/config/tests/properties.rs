@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use super::{PORTS, load, print, std};
 use crate::config::*;
-use crate::route::{AddressRange, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
+use crate::route::{AddressRange, Destination, Functions, Policy, Priority, Route, Sharing, Tag, UnitRange};
 
 fn duration(us: core::ops::RangeInclusive<u64>) -> impl Strategy<Value = Duration> {
     let (low, high) = (*us.start(), *us.end());
@@ -238,13 +238,15 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     ];
     let urgent = prop::collection::vec(1..=127_u8, 0..5)
         .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with));
-    let policy = (functions, range.clone(), range, priority, urgent).prop_map(
-        |(functions, addresses, writes, priority, urgent)| Policy {
+    let sharing = any::<bool>().prop_map(|merge| Sharing { merge });
+    let policy = (functions, range.clone(), range, priority, urgent, sharing).prop_map(
+        |(functions, addresses, writes, priority, urgent, sharing)| Policy {
             functions,
             addresses,
             writes,
             priority,
             urgent,
+            sharing,
         },
     );
     (0..count, tag, prop::option::of(any_prefix()), destination, policy).prop_map(

@@ -417,7 +417,23 @@ pub struct TcpServerSettings {
     /// Peers that may use the reserved places and are never closed to make room.
     pub reserved_for: Vec<IpPrefix, RESERVED_MAX>,
     /// Peers that may connect; others are closed at once. Empty: everybody may (Messaging on TCP/IP 4.2.3, restricted mode).
-    pub allowed: Vec<IpPrefix, RESERVED_MAX>,
+    pub allowed: Allowed,
+}
+
+/// Peers that may ask; empty: everybody may.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Allowed(pub Vec<IpPrefix, RESERVED_MAX>);
+
+impl Allowed {
+    /// Everybody.
+    pub const fn everybody() -> Self {
+        Self(Vec::new())
+    }
+
+    /// Whether `peer` may ask.
+    pub fn admits(&self, peer: IpAddr) -> bool {
+        self.0.is_empty() || self.0.iter().any(|prefix| prefix.contains(peer))
+    }
 }
 
 impl TcpServerSettings {
@@ -432,7 +448,7 @@ impl TcpServerSettings {
             lifetime: Duration::from_secs(5),
             reserved: 0,
             reserved_for: Vec::new(),
-            allowed: Vec::new(),
+            allowed: Allowed::everybody(),
         }
     }
 }

@@ -34,6 +34,8 @@
 //! | [`port::queue::WAITING_MAX`] | 64 | orders that wait at a port; one more is answered 06h |
 //! | [`port::units::UNITS_MAX`] | 32 | loads of an RS-485 segment; the quietest healthy unit is forgotten first |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
+//! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
+//! | [`config::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |
 //! | frames, TCP connections | the board's | memory; a connection always has one frame of its own |
 #![no_std]
 #![forbid(unsafe_code)]

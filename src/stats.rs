@@ -56,7 +56,7 @@ pub enum Event {
     Connected,
     /// A connection was closed by the other side.
     Left,
-    /// A connection was closed because its address is not allowed.
+    /// A connection was closed, or a datagram dropped, because its address is not allowed.
     Unwelcome,
     /// A connection was closed to make room, or refused because there was none.
     Crowded,

@@ -4,7 +4,7 @@ use core::net::SocketAddr;
 
 use embassy_time::Duration;
 
-use super::TcpListen;
+use super::{Allowed, TcpListen};
 
 /// TCP port number of Modbus (Messaging on TCP/IP 4.3.1.1).
 pub const MODBUS_TCP_PORT: u16 = 502;
@@ -23,7 +23,7 @@ pub enum StreamFraming {
 pub const UDP_REQUESTS_MAX: usize = 32;
 
 /// A listener for Modbus UDP clients.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UdpServerSettings {
     /// Where it listens, by UDP.
     pub listen: TcpListen,
@@ -33,12 +33,20 @@ pub struct UdpServerSettings {
     pub requests: u8,
     /// A request not yet on the wire after this time is not sent any more, and answered 0Bh.
     pub lifetime: Duration,
+    /// Peers that may ask; datagrams of others are dropped.
+    pub allowed: Allowed,
 }
 
 impl UdpServerSettings {
     /// A listener on `listen` with the defaults: 16 requests of a peer, 32 in all, 5 s of life.
     pub const fn new(listen: TcpListen) -> Self {
-        Self { listen, pipeline: 16, requests: UDP_REQUESTS_MAX as u8, lifetime: Duration::from_secs(5) }
+        Self {
+            listen,
+            pipeline: 16,
+            requests: UDP_REQUESTS_MAX as u8,
+            lifetime: Duration::from_secs(5),
+            allowed: Allowed::everybody(),
+        }
     }
 }
 

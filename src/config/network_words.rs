@@ -7,9 +7,9 @@ use core::ops::RangeInclusive;
 use embassy_time::Duration;
 
 use super::port_keys::{
-    DOWN_AFTER, Key, LATE_WINDOW, LIFETIME, PIPELINE, RETRIES, TIMEOUT, auto_or_time, idle,
+    DOWN_AFTER, Key, LATE_WINDOW, LIFETIME, PIPELINE, RETRIES, TIMEOUT, allowed, auto_or_time, idle,
 };
-use super::print::option;
+use super::print::{list, option};
 use super::problem::LineError;
 use super::values::{Time, listen, small, time};
 use super::words::{Word, Words};
@@ -71,9 +71,10 @@ pub(super) const UDP_SERVER_KEYS: &[(&str, Key)] = &[
     ("pipeline", Key::Pipeline),
     ("requests", Key::Requests),
     ("lifetime", Key::Lifetime),
+    ("allow", Key::Allow),
 ];
 
-pub(super) const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests or lifetime";
+pub(super) const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow";
 
 /// Sets in a UDP server what `key` says.
 pub(super) fn set_udp_server(
@@ -81,6 +82,10 @@ pub(super) fn set_udp_server(
     key: Key,
     words: &mut Words,
 ) -> Result<(), LineError> {
+    if key == Key::Allow {
+        settings.allowed = allowed(words)?;
+        return Ok(());
+    }
     let value = words.take();
     match key {
         Key::Listen => settings.listen = listen(value)?,
@@ -98,7 +103,8 @@ impl Display for UdpServerSettings {
         write!(f, "udp server {}", self.listen)?;
         option(f, "pipeline", self.pipeline, self.pipeline != default.pipeline)?;
         option(f, "requests", self.requests, self.requests != default.requests)?;
-        option(f, "lifetime", Time(self.lifetime), self.lifetime != default.lifetime)
+        option(f, "lifetime", Time(self.lifetime), self.lifetime != default.lifetime)?;
+        list(f, " allow ", &self.allowed.0)
     }
 }
 

@@ -10,7 +10,8 @@ use super::problem::LineError;
 use super::values::{listen, medium, number, prefix, small, time};
 use super::words::{Word, Words};
 use super::{
-    Driver, Framing, IpPrefix, Parity, RESERVED_MAX, SerialSettings, Side, StreamFraming, TcpServerSettings,
+    Allowed, Driver, Framing, IpPrefix, Parity, RESERVED_MAX, SerialSettings, Side, StreamFraming,
+    TcpServerSettings,
 };
 
 const BAUD: RangeInclusive<u32> = 1..=10_000_000;
@@ -213,10 +214,7 @@ pub(super) fn set_tcp_server(
     words: &mut Words,
 ) -> Result<(), LineError> {
     if key == Key::Allow {
-        settings.allowed = if words.peek().is("*") { Vec::new() } else { prefixes(words)? };
-        if settings.allowed.is_empty() {
-            words.take();
-        }
+        settings.allowed = allowed(words)?;
         return Ok(());
     }
     if let Key::Stream(framing) = key {
@@ -246,6 +244,15 @@ pub(super) fn set_tcp_server(
 fn reserved_for(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineError> {
     words.take().keyword(&[("for", ())], "for and the addresses that the places are kept for")?;
     prefixes(words)
+}
+
+/// What stands behind `allow`: prefixes, or `*` for everybody.
+pub(super) fn allowed(words: &mut Words) -> Result<Allowed, LineError> {
+    if words.peek().is("*") {
+        words.take();
+        return Ok(Allowed::everybody());
+    }
+    prefixes(words).map(Allowed)
 }
 
 /// `192.168.1.0/24,10.0.0.7`

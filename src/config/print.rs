@@ -176,11 +176,11 @@ impl Display for TcpServerSettings {
         option(f, "lifetime", Time(self.lifetime), self.lifetime != default.lifetime)?;
         option(f, "reserve", self.reserved, self.reserved != 0)?;
         list(f, " for ", &self.reserved_for)?;
-        list(f, " allow ", &self.allowed)
+        list(f, " allow ", &self.allowed.0)
     }
 }
 
-fn list(f: &mut fmt::Formatter<'_>, first: &str, prefixes: &[IpPrefix]) -> fmt::Result {
+pub(super) fn list(f: &mut fmt::Formatter<'_>, first: &str, prefixes: &[IpPrefix]) -> fmt::Result {
     for (nth, prefix) in prefixes.iter().enumerate() {
         write!(f, "{}{prefix}", if nth == 0 { first } else { "," })?;
     }

@@ -12,14 +12,14 @@ use crate::config::{StreamFraming, TcpClientSettings};
 use crate::frame::Frame;
 use crate::hal::TcpStream;
 use crate::modbus::PDU_BYTES_MAX;
-use crate::modbus::pdu::{EXCEPTION_BIT, fits};
-use crate::modbus::rtu::{self, AtSilence, Received};
-use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
+use crate::modbus::tcp::{ADU_BYTES_MAX, Header};
 use crate::port::desk::Desk;
-use crate::port::flights::{Flight, Flights};
+use crate::port::flights::Flights;
 use crate::port::queue::Next;
-use crate::port::stream::{RTU_PAUSE, encode};
+use crate::port::stream::encode;
 use crate::stats::Event;
+
+mod receive;
 
 /// Pause after a broadcast by RTU over TCP: the turnaround delay of the line behind it (Serial Line 2.4.1).
 const TURNAROUND: Duration = Duration::from_millis(100);
@@ -102,7 +102,9 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         let place = self.desk.place();
         loop {
             self.judge_pause();
-            self.expire();
+            if self.expire() && self.is_astray() {
+                return End::Lost;
+            }
             let due = match self.send_due().await {
                 Ok(due) => due,
                 Err(end) => return end,
@@ -140,6 +142,9 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             let due = room.max(rested).max(self.opened + self.settings.connect_delay);
             if due > now {
                 return Ok(due);
+            }
+            if self.flights.is_empty() && self.is_astray() {
+                return Err(End::Lost);
             }
             match self.desk.next() {
                 Next::Serve(order, ticket) => self.send(order, ticket.unit, now).await?,
@@ -197,161 +202,4 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             _ => Err(End::Lost),
         }
     }
-
-    fn received(&mut self, count: usize) -> Result<(), End> {
-        self.length += count;
-        self.heard = Instant::now();
-        self.active = self.active.max(self.heard);
-        match self.settings.framing {
-            StreamFraming::Mbap => self.take_frames(),
-            StreamFraming::Rtu => {
-                self.take_response();
-                Ok(())
-            }
-        }
-    }
-
-    /// Takes the Modbus TCP frames that have come.
-    fn take_frames(&mut self) -> Result<(), End> {
-        let stats = &self.desk.place().stats;
-        loop {
-            let consumed = match tcp::parse(self.input.get(..self.length).unwrap_or(&[])) {
-                Ok(Parsed::Incomplete) => return Ok(()),
-                Ok(Parsed::Skip { consumed }) => {
-                    stats.count(Event::Malformed);
-                    consumed
-                }
-                Ok(Parsed::Frame { header, pdu, consumed }) => {
-                    match pair(&mut self.flights, header, pdu) {
-                        Ok(flight) => {
-                            self.proven = true;
-                            answer(self.desk, flight, pdu);
-                        }
-                        Err(event) => stats.count(event),
-                    }
-                    consumed
-                }
-                Err(_) => {
-                    stats.count(Event::Malformed);
-                    return Err(End::Lost);
-                }
-            };
-            self.input.copy_within(consumed..self.length, 0);
-            self.length -= consumed;
-        }
-    }
-
-    /// Takes the RTU response, if it is whole.
-    fn take_response(&mut self) {
-        let Some(flight) = self.flights.first() else { return self.drop_noise() };
-        let mut request = [0; PDU_BYTES_MAX];
-        let length = flight.order.copy_pdu(&mut request);
-        let (id, unit) = (flight.id, flight.unit);
-        let heard = self.input.get(..self.length).unwrap_or(&[]);
-        if let Received::Complete(pdu) = rtu::response(unit, request.get(..length).unwrap_or(&[]), heard) {
-            self.proven = true;
-            if let Some(flight) = self.flights.finish(id) {
-                answer(self.desk, flight, pdu);
-            }
-            self.length = 0;
-        } else if self.length >= rtu::FRAME_BYTES_MAX {
-            // No frame is that long: keep the newest part, in which the response may be.
-            self.input.copy_within(self.length - rtu::FRAME_BYTES_MAX / 2..self.length, 0);
-            self.length = rtu::FRAME_BYTES_MAX / 2;
-        }
-    }
-
-    /// When the pause behind what came by RTU over TCP has lasted long enough to judge it.
-    fn pause_end(&self) -> Instant {
-        let waits = self.settings.framing == StreamFraming::Rtu && self.length > 0;
-        if waits { self.heard + RTU_PAUSE } else { Instant::MAX }
-    }
-
-    /// Judges what came by RTU over TCP when a pause, or the response time's end, says that no more comes.
-    fn judge_pause(&mut self) {
-        let now = Instant::now();
-        let over = self.flights.first_deadline().is_some_and(|deadline| deadline <= now);
-        if self.pause_end() == Instant::MAX || (self.pause_end() > now && !over) {
-            return;
-        }
-        let Some(flight) = self.flights.first() else { return self.drop_noise() };
-        let mut request = [0; PDU_BYTES_MAX];
-        let length = flight.order.copy_pdu(&mut request);
-        let request = request.get(..length).unwrap_or(&[]);
-        let (id, unit) = (flight.id, flight.unit);
-        let place = self.desk.place();
-        match rtu::response_at_silence(unit, request, self.input.get(..self.length).unwrap_or(&[])) {
-            AtSilence::Complete(pdu) => {
-                self.proven = true;
-                if let Some(flight) = self.flights.finish(id) {
-                    answer(self.desk, flight, pdu);
-                }
-            }
-            AtSilence::Damaged => {
-                self.proven = true;
-                place.stats.count(Event::Damaged);
-                place.units(|units| units.damaged(unit));
-                if let Some(flight) = self.flights.finish(id) {
-                    self.desk.failed(&flight.order, self.settings.retries);
-                }
-            }
-            AtSilence::WrongUnit(_) => place.stats.count(Event::WrongUnit),
-            AtSilence::Misfit(_) => place.stats.count(Event::Misfit),
-            AtSilence::Noise => place.stats.count(Event::Noise),
-        }
-        self.length = 0;
-    }
-
-    fn drop_noise(&mut self) {
-        if self.length > 0 {
-            self.desk.place().stats.count(Event::Noise);
-            self.length = 0;
-        }
-    }
-
-    /// Gives up what has waited for its answer long enough.
-    fn expire(&mut self) {
-        let (now, window) = (Instant::now(), self.settings.late_window());
-        // Transaction ids tell late answers from others; RTU has none, so there the unit must not be asked meanwhile.
-        let held = match self.settings.framing {
-            StreamFraming::Mbap => Duration::from_ticks(0),
-            StreamFraming::Rtu => window,
-        };
-        let place = self.desk.place();
-        while let Some(flight) = self.flights.expire(now, window) {
-            place.stats.count(Event::Timeout);
-            place.units(|units| units.timed_out(flight.unit, now, held, self.settings.down_after));
-            self.desk.failed(&flight.order, self.settings.retries);
-        }
-    }
-}
-
-/// The open request that a Modbus TCP frame answers; else what the frame is.
-fn pair<'g>(
-    flights: &mut Flights<Frame<'g>>,
-    header: Header,
-    pdu: &[u8],
-) -> Result<Flight<Frame<'g>>, Event> {
-    let flight = flights.find(header.transaction).ok_or(Event::Stray)?;
-    if flight.unit != header.unit {
-        return Err(Event::WrongUnit);
-    }
-    let mut request = [0; PDU_BYTES_MAX];
-    let length = flight.order.copy_pdu(&mut request);
-    fits(request.get(..length).unwrap_or(&[]), pdu).map_err(|_| Event::Misfit)?;
-    flights.finish(header.transaction).ok_or(Event::Stray)
-}
-
-/// Sends the order home with `pdu` as its answer.
-fn answer<'g>(desk: &Desk<'g>, flight: Flight<Frame<'g>>, pdu: &[u8]) {
-    let place = desk.place();
-    // It fits into the frame: it is no longer than a PDU may be.
-    let _ = flight.order.replace(pdu);
-    let exception = flight.order.function() & EXCEPTION_BIT != 0;
-    place.units(|units| units.answered(flight.unit, flight.sent.elapsed(), exception));
-    place.stats.count(Event::Answer);
-    if exception {
-        place.stats.count(Event::Exception);
-    }
-    desk.done(&flight.order);
 }

@@ -72,7 +72,7 @@ impl Server<'_, '_> {
         }
         let (mut stream, peer) = host.accept(&self.settings.listen).await?;
         self.place.stats.count(Event::Connected);
-        let end = if self.is_welcome(peer) {
+        let end = if self.settings.allowed.admits(peer.ip()) {
             match self.seat_down(peer) {
                 Some(origin) => self.serve(&mut stream, origin, peer).await,
                 None => End::Crowded,
@@ -96,12 +96,6 @@ impl Server<'_, '_> {
     pub(crate) fn left(&self) {
         self.seat.update(|seat| seat.peer = None);
         while self.seat.answers.try_receive(self.gateway.pool()).is_some() {}
-    }
-
-    /// Whether the settings let `peer` in.
-    fn is_welcome(&self, peer: SocketAddr) -> bool {
-        let allowed = &self.settings.allowed;
-        allowed.is_empty() || allowed.iter().any(|prefix| prefix.contains(peer.ip()))
     }
 
     /// Takes the newcomer in and sees that there is room, or refuses it.

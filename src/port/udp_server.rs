@@ -110,6 +110,10 @@ impl<'s, 'g> Server<'s, 'g> {
     /// Takes a datagram in: sends its request to the router, or gives the exception that it is answered with.
     fn take(&self, datagram: &[u8], peer: SocketAddr, number: u16) -> Option<Reply> {
         let stats = &self.place.stats;
+        if !self.settings.allowed.admits(peer.ip()) {
+            stats.count(Event::Unwelcome);
+            return None;
+        }
         let (header, request) = match tcp::parse(datagram) {
             Ok(Parsed::Frame { header, pdu, consumed }) if consumed == datagram.len() => (header, pdu),
             _ => {

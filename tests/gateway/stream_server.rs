@@ -167,6 +167,19 @@ fn a_datagram_that_is_not_one_frame_is_dropped() {
 }
 
 #[test]
+fn datagrams_of_strangers_are_dropped_in_restricted_mode() {
+    with_devices(|world, rig, device| {
+        rig.console("edit port U allow 10.0.0.2").unwrap();
+        world.run_for(MS);
+        let [stranger, known] = [1, 2].map(|host| rig.network.udp_client(machine(host), 5_020));
+        assert_eq!(ask(world, &stranger, 1, 5, &WRITE), None);
+        assert_eq!(rig.counted("U", Event::Unwelcome), 1);
+        assert_eq!(ask(world, &known, 1, 5, &WRITE), Some(frame(1, 5, &WRITE)));
+        assert_eq!(device.writes().len(), 1);
+    });
+}
+
+#[test]
 fn open_requests_by_udp_are_bounded_for_a_peer_and_in_all() {
     with_devices(|world, rig, device| {
         device.set_faults(Faults::new(1).with(When::Always, Fault::Late(100 * MS, 100 * MS)));

@@ -1,7 +1,7 @@
 //! What a scenario file holds: settings, what is connected, and cases.
 
 use std::collections::BTreeMap;
-use std::net::{IpAddr, Ipv4Addr};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use serde::Deserialize;
 
@@ -14,6 +14,7 @@ pub(crate) struct File {
     _about: String,
     settings: Option<String>,
     bus: Option<BTreeMap<String, Bus>>,
+    server: Option<BTreeMap<SocketAddr, Server>>,
     client: Option<BTreeMap<String, Client>>,
     case: Vec<CaseText>,
 }
@@ -24,6 +25,8 @@ pub(crate) struct Setup {
     pub(crate) settings: String,
     /// The buses by the gateway's name for the device.
     pub(crate) bus: BTreeMap<String, Bus>,
+    /// What the gateway finds at addresses of the network.
+    pub(crate) server: BTreeMap<SocketAddr, Server>,
     /// The clients by name.
     pub(crate) client: BTreeMap<String, Client>,
 }
@@ -35,6 +38,7 @@ struct CaseText {
     steps: String,
     settings: Option<String>,
     bus: Option<BTreeMap<String, Bus>>,
+    server: Option<BTreeMap<SocketAddr, Server>>,
     client: Option<BTreeMap<String, Client>>,
 }
 
@@ -51,7 +55,18 @@ pub(crate) struct Bus {
     pub(crate) device: Vec<Device>,
 }
 
-/// A Modbus RTU device.
+/// A listener behind which devices are.
+#[derive(Deserialize, Clone, Default)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Server {
+    /// It speaks RTU over TCP.
+    #[serde(default)]
+    pub(crate) rtu: bool,
+    #[serde(default)]
+    pub(crate) device: Vec<Device>,
+}
+
+/// A Modbus device.
 #[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Device {
@@ -116,6 +131,7 @@ impl File {
         let setup = Setup {
             settings: own_or_common(&case.settings, &self.settings),
             bus: own_or_common(&case.bus, &self.bus),
+            server: own_or_common(&case.server, &self.server),
             client: own_or_common(&case.client, &self.client),
         };
         Case { name: case.name.clone(), steps: case.steps.clone(), setup }

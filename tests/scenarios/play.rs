@@ -1,16 +1,18 @@
 //! Plays a case: builds its world, takes its steps, and at the end checks what holds in every case.
 
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 
 use embassy_time::{Duration, Instant};
 use mobgate::config::{LineSettings, PortKind, Settings, apply};
+use mobgate_simulator::device::tcp::Stream;
 use mobgate_simulator::{Device, LineEnd, Rig, World, device, rig, wire::Silence};
 
 mod acts;
 mod clients;
 
 use crate::faults::faults;
-use crate::file::{Bus, Case, Setup};
+use crate::file::{self, Bus, Case, Server, Setup};
 use crate::step::{Step, step};
 use crate::words::duration;
 use clients::Clients;
@@ -66,7 +68,28 @@ impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
         for (name, bus) in &setup.bus {
             stage.connect_bus(world, name, bus)?;
         }
+        for (address, server) in &setup.server {
+            stage.connect_server(world, *address, server)?;
+        }
         Ok(stage)
+    }
+
+    fn connect_server(
+        &mut self,
+        world: &World<'_>,
+        address: SocketAddr,
+        server: &Server,
+    ) -> Result<(), String> {
+        let framing = if server.rtu { Stream::Rtu } else { Stream::Mbap };
+        let mut devices = Vec::new();
+        for (seed, setup) in server.device.iter().enumerate() {
+            let device = new_device(setup, seed)?;
+            self.devices.insert((address.to_string(), setup.unit), device.clone());
+            devices.push(device);
+        }
+        let listener = self.rig.network.serve(address);
+        world.spawn(device::tcp::serve(listener, framing, devices, world.spawner()));
+        Ok(())
     }
 
     fn connect_bus(&mut self, world: &World<'_>, name: &str, bus: &Bus) -> Result<(), String> {
@@ -77,13 +100,7 @@ impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
         self.strangers.insert(name.to_owned(), wire.tap(end.line()));
         let mut together = Vec::new();
         for (seed, setup) in bus.device.iter().enumerate() {
-            let mut device = Device::new(setup.unit).with_faults(faults(seed as u64, &setup.faults)?);
-            if let Some(turnaround) = &setup.turnaround {
-                device = device.with_turnaround(duration(turnaround)?);
-            }
-            if let Some(address) = setup.fresh {
-                device = device.with_fresh(address);
-            }
+            let device = new_device(setup, seed)?;
             self.devices.insert((name.to_owned(), setup.unit), device.clone());
             if setup.apart {
                 world.spawn(device::serve_in(self.rig.framing(name), wire.tap(line), vec![device]));
@@ -124,4 +141,15 @@ fn line_settings(words: &str) -> Result<LineSettings, String> {
         Some(PortKind::Serial(serial)) => Ok(serial.line),
         _ => Err(format!("{words} is no line")),
     }
+}
+
+fn new_device(setup: &file::Device, seed: usize) -> Result<Device, String> {
+    let mut device = Device::new(setup.unit).with_faults(faults(seed as u64, &setup.faults)?);
+    if let Some(turnaround) = &setup.turnaround {
+        device = device.with_turnaround(duration(turnaround)?);
+    }
+    if let Some(address) = setup.fresh {
+        device = device.with_fresh(address);
+    }
+    Ok(device)
 }

@@ -124,7 +124,7 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
                 reserved,
                 (reserved_for, allowed),
             )| {
-                let allowed = allowed.into_iter().collect();
+                let allowed = Allowed(allowed.into_iter().collect());
                 let reserved = if reserved_for.is_empty() { 0 } else { reserved.min(clients) };
                 let reserved_for = reserved_for.into_iter().collect();
                 let listen = TcpListen { address, port: 502 + n as u16 };
@@ -190,10 +190,12 @@ fn any_units() -> impl Strategy<Value = UnitPolicy> {
 }
 
 fn any_udp_server(n: usize) -> impl Strategy<Value = PortKind> {
-    (1..=16_u8, 1..=32_u8, duration(10_000..=3_600_000_000)).prop_map(
-        move |(pipeline, requests, lifetime)| {
+    let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
+    (1..=16_u8, 1..=32_u8, duration(10_000..=3_600_000_000), allowed).prop_map(
+        move |(pipeline, requests, lifetime, allowed)| {
             let listen = TcpListen { address: None, port: 502 + n as u16 };
-            PortKind::UdpServer(UdpServerSettings { listen, pipeline, requests, lifetime })
+            let allowed = Allowed(allowed.into_iter().collect());
+            PortKind::UdpServer(UdpServerSettings { listen, pipeline, requests, lifetime, allowed })
         },
     )
 }

@@ -80,7 +80,7 @@ proptest! {
         prop_assert_eq!(cut(&[stream]), requests);
     }
 
-    /// A CRC may be right by chance, so what must not be lost is looked for among what was found.
+    /// Some of the garbage may have a right CRC, by chance, and take the request's beginning with it.
     #[test]
     fn a_request_is_found_behind_garbage_by_the_pause_at_the_latest(
         garbage in vec(any::<u8>(), 0..600),
@@ -88,7 +88,8 @@ proptest! {
         pdu in known(),
     ) {
         let found = cut(&[garbage, frame(unit, &pdu)]);
-        prop_assert!(found.contains(&(unit, pdu)), "{:02x?}", found);
+        let by_chance = found.iter().any(|request| *request != (unit, pdu.clone()));
+        prop_assert!(by_chance || found == [(unit, pdu)], "{:02x?}", found);
     }
 
     #[test]

@@ -48,6 +48,8 @@ pub enum Fault {
     Close,
     /// On TCP: the device resets the connection instead of answering.
     Reset,
+    /// On TCP: the device closes the connection in the middle of its answer.
+    Half,
 }
 
 /// Which requests a fault hits. Requests of a device are counted from 1 on.
@@ -180,6 +182,10 @@ impl Faults {
             Fault::FlippedBit => bytes[place] ^= 1 << self.random.index(8),
             Fault::LostByte => drop(bytes.remove(place)),
             Fault::Truncated => bytes.truncate(place.max(1)),
+            Fault::Half => {
+                bytes.truncate(place.max(1));
+                pieces.push(Piece { pause: Duration::from_ticks(0), what: Sent::Close });
+            }
             Fault::NoiseBefore(count) => {
                 let noise: Vec<u8> = (0..count).map(|_| self.random.byte()).collect();
                 bytes.splice(0..0, noise);

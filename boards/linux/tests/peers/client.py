@@ -1,11 +1,14 @@
-"""A Modbus TCP client by pymodbus: client.py PORT UNIT BASE
+"""A Modbus client by pymodbus: client.py WHERE UNIT BASE
+
+WHERE is tcp:PORT for Modbus TCP on the loopback address, rtu:PORT for RTU over TCP, or udp:PORT for Modbus UDP.
 
 Uses every function that pymodbus has on UNIT, whose input registers begin with the value BASE, and compares all values.
 """
 
 import sys
 
-from pymodbus.client import ModbusTcpClient
+from pymodbus import FramerType
+from pymodbus.client import ModbusTcpClient, ModbusUdpClient
 from pymodbus.constants import ExcCodes
 from pymodbus.pdu.file_message import FileRecord
 
@@ -69,11 +72,13 @@ def diagnostics(client, to) -> None:
     good(client.diag_get_comm_event_log(**to))
 
 
-def others(client, to) -> None:
+def others(client, to, framing: str) -> None:
     assert good(client.report_device_id(**to)).identifier.startswith(b"peer-P1-1.2")
     information = good(client.read_device_information(read_code=1, object_id=0, **to)).information
     assert information == {0: b"peer", 1: b"P1", 2: b"1.2"}, information
-    assert good(client.read_fifo_queue(address=0, **to)).values == [0, 1, 2, 3]
+    if framing != "rtu":
+        # pymodbus 3.16 does not find the end of this answer in RTU: its own frame of it is no frame to it.
+        assert good(client.read_fifo_queue(address=0, **to)).values == [0, 1, 2, 3]
     # The record that the server has for every one that it is asked for, of ten registers.
     wanted = FileRecord(file_number=4, record_number=1, record_length=20)
     records = good(client.read_file_record([wanted], **to)).records
@@ -90,13 +95,16 @@ def exceptions(client, to) -> None:
 
 
 def main() -> None:
-    port, unit, base = (int(word) for word in sys.argv[1:])
+    framing, _, port = sys.argv[1].partition(":")
+    unit, base = (int(word) for word in sys.argv[2:])
     to = {"device_id": unit}
-    with ModbusTcpClient("127.0.0.1", port=port, timeout=10, retries=0) as client:
+    kind = ModbusUdpClient if framing == "udp" else ModbusTcpClient
+    framer = FramerType.RTU if framing == "rtu" else FramerType.SOCKET
+    with kind("127.0.0.1", port=int(port), framer=framer, timeout=10, retries=0) as client:
         bits(client, to)
         registers(client, to, base)
         diagnostics(client, to)
-        others(client, to)
+        others(client, to, framing)
         exceptions(client, to)
     print("all compared")
 

@@ -1,5 +1,6 @@
 //! Serial lines: pairs of PTYs, with one of the servers at the far end.
 
+use std::ffi::OsString;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 
@@ -29,13 +30,7 @@ impl Line {
     /// `units` played by pymodbus.
     pub(crate) fn with_pymodbus(units: &[u8]) -> Self {
         let mut line = Self::bare();
-        let mut arguments = vec![script("server.py").into(), line.far_end().into()];
-        arguments.extend(units.iter().map(|unit| unit.to_string().into()));
-        let mut server = Tool::python().start(arguments);
-        let mut said = String::new();
-        BufReader::new(server.0.stdout.as_mut().unwrap()).read_line(&mut said).unwrap();
-        assert_eq!(said, "ready\n", "pymodbus's server");
-        line._programs.push(server);
+        line._programs.push(pymodbus(line.far_end().into(), units));
         line.timeout = PYTHON_TIMEOUT;
         line
     }
@@ -71,6 +66,17 @@ impl Line {
     fn far_end(&self) -> PathBuf {
         self.folder.path().join("far")
     }
+}
+
+/// `units` played by pymodbus at a serial device, at `tcp:PORT` or `rtu:PORT`.
+pub(crate) fn pymodbus(at: OsString, units: &[u8]) -> Running {
+    let mut arguments = vec![script("server.py").into(), at];
+    arguments.extend(units.iter().map(|unit| unit.to_string().into()));
+    let mut server = Tool::python().start(arguments);
+    let mut said = String::new();
+    BufReader::new(server.0.stdout.as_mut().unwrap()).read_line(&mut said).unwrap();
+    assert_eq!(said, "ready\n", "pymodbus's server");
+    server
 }
 
 /// The program with `lines` as its ports P1, P2 and so on, a TCP server P502, and `routes`. The lines are open.

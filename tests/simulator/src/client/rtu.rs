@@ -60,7 +60,7 @@ impl RtuClient {
                 Ok(1) => received.extend(byte),
                 _ => return None,
             }
-            if let Some((unit, pdu)) = rtu::open(&received) {
+            if let Some((unit, pdu)) = rtu::open(&received).filter(|(_, pdu)| pdu.len() >= shortest(pdu)) {
                 return Some((unit, pdu.to_vec()));
             }
         }
@@ -69,5 +69,15 @@ impl RtuClient {
     /// The connection, to end it in one of its ways.
     pub fn into_stream(self) -> ClientStream {
         self.stream
+    }
+}
+
+/// Bytes that an answer with this beginning has at least: the beginning of one may have a right CRC by chance.
+fn shortest(pdu: &[u8]) -> usize {
+    match *pdu {
+        [1..=4 | 17 | 23, count, ..] => 2 + usize::from(count),
+        [5 | 6 | 15 | 16, ..] => 5,
+        [22, ..] => 7,
+        _ => 2,
     }
 }

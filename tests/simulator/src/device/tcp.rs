@@ -67,14 +67,26 @@ fn hear(framing: Stream, received: &mut Vec<u8>, devices: &[Device], outbox: &mu
                 }
             }
         }
-        // One request at a time: what has come is one, as soon as its CRC is right.
+        // One request at a time: what has come is one, as soon as it is long enough and its CRC is right.
         Stream::Rtu => {
-            if let Some((unit, pdu)) = rtu::open(received) {
+            if let Some((unit, pdu)) = rtu::open(received).filter(|(_, pdu)| pdu.len() >= shortest(pdu)) {
                 if let Some(device) = asked(unit) {
                     device.asked(pdu, |unit, pdu, _| rtu::frame(unit, pdu), outbox);
                 }
                 received.clear();
             }
         }
+    }
+}
+
+/// Bytes that a request with this beginning has at least: the beginning of one may have a right CRC by chance.
+fn shortest(pdu: &[u8]) -> usize {
+    match *pdu {
+        [1..=6, ..] => 5,
+        [15 | 16, _, _, _, _, count, ..] => 6 + usize::from(count),
+        [15 | 16, ..] => usize::MAX,
+        [22, ..] => 7,
+        [23, ..] => 10,
+        _ => 1,
     }
 }

@@ -1,0 +1,140 @@
+//! The program as a client of TCP servers, and its UDP server.
+
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, TcpListener, TcpStream, UdpSocket};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use common::{PATIENCE, Program, ask, free_port, wait_for};
+
+mod common;
+
+const READ: [u8; 5] = [3, 0, 0, 0, 1];
+
+fn settings(server: u16, words: &str) -> String {
+    format!(
+        "port plc tcp client 127.0.0.1:{server} {words}
+         port P502 tcp server {{port}}
+         route P502 * * * plc
+"
+    )
+}
+
+/// Answers every request of a connection with a register that holds its unit, until the connection ends.
+fn serve(mut stream: TcpStream) {
+    stream.set_nodelay(true).unwrap();
+    let mut request = [0; 12];
+    while stream.read_exact(&mut request).is_ok() {
+        let answer = [&request[..4], &[0, 5, request[6], 3, 2, 0, request[6]]].concat();
+        // In two segments.
+        stream.write_all(&answer[..8]).unwrap();
+        thread::sleep(Duration::from_millis(2)); // so that they are not sent as one
+        stream.write_all(&answer[8..]).unwrap();
+    }
+}
+
+#[test]
+fn a_server_that_is_not_there_is_answered_0a_at_once_with_a_hint_and_asked_when_it_comes() {
+    let server = free_port();
+    let program = Program::configured(&settings(server, ""));
+    let mut client = program.connect();
+    for _ in 0..3 {
+        let asked = Instant::now();
+        assert_eq!(ask(&mut client, 7, &READ), [0x83, 0x0a]);
+        assert!(asked.elapsed() < Duration::from_millis(200), "{:?}", asked.elapsed());
+    }
+    program.logs("connection refused (nobody listens there");
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, server)).unwrap();
+    thread::spawn(move || listener.incoming().for_each(|stream| serve(stream.unwrap())));
+    wait_for("the connection", || (ask(&mut client, 7, &READ) == [3, 2, 0, 7]).then_some(()));
+    assert_eq!(ask(&mut client, 9, &READ), [3, 2, 0, 9]);
+}
+
+#[test]
+fn a_connection_that_breaks_is_made_again_and_leaves_no_descriptor() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let server = listener.local_addr().unwrap().port();
+    thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            let mut request = [0; 12];
+            // One answer, then silence and the end in the middle of the next request.
+            if stream.read_exact(&mut request).is_ok() {
+                let answer = [&request[..4], &[0, 5, request[6], 3, 2, 0, request[6]]].concat();
+                stream.write_all(&answer).unwrap();
+                let _ = stream.read_exact(&mut request);
+            }
+        }
+    });
+    let program = Program::configured(&settings(server, "timeout 5s"));
+    let mut client = program.connect();
+    assert_eq!(ask(&mut client, 7, &READ), [3, 2, 0, 7]);
+    let descriptors = program.descriptors();
+    for _ in 0..20 {
+        let asked = Instant::now();
+        assert_eq!(ask(&mut client, 7, &READ), [0x83, 0x0b]);
+        assert!(asked.elapsed() < Duration::from_secs(1), "the end is seen, and not waited for");
+        assert_eq!(ask(&mut client, 7, &READ), [3, 2, 0, 7]);
+    }
+    wait_for("the connections' end", || (program.descriptors() <= descriptors).then_some(()));
+}
+
+#[test]
+fn sixteen_requests_are_open_at_a_server_at_a_time() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let server = listener.local_addr().unwrap().port();
+    thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut requests = [[0; 12]; 16];
+        // Nothing is answered before all have come, and the last is answered first.
+        requests.iter_mut().for_each(|request| stream.read_exact(request).unwrap());
+        for request in requests.iter().rev() {
+            stream.write_all(&[&request[..4], &[0, 5, request[6], 3, 2, 0, request[6]]].concat()).unwrap();
+        }
+        let _ = stream.read(&mut [0]);
+    });
+    let program = Program::configured(&settings(server, "in-flight 16 timeout 10s"));
+    let mut client = program.connect();
+    for unit in 1..=16 {
+        client.write_all(&[&[0, unit, 0, 0, 0, 6, unit], &READ[..]].concat()).unwrap();
+    }
+    for unit in (1..=16).rev() {
+        let mut answer = [0; 11];
+        client.read_exact(&mut answer).unwrap();
+        assert_eq!(answer, [0, unit, 0, 0, 0, 5, unit, 3, 2, 0, unit]);
+    }
+}
+
+#[test]
+fn a_datagram_is_answered_to_whoever_sent_it() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let server = listener.local_addr().unwrap().port();
+    thread::spawn(move || listener.incoming().for_each(|stream| serve(stream.unwrap())));
+    let udp = free_port();
+    let ports = format!("port U udp server {udp}\nroute U 1-247 * * plc\n");
+    let program = Program::configured(&(settings(server, "") + &ports));
+    program.logs("listening on UDP port");
+    let clients = [(); 3].map(|()| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap());
+    for round in 0..100 {
+        for (unit, client) in (1..).zip(&clients) {
+            client.send_to(&[&[round, 1, 0, 0, 0, 6, unit], &READ[..]].concat(), ("127.0.0.1", udp)).unwrap();
+        }
+        for (unit, client) in (1..).zip(&clients) {
+            client.set_read_timeout(Some(PATIENCE)).unwrap();
+            let mut answer = [0; 300];
+            let (length, from) = client.recv_from(&mut answer).unwrap();
+            assert_eq!(answer[..length], [round, 1, 0, 0, 0, 5, unit, 3, 2, 0, unit]);
+            assert_eq!(from.port(), udp);
+        }
+    }
+    // A client that is gone before its answer comes: the port survives what the system says of that.
+    let gone = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    gone.send_to(&[&[0, 1, 0, 0, 0, 6, 1], &READ[..]].concat(), ("127.0.0.1", udp)).unwrap();
+    drop(gone);
+    let [client, ..] = clients;
+    client.send_to(&[0, 2, 0, 0, 0, 6, 250, 3, 0, 0, 0, 1], ("127.0.0.1", udp)).unwrap();
+    let mut answer = [0; 300];
+    let (length, _) = client.recv_from(&mut answer).unwrap();
+    assert_eq!(answer[..length], [0, 2, 0, 0, 0, 3, 250, 0x83, 0x0a], "no rule");
+    drop(program);
+}

@@ -1,0 +1,182 @@
+//! What comes back on a connection: answers paired with their requests, and requests whose answers do not come.
+
+use embassy_time::{Duration, Instant};
+
+use super::{End, Link};
+use crate::config::StreamFraming;
+use crate::frame::Frame;
+use crate::hal::TcpStream;
+use crate::modbus::PDU_BYTES_MAX;
+use crate::modbus::pdu::{EXCEPTION_BIT, fits};
+use crate::modbus::rtu::{self, AtSilence, Received};
+use crate::modbus::tcp::{self, Header, Parsed};
+use crate::port::desk::Desk;
+use crate::port::flights::{Flight, Flights};
+use crate::port::stream::RTU_PAUSE;
+use crate::stats::Event;
+
+impl<'g, S: TcpStream> Link<'_, 'g, S> {
+    /// So many bytes have been read.
+    pub(super) fn received(&mut self, count: usize) -> Result<(), End> {
+        self.length += count;
+        self.heard = Instant::now();
+        self.active = self.active.max(self.heard);
+        match self.settings.framing {
+            StreamFraming::Mbap => self.take_frames(),
+            StreamFraming::Rtu => {
+                self.take_response();
+                Ok(())
+            }
+        }
+    }
+
+    /// Takes the Modbus TCP frames that have come.
+    fn take_frames(&mut self) -> Result<(), End> {
+        let stats = &self.desk.place().stats;
+        loop {
+            let consumed = match tcp::parse(self.input.get(..self.length).unwrap_or(&[])) {
+                Ok(Parsed::Incomplete) => return Ok(()),
+                Ok(Parsed::Frame { header, pdu, consumed }) => {
+                    match pair(&mut self.flights, header, pdu) {
+                        Ok(flight) => {
+                            self.proven = true;
+                            answer(self.desk, flight, pdu);
+                        }
+                        Err(event) => stats.count(event),
+                    }
+                    consumed
+                }
+                // Nobody asked for another protocol: the border between two frames is lost.
+                Ok(Parsed::Skip { .. }) | Err(_) => {
+                    stats.count(Event::Malformed);
+                    return Err(End::Lost);
+                }
+            };
+            self.input.copy_within(consumed..self.length, 0);
+            self.length -= consumed;
+        }
+    }
+
+    /// Takes the RTU response, if it is whole.
+    fn take_response(&mut self) {
+        let Some(flight) = self.flights.first() else { return self.drop_noise() };
+        let mut request = [0; PDU_BYTES_MAX];
+        let length = flight.order.copy_pdu(&mut request);
+        let (id, unit) = (flight.id, flight.unit);
+        let heard = self.input.get(..self.length).unwrap_or(&[]);
+        if let Received::Complete(pdu) = rtu::response(unit, request.get(..length).unwrap_or(&[]), heard) {
+            self.proven = true;
+            if let Some(flight) = self.flights.finish(id) {
+                answer(self.desk, flight, pdu);
+            }
+            self.length = 0;
+        } else if self.length >= rtu::FRAME_BYTES_MAX {
+            // No frame is that long: keep the newest part, in which the response may be.
+            self.input.copy_within(self.length - rtu::FRAME_BYTES_MAX / 2..self.length, 0);
+            self.length = rtu::FRAME_BYTES_MAX / 2;
+        }
+    }
+
+    /// Whether a part of a Modbus TCP frame is there whose rest should have come by now. What comes next may be anything, so a
+    /// new connection is the way to find a frame's beginning again.
+    pub(super) fn is_astray(&self) -> bool {
+        self.settings.framing == StreamFraming::Mbap && self.length > 0
+    }
+
+    /// When the pause behind what came by RTU over TCP has lasted long enough to judge it.
+    pub(super) fn pause_end(&self) -> Instant {
+        let waits = self.settings.framing == StreamFraming::Rtu && self.length > 0;
+        if waits { self.heard + RTU_PAUSE } else { Instant::MAX }
+    }
+
+    /// Judges what came by RTU over TCP when a pause, or the response time's end, says that no more comes.
+    pub(super) fn judge_pause(&mut self) {
+        let now = Instant::now();
+        let over = self.flights.first_deadline().is_some_and(|deadline| deadline <= now);
+        if self.pause_end() == Instant::MAX || (self.pause_end() > now && !over) {
+            return;
+        }
+        let Some(flight) = self.flights.first() else { return self.drop_noise() };
+        let mut request = [0; PDU_BYTES_MAX];
+        let length = flight.order.copy_pdu(&mut request);
+        let request = request.get(..length).unwrap_or(&[]);
+        let (id, unit) = (flight.id, flight.unit);
+        let place = self.desk.place();
+        match rtu::response_at_silence(unit, request, self.input.get(..self.length).unwrap_or(&[])) {
+            AtSilence::Complete(pdu) => {
+                self.proven = true;
+                if let Some(flight) = self.flights.finish(id) {
+                    answer(self.desk, flight, pdu);
+                }
+            }
+            AtSilence::Damaged => {
+                self.proven = true;
+                place.stats.count(Event::Damaged);
+                place.units(|units| units.damaged(unit));
+                if let Some(flight) = self.flights.finish(id) {
+                    self.desk.failed(&flight.order, self.settings.retries);
+                }
+            }
+            AtSilence::WrongUnit(_) => place.stats.count(Event::WrongUnit),
+            AtSilence::Misfit(_) => place.stats.count(Event::Misfit),
+            AtSilence::Noise => place.stats.count(Event::Noise),
+        }
+        self.length = 0;
+    }
+
+    /// Drops what has come and is no answer.
+    pub(super) fn drop_noise(&mut self) {
+        if self.length > 0 {
+            self.desk.place().stats.count(Event::Noise);
+            self.length = 0;
+        }
+    }
+
+    /// Gives up what has waited for its answer long enough; says whether something has.
+    pub(super) fn expire(&mut self) -> bool {
+        let (now, window) = (Instant::now(), self.settings.late_window());
+        // Transaction ids tell late answers from others; RTU has none, so there the unit must not be asked meanwhile.
+        let held = match self.settings.framing {
+            StreamFraming::Mbap => Duration::from_ticks(0),
+            StreamFraming::Rtu => window,
+        };
+        let place = self.desk.place();
+        let open = self.flights.len();
+        while let Some(flight) = self.flights.expire(now, window) {
+            place.stats.count(Event::Timeout);
+            place.units(|units| units.timed_out(flight.unit, now, held, self.settings.down_after));
+            self.desk.failed(&flight.order, self.settings.retries);
+        }
+        self.flights.len() < open
+    }
+}
+
+/// The open request that a Modbus TCP frame answers; else what the frame is.
+fn pair<'g>(
+    flights: &mut Flights<Frame<'g>>,
+    header: Header,
+    pdu: &[u8],
+) -> Result<Flight<Frame<'g>>, Event> {
+    let flight = flights.find(header.transaction).ok_or(Event::Stray)?;
+    if flight.unit != header.unit {
+        return Err(Event::WrongUnit);
+    }
+    let mut request = [0; PDU_BYTES_MAX];
+    let length = flight.order.copy_pdu(&mut request);
+    fits(request.get(..length).unwrap_or(&[]), pdu).map_err(|_| Event::Misfit)?;
+    flights.finish(header.transaction).ok_or(Event::Stray)
+}
+
+/// Sends the order home with `pdu` as its answer.
+fn answer<'g>(desk: &Desk<'g>, flight: Flight<Frame<'g>>, pdu: &[u8]) {
+    let place = desk.place();
+    // It fits into the frame: it is no longer than a PDU may be.
+    let _ = flight.order.replace(pdu);
+    let exception = flight.order.function() & EXCEPTION_BIT != 0;
+    place.units(|units| units.answered(flight.unit, flight.sent.elapsed(), exception));
+    place.stats.count(Event::Answer);
+    if exception {
+        place.stats.count(Event::Exception);
+    }
+    desk.done(&flight.order);
+}

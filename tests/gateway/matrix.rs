@@ -1,0 +1,200 @@
+//! Every way in over a network x every way out over TCP x every function code x every fault of the device: each has its
+//! outcome, and the request behind it its own answer.
+
+use embassy_time::{Duration, Instant};
+use mobgate_simulator::client::rtu::RtuClient;
+use mobgate_simulator::client::{Answer, frame};
+use mobgate_simulator::device::{Fresh, Memory};
+use mobgate_simulator::fault::When;
+use mobgate_simulator::net::UdpClient;
+use mobgate_simulator::rig::{Rig, machine, with_gateway};
+use mobgate_simulator::{Client, Device, Fault, Faults, World};
+
+const UNIT: u8 = 5;
+const FRESH: u16 = 100;
+const READ_FRESH: [u8; 5] = [3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8];
+const MS: Duration = Duration::from_millis(1);
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum In {
+    Tcp,
+    Rtu,
+    Udp,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Out {
+    Tcp,
+    Rtu,
+}
+
+/// What the asker gets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Outcome {
+    /// What the device answers.
+    Answer,
+    /// This exception.
+    Exception(u8),
+}
+
+/// The outcome of `function` when the device's answer suffers `fault`; nothing where there is no such fault.
+fn outcome(out: Out, function: u8, fault: Option<Fault>) -> Option<Outcome> {
+    Some(match (out, fault) {
+        (_, None) => Outcome::Answer,
+        (_, Some(Fault::Exception(code))) => Outcome::Exception(code),
+        // Modbus TCP has no check, and RTU no transaction id.
+        (Out::Tcp, Some(Fault::BadCrc)) | (Out::Rtu, Some(Fault::WrongTransaction)) => return None,
+        (Out::Tcp, Some(Fault::NoiseAfter(_))) => Outcome::Answer,
+        (Out::Rtu, Some(Fault::NoiseBefore(_))) => Outcome::Answer,
+        // Where only a pause ends the answer, the noise is a part of it.
+        (Out::Rtu, Some(Fault::NoiseAfter(_))) if !is_ended_by_pause(function) => Outcome::Answer,
+        _ => Outcome::Exception(0x0b),
+    })
+}
+
+/// The device answers these with data, and nothing tells how much of it; the other unknown ones with an exception.
+fn is_ended_by_pause(function: u8) -> bool {
+    (65..=72).contains(&function)
+}
+
+/// Whether a connection on which that is the answer is given up.
+fn ends_the_connection(fault: Option<Fault>) -> bool {
+    let ends = matches!(fault, Some(Fault::Half | Fault::Close | Fault::Reset));
+    // With MBAP the borders between frames are lost.
+    ends || matches!(fault, Some(Fault::Truncated | Fault::NoiseBefore(_)))
+}
+
+const FAULTS: [Option<Fault>; 13] = [
+    None,
+    Some(Fault::Exception(4)),
+    Some(Fault::Truncated),
+    Some(Fault::Half),
+    Some(Fault::BadCrc),
+    Some(Fault::WrongUnit),
+    Some(Fault::WrongTransaction),
+    // Behind the response time, and within the time in which that is expected.
+    Some(Fault::Late(Duration::from_millis(150), Duration::from_millis(350))),
+    Some(Fault::NoiseBefore(3)),
+    Some(Fault::NoiseAfter(3)),
+    Some(Fault::Close),
+    Some(Fault::Reset),
+    Some(Fault::Dead),
+];
+
+#[test]
+fn every_way_in_and_out_with_every_function_and_fault_has_its_outcome() {
+    let mut cases = 0;
+    for way_in in [In::Tcp, In::Rtu, In::Udp] {
+        for out in [Out::Tcp, Out::Rtu] {
+            for fault in FAULTS {
+                cases += play(way_in, out, fault);
+            }
+        }
+    }
+    assert_eq!(cases, 3 * 127 * (2 * FAULTS.len() - 2));
+}
+
+fn play(way_in: In, out: Out, fault: Option<Fault>) -> usize {
+    let rtu = if out == Out::Rtu { "rtu" } else { "" };
+    let settings = format!(
+        "port plc tcp client 10.0.1.1:502 {rtu} timeout 150ms late-window 400ms down-after 0
+         port T tcp server 502
+         port R tcp server 5000 rtu
+         port U udp server 5020
+         route T * * * plc
+         route R * * * plc
+         route U * * * plc"
+    );
+    with_gateway(7, &settings, |world, rig| {
+        let device = Device::new(UNIT).with_fresh(FRESH);
+        match out {
+            Out::Tcp => rig.attach_tcp(world, "10.0.1.1:502", [device.clone()]),
+            Out::Rtu => rig.attach_rtu_over_tcp(world, "10.0.1.1:502", [device.clone()]),
+        }
+        // What the device's memory holds: it carries out every request, whatever becomes of its answer.
+        let mut mirror = Memory::new(UNIT);
+        let mut asker = Asker::new(way_in, rig);
+        let mut cases = 0;
+        for function in 1..=127 {
+            let Some(expected) = outcome(out, function, fault) else { continue };
+            cases += 1;
+            let tell = || format!("{way_in:?} to {out:?}, function {function}, {fault:?}");
+            let request = request(function);
+            let faults =
+                fault.map_or(Faults::none(), |fault| Faults::new(3).with(When::Requests(1..=1), fault));
+            device.set_faults(faults);
+            let executed = mirror.execute(&request);
+            let answer = asker.ask(world, &request);
+            let expected = match expected {
+                Outcome::Answer => executed.unwrap_or_else(|code| vec![function | 0x80, code]),
+                Outcome::Exception(code) => vec![function | 0x80, code],
+            };
+            assert_eq!(answer, Answer::Pdu(expected), "{}", tell());
+            let asked = Instant::now();
+            let mut answer = asker.ask(world, &READ_FRESH);
+            if answer.exception() == Some(0x0a) && ends_the_connection(fault) {
+                // Its first answer broke it, so it is not connected again at once.
+                world.run_for(600 * MS);
+                answer = asker.ask(world, &READ_FRESH);
+            }
+            let Answer::Pdu(answer) = answer else { panic!("behind {}", tell()) };
+            let fresh =
+                Fresh::from_answer(&answer).unwrap_or_else(|| panic!("{answer:02x?} behind {}", tell()));
+            assert!(u64::from(fresh.at_us) >= asked.as_micros(), "stale behind {}", tell());
+        }
+        world.run_for(Duration::from_secs(5));
+        assert_eq!(rig.frames_in_use(), 0, "{way_in:?} to {out:?}, {fault:?}");
+        cases
+    })
+}
+
+/// A request that is in order.
+fn request(function: u8) -> Vec<u8> {
+    match function {
+        1..=4 => vec![function, 0, 7, 0, 9],
+        5 => vec![5, 0, 7, 0xff, 0],
+        6 => vec![6, 0, 7, 18, 52],
+        7 | 11 | 12 | 17 => vec![function],
+        8 => vec![8, 0, 0, 18, 52],
+        15 => vec![15, 0, 7, 0, 9, 2, 0xff, 1],
+        16 => vec![16, 0, 7, 0, 2, 4, 1, 2, 3, 4],
+        20 => vec![20, 7, 6, 0, 4, 0, 1, 0, 2],
+        21 => vec![21, 9, 6, 0, 4, 0, 7, 0, 1, 18, 52],
+        22 => vec![22, 0, 4, 0, 0xf2, 0, 0x25],
+        23 => vec![23, 0, 3, 0, 2, 0, 14, 0, 1, 2, 18, 52],
+        24 => vec![24, 4, 0xde],
+        43 => vec![43, 14, 1, 0],
+        _ => vec![function, 1, 2, 3],
+    }
+}
+
+enum Asker {
+    Tcp(Client),
+    Rtu(RtuClient),
+    Udp(UdpClient, u16),
+}
+
+impl Asker {
+    fn new(way_in: In, rig: &Rig<'_>) -> Self {
+        let connect = |port| rig.network.connect(machine(1), port).unwrap();
+        match way_in {
+            In::Tcp => Self::Tcp(Client::new(connect(502))),
+            In::Rtu => Self::Rtu(RtuClient::new(connect(5_000))),
+            In::Udp => Self::Udp(rig.network.udp_client(machine(1), 5_020), 0),
+        }
+    }
+
+    fn ask(&mut self, world: &mut World<'_>, pdu: &[u8]) -> Answer {
+        match self {
+            Self::Tcp(client) => world.run_until(client.request(UNIT, pdu)),
+            Self::Rtu(client) => world.run_until(client.request(UNIT, pdu)),
+            Self::Udp(client, transaction) => {
+                *transaction += 1;
+                client.send(&frame(*transaction, UNIT, pdu));
+                let answer = world.run_until(client.receive(5_000 * MS)).expect("an answer");
+                assert_eq!(answer, frame(*transaction, UNIT, &answer[7..]));
+                Answer::Pdu(answer[7..].to_vec())
+            }
+        }
+    }
+}

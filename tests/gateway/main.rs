@@ -9,6 +9,7 @@ mod line;
 mod matrix;
 mod outcomes;
 mod queue;
+mod queue_model;
 mod serial_server;
 mod shared_bus;
 mod stream_server;

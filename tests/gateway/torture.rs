@@ -36,6 +36,9 @@ fn random_worlds_keep_the_promises() {
 fn live(seed: u64) {
     let mut random = Random::new(seed);
     let bauds = [0, 1].map(|_| BAUDS[random.index(BAUDS.len())]);
+    // In some worlds most clients want to know the same.
+    let herd = random.chance(0.5).then(|| random.within(1..=u64::from(DEVICES)) as u8);
+    let merge = ["", "merge off"][random.index(2)];
     let settings = format!(
         "port A serial a rtu client {} 8E1 timeout {}ms retries {} down-after {}
          port B serial b rtu client {} 8N1 timeout {}ms
@@ -43,7 +46,7 @@ fn live(seed: u64) {
          port P503 tcp server 503 clients 8 idle 2s
          route P502 1-{DEVICES} * * A
          route P502 5-6 * * A readonly
-         route P502 101-106 * -{TAG} B priority high
+         route P502 101-106 * -{TAG} B priority high {merge}
          route P503 101-106 * -{TAG} B
          route P503 1-6 10.0.0.0/28 * A priority low",
         bauds[0],
@@ -66,7 +69,7 @@ fn live(seed: u64) {
                 let path = draw_path(&mut random);
                 let stream =
                     rig.network.connect_over(path, machine(host), port).expect("the gateway listens");
-                let visitor = Visitor { host, port, random: random.fork() };
+                let visitor = Visitor { host, port, herd, random: random.fork() };
                 world.spawn(visitor.visit(Client::new(stream).with_patience(Duration::from_secs(120))))
             })
             .collect();
@@ -150,6 +153,8 @@ fn draw_path(random: &mut Random) -> Path {
 struct Visitor {
     host: u8,
     port: u16,
+    /// The unit that everybody asks for the same.
+    herd: Option<u8>,
     random: Random,
 }
 
@@ -183,12 +188,17 @@ impl Visitor {
     }
 
     fn draw_request(&mut self) -> Request {
-        let unit = self.random.within(1..=u64::from(DEVICES) + 3) as u8 + [0, TAG][self.random.index(2)];
+        let fresh = vec![3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8];
+        let tag = [0, TAG][self.random.index(2)];
+        if let (Some(unit), true) = (self.herd, self.random.chance(0.7)) {
+            return Request { unit: unit + tag, pdu: fresh };
+        }
+        let unit = self.random.within(1..=u64::from(DEVICES) + 3) as u8 + tag;
         let address = self.random.within(0..=50) as u16;
         let count = self.random.within(1..=40) as u16;
         let [high, low] = address.to_be_bytes();
         let pdu = match self.random.index(6) {
-            0 | 5 => vec![3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8],
+            0 | 5 => fresh,
             1 | 2 => vec![[3, 4][self.random.index(2)], high, low, 0, count as u8],
             3 => vec![6, 1, low, self.random.byte(), self.random.byte()],
             _ => vec![16, 2, low, 0, 1, 2, self.random.byte(), self.random.byte()],

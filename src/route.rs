@@ -5,6 +5,8 @@
 
 use core::net::IpAddr;
 
+use embassy_time::Duration;
+
 use crate::config::{IpPrefix, PortId, PortKind, Settings, Side, Special, is_implied};
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, Extent};
@@ -48,11 +50,18 @@ pub struct Policy {
 pub struct Sharing {
     /// That of an identical read which was waiting, too, when it was sent.
     pub merge: bool,
+    /// One that is in memory and not older than this; 0: none. A row of the table must be small: no [`Duration`].
+    pub cache_ms: u16,
 }
 
 impl Sharing {
-    /// Identical reads are merged: the answer is as new as it would be otherwise.
-    pub const DEFAULT: Self = Self { merge: true };
+    /// Identical reads are merged, since the answer is as new as it would be otherwise; memory is not used.
+    pub const DEFAULT: Self = Self { merge: true, cache_ms: 0 };
+
+    /// How old an answer from memory may be.
+    pub fn cache(&self) -> Duration {
+        Duration::from_millis(self.cache_ms.into())
+    }
 }
 
 impl Default for Policy {

@@ -34,6 +34,8 @@ pub enum Event {
     Retry,
     /// A read that shared the answer of an identical one.
     Merged,
+    /// A read that was answered from memory.
+    Cached,
     /// Failed at once because the unit is down.
     UnitDown,
     /// Not sent: its time was over before its turn came.
@@ -76,7 +78,7 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 29] = [
+    pub const ALL: [Self; 30] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -87,6 +89,7 @@ impl Event {
         Self::Misfit,
         Self::Retry,
         Self::Merged,
+        Self::Cached,
         Self::UnitDown,
         Self::Expired,
         Self::AskerGone,
@@ -121,6 +124,7 @@ impl Event {
             Self::Misfit => "misfit",
             Self::Retry => "retries",
             Self::Merged => "merged",
+            Self::Cached => "cached",
             Self::UnitDown => "unit-down",
             Self::Expired => "expired",
             Self::AskerGone => "asker-gone",

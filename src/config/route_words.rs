@@ -1,12 +1,19 @@
 //! The words of a rule, column by column as in the MobGate paper: source, units, IP, TAG, destination; then options.
 
+use core::ops::RangeInclusive;
+
+use embassy_time::Duration;
+
 use super::problem::{LineError, Problem};
-use super::values::{parse_number, prefix, small};
+use super::values::{parse_number, prefix, small, time};
 use super::words::{Word, Words};
 use super::{IpPrefix, PortId, PortKind, Settings};
 use crate::route::{AddressRange, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
 
-const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low, urgent 5,6 or merge on|off";
+const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low, urgent 5,6, merge on|off or cache 1s";
+
+/// How old an answer from memory may be.
+const CACHE: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(60);
 
 /// Reads one row up to the end of the line and checks it against the ports.
 pub(super) fn route(settings: &Settings, words: &mut Words) -> Result<Route, LineError> {
@@ -98,6 +105,7 @@ enum Key {
     Priority,
     Urgent,
     Merge,
+    Cache,
 }
 
 const KEYS: &[(&str, Key)] = &[
@@ -109,6 +117,7 @@ const KEYS: &[(&str, Key)] = &[
     ("priority", Key::Priority),
     ("urgent", Key::Urgent),
     ("merge", Key::Merge),
+    ("cache", Key::Cache),
 ];
 
 const DESTINATIONS: &[(&str, Destination)] =
@@ -142,6 +151,7 @@ fn options(words: &mut Words) -> Result<Policy, LineError> {
             Key::Priority => policy.priority = words.take().keyword(PRIORITIES, "high, normal or low")?,
             Key::Urgent => policy.urgent = function_list(words)?,
             Key::Merge => policy.sharing.merge = words.take().keyword(ON_OFF, "on or off")?,
+            Key::Cache => policy.sharing.cache_ms = cache(words.take())?,
         }
         // Three of the words say the same thing in different ways.
         let thing = if matches!(key, Key::ReadOnly | Key::All) { Key::Functions } else { key };
@@ -151,6 +161,13 @@ fn options(words: &mut Words) -> Result<Policy, LineError> {
         seen |= 1 << thing as u8;
     }
     Ok(policy)
+}
+
+/// `500ms`: in whole milliseconds.
+fn cache(word: Word) -> Result<u16, LineError> {
+    let age = time(word, CACHE)?;
+    let ms = u16::try_from(age.as_millis()).ok().filter(|ms| Duration::from_millis((*ms).into()) == age);
+    ms.ok_or_else(|| word.expected("whole milliseconds"))
 }
 
 /// `100`, or `0-99`: addresses as they are on the wire.

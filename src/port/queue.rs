@@ -64,7 +64,13 @@ pub enum Access {
 }
 
 /// The unit id of an order to all units of a line.
-const BROADCAST: u8 = 0;
+pub(crate) const BROADCAST: u8 = 0;
+
+impl Ticket {
+    fn writes_to(&self, unit: u8) -> bool {
+        self.access == Access::Write && (self.unit == unit || self.unit == BROADCAST)
+    }
+}
 
 /// When a unit may be asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -182,16 +188,18 @@ impl<T> PortQueue<T> {
         if leader.access != Access::SharedRead {
             return None;
         }
-        let is_write = |ticket: &Ticket| {
-            ticket.access == Access::Write && (ticket.unit == leader.unit || ticket.unit == BROADCAST)
-        };
         let may_join = |waiting: &Waiting<T>| {
             let ticket = &waiting.ticket;
             ticket.access == Access::SharedRead && ticket.unit == leader.unit && same(&waiting.order)
         };
-        let before = self.waiting.iter().take_while(|waiting| !is_write(&waiting.ticket)).count();
+        let before = self.waiting.iter().take_while(|waiting| !waiting.ticket.writes_to(leader.unit)).count();
         let index = self.waiting.get(..before)?.iter().rposition(may_join)?;
         Some(self.waiting.remove(index).order)
+    }
+
+    /// Whether a write to `unit` waits.
+    pub fn writes_to(&self, unit: u8) -> bool {
+        self.waiting.iter().any(|waiting| waiting.ticket.writes_to(unit))
     }
 
     /// Takes out one order for which `unwanted` gives a reason, with the reason.

@@ -240,7 +240,8 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     ];
     let urgent = prop::collection::vec(1..=127_u8, 0..5)
         .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with));
-    let sharing = any::<bool>().prop_map(|merge| Sharing { merge });
+    let cache = prop_oneof![Just(0), 0..=60_000_u16];
+    let sharing = (any::<bool>(), cache).prop_map(|(merge, cache_ms)| Sharing { merge, cache_ms });
     let policy = (functions, range.clone(), range, priority, urgent, sharing).prop_map(
         |(functions, addresses, writes, priority, urgent, sharing)| Policy {
             functions,

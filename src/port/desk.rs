@@ -8,6 +8,8 @@
 //! a copy of the answer, or is repeated or refused by itself. Where a rule allows it, a read is answered from memory
 //! ([`cache`](crate::port::cache)), unless a write to its unit waits or is on its way.
 
+mod order;
+
 use core::cell::{Cell, RefCell};
 
 use embassy_futures::select::{Either, select};
@@ -17,28 +19,16 @@ use embassy_time::{Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
-use crate::frame::{Envelope, Frame, Way};
+use crate::frame::{Envelope, Frame};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
-use crate::port::cache::{Cache, Question};
+use crate::port::cache::Cache;
+use crate::port::desk::order::{Current, question, ticket};
 use crate::port::flights::FLIGHTS_MAX;
-use crate::port::queue::{Access, Asker, BROADCAST, Next, PortQueue, Ready, Ticket};
+use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ready, Ticket};
 use crate::port::units::Gate;
 use crate::stats::Event;
-
-/// An order that is being carried out.
-struct Current<'g> {
-    frame: Frame<'g>,
-    /// Whether it may change something in its unit.
-    writes: bool,
-    /// What the answer will be kept for, where it may be used again.
-    keep: Option<Question>,
-    /// When it was given out.
-    since: Instant,
-    /// Writes that had ended by then.
-    writes_ended: u32,
-}
 
 /// Orders of one client-side port, shared by the future that takes them in and the one that carries them out.
 pub(crate) struct Desk<'g> {
@@ -327,28 +317,5 @@ impl<'g> Desk<'g> {
         self.place.stats.count(event);
         log_debug!("port {}: {} for unit {}", self.id.0, event.name(), frame.envelope().target);
         self.gateway.refuse(frame, exception);
-    }
-}
-
-fn question(frame: &Frame<'_>, unit: u8) -> Option<Question> {
-    frame.pdu(|request| Question::new(unit, request))
-}
-
-fn ticket(frame: &Frame<'_>) -> Ticket {
-    let envelope = frame.envelope();
-    let origin = envelope.origin;
-    // A port has seats or a line, not both.
-    let seat = if let Way::Seat(seat) = origin.way { seat } else { 0 };
-    let access = match pdu::is_read(frame.function()) {
-        false => Access::Write,
-        true if envelope.sharing.merge => Access::SharedRead,
-        true => Access::Read,
-    };
-    Ticket {
-        asker: Asker { address: envelope.peer, connection: u32::from(origin.port.0) << 16 | u32::from(seat) },
-        priority: envelope.priority,
-        unit: envelope.target,
-        deadline: envelope.deadline,
-        access,
     }
 }

@@ -13,6 +13,7 @@ mod queue;
 mod queue_model;
 mod serial_server;
 mod shared_bus;
+mod sharing;
 mod stream_server;
 mod tcp_client;
 mod tcp_torture;

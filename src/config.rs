@@ -4,6 +4,7 @@
 //! is checked, then the gateway takes it over and restarts the ports that differ. [`apply`] and [`write_line`] parse and
 //! print the one language in which all of that is written.
 
+mod address;
 mod line;
 mod loader;
 mod network;
@@ -14,6 +15,7 @@ mod print;
 mod problem;
 mod route_words;
 mod saved;
+mod serial;
 mod text;
 mod unit_words;
 mod values;
@@ -22,26 +24,28 @@ mod words;
 #[cfg(test)]
 mod tests;
 
-use core::net::IpAddr;
-
-use embassy_time::Duration;
 use heapless::{String, Vec};
 
+pub use self::address::{Allowed, IpPrefix};
 pub(crate) use self::line::LineBuffer;
 pub use self::loader::{LoadError, Loader};
 pub use self::network::{
-    MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, UDP_REQUESTS_MAX, UdpServerSettings,
+    MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, TcpListen, TcpServerSettings, UDP_REQUESTS_MAX,
+    UdpServerSettings,
 };
 pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
 pub use self::saved::{ReadError, read_store, write_store};
+pub use self::serial::{
+    Driver, Framing, LineSettings, Parity, SerialClientSettings, SerialServerSettings, SerialSettings,
+};
 pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
 pub(crate) use self::words::Words;
 use crate::route::{Destination, Route};
 
-/// Longest line of the line language in bytes. Settings at their limits print lines of about 340: what is printed can be read.
+/// Longest line of the line language in bytes. Settings at their limits print lines of about 600: what is printed can be read.
 pub const LINE_BYTES_MAX: usize = 640;
 /// Ports that settings can hold.
 pub const PORTS_MAX: usize = 16;
@@ -218,265 +222,4 @@ pub enum Side {
     Client,
     /// Answers an outside client (the gateway is a slave).
     Server,
-}
-
-/// How frames look on a serial line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Framing {
-    /// Binary frames ended by silence.
-    Rtu,
-    /// Hexadecimal frames between `:` and CR LF.
-    Ascii,
-}
-
-/// A serial port.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SerialSettings {
-    /// The board's name for the line: `uart1`, `/dev/ttyUSB0`.
-    pub device: String<DEVICE_BYTES_MAX>,
-    /// RTU or ASCII.
-    pub framing: Framing,
-    /// Client or server.
-    pub side: Side,
-    /// Speed, format and gaps.
-    pub line: LineSettings,
-    /// How requests are sent; used when `side` is [`Side::Client`].
-    pub client: SerialClientSettings,
-    /// How requests are answered; used when `side` is [`Side::Server`].
-    pub server: SerialServerSettings,
-}
-
-/// Speed, character format and silent intervals of a line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LineSettings {
-    /// Bits per second, 1 to 10 000 000.
-    pub baud: u32,
-    /// 7 or 8.
-    pub data_bits: u8,
-    /// Parity bit.
-    pub parity: Parity,
-    /// 1 or 2.
-    pub stop_bits: u8,
-    /// Silence between frames; `None` is the specification's t3.5.
-    pub gap: Option<Duration>,
-    /// Longest silence inside a frame; `None` is the general rule (a frame ends after the gap).
-    pub char_timeout: Option<Duration>,
-    /// Who switches the transceiver's driver.
-    pub driver: Driver,
-    /// From switching the driver on to the first start bit.
-    pub driver_before: Duration,
-    /// From the last stop bit to switching the driver off.
-    pub driver_after: Duration,
-    /// The adapter hears itself: what comes back is compared with what was sent, and dropped.
-    pub echo: bool,
-}
-
-/// Who switches the transceiver of a two-wire line from hearing to speaking and back.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Driver {
-    /// Nobody needs to: RS-232, four wires, or an adapter that does it by itself.
-    Automatic,
-    /// The hardware or its driver (Linux: TIOCSRS485); refused where it cannot.
-    Rs485,
-    /// The gateway, by RTS.
-    Rts,
-}
-
-/// Parity of a character.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Parity {
-    /// No parity bit.
-    None,
-    /// Even number of ones.
-    Even,
-    /// Odd number of ones.
-    Odd,
-}
-
-impl LineSettings {
-    /// Modbus over Serial Line 2.5.1: 19200 baud, even parity.
-    pub const DEFAULT: Self = Self {
-        baud: 19_200,
-        data_bits: 8,
-        parity: Parity::Even,
-        stop_bits: 1,
-        gap: None,
-        char_timeout: None,
-        driver: Driver::Automatic,
-        driver_before: Duration::from_ticks(0),
-        driver_after: Duration::from_ticks(0),
-        echo: false,
-    };
-
-    /// Bits of one character on the wire: start, data, parity, stop.
-    pub const fn bits_per_char(&self) -> u32 {
-        1 + self.data_bits as u32 + !matches!(self.parity, Parity::None) as u32 + self.stop_bits as u32
-    }
-
-    /// Time of `chars` characters on the wire, rounded up to the clock's tick.
-    pub fn chars(&self, chars: usize) -> Duration {
-        let bits = chars as u64 * self.bits_per_char() as u64;
-        Duration::from_nanos((bits * 1_000_000_000).div_ceil(self.baud as u64))
-    }
-
-    /// The specification's t3.5: 3.5 characters, fixed at 1.750 ms above 19200 baud (Serial Line 2.5.1.1).
-    pub fn t3_5(&self) -> Duration {
-        if self.baud > 19_200 {
-            return Duration::from_micros(1_750);
-        }
-        let half_bits = 7 * self.bits_per_char() as u64;
-        Duration::from_nanos((half_bits * 1_000_000_000).div_ceil(2 * self.baud as u64))
-    }
-
-    /// The silence that ends a frame and must precede one.
-    pub fn gap(&self) -> Duration {
-        self.gap.unwrap_or_else(|| self.t3_5())
-    }
-}
-
-/// How a client-side port sends requests.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SerialClientSettings {
-    /// From the last bit of the request to the first character of the response.
-    pub timeout: Duration,
-    /// Repeats of a read that got no or a damaged response. Writes are never repeated.
-    pub retries: u8,
-    /// Pause after a broadcast.
-    pub turnaround: Duration,
-    /// Silence after the port is opened, for devices that are still starting.
-    pub start_delay: Duration,
-    /// How long after a time-out the unit gets no request, because its answer may still come; `None`: `timeout`.
-    pub late_window: Option<Duration>,
-    /// Time-outs in a row after which a unit counts as down and fails at once; 0 never.
-    pub down_after: u8,
-}
-
-impl SerialClientSettings {
-    /// One second, no repeats, 100 ms after a broadcast, down after three.
-    pub const DEFAULT: Self = Self {
-        timeout: Duration::from_secs(1),
-        retries: 0,
-        turnaround: Duration::from_millis(100),
-        start_delay: Duration::from_ticks(0),
-        late_window: None,
-        down_after: 3,
-    };
-}
-
-/// How a server-side serial port answers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SerialServerSettings {
-    /// From the request to the answer. After this time the master has given up: there is no answer, and a request not
-    /// yet on its destination's wire is not sent any more.
-    pub answer_within: Duration,
-    /// Least time from the end of the request to the answer, for masters that are slow to listen; never below the gap.
-    pub reply_delay: Duration,
-}
-
-impl SerialServerSettings {
-    /// An answer within 3 s, as soon as there is one.
-    pub const DEFAULT: Self =
-        Self { answer_within: Duration::from_secs(3), reply_delay: Duration::from_ticks(0) };
-}
-
-/// Where a TCP or UDP server listens.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct TcpListen {
-    /// The local address; `None` is all of them.
-    pub address: Option<IpAddr>,
-    /// TCP or UDP port number, 1 to 65535.
-    pub port: u16,
-}
-
-impl TcpListen {
-    /// Whether a system would refuse to open both: the same port at the same address, or at all addresses.
-    pub fn collides(&self, other: &Self) -> bool {
-        let all = |listen: &Self| listen.address.is_none_or(|address| address.is_unspecified());
-        self.port == other.port && (all(self) || all(other) || self.address == other.address)
-    }
-}
-
-/// A listener for Modbus TCP clients.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TcpServerSettings {
-    /// Where it listens.
-    pub listen: TcpListen,
-    /// Modbus TCP or RTU over TCP.
-    pub framing: StreamFraming,
-    /// Connections at a time. One more is accepted for a moment, to decide who goes.
-    pub clients: u16,
-    /// A connection without a request for so long is closed; zero never.
-    pub idle: Duration,
-    /// Requests of one connection that may be open at a time; one more is answered 06h. 1 to 16; with RTU over TCP it is one,
-    /// and the next waits.
-    pub pipeline: u8,
-    /// A request not yet on the wire after this time is not sent any more, and answered 0Bh.
-    pub lifetime: Duration,
-    /// Of `clients`, places kept for `reserved_for`.
-    pub reserved: u16,
-    /// Peers that may use the reserved places and are never closed to make room.
-    pub reserved_for: Vec<IpPrefix, RESERVED_MAX>,
-    /// Peers that may connect; others are closed at once. Empty: everybody may (Messaging on TCP/IP 4.2.3, restricted mode).
-    pub allowed: Allowed,
-}
-
-/// Peers that may ask; empty: everybody may.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Allowed(pub Vec<IpPrefix, RESERVED_MAX>);
-
-impl Allowed {
-    /// Everybody.
-    pub const fn everybody() -> Self {
-        Self(Vec::new())
-    }
-
-    /// Whether `peer` may ask.
-    pub fn admits(&self, peer: IpAddr) -> bool {
-        self.0.is_empty() || self.0.iter().any(|prefix| prefix.contains(peer))
-    }
-}
-
-impl TcpServerSettings {
-    /// A listener on `port` with the defaults: 16 clients, a minute idle, 16 requests each, 5 s of life.
-    pub fn new(port: u16) -> Self {
-        Self {
-            listen: TcpListen { address: None, port },
-            framing: StreamFraming::Mbap,
-            clients: 16,
-            idle: Duration::from_secs(60),
-            pipeline: 16,
-            lifetime: Duration::from_secs(5),
-            reserved: 0,
-            reserved_for: Vec::new(),
-            allowed: Allowed::everybody(),
-        }
-    }
-}
-
-/// An IP address with a prefix length; a full length names one address.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct IpPrefix {
-    /// The address; bits behind the prefix are zero.
-    pub address: IpAddr,
-    /// Leading bits that must agree: up to 32 for IPv4, up to 128 for IPv6.
-    pub length: u8,
-}
-
-impl IpPrefix {
-    /// Whether `peer` lies in the prefix. An IPv4 peer written as IPv6 (`::ffff:a.b.c.d`) counts as IPv4.
-    pub fn contains(&self, peer: IpAddr) -> bool {
-        match (self.address.to_canonical(), peer.to_canonical()) {
-            (IpAddr::V4(own), IpAddr::V4(peer)) => {
-                let shift = 32 - u32::from(self.length.min(32));
-                own.to_bits().checked_shr(shift).unwrap_or(0)
-                    == peer.to_bits().checked_shr(shift).unwrap_or(0)
-            }
-            (IpAddr::V6(own), IpAddr::V6(peer)) => {
-                let shift = 128 - u32::from(self.length.min(128));
-                own.to_bits().checked_shr(shift).unwrap_or(0)
-                    == peer.to_bits().checked_shr(shift).unwrap_or(0)
-            }
-            _ => false,
-        }
-    }
 }

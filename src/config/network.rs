@@ -1,13 +1,31 @@
-//! Settings of the ports that speak over a network, besides the Modbus TCP server.
+//! Settings of the ports that speak over a network: TCP servers and clients, UDP servers.
 
-use core::net::SocketAddr;
+use core::net::{IpAddr, SocketAddr};
 
 use embassy_time::Duration;
+use heapless::Vec;
 
-use super::{Allowed, TcpListen};
+use super::{Allowed, IpPrefix, RESERVED_MAX};
 
 /// TCP port number of Modbus (Messaging on TCP/IP 4.3.1.1).
 pub const MODBUS_TCP_PORT: u16 = 502;
+
+/// Where a TCP or UDP server listens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TcpListen {
+    /// The local address; `None` is all of them.
+    pub address: Option<IpAddr>,
+    /// TCP or UDP port number, 1 to 65535.
+    pub port: u16,
+}
+
+impl TcpListen {
+    /// Whether a system would refuse to open both: the same port at the same address, or at all addresses.
+    pub fn collides(&self, other: &Self) -> bool {
+        let all = |listen: &Self| listen.address.is_none_or(|address| address.is_unspecified());
+        self.port == other.port && (all(self) || all(other) || self.address == other.address)
+    }
+}
 
 /// How frames look in a TCP stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -21,6 +39,47 @@ pub enum StreamFraming {
 
 /// Requests that one UDP server can have open in all.
 pub const UDP_REQUESTS_MAX: usize = 32;
+
+/// A listener for Modbus TCP clients.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TcpServerSettings {
+    /// Where it listens.
+    pub listen: TcpListen,
+    /// Modbus TCP or RTU over TCP.
+    pub framing: StreamFraming,
+    /// Connections at a time. One more is accepted for a moment, to decide who goes.
+    pub clients: u16,
+    /// A connection without a request for so long is closed; zero never.
+    pub idle: Duration,
+    /// Requests of one connection that may be open at a time; one more is answered 06h. 1 to 16; with RTU over TCP it is one,
+    /// and the next waits.
+    pub pipeline: u8,
+    /// A request not yet on the wire after this time is not sent any more, and answered 0Bh.
+    pub lifetime: Duration,
+    /// Of `clients`, places kept for `reserved_for`.
+    pub reserved: u16,
+    /// Peers that may use the reserved places and are never closed to make room.
+    pub reserved_for: Vec<IpPrefix, RESERVED_MAX>,
+    /// Peers that may connect; others are closed at once. Empty: everybody may (Messaging on TCP/IP 4.2.3, restricted mode).
+    pub allowed: Allowed,
+}
+
+impl TcpServerSettings {
+    /// A listener on `port` with the defaults: 16 clients, a minute idle, 16 requests each, 5 s of life.
+    pub fn new(port: u16) -> Self {
+        Self {
+            listen: TcpListen { address: None, port },
+            framing: StreamFraming::Mbap,
+            clients: 16,
+            idle: Duration::from_secs(60),
+            pipeline: 16,
+            lifetime: Duration::from_secs(5),
+            reserved: 0,
+            reserved_for: Vec::new(),
+            allowed: Allowed::everybody(),
+        }
+    }
+}
 
 /// A listener for Modbus UDP clients.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -50,7 +50,7 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
             match with_deadline(give_up, connector.connect(settings.server)).await {
                 Ok(Ok(stream)) => {
                     if place.set_status(Status::Open) {
-                        log_info!("port {}: connected", desk.id().0);
+                        log_info!("connected to {}", settings.server);
                     }
                     place.stats.count(Event::Connected);
                     place.socket.opened();
@@ -84,7 +84,7 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
         }
         desk.close();
         if place.set_status(Status::Failed(error)) {
-            log_warn!("port {}: no connection: {}", desk.id().0, error);
+            log_warn!("no connection to {}: {}", settings.server, error);
         }
         Timer::after(pause).await;
         pause = (pause * 2).min(RETRY_LONGEST);

@@ -1,4 +1,4 @@
-//! Every way in over a network x every way out over TCP x every function code x every fault of the device: each has its
+//! Every way in x every way out over TCP x every function code x every fault of the device: each has its
 //! outcome, and the request behind it its own answer.
 
 use embassy_time::{Duration, Instant};
@@ -8,7 +8,7 @@ use mobgate_simulator::device::{Fresh, Memory};
 use mobgate_simulator::fault::When;
 use mobgate_simulator::net::UdpClient;
 use mobgate_simulator::rig::{Rig, machine, with_gateway};
-use mobgate_simulator::{Client, Device, Fault, Faults, World};
+use mobgate_simulator::{Client, Device, Fault, Faults, Master, World};
 
 const UNIT: u8 = 5;
 const FRESH: u16 = 100;
@@ -20,6 +20,12 @@ enum In {
     Tcp,
     Rtu,
     Udp,
+    RtuLine,
+    AsciiLine,
+}
+
+impl In {
+    const ALL: [Self; 5] = [Self::Tcp, Self::Rtu, Self::Udp, Self::RtuLine, Self::AsciiLine];
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,26 +90,29 @@ const FAULTS: [Option<Fault>; 13] = [
 #[test]
 fn every_way_in_and_out_with_every_function_and_fault_has_its_outcome() {
     let mut cases = 0;
-    for way_in in [In::Tcp, In::Rtu, In::Udp] {
+    for way_in in In::ALL {
         for out in [Out::Tcp, Out::Rtu] {
             for fault in FAULTS {
                 cases += play(way_in, out, fault);
             }
         }
     }
-    assert_eq!(cases, 3 * 127 * (2 * FAULTS.len() - 2));
+    assert_eq!(cases, In::ALL.len() * 127 * (2 * FAULTS.len() - 2));
 }
 
 fn play(way_in: In, out: Out, fault: Option<Fault>) -> usize {
     let rtu = if out == Out::Rtu { "rtu" } else { "" };
+    let line = if way_in == In::AsciiLine { "ascii server 115200 7E1" } else { "rtu server 115200 8E1" };
     let settings = format!(
         "port plc tcp client 10.0.1.1:502 {rtu} timeout 150ms late-window 400ms down-after 0
          port T tcp server 502
          port R tcp server 5000 rtu
          port U udp server 5020
+         port L serial up {line}
          route T * * * plc
          route R * * * plc
-         route U * * * plc"
+         route U * * * plc
+         route L * * * plc"
     );
     with_gateway(7, &settings, |world, rig| {
         let device = Device::new(UNIT).with_fresh(FRESH);
@@ -115,6 +124,8 @@ fn play(way_in: In, out: Out, fault: Option<Fault>) -> usize {
         let mut mirror = Memory::new(UNIT);
         let mut asker = Asker::new(way_in, rig);
         let mut cases = 0;
+        // Who is switched on at a line hears a silence first.
+        world.run_for(10 * MS);
         for function in 1..=127 {
             let Some(expected) = outcome(out, function, fault) else { continue };
             cases += 1;
@@ -172,6 +183,7 @@ enum Asker {
     Tcp(Client),
     Rtu(RtuClient),
     Udp(UdpClient, u16),
+    Line(Master),
 }
 
 impl Asker {
@@ -181,6 +193,7 @@ impl Asker {
             In::Tcp => Self::Tcp(Client::new(connect(502))),
             In::Rtu => Self::Rtu(RtuClient::new(connect(5_000))),
             In::Udp => Self::Udp(rig.network.udp_client(machine(1), 5_020), 0),
+            In::RtuLine | In::AsciiLine => Self::Line(rig.master("up")),
         }
     }
 
@@ -188,6 +201,7 @@ impl Asker {
         match self {
             Self::Tcp(client) => world.run_until(client.request(UNIT, pdu)),
             Self::Rtu(client) => world.run_until(client.request(UNIT, pdu)),
+            Self::Line(master) => world.run_until(master.request(UNIT, pdu)),
             Self::Udp(client, transaction) => {
                 *transaction += 1;
                 client.send(&frame(*transaction, UNIT, pdu));

@@ -1,5 +1,6 @@
 //! What holds for all settings and all lines: printing recreates, and nothing panics.
 
+use core::net::IpAddr;
 use std::format;
 use std::string::String;
 use std::vec::Vec;

@@ -102,8 +102,13 @@ fn connect_devices<'w>(world: &World<'w>, rig: &Rig<'w>, line: &str, random: &mu
     let devices: Vec<Device> = (1..=DEVICES)
         .map(|unit| {
             let mut faults = Faults::new(random.bits());
+            let mut late = false;
             for _ in 0..random.index(3) {
                 let fault = draw_fault(random);
+                // Two of them would add up to more than the window in which a late answer is expected.
+                if matches!(fault, Fault::Late(..)) && std::mem::replace(&mut late, true) {
+                    continue;
+                }
                 quiet &= !matches!(fault, Fault::Late(..) | Fault::GapInside(_) | Fault::Twice(_));
                 faults = faults.with(When::Chance(random.index(40) as f64 / 100.0), fault);
             }
@@ -117,8 +122,8 @@ fn connect_devices<'w>(world: &World<'w>, rig: &Rig<'w>, line: &str, random: &mu
 
 fn draw_fault(random: &mut Random) -> Fault {
     let pause = Duration::from_micros(random.within(2_000..=20_000));
-    // At most twice the shortest time-out less a long frame: within the window in which a late answer is expected.
-    let late = Fault::Late(Duration::from_millis(30), Duration::from_millis(90));
+    // With the turnaround and the silence less than twice the shortest time-out: within the window in which a late answer is expected.
+    let late = Fault::Late(Duration::from_millis(30), Duration::from_millis(70));
     let faults = [
         Fault::Dead,
         late,

@@ -51,6 +51,8 @@ pub struct Envelope {
     pub repeats: u8,
     /// Whether the PDU is the request or its answer.
     pub stage: Stage,
+    /// Whether the answer may be passed on while it arrives.
+    pub cut: bool,
 }
 
 /// Who asked.
@@ -83,6 +85,8 @@ pub enum Way {
 pub enum Stage {
     /// The PDU is the request.
     Request,
+    /// The PDU is the answer, and whoever asked has been given the frame before it was whole.
+    Answering,
     /// The PDU is the answer.
     Answer,
     /// There is no answer, and none is to be given: a broadcast, a discarded request.
@@ -103,6 +107,7 @@ impl Envelope {
         deadline: Instant::MAX,
         repeats: 0,
         stage: Stage::Request,
+        cut: false,
     };
 }
 
@@ -124,6 +129,9 @@ struct SlotState {
     envelope: Option<Envelope>,
     pdu: [u8; PDU_BYTES_MAX],
     length: u8,
+    /// The CRC behind the PDU as it came, as long as nobody knows whether it is good; and how much of it is there.
+    crc: [u8; 2],
+    crc_bytes: u8,
     /// Handles to this slot, the writer's included; 0: free.
     handles: u8,
     fill: Fill,
@@ -141,12 +149,27 @@ impl Slot {
             envelope: None,
             pdu: [0; PDU_BYTES_MAX],
             length: 0,
+            crc: [0; 2],
+            crc_bytes: 0,
             handles: 0,
             fill: Fill::Filling,
             next: 0,
             rider: 0,
             waiting: WakerRegistration::new(),
         })))
+    }
+}
+
+impl SlotState {
+    fn restart(&mut self) {
+        self.length = 0;
+        self.crc_bytes = 0;
+        self.fill = Fill::Filling;
+    }
+
+    /// What is there.
+    fn arrived(&self) -> usize {
+        usize::from(self.length) + usize::from(self.crc_bytes)
     }
 }
 
@@ -184,8 +207,7 @@ impl<'p> FramePool<'p> {
         let index = own.or_else(|| self.take_shared())?;
         self.with(index, |slot| {
             slot.handles = 2;
-            slot.length = 0;
-            slot.fill = Fill::Filling;
+            slot.restart();
             slot.envelope = None;
         })?;
         let index = index as u16;
@@ -268,9 +290,27 @@ impl<'p> Frame<'p> {
         self.pdu(|pdu| pdu.first().copied().unwrap_or(0))
     }
 
-    /// Bytes that are there, and whether more come.
+    /// Bytes that are there, and whether more come; of a frame that is not complete the CRC counts.
     pub fn filled(&self) -> (usize, Fill) {
-        self.with(|slot| (usize::from(slot.length), slot.fill)).unwrap_or((0, Fill::Broken))
+        self.with(|slot| (slot.arrived(), slot.fill)).unwrap_or((0, Fill::Broken))
+    }
+
+    /// What has come of the CRC of a frame that is not complete.
+    pub fn crc(&self) -> ([u8; 2], usize) {
+        self.with(|slot| (slot.crc, usize::from(slot.crc_bytes))).unwrap_or_default()
+    }
+
+    /// Breaks the frame if it is still being filled: nobody here wants it that way. Says whether it was.
+    pub fn abandon(&self) -> bool {
+        let abandoned = self.with(|slot| {
+            let filling = slot.fill == Fill::Filling;
+            if filling {
+                slot.fill = Fill::Broken;
+                slot.waiting.wake();
+            }
+            filling
+        });
+        abandoned == Some(true)
     }
 
     /// Waits until more than `length` bytes are there or no more come. One waiter at a time.
@@ -289,8 +329,7 @@ impl<'p> Frame<'p> {
     /// Empties the frame and gives a writer for its new content (an answer in the request's place).
     pub fn rewrite(&self) -> FrameWriter<'p> {
         self.with(|slot| {
-            slot.length = 0;
-            slot.fill = Fill::Filling;
+            slot.restart();
         });
         FrameWriter { frame: self.share() }
     }
@@ -368,7 +407,12 @@ pub struct FrameWriter<'p> {
 #[error("longer than a PDU may be")]
 pub struct FrameFull;
 
-impl FrameWriter<'_> {
+impl<'p> FrameWriter<'p> {
+    /// The frame that is being filled.
+    pub fn frame(&self) -> &Frame<'p> {
+        &self.frame
+    }
+
     /// Appends `bytes`, all or none of them, and wakes the reader.
     pub fn push(&mut self, bytes: &[u8]) -> Result<(), FrameFull> {
         let appended = self.frame.with(|slot| {
@@ -381,24 +425,36 @@ impl FrameWriter<'_> {
         appended.flatten().ok_or(FrameFull)
     }
 
-    /// Marks the frame complete.
-    pub fn finish(self) {
-        self.set(Fill::Complete);
+    /// Appends a byte of the CRC behind the PDU, of which it is not known yet whether it is good.
+    pub fn push_crc(&mut self, byte: u8) {
+        self.frame.with(|slot| {
+            if let Some(place) = slot.crc.get_mut(usize::from(slot.crc_bytes)) {
+                *place = byte;
+                slot.crc_bytes += 1;
+                slot.waiting.wake();
+            }
+        });
     }
 
-    fn set(&self, fill: Fill) {
-        self.frame.with(|slot| {
-            slot.fill = fill;
-            slot.waiting.wake();
+    /// Marks the frame complete; the PDU is good. Says whether anybody wants it: it may have been
+    /// [abandoned](Frame::abandon).
+    pub fn finish(self) -> bool {
+        let finished = self.frame.with(|slot| {
+            let wanted = slot.fill == Fill::Filling;
+            if wanted {
+                slot.fill = Fill::Complete;
+                slot.crc_bytes = 0;
+                slot.waiting.wake();
+            }
+            wanted
         });
+        finished == Some(true)
     }
 }
 
 impl Drop for FrameWriter<'_> {
     fn drop(&mut self) {
-        if self.frame.filled().1 == Fill::Filling {
-            self.set(Fill::Broken);
-        }
+        self.frame.abandon();
     }
 }
 

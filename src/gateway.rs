@@ -308,7 +308,9 @@ impl<'g> Gateway<'g> {
             place.renew();
             match &kind {
                 Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
-                    let server = serial_server::Server { gateway: self, place, id, settings };
+                    let never_underruns = lines.never_underruns();
+                    let server =
+                        serial_server::Server { gateway: self, place, id, settings, never_underruns };
                     select(place.changed.wait(), server.run(lines)).await;
                     server.close();
                 }
@@ -376,11 +378,18 @@ impl<'g> Gateway<'g> {
 
     /// Sends a frame home that gets no answer.
     pub(crate) fn unanswered(&self, frame: Frame<'_>) {
+        if frame.abandon() {
+            return;
+        }
         self.send_home(frame, Stage::Silence);
     }
 
     /// Answers a request with `exception`.
     pub(crate) fn refuse(&self, frame: Frame<'_>, exception: Exception) {
+        // A request that is still arriving: whoever sent it sends it again when it is whole, and can be answered.
+        if frame.abandon() {
+            return;
+        }
         // Two bytes always fit.
         let _ = frame.replace(&exception.response(frame.function()));
         self.answered(frame);

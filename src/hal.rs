@@ -84,6 +84,13 @@ pub trait SerialHost {
     fn read_jitter(&self) -> Duration {
         Duration::from_ticks(0)
     }
+
+    /// Whether what is written a character at a time leaves without gaps, however busy the board is: its transmitters are
+    /// fed by interrupt or DMA, and its tasks wake in time. Then frames are passed on while they arrive, unless a rule
+    /// says otherwise.
+    fn never_underruns(&self) -> bool {
+        false
+    }
 }
 
 /// An open serial line.

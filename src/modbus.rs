@@ -12,6 +12,7 @@ use core::fmt;
 
 pub mod ascii;
 pub mod crc;
+pub mod delta;
 pub mod pdu;
 pub mod rtu;
 pub mod tcp;

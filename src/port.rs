@@ -7,17 +7,21 @@
 //! devices.
 
 pub mod cache;
+pub mod cut;
 pub mod flights;
 pub mod queue;
 pub mod shared_bus;
 pub mod units;
 
+pub(crate) mod arriving;
 pub(crate) mod bus;
+pub(crate) mod copy;
 pub(crate) mod desk;
 pub(crate) mod framing;
 pub(crate) mod line;
 pub(crate) mod link;
 pub(crate) mod local;
+pub(crate) mod reply;
 pub(crate) mod serial_client;
 pub(crate) mod serial_server;
 pub(crate) mod sockets;

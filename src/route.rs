@@ -11,6 +11,10 @@ use crate::config::{IpPrefix, PortId, PortKind, Settings, Side, Special, is_impl
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, Extent};
 
+mod cut;
+
+pub use cut::{Onward, onward};
+
 /// One row of the routing table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Route {
@@ -43,6 +47,8 @@ pub struct Policy {
     pub urgent: Functions,
     /// Whose answers will do for a read.
     pub sharing: Sharing,
+    /// Whether frames from one serial line to another are passed on while they arrive.
+    pub cut: Cut,
 }
 
 /// Whose answers will do for a read besides one that is sent for it alone.
@@ -64,6 +70,18 @@ impl Sharing {
     }
 }
 
+/// Whether frames are passed on while they arrive (cut-through), or when they are whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Cut {
+    /// Where the board's transmitters cannot underrun.
+    #[default]
+    Auto,
+    /// Wherever it can be done.
+    On,
+    /// Never.
+    Off,
+}
+
 impl Default for Policy {
     /// Everything passes, with normal priority.
     fn default() -> Self {
@@ -74,6 +92,7 @@ impl Default for Policy {
             priority: Priority::Normal,
             urgent: Functions::NONE,
             sharing: Sharing::DEFAULT,
+            cut: Cut::Auto,
         }
     }
 }
@@ -81,7 +100,8 @@ impl Default for Policy {
 impl Policy {
     /// The rank of `request`, or the exception that it gets.
     pub fn admit(&self, request: &[u8]) -> Result<Priority, Exception> {
-        let function = request.first().copied().unwrap_or(0);
+        // A request of which only the unit has come, by a rule that needs no more of it.
+        let Some(&function) = request.first() else { return Ok(self.priority) };
         if !self.functions.contains(function) {
             return Err(Exception::ILLEGAL_FUNCTION);
         }

@@ -2,12 +2,12 @@
 //!
 //! A request is looked up in the routing table and goes to the destination's queue under the unit id that it has
 //! there; an answer goes back to whoever asked. Every frame that a port sent comes home, with an answer or without, so a
-//! port knows what is open by counting. All messages pass [`Gateway::settle`] on their way back: the one place to watch.
+//! port knows what is open by counting. All messages pass [`Gateway::note`] at their end: the one place to watch.
 
 use embassy_time::Instant;
 
 use crate::config::PortId;
-use crate::frame::{Channel, Envelope, Frame, Origin, Stage, Way};
+use crate::frame::{Channel, Envelope, Fill, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
@@ -22,7 +22,11 @@ impl Gateway<'_> {
             let frame = self.inbox.receive(self.pool()).await;
             match frame.envelope().stage {
                 Stage::Request => self.forward(frame),
-                Stage::Answer | Stage::Silence => self.settle(frame),
+                Stage::Answering => self.deliver(frame),
+                Stage::Answer | Stage::Silence => {
+                    self.note(&frame);
+                    self.deliver(frame);
+                }
             }
         }
     }
@@ -118,12 +122,14 @@ impl Gateway<'_> {
         }
     }
 
-    /// Gives a frame back to whoever asked, and writes the transaction into the log.
-    fn settle(&self, frame: Frame<'_>) {
+    /// Writes a transaction into the log that has come to its end.
+    pub(crate) fn note(&self, frame: &Frame<'_>) {
         let envelope = frame.envelope();
-        let outcome = match (exception_of(&frame), envelope.stage) {
+        let outcome = match (exception_of(frame), envelope.stage) {
             _ if self.is_gone(envelope.origin) => Outcome::AskerGone,
             (_, Stage::Silence) => Outcome::Silence,
+            // An answer that was broken off after it had begun.
+            _ if frame.filled().1 != Fill::Complete => Outcome::Silence,
             (Some(exception), _) => Outcome::Exception(exception),
             _ => Outcome::Answer,
         };
@@ -139,10 +145,15 @@ impl Gateway<'_> {
             outcome,
             took_us: u32::try_from(took.as_micros()).unwrap_or(u32::MAX),
         });
-        match (self.way_back(envelope.origin), outcome) {
-            (_, Outcome::AskerGone) => self.count_at(&envelope, Event::AskerGone),
-            (Some(channel), _) => channel.send(frame),
-            (None, _) => {}
+    }
+
+    /// Gives a frame back to whoever asked.
+    fn deliver(&self, frame: Frame<'_>) {
+        let envelope = frame.envelope();
+        match self.way_back(envelope.origin) {
+            _ if self.is_gone(envelope.origin) => self.count_at(&envelope, Event::AskerGone),
+            Some(channel) => channel.send(frame),
+            None => {}
         }
     }
 

@@ -74,11 +74,17 @@ pub enum Event {
     Collision,
     /// A frame for or from another unit on a shared bus.
     Foreign,
+    /// A frame that was passed on while it arrived at another serial line.
+    Cut,
+    /// A request of a master on another serial line, or the answer to one, that was sent when it was whole.
+    Stored,
+    /// A frame that was begun while it arrived, and did not come to a good end.
+    Aborted,
 }
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 30] = [
+    pub const ALL: [Self; 33] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -109,6 +115,9 @@ impl Event {
         Self::LineLost,
         Self::Collision,
         Self::Foreign,
+        Self::Cut,
+        Self::Stored,
+        Self::Aborted,
     ];
 
     /// Its name in `show stats`.
@@ -144,6 +153,9 @@ impl Event {
             Self::LineLost => "line-lost",
             Self::Collision => "collisions",
             Self::Foreign => "foreign",
+            Self::Cut => "cut",
+            Self::Stored => "stored",
+            Self::Aborted => "aborted",
         }
     }
 }

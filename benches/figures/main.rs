@@ -1,6 +1,7 @@
 //! The gateway's figures in virtual time: the same on every machine, since no clock of the machine is looked at.
 //!
-//! Each is printed as `figure NAME VALUE UNIT TARGET ok|short`. Names given as arguments select what is run.
+//! Each is printed as `figure NAME VALUE UNIT TARGET ok|short`. Names given as arguments select what is run; `plot`
+//! draws docs/paper.svg.
 
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
@@ -8,6 +9,8 @@ use mobgate_clock as _;
 mod faults;
 mod line;
 mod merging;
+mod paper;
+mod plot;
 mod shared_bus;
 mod sharing;
 
@@ -16,21 +19,25 @@ mod sharing;
 pub(crate) enum Target {
     AtLeast(f64),
     AtMost(f64),
+    None,
 }
 
 /// Prints one figure.
 pub(crate) fn figure(name: &str, value: f64, unit: &str, target: Target) {
-    let (sign, bound, holds) = match target {
-        Target::AtLeast(bound) => (">=", bound, value >= bound),
-        Target::AtMost(bound) => ("<=", bound, value <= bound),
+    let round = |value: f64| (value * 1e4).round() / 1e4;
+    let (wanted, holds) = match target {
+        Target::AtLeast(bound) => (format!(">={}", round(bound)), value >= bound),
+        Target::AtMost(bound) => (format!("<={}", round(bound)), value <= bound),
+        Target::None => ("-".to_owned(), true),
     };
     let verdict = if holds { "ok" } else { "short" };
-    println!("figure {name} {} {unit} {sign}{bound} {verdict}", (value * 1e4).round() / 1e4);
+    println!("figure {name} {} {unit} {wanted} {verdict}", round(value));
 }
 
 fn main() {
-    let groups: [(&str, fn()); 5] = [
+    let groups: [(&str, fn()); 6] = [
         ("line", line::figures),
+        ("paper", paper::figures),
         ("sharing", sharing::figures),
         ("merging", merging::figures),
         ("faults", faults::figures),
@@ -38,6 +45,9 @@ fn main() {
     ];
     // Cargo adds `--bench`; what is left are the names of groups.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();
+    if wanted.iter().any(|group| group == "plot") {
+        plot::draw().expect("a folder in which docs/ can be written");
+    }
     for (name, figures) in groups {
         if wanted.is_empty() || wanted.iter().any(|group| group == name) {
             figures();

@@ -10,7 +10,7 @@ use super::{
     Driver, Framing, IpPrefix, LineSettings, Parity, Port, PortKind, SerialClientSettings,
     SerialServerSettings, SerialSettings, Settings, Side, Special, TcpServerSettings, UnitPolicy,
 };
-use crate::route::{AddressRange, Functions, Policy, Priority, Route, Tag, UnitRange};
+use crate::route::{AddressRange, Cut, Functions, Policy, Priority, Route, Tag, UnitRange};
 
 /// Longest baud rate and character format.
 pub const SPEED_BYTES_MAX: usize = 16;
@@ -83,7 +83,18 @@ impl Display for Policy {
         option(f, "priority", self.priority, self.priority != default.priority)?;
         option(f, "urgent", self.urgent, self.urgent != default.urgent)?;
         option(f, "merge", "off", !self.sharing.merge)?;
-        option(f, "cache", Time(self.sharing.cache()), self.sharing.cache_ms != default.sharing.cache_ms)
+        option(f, "cache", Time(self.sharing.cache()), self.sharing.cache_ms != default.sharing.cache_ms)?;
+        option(f, "cut", self.cut, self.cut != default.cut)
+    }
+}
+
+impl Display for Cut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Auto => "auto",
+            Self::On => "on",
+            Self::Off => "off",
+        })
     }
 }
 

@@ -8,9 +8,10 @@ use super::problem::{LineError, Problem};
 use super::values::{parse_number, prefix, small, time};
 use super::words::{Word, Words};
 use super::{IpPrefix, PortId, PortKind, Settings};
-use crate::route::{AddressRange, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
+use crate::route::{AddressRange, Cut, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
 
-const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low, urgent 5,6, merge on|off or cache 1s";
+const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low, urgent 5,6, merge on|off, \
+     cache 1s or cut auto|on|off";
 
 /// How old an answer from memory may be.
 const CACHE: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(60);
@@ -106,6 +107,7 @@ enum Key {
     Urgent,
     Merge,
     Cache,
+    Cut,
 }
 
 const KEYS: &[(&str, Key)] = &[
@@ -118,6 +120,7 @@ const KEYS: &[(&str, Key)] = &[
     ("urgent", Key::Urgent),
     ("merge", Key::Merge),
     ("cache", Key::Cache),
+    ("cut", Key::Cut),
 ];
 
 const DESTINATIONS: &[(&str, Destination)] =
@@ -128,12 +131,16 @@ const ON_OFF: &[(&str, bool)] = &[("on", true), ("off", false)];
 const PRIORITIES: &[(&str, Priority)] =
     &[("high", Priority::High), ("normal", Priority::Normal), ("low", Priority::Low)];
 
+const CUTS: &[(&str, Cut)] = &[("auto", Cut::Auto), ("on", Cut::On), ("off", Cut::Off)];
+
 /// The words of the columns and options.
 pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
     let keys = KEYS.iter().map(|&(keyword, _)| keyword);
     let destinations = DESTINATIONS.iter().map(|&(keyword, _)| keyword);
+    let values =
+        PRIORITIES.iter().map(|&(keyword, _)| keyword).chain(CUTS.iter().map(|&(keyword, _)| keyword));
     let switches = ON_OFF.iter().map(|&(keyword, _)| keyword);
-    keys.chain(destinations).chain(PRIORITIES.iter().map(|&(keyword, _)| keyword)).chain(switches)
+    keys.chain(destinations).chain(values).chain(switches)
 }
 
 fn options(words: &mut Words) -> Result<Policy, LineError> {
@@ -152,6 +159,7 @@ fn options(words: &mut Words) -> Result<Policy, LineError> {
             Key::Urgent => policy.urgent = function_list(words)?,
             Key::Merge => policy.sharing.merge = words.take().keyword(ON_OFF, "on or off")?,
             Key::Cache => policy.sharing.cache_ms = cache(words.take())?,
+            Key::Cut => policy.cut = words.take().keyword(CUTS, "auto, on or off")?,
         }
         // Three of the words say the same thing in different ways.
         let thing = if matches!(key, Key::ReadOnly | Key::All) { Key::Functions } else { key };

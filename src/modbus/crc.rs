@@ -3,7 +3,7 @@
 use crc::{CRC_16_MODBUS, Crc};
 
 /// The table of 256 entries; a static, so that it stays in flash.
-static MODBUS: Crc<u16> = Crc::<u16>::new(&CRC_16_MODBUS);
+pub(crate) static MODBUS: Crc<u16> = Crc::<u16>::new(&CRC_16_MODBUS);
 
 /// The CRC of an RTU frame's unit and PDU; on the wire its low byte comes first (Serial Line V1.02, clause 6.2.2).
 pub fn crc16(bytes: &[u8]) -> u16 {

@@ -8,12 +8,15 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
 
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
+use crate::frame::Frame;
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{Decoder, LINE_FEED};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::rtu::{self, AtSilence, Received};
+use crate::port::copy::{Copied, copy};
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::{Collision, Line, LineLost};
+use crate::port::reply::Reply;
 use crate::stats::Event;
 
 /// Why there is no response.
@@ -93,22 +96,25 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         Ok(())
     }
 
-    /// Sends `request` to `unit`, hands the response PDU to `take`, and gives the time from the request's end to it.
-    pub(crate) async fn exchange(
+    /// Sends the order `frame` to `unit` while it arrives.
+    pub(crate) async fn copy(&mut self, frame: &Frame<'_>, unit: u8) -> Result<Copied, LineLost> {
+        self.decoder.clear();
+        self.line.stats.count(Event::Request);
+        copy(&mut self.line, frame, (frame.envelope().unit, unit)).await
+    }
+
+    /// Waits for the response to what was just sent, and gives the time from the request's end to it.
+    pub(crate) async fn receive(
         &mut self,
-        unit: u8,
-        request: &[u8],
-        mut take: impl FnMut(&[u8]),
+        reply: &mut Reply<'_, '_>,
     ) -> Result<Result<Duration, Failure>, LineLost> {
-        if let Err(Collision) = self.send(unit, request).await? {
-            return Ok(Err(Failure::Collision));
-        }
         let sent = self.line.active;
-        let outcome = self.response(unit, request, sent + self.client.timeout, &mut take).await?;
+        let outcome = self.response(reply, sent + self.client.timeout).await?;
         Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
     }
 
-    async fn send(&mut self, unit: u8, request: &[u8]) -> Result<Result<(), Collision>, LineLost> {
+    /// Sends `request` to `unit`.
+    pub(crate) async fn send(&mut self, unit: u8, request: &[u8]) -> Result<Result<(), Collision>, LineLost> {
         self.decoder.clear();
         let mut frame = [0; FRAME_CHARS_MAX];
         let frame = self.framing.encode(unit, request, LINE_FEED, &mut frame).map_err(|_| LineLost)?;
@@ -119,16 +125,15 @@ impl<'s, L: SerialLine> Bus<'s, L> {
 
     async fn response(
         &mut self,
-        unit: u8,
-        request: &[u8],
+        reply: &mut Reply<'_, '_>,
         deadline: Instant,
-        take: &mut impl FnMut(&[u8]),
     ) -> Result<Result<(), Failure>, LineLost> {
         // A frame that has begun in time is heard to its end, but a line that babbles is not heard for ever.
         let longest = self.line.settings.chars(self.framing.chars_max());
         let end = deadline + longest + self.silence;
+        let mut begun = self.line.active;
         // What was read with the request's echo.
-        let mut found = self.look(unit, request, take);
+        let mut found = self.look(reply);
         loop {
             match found {
                 Found::Nothing => {}
@@ -137,22 +142,36 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                 Found::Other(event) => {
                     self.line.stats.count(event);
                     if !self.line.heard().is_empty() {
-                        found = self.look(unit, request, take);
+                        found = self.look(reply);
                         continue;
                     }
                 }
             }
-            let begun = self.has_begun();
-            let until = if begun { end.min(self.line.active + self.silence) } else { deadline };
-            found = match with_deadline(until, self.line.read()).await {
+            let before = self.line.heard().len();
+            let has_begun = self.has_begun();
+            let until = if has_begun { end.min(self.line.active + self.silence) } else { deadline };
+            found = match with_deadline(until.min(reply.due()), self.line.read()).await {
                 Ok(read) => {
                     read?;
-                    self.look(unit, request, take)
+                    if before == 0 {
+                        begun = self.line.active - self.line.settings.chars(self.line.heard().len());
+                    }
+                    self.pass_on(reply, begun);
+                    self.look(reply)
                 }
-                Err(TimeoutError) if begun => self.look_at_silence(unit, request, take),
+                Err(TimeoutError) if Instant::now() < until => {
+                    self.pass_on(reply, begun);
+                    Found::Nothing
+                }
+                Err(TimeoutError) if has_begun => self.look_at_silence(reply),
                 Err(TimeoutError) => return Ok(Err(Failure::Timeout)),
             };
         }
+    }
+
+    /// Passes on what has been heard since `begun`, if it is time. What is read late must not be missing.
+    fn pass_on(&self, reply: &mut Reply<'_, '_>, begun: Instant) {
+        reply.hear(self.line.heard(), begun + self.line.jitter, &self.line.settings);
     }
 
     /// Whether something has begun of which more is to come.
@@ -164,18 +183,21 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     }
 
     /// Looks at what has come so far.
-    fn look(&mut self, unit: u8, request: &[u8], take: &mut impl FnMut(&[u8])) -> Found {
+    fn look(&mut self, reply: &mut Reply<'_, '_>) -> Found {
+        let (unit, request) = (reply.unit(), reply.request());
         match self.framing {
             Framing::Rtu => match rtu::response(unit, request, self.line.heard()) {
                 Received::Complete(pdu) => {
-                    take(pdu);
+                    reply.whole(self.line.heard(), pdu);
                     Found::Response
                 }
-                Received::Partial => Found::Nothing,
+                Received::Partial => {
+                    reply.not_yet(self.line.heard(), false);
+                    Found::Nothing
+                }
             },
             Framing::Ascii => {
-                let (found, count) =
-                    look_for_ascii(&mut self.decoder, self.line.heard(), unit, request, take);
+                let (found, count) = look_for_ascii(&mut self.decoder, self.line.heard(), reply);
                 self.line.consume(count);
                 found
             }
@@ -183,11 +205,12 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     }
 
     /// Looks at what has come when nothing more is to come of it.
-    fn look_at_silence(&mut self, unit: u8, request: &[u8], take: &mut impl FnMut(&[u8])) -> Found {
+    fn look_at_silence(&mut self, reply: &mut Reply<'_, '_>) -> Found {
+        let (unit, request) = (reply.unit(), reply.request());
         let found = match self.framing {
             Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
                 AtSilence::Complete(pdu) => {
-                    take(pdu);
+                    reply.whole(self.line.heard(), pdu);
                     Found::Response
                 }
                 AtSilence::Damaged => Found::Damaged,
@@ -200,26 +223,22 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                 damage(&self.decoder, unit, request)
             }
         };
+        reply.not_yet(self.line.heard(), true);
         self.line.clear();
         found
     }
 }
 
 /// Looks through `heard` up to the first end of a frame, and says how many characters that took.
-fn look_for_ascii(
-    decoder: &mut Decoder,
-    heard: &[u8],
-    unit: u8,
-    request: &[u8],
-    take: &mut impl FnMut(&[u8]),
-) -> (Found, usize) {
+fn look_for_ascii(decoder: &mut Decoder, heard: &[u8], reply: &mut Reply<'_, '_>) -> (Found, usize) {
+    let (unit, request) = (reply.unit(), reply.request());
     for (before, &character) in heard.iter().enumerate() {
         let found = match decoder.push(character) {
             None => continue,
             Some(Ok((from, _))) if from != unit => Found::Other(Event::WrongUnit),
             Some(Ok((_, response))) if pdu::fits(request, response).is_err() => Found::Other(Event::Misfit),
             Some(Ok((_, response))) => {
-                take(response);
+                reply.whole(&[], response);
                 Found::Response
             }
             Some(Err(_)) => damage(decoder, unit, request),

@@ -19,7 +19,7 @@ use embassy_time::{Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
-use crate::frame::{Envelope, Frame};
+use crate::frame::{Envelope, Frame, Stage};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
@@ -193,7 +193,11 @@ impl<'g> Desk<'g> {
         {
             self.cache.borrow_mut().keep(question, answer, since);
         }
-        self.gateway.answered(frame);
+        if is_answering(&frame) {
+            self.gateway.note(&frame);
+        } else {
+            self.gateway.answered(frame);
+        }
         while let Some(rider) = order.unload() {
             // It fitted into a frame of the same size.
             let _ = rider.replace(answer);
@@ -228,6 +232,17 @@ impl<'g> Desk<'g> {
         self.queue.borrow().writes_to(unit) || self.current.borrow().iter().any(writes)
     }
 
+    /// Gives whoever asked `order` while its answer is still written into it.
+    pub(crate) fn answering(&self, order: &Frame<'g>) {
+        order.address(Envelope { stage: Stage::Answering, ..order.envelope() });
+        self.gateway.inbox.send(order.share());
+    }
+
+    /// Drops `order`, which was broken off while it arrived: whoever sent it knows.
+    pub(crate) fn forget(&self, order: &Frame<'g>) {
+        drop(self.take(order));
+    }
+
     /// Sends `order` home without an answer: a broadcast.
     pub(crate) fn done_silently(&self, order: &Frame<'g>) {
         if let Some(current) = self.take(order) {
@@ -241,8 +256,15 @@ impl<'g> Desk<'g> {
     /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until the
     /// late answer can no longer come.
     pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
-        let Some(current) = self.take(order) else { return };
-        let mut repeated = self.again(current.frame, retries);
+        let Some(Current { frame, .. }) = self.take(order) else { return };
+        // Where the answer has begun, nothing can follow it.
+        let mut repeated = match is_answering(&frame) {
+            true => {
+                self.gateway.note(&frame);
+                false
+            }
+            false => self.again(frame, retries),
+        };
         while let Some(rider) = order.unload() {
             repeated |= self.again(rider, retries);
         }
@@ -293,7 +315,9 @@ impl<'g> Desk<'g> {
             while let Some(rider) = frame.unload() {
                 self.gateway.refuse(rider, Exception::GATEWAY_NO_RESPONSE);
             }
-            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
+            if !is_answering(&frame) {
+                self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
+            }
         }
         while let Some((frame, event)) = self.queue.borrow_mut().take_if(|_, _| Some(Event::NoPath)) {
             self.fail(frame, event, Exception::GATEWAY_NO_PATH);
@@ -318,4 +342,9 @@ impl<'g> Desk<'g> {
         log_debug!("port {}: {} for unit {}", self.id.0, event.name(), frame.envelope().target);
         self.gateway.refuse(frame, exception);
     }
+}
+
+/// Whether whoever asked `order` has been given it while its answer was still being written: it must not be sent home again.
+pub(crate) fn is_answering(order: &Frame<'_>) -> bool {
+    order.envelope().stage == Stage::Answering
 }

@@ -39,6 +39,8 @@ pub(crate) struct Line<'s, L> {
     pub(crate) active: Instant,
     received: [u8; RECEIVE_BYTES_MAX],
     length: usize,
+    /// Since when characters have been sent without a pause, and how many.
+    run: (Instant, usize),
 }
 
 /// Opens a line again and again, with back-off, and tells how that goes.
@@ -95,7 +97,8 @@ impl<'s> Opening<'s> {
 impl<'s, L: SerialLine> Line<'s, L> {
     fn new(io: L, settings: LineSettings, jitter: Duration, stats: &'s Counters) -> Self {
         let active = Instant::now();
-        Self { io, settings, jitter, stats, active, received: [0; RECEIVE_BYTES_MAX], length: 0 }
+        let (received, run) = ([0; RECEIVE_BYTES_MAX], (active, 0));
+        Self { io, settings, jitter, stats, active, received, length: 0, run }
     }
 
     /// What was heard and not consumed.
@@ -157,6 +160,27 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
         self.active = end.max(Instant::now());
         if self.settings.echo { self.take_echo(frame).await } else { Ok(Ok(())) }
+    }
+
+    /// Begins a frame whose characters follow by [`Line::feed`]; what was heard before is dropped.
+    pub(crate) fn begin(&mut self) {
+        self.clear();
+        self.run = (Instant::now(), 0);
+    }
+
+    /// Sends more `characters` of a frame.
+    pub(crate) async fn feed(&mut self, characters: &[u8]) -> Result<(), LineLost> {
+        let now = Instant::now();
+        if self.active < now {
+            self.run = (now, 0);
+        }
+        self.run.1 += characters.len();
+        let (since, count) = self.run;
+        self.active = since + self.settings.chars(count);
+        match with_timeout(self.active - now + STUCK, self.io.write_all(characters)).await {
+            Ok(Ok(())) => Ok(()),
+            _ => Err(LineLost),
+        }
     }
 
     async fn drive(&mut self, on: bool) -> Result<(), LineLost> {

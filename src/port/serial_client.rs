@@ -7,14 +7,16 @@ use embassy_futures::select::select;
 use embassy_time::{Instant, Timer};
 
 use crate::config::{SerialClientSettings, SerialSettings};
-use crate::frame::Frame;
+use crate::frame::{Fill, Frame, Way};
 use crate::hal::{SerialHost, SerialLine};
 use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::port::bus::{Bus, Failure};
+use crate::port::copy::Copied;
 use crate::port::desk::Desk;
-use crate::port::line::{LineLost, Opening};
+use crate::port::line::{Collision, LineLost, Opening};
 use crate::port::queue::Next;
+use crate::port::reply::Reply;
 use crate::stats::Event;
 
 /// Keeps the line open and carries out the desk's orders, for ever.
@@ -57,6 +59,25 @@ async fn carry_out<'g, L: SerialLine>(
     unit: u8,
 ) -> Result<(), LineLost> {
     let place = desk.place();
+    let window = client.late_window.unwrap_or(client.timeout);
+    let fill = frame.filled().1;
+    if fill == Fill::Broken {
+        // Nothing of it has been sent, and nothing is.
+        desk.forget(&frame);
+        return Ok(());
+    }
+    let arriving = fill == Fill::Filling;
+    if arriving {
+        let copied = bus.copy(&frame, unit).await?;
+        if copied == Copied::Short {
+            place.units(|units| units.hold(unit, Instant::now(), window));
+        }
+        if copied != Copied::Whole {
+            // The unit has not been asked: whoever sent this knows, and the far end rejects it.
+            desk.forget(&frame);
+            return Ok(());
+        }
+    }
     let mut request = [0; PDU_BYTES_MAX];
     let length = frame.copy_pdu(&mut request);
     let request = request.get(..length).unwrap_or(&[]);
@@ -66,12 +87,14 @@ async fn carry_out<'g, L: SerialLine>(
         return Ok(());
     }
     place.units(|units| units.asked(unit));
-    // A response fits into the frame: it is no longer than a PDU may be.
-    let take = |response: &[u8]| {
-        let _ = frame.replace(response);
+    if !arriving && frame.envelope().origin.way == Way::Line {
+        place.stats.count(Event::Stored);
+    }
+    let outcome = match if arriving { Ok(()) } else { bus.send(unit, request).await? } {
+        Ok(()) => bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?,
+        Err(Collision) => Err(Failure::Collision),
     };
-    let window = client.late_window.unwrap_or(client.timeout);
-    match bus.exchange(unit, request, take).await? {
+    match outcome {
         Ok(took) => {
             let exception = frame.function() & EXCEPTION_BIT != 0;
             place.units(|units| units.answered(unit, took, exception));

@@ -8,12 +8,12 @@
 use embassy_time::Instant;
 
 use crate::config::{PortId, SerialSettings};
-use crate::frame::{Envelope, Origin, Stage, Way};
+use crate::frame::{Envelope, Frame, FrameWriter, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::hal::SerialHost;
 use crate::modbus::pdu;
 use crate::port::line::{LineLost, Opening};
-use crate::route::{self, Priority, Sharing};
+use crate::route::{self, Onward, Priority, Sharing, onward};
 use crate::stats::Event;
 
 mod session;
@@ -26,9 +26,11 @@ pub(crate) struct Server<'s, 'g> {
     pub(crate) place: &'s PortPlace,
     pub(crate) id: PortId,
     pub(crate) settings: &'s SerialSettings,
+    /// What the board says of its transmitters.
+    pub(crate) never_underruns: bool,
 }
 
-impl Server<'_, '_> {
+impl<'g> Server<'_, 'g> {
     /// Keeps the line open and answers on it, for ever.
     pub(crate) async fn run<H: SerialHost>(&self, host: &mut H) {
         let mut opening = Opening::new(self.place, self.settings);
@@ -54,20 +56,22 @@ impl Server<'_, '_> {
         self.gateway.settings(|settings| route::is_routed(settings, self.id, unit))
     }
 
-    /// Sends a request to the router; says whether an answer will come.
-    fn ask(&self, unit: u8, request: &[u8], received: Instant) -> bool {
+    /// Whether a request for `unit` that begins with `so_far` may be passed on while it arrives.
+    fn onward(&self, unit: u8, so_far: &[u8]) -> Onward {
+        self.gateway.settings(|settings| onward(settings, self.id, unit, so_far, self.never_underruns))
+    }
+
+    /// A frame for a request.
+    fn take_frame(&self) -> Option<(FrameWriter<'g>, Frame<'g>)> {
         // The pool's first frames are the seats', the next are the ports'.
-        let owner = self.gateway.seats().len() + self.id.index();
-        let Some((mut writer, frame)) = self.gateway.pool().take(owner) else {
-            self.place.stats.count(Event::BackPressure);
-            return false;
-        };
-        // A frame's PDU is no longer than a PDU may be.
-        let _ = writer.push(request);
-        writer.finish();
+        self.gateway.pool().take(self.gateway.seats().len() + self.id.index())
+    }
+
+    /// The envelope of the master's next request.
+    fn envelope(&self, unit: u8, received: Instant) -> Envelope {
         let generation = self.place.renew();
         let way = if unit == 0 { Way::Nobody } else { Way::Line };
-        frame.address(Envelope {
+        Envelope {
             origin: Origin { port: self.id, way, generation },
             transaction: 0,
             peer: None,
@@ -80,7 +84,21 @@ impl Server<'_, '_> {
             deadline: received + self.settings.server.answer_within,
             repeats: 0,
             stage: Stage::Request,
-        });
+            cut: false,
+        }
+    }
+
+    /// Sends a request to the router; says whether an answer will come.
+    fn ask(&self, unit: u8, request: &[u8], received: Instant) -> bool {
+        let Some((mut writer, frame)) = self.take_frame() else {
+            self.place.stats.count(Event::BackPressure);
+            return false;
+        };
+        // A frame's PDU is no longer than a PDU may be.
+        let _ = writer.push(request);
+        writer.finish();
+        let cut = matches!(self.onward(unit, request), Onward::To(_));
+        frame.address(Envelope { cut, ..self.envelope(unit, received) });
         self.place.stats.count(Event::Request);
         match pdu::check_request(request) {
             Ok(()) => self.gateway.inbox.send(frame),

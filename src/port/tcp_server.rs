@@ -234,6 +234,7 @@ impl Server<'_, '_> {
             deadline: received + self.settings.lifetime,
             repeats: 0,
             stage: Stage::Request,
+            cut: false,
         });
         self.place.stats.count(Event::Request);
         self.seat.update(|seat| {

@@ -170,6 +170,7 @@ impl<'s, 'g> Server<'s, 'g> {
             deadline: received + self.settings.lifetime,
             repeats: 0,
             stage: Stage::Request,
+            cut: false,
         }
     }
 

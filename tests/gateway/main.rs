@@ -4,6 +4,8 @@
 use mobgate_clock as _;
 
 mod cache;
+mod cut_through;
+mod cut_torture;
 mod flights;
 mod frames;
 mod line;

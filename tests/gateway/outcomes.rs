@@ -2,7 +2,7 @@
 
 use embassy_time::{Duration, Timer};
 use mobgate::config::Framing;
-use mobgate_simulator::client::Answer;
+use mobgate_simulator::client::{Answer, Reply};
 use mobgate_simulator::fault::When;
 use mobgate_simulator::rig::machine;
 use mobgate_simulator::{Client, Device, Fault, Faults, Master, rig};
@@ -55,17 +55,21 @@ impl Coming {
     }
 
     /// What the asker gets; the device's own answer is `answer`.
-    fn outcome(self, framing: Framing, answer: &[u8]) -> Vec<u8> {
+    fn outcome(self, framing: Framing, answer: &[u8], cut: bool) -> Answer {
         let function = answer[0];
         // The end of such an RTU answer is told by silence only, so what stands behind it belongs to it. The others have
         // lengths that the request tells (Application Protocol 6).
         let ended_by_silence = !matches!(function, 1..=8 | 11 | 12 | 15..=17 | 20..=24);
-        match self {
+        if cut && !ended_by_silence && matches!(self, Self::Truncated | Self::BadCheck) {
+            // It was passed on while it came, and nothing can follow it: the asker sees the damage.
+            return Answer::Wrong(Reply { transaction: 0, protocol: 0, unit: 0, pdu: Vec::new() });
+        }
+        Answer::Pdu(match self {
             Self::Normal | Self::NoiseBefore => answer.to_vec(),
             Self::NoiseAfter if framing == Framing::Ascii || !ended_by_silence => answer.to_vec(),
             Self::Exception => vec![function | 0x80, DEVICE_FAILURE],
             _ => vec![function | 0x80, NO_RESPONSE],
-        }
+        })
     }
 }
 
@@ -109,11 +113,13 @@ impl Asker {
     }
 }
 
-/// All functions and all ways of one pair of framings.
-fn all_outcomes(server: &str, client: &str) {
+/// All functions and all ways of one pair of framings; `cut`: frames are passed on while they arrive.
+fn all_outcomes(server: &str, client: &str, cut: bool) {
+    let word = if cut { "on" } else { "off" };
     let timeout = TIMEOUT.as_millis();
     let settings = format!(
-        "port S {server}\nport C serial down {client} timeout {timeout}ms down-after 0\nroute S * * * C\n"
+        "port S {server}\nport C serial down {client} timeout {timeout}ms down-after 0\n\
+         route S * * * C cut {word}\n"
     );
     rig::with_gateway(1, &settings, |world, rig| {
         let device = Device::new(UNIT);
@@ -132,7 +138,7 @@ fn all_outcomes(server: &str, client: &str) {
             device.set_faults(coming.faults(u64::from(function)));
             let case = format!("{server} to {client}, function {function}, {coming:?}");
             let outcome = world.run_until(asker.ask(&request));
-            assert_eq!(outcome, Answer::Pdu(coming.outcome(framing, &answer)), "{case}");
+            assert_eq!(outcome, coming.outcome(framing, &answer, cut), "{case}");
             // Whatever came, what comes next is the answer to what is asked next.
             let (request, answer) = exchange(if function == 6 { 3 } else { 6 });
             device.set_answer(&answer);
@@ -155,30 +161,35 @@ const ASCII_CLIENT: &str = "ascii client 115200 7E1";
 
 #[test]
 fn all_outcomes_from_rtu_to_rtu() {
-    all_outcomes(RTU_SERVER, RTU_CLIENT);
+    all_outcomes(RTU_SERVER, RTU_CLIENT, false);
+}
+
+#[test]
+fn all_outcomes_from_rtu_to_rtu_while_frames_arrive() {
+    all_outcomes(RTU_SERVER, RTU_CLIENT, true);
 }
 
 #[test]
 fn all_outcomes_from_rtu_to_ascii() {
-    all_outcomes(RTU_SERVER, ASCII_CLIENT);
+    all_outcomes(RTU_SERVER, ASCII_CLIENT, false);
 }
 
 #[test]
 fn all_outcomes_from_ascii_to_rtu() {
-    all_outcomes(ASCII_SERVER, RTU_CLIENT);
+    all_outcomes(ASCII_SERVER, RTU_CLIENT, false);
 }
 
 #[test]
 fn all_outcomes_from_ascii_to_ascii() {
-    all_outcomes(ASCII_SERVER, ASCII_CLIENT);
+    all_outcomes(ASCII_SERVER, ASCII_CLIENT, false);
 }
 
 #[test]
 fn all_outcomes_from_tcp_to_rtu() {
-    all_outcomes(TCP_SERVER, RTU_CLIENT);
+    all_outcomes(TCP_SERVER, RTU_CLIENT, false);
 }
 
 #[test]
 fn all_outcomes_from_tcp_to_ascii() {
-    all_outcomes(TCP_SERVER, ASCII_CLIENT);
+    all_outcomes(TCP_SERVER, ASCII_CLIENT, false);
 }

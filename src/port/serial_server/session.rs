@@ -13,14 +13,15 @@ use super::Server;
 use crate::config::Framing;
 use crate::frame::{Frame, Stage};
 use crate::hal::SerialLine;
-use crate::modbus::ascii::LINE_FEED;
 use crate::modbus::crc::crc16;
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
-use crate::modbus::{Exception, PDU_BYTES_MAX, rtu};
-use crate::port::framing::FRAME_CHARS_MAX;
+use crate::modbus::{PDU_BYTES_MAX, rtu};
+use crate::port::arriving::Passing;
 use crate::port::line::{Line, LineLost};
 use crate::port::shared_bus::{AsciiEar, Heard, RtuEar};
-use crate::stats::{Counters, Event, LastError};
+use crate::stats::{Event, LastError};
+
+mod answer;
+mod onward;
 
 /// The request that is open.
 enum Open<'g> {
@@ -54,6 +55,11 @@ pub(super) struct Session<'s, 'g, L> {
     line: Line<'s, L>,
     ear: Ear,
     open: Open<'g>,
+    /// When what is being heard began, and how far it has been passed on.
+    begun: Instant,
+    passing: Passing<'g>,
+    /// This master has used functions whose end only silence tells: no frame is begun before its function is known.
+    wary: bool,
     /// The latest answer.
     answered: Option<Answered>,
 }
@@ -79,7 +85,16 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             Framing::Rtu => Ear::Rtu(RtuEar::new()),
             Framing::Ascii => Ear::Ascii(AsciiEar::new()),
         };
-        Self { server, line, ear, open: Open::None, answered: None }
+        Self {
+            server,
+            begun: line.active,
+            line,
+            ear,
+            open: Open::None,
+            passing: Passing::Whole,
+            wary: false,
+            answered: None,
+        }
     }
 
     /// Hears and answers until the line is lost.
@@ -93,17 +108,31 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             };
             let server = self.server;
             let answers = server.place.queue.receive(server.gateway.pool());
-            match select3(self.line.read(), answers, Timer::at(due.min(quiet))).await {
+            let (active, begins) = (self.line.active, self.line.heard().is_empty());
+            let until = due.min(quiet).min(self.passing.due());
+            match select3(self.line.read(), answers, Timer::at(until)).await {
                 Either3::First(read) => {
                     read?;
-                    self.interrupted();
-                    // Where reads keep up with the wire, only silence ends a frame.
-                    if self.line.jitter.as_ticks() > 0 || matches!(self.ear, Ear::Ascii(_)) {
+                    if begins {
+                        self.begin(active);
+                    }
+                    if !self.is_stray() {
+                        self.interrupted();
+                    }
+                    let passed = self.pass_on();
+                    // Where reads keep up with the wire, only silence ends a frame that has not been passed on.
+                    if passed || self.line.jitter.as_ticks() > 0 || matches!(self.ear, Ear::Ascii(_)) {
                         self.listen(false);
+                    }
+                    if passed {
+                        self.give_up();
                     }
                 }
                 Either3::Second(frame) => self.take_answer(frame),
                 Either3::Third(()) if Instant::now() >= quiet => self.listen(true),
+                Either3::Third(()) if self.passing.is_due() => {
+                    self.pass_on();
+                }
                 Either3::Third(()) => self.due().await?,
             }
         }
@@ -117,6 +146,17 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
         };
         let silence = self.server.settings.framing.silence(&self.line.settings) + self.line.jitter;
         if waits { self.line.active + silence } else { Instant::MAX }
+    }
+
+    /// Whether what has been heard may be stray bits right behind a request that was over at its last character.
+    fn is_stray(&self) -> bool {
+        let few = self.line.heard().len() <= STRAY_BYTES_MAX;
+        few && matches!(self.open, Open::Asked { received, .. } if !self.is_apart(received))
+    }
+
+    /// Whether what is being heard began after a silence since `active`, or nearly so.
+    fn is_apart(&self, active: Instant) -> bool {
+        self.begun >= active + self.line.settings.gap() / 2
     }
 
     /// Something was heard while a request was open: the master does not wait for its answer any more.
@@ -144,7 +184,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
                 Judged::Request(unit) if self.is_echo(unit, request) => Event::Noise,
                 Judged::Request(unit) => {
                     let received = self.line.active;
-                    if self.server.ask(unit, request, received) {
+                    if self.finish(request, received) || self.server.ask(unit, request, received) {
                         let until = received + self.server.settings.server.answer_within;
                         self.open = Open::Asked { received, until };
                     }
@@ -157,9 +197,10 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
                 }
             };
             self.server.place.stats.count(event);
+            self.passing = Passing::Whole;
         }
         // The beginning of the next frame.
-        if !self.line.heard().is_empty() {
+        if !self.line.heard().is_empty() && !self.is_stray() {
             self.interrupted();
         }
     }
@@ -219,51 +260,5 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             }
             Open::None => Ok(()),
         }
-    }
-
-    async fn answer(&mut self, answer: Frame<'g>) -> Result<(), LineLost> {
-        let envelope = answer.envelope();
-        let mut pdu = [0; PDU_BYTES_MAX];
-        let length = answer.copy_pdu(&mut pdu);
-        drop(answer);
-        let pdu = pdu.get(..length).unwrap_or(&[]);
-        let delimiter = match &self.ear {
-            Ear::Ascii(ear) => ear.delimiter(),
-            Ear::Rtu(_) => LINE_FEED,
-        };
-        let mut frame = [0; FRAME_CHARS_MAX];
-        let framing = self.server.settings.framing;
-        let Ok(frame) = framing.encode(envelope.unit, pdu, delimiter, &mut frame) else { return Ok(()) };
-        // After a collision the master has heard no good answer, and asks again.
-        let _ = self.line.send(frame).await?;
-        // No frame that begins behind the answer can have ended by then.
-        let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);
-        let until = self.line.active + shortest + self.line.jitter;
-        self.answered = Some(Answered { unit: envelope.unit, crc: crc16(pdu), until });
-        let stats = &self.server.place.stats;
-        stats.count(Event::Answer);
-        if let [function, code] = *pdu
-            && function & EXCEPTION_BIT != 0
-        {
-            stats.count(Event::Exception);
-            note_exception(stats, Exception(code));
-        }
-        // The gateway's own unit has changed the character that ends frames; this answer still had the old one.
-        if let (Ear::Ascii(ear), [pdu::function::DIAGNOSTICS, 0, 3, delimiter, 0], None) =
-            (&mut self.ear, pdu, envelope.destination)
-        {
-            ear.set_delimiter(*delimiter);
-        }
-        Ok(())
-    }
-}
-
-/// Notes an exception that went out as what it says of the request.
-fn note_exception(stats: &Counters, exception: Exception) {
-    match exception {
-        Exception::ILLEGAL_FUNCTION => stats.note(LastError::Function),
-        Exception::ILLEGAL_ADDRESS => stats.note(LastError::Address),
-        Exception::ILLEGAL_VALUE => stats.note(LastError::Value),
-        _ => {}
     }
 }

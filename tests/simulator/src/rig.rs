@@ -1,6 +1,7 @@
 //! A gateway in a world: its settings are lines of text, its serial devices are wires, its clients come over a network.
 //!
-//! Every serial device that the settings name is a wire of its own with the gateway on it; what else is on the wire the
+//! Every serial device that the settings name is a wire of its own with the gateway on it, unless the names of two differ only
+//! behind an `@`: then both are on one wire, as two gateways would be. What else is on the wire the
 //! scenario adds. All of it lives on the stack of [`with_gateway`], and ends with it.
 
 use std::net::{IpAddr, Ipv4Addr};
@@ -110,14 +111,20 @@ fn serial(kind: &PortKind) -> Option<&SerialSettings> {
 }
 
 fn lines(settings: &Settings) -> Vec<Line> {
-    let ports = settings.ports.iter().flatten().filter_map(|port| serial(&port.kind));
-    ports
-        .map(|serial| {
-            let wire = Wire::new();
-            let end = wire.tap(serial.line);
-            Line { device: serial.device.as_str().to_owned(), framing: serial.framing, wire, end }
-        })
-        .collect()
+    let mut lines: Vec<Line> = Vec::new();
+    for serial in settings.ports.iter().flatten().filter_map(|port| serial(&port.kind)) {
+        let device = serial.device.as_str().to_owned();
+        let shared = lines.iter().find(|line| wire_of(&line.device) == wire_of(&device));
+        let wire = shared.map_or_else(Wire::new, |line| line.wire.clone());
+        let end = wire.tap(serial.line);
+        lines.push(Line { device, framing: serial.framing, wire, end });
+    }
+    lines
+}
+
+/// The wire of a device: `bus@left` and `bus@right` are two devices of the gateway on the wire `bus`.
+fn wire_of(device: &str) -> &str {
+    device.split_once('@').map_or(device, |(wire, _)| wire)
 }
 
 impl<'g> Rig<'g> {

@@ -52,6 +52,10 @@ impl SerialHost for SimSerial {
     fn read_jitter(&self) -> Duration {
         self.late_reads.unwrap_or(Duration::from_ticks(0))
     }
+
+    fn never_underruns(&self) -> bool {
+        self.late_reads.is_none()
+    }
 }
 
 /// An open serial line; dropping it closes it.

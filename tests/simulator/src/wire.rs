@@ -28,6 +28,9 @@ const UNREAD_CHARS_MAX: u64 = 4_096;
 /// Characters that an end takes for transmission before `write` waits, as in a UART's driver.
 const TRANSMIT_CHARS_MAX: u64 = 4_096;
 
+/// The clock's tick.
+const TICK_NS: u64 = 1_000;
+
 /// A character's place on the wire, in nanoseconds since the start.
 #[derive(Debug, Clone, Copy)]
 struct Character {
@@ -191,7 +194,8 @@ impl Bus {
         let now = now_ns();
         let Bus { ends, record, characters, .. } = self;
         let Some(end) = ends.get_mut(from) else { return };
-        if end.run.end_ns <= now {
+        // What is written in the tick in which the last character has ended follows it at once: the clock knows no better.
+        if end.run.end_ns + TICK_NS <= now {
             end.run = Run { start_ns: now, characters: 0, end_ns: now };
         }
         let line = end.line;

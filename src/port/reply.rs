@@ -1,0 +1,103 @@
+//! Where the response to an order goes: into the order's frame when it is whole, or while it arrives.
+
+use embassy_time::Instant;
+
+use crate::config::{LineSettings, PortKind};
+use crate::frame::Frame;
+use crate::modbus::pdu::{self, End};
+use crate::port::arriving::{Arriving, Passing, is_whole};
+use crate::port::desk::{Desk, is_answering};
+
+/// The response that is awaited.
+pub(crate) struct Reply<'r, 'g> {
+    desk: &'r Desk<'g>,
+    order: &'r Frame<'g>,
+    unit: u8,
+    request: &'r [u8],
+    /// The line of whoever asked, if the response may be passed on while it arrives.
+    asker: Option<LineSettings>,
+    passing: Passing<'g>,
+}
+
+impl<'r, 'g> Reply<'r, 'g> {
+    pub(crate) fn new(desk: &'r Desk<'g>, order: &'r Frame<'g>, unit: u8, request: &'r [u8]) -> Self {
+        let envelope = order.envelope();
+        // Once begun, an answer cannot be stored any more: its end must be sure to be told.
+        let has_end = pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
+        let asker = desk.gateway().settings(|settings| match &settings.port(envelope.origin.port)?.kind {
+            PortKind::Serial(serial) if envelope.cut && has_end => Some(serial.line),
+            _ => None,
+        });
+        Self { desk, order, unit, request, asker, passing: Passing::Open }
+    }
+
+    /// The unit asked.
+    pub(crate) fn unit(&self) -> u8 {
+        self.unit
+    }
+
+    /// The request's PDU.
+    pub(crate) fn request(&self) -> &'r [u8] {
+        self.request
+    }
+
+    /// When there is something to do though nothing comes.
+    pub(crate) fn due(&self) -> Instant {
+        self.passing.due()
+    }
+
+    /// Looks at what was `heard` since `begun` on `line`, and passes it on if its time has come.
+    pub(crate) fn hear(&mut self, heard: &[u8], begun: Instant, line: &LineSettings) {
+        let (Some(asker), Some((&unit, so_far))) = (self.asker, heard.split_first()) else { return };
+        let end = pdu::response_end(self.request, so_far);
+        match &mut self.passing {
+            Passing::Whole => return,
+            Passing::Begun(arriving) => {
+                if !arriving.take(so_far, end) {
+                    self.passing = Passing::Whole;
+                }
+                return;
+            }
+            Passing::Open | Passing::From(_) if unit != self.unit || is_answering(self.order) => {
+                self.passing = Passing::Whole;
+            }
+            Passing::Open | Passing::From(_) => self.passing = Passing::plan(begun, line, &asker, end),
+        }
+        if self.passing.is_due() {
+            let mut arriving = Arriving::new(self.order.rewrite());
+            arriving.take(so_far, end);
+            self.passing = Passing::Begun(arriving);
+            self.desk.answering(self.order);
+        }
+    }
+
+    /// The response is `pdu`, and all that was `heard` if it has been passed on so far.
+    pub(crate) fn whole(&mut self, heard: &[u8], pdu: &[u8]) {
+        match core::mem::replace(&mut self.passing, Passing::Whole) {
+            // Its frame may have been given up meanwhile.
+            Passing::Begun(arriving) if heard.get(1..=pdu.len()) == Some(pdu) => {
+                arriving.finish();
+            }
+            Passing::Begun(_) => {}
+            // A response fits into the frame: it is no longer than a PDU may be.
+            _ if !is_answering(self.order) => {
+                let _ = self.order.replace(pdu);
+            }
+            _ => {}
+        }
+    }
+
+    /// What was `heard` is not the response, as far as can be told; `silent`: nothing more comes.
+    pub(crate) fn not_yet(&mut self, heard: &[u8], silent: bool) {
+        let end = heard.split_first().map(|(_, so_far)| (so_far, pdu::response_end(self.request, so_far)));
+        match core::mem::replace(&mut self.passing, Passing::Whole) {
+            Passing::Begun(arriving) => match end {
+                Some((so_far, end)) if is_whole(so_far, end) => arriving.fail(heard, end),
+                _ if silent => {}
+                _ => self.passing = Passing::Begun(arriving),
+            },
+            _ if silent => self.passing = Passing::Open,
+            passing => self.passing = passing,
+        }
+    }
+}

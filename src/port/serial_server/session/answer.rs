@@ -1,0 +1,88 @@
+//! How an answer goes out: whole, or while it still arrives from the line where it was given.
+
+use super::{Answered, Ear, Session};
+use crate::frame::{Envelope, Fill, Frame};
+use crate::hal::SerialLine;
+use crate::modbus::ascii::LINE_FEED;
+use crate::modbus::crc::crc16;
+use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::{Exception, PDU_BYTES_MAX, rtu};
+use crate::port::copy::{Copied, copy};
+use crate::port::framing::FRAME_CHARS_MAX;
+use crate::port::line::LineLost;
+use crate::stats::{Counters, Event, LastError};
+
+impl<'g, L: SerialLine> Session<'_, 'g, L> {
+    /// Sends `answer`, whole or while it arrives.
+    pub(super) async fn answer(&mut self, answer: Frame<'g>) -> Result<(), LineLost> {
+        let envelope = answer.envelope();
+        let fill = answer.filled().1;
+        if fill == Fill::Broken {
+            // Nothing of it has been sent; what the device was asked can only be asked again by the master.
+            return Ok(());
+        }
+        let arriving = fill == Fill::Filling;
+        let units = (envelope.target, envelope.unit);
+        if arriving && copy(&mut self.line, &answer, units).await? != Copied::Whole {
+            return Ok(());
+        }
+        let mut pdu = [0; PDU_BYTES_MAX];
+        let length = answer.copy_pdu(&mut pdu);
+        drop(answer);
+        let pdu = pdu.get(..length).unwrap_or(&[]);
+        if !arriving {
+            self.send(&envelope, pdu).await?;
+        }
+        self.answered(&envelope, pdu);
+        Ok(())
+    }
+
+    /// Sends an answer that is whole.
+    async fn send(&mut self, envelope: &Envelope, pdu: &[u8]) -> Result<(), LineLost> {
+        let delimiter = match &self.ear {
+            Ear::Ascii(ear) => ear.delimiter(),
+            Ear::Rtu(_) => LINE_FEED,
+        };
+        let mut frame = [0; FRAME_CHARS_MAX];
+        let framing = self.server.settings.framing;
+        let Ok(frame) = framing.encode(envelope.unit, pdu, delimiter, &mut frame) else { return Ok(()) };
+        // After a collision the master has heard no good answer, and asks again.
+        let _ = self.line.send(frame).await?;
+        if envelope.destination.is_some() {
+            self.server.place.stats.count(Event::Stored);
+        }
+        Ok(())
+    }
+
+    /// Notes what has been answered.
+    fn answered(&mut self, envelope: &Envelope, pdu: &[u8]) {
+        // No frame that begins behind the answer can have ended by then.
+        let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);
+        let until = self.line.active + shortest + self.line.jitter;
+        self.answered = Some(Answered { unit: envelope.unit, crc: crc16(pdu), until });
+        let stats = &self.server.place.stats;
+        stats.count(Event::Answer);
+        if let [function, code] = *pdu
+            && function & EXCEPTION_BIT != 0
+        {
+            stats.count(Event::Exception);
+            note_exception(stats, Exception(code));
+        }
+        // The gateway's own unit has changed the character that ends frames; this answer still had the old one.
+        if let (Ear::Ascii(ear), [pdu::function::DIAGNOSTICS, 0, 3, delimiter, 0], None) =
+            (&mut self.ear, pdu, envelope.destination)
+        {
+            ear.set_delimiter(*delimiter);
+        }
+    }
+}
+
+/// Notes an exception that went out as what it says of the request.
+fn note_exception(stats: &Counters, exception: Exception) {
+    match exception {
+        Exception::ILLEGAL_FUNCTION => stats.note(LastError::Function),
+        Exception::ILLEGAL_ADDRESS => stats.note(LastError::Address),
+        Exception::ILLEGAL_VALUE => stats.note(LastError::Value),
+        _ => {}
+    }
+}

@@ -1,0 +1,105 @@
+//! Requests that a serial server hands on while they arrive.
+//!
+//! As soon as the rules and the other line's speed allow, a frame goes to the router that is filled character by character.
+//! The ear judges the request all the same when it is whole: only what it takes for a good one is finished. Whatever else
+//! becomes of it breaks the frame, and the request goes the way of all others.
+
+use core::mem;
+
+use embassy_time::{Duration, Instant};
+
+use super::{Ear, Session};
+use crate::frame::Envelope;
+use crate::hal::SerialLine;
+use crate::modbus::pdu::{self, End};
+use crate::modbus::rtu;
+use crate::port::arriving::{Arriving, Passing, is_whole};
+use crate::port::serial_server::Server;
+use crate::route::Onward;
+use crate::stats::Event;
+
+impl<'g, L: SerialLine> Session<'_, 'g, L> {
+    /// Notes when the frame began of which the first bytes have just been read, on a line that was `active` until then.
+    pub(super) fn begin(&mut self, active: Instant) {
+        self.begun = self.line.active - self.line.settings.chars(self.line.heard().len());
+        // What follows at once is an echo, a collision, or stray bits.
+        let in_step = matches!(&self.ear, Ear::Rtu(ear) if !ear.needs_silence());
+        self.passing = if in_step && self.is_apart(active) { Passing::Open } else { Passing::Whole };
+    }
+
+    /// Passes on what has been heard by now, if it is time. Says whether that is a whole request which was passed on.
+    pub(super) fn pass_on(&mut self) -> bool {
+        let Some((&unit, so_far)) = self.line.heard().split_first() else { return false };
+        let end = pdu::request_end(so_far);
+        if let Passing::Open | Passing::From(_) = self.passing {
+            self.passing = self.plan(unit, so_far, end);
+            if self.passing.is_due() {
+                self.passing = self
+                    .server
+                    .hand_on(unit, self.begun, self.longest())
+                    .map_or(Passing::Whole, Passing::Begun);
+            }
+        }
+        let Passing::Begun(arriving) = &mut self.passing else { return false };
+        if !arriving.take(so_far, end) {
+            self.passing = Passing::Whole;
+            // The next such function is not begun.
+            self.wary = true;
+        }
+        is_whole(so_far, end)
+    }
+
+    fn plan(&self, unit: u8, so_far: &[u8], end: End) -> Passing<'g> {
+        if self.wary && so_far.is_empty() {
+            return Passing::Open;
+        }
+        match self.server.onward(unit, so_far) {
+            Onward::Whole => Passing::Whole,
+            Onward::Later => Passing::Open,
+            // What is read late must not be missing.
+            Onward::To(output) => {
+                Passing::plan(self.begun + self.line.jitter, &self.line.settings, &output, end)
+            }
+        }
+    }
+
+    /// A request has been judged good: whether the frame that was handed on is all that is needed.
+    pub(super) fn finish(&mut self, request: &[u8], received: Instant) -> bool {
+        let Passing::Begun(arriving) = mem::replace(&mut self.passing, Passing::Whole) else { return false };
+        if pdu::check_request(request).is_err() {
+            return false;
+        }
+        let frame = arriving.frame();
+        let deadline = received + self.server.settings.server.answer_within;
+        frame.address(Envelope { received, deadline, ..frame.envelope() });
+        let finished = arriving.finish();
+        if finished {
+            self.server.place.stats.count(Event::Request);
+        }
+        finished
+    }
+
+    /// The frame is whole, and was judged to be no request.
+    pub(super) fn give_up(&mut self) {
+        let heard = self.line.heard();
+        let end = pdu::request_end(heard.get(1..).unwrap_or(&[]));
+        if let Passing::Begun(arriving) = mem::replace(&mut self.passing, Passing::Whole) {
+            arriving.fail(heard, end);
+        }
+    }
+
+    fn longest(&self) -> Duration {
+        self.line.settings.chars(rtu::FRAME_BYTES_MAX)
+    }
+}
+
+impl<'g> Server<'_, 'g> {
+    /// Sends the frame of a request that began at `begun` to the router, before it is there.
+    fn hand_on(&self, unit: u8, begun: Instant, longest: Duration) -> Option<Arriving<'g>> {
+        let (writer, frame) = self.take_frame()?;
+        let envelope = self.envelope(unit, begun);
+        frame.address(Envelope { deadline: envelope.deadline + longest, cut: true, ..envelope });
+        self.gateway.inbox.send(frame);
+        Some(Arriving::new(writer))
+    }
+}

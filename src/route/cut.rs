@@ -1,0 +1,83 @@
+//! Where a request that is still arriving at a serial line may be passed on to, as far as its beginning tells.
+
+use super::{AddressRange, Cut, Destination, Functions, Policy, Special, meaning, rule};
+use crate::config::{Driver, Framing, LineSettings, PortId, PortKind, SerialSettings, Settings, Side};
+use crate::modbus::pdu::function::{
+    MASK_WRITE_REGISTER, READ_COILS, READ_WRITE_MULTIPLE_REGISTERS, WRITE_MULTIPLE_COILS,
+    WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_REGISTER,
+};
+
+/// What becomes of a request that is arriving.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Onward {
+    /// It is passed on when it is whole, if at all.
+    Whole,
+    /// The rule has to see more of it.
+    Later,
+    /// It may be passed on to a line with these settings.
+    To(LineSettings),
+}
+
+/// What becomes of the request for `unit` that is arriving at `source`, of which `so_far` is there behind the unit.
+/// `auto`: whether the board's transmitters cannot underrun.
+pub fn onward(settings: &Settings, source: PortId, unit: u8, so_far: &[u8], auto: bool) -> Onward {
+    let unit = match meaning(settings, source, unit) {
+        Special::Rules => unit,
+        Special::Replace(unit) => unit,
+        Special::Off | Special::Local | Special::AllLines => return Onward::Whole,
+    };
+    let Some(rule) = rule(settings, source, unit, None) else { return Onward::Whole };
+    let line = |port, side| settings.port(port).and_then(|port| passing_line(&port.kind, side));
+    let Destination::Port(destination) = rule.destination else { return Onward::Whole };
+    let lines = line(source, Side::Server).and(line(destination, Side::Client));
+    let allowed = match rule.policy.cut {
+        Cut::Auto => auto,
+        Cut::On => true,
+        Cut::Off => false,
+    };
+    // What goes to everybody is checked first.
+    let to_one = rule.tag.apply(unit).is_some_and(|unit| unit != 0);
+    match (lines, needed(&rule.policy, so_far)) {
+        (Some(line), Some(needed)) if allowed && to_one => {
+            if so_far.len() < needed {
+                return Onward::Later;
+            }
+            // What is refused is refused when it is whole.
+            if rule.policy.admit(so_far).is_ok() { Onward::To(line) } else { Onward::Whole }
+        }
+        _ => Onward::Whole,
+    }
+}
+
+/// The settings of a line on which frames may be passed on while they arrive: an adapter that hears itself, or whose driver
+/// is switched by the gateway, wants whole frames.
+fn passing_line(kind: &PortKind, wanted: Side) -> Option<LineSettings> {
+    match kind {
+        PortKind::Serial(SerialSettings { framing: Framing::Rtu, side, line, .. })
+            if *side == wanted && !line.echo && line.driver != Driver::Rts =>
+        {
+            Some(*line)
+        }
+        _ => None,
+    }
+}
+
+/// How many bytes of the PDU `policy` must see to decide; none when it must see all of them.
+fn needed(policy: &Policy, so_far: &[u8]) -> Option<usize> {
+    if policy.addresses == AddressRange::ALL && policy.writes == AddressRange::ALL {
+        let any = policy.functions == Functions::ALL && policy.urgent == Functions::NONE;
+        return Some(usize::from(!any));
+    }
+    match so_far.first() {
+        None => Some(1),
+        // Address and quantity, or value.
+        Some(
+            &(READ_COILS..=WRITE_SINGLE_REGISTER
+            | WRITE_MULTIPLE_COILS
+            | WRITE_MULTIPLE_REGISTERS
+            | MASK_WRITE_REGISTER),
+        ) => Some(5),
+        Some(&READ_WRITE_MULTIPLE_REGISTERS) => Some(9),
+        Some(_) => None,
+    }
+}

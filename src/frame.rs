@@ -22,7 +22,7 @@ use embassy_time::Instant;
 
 use crate::config::PortId;
 use crate::modbus::PDU_BYTES_MAX;
-use crate::route::Priority;
+use crate::route::{Priority, Sharing};
 
 /// What the gateway knows of a frame besides its PDU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,6 +41,8 @@ pub struct Envelope {
     pub destination: Option<PortId>,
     /// Rank in the destination's queue, set by the router.
     pub priority: Priority,
+    /// Whose answers will do for it, set by the router.
+    pub sharing: Sharing,
     /// When the request was complete.
     pub received: Instant,
     /// From here on the request is not sent any more.
@@ -100,6 +102,7 @@ impl Envelope {
         target: 0,
         destination: None,
         priority: Priority::Normal,
+        sharing: Sharing::DEFAULT,
         received: Instant::MIN,
         deadline: Instant::MAX,
         repeats: 0,
@@ -134,6 +137,8 @@ struct SlotState {
     fill: Fill,
     /// The next slot in the list or channel that this one is in: its index + 1; 0: the last one.
     next: u16,
+    /// The first of the frames that ride on this one: its index + 1; 0: none.
+    rider: u16,
     waiting: WakerRegistration,
 }
 
@@ -149,6 +154,7 @@ impl Slot {
             handles: 0,
             fill: Fill::Filling,
             next: 0,
+            rider: 0,
             waiting: WakerRegistration::new(),
         })))
     }
@@ -341,6 +347,30 @@ impl<'p> Frame<'p> {
         self.index == other.index
     }
 
+    /// Whether both are complete, with the same PDU.
+    pub fn same_pdu(&self, other: &Self) -> bool {
+        let complete = |frame: &Self| frame.filled().1 == Fill::Complete;
+        complete(self) && complete(other) && self.pdu(|pdu| other.pdu(|twin| pdu == twin))
+    }
+
+    /// Lets `rider`, which rides on no frame and is in no channel, ride on this one, in front of those that do so already.
+    pub fn carry(&self, rider: Frame<'p>) {
+        let link = rider.index + 1;
+        let behind = self.with(|slot| mem::replace(&mut slot.rider, link));
+        rider.with(|slot| slot.next = behind.unwrap_or(0));
+        // This frame holds the handle from here on, as an index.
+        mem::forget(rider);
+    }
+
+    /// Takes the first of the frames that ride on this one.
+    pub fn unload(&self) -> Option<Frame<'p>> {
+        let index = self.with(|slot| slot.rider)?.checked_sub(1)?;
+        let rider = Self { pool: self.pool, index };
+        let next = rider.with(|slot| mem::take(&mut slot.next));
+        self.with(|slot| slot.rider = next.unwrap_or(0));
+        Some(rider)
+    }
+
     /// A second handle to the same frame.
     pub fn share(&self) -> Self {
         self.with(|slot| slot.handles += 1);
@@ -354,6 +384,9 @@ impl<'p> Frame<'p> {
 
 impl Drop for Frame<'_> {
     fn drop(&mut self) {
+        if self.with(|slot| slot.handles) == Some(1) {
+            while self.unload().is_some() {}
+        }
         let last = self.with(|slot| {
             slot.handles = slot.handles.saturating_sub(1);
             slot.handles == 0

@@ -10,6 +10,7 @@
 //!    to the channel of the destination port.
 //! 3. The client-side port takes it into its queue ([`port::queue`]: who is served next; [`port::units`]: which units are
 //!    alive), sends the request as soon as its line has been silent for long enough, and checks the response strictly.
+//!    Identical reads that wait at that moment are one transaction; each asker gets its own copy of the answer.
 //! 4. The response, or an exception that says what went wrong, replaces the request in the frame, which takes the
 //!    same road back: to the inbox, through the router, to whoever asked.
 //!
@@ -34,6 +35,7 @@
 //! | [`config::PORTS_MAX`] | 16 | a cabinet's worth of lines and listeners |
 //! | [`config::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
 //! | [`port::queue::WAITING_MAX`] | 64 | orders that wait at a port; one more is answered 06h |
+//! | [`port::cache::ANSWERS_MAX`] | 16 | answers that a port keeps where a rule says `cache`, in [`port::cache::ANSWER_BYTES_MAX`] bytes |
 //! | [`port::units::UNITS_MAX`] | 32 | loads of an RS-485 segment; the quietest healthy unit is forgotten first |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
 //! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |

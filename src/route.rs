@@ -5,6 +5,8 @@
 
 use core::net::IpAddr;
 
+use embassy_time::Duration;
+
 use crate::config::{IpPrefix, PortId, PortKind, Settings, Side, Special, is_implied};
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, Extent};
@@ -43,8 +45,29 @@ pub struct Policy {
     pub priority: Priority,
     /// Functions that rank high whatever `priority` says.
     pub urgent: Functions,
+    /// Whose answers will do for a read.
+    pub sharing: Sharing,
     /// Whether frames from one serial line to another are passed on while they arrive.
     pub cut: Cut,
+}
+
+/// Whose answers will do for a read besides one that is sent for it alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sharing {
+    /// That of an identical read which was waiting, too, when it was sent.
+    pub merge: bool,
+    /// One that is in memory and not older than this; 0: none. A row of the table must be small: no [`Duration`].
+    pub cache_ms: u16,
+}
+
+impl Sharing {
+    /// Identical reads are merged, since the answer is as new as it would be otherwise; memory is not used.
+    pub const DEFAULT: Self = Self { merge: true, cache_ms: 0 };
+
+    /// How old an answer from memory may be.
+    pub fn cache(&self) -> Duration {
+        Duration::from_millis(self.cache_ms.into())
+    }
 }
 
 /// Whether frames are passed on while they arrive (cut-through), or when they are whole.
@@ -68,6 +91,7 @@ impl Default for Policy {
             writes: AddressRange::ALL,
             priority: Priority::Normal,
             urgent: Functions::NONE,
+            sharing: Sharing::DEFAULT,
             cut: Cut::Auto,
         }
     }
@@ -238,6 +262,8 @@ pub enum Decision {
         unit: u8,
         /// Rank in the destination's queue.
         priority: Priority,
+        /// Whose answers will do for it.
+        sharing: Sharing,
     },
     /// To the gateway's own unit.
     Local,
@@ -305,7 +331,7 @@ pub fn decide(
                 Decision::Refuse(Exception::ILLEGAL_FUNCTION)
             }
             Some(unit) if settings.port(port).is_some_and(|port| port.kind.side() == Side::Client) => {
-                Decision::Forward { port, unit, priority }
+                Decision::Forward { port, unit, priority, sharing: route.policy.sharing }
             }
             // There is no such port.
             _ => Decision::Refuse(Exception::GATEWAY_NO_PATH),

@@ -42,10 +42,10 @@ impl Gateway<'_> {
         let decision = decision.unwrap_or(Decision::Refuse(Exception::ILLEGAL_VALUE));
         let count = |event| self.count_at(&envelope, event);
         match decision {
-            Decision::Forward { port, unit, priority } => match self.ports().get(port.index()) {
+            Decision::Forward { port, unit, priority, sharing } => match self.ports().get(port.index()) {
                 Some(place) => {
                     let destination = Some(port);
-                    frame.address(Envelope { target: unit, destination, priority, ..envelope });
+                    frame.address(Envelope { target: unit, destination, priority, sharing, ..envelope });
                     place.queue.send(frame);
                 }
                 None => self.refuse(frame, Exception::GATEWAY_NO_PATH),

@@ -32,6 +32,10 @@ pub enum Event {
     Misfit,
     /// A read sent once more.
     Retry,
+    /// A read that shared the answer of an identical one.
+    Merged,
+    /// A read that was answered from memory.
+    Cached,
     /// Failed at once because the unit is down.
     UnitDown,
     /// Not sent: its time was over before its turn came.
@@ -80,7 +84,7 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 31] = [
+    pub const ALL: [Self; 33] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -90,6 +94,8 @@ impl Event {
         Self::WrongUnit,
         Self::Misfit,
         Self::Retry,
+        Self::Merged,
+        Self::Cached,
         Self::UnitDown,
         Self::Expired,
         Self::AskerGone,
@@ -126,6 +132,8 @@ impl Event {
             Self::WrongUnit => "wrong-unit",
             Self::Misfit => "misfit",
             Self::Retry => "retries",
+            Self::Merged => "merged",
+            Self::Cached => "cached",
             Self::UnitDown => "unit-down",
             Self::Expired => "expired",
             Self::AskerGone => "asker-gone",

@@ -11,12 +11,17 @@ use crate::{Target, figure};
 
 const BAUDS: [u32; 3] = [9_600, 19_200, 115_200];
 /// The device answers so long after it has seen t3.5 of silence.
-const TURNAROUND: Duration = Duration::from_millis(1);
+pub(crate) const TURNAROUND: Duration = Duration::from_millis(1);
 /// FC 3 of ten registers.
-const READ: [u8; 5] = [3, 0, 0, 0, 10];
+const READ: [u8; 5] = read(0);
 const REQUEST_CHARS: usize = 8;
 const RESPONSE_CHARS: usize = 25;
 const EXCEPTION_CHARS: usize = 5;
+
+/// FC 3 of the `nth` ten registers. Clients that ask for different ones cannot share a transaction.
+pub(crate) const fn read(nth: u8) -> [u8; 5] {
+    [3, nth, 0, 0, 10]
+}
 
 /// A line at one speed and everything in front of it.
 pub(crate) struct Speed(pub(crate) LineSettings);
@@ -39,7 +44,7 @@ impl Speed {
         bits / f64::from(self.0.baud) + self.t3_5() + seconds(TURNAROUND)
     }
 
-    fn t3_5(&self) -> f64 {
+    pub(crate) fn t3_5(&self) -> f64 {
         if self.0.baud > 19_200 { 0.001_75 } else { 3.5 * 11.0 / f64::from(self.0.baud) }
     }
 
@@ -73,7 +78,7 @@ fn rate(speed: &Speed, clients: u8) {
         for host in 1..=clients {
             let mut client = rig.client(machine(host), 502);
             world.spawn(async move {
-                ClosedLoop::until(until).run(&mut client, || (1, READ.to_vec()), |_, _, _| {}).await
+                ClosedLoop::until(until).run(&mut client, || (1, read(host).to_vec()), |_, _, _| {}).await
             });
         }
         world.run_for(RUN);

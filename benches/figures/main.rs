@@ -8,6 +8,7 @@ use mobgate_clock as _;
 
 mod faults;
 mod line;
+mod merging;
 mod paper;
 mod plot;
 mod shared_bus;
@@ -34,10 +35,11 @@ pub(crate) fn figure(name: &str, value: f64, unit: &str, target: Target) {
 }
 
 fn main() {
-    let groups: [(&str, fn()); 5] = [
+    let groups: [(&str, fn()); 6] = [
         ("line", line::figures),
         ("paper", paper::figures),
         ("sharing", sharing::figures),
+        ("merging", merging::figures),
         ("faults", faults::figures),
         ("shared_bus", shared_bus::figures),
     ];

@@ -7,10 +7,9 @@ use mobgate_simulator::rig::machine;
 use mobgate_simulator::world::Task;
 use mobgate_simulator::{Client, Device, Random, Rig, World, rig};
 
-use crate::line::{Speed, seconds};
+use crate::line::{Speed, read, seconds};
 use crate::{Target, figure};
 
-const READ: [u8; 5] = [3, 0, 0, 0, 10];
 const FLOODERS: u8 = 31;
 const ASKED: usize = 300;
 
@@ -55,7 +54,7 @@ fn poll<'w>(
     world.spawn(async move {
         ClosedLoop::until(until)
             .thinking(think)
-            .run(&mut client, || (unit, READ.to_vec()), |_, _, _| {})
+            .run(&mut client, || (unit, read(host).to_vec()), |_, _, _| {})
             .await
     })
 }
@@ -69,7 +68,7 @@ fn among_flooders(name: &str, rule: &str, flood: &str, depth: usize, periods: f6
             let device = Device::new(1);
             rig.attach(world, "bus", [device.clone()]);
             for host in 1..=FLOODERS {
-                world.spawn(keep_open(rig.client(machine(host), 502), depth));
+                world.spawn(keep_open(rig.client(machine(host), 502), host, depth));
             }
             // Until every flooder has had its turn, nobody has been served longer ago than a newcomer.
             world.run_for(Duration::from_secs(10));
@@ -95,23 +94,25 @@ async fn ask_now_and_then(mut client: Client) -> (Latencies, usize) {
     for _ in 0..ASKED {
         Timer::after_micros(random.within(2_500_000..=3_500_000)).await;
         let asked = Instant::now();
-        let answer = client.request(1, &READ).await;
+        let answer = client.request(1, &read(0)).await;
         latencies.note(asked.elapsed());
         answers += usize::from(matches!(answer, Answer::Pdu(_)) && answer.exception().is_none());
     }
     (latencies, answers)
 }
 
-/// Keeps `depth` requests open, for ever.
-async fn keep_open(mut client: Client, depth: usize) {
+/// Keeps `depth` requests open, for ever. No two of all that are open are for the same registers.
+async fn keep_open(mut client: Client, host: u8, depth: usize) {
+    let mut requests = (0..depth as u8).cycle().map(|nth| [3, host, 10 * nth, 0, 10]);
+    let mut next = move || requests.next().unwrap_or(read(host));
     for _ in 0..depth {
-        client.send(1, &READ).await;
+        client.send(1, &next()).await;
     }
     loop {
         match client.receive().await {
             Ok(_) => {}
             Err(_) => Timer::after_millis(1).await,
         }
-        client.send(1, &READ).await;
+        client.send(1, &next()).await;
     }
 }

@@ -82,6 +82,8 @@ impl Display for Policy {
         option(f, "writes", self.writes, self.writes != default.writes)?;
         option(f, "priority", self.priority, self.priority != default.priority)?;
         option(f, "urgent", self.urgent, self.urgent != default.urgent)?;
+        option(f, "merge", "off", !self.sharing.merge)?;
+        option(f, "cache", Time(self.sharing.cache()), self.sharing.cache_ms != default.sharing.cache_ms)?;
         option(f, "cut", self.cut, self.cut != default.cut)
     }
 }

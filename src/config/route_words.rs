@@ -1,13 +1,20 @@
 //! The words of a rule, column by column as in the MobGate paper: source, units, IP, TAG, destination; then options.
 
+use core::ops::RangeInclusive;
+
+use embassy_time::Duration;
+
 use super::problem::{LineError, Problem};
-use super::values::{parse_number, prefix, small};
+use super::values::{parse_number, prefix, small, time};
 use super::words::{Word, Words};
 use super::{IpPrefix, PortId, PortKind, Settings};
 use crate::route::{AddressRange, Cut, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
 
-const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low, urgent 5,6 or \
-     cut auto|on|off";
+const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low, urgent 5,6, merge on|off, \
+     cache 1s or cut auto|on|off";
+
+/// How old an answer from memory may be.
+const CACHE: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(60);
 
 /// Reads one row up to the end of the line and checks it against the ports.
 pub(super) fn route(settings: &Settings, words: &mut Words) -> Result<Route, LineError> {
@@ -98,6 +105,8 @@ enum Key {
     Writes,
     Priority,
     Urgent,
+    Merge,
+    Cache,
     Cut,
 }
 
@@ -109,11 +118,15 @@ const KEYS: &[(&str, Key)] = &[
     ("writes", Key::Writes),
     ("priority", Key::Priority),
     ("urgent", Key::Urgent),
+    ("merge", Key::Merge),
+    ("cache", Key::Cache),
     ("cut", Key::Cut),
 ];
 
 const DESTINATIONS: &[(&str, Destination)] =
     &[("local", Destination::Local), ("discard", Destination::Discard), ("nopath", Destination::NoPath)];
+
+const ON_OFF: &[(&str, bool)] = &[("on", true), ("off", false)];
 
 const PRIORITIES: &[(&str, Priority)] =
     &[("high", Priority::High), ("normal", Priority::Normal), ("low", Priority::Low)];
@@ -126,12 +139,13 @@ pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
     let destinations = DESTINATIONS.iter().map(|&(keyword, _)| keyword);
     let values =
         PRIORITIES.iter().map(|&(keyword, _)| keyword).chain(CUTS.iter().map(|&(keyword, _)| keyword));
-    keys.chain(destinations).chain(values)
+    let switches = ON_OFF.iter().map(|&(keyword, _)| keyword);
+    keys.chain(destinations).chain(values).chain(switches)
 }
 
 fn options(words: &mut Words) -> Result<Policy, LineError> {
     let mut policy = Policy::default();
-    let mut seen = 0_u8;
+    let mut seen = 0_u16;
     while !words.peek().is_end() {
         let word = words.take();
         let key = word.keyword(KEYS, OPTIONS_EXPECTED)?;
@@ -143,6 +157,8 @@ fn options(words: &mut Words) -> Result<Policy, LineError> {
             Key::Writes => policy.writes = addresses(words.take())?,
             Key::Priority => policy.priority = words.take().keyword(PRIORITIES, "high, normal or low")?,
             Key::Urgent => policy.urgent = function_list(words)?,
+            Key::Merge => policy.sharing.merge = words.take().keyword(ON_OFF, "on or off")?,
+            Key::Cache => policy.sharing.cache_ms = cache(words.take())?,
             Key::Cut => policy.cut = words.take().keyword(CUTS, "auto, on or off")?,
         }
         // Three of the words say the same thing in different ways.
@@ -153,6 +169,13 @@ fn options(words: &mut Words) -> Result<Policy, LineError> {
         seen |= 1 << thing as u8;
     }
     Ok(policy)
+}
+
+/// `500ms`: in whole milliseconds.
+fn cache(word: Word) -> Result<u16, LineError> {
+    let age = time(word, CACHE)?;
+    let ms = u16::try_from(age.as_millis()).ok().filter(|ms| Duration::from_millis((*ms).into()) == age);
+    ms.ok_or_else(|| word.expected("whole milliseconds"))
 }
 
 /// `100`, or `0-99`: addresses as they are on the wire.

@@ -111,7 +111,7 @@ mod tests {
         assert_eq!(appended("sh").as_deref(), Some("ow "));
         assert_eq!(appended("show st").as_deref(), Some("ats "));
         assert_eq!(appended("delete route").as_deref(), None);
-        assert_eq!(appended("edit port me").as_deref(), Some("ters "));
+        assert_eq!(appended("edit port met").as_deref(), Some("ers "));
         assert_eq!(appended("route p").as_deref(), Some("502 "));
         assert_eq!(appended("edit port meters tur").as_deref(), Some("naround "));
         assert_eq!(appended("help inse").as_deref(), Some("rt "));

@@ -3,6 +3,12 @@
 //!
 //! Orders are taken in at once, also while another one is on the wire, so that refusals do not wait: a full queue is
 //! answered 06h, a unit that is down 0Bh, a line that is not open 0Ah.
+//!
+//! An order that is carried out carries the identical reads that waited with it: their frames ride on its frame, and each gets
+//! a copy of the answer, or is repeated or refused by itself. Where a rule allows it, a read is answered from memory
+//! ([`cache`](crate::port::cache)), unless a write to its unit waits or is on its way.
+
+mod order;
 
 use core::cell::{Cell, RefCell};
 
@@ -13,12 +19,14 @@ use embassy_time::{Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
-use crate::frame::{Envelope, Frame, Stage, Way};
+use crate::frame::{Envelope, Frame, Stage};
 use crate::gateway::{Gateway, PortPlace};
-use crate::modbus::Exception;
-use crate::modbus::pdu;
+use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::{Exception, PDU_BYTES_MAX};
+use crate::port::cache::Cache;
+use crate::port::desk::order::{Current, question, ticket};
 use crate::port::flights::FLIGHTS_MAX;
-use crate::port::queue::{Asker, Next, PortQueue, Ready, Ticket};
+use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ready, Ticket};
 use crate::port::units::Gate;
 use crate::stats::Event;
 
@@ -31,7 +39,9 @@ pub(crate) struct Desk<'g> {
     /// The unit that is asked whatever the rule says.
     unit: Option<u8>,
     /// The orders that are being carried out.
-    current: RefCell<Vec<Frame<'g>, FLIGHTS_MAX>>,
+    current: RefCell<Vec<Current<'g>, FLIGHTS_MAX>>,
+    cache: RefCell<Cache>,
+    writes_ended: Cell<u32>,
     open: Cell<bool>,
     /// Something changed: an order came or a unit's gate moved.
     arrived: Signal<NoopRawMutex, ()>,
@@ -47,6 +57,8 @@ impl<'g> Desk<'g> {
             queue: RefCell::new(PortQueue::new()),
             unit,
             current: RefCell::new(Vec::new()),
+            cache: RefCell::new(Cache::new()),
+            writes_ended: Cell::new(0),
             open: Cell::new(true),
             arrived: Signal::new(),
         }
@@ -87,10 +99,12 @@ impl<'g> Desk<'g> {
         if !self.open.get() {
             return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
+        let Some(frame) = self.answer_from_memory(frame) else { return };
         if self.gate(envelope.target) == Gate::Down {
             return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
-        let refused = self.queue.borrow_mut().push(frame, ticket(&envelope));
+        let ticket = ticket(&frame);
+        let refused = self.queue.borrow_mut().push(frame, ticket);
         if let Some(refused) = refused {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
         }
@@ -127,11 +141,31 @@ impl<'g> Desk<'g> {
             Gate::Down => Ready::Now,
         };
         let next = self.queue.borrow_mut().next(Instant::now(), ready);
-        if let Next::Serve(frame, _) = &next {
+        if let Next::Serve(frame, ticket) = &next {
+            let current = self.start(frame, ticket);
             // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
-            let _ = self.current.borrow_mut().push(frame.share());
+            let _ = self.current.borrow_mut().push(current);
         }
         next
+    }
+
+    /// Lets the orders that can share the answer of `leader` ride on it, and notes what the answer will be good for.
+    fn start(&self, leader: &Frame<'g>, ticket: &Ticket) -> Current<'g> {
+        let may_keep = |frame: &Frame<'g>| frame.envelope().sharing.cache_ms > 0;
+        let mut keep = may_keep(leader);
+        let mut queue = self.queue.borrow_mut();
+        // From the last one on, each in front of the others: they ride in the order of arrival.
+        while let Some(rider) = queue.companion(ticket, |frame| frame.same_pdu(leader)) {
+            keep |= may_keep(&rider);
+            leader.carry(rider);
+        }
+        Current {
+            frame: leader.share(),
+            writes: ticket.access == Access::Write,
+            keep: if keep { question(leader, ticket.unit) } else { None },
+            since: Instant::now(),
+            writes_ended: self.writes_ended.get(),
+        }
     }
 
     /// Waits until an order waits.
@@ -148,11 +182,54 @@ impl<'g> Desk<'g> {
 
     /// Sends `order` home with what it holds by now as its answer.
     pub(crate) fn done(&self, order: &Frame<'g>) {
-        match self.take(order) {
-            Some(frame) if is_answering(&frame) => self.gateway.note(&frame),
-            Some(frame) => self.gateway.answered(frame),
-            None => {}
+        let Some(Current { frame, keep, since, writes_ended, .. }) = self.take(order) else { return };
+        let mut answer = [0; PDU_BYTES_MAX];
+        let length = frame.copy_pdu(&mut answer);
+        let answer = answer.get(..length).unwrap_or(&[]);
+        let is_exception = frame.function() & EXCEPTION_BIT != 0;
+        if let (Some(question), false) = (keep, is_exception)
+            // The device may have read before a write that has ended meanwhile.
+            && writes_ended == self.writes_ended.get()
+        {
+            self.cache.borrow_mut().keep(question, answer, since);
         }
+        if is_answering(&frame) {
+            self.gateway.note(&frame);
+        } else {
+            self.gateway.answered(frame);
+        }
+        while let Some(rider) = order.unload() {
+            // It fitted into a frame of the same size.
+            let _ = rider.replace(answer);
+            self.place.stats.count(Event::Merged);
+            self.gateway.answered(rider);
+        }
+    }
+
+    /// Answers a read from memory if its rule allows that and a new enough answer is there; else gives it back.
+    fn answer_from_memory(&self, frame: Frame<'g>) -> Option<Frame<'g>> {
+        let Envelope { target, sharing, .. } = frame.envelope();
+        if sharing.cache_ms == 0 || self.is_writing(target) {
+            return Some(frame);
+        }
+        let Some(question) = question(&frame, target) else { return Some(frame) };
+        let cache = self.cache.borrow();
+        let Some(answer) = cache.answer(question, Instant::now(), sharing.cache()) else {
+            return Some(frame);
+        };
+        // It fitted into a frame of the same size.
+        let _ = frame.replace(answer);
+        self.place.stats.count(Event::Cached);
+        self.gateway.answered(frame);
+        None
+    }
+
+    /// Whether a write to `unit` waits or is being carried out.
+    fn is_writing(&self, unit: u8) -> bool {
+        let writes = |current: &Current<'g>| {
+            current.writes && [unit, BROADCAST].contains(&current.frame.envelope().target)
+        };
+        self.queue.borrow().writes_to(unit) || self.current.borrow().iter().any(writes)
     }
 
     /// Gives whoever asked `order` while its answer is still written into it.
@@ -168,45 +245,60 @@ impl<'g> Desk<'g> {
 
     /// Sends `order` home without an answer: a broadcast.
     pub(crate) fn done_silently(&self, order: &Frame<'g>) {
-        if let Some(frame) = self.take(order) {
-            self.gateway.finish_broadcast(frame);
+        if let Some(current) = self.take(order) {
+            self.gateway.finish_broadcast(current.frame);
         }
     }
 
-    /// `order` got no answer: it is repeated up to `retries` times if it is a read, else answered 0Bh.
+    /// `order` got no answer: it and those that ride on it are repeated up to `retries` times if it is a read, else
+    /// answered 0Bh.
     ///
     /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until the
     /// late answer can no longer come.
     pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
-        if is_answering(order) {
-            // The answer has begun: nothing can follow it.
-            return self.done(order);
-        }
-        let mut envelope = order.envelope();
-        if envelope.repeats < retries && pdu::is_read(order.function()) {
-            envelope.repeats += 1;
-            order.address(envelope);
-            self.place.stats.count(Event::Retry);
-            self.again(order);
-        } else if let Some(frame) = self.take(order) {
-            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
-        }
-    }
-
-    fn take(&self, order: &Frame<'g>) -> Option<Frame<'g>> {
-        let mut current = self.current.borrow_mut();
-        let at = current.iter().position(|frame| frame.is(order))?;
-        Some(current.swap_remove(at))
-    }
-
-    /// Puts `order` back in the queue.
-    fn again(&self, order: &Frame<'g>) {
-        if let Some(frame) = self.take(order) {
-            let ticket = ticket(&frame.envelope());
-            if let Some(refused) = self.queue.borrow_mut().push(frame, ticket) {
-                self.fail(refused, Event::QueueFull, Exception::BUSY);
+        let Some(Current { frame, .. }) = self.take(order) else { return };
+        // Where the answer has begun, nothing can follow it.
+        let mut repeated = match is_answering(&frame) {
+            true => {
+                self.gateway.note(&frame);
+                false
             }
+            false => self.again(frame, retries),
+        };
+        while let Some(rider) = order.unload() {
+            repeated |= self.again(rider, retries);
         }
+        if repeated {
+            self.place.stats.count(Event::Retry);
+        }
+    }
+
+    /// Ends the carrying out of `order`.
+    fn take(&self, order: &Frame<'g>) -> Option<Current<'g>> {
+        let mut current = self.current.borrow_mut();
+        let at = current.iter().position(|current| current.frame.is(order))?;
+        let ended = current.swap_remove(at);
+        if ended.writes {
+            self.writes_ended.set(self.writes_ended.get().wrapping_add(1));
+            self.cache.borrow_mut().written(order.envelope().target);
+        }
+        Some(ended)
+    }
+
+    /// Puts an order that got no answer back in the queue, or answers it 0Bh; says which.
+    fn again(&self, frame: Frame<'g>, retries: u8) -> bool {
+        let mut envelope = frame.envelope();
+        if envelope.repeats >= retries || !pdu::is_read(frame.function()) {
+            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
+            return false;
+        }
+        envelope.repeats += 1;
+        frame.address(envelope);
+        let ticket = ticket(&frame);
+        if let Some(refused) = self.queue.borrow_mut().push(frame, ticket) {
+            self.fail(refused, Event::QueueFull, Exception::BUSY);
+        }
+        true
     }
 
     /// Opens the desk: orders are queued.
@@ -217,8 +309,12 @@ impl<'g> Desk<'g> {
     /// Closes the desk: whatever was on the wire is answered 0Bh, whatever waits or comes 0Ah.
     pub(crate) fn close(&self) {
         self.open.set(false);
+        self.cache.borrow_mut().clear();
         loop {
-            let Some(frame) = self.current.borrow_mut().pop() else { break };
+            let Some(Current { frame, .. }) = self.current.borrow_mut().pop() else { break };
+            while let Some(rider) = frame.unload() {
+                self.gateway.refuse(rider, Exception::GATEWAY_NO_RESPONSE);
+            }
             if !is_answering(&frame) {
                 self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
             }
@@ -237,7 +333,7 @@ impl<'g> Desk<'g> {
             gate => Some(gate),
         });
         // A unit that is down gets one probe at a time.
-        let probed = || self.current.borrow().iter().any(|frame| frame.envelope().target == unit);
+        let probed = || self.current.borrow().iter().any(|current| current.frame.envelope().target == unit);
         gate.unwrap_or_else(|| if probed() { Gate::Down } else { Gate::Open(Ready::Now) })
     }
 
@@ -251,16 +347,4 @@ impl<'g> Desk<'g> {
 /// Whether whoever asked `order` has been given it while its answer was still being written: it must not be sent home again.
 pub(crate) fn is_answering(order: &Frame<'_>) -> bool {
     order.envelope().stage == Stage::Answering
-}
-
-fn ticket(envelope: &Envelope) -> Ticket {
-    let origin = envelope.origin;
-    // A port has seats or a line, not both.
-    let seat = if let Way::Seat(seat) = origin.way { seat } else { 0 };
-    Ticket {
-        asker: Asker { address: envelope.peer, connection: u32::from(origin.port.0) << 16 | u32::from(seat) },
-        priority: envelope.priority,
-        unit: envelope.target,
-        deadline: envelope.deadline,
-    }
 }

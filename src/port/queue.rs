@@ -7,6 +7,10 @@
 //! 2. in that class the address that was served longest ago, then the connection of it served longest ago, then
 //!    first in, first out. So a client with nothing queued goes ahead of those that keep the line busy.
 //!
+//! The read that is served takes identical ones along ([`PortQueue::companion`]), each of which keeps its own ticket till
+//! then: so its rank is that of the most urgent of them, and each can expire by itself. The turn is charged to the asker
+//! whose turn it was, since the others cost the line nothing; next time it is another's turn. None overtakes a write.
+//!
 //! At most [`WAITING_MAX`] orders wait. When the queue is full, a newcomer takes the place of the newest order of the
 //! address that has most of them, if that is more than the newcomer's address would have; else it is refused.
 
@@ -44,6 +48,28 @@ pub struct Ticket {
     pub unit: u8,
     /// From here on the order must not be sent.
     pub deadline: Instant,
+    /// What it does to the unit.
+    pub access: Access,
+}
+
+/// What an order does to its unit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Access {
+    /// It changes something, or may: what comes after it must see that.
+    Write,
+    /// It reads, and wants an answer of its own.
+    Read,
+    /// It reads, and the answer to an identical order will do.
+    SharedRead,
+}
+
+/// The unit id of an order to all units of a line.
+pub(crate) const BROADCAST: u8 = 0;
+
+impl Ticket {
+    fn writes_to(&self, unit: u8) -> bool {
+        self.access == Access::Write && (self.unit == unit || self.unit == BROADCAST)
+    }
 }
 
 /// When a unit may be asked.
@@ -154,6 +180,26 @@ impl<T> PortQueue<T> {
         self.note_turn(ticket.asker);
         self.note_class(class, present);
         Next::Serve(order, ticket)
+    }
+
+    /// Takes out the last order that may share the answer of the one served with `leader`: it asks the `same` of its unit, and no
+    /// write to that unit waits that came before it.
+    pub fn companion(&mut self, leader: &Ticket, same: impl Fn(&T) -> bool) -> Option<T> {
+        if leader.access != Access::SharedRead {
+            return None;
+        }
+        let may_join = |waiting: &Waiting<T>| {
+            let ticket = &waiting.ticket;
+            ticket.access == Access::SharedRead && ticket.unit == leader.unit && same(&waiting.order)
+        };
+        let before = self.waiting.iter().take_while(|waiting| !waiting.ticket.writes_to(leader.unit)).count();
+        let index = self.waiting.get(..before)?.iter().rposition(may_join)?;
+        Some(self.waiting.remove(index).order)
+    }
+
+    /// Whether a write to `unit` waits.
+    pub fn writes_to(&self, unit: u8) -> bool {
+        self.waiting.iter().any(|waiting| waiting.ticket.writes_to(unit))
     }
 
     /// Takes out one order for which `unwanted` gives a reason, with the reason.

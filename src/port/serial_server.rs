@@ -13,7 +13,7 @@ use crate::gateway::{Gateway, PortPlace};
 use crate::hal::SerialHost;
 use crate::modbus::pdu;
 use crate::port::line::{LineLost, Opening};
-use crate::route::{self, Onward, Priority, onward};
+use crate::route::{self, Onward, Priority, Sharing, onward};
 use crate::stats::Event;
 
 mod session;
@@ -79,6 +79,7 @@ impl<'g> Server<'_, 'g> {
             target: unit,
             destination: None,
             priority: Priority::Normal,
+            sharing: Sharing::DEFAULT,
             received,
             deadline: received + self.settings.server.answer_within,
             repeats: 0,

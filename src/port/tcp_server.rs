@@ -20,7 +20,7 @@ use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::stream::{Input, encode};
-use crate::route::Priority;
+use crate::route::{Priority, Sharing};
 use crate::stats::Event;
 
 /// A client that does not take an answer for so long is closed.
@@ -229,6 +229,7 @@ impl Server<'_, '_> {
             target: header.unit,
             destination: None,
             priority: Priority::Normal,
+            sharing: Sharing::DEFAULT,
             received,
             deadline: received + self.settings.lifetime,
             repeats: 0,

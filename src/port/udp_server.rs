@@ -18,7 +18,7 @@ use crate::hal::{SocketLost, UdpHost, UdpSocket};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
-use crate::route::Priority;
+use crate::route::{Priority, Sharing};
 use crate::stats::Event;
 
 /// Pause after the socket failed.
@@ -165,6 +165,7 @@ impl<'s, 'g> Server<'s, 'g> {
             target: unit,
             destination: None,
             priority: Priority::Normal,
+            sharing: Sharing::DEFAULT,
             received,
             deadline: received + self.settings.lifetime,
             repeats: 0,

@@ -50,6 +50,40 @@ fn a_frame_is_free_when_its_last_handle_is_dropped() {
 }
 
 #[test]
+fn frames_that_ride_on_another_are_taken_down_one_by_one_or_freed_with_it() {
+    let slots = slots::<4>();
+    let pool = FramePool::new(&slots, 0);
+    let carrier = filled(&pool, 0, &[3]).unwrap();
+    assert!(carrier.unload().is_none());
+    for rider in [[3, 3], [3, 2], [3, 1]] {
+        carrier.carry(filled(&pool, 0, &rider).unwrap());
+    }
+    assert_eq!(pool.free(), 0);
+    assert_eq!(carrier.unload().map(|rider| pdu(&rider)), Some(vec![3, 1]));
+    assert_eq!(pool.free(), 1, "it was dropped");
+    assert_eq!(carrier.unload().map(|rider| pdu(&rider)), Some(vec![3, 2]));
+    let other = carrier.share();
+    drop(carrier);
+    assert_eq!(pool.free(), 2, "somebody still holds the one that carries");
+    drop(other);
+    assert_eq!(pool.free(), 4);
+}
+
+#[test]
+fn only_complete_frames_have_the_same_pdu() {
+    let slots = slots::<3>();
+    let pool = FramePool::new(&slots, 0);
+    let frame = filled(&pool, 0, &[3, 0]).unwrap();
+    assert!(frame.same_pdu(&filled(&pool, 0, &[3, 0]).unwrap()));
+    assert!(!frame.same_pdu(&filled(&pool, 0, &[3, 0, 1]).unwrap()));
+    let (mut writer, other) = pool.take(0).unwrap();
+    writer.push(&[3, 0]).unwrap();
+    assert!(!frame.same_pdu(&other), "more may come");
+    writer.finish();
+    assert!(frame.same_pdu(&other));
+}
+
+#[test]
 fn an_unfinished_writer_leaves_the_frame_broken() {
     let slots = slots::<1>();
     let pool = FramePool::new(&slots, 0);

@@ -3,6 +3,7 @@
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
 
+mod cache;
 mod cut_through;
 mod cut_torture;
 mod flights;
@@ -11,8 +12,10 @@ mod line;
 mod matrix;
 mod outcomes;
 mod queue;
+mod queue_model;
 mod serial_server;
 mod shared_bus;
+mod sharing;
 mod stream_server;
 mod tcp_client;
 mod tcp_torture;

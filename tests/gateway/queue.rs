@@ -3,14 +3,14 @@
 use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::Instant;
-use mobgate::port::queue::{Asker, Next, PASSED_OVER_MAX, PortQueue, Ready, Ticket, WAITING_MAX};
+use mobgate::port::queue::{Access, Asker, Next, PASSED_OVER_MAX, PortQueue, Ready, Ticket, WAITING_MAX};
 use mobgate::route::Priority;
 use proptest::prelude::*;
 
 fn ticket(address: u8, connection: u32) -> Ticket {
     let address = Some(IpAddr::V4(Ipv4Addr::new(10, 0, 0, address)));
     let asker = Asker { address, connection };
-    Ticket { asker, priority: Priority::Normal, unit: 1, deadline: Instant::MAX }
+    Ticket { asker, priority: Priority::Normal, unit: 1, deadline: Instant::MAX, access: Access::SharedRead }
 }
 
 fn ranked(priority: Priority) -> Ticket {
@@ -144,6 +144,73 @@ fn unwanted_orders_are_taken_out_with_the_reason() {
     assert_eq!(queue.take_if(late), Some((1, "late")));
     assert_eq!(queue.take_if(late), None);
     assert_eq!(drain(&mut queue), [2]);
+}
+
+/// Orders are pairs of who asks and what; the first one's companions, in the order of arrival.
+fn served_together(orders: &[(&'static str, u8, Ticket)]) -> Vec<&'static str> {
+    let mut queue = PortQueue::new();
+    for (who, what, ticket) in orders {
+        queue.push((*who, *what), *ticket);
+    }
+    let Next::Serve((leader, asked), ticket) = queue.next(Instant::MIN, |_| Ready::Now) else {
+        panic!("nothing to serve");
+    };
+    let mut together: Vec<_> = std::iter::from_fn(|| queue.companion(&ticket, |(_, what)| *what == asked))
+        .map(|(who, _)| who)
+        .collect();
+    together.push(leader);
+    together.reverse();
+    together
+}
+
+#[test]
+fn identical_reads_are_served_together() {
+    let other_unit = Ticket { unit: 2, ..ticket(4, 0) };
+    let alone = Ticket { access: Access::Read, ..ticket(5, 0) };
+    let orders = [
+        ("a", 3, ticket(1, 0)),
+        ("b", 3, ticket(2, 0)),
+        ("asks something else", 4, ticket(3, 0)),
+        ("asks another unit", 3, other_unit),
+        ("wants its own answer", 3, alone),
+        ("again a", 3, ticket(1, 0)),
+    ];
+    assert_eq!(served_together(&orders), ["a", "b", "again a"]);
+    let first = [("wants its own answer", 3, alone), ("a", 3, ticket(1, 0))];
+    assert_eq!(served_together(&first), ["wants its own answer"]);
+}
+
+#[test]
+fn no_read_is_served_before_a_write_that_came_earlier_by_riding_on_another() {
+    let write = |unit| Ticket { unit, access: Access::Write, ..ticket(3, 0) };
+    for unit in [1, 0] {
+        let orders = [
+            ("before", 3, ticket(1, 0)),
+            ("also before", 3, ticket(2, 0)),
+            ("the write", 6, write(unit)),
+            ("behind it", 3, ticket(4, 0)),
+        ];
+        assert_eq!(served_together(&orders), ["before", "also before"], "unit {unit}");
+    }
+    let orders = [("a", 3, ticket(1, 0)), ("the write", 6, write(9)), ("b", 3, ticket(4, 0))];
+    assert_eq!(served_together(&orders), ["a", "b"], "a write to another unit");
+}
+
+#[test]
+fn companions_go_with_the_most_urgent_of_them_and_cost_no_turn() {
+    let mut queue = PortQueue::new();
+    queue.push("low", ranked(Priority::Low));
+    queue.push("normal", ranked(Priority::Normal));
+    let high = ranked(Priority::High);
+    queue.push("high", high);
+    assert_eq!(serve(&mut queue), Some("high"));
+    assert_eq!(queue.companion(&high, |_| true), Some("normal"));
+    assert_eq!(queue.companion(&high, |_| true), Some("low"));
+    assert_eq!(queue.companion(&high, |_| true), None);
+    // The one whose turn it was comes after one that only rode along.
+    queue.push("again", Ticket { priority: Priority::Low, ..high });
+    queue.push("low", ranked(Priority::Low));
+    assert_eq!(drain(&mut queue), ["low", "again"]);
 }
 
 proptest! {

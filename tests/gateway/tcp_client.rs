@@ -236,7 +236,8 @@ fn a_server_that_never_accepts_or_never_answers_is_given_up_after_the_time_out()
 
 #[test]
 fn a_unit_that_is_down_gets_one_probe_at_a_time_and_the_others_go_on() {
-    with_gateway(1, &settings("timeout 300ms in-flight 16"), |world, rig| {
+    let settings = settings("timeout 300ms in-flight 16") + " merge off";
+    with_gateway(1, &settings, |world, rig| {
         rig.attach_tcp(world, PLC, [Device::new(1)]);
         let mut session = Session::start(rig.network.connect(machine(2), 502).unwrap(), world);
         for _ in 0..3 {

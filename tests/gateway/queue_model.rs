@@ -1,0 +1,165 @@
+//! Who is served next, told a second time in the plainest way: by looking through everything that ever happened.
+
+use std::cmp::Reverse;
+use std::net::{IpAddr, Ipv4Addr};
+
+use embassy_time::Instant;
+use mobgate::port::queue::{Access, Asker, Next, PASSED_OVER_MAX, PortQueue, Ready, Ticket, WAITING_MAX};
+use mobgate::route::Priority;
+use proptest::prelude::*;
+
+/// When units that are held are free again.
+const LATER: Instant = Instant::from_secs(1);
+
+/// What is asked and by whom.
+type Order = (usize, u8);
+
+#[derive(Default)]
+struct Model {
+    /// In the order of arrival.
+    waiting: Vec<(Order, Ticket)>,
+    /// Whose turn it was.
+    turns: Vec<Asker>,
+    /// The class that was served in each turn, and the classes that could have been.
+    classes: Vec<(usize, Vec<usize>)>,
+}
+
+impl Model {
+    fn push(&mut self, order: Order, ticket: Ticket) -> Option<Order> {
+        let mut refused = None;
+        if self.waiting.len() == WAITING_MAX {
+            let Some(crowder) = self.crowder(ticket.asker) else { return Some(order) };
+            refused = Some(self.waiting.remove(crowder).0);
+        }
+        self.waiting.push((order, ticket));
+        refused
+    }
+
+    /// The newest order of whoever has most, if that is more than the newcomer would have.
+    fn crowder(&self, newcomer: Asker) -> Option<usize> {
+        let newest = |crowd: &dyn Fn(&Asker) -> usize, among: &dyn Fn(&Asker) -> bool| {
+            let candidates = (0..self.waiting.len()).filter(|at| among(&self.waiting[*at].1.asker));
+            candidates
+                .map(|at| (crowd(&self.waiting[at].1.asker), at))
+                .max()
+                .filter(|(most, _)| *most > crowd(&newcomer) + 1)
+                .map(|(_, at)| at)
+        };
+        let count = |like: &dyn Fn(&Asker) -> bool| {
+            self.waiting.iter().filter(|(_, ticket)| like(&ticket.asker)).count()
+        };
+        let of_address = |asker: &Asker| count(&|other| other.address == asker.address);
+        let of_connection = |asker: &Asker| count(&|other| other == asker);
+        newest(&of_address, &|_| true)
+            .or_else(|| newest(&of_connection, &|asker| asker.address == newcomer.address))
+    }
+
+    fn next(&mut self, held: u8) -> Next<Order> {
+        let ready: Vec<usize> =
+            (0..self.waiting.len()).filter(|at| self.waiting[*at].1.unit != held).collect();
+        let mut present: Vec<usize> = ready.iter().map(|at| self.waiting[*at].1.priority as usize).collect();
+        present.sort_unstable();
+        present.dedup();
+        let Some(&highest) = present.first() else {
+            return if self.waiting.is_empty() { Next::Empty } else { Next::Wait(LATER) };
+        };
+        let bound = usize::from(PASSED_OVER_MAX);
+        let overdue =
+            |class, bound| class > highest && present.contains(&class) && self.passed(class) >= bound;
+        let [normal, low] = [Priority::Normal as usize, Priority::Low as usize];
+        let class = if overdue(low, if highest == normal { bound } else { 2 * bound }) {
+            low
+        } else if overdue(normal, bound) {
+            normal
+        } else {
+            highest
+        };
+        let of_class = ready.into_iter().filter(|at| self.waiting[*at].1.priority as usize == class);
+        let first = of_class.max_by_key(|at| {
+            let asker = self.waiting[*at].1.asker;
+            let idle =
+                |like: &dyn Fn(&Asker) -> bool| self.turns.iter().rev().position(like).unwrap_or(usize::MAX);
+            (idle(&|other| other.address == asker.address), idle(&|other| *other == asker), Reverse(*at))
+        });
+        let (order, ticket) = self.waiting.remove(first.expect("one of this class is ready"));
+        self.turns.push(ticket.asker);
+        self.classes.push((class, present));
+        Next::Serve(order, ticket)
+    }
+
+    /// How often in a row `class` has waited while a higher one was served.
+    fn passed(&self, class: usize) -> usize {
+        let passed = |(served, present): &&(usize, Vec<usize>)| *served < class && present.contains(&class);
+        self.classes.iter().rev().take_while(passed).count()
+    }
+
+    /// All that may go with the order that was served, the last one first.
+    fn companions(&mut self, leader: &Ticket, asked: u8) -> Vec<Order> {
+        let mut companions = Vec::new();
+        for at in (0..self.waiting.len()).rev() {
+            let ((_, what), ticket) = self.waiting[at];
+            let fits = ticket.unit == leader.unit && what == asked;
+            let shared = [leader.access, ticket.access] == [Access::SharedRead; 2];
+            let barred = self.waiting[..at].iter().any(|(_, earlier)| {
+                earlier.access == Access::Write && [0, leader.unit].contains(&earlier.unit)
+            });
+            if fits && shared && !barred {
+                companions.push(self.waiting.remove(at).0);
+            }
+        }
+        companions
+    }
+}
+
+#[derive(Debug, Clone)]
+enum Step {
+    Push(u8, Ticket),
+    /// Serve, while the unit of this id is held.
+    Serve(u8),
+}
+
+fn any_step() -> impl Strategy<Value = Step> {
+    let priority = prop_oneof![Just(Priority::High), Just(Priority::Normal), Just(Priority::Low)];
+    let access = prop_oneof![
+        1 => Just(Access::Write),
+        1 => Just(Access::Read),
+        6 => Just(Access::SharedRead),
+    ];
+    let push = (0..5_u8, 0..3_u32, priority, 0..4_u8, access, 0..3_u8).prop_map(
+        |(address, connection, priority, unit, access, what)| {
+            let address = (address > 0).then(|| IpAddr::V4(Ipv4Addr::new(10, 0, 0, address)));
+            let asker = Asker { address, connection };
+            Step::Push(what, Ticket { asker, priority, unit, deadline: Instant::MAX, access })
+        },
+    );
+    prop_oneof![4 => push, 1 => (0..6_u8).prop_map(Step::Serve)]
+}
+
+proptest! {
+    #[test]
+    fn the_queue_serves_refuses_and_merges_as_its_plain_description_says(
+        steps in prop::collection::vec(any_step(), 1..300),
+        drained in prop::collection::vec(0..6_u8, 100),
+        merge in any::<bool>(),
+    ) {
+        let (mut queue, mut model) = (PortQueue::new(), Model::default());
+        for (number, step) in steps.into_iter().chain(drained.into_iter().map(Step::Serve)).enumerate() {
+            match step {
+                Step::Push(what, ticket) => {
+                    prop_assert_eq!(queue.push((number, what), ticket), model.push((number, what), ticket));
+                }
+                Step::Serve(held) => {
+                    let ready = |unit| if unit == held { Ready::At(LATER) } else { Ready::Now };
+                    let served = queue.next(Instant::MIN, ready);
+                    prop_assert_eq!(&served, &model.next(held));
+                    if let (Next::Serve((_, asked), ticket), true) = (served, merge) {
+                        let companions: Vec<_> =
+                            std::iter::from_fn(|| queue.companion(&ticket, |(_, what)| *what == asked)).collect();
+                        prop_assert_eq!(companions, model.companions(&ticket, asked));
+                    }
+                }
+            }
+            prop_assert_eq!(queue.len(), model.waiting.len());
+        }
+    }
+}

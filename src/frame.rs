@@ -94,6 +94,11 @@ pub enum Stage {
 }
 
 impl Envelope {
+    /// A request for `unit` that is not yet routed. From a network, `peer` and `transaction` are to be added.
+    pub const fn request(origin: Origin, unit: u8, received: Instant, deadline: Instant) -> Self {
+        Self { origin, unit, target: unit, received, deadline, ..Self::EMPTY }
+    }
+
     const EMPTY: Self = Self {
         origin: Origin { port: PortId(0), way: Way::Nobody, generation: 0 },
         transaction: 0,

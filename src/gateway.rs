@@ -15,7 +15,7 @@ use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
 use crate::config::{PORTS_MAX, PortId, PortKind, Settings, Side};
-use crate::frame::{Channel, Frame, FramePool, Origin, Stage, Way};
+use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
@@ -353,6 +353,12 @@ impl<'g> Gateway<'g> {
             select(seat.changed.wait(), server.run(host)).await;
             server.left();
         }
+    }
+
+    /// A frame for what the port `id` itself hears; its seats take theirs by their own numbers.
+    pub(crate) fn take_for_port(&self, id: PortId) -> Option<(FrameWriter<'g>, Frame<'g>)> {
+        // The pool's first frames are the seats', the next are the ports'.
+        self.pool.take(self.seats.len() + id.index())
     }
 
     /// Whether an answer to `origin` would find nobody.

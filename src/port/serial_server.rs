@@ -8,12 +8,12 @@
 use embassy_time::Instant;
 
 use crate::config::{PortId, SerialSettings};
-use crate::frame::{Envelope, Frame, FrameWriter, Origin, Stage, Way};
+use crate::frame::{Envelope, Frame, FrameWriter, Origin, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::hal::SerialHost;
 use crate::modbus::pdu;
 use crate::port::line::{LineLost, Opening};
-use crate::route::{self, Onward, Priority, Sharing, onward};
+use crate::route::{self, Onward, onward};
 use crate::stats::Event;
 
 mod session;
@@ -63,29 +63,15 @@ impl<'g> Server<'_, 'g> {
 
     /// A frame for a request.
     fn take_frame(&self) -> Option<(FrameWriter<'g>, Frame<'g>)> {
-        // The pool's first frames are the seats', the next are the ports'.
-        self.gateway.pool().take(self.gateway.seats().len() + self.id.index())
+        self.gateway.take_for_port(self.id)
     }
 
     /// The envelope of the master's next request.
     fn envelope(&self, unit: u8, received: Instant) -> Envelope {
         let generation = self.place.renew();
         let way = if unit == 0 { Way::Nobody } else { Way::Line };
-        Envelope {
-            origin: Origin { port: self.id, way, generation },
-            transaction: 0,
-            peer: None,
-            unit,
-            target: unit,
-            destination: None,
-            priority: Priority::Normal,
-            sharing: Sharing::DEFAULT,
-            received,
-            deadline: received + self.settings.server.answer_within,
-            repeats: 0,
-            stage: Stage::Request,
-            cut: false,
-        }
+        let origin = Origin { port: self.id, way, generation };
+        Envelope::request(origin, unit, received, received + self.settings.server.answer_within)
     }
 
     /// Sends a request to the router; says whether an answer will come.

@@ -20,7 +20,6 @@ use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::stream::{Input, encode};
-use crate::route::{Priority, Sharing};
 use crate::stats::Event;
 
 /// A client that does not take an answer for so long is closed.
@@ -221,20 +220,11 @@ impl Server<'_, '_> {
         let _ = writer.push(request);
         writer.finish();
         let received = Instant::now();
+        let deadline = received + self.settings.lifetime;
         frame.address(Envelope {
-            origin,
             transaction: header.transaction,
             peer: Some(peer.ip().to_canonical()),
-            unit: header.unit,
-            target: header.unit,
-            destination: None,
-            priority: Priority::Normal,
-            sharing: Sharing::DEFAULT,
-            received,
-            deadline: received + self.settings.lifetime,
-            repeats: 0,
-            stage: Stage::Request,
-            cut: false,
+            ..Envelope::request(origin, header.unit, received, deadline)
         });
         self.place.stats.count(Event::Request);
         self.seat.update(|seat| {

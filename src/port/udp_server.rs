@@ -18,7 +18,6 @@ use crate::hal::{SocketLost, UdpHost, UdpSocket};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
-use crate::route::{Priority, Sharing};
 use crate::stats::Event;
 
 /// Pause after the socket failed.
@@ -139,9 +138,7 @@ impl<'s, 'g> Server<'s, 'g> {
         if of_peer().count() >= own || open.len() >= usize::from(self.settings.requests) {
             return refuse(Event::QueueFull, Exception::BUSY);
         }
-        // The pool's first frames are the seats', the next are the ports'.
-        let owner = self.gateway.seats().len() + self.id.index();
-        let Some((mut writer, frame)) = self.gateway.pool().take(owner) else {
+        let Some((mut writer, frame)) = self.gateway.take_for_port(self.id) else {
             return refuse(Event::BackPressure, Exception::BUSY);
         };
         // The parser gives no longer PDU than fits.
@@ -157,20 +154,11 @@ impl<'s, 'g> Server<'s, 'g> {
 
     fn envelope(&self, unit: u8, peer: SocketAddr, number: u16) -> Envelope {
         let received = Instant::now();
+        let origin = Origin { port: self.id, way: Way::Datagrams, generation: self.place.generation() };
         Envelope {
-            origin: Origin { port: self.id, way: Way::Datagrams, generation: self.place.generation() },
             transaction: number,
             peer: Some(peer.ip().to_canonical()),
-            unit,
-            target: unit,
-            destination: None,
-            priority: Priority::Normal,
-            sharing: Sharing::DEFAULT,
-            received,
-            deadline: received + self.settings.lifetime,
-            repeats: 0,
-            stage: Stage::Request,
-            cut: false,
+            ..Envelope::request(origin, unit, received, received + self.settings.lifetime)
         }
     }
 

@@ -49,6 +49,7 @@ mod fmt;
 
 pub mod config;
 pub mod console;
+pub mod ethercat;
 pub mod frame;
 pub mod gateway;
 pub mod hal;

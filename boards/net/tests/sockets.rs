@@ -6,9 +6,11 @@ use embassy_futures::join::{join, join3};
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
-use mobgate::config::TcpListen;
+use mobgate::config::{Settings, TcpListen, apply};
+use mobgate::frame::{FramePool, Slot};
+use mobgate::gateway::Gateway;
 use mobgate::hal::{OpenErrorKind, TcpConnect, TcpHost, TcpStream as _, UdpHost, UdpSocket};
-use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets, TcpStream};
+use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets, TcpStream, address};
 use mobgate_simulator::World;
 
 use cable::{FAR, NEAR, wired};
@@ -193,6 +195,34 @@ fn a_server_listens_at_the_boards_own_address_or_says_that_it_is_not() {
             let (made, accepted) = join(connector.connect(at(FAR, 502)), host.accept(&listen)).await;
             join(made.unwrap().close(), accepted.unwrap().0.close()).await;
         }
+    });
+}
+
+#[test]
+fn the_address_follows_the_settings() {
+    let mut world = World::new(11);
+    let (near, far, _) = wired(&world, 1, 1);
+    let slots = [const { Slot::new() }; 1];
+    let pool = FramePool::new(&slots, 0);
+    let gateway = Gateway::new(&pool, &[], &[]).with_own_network();
+    let mut settings = Settings::new();
+    world.run_until(async {
+        let reached = async {
+            apply(&mut settings, "network address 10.0.0.44/24 gateway 10.0.0.1").unwrap();
+            gateway.apply(&settings).unwrap();
+            Timer::after_millis(1).await;
+            let state = address::state(far.stack());
+            assert_eq!(state.address.unwrap().to_string(), "10.0.0.44/24");
+            assert_eq!((state.link, state.hardware), (true, [2, 0, 0, 0, 0, 2]));
+            let (mut connector, mut host) = (Connector::new(near), TcpSockets::new(far));
+            join(connector.connect(at([10, 0, 0, 44].into(), 502)), host.accept(&PORT_502)).await.0.unwrap();
+
+            apply(&mut settings, "network dhcp name cabinet-7").unwrap();
+            gateway.apply(&settings).unwrap();
+            Timer::after_millis(1).await;
+            assert_eq!(address::state(far.stack()).address, None, "nobody gives one here");
+        };
+        select(address::follow(&gateway, far.stack()), reached).await;
     });
 }
 

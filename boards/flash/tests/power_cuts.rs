@@ -19,7 +19,7 @@ fn cut<const WORD: usize>(saves: usize, old: usize, new: usize) -> Tally {
 
 #[test]
 fn after_a_cut_at_any_step_the_text_is_the_old_or_the_new_one() {
-    let steps: Vec<u64> = (2..7).map(|saves| cut::<32>(saves, 1_500, 900).cuts).collect();
+    let steps: Vec<u64> = (2..5).map(|saves| cut::<32>(saves, 1_500, 1_600).cuts).collect();
     let (least, most) = (steps.iter().min().unwrap(), steps.iter().max().unwrap());
     assert!(most > least, "no save moved what is in a full sector: {steps:?}");
 }

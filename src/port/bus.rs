@@ -4,16 +4,19 @@
 //! ends every frame (Modbus over Serial Line 2.5.1.1); an ASCII response ends itself. What is no answer to the request
 //! leaves the response timer running. The time that the request spends on the wire does not eat the response time.
 
+use core::mem;
+
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
 
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
 use crate::hal::SerialLine;
-use crate::modbus::ascii::{Decoder, LINE_FEED};
+use crate::modbus::ascii::{COLON, Decoder, LINE_FEED};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::rtu::{self, AtSilence, Received};
-use crate::port::copy::{Copied, copy};
+use crate::port::copy::{Copied, Form, copy};
+use crate::port::cut::Lane;
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::{Collision, Line, LineLost};
 use crate::port::reply::Reply;
@@ -37,6 +40,10 @@ pub(crate) struct Bus<'s, L> {
     framing: Framing,
     /// What has come of an ASCII response, judged character by character; an RTU response is judged as a whole.
     decoder: Decoder,
+    /// When the frame began that is being heard.
+    begun: Instant,
+    /// An ASCII frame had pauses in it that no copy of it could have: the next one is not begun.
+    pauses: bool,
     /// The silence that ends what has begun.
     silence: Duration,
 }
@@ -59,7 +66,8 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         line.active += settings.client.start_delay;
         let silence = settings.framing.silence(&line.settings) + line.jitter;
         let SerialSettings { client, framing, .. } = *settings;
-        Self { line, client, framing, decoder: Decoder::default(), silence }
+        let (begun, decoder) = (line.active, Decoder::default());
+        Self { line, client, framing, decoder, begun, pauses: false, silence }
     }
 
     /// Waits until the line has been silent for the gap; what comes meanwhile is dropped.
@@ -96,11 +104,17 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         Ok(())
     }
 
-    /// Sends the order `frame` to `unit` while it arrives.
-    pub(crate) async fn copy(&mut self, frame: &Frame<'_>, unit: u8) -> Result<Copied, LineLost> {
+    /// Sends the order `frame` to `unit` while it arrives in the framing `input`.
+    pub(crate) async fn copy(
+        &mut self,
+        frame: &Frame<'_>,
+        input: Framing,
+        unit: u8,
+    ) -> Result<Copied, LineLost> {
         self.decoder.clear();
         self.line.stats.count(Event::Request);
-        copy(&mut self.line, frame, (frame.envelope().unit, unit)).await
+        let (framing, from) = (self.framing, frame.envelope().unit);
+        copy(&mut self.line, frame, Form { input, framing, delimiter: LINE_FEED, from, to: unit }).await
     }
 
     /// Waits for the response to what was just sent, and gives the time from the request's end to it.
@@ -131,7 +145,6 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         // A frame that has begun in time is heard to its end, but a line that babbles is not heard for ever.
         let longest = self.line.settings.chars(self.framing.chars_max());
         let end = deadline + longest + self.silence;
-        let mut begun = self.line.active;
         // What was read with the request's echo.
         let mut found = self.look(reply);
         loop {
@@ -147,20 +160,16 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                     }
                 }
             }
-            let before = self.line.heard().len();
             let has_begun = self.has_begun();
             let until = if has_begun { end.min(self.line.active + self.silence) } else { deadline };
             found = match with_deadline(until.min(reply.due()), self.line.read()).await {
                 Ok(read) => {
                     read?;
-                    if before == 0 {
-                        begun = self.line.begun();
-                    }
-                    self.pass_on(reply, begun);
+                    self.pauses |= self.decoder.in_frame() && self.line.pauses();
                     self.look(reply)
                 }
                 Err(TimeoutError) if Instant::now() < until => {
-                    self.pass_on(reply, begun);
+                    self.pass_on(reply);
                     Found::Nothing
                 }
                 Err(TimeoutError) if has_begun => self.look_at_silence(reply),
@@ -169,9 +178,15 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         }
     }
 
-    /// Passes on what has been heard since `begun`, if it is time. What is read late must not be missing.
-    fn pass_on(&self, reply: &mut Reply<'_, '_>, begun: Instant) {
-        reply.hear(self.line.heard(), begun + self.line.jitter, &self.line.settings);
+    /// Passes on what has been heard of a frame, if it is time. What is read late must not be missing.
+    fn pass_on(&self, reply: &mut Reply<'_, '_>) {
+        let heard = match self.framing {
+            Framing::Rtu => self.line.heard(),
+            Framing::Ascii if self.decoder.in_frame() => self.decoder.bytes(),
+            Framing::Ascii => return,
+        };
+        let lane = Lane { framing: self.framing, line: self.line.settings };
+        reply.hear(heard, self.begun + self.line.jitter, &lane);
     }
 
     /// Whether something has begun of which more is to come.
@@ -184,24 +199,52 @@ impl<'s, L: SerialLine> Bus<'s, L> {
 
     /// Looks at what has come so far.
     fn look(&mut self, reply: &mut Reply<'_, '_>) -> Found {
-        let (unit, request) = (reply.unit(), reply.request());
-        match self.framing {
-            Framing::Rtu => match rtu::response(unit, request, self.line.heard()) {
-                Received::Complete(pdu) => {
-                    reply.whole(self.line.heard(), pdu);
-                    Found::Response
-                }
-                Received::Partial => {
-                    reply.not_yet(self.line.heard(), false);
-                    Found::Nothing
-                }
-            },
-            Framing::Ascii => {
-                let (found, count) = look_for_ascii(&mut self.decoder, self.line.heard(), reply);
-                self.line.consume(count);
-                found
+        if self.framing == Framing::Ascii {
+            return self.look_for_ascii(reply);
+        }
+        self.begun = self.line.begun();
+        self.pass_on(reply);
+        match rtu::response(reply.unit(), reply.request(), self.line.heard()) {
+            Received::Complete(pdu) => {
+                reply.whole(self.line.heard(), pdu);
+                Found::Response
+            }
+            Received::Partial => {
+                reply.not_yet(self.line.heard(), false);
+                Found::Nothing
             }
         }
+    }
+
+    /// Looks through what was heard up to the first end of a frame.
+    fn look_for_ascii(&mut self, reply: &mut Reply<'_, '_>) -> Found {
+        let (unit, request) = (reply.unit(), reply.request());
+        for (before, &character) in self.line.heard().iter().enumerate() {
+            if character == COLON {
+                self.begun = self.line.begun() + self.line.settings.chars(before);
+                reply.begin(!mem::take(&mut self.pauses));
+            }
+            let Some(judged) = self.decoder.push(character).map(|judged| judged.map(|_| ())) else {
+                continue;
+            };
+            let found = match (judged, self.decoder.bytes()) {
+                (Ok(()), [from, response @ .., _])
+                    if *from == unit && pdu::fits(request, response).is_ok() =>
+                {
+                    reply.whole(self.decoder.bytes(), response);
+                    Found::Response
+                }
+                (Ok(()), [from, ..]) if *from != unit => Found::Other(Event::WrongUnit),
+                (Ok(()), _) => Found::Other(Event::Misfit),
+                (Err(_), _) => damage(&self.decoder, unit, request),
+            };
+            reply.not_yet(&[], true);
+            self.line.consume(before + 1);
+            return found;
+        }
+        self.line.clear();
+        self.pass_on(reply);
+        Found::Nothing
     }
 
     /// Looks at what has come when nothing more is to come of it.
@@ -227,25 +270,6 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         self.line.clear();
         found
     }
-}
-
-/// Looks through `heard` up to the first end of a frame, and says how many characters that took.
-fn look_for_ascii(decoder: &mut Decoder, heard: &[u8], reply: &mut Reply<'_, '_>) -> (Found, usize) {
-    let (unit, request) = (reply.unit(), reply.request());
-    for (before, &character) in heard.iter().enumerate() {
-        let found = match decoder.push(character) {
-            None => continue,
-            Some(Ok((from, _))) if from != unit => Found::Other(Event::WrongUnit),
-            Some(Ok((_, response))) if pdu::fits(request, response).is_err() => Found::Other(Event::Misfit),
-            Some(Ok((_, response))) => {
-                reply.whole(&[], response);
-                Found::Response
-            }
-            Some(Err(_)) => damage(decoder, unit, request),
-        };
-        return (found, before + 1);
-    }
-    (Found::Nothing, heard.len())
 }
 
 /// What a frame was that did not come whole: the response if it begins as that does.

@@ -39,6 +39,9 @@ pub(crate) struct Line<'s, L> {
     pub(crate) active: Instant,
     received: [u8; RECEIVE_BYTES_MAX],
     length: usize,
+    /// When what was heard began, and the silence before it.
+    begun: Instant,
+    pause: Duration,
     /// Since when characters have been sent without a pause, and how many.
     run: (Instant, usize),
 }
@@ -97,8 +100,18 @@ impl<'s> Opening<'s> {
 impl<'s, L: SerialLine> Line<'s, L> {
     fn new(io: L, settings: LineSettings, jitter: Duration, stats: &'s Counters) -> Self {
         let active = Instant::now();
-        let (received, run) = ([0; RECEIVE_BYTES_MAX], (active, 0));
-        Self { io, settings, jitter, stats, active, received, length: 0, run }
+        Self {
+            io,
+            settings,
+            jitter,
+            stats,
+            active,
+            received: [0; RECEIVE_BYTES_MAX],
+            length: 0,
+            begun: active,
+            pause: Duration::from_ticks(0),
+            run: (active, 0),
+        }
     }
 
     /// What was heard and not consumed.
@@ -109,12 +122,26 @@ impl<'s, L: SerialLine> Line<'s, L> {
     /// When what was heard began, as its length and the last character's arrival tell. Behind a PTY, which has no speed,
     /// that may seem to be before the clock began.
     pub(crate) fn begun(&self) -> Instant {
-        self.active.checked_sub(self.settings.chars(self.length)).unwrap_or(Instant::MIN)
+        self.begun
+    }
+
+    /// The silence before what was heard.
+    pub(crate) fn pause(&self) -> Duration {
+        self.pause
+    }
+
+    /// Whether that is more than an RTU frame may have inside.
+    pub(crate) fn pauses(&self) -> bool {
+        self.pause > self.settings.t1_5() + self.jitter
     }
 
     /// Drops the first `count` bytes of what was heard.
     pub(crate) fn consume(&mut self, count: usize) {
         let count = count.min(self.length);
+        if count > 0 {
+            self.begun += self.settings.chars(count);
+            self.pause = Duration::from_ticks(0);
+        }
         self.received.copy_within(count..self.length, 0);
         self.length -= count;
     }
@@ -138,8 +165,14 @@ impl<'s, L: SerialLine> Line<'s, L> {
         match self.io.read(self.received.get_mut(self.length..).unwrap_or(&mut [])).await {
             Ok(0) | Err(_) => Err(LineLost),
             Ok(count) => {
-                self.length += count;
+                let before = self.active;
                 self.active = Instant::now();
+                if self.length == 0 {
+                    let since = self.active.checked_sub(self.settings.chars(count));
+                    self.begun = since.unwrap_or(Instant::MIN);
+                    self.pause = self.begun.saturating_duration_since(before);
+                }
+                self.length += count;
                 Ok(())
             }
         }

@@ -13,6 +13,7 @@ use super::Server;
 use crate::config::Framing;
 use crate::frame::{Frame, Stage};
 use crate::hal::SerialLine;
+use crate::modbus::ascii::COLON;
 use crate::modbus::crc::crc16;
 use crate::modbus::{PDU_BYTES_MAX, rtu};
 use crate::port::arriving::Passing;
@@ -55,9 +56,11 @@ pub(super) struct Session<'s, 'g, L> {
     line: Line<'s, L>,
     ear: Ear,
     open: Open<'g>,
-    /// When what is being heard began, and how far it has been passed on.
+    /// When the frame that is being heard began, and how far it has been passed on.
     begun: Instant,
     passing: Passing<'g>,
+    /// An ASCII frame had pauses in it that no copy of it could have: the next one is not begun.
+    pauses: bool,
     /// This master has used functions whose end only silence tells: no frame is begun before its function is known.
     wary: bool,
     /// The latest answer.
@@ -92,6 +95,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             ear,
             open: Open::None,
             passing: Passing::Whole,
+            pauses: false,
             wary: false,
             answered: None,
         }
@@ -108,25 +112,12 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             };
             let server = self.server;
             let answers = server.place.queue.receive(server.gateway.pool());
-            let (active, begins) = (self.line.active, self.line.heard().is_empty());
+            let begins = self.line.heard().is_empty();
             let until = due.min(quiet).min(self.passing.due());
             match select3(self.line.read(), answers, Timer::at(until)).await {
                 Either3::First(read) => {
                     read?;
-                    if begins {
-                        self.begin(active);
-                    }
-                    if !self.is_stray() {
-                        self.interrupted();
-                    }
-                    let passed = self.pass_on();
-                    // Where reads keep up with the wire, only silence ends a frame that has not been passed on.
-                    if passed || self.line.jitter.as_ticks() > 0 || matches!(self.ear, Ear::Ascii(_)) {
-                        self.listen(false);
-                    }
-                    if passed {
-                        self.give_up();
-                    }
+                    self.hear(begins);
                 }
                 Either3::Second(frame) => self.take_answer(frame),
                 Either3::Third(()) if Instant::now() >= quiet => self.listen(true),
@@ -135,6 +126,31 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
                 }
                 Either3::Third(()) => self.due().await?,
             }
+        }
+    }
+
+    /// Passes on and judges what has just been read; `begins`: nothing else had been heard.
+    fn hear(&mut self, begins: bool) {
+        if !self.is_stray() {
+            self.interrupted();
+        }
+        if let Ear::Ascii(_) = self.ear {
+            self.watch_pauses();
+            self.listen(false);
+            self.pass_on();
+            return;
+        }
+        if begins {
+            self.begin();
+        }
+        let passed = self.pass_on();
+        // Where reads keep up with the wire, only silence ends a frame that has not been passed on.
+        if passed || self.line.jitter.as_ticks() > 0 {
+            self.listen(false);
+        }
+        if passed {
+            // What is whole and has not been judged a request is none.
+            self.passing = Passing::Whole;
         }
     }
 
@@ -156,7 +172,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
 
     /// Whether what is being heard began after a silence since `active`, or nearly so.
     fn is_apart(&self, active: Instant) -> bool {
-        self.begun >= active + self.line.settings.gap() / 2
+        self.line.begun() >= active + self.line.settings.gap() / 2
     }
 
     /// Something was heard while a request was open: the master does not wait for its answer any more.
@@ -173,6 +189,9 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
     /// Judges what has been heard so far.
     fn listen(&mut self, silent: bool) {
         loop {
+            if let (Ear::Ascii(_), Some(&COLON)) = (&self.ear, self.line.heard().first()) {
+                self.begin();
+            }
             let mut request = [0; PDU_BYTES_MAX];
             let (judged, count, request) = self.judge(silent, &mut request);
             // What comes behind a request overtakes it, also when both were heard at once.
@@ -180,6 +199,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
                 self.interrupted();
             }
             let event = match judged {
+                Judged::Nothing if count > 0 && !self.line.heard().is_empty() => continue,
                 Judged::Nothing => break,
                 Judged::Request(unit) if self.is_echo(unit, request) => Event::Noise,
                 Judged::Request(unit) => {

@@ -80,6 +80,7 @@ async fn carry_out<'g, L: SerialLine>(
             desk.forget(&frame);
             return Ok(());
         }
+        desk.arrived(&frame);
     }
     let mut request = [0; PDU_BYTES_MAX];
     let length = frame.copy_pdu(&mut request);

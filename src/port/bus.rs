@@ -168,10 +168,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                     self.pauses |= self.decoder.in_frame() && self.line.pauses();
                     self.look(reply)
                 }
-                Err(TimeoutError) if Instant::now() < until => {
-                    self.pass_on(reply);
-                    Found::Nothing
-                }
+                Err(TimeoutError) if Instant::now() < until => self.look(reply),
                 Err(TimeoutError) if has_begun => self.look_at_silence(reply),
                 Err(TimeoutError) => return Ok(Err(Failure::Timeout)),
             };

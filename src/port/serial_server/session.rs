@@ -121,9 +121,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
                 }
                 Either3::Second(frame) => self.take_answer(frame),
                 Either3::Third(()) if Instant::now() >= quiet => self.listen(true),
-                Either3::Third(()) if self.passing.is_due() => {
-                    self.pass_on();
-                }
+                Either3::Third(()) if self.passing.is_due() => self.proceed(),
                 Either3::Third(()) => self.due().await?,
             }
         }
@@ -137,18 +135,22 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
         if let Ear::Ascii(_) = self.ear {
             self.watch_pauses();
             self.listen(false);
-            self.pass_on();
-            return;
+            return self.proceed();
         }
         if begins {
             self.begin();
         }
-        let passed = self.pass_on();
+        self.proceed();
         // Where reads keep up with the wire, only silence ends a frame that has not been passed on.
-        if passed || self.line.jitter.as_ticks() > 0 {
+        if self.line.jitter.as_ticks() > 0 {
             self.listen(false);
         }
-        if passed {
+    }
+
+    /// Passes on what has been heard, and judges it if it has been passed on to its end.
+    fn proceed(&mut self) {
+        if self.pass_on() {
+            self.listen(false);
             // What is whole and has not been judged a request is none.
             self.passing = Passing::Whole;
         }

@@ -4,23 +4,22 @@
 //! ends every frame (Modbus over Serial Line 2.5.1.1); an ASCII response ends itself. What is no answer to the request
 //! leaves the response timer running. The time that the request spends on the wire does not eat the response time.
 
-use core::mem;
-
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
 
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
 use crate::hal::SerialLine;
-use crate::modbus::ascii::{COLON, Decoder, LINE_FEED};
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
-use crate::modbus::rtu::{self, AtSilence, Received};
+use crate::modbus::ascii::{Decoder, LINE_FEED};
 use crate::port::copy::{Copied, Form, copy};
-use crate::port::cut::Lane;
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::{Collision, Line, LineLost};
 use crate::port::reply::Reply;
 use crate::stats::Event;
+
+mod look;
+
+use look::Found;
 
 /// Why there is no response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,18 +45,6 @@ pub(crate) struct Bus<'s, L> {
     pauses: bool,
     /// The silence that ends what has begun.
     silence: Duration,
-}
-
-/// What a look at the line found.
-enum Found {
-    /// Nothing yet, or noise between frames.
-    Nothing,
-    /// The response.
-    Response,
-    /// The response, but damaged.
-    Damaged,
-    /// Something else.
-    Other(Event),
 }
 
 impl<'s, L: SerialLine> Bus<'s, L> {
@@ -175,106 +162,11 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         }
     }
 
-    /// Passes on what has been heard of a frame, if it is time. What is read late must not be missing.
-    fn pass_on(&self, reply: &mut Reply<'_, '_>) {
-        let heard = match self.framing {
-            Framing::Rtu => self.line.heard(),
-            Framing::Ascii if self.decoder.in_frame() => self.decoder.bytes(),
-            Framing::Ascii => return,
-        };
-        let lane = Lane { framing: self.framing, line: self.line.settings };
-        reply.hear(heard, self.begun + self.line.jitter, &lane);
-    }
-
     /// Whether something has begun of which more is to come.
     fn has_begun(&self) -> bool {
         match self.framing {
             Framing::Rtu => !self.line.heard().is_empty(),
             Framing::Ascii => self.decoder.in_frame(),
         }
-    }
-
-    /// Looks at what has come so far.
-    fn look(&mut self, reply: &mut Reply<'_, '_>) -> Found {
-        if self.framing == Framing::Ascii {
-            return self.look_for_ascii(reply);
-        }
-        self.begun = self.line.begun();
-        self.pass_on(reply);
-        match rtu::response(reply.unit(), reply.request(), self.line.heard()) {
-            Received::Complete(pdu) => {
-                reply.whole(self.line.heard(), pdu);
-                Found::Response
-            }
-            Received::Partial => {
-                reply.not_yet(self.line.heard(), false);
-                Found::Nothing
-            }
-        }
-    }
-
-    /// Looks through what was heard up to the first end of a frame.
-    fn look_for_ascii(&mut self, reply: &mut Reply<'_, '_>) -> Found {
-        let (unit, request) = (reply.unit(), reply.request());
-        for (before, &character) in self.line.heard().iter().enumerate() {
-            if character == COLON {
-                self.begun = self.line.begun() + self.line.settings.chars(before);
-                reply.begin(!mem::take(&mut self.pauses));
-            }
-            let Some(judged) = self.decoder.push(character).map(|judged| judged.map(|_| ())) else {
-                continue;
-            };
-            let found = match (judged, self.decoder.bytes()) {
-                (Ok(()), [from, response @ .., _])
-                    if *from == unit && pdu::fits(request, response).is_ok() =>
-                {
-                    reply.whole(self.decoder.bytes(), response);
-                    Found::Response
-                }
-                (Ok(()), [from, ..]) if *from != unit => Found::Other(Event::WrongUnit),
-                (Ok(()), _) => Found::Other(Event::Misfit),
-                (Err(_), _) => damage(&self.decoder, unit, request),
-            };
-            reply.not_yet(&[], true);
-            self.line.consume(before + 1);
-            return found;
-        }
-        self.line.clear();
-        self.pass_on(reply);
-        Found::Nothing
-    }
-
-    /// Looks at what has come when nothing more is to come of it.
-    fn look_at_silence(&mut self, reply: &mut Reply<'_, '_>) -> Found {
-        let (unit, request) = (reply.unit(), reply.request());
-        let found = match self.framing {
-            Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
-                AtSilence::Complete(pdu) => {
-                    reply.whole(self.line.heard(), pdu);
-                    Found::Response
-                }
-                AtSilence::Damaged => Found::Damaged,
-                AtSilence::WrongUnit(_) => Found::Other(Event::WrongUnit),
-                AtSilence::Misfit(_) => Found::Other(Event::Misfit),
-                AtSilence::Noise => Found::Other(Event::Noise),
-            },
-            Framing::Ascii => {
-                self.decoder.clear();
-                damage(&self.decoder, unit, request)
-            }
-        };
-        reply.not_yet(self.line.heard(), true);
-        self.line.clear();
-        found
-    }
-}
-
-/// What a frame was that did not come whole: the response if it begins as that does.
-fn damage(decoder: &Decoder, unit: u8, request: &[u8]) -> Found {
-    match (decoder.bytes(), request) {
-        ([from, answered, ..], [function, ..]) if *from == unit && answered & !EXCEPTION_BIT == *function => {
-            Found::Damaged
-        }
-        _ => Found::Other(Event::Noise),
     }
 }

@@ -4,6 +4,7 @@
 use mobgate_clock as _;
 
 mod cache;
+mod cut_ascii;
 mod cut_pairs;
 mod cut_sharing;
 mod cut_start;

@@ -9,11 +9,10 @@ use super::{BAUDS, REGISTERS, TICK};
 use crate::{Target, figure};
 
 pub(super) fn figures() {
-    let pairs: [[fn(u32) -> Line; 2]; 3] =
-        [[Line::rtu, Line::ascii], [Line::ascii, Line::rtu], [Line::ascii, Line::ascii]];
-    for pair in pairs {
-        for baud in BAUDS {
-            REGISTERS.into_iter().for_each(|registers| one_router(pair.map(|line| line(baud)), registers));
+    for (baud, registers) in BAUDS.iter().flat_map(|baud| REGISTERS.map(|registers| (*baud, registers))) {
+        let (rtu, ascii) = (Line::rtu(baud), Line::ascii(baud));
+        for lines in [[rtu, ascii], [ascii, rtu], [ascii, ascii]] {
+            one_router(lines, registers);
         }
     }
     // The slower line is the one that counts.

@@ -91,17 +91,17 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         Ok(())
     }
 
-    /// Sends the order `frame` to `unit` while it arrives in the framing `input`.
+    /// Sends the order `frame` to `unit` while it arrives.
     pub(crate) async fn copy(
         &mut self,
         frame: &Frame<'_>,
-        input: Framing,
         unit: u8,
+        may_wait: bool,
     ) -> Result<Copied, LineLost> {
         self.decoder.clear();
         self.line.stats.count(Event::Request);
         let (framing, from) = (self.framing, frame.envelope().unit);
-        copy(&mut self.line, frame, Form { input, framing, delimiter: LINE_FEED, from, to: unit }).await
+        copy(&mut self.line, frame, Form { framing, may_wait, delimiter: LINE_FEED, from, to: unit }).await
     }
 
     /// Waits for the response to what was just sent, and gives the time from the request's end to it.

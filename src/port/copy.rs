@@ -31,10 +31,11 @@ pub(crate) enum Copied {
 /// How the copy looks.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Form {
-    /// The framing in which the frame comes.
-    pub(crate) input: Framing,
     /// The framing in which it is sent.
     pub(crate) framing: Framing,
+    /// Whether it may wait for characters that are overdue. An ASCII frame may pause for a second between any two (Serial Line
+    /// 2.5.2.1): its copy is broken off where it must not do so, or would keep others from the line.
+    pub(crate) may_wait: bool,
     /// The character that ends an ASCII frame.
     pub(crate) delimiter: u8,
     /// The unit under which the frame comes.
@@ -63,12 +64,8 @@ pub(crate) async fn copy<L: SerialLine>(
             Fill::Complete => return Ok(Copied::Whole),
             Fill::Broken => break,
             Fill::Filling => {
-                let until = match (form.input, form.framing) {
-                    // An ASCII frame may pause for a second (Serial Line 2.5.2.1), an RTU one may not. So the copy is broken
-                    // off, and the frame is sent when it is whole, if that is still possible.
-                    (Framing::Ascii, Framing::Rtu) => line.active + line.settings.t1_5(),
-                    _ => Instant::MAX,
-                };
+                let patience = line.active + line.settings.t1_5();
+                let until = if form.may_wait { Instant::MAX } else { patience };
                 if with_deadline(until, frame.more_than(filled)).await.is_err() && frame.abandon() {
                     break;
                 }

@@ -71,7 +71,9 @@ async fn carry_out<'g, L: SerialLine>(
     if arriving {
         let origin = frame.envelope().origin.port;
         let input = desk.gateway().settings(|settings| Lane::at(settings, origin));
-        let copied = bus.copy(&frame, input.map_or(Framing::Rtu, |lane| lane.framing), unit).await?;
+        // What is broken off comes again when it is whole.
+        let may_wait = input.is_some_and(|lane| lane.framing == Framing::Rtu);
+        let copied = bus.copy(&frame, unit, may_wait).await?;
         if copied == Copied::Short {
             place.units(|units| units.hold(unit, Instant::now(), window));
         }

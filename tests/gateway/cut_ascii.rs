@@ -1,8 +1,11 @@
 //! What only ASCII frames can do while they are passed on: begin anew, and pause.
 
-use embassy_time::{Duration, Timer};
+use embassy_futures::join::join;
+use embassy_time::{Duration, Instant, Timer};
 use mobgate::config::Framing;
+use mobgate_simulator::client::Answer;
 use mobgate_simulator::fault::When;
+use mobgate_simulator::rig::machine;
 use mobgate_simulator::{Fault, Faults, framing};
 
 use super::cut_pairs::{SPEEDS, VALUE, is_well};
@@ -52,6 +55,33 @@ fn an_ascii_master_may_pause_inside_its_frames() {
                 is_well("", world, &mut master);
             }
             assert_eq!(counts(rig, "C")[0], before + 1);
+        });
+    }
+}
+
+#[test]
+fn a_master_that_pauses_inside_its_frames_keeps_nobody_else_from_the_line() {
+    for down in [Framing::Rtu, Framing::Ascii] {
+        between((Framing::Ascii, 9_600), (down, 19_200), "", |world, rig, _| {
+            let frame = framing::frame(Framing::Ascii, 105, &READ);
+            let (mut master, mut client) = (rig.master("up"), rig.client(machine(1), 502));
+            let slow = async {
+                for character in frame.chunks(1) {
+                    master.send_bytes(character).await;
+                    Timer::after_millis(500).await;
+                }
+                master.receive().await.expect("an answer")
+            };
+            let others = async {
+                for _ in 0..20 {
+                    Timer::after_millis(310).await;
+                    let asked = Instant::now();
+                    assert_eq!(client.request(6, &READ).await, Answer::Pdu(vec![3, 2, 6, 7]));
+                    assert!(asked.elapsed() < Duration::from_millis(100), "{down}: {:?}", asked.elapsed());
+                }
+            };
+            let (heard, ()) = world.run_until(join(slow, others));
+            assert_eq!(framing::open(Framing::Ascii, &heard.bytes), Some((105, VALUE.to_vec())));
         });
     }
 }

@@ -1,6 +1,7 @@
 //! How an answer goes out: whole, or while it still arrives from the line where it was given.
 
 use super::{Answered, Ear, Session};
+use crate::config::Framing;
 use crate::frame::{Envelope, Fill, Frame};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::LINE_FEED;
@@ -66,9 +67,10 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
     /// How an answer looks that is sent while it arrives.
     fn form(&self, envelope: &Envelope) -> Form {
         let framing = self.server.settings.framing;
-        let lane = |settings: &_| Lane::at(settings, envelope.destination?);
-        let input = self.server.gateway.settings(lane).map_or(framing, |lane| lane.framing);
-        Form { input, framing, delimiter: self.delimiter(), from: envelope.target, to: envelope.unit }
+        let lane = self.server.gateway.settings(|settings| Lane::at(settings, envelope.destination?));
+        // Nobody else waits for this line, and what has begun cannot be sent again.
+        let may_wait = framing == Framing::Ascii || lane.is_some_and(|lane| lane.framing == Framing::Rtu);
+        Form { framing, may_wait, delimiter: self.delimiter(), from: envelope.target, to: envelope.unit }
     }
 
     /// Notes what has been answered.

@@ -22,7 +22,7 @@ use embassy_time::Instant;
 
 use crate::config::PortId;
 use crate::modbus::PDU_BYTES_MAX;
-use crate::route::{Priority, Sharing};
+use crate::route::{AddressRange, Priority, Sharing};
 
 /// What the gateway knows of a frame besides its PDU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,6 +43,8 @@ pub struct Envelope {
     pub priority: Priority,
     /// Whose answers will do for it, set by the router.
     pub sharing: Sharing,
+    /// The addresses that its rule allows, set by the router: nothing else is read along with it.
+    pub addresses: AddressRange,
     /// When the request was complete.
     pub received: Instant,
     /// From here on the request is not sent any more.
@@ -108,6 +110,7 @@ impl Envelope {
         destination: None,
         priority: Priority::Normal,
         sharing: Sharing::DEFAULT,
+        addresses: AddressRange::ALL,
         received: Instant::MIN,
         deadline: Instant::MAX,
         repeats: 0,

@@ -160,20 +160,23 @@ impl<'g> Desk<'g> {
     fn start(&self, leader: &Frame<'g>, ticket: &Ticket) -> Current<'g> {
         let asked = block(leader);
         let joint = self.join(leader, ticket);
-        let joined = joint.map(|joint| joint.block).filter(|block| Some(*block) != asked);
-        if let Some(joined) = joined {
+        if let Some(joint) = joint.filter(|joint| Some(joint.block) != asked) {
             // A read is as long as another.
-            let _ = leader.replace(&joined.request());
+            let _ = leader.replace(&joint.block.request());
             // What comes is not the answer yet.
             leader.address(Envelope { cut: false, ..leader.envelope() });
         }
         let serves = |frame: &Frame<'g>| Some(joint?.serves(&Joint::of(frame)?));
+        let joins = |frame: &Frame<'g>| frame.same_pdu(leader) || serves(frame) == Some(true);
+        let mut joined = None;
         let mut queue = self.queue.borrow_mut();
         // From the last one on, each in front of the others: they ride in the order of arrival.
-        while let Some(rider) =
-            queue.companion(ticket, |frame| frame.same_pdu(leader) || serves(frame) == Some(true))
-        {
-            if joined.is_some() && block(&rider) != asked {
+        while let Some(rider) = queue.companion(ticket, joins) {
+            let theirs = block(&rider);
+            if theirs != asked {
+                joined = joint.map(|joint| joint.block);
+            }
+            if asked.zip(theirs).and_then(|(own, theirs)| own.hull(&theirs)) != asked {
                 queue.charge(self::ticket(&rider).asker);
             }
             leader.carry(rider);

@@ -121,13 +121,14 @@ impl<'g> Desk<'g> {
     /// Sends home what must not be sent any more.
     fn sweep(&self) {
         let now = Instant::now();
+        let gate = self.gates(now);
         loop {
             let unwanted = self.queue.borrow_mut().take_if(|frame, ticket| {
-                if self.gateway.is_gone(frame.envelope().origin) {
+                if self.gateway.is_gone(frame.origin()) {
                     Some(Event::AskerGone)
                 } else if ticket.deadline <= now {
                     Some(Event::Expired)
-                } else if self.gate(ticket.unit) == Gate::Down {
+                } else if gate(ticket.unit) == Gate::Down {
                     Some(Event::UnitDown)
                 } else {
                     None
@@ -143,11 +144,13 @@ impl<'g> Desk<'g> {
     /// The next order, which is being carried out from now on.
     pub(crate) fn next(&self) -> Next<Frame<'g>> {
         self.sweep();
-        let ready = |unit| match self.gate(unit) {
+        let now = Instant::now();
+        let gate = self.gates(now);
+        let ready = |unit| match gate(unit) {
             Gate::Open(ready) => ready,
             Gate::Down => Ready::Now,
         };
-        let next = self.queue.borrow_mut().next(Instant::now(), ready);
+        let next = self.queue.borrow_mut().next(now, ready);
         if let Next::Serve(frame, ticket) = &next {
             let current = self.start(frame, ticket);
             // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
@@ -396,6 +399,12 @@ impl<'g> Desk<'g> {
         while let Some(frame) = self.place.queue.try_receive(self.gateway.pool()) {
             self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
+    }
+
+    /// Says of each unit whether it may be asked at `now`. Mostly all are well, and none has to be looked at by itself.
+    fn gates(&self, now: Instant) -> impl Fn(u8) -> Gate {
+        let all_well = self.place.units(|units| units.all_well(now));
+        move |unit| if all_well { Gate::Open(Ready::Now) } else { self.gate(unit) }
     }
 
     fn gate(&self, unit: u8) -> Gate {

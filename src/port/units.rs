@@ -106,6 +106,11 @@ impl Units {
         }
     }
 
+    /// Whether every unit may be asked at `now`, and none counts as down: mostly none has to be looked at by itself.
+    pub fn all_well(&self, now: Instant) -> bool {
+        self.0.iter().all(|unit| unit.held_until <= now && !unit.down)
+    }
+
     /// Whether `id` counts as down, whatever is due.
     pub fn is_down(&self, id: u8) -> bool {
         self.0.iter().any(|unit| unit.id == id && unit.down)

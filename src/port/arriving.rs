@@ -11,9 +11,6 @@ use crate::modbus::pdu::End;
 use crate::modbus::rtu;
 use crate::port::cut;
 
-/// Characters of a frame that are not the PDU's: unit and CRC.
-const OVERHEAD_CHARS: usize = rtu::FRAME_BYTES_MAX - crate::modbus::PDU_BYTES_MAX;
-
 /// How far a frame is that may be passed on.
 pub(crate) enum Passing<'g> {
     /// Too little of it is there.
@@ -30,7 +27,7 @@ impl Passing<'_> {
     /// What becomes of a frame that began at `begun` on `input`, as far as its end is known.
     pub(crate) fn plan(begun: Instant, input: &LineSettings, output: &LineSettings, end: End) -> Self {
         let characters = match end {
-            End::At(length) => Some(length + OVERHEAD_CHARS),
+            End::At(length) => Some(length + rtu::OVERHEAD_BYTES),
             End::Later => None,
             End::Unknown => return Self::Whole,
         };
@@ -101,5 +98,5 @@ impl<'g> Arriving<'g> {
 
 /// Whether all characters of a frame are there that has `so_far` behind its unit.
 pub(crate) fn is_whole(so_far: &[u8], end: End) -> bool {
-    matches!(end, End::At(length) if so_far.len() + 1 >= length + OVERHEAD_CHARS)
+    matches!(end, End::At(length) if so_far.len() + 1 >= length + rtu::OVERHEAD_BYTES)
 }

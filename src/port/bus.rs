@@ -3,6 +3,9 @@
 //! The end of an RTU response is known by its length and CRC where the request tells the length, else by the silence that
 //! ends every frame (Modbus over Serial Line 2.5.1.1); an ASCII response ends itself. What is no answer to the request
 //! leaves the response timer running. The time that the request spends on the wire does not eat the response time.
+//!
+//! As soon as the first characters of a response tell how many there are at least, the line is left to itself until the last
+//! one of those is due, where the board wants that: a program that sleeps is woken for all of them together.
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
@@ -11,13 +14,16 @@ use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{Decoder, LINE_FEED};
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::pdu::{self, EXCEPTION_BIT, End};
 use crate::modbus::rtu::{self, AtSilence, Received};
 use crate::port::copy::{Copied, copy};
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::{Collision, Line, LineLost};
 use crate::port::reply::Reply;
 use crate::stats::Event;
+
+/// Bytes of an exception's PDU.
+const EXCEPTION_BYTES: usize = 2;
 
 /// Why there is no response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -131,7 +137,10 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         // A frame that has begun in time is heard to its end, but a line that babbles is not heard for ever.
         let longest = self.line.settings.chars(self.framing.chars_max());
         let end = deadline + longest + self.silence;
-        let mut begun = self.line.active;
+        let sent = self.line.active;
+        let mut begun = sent;
+        // A read can be late, and make a beginning seem late, but not early: the earliest is the best to go by.
+        let mut earliest = sent;
         // What was read with the request's echo.
         let mut found = self.look(reply);
         loop {
@@ -149,13 +158,22 @@ impl<'s, L: SerialLine> Bus<'s, L> {
             }
             let before = self.line.heard().len();
             let has_begun = self.has_begun();
+            // What seems to have begun before the request was over comes by no wire, but from a PTY: at once.
+            if has_begun
+                && earliest >= sent
+                && let Some(due) = self.due(reply, earliest)
+            {
+                self.line.rest(due).await;
+            }
             let until = if has_begun { end.min(self.line.active + self.silence) } else { deadline };
             found = match with_deadline(until.min(reply.due()), self.line.read()).await {
                 Ok(read) => {
                     read?;
                     if before == 0 {
                         begun = self.line.begun();
+                        earliest = begun;
                     }
+                    earliest = earliest.min(self.line.begun());
                     self.pass_on(reply, begun);
                     self.look(reply)
                 }
@@ -172,6 +190,23 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     /// Passes on what has been heard since `begun`, if it is time. What is read late must not be missing.
     fn pass_on(&self, reply: &mut Reply<'_, '_>, begun: Instant) {
         reply.hear(self.line.heard(), begun + self.line.jitter, &self.line.settings);
+    }
+
+    /// When the response that `begun` will have the last one of the characters that it has at least.
+    fn due(&self, reply: &Reply<'_, '_>, begun: Instant) -> Option<Instant> {
+        let (Framing::Rtu, false, Some((&unit, so_far))) =
+            (self.framing, reply.is_passed_on(), self.line.heard().split_first())
+        else {
+            return None;
+        };
+        let pdu_bytes = match pdu::response_end(reply.request(), so_far) {
+            _ if unit != reply.unit() => return None,
+            End::At(length) => length,
+            // It may be an exception.
+            End::Later => EXCEPTION_BYTES.max(so_far.len() + 1),
+            End::Unknown => return None,
+        };
+        Some(begun + self.line.settings.chars(pdu_bytes + rtu::OVERHEAD_BYTES))
     }
 
     /// Whether something has begun of which more is to come.

@@ -145,6 +145,14 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
     }
 
+    /// Lets characters gather until `until`, where the board likes that better than to read each as it comes. Nobody looks at
+    /// the line meanwhile, so it counts as active.
+    pub(crate) async fn rest(&mut self, until: Instant) {
+        if self.io.rest(until).await {
+            self.active = self.active.max(Instant::now());
+        }
+    }
+
     /// Sends `frame`; what was heard before is dropped. The line counts as active until its last bit has left.
     pub(crate) async fn send(&mut self, frame: &[u8]) -> Result<Result<(), Collision>, LineLost> {
         self.clear();

@@ -93,7 +93,9 @@ impl Contestant {
         let path = match self {
             Self::Mobgate | Self::Mbusd | Self::MbusdShortPause => path,
             Self::ModbusProxy => path.join("python/bin/modbus-proxy"),
-            Self::ModbusRelay | Self::ModbusGateway | Self::ModbusProxyRs => path.join("bin").join(self.name()),
+            Self::ModbusRelay | Self::ModbusGateway | Self::ModbusProxyRs => {
+                path.join("bin").join(self.name())
+            }
         };
         if path.exists() { Ok(path) } else { Err(format!("{} is not there", path.display())) }
     }

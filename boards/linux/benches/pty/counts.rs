@@ -34,7 +34,14 @@ pub(crate) fn figures(_: Effort) {
 
     // Detached, so that the program is the child and gets the signal that ends it.
     let strace = |report: &Path| {
-        vec!["strace".into(), "-D".into(), "-f".into(), "-c".into(), "-o".into(), report.display().to_string()]
+        vec![
+            "strace".into(),
+            "-D".into(),
+            "-f".into(),
+            "-c".into(),
+            "-o".into(),
+            report.display().to_string(),
+        ]
     };
     let calls = |report: &str| {
         // 100.00    0.000000           0         0         0 total

@@ -44,7 +44,12 @@ pub(crate) struct Round {
 impl Lane {
     /// A client at the line itself.
     pub(crate) fn direct(device: Device) -> Self {
-        Self { name: "direct", way: Way::Direct(device.pace), line: Some(Line::with(device)), rounds: Vec::new() }
+        Self {
+            name: "direct",
+            way: Way::Direct(device.pace),
+            line: Some(Line::with(device)),
+            rounds: Vec::new(),
+        }
     }
 
     /// Through `contestant` to `device` at a line.
@@ -63,7 +68,8 @@ impl Lane {
 
     fn through(contestant: Contestant, program: Program, line: Option<Line>) -> Result<Self, String> {
         let name = contestant.name();
-        let mut lane = Self { name, way: Way::Through(Box::new(program), Vec::new()), line, rounds: Vec::new() };
+        let mut lane =
+            Self { name, way: Way::Through(Box::new(program), Vec::new()), line, rounds: Vec::new() };
         // The line may be opened a moment after the listener.
         let start = Instant::now();
         while lane.run(&[Habit::of(0)], WARM_UP).loads.iter().all(|load| load.times.is_empty()) {

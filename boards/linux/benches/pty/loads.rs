@@ -87,7 +87,8 @@ pub(crate) fn exceptions(effort: Effort) {
     for baud in BAUDS {
         let device = Device::paced(baud);
         let mut lanes = beside_direct(device);
-        let habit = Habit { address: NO_SUCH_ADDRESS, step: 0, think: Duration::from_millis(20), ..Habit::of(0) };
+        let habit =
+            Habit { address: NO_SUCH_ADDRESS, step: 0, think: Duration::from_millis(20), ..Habit::of(0) };
         contest(&mut lanes, &[habit], effort.rounds(3), effort.length(2_000));
         table(&format!("{baud} baud, exceptions of the device, 1 client"), &lanes);
         let wire = device.pace.transaction(EXCEPTION_CHARS).as_secs_f64();
@@ -117,7 +118,12 @@ pub(crate) fn dead(effort: Effort) {
     table("115200 baud, one dead unit of eight, 8 clients", &lanes);
     for (lane, alone) in lanes.iter().zip(alone) {
         let target = if lane.name == "mobgate" { Target::AtLeast(95.0) } else { Target::None };
-        figure(&format!("kept_beside_dead_unit_{}", word(lane.name)), 100.0 * rate(lane) / alone, "%", target);
+        figure(
+            &format!("kept_beside_dead_unit_{}", word(lane.name)),
+            100.0 * rate(lane) / alone,
+            "%",
+            target,
+        );
     }
 }
 

@@ -5,11 +5,13 @@
 //! future polls the run queue until it is empty.
 
 use std::future::{Future, poll_fn};
+use std::num::NonZeroU64;
 use std::pin::pin;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 
 use embassy_executor::{Spawner, raw};
 use embassy_sync::waitqueue::AtomicWaker;
+use rustix::thread::set_current_timer_slack;
 
 use crate::reactor;
 
@@ -25,6 +27,9 @@ pub fn run<T>(init: impl FnOnce(Spawner), end: impl Future<Output = T>) -> T {
     let executor: &'static raw::Executor = Box::leak(Box::new(raw::Executor::new(context)));
     init(executor.spawner());
 
+    // The silences between frames are timed here: not with the 50 us that timers may be late by default (timerslack). Where
+    // the system refuses, they are.
+    let _ = set_current_timer_slack(Some(NonZeroU64::MIN));
     let mut end = pin!(end);
     reactor::block_on(poll_fn(|context| {
         pended.waker.register(context.waker());

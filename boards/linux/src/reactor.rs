@@ -125,6 +125,8 @@ fn until_next_alarm() -> Option<u64> {
 struct Source {
     reading: Direction,
     writing: Direction,
+    /// What comes to be read is not reported.
+    muted: Cell<bool>,
 }
 
 /// One direction of a descriptor.
@@ -198,9 +200,27 @@ impl Registration {
         })
     }
 
+    /// Has what comes to `descriptor` wake nobody, until a read would block. The next read is tried.
+    pub(crate) fn mute(&self, descriptor: impl AsFd) -> io::Result<()> {
+        if !self.source.muted.replace(true) {
+            self.report(descriptor, EventFlags::ET)?;
+        }
+        self.source.reading.blocked.set(false);
+        Ok(())
+    }
+
+    /// A read would have blocked: the next one is to wait for an event, which is reported if it happened meanwhile.
+    pub(crate) fn unmute(&self, descriptor: impl AsFd) -> io::Result<()> {
+        if self.source.muted.replace(false) { self.report(descriptor, READING) } else { Ok(()) }
+    }
+
     /// Has room to write in `descriptor` reported, or no longer: a tty reports it after every write, which wakes nobody.
     pub(crate) fn watch_writing(&self, descriptor: impl AsFd, watch: bool) -> io::Result<()> {
-        let flags = if watch { READING | EventFlags::OUT } else { READING };
+        self.source.muted.set(false);
+        self.report(descriptor, if watch { READING | EventFlags::OUT } else { READING })
+    }
+
+    fn report(&self, descriptor: impl AsFd, flags: EventFlags) -> io::Result<()> {
         let data = EventData::new_u64(self.key as u64);
         REACTOR.with(|reactor| Ok(epoll::modify(&reactor.epoll, descriptor, data, flags)?))
     }

@@ -5,7 +5,7 @@
 //! leaves the response timer running. The time that the request spends on the wire does not eat the response time.
 //!
 //! As soon as the first characters of a response tell how many there are at least, the line is left to itself until the last
-//! one of those is due, where the board wants that: a program that sleeps is woken for all of them together.
+//! of those is about to come, where the board wants that: a program that sleeps is woken for all of them together.
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
@@ -192,7 +192,8 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         reply.hear(self.line.heard(), begun + self.line.jitter, &self.line.settings);
     }
 
-    /// When the response that `begun` will have the last one of the characters that it has at least.
+    /// When the response that `begun` will have all but the last one of the characters that it has at least. That one is waited
+    /// for: a sleep until it is due would end a little later than it comes.
     fn due(&self, reply: &Reply<'_, '_>, begun: Instant) -> Option<Instant> {
         let (Framing::Rtu, false, Some((&unit, so_far))) =
             (self.framing, reply.is_passed_on(), self.line.heard().split_first())
@@ -206,7 +207,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
             End::Later => EXCEPTION_BYTES.max(so_far.len() + 1),
             End::Unknown => return None,
         };
-        Some(begun + self.line.settings.chars(pdu_bytes + rtu::OVERHEAD_BYTES))
+        Some(begun + self.line.settings.chars(pdu_bytes + rtu::OVERHEAD_BYTES - 1))
     }
 
     /// Whether something has begun of which more is to come.

@@ -5,7 +5,7 @@
 //! leaves the response timer running. The time that the request spends on the wire does not eat the response time.
 //!
 //! As soon as the first characters of a response tell how many there are at least, the line is left to itself until the last
-//! one of those is due, where the board wants that: a program that sleeps is woken for all of them together.
+//! of those is about to come, where the board wants that: a program that sleeps is woken for all of them together.
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};

@@ -104,7 +104,8 @@ impl<L: SerialLine> Bus<'_, L> {
         found
     }
 
-    /// When a response that has begun will have the last one of the characters that it has at least.
+    /// When a response that has begun will have all but the last one of the characters that it has at least. That one is waited
+    /// for: a sleep until it is due would end a little later than it comes.
     pub(super) fn due(&self, reply: &Reply<'_, '_>) -> Option<Instant> {
         let (Framing::Rtu, false, Some((&unit, so_far))) =
             (self.framing, reply.is_passed_on(), self.line.heard().split_first())
@@ -118,7 +119,7 @@ impl<L: SerialLine> Bus<'_, L> {
             End::Later => EXCEPTION_BYTES.max(so_far.len() + 1),
             End::Unknown => return None,
         };
-        Some(self.line.begun() + self.line.settings.chars(pdu_bytes + rtu::OVERHEAD_BYTES))
+        Some(self.line.begun() + self.line.settings.chars(pdu_bytes + rtu::OVERHEAD_BYTES - 1))
     }
 
     /// Passes on what has been heard of a frame, if it is time. What is read late must not be missing.

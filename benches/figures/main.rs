@@ -8,23 +8,28 @@ use mobgate_clock as _;
 
 mod faults;
 mod figure;
+mod goodput;
 mod line;
 mod merging;
 mod paper;
 mod plot;
+mod ports;
 mod shared_bus;
 mod sharing;
 
 use figure::{Target, figure};
 
 fn main() {
-    let groups: [(&str, fn()); 6] = [
+    let groups: [(&str, fn()); 9] = [
         ("line", line::figures),
         ("paper", paper::figures),
         ("sharing", sharing::figures),
         ("merging", merging::figures),
         ("faults", faults::figures),
         ("shared_bus", shared_bus::figures),
+        ("ports", ports::figures),
+        ("goodput", goodput::figures),
+        ("million", goodput::million),
     ];
     // Cargo adds `--bench`; what is left are the names of groups.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();
@@ -32,7 +37,9 @@ fn main() {
         plot::draw().expect("a folder in which docs/ can be written");
     }
     for (name, figures) in groups {
-        if wanted.is_empty() || wanted.iter().any(|group| group == name) {
+        // The long version of the one before it.
+        let by_default = wanted.is_empty() && name != "million";
+        if by_default || wanted.iter().any(|group| group == name) {
             figures();
         }
     }

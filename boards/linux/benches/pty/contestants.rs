@@ -125,8 +125,10 @@ impl Contestant {
                 "tcp:\n  bind_addr: 127.0.0.1\n  bind_port: {port}\n  keep_alive: 60s\n\
                  rtu:\n  device: {device}\n  baud_rate: {}\n  data_bits: 8\n  parity: none\n  stop_bits: two\n  \
                  flush_after_write: true\n  rts_type: none\n  rts_delay_us: 0\n  transaction_timeout: {timeout_ms}ms\n  \
-                 serial_timeout: {timeout_ms}ms\n  max_frame_size: 256\nhttp:\n  enabled: false\n\
-                 logging:\n  log_dir: {folder}\n  level: error\nconnection:\n  max_connections: 100\n  per_ip_limits: 100\n  \
+                 serial_timeout: {timeout_ms}ms\n  max_frame_size: 256\nhttp:\n  enabled: false\n  \
+                 bind_addr: 127.0.0.1\n  bind_port: 0\n  metrics_enabled: false\nlogging:\n  log_dir: {folder}\n  \
+                 level: error\n  trace_frames: false\n  format: json\n  include_location: false\n  \
+                 thread_ids: false\n  thread_names: false\nconnection:\n  max_connections: 100\n  per_ip_limits: 100\n  \
                  idle_timeout: 60s\n  error_timeout: 300s\n  connect_timeout: 5s\n  backoff:\n    \
                  initial_interval: 100ms\n    max_interval: 30s\n    multiplier: 2.0\n    max_retries: 5\n",
                 pace.baud
@@ -140,10 +142,14 @@ impl Contestant {
                     ),
                     Behind::Tcp(server) => format!("type = \"tcp\"\naddress = \"127.0.0.1:{server}\"\n"),
                 };
+                // It takes ranges of units, and does not use them.
+                let route =
+                    |unit| format!("[[route]]\ntype = \"unit\"\nunit_id = {unit}\ndownstream = \"devices\"\n");
+                let routes: String = (1..=64).map(route).collect();
                 format!(
                     "[general]\nlog_level = \"error\"\ntui = false\n[[upstream]]\ntype = \"tcp\"\n\
                      bind = \"127.0.0.1:{port}\"\n[[downstream]]\nname = \"devices\"\n{downstream}\
-                     [[route]]\ntype = \"range\"\nmin_unit = 1\nmax_unit = 247\ndownstream = \"devices\"\n"
+                     {routes}"
                 )
             }
             (Self::ModbusProxyRs, Behind::Tcp(server)) => format!(

@@ -11,23 +11,15 @@ use crate::{Target, figure};
 
 const CLIENTS: u8 = 8;
 
-/// A tenth of what [`million`] takes half a minute for.
+const TRANSACTIONS: u32 = 1_000_000;
+
 pub(crate) fn figures() {
-    run("goodput", 100_000);
-}
-
-/// 10^6 transactions.
-pub(crate) fn million() {
-    run("goodput_million", 1_000_000);
-}
-
-fn run(name: &str, transactions: u64) {
     let speed = Speed::new(115_200);
     rig::with_gateway(13, &speed.settings(), |world, rig| {
         let device = Device::new(1).with_turnaround(TURNAROUND);
         rig.attach(world, "bus", [device.clone()]);
         // A little longer than that many take.
-        let length = Duration::from_micros((1.01e6 * transactions as f64 * speed.period()) as u64);
+        let length = Duration::from_micros((1.01e6 * f64::from(TRANSACTIONS) * speed.period()) as u64);
         let until = Instant::now() + length;
         let clients: Vec<_> = (1..=CLIENTS)
             .map(|host| {
@@ -40,12 +32,12 @@ fn run(name: &str, transactions: u64) {
         let good: u64 = clients.into_iter().map(|client| world.run_until(client).answers).sum();
         let counters = device.counters();
         let sent = rig.sent("bus");
-        figure(&format!("{name}_transactions"), sent.frames as f64, "requests", Target::AtLeast(transactions as f64));
-        figure(name, good as f64 / sent.frames as f64, "x", Target::AtLeast(1.0));
-        figure(&format!("{name}_damaged"), counters.bad_crc as f64, "frames", Target::AtMost(0.0));
+        figure("strict_requests", sent.frames as f64, "requests", Target::AtLeast(TRANSACTIONS.into()));
+        figure("strict_goodput", good as f64 / sent.frames as f64, "x", Target::AtLeast(1.0));
+        figure("strict_damaged", counters.bad_crc as f64, "frames", Target::AtMost(0.0));
         let gap = sent.shortest_gap_ns.unwrap_or(0) as f64 / 1e9;
-        figure(&format!("{name}_shortest_gap"), gap / speed.t3_5(), "t3.5", Target::AtLeast(1.0));
+        figure("strict_shortest_gap", gap / speed.t3_5(), "t3.5", Target::AtLeast(1.0));
         let legal = seconds(length) / speed.period();
-        figure(&format!("{name}_line_rate"), 100.0 * sent.frames as f64 / legal, "%", Target::AtLeast(97.0));
+        figure("strict_line_rate", 100.0 * sent.frames as f64 / legal, "%", Target::AtLeast(97.0));
     });
 }

@@ -20,7 +20,7 @@ mod sharing;
 use figure::{Target, figure};
 
 fn main() {
-    let groups: [(&str, fn()); 9] = [
+    let groups: [(&str, fn()); 8] = [
         ("line", line::figures),
         ("paper", paper::figures),
         ("sharing", sharing::figures),
@@ -29,7 +29,6 @@ fn main() {
         ("shared_bus", shared_bus::figures),
         ("ports", ports::figures),
         ("goodput", goodput::figures),
-        ("million", goodput::million),
     ];
     // Cargo adds `--bench`; what is left are the names of groups.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();
@@ -37,9 +36,7 @@ fn main() {
         plot::draw().expect("a folder in which docs/ can be written");
     }
     for (name, figures) in groups {
-        // The long version of the one before it.
-        let by_default = wanted.is_empty() && name != "million";
-        if by_default || wanted.iter().any(|group| group == name) {
+        if wanted.is_empty() || wanted.iter().any(|group| group == name) {
             figures();
         }
     }

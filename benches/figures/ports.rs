@@ -22,9 +22,8 @@ pub(crate) fn figures() {
 
 /// Transactions on all lines together, when so many of them are busy.
 fn carried(baud: u32, busy: u8) -> f64 {
-    let line = |nth| {
-        format!("port P{nth} serial bus{nth} rtu client {baud} 8E1\nroute P502 {nth} * * P{nth}\n")
-    };
+    let line =
+        |nth| format!("port P{nth} serial bus{nth} rtu client {baud} 8E1\nroute P502 {nth} * * P{nth}\n");
     let lines: String = (1..=LINES).map(line).collect();
     let settings = format!("port P502 tcp server 502 clients 64\n{lines}");
     rig::with_gateway(17, &settings, |world, rig| {

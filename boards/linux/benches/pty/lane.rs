@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serial2::SerialPort;
 
 use crate::common::{Program, free_port};
-use crate::contestants::{Behind, Contestant};
+use crate::contestants::{Behind, Contestant, Wired};
 use crate::line::{Device, Line, Pace};
 use crate::load::{Client, Habit, Load, ask_directly, ask_together};
 use crate::tcp_device;
@@ -44,13 +44,18 @@ pub(crate) struct Round {
 impl Lane {
     /// A client at the line itself.
     pub(crate) fn direct(device: Device) -> Self {
-        Self { name: "direct", way: Way::Direct(device.pace), line: Some(Line::with(device)), rounds: Vec::new() }
+        Self {
+            name: "direct",
+            way: Way::Direct(device.pace),
+            line: Some(Line::with(device)),
+            rounds: Vec::new(),
+        }
     }
 
     /// Through `contestant` to `device` at a line.
     pub(crate) fn to_line(contestant: Contestant, device: Device, timeout_ms: u32) -> Result<Self, String> {
         let line = Line::with(device);
-        let behind = Behind::Line { device: &line.device(), pace: device.pace, timeout_ms };
+        let behind = Behind::Line(Wired { device: &line.device(), pace: device.pace, timeout_ms });
         let program = start(contestant, behind)?;
         Self::through(contestant, program, Some(line))
     }
@@ -63,7 +68,8 @@ impl Lane {
 
     fn through(contestant: Contestant, program: Program, line: Option<Line>) -> Result<Self, String> {
         let name = contestant.name();
-        let mut lane = Self { name, way: Way::Through(Box::new(program), Vec::new()), line, rounds: Vec::new() };
+        let mut lane =
+            Self { name, way: Way::Through(Box::new(program), Vec::new()), line, rounds: Vec::new() };
         // The line may be opened a moment after the listener.
         let start = Instant::now();
         while lane.run(&[Habit::of(0)], WARM_UP).loads.iter().all(|load| load.times.is_empty()) {

@@ -172,7 +172,10 @@ impl Far {
         let mut frame = [0; rtu::FRAME_BYTES_MAX];
         let pdu = answer(u16::from_be_bytes([*high, *low]));
         // The buffer has room for the longest PDU.
-        self.send(self.busy_until + pace.silence + pace.turnaround, rtu::encode(unit, &pdu, &mut frame).unwrap())
+        self.send(
+            self.busy_until + pace.silence + pace.turnaround,
+            rtu::encode(unit, &pdu, &mut frame).unwrap(),
+        )
     }
 
     /// Writes the characters of `frame`, which begins at `begin`, as they would come.

@@ -16,9 +16,8 @@ impl Usage {
     /// Of all threads of the process `id`. A thread that has ended is not counted any more.
     pub(crate) fn of(id: u32) -> Self {
         let Ok(threads) = fs::read_dir(format!("/proc/{id}/task")) else { return Self::default() };
-        threads.flatten().map(|thread| Self::of_thread(&thread.path())).fold(Self::default(), |sum, one| Self {
-            cpu: sum.cpu + one.cpu,
-            switches: sum.switches + one.switches,
+        threads.flatten().map(|thread| Self::of_thread(&thread.path())).fold(Self::default(), |sum, one| {
+            Self { cpu: sum.cpu + one.cpu, switches: sum.switches + one.switches }
         })
     }
 

@@ -43,8 +43,11 @@ impl Effort {
     }
 }
 
+/// Runs a group and prints its figures.
+type Group = fn(Effort);
+
 fn main() {
-    let groups: [(&str, fn(Effort)); 10] = [
+    let groups: [(&str, Group); 10] = [
         ("unpaced", loads::unpaced),
         ("paced", loads::paced),
         ("strict", loads::strict),

@@ -35,6 +35,8 @@ thread_local! {
 struct Reactor {
     epoll: OwnedFd,
     sources: RefCell<Slab<Rc<Source>>>,
+    /// What the kernel has reported.
+    events: RefCell<Vec<epoll::Event>>,
     alert: Arc<Alert>,
 }
 
@@ -87,7 +89,8 @@ impl Reactor {
         let bell = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         epoll::add(&epoll, &bell, EventData::new_u64(WOKEN), EventFlags::IN | EventFlags::ET)?;
         let alert = Alert { awake: AtomicBool::new(false), asleep: AtomicBool::new(false), bell };
-        Ok(Self { epoll, sources: RefCell::default(), alert: Arc::new(alert) })
+        let events = RefCell::new(Vec::with_capacity(EVENTS_MAX));
+        Ok(Self { epoll, sources: RefCell::default(), events, alert: Arc::new(alert) })
     }
 
     /// Sleeps until something happens, or looks only whether something has when there is more to poll.
@@ -98,13 +101,13 @@ impl Reactor {
             tv_sec: (micros / 1_000_000).try_into().unwrap_or(i64::MAX),
             tv_nsec: (micros % 1_000_000 * 1_000) as i64,
         });
-        let mut events = Vec::with_capacity(EVENTS_MAX);
+        let mut events = self.events.borrow_mut();
         let waited = epoll::wait(&self.epoll, rustix::buffer::spare_capacity(&mut events), timeout.as_ref());
         self.alert.asleep.store(false, SeqCst);
         if waited.is_err() {
             return; // by a signal; whatever is ready is reported again
         }
-        for event in events {
+        for event in events.drain(..) {
             let (number, flags) = (event.data.u64(), event.flags);
             let source = usize::try_from(number).ok().and_then(|key| self.sources.borrow().get(key).cloned());
             // A number may have been given to another source by now, which then looks once in vain.

@@ -12,6 +12,8 @@ use std::process::{Command, Stdio};
 use crate::common::mobgate;
 use crate::line::Pace;
 
+mod settings;
+
 /// A gateway.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Contestant {
@@ -27,10 +29,19 @@ pub(crate) enum Contestant {
 /// What stands behind a gateway.
 #[derive(Clone, Copy)]
 pub(crate) enum Behind<'a> {
-    /// A serial line, and how long its units may take to answer.
-    Line { device: &'a str, pace: Pace, timeout_ms: u32 },
+    /// A serial line.
+    Line(Wired<'a>),
     /// A server on this machine.
     Tcp(u16),
+}
+
+/// A serial line behind a gateway.
+#[derive(Clone, Copy)]
+pub(crate) struct Wired<'a> {
+    pub(crate) device: &'a str,
+    pub(crate) pace: Pace,
+    /// How long its units may take to answer.
+    pub(crate) timeout_ms: u32,
 }
 
 impl Contestant {
@@ -59,7 +70,7 @@ impl Contestant {
     /// Whether it can have that behind it at all.
     pub(crate) fn takes(self, behind: Behind<'_>) -> bool {
         match behind {
-            Behind::Line { .. } => !matches!(self, Self::ModbusProxy | Self::ModbusProxyRs),
+            Behind::Line(_) => !matches!(self, Self::ModbusProxy | Self::ModbusProxyRs),
             Behind::Tcp(_) => !matches!(self, Self::Mbusd | Self::MbusdShortPause | Self::ModbusRelay),
         }
     }
@@ -101,56 +112,13 @@ impl Contestant {
     }
 
     fn settings(self, behind: Behind<'_>, folder: &Path, port: u16) -> String {
-        let folder = folder.display();
         match (self, behind) {
-            (Self::Mobgate, Behind::Line { device, pace, timeout_ms }) => {
-                let gap = if pace.silence.is_zero() { "gap 0ms" } else { "" };
-                format!(
-                    "port P1 serial {device} rtu client {} 8N2 timeout {timeout_ms}ms {gap}\n\
-                     port P502 tcp server 127.0.0.1:{port} clients 64\nroute P502 * * * P1\n",
-                    pace.baud
-                )
-            }
-            (Self::Mobgate, Behind::Tcp(server)) => format!(
-                "port P1 tcp client 127.0.0.1:{server} in-flight 16\n\
-                 port P502 tcp server 127.0.0.1:{port} clients 64\nroute P502 * * * P1\n"
-            ),
-            (Self::Mbusd | Self::MbusdShortPause, Behind::Line { device, pace, timeout_ms }) => {
-                let pause = if self == Self::MbusdShortPause { "pause = 1\n" } else { "" };
-                format!(
-                    "device = {device}\nspeed = {}\nmode = 8n2\naddress = 127.0.0.1\nport = {port}\nmaxconn = 64\n\
-                     retries = 0\nwait = {timeout_ms}\n{pause}",
-                    pace.baud
-                )
-            }
-            (Self::ModbusRelay, Behind::Line { device, pace, timeout_ms }) => format!(
-                "tcp:\n  bind_addr: 127.0.0.1\n  bind_port: {port}\n  keep_alive: 60s\n\
-                 rtu:\n  device: {device}\n  baud_rate: {}\n  data_bits: 8\n  parity: none\n  stop_bits: two\n  \
-                 flush_after_write: true\n  rts_type: none\n  rts_delay_us: 0\n  transaction_timeout: {timeout_ms}ms\n  \
-                 serial_timeout: {timeout_ms}ms\n  max_frame_size: 256\nhttp:\n  enabled: false\n\
-                 logging:\n  log_dir: {folder}\n  level: error\nconnection:\n  max_connections: 100\n  per_ip_limits: 100\n  \
-                 idle_timeout: 60s\n  error_timeout: 300s\n  connect_timeout: 5s\n  backoff:\n    \
-                 initial_interval: 100ms\n    max_interval: 30s\n    multiplier: 2.0\n    max_retries: 5\n",
-                pace.baud
-            ),
-            (Self::ModbusGateway, behind) => {
-                let downstream = match behind {
-                    Behind::Line { device, pace, timeout_ms } => format!(
-                        "type = \"serial\"\nport = \"{device}\"\nmode = \"rtu\"\nbaud_rate = {}\nstop_bits = 2\n\
-                         response_timeout_ms = {timeout_ms}\n",
-                        pace.baud
-                    ),
-                    Behind::Tcp(server) => format!("type = \"tcp\"\naddress = \"127.0.0.1:{server}\"\n"),
-                };
-                format!(
-                    "[general]\nlog_level = \"error\"\ntui = false\n[[upstream]]\ntype = \"tcp\"\n\
-                     bind = \"127.0.0.1:{port}\"\n[[downstream]]\nname = \"devices\"\n{downstream}\
-                     [[route]]\ntype = \"range\"\nmin_unit = 1\nmax_unit = 247\ndownstream = \"devices\"\n"
-                )
-            }
-            (Self::ModbusProxyRs, Behind::Tcp(server)) => format!(
-                "devices:\n- modbus:\n    url: 127.0.0.1:{server}\n  listen:\n    bind: 127.0.0.1:{port}\n"
-            ),
+            (Self::Mobgate, behind) => settings::mobgate(behind, port),
+            (Self::Mbusd, Behind::Line(line)) => settings::mbusd(line, port),
+            (Self::MbusdShortPause, Behind::Line(line)) => settings::mbusd(line, port) + "pause = 1\n",
+            (Self::ModbusRelay, Behind::Line(line)) => settings::modbus_relay(line, port, folder),
+            (Self::ModbusGateway, behind) => settings::modbus_gateway(behind, port),
+            (Self::ModbusProxyRs, Behind::Tcp(server)) => settings::modbus_proxy_rs(server, port),
             // By its arguments alone; the others are not asked to do what they cannot.
             _ => String::new(),
         }
@@ -160,7 +128,7 @@ impl Contestant {
 fn proxy_arguments(behind: Behind<'_>, port: u16) -> [String; 4] {
     let server = match behind {
         Behind::Tcp(server) => server,
-        Behind::Line { .. } => 0,
+        Behind::Line(_) => 0,
     };
     ["-b".into(), format!("127.0.0.1:{port}"), "--modbus".into(), format!("tcp://127.0.0.1:{server}")]
 }

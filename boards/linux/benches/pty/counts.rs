@@ -11,7 +11,7 @@ use rustix::process::Signal;
 
 use crate::Effort;
 use crate::common::{Program, free_port, mobgate};
-use crate::contestants::{Behind, Contestant};
+use crate::contestants::{Behind, Contestant, Wired};
 use crate::figure::{Target, figure};
 use crate::line::{Device, Line, Pace};
 use crate::load::{Client, Habit, ask_while};
@@ -73,7 +73,7 @@ fn count(
 /// Starts the program under `tool`, lets each client ask `count` times, and ends it.
 fn run_under(tool: &[String], count: usize) {
     let line = Line::with(Device::UNPACED);
-    let behind = Behind::Line { device: &line.device(), pace: Pace::NONE, timeout_ms: 5_000 };
+    let behind = Behind::Line(Wired { device: &line.device(), pace: Pace::NONE, timeout_ms: 5_000 });
     let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
     let gateway = Contestant::Mobgate.command(behind, folder.path(), port).unwrap();
     let mut command = Command::new(&tool[0]);

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serial2::SerialPort;
 
 use crate::common::{Program, free_port};
-use crate::contestants::{Behind, Contestant};
+use crate::contestants::{Behind, Contestant, Wired};
 use crate::line::{Device, Line, Pace};
 use crate::load::{Client, Habit, Load, ask_directly, ask_together};
 use crate::tcp_device;
@@ -55,7 +55,7 @@ impl Lane {
     /// Through `contestant` to `device` at a line.
     pub(crate) fn to_line(contestant: Contestant, device: Device, timeout_ms: u32) -> Result<Self, String> {
         let line = Line::with(device);
-        let behind = Behind::Line { device: &line.device(), pace: device.pace, timeout_ms };
+        let behind = Behind::Line(Wired { device: &line.device(), pace: device.pace, timeout_ms });
         let program = start(contestant, behind)?;
         Self::through(contestant, program, Some(line))
     }

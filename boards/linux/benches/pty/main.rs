@@ -43,7 +43,7 @@ impl Effort {
     }
 }
 
-/// Prints the figures of a group.
+/// Runs a group and prints its figures.
 type Group = fn(Effort);
 
 fn main() {

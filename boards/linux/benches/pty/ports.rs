@@ -62,7 +62,8 @@ impl Gateway {
             busy.join().unwrap();
             load
         });
-        percentile(load.into_iter().flat_map(|load| load.times).collect(), 0.5).as_secs_f64()
+        let times = load.into_iter().flat_map(|load| load.times).collect();
+        percentile(times, 0.5).map_or(f64::NAN, |time| time.as_secs_f64())
     }
 }
 

@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use crate::lane::{Lane, Round};
 
-/// The time that `part` of all did not exceed.
-pub(crate) fn percentile(mut times: Vec<Duration>, part: f64) -> Duration {
+/// The time that `part` of all did not exceed, if there are any.
+pub(crate) fn percentile(mut times: Vec<Duration>, part: f64) -> Option<Duration> {
     times.sort_unstable();
     let rank = (times.len() as f64 * part).ceil() as usize;
-    times.get(rank.max(1) - 1).copied().unwrap_or(Duration::MAX)
+    times.get(rank.max(1) - 1).copied()
 }
 
 /// The value in the middle; not a number when there is none.
@@ -92,15 +92,15 @@ pub(crate) fn table(what: &str, lanes: &[Lane]) {
         "", "per s", "x first row (rounds)", "p50 us", "p99 us", "CPU us", "switches", "early"
     );
     for lane in lanes {
-        let us = |part| percentile(lane.times(), part).as_secs_f64() * 1e6;
+        let us = |part| percentile(lane.times(), part).map_or(f64::NAN, |time| time.as_secs_f64() * 1e6);
         let sum = |count: fn(&Round) -> u64| lane.rounds.iter().map(count).sum::<u64>();
         println!(
             "  {:18}{:>9.1}  {:24}{:>9.0}{:>9.0}{:>9.0}{:>9.1}{:>8.1}%  {} refused, {} wrong, {} lost",
             lane.name,
             lane.rate(),
             lane.over(&lanes[0]),
-            if lane.times().is_empty() { f64::NAN } else { us(0.50) },
-            if lane.times().is_empty() { f64::NAN } else { us(0.99) },
+            us(0.50),
+            us(0.99),
             lane.cpu_us(),
             lane.switches(),
             100.0 * lane.early(),

@@ -64,7 +64,11 @@ impl Assignment {
     }
 
     /// The list with all of `pdos`.
-    pub fn replaced(mut self, device: &Device, pdos: impl ExactSizeIterator<Item = u16>) -> Result<Self, Abort> {
+    pub fn replaced(
+        mut self,
+        device: &Device,
+        pdos: impl ExactSizeIterator<Item = u16>,
+    ) -> Result<Self, Abort> {
         if pdos.len() > PDOS_ASSIGNED_MAX {
             return Err(Abort::PdoLength);
         }
@@ -161,7 +165,9 @@ impl Communication {
     pub fn set(&mut self, device: &Device, index: u16, sub: u8, value: u16) -> Result<(), Abort> {
         match (index, sub, value) {
             (0x1c32, 1, Self::FREE_RUN | Self::OWN_EVENT) => self.outputs_synchronised = value,
-            (0x1c33, 1, Self::FREE_RUN | Self::OWN_EVENT | Self::OUTPUTS_EVENT) => self.inputs_synchronised = value,
+            (0x1c33, 1, Self::FREE_RUN | Self::OWN_EVENT | Self::OUTPUTS_EVENT) => {
+                self.inputs_synchronised = value
+            }
             (0x1c32 | 0x1c33, ..) => return Err(Abort::Range),
             _ => {
                 let assignment = self.assignment(index).ok_or(Abort::General)?;

@@ -57,7 +57,8 @@ impl Coe {
         dictionary: &mut Dictionary<'_, A>,
         room: usize,
     ) -> Result<Option<Payload>, MailboxError> {
-        let (&[_, service], body) = payload.split_first_chunk::<HEADER_BYTES>().ok_or(MailboxError::SizeTooShort)?;
+        let (&[_, service], body) =
+            payload.split_first_chunk::<HEADER_BYTES>().ok_or(MailboxError::SizeTooShort)?;
         match service >> 4 {
             service if service == Service::SdoRequest as u8 => {
                 let body = body.split_first_chunk().ok_or(MailboxError::SizeTooShort)?;

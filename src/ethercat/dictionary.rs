@@ -194,7 +194,8 @@ impl<A: Application> Dictionary<'_, A> {
                 let size = object.entry(sub).ok_or(Abort::NoEntry)?.data_type.bytes();
                 let (value, behind) = rest.split_at_checked(size).ok_or(Abort::TooShort)?;
                 rest = behind;
-                let entry = if committing { self.writable(object, sub) } else { self.check(object, sub, value) }?;
+                let entry =
+                    if committing { self.writable(object, sub) } else { self.check(object, sub, value) }?;
                 if committing {
                     self.commit(entry, Address { index: object.index, sub }, value)?;
                 }

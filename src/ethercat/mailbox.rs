@@ -293,7 +293,11 @@ mod tests {
 
         assert!(mailbox.is_repeat(false));
         for toggle in [false, true] {
-            assert_eq!(mailbox.repeat(toggle, &mut buffer).unwrap()[..7], first[..], "however often it is asked for");
+            assert_eq!(
+                mailbox.repeat(toggle, &mut buffer).unwrap()[..7],
+                first[..],
+                "however often it is asked for"
+            );
         }
         assert!(!mailbox.is_repeat(true));
         mailbox.fetched();

@@ -200,7 +200,9 @@ impl Entry {
     /// The value after power-on, if it is a number.
     pub const fn default_number(&self) -> Option<u64> {
         match self.value {
-            Value::Number(value) | Value::Stack(value) | Value::Application(value) if self.data_type.is_number() => {
+            Value::Number(value) | Value::Stack(value) | Value::Application(value)
+                if self.data_type.is_number() =>
+            {
                 Some(value)
             }
             _ => None,

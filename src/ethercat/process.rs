@@ -34,7 +34,12 @@ impl Default for Images {
 
 impl Images {
     /// Hands the last outputs to the application.
-    pub fn hand_out(&self, device: &Device, communication: &Communication, application: &mut impl Application) {
+    pub fn hand_out(
+        &self,
+        device: &Device,
+        communication: &Communication,
+        application: &mut impl Application,
+    ) {
         let mut rest = &self.outputs[..];
         for pdo in communication.outputs.pdos(device) {
             // The assignment is no longer than the plan, and the plan no longer than the buffer.

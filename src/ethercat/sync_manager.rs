@@ -131,11 +131,19 @@ impl MemoryPlan {
     ///
     /// # Panics
     /// At build time, where it is meant to be called: when the plan does not fit.
-    pub const fn new(mailbox_bytes: u16, outputs_bytes_max: u16, inputs_bytes_max: u16, memory_bytes: u16) -> Self {
+    pub const fn new(
+        mailbox_bytes: u16,
+        outputs_bytes_max: u16,
+        inputs_bytes_max: u16,
+        memory_bytes: u16,
+    ) -> Self {
         let plan = Self { mailbox_bytes, outputs_bytes_max, inputs_bytes_max };
         assert!(mailbox_bytes >= MAILBOX_BYTES_MIN, "a mailbox has 34 bytes at least");
         assert!(mailbox_bytes as usize <= super::mailbox::MAILBOX_BYTES_MAX, "messages are kept in buffers");
-        assert!(outputs_bytes_max as usize <= super::process::IMAGE_BYTES_MAX, "outputs are kept in a buffer");
+        assert!(
+            outputs_bytes_max as usize <= super::process::IMAGE_BYTES_MAX,
+            "outputs are kept in a buffer"
+        );
         assert!(inputs_bytes_max as usize <= super::process::IMAGE_BYTES_MAX, "inputs are kept in a buffer");
         let end = plan.start(Channel::Inputs) + 3 * inputs_bytes_max;
         assert!(end <= MEMORY_START + memory_bytes, "three buffers of inputs and outputs must fit");

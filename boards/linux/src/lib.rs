@@ -7,6 +7,7 @@
 pub mod cli;
 pub mod console;
 pub mod demo;
+pub mod describe;
 mod descriptor;
 pub mod executor;
 mod hint;

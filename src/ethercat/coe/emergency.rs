@@ -75,7 +75,6 @@ impl Emergencies {
     }
 }
 
-
 /// The manufacturer's five bytes begin with the AL status code.
 fn message(code: u16, register: u8, al_status_code: u16) -> Payload {
     let [low, high] = al_status_code.to_le_bytes();

@@ -134,11 +134,8 @@ impl Information {
         let bounded = entry.data_type.is_number() && entry.access.any(Access::WRITE);
         let least = (bounded && wanted & value_info::LEAST != 0).then_some(entry.range.0);
         let greatest = (bounded && wanted & value_info::GREATEST != 0).then_some(entry.greatest());
-        let values = [
-            (value_info::DEFAULT, default),
-            (value_info::LEAST, least),
-            (value_info::GREATEST, greatest),
-        ];
+        let values =
+            [(value_info::DEFAULT, default), (value_info::LEAST, least), (value_info::GREATEST, greatest)];
         let given = values.iter().filter(|(_, value)| value.is_some()).map(|(bit, _)| bit).sum();
         self.put(&[sub, given])?;
         for word in [entry.data_type.code(), entry.data_type.bits(), entry.access.0] {

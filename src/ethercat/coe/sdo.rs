@@ -87,7 +87,12 @@ impl SdoServer {
             let mut data = [0; 4];
             data.iter_mut().zip(&self.bytes).for_each(|(place, &byte)| *place = byte);
             let unused = (4 - size as u8) << 2;
-            return Ok(initiated(0x40 | complete | unused | EXPEDITED | SIZE_INDICATED, target.at, data, &[]));
+            return Ok(initiated(
+                0x40 | complete | unused | EXPEDITED | SIZE_INDICATED,
+                target.at,
+                data,
+                &[],
+            ));
         }
         let sent = size.min(room - SDO_BYTES);
         if sent < size {

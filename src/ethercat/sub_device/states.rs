@@ -268,8 +268,9 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         let mut bytes = [0; 8 * SYNC_MANAGERS_USED];
         self.esc.read(SYNC_MANAGERS, &mut bytes).await?;
         let mut blocks = bytes.as_chunks::<8>().0.iter();
-        let channels = [(); SYNC_MANAGERS_USED]
-            .map(|()| blocks.next().map_or_else(SyncManager::default, |&block| SyncManager::from_bytes(block)));
+        let channels = [(); SYNC_MANAGERS_USED].map(|()| {
+            blocks.next().map_or_else(SyncManager::default, |&block| SyncManager::from_bytes(block))
+        });
         let status = bytes[8 * Channel::MailboxIn as usize + SYNC_MANAGER_STATUS as usize];
         Ok(SyncManagers { channels, mailbox_full: status & MAILBOX_FULL != 0 })
     }

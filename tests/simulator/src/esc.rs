@@ -8,6 +8,7 @@
 //!
 //! The chip itself knows no clock: every access carries the time, in nanoseconds.
 
+mod access;
 pub mod chip;
 pub mod command;
 mod dc;
@@ -17,6 +18,7 @@ mod events;
 pub mod fmmu;
 pub mod frame;
 mod memory;
+mod passing;
 pub mod pdi;
 pub mod probe;
 pub mod registers;

@@ -92,7 +92,7 @@ impl Clock {
         let time = self.system(memory, at);
         if let Some(due) = self.next_pulse.filter(|due| *due <= time) {
             let cycle = u64::from(memory.double_word(SYNC0_CYCLE));
-            let missed = if cycle == 0 { 0 } else { (time - due) / cycle };
+            let missed = (time - due).checked_div(cycle).unwrap_or(0);
             let last = due + missed * cycle;
             self.pulses += missed + 1;
             self.next_pulse = (cycle > 0).then_some(last + cycle);

@@ -49,3 +49,36 @@ pub(crate) fn ready() -> Segment {
     assert_eq!(segment.poke(0, 0x0600, &FMMUS), 1);
     segment
 }
+
+/// The EEPROM of a device without a processor: its chip copies every requested state. Two bytes of outputs, two of inputs.
+pub(crate) fn simple_device() -> Vec<u8> {
+    let mut content = eeprom(0);
+    content[1] = 0x01; // Device emulation.
+    content[14] = Eeprom::check(&content[..14]);
+    content[16..128].fill(0);
+    content[16..20].copy_from_slice(&0x0E00_0000u32.to_le_bytes());
+    content[20..24].copy_from_slice(&1u32.to_le_bytes());
+    content[0x7C..0x80].copy_from_slice(&[0x0F, 0x00, 0x01, 0x00]);
+    let mut at = 128;
+    let mut category = |kind: u16, data: &[u8]| {
+        let words = (data.len() as u16 / 2).to_le_bytes();
+        for part in [&kind.to_le_bytes()[..], &words, data] {
+            content[at..at + part.len()].copy_from_slice(part);
+            at += part.len();
+        }
+    };
+    let mut general = [0; 32];
+    (general[2], general[3], general[16]) = (1, 1, 0x11);
+    category(10, &[1, 6, b's', b'i', b'm', b'p', b'l', b'e']);
+    category(30, &general);
+    category(40, &[1, 2]);
+    category(41, &[0x00, 0x10, 2, 0, 0x64, 0, 1, 3, 0x00, 0x11, 2, 0, 0x20, 0, 1, 4]);
+    let pdo = |index: u16, manager: u8, entry: u16| {
+        let [e0, e1] = entry.to_le_bytes();
+        let [i0, i1] = index.to_le_bytes();
+        [i0, i1, 1, manager, 0, 0, 0, 0, e0, e1, 1, 0, 6, 16, 0, 0]
+    };
+    category(50, &pdo(0x1A00, 1, 0x6000));
+    category(51, &pdo(0x1600, 0, 0x7000));
+    content
+}

@@ -22,7 +22,7 @@ fn the_textbooks_window_moves_fourteen_bits() {
     // Bits 3 to 7 of the first byte, the second, bit 0 of the third: to bit 1 of 0F01h and on.
     let sent = [0b1011_0000, 0b1100_1010, 0b0000_0001];
     assert_eq!(segment.send_logical(Command::Lwr, 0x0001_0011, &sent).counter, 1);
-    let bits = 0b1_1100_1010_1_0110_u32;
+    let bits = 0b11_1001_0101_0110_u32;
     assert_eq!(segment.fetch(0, 0x0F00, 4).unwrap(), (bits << 9).to_le_bytes());
 }
 

@@ -11,4 +11,5 @@ mod esc_eeprom;
 mod esc_fmmu;
 mod esc_line;
 mod esc_mailbox;
+mod esc_masters;
 mod esc_registers;

@@ -9,6 +9,7 @@
 //! The chip itself knows no clock: every access carries the time, in nanoseconds.
 
 mod access;
+pub mod cable;
 pub mod chip;
 pub mod command;
 mod dc;
@@ -17,8 +18,11 @@ mod effects;
 mod events;
 pub mod fmmu;
 pub mod frame;
+#[cfg(feature = "ethercrab")] // The demo that ships runs no MainDevice.
+pub mod master;
 mod memory;
 mod passing;
+pub mod pcap;
 pub mod pdi;
 pub mod probe;
 pub mod registers;
@@ -27,6 +31,7 @@ pub mod segment;
 pub mod sync_manager;
 mod watchdog;
 
+pub use cable::{Cable, FrameFaults, SharedSegment};
 pub use chip::{Chip, Kind};
 pub use command::Command;
 pub use pdi::{DirectPdi, Interrupt, SharedChip};

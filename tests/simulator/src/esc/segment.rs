@@ -48,6 +48,12 @@ impl Segment {
         self.chips[nth].clone()
     }
 
+    /// How many chips there are.
+    #[expect(clippy::len_without_is_empty, reason = "a line without devices is no line")]
+    pub fn len(&self) -> usize {
+        self.chips.len()
+    }
+
     /// Closes the line to a ring: the last chip's second port leads to the MainDevice's second port.
     pub fn close_ring(&mut self) {
         self.link(true);

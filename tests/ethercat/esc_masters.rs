@@ -38,9 +38,7 @@ fn to_op(segment: &SharedSegment, prepare: impl FnOnce(Cable) -> Cable) -> Vec<u
         let group = group.into_op(&master).await.expect("op");
         segment.borrow().chip(0).borrow_mut().write(now(), 0x1100, &[0, 0x40]);
         for cycle in 0..CYCLES {
-            let first = group.subdevice(&master, 0).unwrap();
-            first.outputs_raw_mut().copy_from_slice(&[cycle, !cycle]);
-            drop(first);
+            group.subdevice(&master, 0).unwrap().outputs_raw_mut().copy_from_slice(&[cycle, !cycle]);
             group.tx_rx(&master).await.expect("exchange");
         }
         group.subdevice(&master, 0).unwrap().inputs_raw().to_vec()

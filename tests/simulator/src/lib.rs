@@ -8,6 +8,7 @@
 
 pub mod client;
 pub mod device;
+pub mod esc;
 pub mod fault;
 pub mod framing;
 pub mod master;

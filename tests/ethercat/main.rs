@@ -1,0 +1,15 @@
+//! EtherCAT, from the frame on the wire to the driver of the controller chip, against the simulated chip.
+
+// Linked for the clock and the locks of a host.
+use mobgate_clock as _;
+
+mod chips;
+mod esc_buffers;
+mod esc_commands;
+mod esc_control;
+mod esc_eeprom;
+mod esc_fmmu;
+mod esc_line;
+mod esc_mailbox;
+mod esc_masters;
+mod esc_registers;

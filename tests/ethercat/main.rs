@@ -3,6 +3,7 @@
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
 
+mod bench;
 mod chips;
 mod esc_buffers;
 mod esc_commands;
@@ -13,3 +14,6 @@ mod esc_line;
 mod esc_mailbox;
 mod esc_masters;
 mod esc_registers;
+mod mailbox;
+mod sdo;
+mod states;

@@ -15,5 +15,6 @@ mod esc_mailbox;
 mod esc_masters;
 mod esc_registers;
 mod mailbox;
+mod masters;
 mod sdo;
 mod states;

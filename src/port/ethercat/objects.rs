@@ -37,7 +37,8 @@ pub const DEVICE: Device = Device {
     memory: MemoryPlan::new(128, IMAGE_BYTES as u16, IMAGE_BYTES as u16 + 8, 4096),
     // LAN9252: SPI, no synchronisation signals.
     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
-    emergencies: true,
+    // Some MainDevices (ethercrab 0.7) end with the first one that they get.
+    emergencies: false,
     objects: OBJECTS,
 };
 

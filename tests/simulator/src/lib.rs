@@ -17,6 +17,7 @@ pub mod random;
 pub mod rig;
 pub mod serial;
 pub mod shared_bus;
+pub mod sub_device;
 pub mod wire;
 pub mod world;
 

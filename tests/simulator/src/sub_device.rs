@@ -1,0 +1,55 @@
+//! An EtherCAT SubDevice on a simulated chip: an application that knows every image again, faults on the way to the chip, and
+//! a MainDevice that starts it.
+
+mod echo;
+mod faulty;
+#[cfg(feature = "ethercrab")]
+// The master that tests run; see the feature.
+mod start;
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use embedded_hal_async::digital::Wait;
+use mobgate::ethercat::application::Application;
+use mobgate::ethercat::device::Device;
+use mobgate::ethercat::esc::Esc;
+use mobgate::ethercat::sii;
+use mobgate::ethercat::sub_device::SubDevice;
+
+use crate::World;
+use crate::esc::cable::SharedSegment;
+use crate::esc::{Chip, Interrupt, Kind, Segment, SharedChip};
+
+pub use echo::{Echo, SharedEcho, image, sequence};
+pub use faulty::{BusFaults, Counted, Counts, Faulty};
+#[cfg(feature = "ethercrab")]
+// As above.
+pub use start::{StartUp, start_up};
+
+/// A line with one chip whose EEPROM says what `device` is.
+///
+/// # Panics
+/// When the device's description does not fit into the EEPROM.
+pub fn line_of(device: &Device) -> SharedSegment {
+    let mut image = [0; sii::SII_BYTES];
+    sii::write(device, &mut image).expect("the description fits");
+    Rc::new(RefCell::new(Segment::new([Chip::new(Kind::LAN9252, image.to_vec())])))
+}
+
+/// Runs a SubDevice on `chip`, which it reaches by `esc`, woken by the chip's interrupt.
+pub fn spawn<'w>(
+    world: &World<'w>,
+    device: &'static Device,
+    chip: SharedChip,
+    esc: impl Esc + 'w,
+    application: impl Application + 'w,
+) {
+    let mut sub_device = SubDevice::new(device, esc, application);
+    world.spawn(async move {
+        let mut interrupt = Interrupt::new(chip);
+        sub_device
+            .run(async || interrupt.wait_for_high().await.expect("the simulated line cannot fail"))
+            .await
+    });
+}

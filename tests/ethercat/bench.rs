@@ -7,14 +7,13 @@ use std::cell::{RefCell, RefMut};
 use std::rc::Rc;
 
 use embassy_time::Duration;
-use embedded_hal_async::digital::Wait;
 use mobgate::ethercat::application::Application;
 use mobgate::ethercat::device::Device;
+use mobgate::ethercat::esc::Esc;
 use mobgate::ethercat::sii;
-use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::ethercat::sync_manager::Channel;
-use mobgate_simulator::World;
-use mobgate_simulator::esc::{Chip, Command, DirectPdi, Interrupt, Kind, Segment};
+use mobgate_simulator::esc::{Command, DirectPdi, Segment, SharedChip};
+use mobgate_simulator::{World, sub_device};
 
 pub(crate) use application::{Bench, Shared};
 pub(crate) use devices::{LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128};
@@ -28,7 +27,7 @@ pub(crate) const OP: u16 = 8;
 pub(crate) const ERROR: u16 = 0x10;
 
 /// Where the process data lie in the logical address space: outputs here, inputs behind.
-const LOGICAL: u32 = 0x0001_0000;
+pub(crate) const LOGICAL: u32 = 0x0001_0000;
 /// Between two frames.
 const PAUSE: Duration = Duration::from_micros(50);
 
@@ -37,6 +36,8 @@ pub(crate) struct Rig<A> {
     pub(crate) segment: Segment,
     device: &'static Device,
     application: Shared<A>,
+    /// How long the device is given after each frame.
+    pub(crate) pause: Duration,
     counter: u8,
     // Declared last: its tasks end last.
     pub(crate) world: World<'static>,
@@ -59,18 +60,23 @@ impl Rig<Bench> {
 impl<A: Application + 'static> Rig<A> {
     /// A device with this application, switched on.
     pub(crate) fn with_application(device: &'static Device, application: A) -> Self {
+        Self::reached_by(device, application, PAUSE, DirectPdi::new)
+    }
+
+    /// The same; its processor reaches the chip by what `reach` makes, and is given `pause` after each frame.
+    pub(crate) fn reached_by<E: Esc + 'static>(
+        device: &'static Device,
+        application: A,
+        pause: Duration,
+        reach: impl FnOnce(SharedChip) -> E,
+    ) -> Self {
         let world = World::new(1);
-        let mut image = [0; sii::SII_BYTES];
-        sii::write(device, &mut image).unwrap();
-        let segment = Segment::new([Chip::new(Kind::LAN9252, image.to_vec())]);
-        let chip = segment.chip(0);
+        let line = sub_device::line_of(device);
+        let chip = line.borrow().chip(0);
         let application = Shared(Rc::new(RefCell::new(application)));
-        let mut sub_device = SubDevice::new(device, DirectPdi::new(chip.clone()), application.clone());
-        world.spawn(async move {
-            let mut interrupt = Interrupt::new(chip);
-            sub_device.run(async || interrupt.wait_for_high().await.unwrap()).await
-        });
-        let mut rig = Self { segment, device, application, counter: 0, world };
+        sub_device::spawn(&world, device, chip.clone(), reach(chip), application.clone());
+        let segment = line.replace(Segment::new([]));
+        let mut rig = Self { segment, device, application, pause, counter: 0, world };
         rig.pass(1);
         rig
     }
@@ -87,14 +93,14 @@ impl<A: Application + 'static> Rig<A> {
     /// Writes to the device; the working counter. Time for the device to react follows.
     pub(crate) fn write(&mut self, address: u16, bytes: &[u8]) -> u16 {
         let counter = self.segment.poke(0, address, bytes);
-        self.world.run_for(PAUSE);
+        self.world.run_for(self.pause);
         counter
     }
 
     /// Reads from the device, if it answers.
     pub(crate) fn read(&mut self, address: u16, bytes: usize) -> Option<Vec<u8>> {
         let read = self.segment.fetch(0, address, bytes);
-        self.world.run_for(PAUSE);
+        self.world.run_for(self.pause);
         read
     }
 
@@ -166,13 +172,17 @@ impl<A: Application + 'static> Rig<A> {
 
     /// Exchanges process data in one frame: outputs all `fill`; the inputs and the working counter.
     pub(crate) fn cycle(&mut self, fill: u8) -> (Vec<u8>, u16) {
-        let [outputs, inputs] = [Channel::Outputs, Channel::Inputs]
-            .map(|channel| sii::default_length(self.device, channel).into());
-        let mut data = vec![fill; outputs];
-        data.resize(outputs + inputs, 0);
+        let outputs = sii::default_length(self.device, Channel::Outputs);
+        self.exchange(&vec![fill; outputs.into()])
+    }
+
+    /// The same with these outputs.
+    pub(crate) fn exchange(&mut self, outputs: &[u8]) -> (Vec<u8>, u16) {
+        let mut data = outputs.to_vec();
+        data.resize(outputs.len() + usize::from(sii::default_length(self.device, Channel::Inputs)), 0);
         let answer = self.segment.send_logical(Command::Lrw, LOGICAL, &data);
-        self.world.run_for(PAUSE);
-        (answer.data[outputs..].to_vec(), answer.counter)
+        self.world.run_for(self.pause);
+        (answer.data[outputs.len()..].to_vec(), answer.counter)
     }
 
     /// Writes a message of a type with a counter; the working counter.

@@ -1,17 +1,57 @@
 //! A real MainDevice on the gateway's description: ethercrab, in process and in virtual time.
 
+use embassy_time::Timer;
+use ethercrab::error::{CoeAbortCode, Error, MailboxError};
 use mobgate::ethercat::device::Device;
-use mobgate::port::ethercat::DEVICE;
+use mobgate::port::ethercat::{DEVICE, GatewayObjects};
 use mobgate_simulator::esc::DirectPdi;
-use mobgate_simulator::sub_device::{SharedEcho, start_up};
+use mobgate_simulator::sub_device::{SharedEcho, exchange_images, start_up, with_master};
 
 static GATEWAY: Device = DEVICE;
 
 #[test]
 fn ethercrab_brings_the_gateway_to_op_with_its_default_mapping() {
-    let started = start_up(&GATEWAY, DirectPdi::new, SharedEcho::default()).unwrap();
-    assert_eq!(started.working_counter, 3);
+    let started = start_up(&GATEWAY, DirectPdi::new).unwrap();
     assert!(started.round_trips >= 2 * (120 + 3), "each mapped entry is asked for: {started:?}");
     assert!(started.time.as_millis() <= 300, "{started:?}");
-    println!("{started:?}");
+}
+
+#[test]
+fn ethercrab_exchanges_120_bytes_each_way_without_a_lost_or_torn_image() {
+    let exchanged = exchange_images(&GATEWAY, 1_000, 20).unwrap();
+    assert_eq!((exchanged.short, exchanged.lost, exchanged.wrong), (0, 0, 0));
+}
+
+#[test]
+fn ethercrab_reads_and_writes_objects() {
+    with_master(&GATEWAY, DirectPdi::new, GatewayObjects::default(), async |desk| {
+        let group = desk.to_pre_op().await.unwrap();
+        let device = group.subdevice(desk.master, 0).unwrap();
+        assert_eq!(device.name(), "mobgate");
+        assert_eq!(device.identity().product_id, GATEWAY.identity.product);
+        assert_eq!(device.sdo_read::<u32>(0x1018, 1).await.unwrap(), GATEWAY.identity.vendor);
+        let name = device.sdo_read::<[u8; 34]>(0x1008, 0).await.unwrap();
+        assert_eq!(name, GATEWAY.name.as_bytes());
+        device.sdo_write(0x2001, 1, 17u16).await.unwrap();
+        assert_eq!(device.sdo_read::<u16>(0x2001, 1).await.unwrap(), 17);
+        let refused = device.sdo_write(0x2001, 1, 248u16).await;
+        let Err(Error::Mailbox(MailboxError::Aborted { code, .. })) = refused else { panic!("{refused:?}") };
+        assert_eq!(u32::from(code), u32::from(CoeAbortCode::ValueTooLarge));
+    });
+}
+
+#[test]
+fn ethercrab_goes_up_and_down_many_times() {
+    with_master(&GATEWAY, DirectPdi::new, SharedEcho::default(), async |desk| {
+        for number in 1..20 {
+            let group = desk.to_pre_op().await.unwrap();
+            let group = desk.to_op(group, 10 * number).await.unwrap();
+            for more in 1..5 {
+                assert_eq!(desk.exchange(&group, 10 * number + more).await.unwrap().1, 3);
+                Timer::after_millis(1).await;
+            }
+            let group = group.into_safe_op(desk.master).await.unwrap();
+            group.into_pre_op(desk.master).await.unwrap().into_init(desk.master).await.unwrap();
+        }
+    });
 }

@@ -25,7 +25,7 @@ pub use echo::{Echo, SharedEcho, image, sequence};
 pub use faulty::{BusFaults, Counted, Counts, Faulty};
 #[cfg(feature = "ethercrab")]
 // As above.
-pub use start::{StartUp, start_up};
+pub use start::{Desk, Exchanged, Group, StartUp, exchange_images, start_up, with_master};
 
 /// A line with one chip whose EEPROM says what `device` is.
 ///

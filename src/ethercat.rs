@@ -4,3 +4,4 @@
 //! what the MainDevice wants from registers ([`esc`]), and answers by registers and memory.
 
 pub mod esc;
+pub mod lan9252;

@@ -13,3 +13,6 @@ mod esc_line;
 mod esc_mailbox;
 mod esc_masters;
 mod esc_registers;
+mod lan9252_access;
+mod lan9252_bench;
+mod lan9252_faults;

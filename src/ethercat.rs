@@ -1,7 +1,7 @@
 //! The EtherCAT SubDevice: everything between a controller chip (ESC) and an application's data, without a word of Modbus.
 //!
 //! The ESC takes part in the frames by itself; this code serves its other side, the process data interface: it reads
-//! what the MainDevice wants from registers ([`esc`]), and answers by registers and memory. [`sub_device`] does that, event by event:
+//! what the MainDevice wants from registers ([`esc`], over SPI by [`lan9252`]), and answers by registers and memory. [`sub_device`] does that, event by event:
 //!
 //! * a request for a state passes the state machine ([`al_state`]) and the checks of the SyncManagers ([`sync_manager`]);
 //! * a message passes the mailbox ([`mailbox`]) and reaches its protocol by its number: CoE ([`coe`]), which serves the object
@@ -27,6 +27,7 @@ pub mod device;
 pub mod dictionary;
 pub mod esc;
 pub mod esi;
+pub mod lan9252;
 pub mod mailbox;
 pub mod object;
 pub mod process;

@@ -12,7 +12,7 @@ use mobgate::ethercat::device::Device;
 use mobgate::ethercat::esc::Esc;
 use mobgate::ethercat::sii;
 use mobgate::ethercat::sync_manager::Channel;
-use mobgate_simulator::esc::{Command, DirectPdi, Segment, SharedChip};
+use mobgate_simulator::esc::{Command, Interrupt, Segment, SharedChip};
 use mobgate_simulator::{World, sub_device};
 
 pub(crate) use application::{Bench, Shared};
@@ -60,7 +60,7 @@ impl Rig<Bench> {
 impl<A: Application + 'static> Rig<A> {
     /// A device with this application, switched on.
     pub(crate) fn with_application(device: &'static Device, application: A) -> Self {
-        Self::reached_by(device, application, PAUSE, DirectPdi::new)
+        Self::reached_by(device, application, PAUSE, sub_device::direct)
     }
 
     /// The same; its processor reaches the chip by what `reach` makes, and is given `pause` after each frame.
@@ -68,13 +68,13 @@ impl<A: Application + 'static> Rig<A> {
         device: &'static Device,
         application: A,
         pause: Duration,
-        reach: impl FnOnce(SharedChip) -> E,
+        reach: impl FnOnce(SharedChip) -> (E, Interrupt),
     ) -> Self {
         let world = World::new(1);
         let line = sub_device::line_of(device);
         let chip = line.borrow().chip(0);
         let application = Shared(Rc::new(RefCell::new(application)));
-        sub_device::spawn(&world, device, chip.clone(), reach(chip), application.clone());
+        sub_device::spawn(&world, device, reach(chip), application.clone());
         let segment = line.replace(Segment::new([]));
         let mut rig = Self { segment, device, application, pause, counter: 0, world };
         rig.pass(1);

@@ -4,15 +4,21 @@ use embassy_time::Timer;
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
 use mobgate::ethercat::device::Device;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
-use mobgate_simulator::esc::DirectPdi;
-use mobgate_simulator::sub_device::{SharedEcho, exchange_images, start_up, with_master};
+use mobgate_simulator::lan9252::over_spi;
+use mobgate_simulator::sub_device::{SharedEcho, direct, exchange_images, start_up, with_master};
 
 static GATEWAY: Device = DEVICE;
 
 #[test]
 fn ethercrab_brings_the_gateway_to_op_with_its_default_mapping() {
-    let started = start_up(&GATEWAY, DirectPdi::new).unwrap();
+    let started = start_up(&GATEWAY, direct).unwrap();
     assert!(started.round_trips >= 2 * (120 + 3), "each mapped entry is asked for: {started:?}");
+    assert!(started.time.as_millis() <= 300, "{started:?}");
+}
+
+#[test]
+fn ethercrab_brings_it_to_op_over_spi_at_20_mhz_in_300_ms() {
+    let started = start_up(&GATEWAY, over_spi).unwrap();
     assert!(started.time.as_millis() <= 300, "{started:?}");
 }
 
@@ -24,7 +30,7 @@ fn ethercrab_exchanges_120_bytes_each_way_without_a_lost_or_torn_image() {
 
 #[test]
 fn ethercrab_reads_and_writes_objects() {
-    with_master(&GATEWAY, DirectPdi::new, GatewayObjects::default(), async |desk| {
+    with_master(&GATEWAY, direct, GatewayObjects::default(), async |desk| {
         let group = desk.to_pre_op().await.unwrap();
         let device = group.subdevice(desk.master, 0).unwrap();
         assert_eq!(device.name(), "mobgate");
@@ -42,7 +48,7 @@ fn ethercrab_reads_and_writes_objects() {
 
 #[test]
 fn ethercrab_goes_up_and_down_many_times() {
-    with_master(&GATEWAY, DirectPdi::new, SharedEcho::default(), async |desk| {
+    with_master(&GATEWAY, direct, SharedEcho::default(), async |desk| {
         for number in 1..20 {
             let group = desk.to_pre_op().await.unwrap();
             let group = desk.to_op(group, 10 * number).await.unwrap();

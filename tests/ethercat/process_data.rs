@@ -7,8 +7,8 @@ use mobgate::ethercat::device::Device;
 use mobgate::ethercat::sync_manager::Channel;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
 use mobgate_simulator::Random;
-use mobgate_simulator::esc::{Command, DirectPdi};
-use mobgate_simulator::sub_device::{Echo, SharedEcho, image, sequence};
+use mobgate_simulator::esc::Command;
+use mobgate_simulator::sub_device::{Echo, SharedEcho, direct, image, sequence};
 
 use crate::bench::{ERROR, INIT, LOGICAL, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP};
 
@@ -22,7 +22,10 @@ const SLOW: Duration = Duration::from_millis(3);
 /// A device in Op whose processor works in pieces of random length with random pauses up to `pause_us` between them.
 fn slow_device(pause_us: u64) -> (Rig<SharedEcho>, SharedEcho) {
     let echo = SharedEcho::default();
-    let reach = |chip| DirectPdi::new(chip).with_pauses(Random::new(pause_us), 0..=pause_us);
+    let reach = |chip| {
+        let (esc, interrupt) = direct(chip);
+        (esc.with_pauses(Random::new(pause_us), 0..=pause_us), interrupt)
+    };
     let mut rig = Rig::reached_by(&MAILBOX_128, echo.clone(), SLOW, reach);
     rig.bring_to(SAFE_OP);
     rig.exchange(&image(1, 120));

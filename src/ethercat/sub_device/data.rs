@@ -5,7 +5,7 @@ use embassy_time::Instant;
 use super::{FREE_RUN_CYCLE, SubDevice};
 use crate::ethercat::al_state::AlState;
 use crate::ethercat::application::Application;
-use crate::ethercat::esc::{Esc, EscError};
+use crate::ethercat::esc::{Esc, EscError, read_agreed};
 use crate::ethercat::registers::Events;
 use crate::ethercat::sync_manager::Channel;
 
@@ -39,7 +39,11 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         if image.is_empty() {
             return Ok(());
         }
-        self.esc.read(self.device.memory.start(Channel::Outputs), image).await?;
+        let start = self.device.memory.start(Channel::Outputs);
+        match self.proves_outputs {
+            true => read_agreed(&mut self.esc, start, image).await?,
+            false => self.esc.read(start, image).await?,
+        }
         self.images.outputs_valid = true;
         match self.al.state() {
             AlState::Op => self.hand_out(),

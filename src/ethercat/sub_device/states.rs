@@ -46,10 +46,12 @@ struct SyncManagers {
 }
 
 impl<E: Esc, A: Application> SubDevice<E, A> {
-    /// Takes the controller over: in Init, all SyncManagers off, with an error if it was in another state before.
+    /// Takes the controller over: in Init, all SyncManagers off, with an error if there was another state before, in the
+    /// controller or here.
     pub async fn start(&mut self) -> Result<(), EscError> {
         let before = self.read_word(AL_STATUS).await? & 0x0f;
-        let fault = (before != AlState::Init as u16).then_some(AlStatusCode::RestartedLocally);
+        let fell = before != AlState::Init as u16 || self.al.state() != AlState::Init;
+        let fault = fell.then_some(AlStatusCode::RestartedLocally).or(self.al.fault());
         for channel in Channel::ALL {
             self.switch(channel, false).await?;
         }

@@ -19,7 +19,7 @@ use mobgate::ethercat::sub_device::SubDevice;
 
 use crate::World;
 use crate::esc::cable::SharedSegment;
-use crate::esc::{Chip, Interrupt, Kind, Segment, SharedChip};
+use crate::esc::{Chip, DirectPdi, Interrupt, Kind, Segment, SharedChip};
 
 pub use echo::{Echo, SharedEcho, image, sequence};
 pub use faulty::{BusFaults, Counted, Counts, Faulty};
@@ -37,17 +37,20 @@ pub fn line_of(device: &Device) -> SharedSegment {
     Rc::new(RefCell::new(Segment::new([Chip::new(Kind::LAN9252, image.to_vec())])))
 }
 
-/// Runs a SubDevice on `chip`, which it reaches by `esc`, woken by the chip's interrupt.
+/// A chip that is reached directly, and its interrupt.
+pub fn direct(chip: SharedChip) -> (DirectPdi, Interrupt) {
+    (DirectPdi::new(chip.clone()), Interrupt::new(chip))
+}
+
+/// Runs a SubDevice that reaches its chip by `esc`, and is woken by `interrupt`.
 pub fn spawn<'w>(
     world: &World<'w>,
     device: &'static Device,
-    chip: SharedChip,
-    esc: impl Esc + 'w,
+    (esc, mut interrupt): (impl Esc + 'w, Interrupt),
     application: impl Application + 'w,
 ) {
     let mut sub_device = SubDevice::new(device, esc, application);
     world.spawn(async move {
-        let mut interrupt = Interrupt::new(chip);
         sub_device
             .run(async || interrupt.wait_for_high().await.expect("the simulated line cannot fail"))
             .await

@@ -90,26 +90,30 @@ impl Esc for DirectPdi {
     }
 }
 
-/// The chip's interrupt line, high while an event that the AL event mask lets through is requested.
+/// An interrupt line: of the chip itself it is high while an event that the AL event mask lets through is requested.
 pub struct Interrupt {
     chip: SharedChip,
+    level: Box<dyn FnMut(Nanos) -> bool>,
 }
 
 impl Interrupt {
     /// The line of `chip`.
     pub fn new(chip: SharedChip) -> Self {
-        Self { chip }
+        let line = chip.clone();
+        Self::with_level(chip, move |at| line.borrow_mut().interrupt(at))
+    }
+
+    /// A line with this level, which changes only when `chip` changes.
+    pub fn with_level(chip: SharedChip, level: impl FnMut(Nanos) -> bool + 'static) -> Self {
+        Self { chip, level: Box::new(level) }
     }
 
     async fn wait_for(&mut self, high: bool) {
         loop {
-            let next = {
-                let mut chip = self.chip.borrow_mut();
-                if chip.interrupt(now()) == high {
-                    return;
-                }
-                chip.next_change(now())
-            };
+            if (self.level)(now()) == high {
+                return;
+            }
+            let next = self.chip.borrow().next_change(now());
             select(changed(&self.chip), until(next)).await;
         }
     }
@@ -164,7 +168,7 @@ impl Wait for Interrupt {
     }
 
     async fn wait_for_any_edge(&mut self) -> Result<(), Infallible> {
-        let high = self.chip.borrow_mut().interrupt(now());
+        let high = (self.level)(now());
         self.wait_for(!high).await;
         Ok(())
     }

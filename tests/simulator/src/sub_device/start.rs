@@ -12,10 +12,10 @@ use mobgate::ethercat::device::Device;
 use mobgate::ethercat::esc::Esc;
 use mobgate::ethercat::sync_manager::Channel;
 
-use super::{Counted, Counts, SharedEcho, image, line_of, sequence, spawn};
+use super::{Counted, Counts, SharedEcho, direct, image, line_of, sequence, spawn};
 use crate::esc::cable::Cable;
 use crate::esc::master::{Storage, main_device, pump};
-use crate::esc::{DirectPdi, SharedChip};
+use crate::esc::{Interrupt, SharedChip};
 use crate::{Random, World};
 
 /// On its way, there and back.
@@ -81,7 +81,7 @@ impl Desk<'_> {
 /// When what the script waits for never comes.
 pub fn with_master<E: Esc + 'static, T>(
     device: &'static Device,
-    reach: impl FnOnce(SharedChip) -> E,
+    reach: impl FnOnce(SharedChip) -> (E, Interrupt),
     application: impl Application + 'static,
     script: impl AsyncFnOnce(Desk<'_>) -> T,
 ) -> T {
@@ -90,9 +90,10 @@ pub fn with_master<E: Esc + 'static, T>(
     let mut world = World::new(1);
     let segment = line_of(device);
     let chip = segment.borrow().chip(0);
-    let esc = Counted::new(reach(chip.clone()), device.memory.start(Channel::MailboxOut));
+    let (esc, interrupt) = reach(chip);
+    let esc = Counted::new(esc, device.memory.start(Channel::MailboxOut));
     let counts = esc.counts();
-    spawn(&world, device, chip, esc, application);
+    spawn(&world, device, (esc, interrupt), application);
     let cable = Cable::new(segment, FRAME_TIME);
     let frames = cable.frames();
     world.spawn(pump(tx, rx, cable));
@@ -121,7 +122,7 @@ pub struct StartUp {
 /// What the MainDevice says.
 pub fn start_up<E: Esc + 'static>(
     device: &'static Device,
-    reach: impl FnOnce(SharedChip) -> E,
+    reach: impl FnOnce(SharedChip) -> (E, Interrupt),
 ) -> Result<StartUp, Error> {
     with_master(device, reach, SharedEcho::default(), async |desk| {
         let begin = Instant::now();
@@ -150,7 +151,10 @@ pub struct Exchanged {
 /// What the MainDevice says.
 pub fn exchange_images(device: &'static Device, cycles: u64, pause_us: u64) -> Result<Exchanged, Error> {
     let echo = SharedEcho::default();
-    let reach = |chip| DirectPdi::new(chip).with_pauses(Random::new(cycles), 0..=pause_us);
+    let reach = |chip| {
+        let (esc, interrupt) = direct(chip);
+        (esc.with_pauses(Random::new(cycles), 0..=pause_us), interrupt)
+    };
     let mut exchanged = with_master(device, reach, echo.clone(), async |desk| {
         let group = desk.to_pre_op().await?;
         let group = desk.to_op(group, 1).await?;

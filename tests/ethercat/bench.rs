@@ -11,6 +11,7 @@ use mobgate::ethercat::application::Application;
 use mobgate::ethercat::device::Device;
 use mobgate::ethercat::esc::Esc;
 use mobgate::ethercat::sii;
+use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::ethercat::sync_manager::Channel;
 use mobgate_simulator::esc::{Command, Interrupt, Segment, SharedChip};
 use mobgate_simulator::{World, sub_device};
@@ -74,7 +75,8 @@ impl<A: Application + 'static> Rig<A> {
         let line = sub_device::line_of(device);
         let chip = line.borrow().chip(0);
         let application = Shared(Rc::new(RefCell::new(application)));
-        sub_device::spawn(&world, device, reach(chip), application.clone());
+        let (esc, interrupt) = reach(chip);
+        sub_device::spawn(&world, SubDevice::new(device, esc, application.clone()), interrupt);
         let segment = line.replace(Segment::new([]));
         let mut rig = Self { segment, device, application, pause, counter: 0, world };
         rig.pass(1);

@@ -23,3 +23,4 @@ mod masters;
 mod process_data;
 mod sdo;
 mod states;
+mod torture;

@@ -2,12 +2,26 @@
 
 use embassy_time::Timer;
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
+use mobgate::ethercat::application::Application;
 use mobgate::ethercat::device::Device;
+use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate_simulator::World;
 use mobgate_simulator::lan9252::over_spi;
-use mobgate_simulator::sub_device::{SharedEcho, direct, exchange_images, start_up, with_master};
+use mobgate_simulator::sub_device::{
+    Desk, SharedEcho, direct, exchange_images, line_of, spawn, start_up, with_master,
+};
 
 static GATEWAY: Device = DEVICE;
+
+/// The gateway's SubDevice with this application, and a MainDevice that does as `script` says.
+fn with_gateway(application: impl Application, script: impl AsyncFnOnce(Desk<'_>)) {
+    let mut world = World::new(1);
+    let line = line_of(&GATEWAY);
+    let (esc, interrupt) = direct(line.borrow().chip(0));
+    spawn(&world, SubDevice::new(&GATEWAY, esc, application), interrupt);
+    with_master(&mut world, line, script);
+}
 
 #[test]
 fn ethercrab_brings_the_gateway_to_op_with_its_default_mapping() {
@@ -30,7 +44,7 @@ fn ethercrab_exchanges_120_bytes_each_way_without_a_lost_or_torn_image() {
 
 #[test]
 fn ethercrab_reads_and_writes_objects() {
-    with_master(&GATEWAY, direct, GatewayObjects::default(), async |desk| {
+    with_gateway(GatewayObjects::default(), async |desk| {
         let group = desk.to_pre_op().await.unwrap();
         let device = group.subdevice(desk.master, 0).unwrap();
         assert_eq!(device.name(), "mobgate");
@@ -48,7 +62,7 @@ fn ethercrab_reads_and_writes_objects() {
 
 #[test]
 fn ethercrab_goes_up_and_down_many_times() {
-    with_master(&GATEWAY, direct, SharedEcho::default(), async |desk| {
+    with_gateway(SharedEcho::default(), async |desk| {
         for number in 1..20 {
             let group = desk.to_pre_op().await.unwrap();
             let group = desk.to_op(group, 10 * number).await.unwrap();

@@ -53,14 +53,14 @@ fn exchange(images: u64, cycle_us: RangeInclusive<u64>, pause_us: u64) -> Echo {
 #[test]
 fn statement_42_images_are_whole_and_none_is_lost() {
     let echo = exchange(IMAGES, 400..=1_000, 20);
-    assert_eq!((echo.torn, echo.lost, echo.repeated), (0, 0, 0));
+    assert_eq!((echo.torn, echo.lost, echo.old, echo.again), (0, 0, 0, 0));
     assert_eq!(echo.last, Some(IMAGES + 1));
 }
 
 #[test]
 fn statement_42_images_that_come_too_fast_are_left_out_but_never_torn() {
     let echo = exchange(IMAGES, 10..=100, 40);
-    assert_eq!((echo.torn, echo.repeated, echo.last), (0, 0, Some(IMAGES + 1)));
+    assert_eq!((echo.torn, echo.old, echo.last), (0, 0, Some(IMAGES + 1)));
     assert!(echo.lost > 1_000, "{echo:?}");
 }
 

@@ -42,14 +42,12 @@ pub fn direct(chip: SharedChip) -> (DirectPdi, Interrupt) {
     (DirectPdi::new(chip.clone()), Interrupt::new(chip))
 }
 
-/// Runs a SubDevice that reaches its chip by `esc`, and is woken by `interrupt`.
+/// Runs a SubDevice that is woken by `interrupt`.
 pub fn spawn<'w>(
     world: &World<'w>,
-    device: &'static Device,
-    (esc, mut interrupt): (impl Esc + 'w, Interrupt),
-    application: impl Application + 'w,
+    mut sub_device: SubDevice<impl Esc + 'w, impl Application + 'w>,
+    mut interrupt: Interrupt,
 ) {
-    let mut sub_device = SubDevice::new(device, esc, application);
     world.spawn(async move {
         sub_device
             .run(async || interrupt.wait_for_high().await.expect("the simulated line cannot fail"))

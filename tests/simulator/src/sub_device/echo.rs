@@ -31,8 +31,10 @@ pub struct Echo {
     pub torn: u64,
     /// Numbers that were left out.
     pub lost: u64,
-    /// Images with the number of an earlier one.
-    pub repeated: u64,
+    /// Images that came again.
+    pub again: u64,
+    /// Images that are older than one before.
+    pub old: u64,
     /// How often outputs became invalid.
     pub stops: u64,
     /// Whether outputs are valid now.
@@ -58,7 +60,8 @@ impl Application for SharedEcho {
             return;
         };
         match echo.last {
-            Some(last) if number <= last => echo.repeated += 1,
+            Some(last) if number < last => echo.old += 1,
+            Some(last) if number == last => echo.again += 1,
             Some(last) => echo.lost += number - last - 1,
             None => {}
         }

@@ -3,35 +3,36 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
+use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
 use ethercrab::MainDevice;
 use ethercrab::error::Error;
 use ethercrab::subdevice_group::{Op, PreOp, SubDeviceGroup};
-use mobgate::ethercat::application::Application;
 use mobgate::ethercat::device::Device;
 use mobgate::ethercat::esc::Esc;
+use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::ethercat::sync_manager::Channel;
 
-use super::{Counted, Counts, SharedEcho, direct, image, line_of, sequence, spawn};
-use crate::esc::cable::Cable;
+use super::{Counted, SharedEcho, direct, image, line_of, sequence, spawn};
+use crate::esc::cable::{Cable, SharedSegment};
 use crate::esc::master::{Storage, main_device, pump};
 use crate::esc::{Interrupt, SharedChip};
 use crate::{Random, World};
 
 /// On its way, there and back.
 const FRAME_TIME: Duration = Duration::from_micros(50);
+/// Until the device has started its chip.
+const POWER_ON: Duration = Duration::from_millis(100);
 /// Between two exchanges of process data while Op is waited for.
 const CYCLE: Duration = Duration::from_millis(1);
 
 /// One device and 512 bytes of process data; ethercrab wants a power of two of devices, and more than one.
 pub type Group<S> = SubDeviceGroup<2, 512, ethercrab::DefaultLock, S>;
 
-/// A MainDevice in front of one SubDevice, with an account of what passes.
+/// A MainDevice in front of one SubDevice.
 pub struct Desk<'m> {
     /// The MainDevice.
     pub master: &'m MainDevice<'m>,
-    /// The SubDevice's accesses to its chip; mailbox requests are watched.
-    pub counts: Rc<Counts>,
     /// The frames so far.
     pub frames: Rc<Cell<u64>>,
 }
@@ -75,34 +76,29 @@ impl Desk<'_> {
     }
 }
 
-/// Puts a MainDevice in front of `device`, whose chip is reached by what `reach` makes, and lets it do as `script` says.
+/// Puts a MainDevice at the line, and lets it do as `script` says.
 ///
 /// # Panics
 /// When what the script waits for never comes.
-pub fn with_master<E: Esc + 'static, T>(
-    device: &'static Device,
-    reach: impl FnOnce(SharedChip) -> (E, Interrupt),
-    application: impl Application + 'static,
+pub fn with_master<T>(
+    world: &mut World<'_>,
+    line: SharedSegment,
     script: impl AsyncFnOnce(Desk<'_>) -> T,
 ) -> T {
     let storage = Storage::new();
     let (tx, rx, pdu_loop) = storage.try_split().expect("it was not split before");
-    let mut world = World::new(1);
-    let segment = line_of(device);
-    let chip = segment.borrow().chip(0);
-    let (esc, interrupt) = reach(chip);
-    let esc = Counted::new(esc, device.memory.start(Channel::MailboxOut));
-    let counts = esc.counts();
-    spawn(&world, device, (esc, interrupt), application);
-    let cable = Cable::new(segment, FRAME_TIME);
+    let cable = Cable::new(line, FRAME_TIME);
     let frames = cable.frames();
-    world.spawn(pump(tx, rx, cable));
     let master = main_device(pdu_loop, 0);
-    world.run_until(async {
+    let script = async {
         // The device starts its chip first.
-        Timer::after_millis(100).await;
-        script(Desk { master: &master, counts, frames }).await
-    })
+        Timer::after(POWER_ON).await;
+        script(Desk { master: &master, frames }).await
+    };
+    match world.run_until(select(pump(tx, rx, cable), script)) {
+        Either::First(never) => match never {},
+        Either::Second(outcome) => outcome,
+    }
 }
 
 /// What a start took.
@@ -124,11 +120,17 @@ pub fn start_up<E: Esc + 'static>(
     device: &'static Device,
     reach: impl FnOnce(SharedChip) -> (E, Interrupt),
 ) -> Result<StartUp, Error> {
-    with_master(device, reach, SharedEcho::default(), async |desk| {
+    let mut world = World::new(1);
+    let line = line_of(device);
+    let (esc, interrupt) = reach(line.borrow().chip(0));
+    let esc = Counted::new(esc, device.memory.start(Channel::MailboxOut));
+    let counts = esc.counts();
+    spawn(&world, SubDevice::new(device, esc, SharedEcho::default()), interrupt);
+    with_master(&mut world, line, async |desk| {
         let begin = Instant::now();
         let group = desk.to_pre_op().await?;
         desk.to_op(group, 1).await?;
-        let (round_trips, frames) = (desk.counts.watched.get(), desk.frames.get());
+        let (round_trips, frames) = (counts.watched.get(), desk.frames.get());
         Ok(StartUp { time: begin.elapsed(), round_trips, frames })
     })
 }
@@ -150,12 +152,13 @@ pub struct Exchanged {
 /// # Errors
 /// What the MainDevice says.
 pub fn exchange_images(device: &'static Device, cycles: u64, pause_us: u64) -> Result<Exchanged, Error> {
+    let mut world = World::new(1);
+    let line = line_of(device);
     let echo = SharedEcho::default();
-    let reach = |chip| {
-        let (esc, interrupt) = direct(chip);
-        (esc.with_pauses(Random::new(cycles), 0..=pause_us), interrupt)
-    };
-    let mut exchanged = with_master(device, reach, echo.clone(), async |desk| {
+    let (esc, interrupt) = direct(line.borrow().chip(0));
+    let esc = esc.with_pauses(Random::new(cycles), 0..=pause_us);
+    spawn(&world, SubDevice::new(device, esc, echo.clone()), interrupt);
+    let mut exchanged = with_master(&mut world, line, async |desk| {
         let group = desk.to_pre_op().await?;
         let group = desk.to_op(group, 1).await?;
         let (mut exchanged, mut last) = (Exchanged::default(), 0);

@@ -16,3 +16,4 @@ mod esc_registers;
 mod lan9252_access;
 mod lan9252_bench;
 mod lan9252_faults;
+mod outside;

@@ -15,5 +15,6 @@ mod esc_masters;
 mod esc_registers;
 mod lan9252_access;
 mod lan9252_bench;
+mod lan9252_events;
 mod lan9252_faults;
 mod outside;

@@ -43,7 +43,7 @@ const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// Reads the whole of a buffered SyncManager's area until it was twice the same, for a bus that may turn bits in data.
 ///
-/// Costs at least twice the traffic. A mailbox cannot be read so: its first reading empties it.
+/// Costs at least twice the traffic, and is fooled only by the same bit falling over twice. A mailbox cannot be read so: its first reading empties it.
 pub async fn read_agreed(esc: &mut impl Esc, address: u16, into: &mut [u8]) -> Result<(), EscError> {
     esc.read(address, into).await?;
     let mut before = CHECKSUM.checksum(into);

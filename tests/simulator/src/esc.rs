@@ -18,9 +18,11 @@ mod effects;
 mod events;
 pub mod fmmu;
 pub mod frame;
-#[cfg(feature = "ethercrab")] // The demo that ships runs no MainDevice.
+#[cfg(feature = "masters")] // The demo that ships runs no MainDevice.
 pub mod master;
 mod memory;
+#[cfg(feature = "masters")] // Likewise.
+pub mod packet;
 mod passing;
 pub mod pcap;
 pub mod pdi;

@@ -28,23 +28,28 @@ pub enum Side {
 /// What the registers of a SyncManager say.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Setup {
-    pub(crate) start: u16,
-    pub(crate) length: u16,
-    pub(crate) control: u8,
-    pub(crate) enabled: bool,
+    start: u16,
+    length: u16,
+    control: u8,
+    enabled: bool,
+    /// Behind the last of its buffers.
+    end: u16,
 }
 
 impl Setup {
-    pub(crate) fn of(memory: &Memory, nth: usize) -> Self {
+    fn of(memory: &Memory, nth: usize) -> Self {
         let base = SYNC_MANAGER + BYTES * nth as u16;
-        let length = memory.word(base + 2);
-        let activated = memory.byte(base + ACTIVATE) & 1 != 0 && memory.byte(base + PDI_CONTROL) & 1 == 0;
-        Self {
-            start: memory.word(base),
-            length,
-            control: memory.byte(base + CONTROL),
-            enabled: activated && length > 0,
+        let [start_low, start_high, length_low, length_high, control, _, activate, pdi_control] =
+            memory.bytes(base);
+        let start = u16::from_le_bytes([start_low, start_high]);
+        let length = u16::from_le_bytes([length_low, length_high]);
+        let enabled = activate & 1 != 0 && pdi_control & 1 == 0 && length > 0;
+        let mut setup = Self { start, length, control, enabled, end: start };
+        if enabled {
+            let buffers = if setup.is_mailbox() || setup.is_direct() { 1 } else { 3 };
+            setup.end = start.saturating_add(length.saturating_mul(buffers));
         }
+        setup
     }
 
     pub(crate) fn is_mailbox(&self) -> bool {
@@ -62,19 +67,6 @@ impl Setup {
     /// One byte in buffered mode is not buffered.
     fn is_direct(&self) -> bool {
         !self.is_mailbox() && self.length == 1
-    }
-
-    /// Where `address` lies in the area that both sides use.
-    pub(crate) fn offset(&self, address: u16) -> Option<u16> {
-        let offset = address.checked_sub(self.start)?;
-        (self.enabled && offset < self.length).then_some(offset)
-    }
-
-    /// Whether `address` belongs to the second or third buffer, which nobody may touch.
-    pub(crate) fn hides(&self, address: u16) -> bool {
-        let buffers = if self.is_mailbox() || self.is_direct() { 1 } else { 3 };
-        let area = u32::from(self.start)..u32::from(self.start) + buffers * u32::from(self.length);
-        self.enabled && area.contains(&u32::from(address)) && self.offset(address).is_none()
     }
 }
 
@@ -192,16 +184,16 @@ impl SyncManagers {
     /// Where the byte at `address` of the process data memory really lies for `side`, after the step that the access means.
     pub(crate) fn step(&mut self, side: Side, write: bool, address: u16) -> Option<u16> {
         for (setup, state) in &mut self.0 {
-            if let Some(offset) = setup.offset(address) {
-                return if write {
-                    state.write(*setup, side, offset)
-                } else {
-                    state.read(*setup, side, offset)
-                };
+            if address < setup.start || address >= setup.end {
+                continue;
             }
-            if setup.hides(address) {
-                return None;
-            }
+            let offset = address - setup.start;
+            return match write {
+                // The second and third buffer are reached only through the first one's addresses.
+                _ if offset >= setup.length => None,
+                true => state.write(*setup, side, offset),
+                false => state.read(*setup, side, offset),
+            };
         }
         Some(address)
     }

@@ -65,9 +65,9 @@ fn a_line_with_faults_is_brought_to_op_all_the_same() {
 
 /// A capture that a test can look at when the cable that wrote it is gone.
 #[derive(Clone, Default)]
-struct Shared(Rc<RefCell<Vec<u8>>>);
+pub(crate) struct Capture(Rc<RefCell<Vec<u8>>>);
 
-impl Write for Shared {
+impl Write for Capture {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.0.borrow_mut().write(bytes)
     }
@@ -77,22 +77,38 @@ impl Write for Shared {
     }
 }
 
+impl Capture {
+    /// What a cable writes to.
+    pub(crate) fn pcap(&self) -> Pcap<Box<dyn Write>> {
+        Pcap::new(Box::new(self.clone()) as Box<dyn Write>).unwrap()
+    }
+
+    /// What tshark makes of it: frames, those that are EtherCAT, and a line for each malformed one.
+    pub(crate) fn decode(&self) -> (usize, usize, Vec<String>) {
+        let thread = std::thread::current().id();
+        let path = std::env::temp_dir().join(format!("mobgate-{}-{thread:?}.pcap", std::process::id()));
+        std::fs::write(&path, self.0.borrow().as_slice()).unwrap();
+        let tshark = |filter: &str| {
+            let output = Command::new("tshark").args(["-n", "-r"]).arg(&path).args(["-Y", filter]).output();
+            let output = output.expect("tshark is installed: apt-get install tshark");
+            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+            String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect::<Vec<_>>()
+        };
+        let decoded = (
+            tshark("frame").len(),
+            tshark("ecat").len(),
+            tshark("_ws.malformed || _ws.expert.severity >= warning"),
+        );
+        std::fs::remove_file(&path).unwrap();
+        decoded
+    }
+}
+
 #[test]
 fn tshark_decodes_a_capture_without_malformed_packets() {
-    let capture = Shared::default();
-    let pcap = Pcap::new(Box::new(capture.clone()) as Box<dyn Write>).unwrap();
-    to_op(&three(), |cable| cable.with_capture(pcap));
-    let path = std::env::temp_dir().join(format!("mobgate-{}.pcap", std::process::id()));
-    std::fs::write(&path, capture.0.borrow().as_slice()).unwrap();
-    let tshark = |filter: &str| {
-        let output = Command::new("tshark").args(["-n", "-r"]).arg(&path).args(["-Y", filter]).output();
-        let output = output.expect("tshark is installed: apt-get install tshark");
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect::<Vec<_>>()
-    };
-    let (frames, ethercat) = (tshark("frame").len(), tshark("ecat").len());
-    let malformed = tshark("_ws.malformed || _ws.expert.severity >= warning");
-    std::fs::remove_file(&path).unwrap();
+    let capture = Capture::default();
+    to_op(&three(), |cable| cable.with_capture(capture.pcap()));
+    let (frames, ethercat, malformed) = capture.decode();
     assert!(frames > 2 * usize::from(CYCLES), "{frames} frames");
     assert_eq!(frames, ethercat, "all of them EtherCAT");
     assert_eq!(malformed, [] as [String; 0]);

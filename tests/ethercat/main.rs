@@ -23,6 +23,7 @@ mod mailbox;
 mod masters;
 mod outside;
 mod process_data;
+mod pysoem;
 mod sdo;
 mod states;
 mod torture;

@@ -9,8 +9,10 @@ use mobgate::port::ethercat::{DEVICE, GatewayObjects};
 use mobgate_simulator::World;
 use mobgate_simulator::lan9252::over_spi;
 use mobgate_simulator::sub_device::{
-    Desk, SharedEcho, direct, exchange_images, line_of, spawn, start_up, with_master,
+    Desk, SharedEcho, cable, direct, exchange_images, line_of, spawn, start_up, with_master,
 };
+
+use crate::esc_masters::Capture;
 
 static GATEWAY: Device = DEVICE;
 
@@ -20,7 +22,7 @@ fn with_gateway(application: impl Application, script: impl AsyncFnOnce(Desk<'_>
     let line = line_of(&GATEWAY);
     let (esc, interrupt) = direct(line.borrow().chip(0));
     spawn(&world, SubDevice::new(&GATEWAY, esc, application), interrupt);
-    with_master(&mut world, line, script);
+    with_master(&mut world, cable(line), script);
 }
 
 #[test]
@@ -74,4 +76,23 @@ fn ethercrab_goes_up_and_down_many_times() {
             group.into_pre_op(desk.master).await.unwrap().into_init(desk.master).await.unwrap();
         }
     });
+}
+
+#[test]
+fn tshark_decodes_a_start_with_all_its_messages_without_malformed_packets() {
+    let capture = Capture::default();
+    let mut world = World::new(1);
+    let line = line_of(&GATEWAY);
+    let (esc, interrupt) = direct(line.borrow().chip(0));
+    spawn(&world, SubDevice::new(&GATEWAY, esc, GatewayObjects::default()), interrupt);
+    let cable = cable(line).with_capture(capture.pcap());
+    with_master(&mut world, cable, async |desk| {
+        let group = desk.to_pre_op().await.unwrap();
+        group.subdevice(desk.master, 0).unwrap().sdo_write(0x2001, 1, 17u16).await.unwrap();
+        desk.to_op(group, 1).await.unwrap();
+    });
+    let (frames, ethercat, malformed) = capture.decode();
+    assert!(frames > 1_000, "{frames} frames");
+    assert_eq!(frames, ethercat, "all of them EtherCAT");
+    assert_eq!(malformed, [] as [String; 0]);
 }

@@ -60,9 +60,9 @@ pub(crate) fn python() -> OsString {
 }
 
 /// Starts a script of `tests/ethercat/masters` at the MainDevice's end of the cable.
-pub(crate) fn start_master(script: &str) -> Child {
+pub(crate) fn start_master(script: &str, arguments: &[String]) -> Child {
     let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "tests/ethercat/masters", script].iter().collect();
-    Command::new(python()).arg(path).arg(MASTER_END).stdin(Stdio::null()).spawn().unwrap()
+    Command::new(python()).arg(path).arg(MASTER_END).args(arguments).stdin(Stdio::null()).spawn().unwrap()
 }
 
 /// Waits until `program` has ended, and sees to it that it ended well.
@@ -82,7 +82,7 @@ fn pysoem_brings_simple_devices_to_op_over_a_virtual_cable() {
         let chips = (0..2).map(|_| Chip::new(Kind::ET1100, simple_device()));
         let segment = Rc::new(RefCell::new(Segment::new(chips)));
         let socket = PacketSocket::open(SEGMENT_END).unwrap();
-        let mut script = start_master("simple_devices.py");
+        let mut script = start_master("simple_devices.py", &[]);
         serve(&socket, &segment, ends_well(&mut script)).unwrap();
         let chip = segment.borrow().chip(1);
         let mut outputs = [0; 2];

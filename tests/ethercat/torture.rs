@@ -19,7 +19,9 @@ use mobgate_simulator::esc::cable::{Cable, FrameFaults, SharedSegment};
 use mobgate_simulator::esc::frame::{Builder, datagrams};
 use mobgate_simulator::esc::{Command, DirectPdi, Interrupt};
 use mobgate_simulator::lan9252::{SpiFaults, Timing};
-use mobgate_simulator::sub_device::{BusFaults, Faulty, SharedEcho, image, line_of, spawn, with_master};
+use mobgate_simulator::sub_device::{
+    BusFaults, Faulty, SharedEcho, cable, image, line_of, spawn, with_master,
+};
 use mobgate_simulator::{Lan9252, Random, World};
 
 static GATEWAY: Device = DEVICE;
@@ -79,7 +81,7 @@ fn live(seed: u64) {
 
 /// A MainDevice that means it: to Op, and a few images.
 fn recover(world: &mut World<'_>, line: SharedSegment, last: u64) {
-    with_master(world, line, async |desk| {
+    with_master(world, cable(line), async |desk| {
         let to_op = async {
             let group = desk.to_pre_op().await.expect("PreOp is reached");
             let device = group.subdevice(desk.master, 0).unwrap();

@@ -9,6 +9,7 @@ use mobgate::ethercat::application::{Address, Application};
 use mobgate::ethercat::coe::abort::Abort;
 
 /// An application that a test looks into while the SubDevice has it.
+#[derive(Default)]
 pub(crate) struct Shared<A>(pub(crate) Rc<RefCell<A>>);
 
 impl<A> Clone for Shared<A> {

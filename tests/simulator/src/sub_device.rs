@@ -3,7 +3,7 @@
 
 mod echo;
 mod faulty;
-#[cfg(feature = "ethercrab")]
+#[cfg(feature = "masters")]
 // The master that tests run; see the feature.
 mod start;
 
@@ -23,9 +23,9 @@ use crate::esc::{Chip, DirectPdi, Interrupt, Kind, Segment, SharedChip};
 
 pub use echo::{Echo, SharedEcho, image, sequence};
 pub use faulty::{BusFaults, Counted, Counts, Faulty};
-#[cfg(feature = "ethercrab")]
+#[cfg(feature = "masters")]
 // As above.
-pub use start::{Desk, Exchanged, Group, StartUp, exchange_images, start_up, with_master};
+pub use start::{Desk, Exchanged, Group, StartUp, cable, exchange_images, start_up, with_master};
 
 /// A line with one chip whose EEPROM says what `device` is.
 ///

@@ -76,18 +76,18 @@ impl Desk<'_> {
     }
 }
 
-/// Puts a MainDevice at the line, and lets it do as `script` says.
+/// A cable without faults in front of the line.
+pub fn cable(line: SharedSegment) -> Cable {
+    Cable::new(line, FRAME_TIME)
+}
+
+/// Puts a MainDevice at the cable, and lets it do as `script` says.
 ///
 /// # Panics
 /// When what the script waits for never comes.
-pub fn with_master<T>(
-    world: &mut World<'_>,
-    line: SharedSegment,
-    script: impl AsyncFnOnce(Desk<'_>) -> T,
-) -> T {
+pub fn with_master<T>(world: &mut World<'_>, cable: Cable, script: impl AsyncFnOnce(Desk<'_>) -> T) -> T {
     let storage = Storage::new();
     let (tx, rx, pdu_loop) = storage.try_split().expect("it was not split before");
-    let cable = Cable::new(line, FRAME_TIME);
     let frames = cable.frames();
     let master = main_device(pdu_loop, 0);
     let script = async {
@@ -126,7 +126,7 @@ pub fn start_up<E: Esc + 'static>(
     let esc = Counted::new(esc, device.memory.start(Channel::MailboxOut));
     let counts = esc.counts();
     spawn(&world, SubDevice::new(device, esc, SharedEcho::default()), interrupt);
-    with_master(&mut world, line, async |desk| {
+    with_master(&mut world, cable(line), async |desk| {
         let begin = Instant::now();
         let group = desk.to_pre_op().await?;
         desk.to_op(group, 1).await?;
@@ -158,7 +158,7 @@ pub fn exchange_images(device: &'static Device, cycles: u64, pause_us: u64) -> R
     let (esc, interrupt) = direct(line.borrow().chip(0));
     let esc = esc.with_pauses(Random::new(cycles), 0..=pause_us);
     spawn(&world, SubDevice::new(device, esc, echo.clone()), interrupt);
-    let mut exchanged = with_master(&mut world, line, async |desk| {
+    let mut exchanged = with_master(&mut world, cable(line), async |desk| {
         let group = desk.to_pre_op().await?;
         let group = desk.to_op(group, 1).await?;
         let (mut exchanged, mut last) = (Exchanged::default(), 0);

@@ -1,8 +1,8 @@
 //! The LAN9252 behind an SPI: registers through one engine of the chip, process data through two FIFOs.
 //!
-//! An access below 1000h goes to the register engine ([`registers`]), at most four bytes at a time; one above is streamed through a FIFO
-//! ([`fifo`]) by few, long transactions ([`bus`]). When the chip does not do what it should, the access fails, and the next one
-//! first brings the chip to its senses ([`start`]): if that took a reset, it fails too, with [`EscError::Restarted`], so that the caller
+//! An access below 1000h goes to the register engine (`registers`), at most four bytes at a time; one above is streamed through a FIFO
+//! (`fifo`) by few, long transactions (`bus`). When the chip does not do what it should, the access fails, and the next one
+//! first brings the chip to its senses (`start`): if that took a reset, it fails too, with [`EscError::Restarted`], so that the caller
 //! knows that all its settings are gone.
 //!
 //! # What a damaged transfer can do

@@ -43,33 +43,31 @@ async fn firmware(driver: &mut Driver<Spi>, mut pin: Interrupt, seen: &RefCell<V
 
 /// Sends outputs every `cycle` and a message as soon as the last one was answered, now and then a burst without a pause.
 async fn main_device(bench: &Bench, cycle: Duration, cycles: u32, random: &mut Random) -> u8 {
-    let mut segment = bench.segment.borrow_mut();
     let (mut sent, mut waited) = (0_u8, 0);
     for number in 0..cycles {
-        segment.send_logical(Command::Lwr, 0, &[number as u8; 120]);
-        let status = segment.fetch(0, 0x080D, 1).unwrap()[0];
-        if status & FULL != 0 {
-            assert_eq!(
-                segment.fetch(0, IN_BOX, 128),
-                Some(vec![sent; 128]),
-                "the answer to the last message"
-            );
-            waited = 0;
-        }
-        if waited == 0 {
-            sent = sent.wrapping_add(1);
-            assert_eq!(segment.poke(0, OUT_BOX, &[sent; 128]), 1);
+        {
+            let segment = &mut bench.segment.borrow_mut();
+            segment.send_logical(Command::Lwr, 0, &[number as u8; 120]);
+            if segment.fetch(0, 0x080D, 1).unwrap()[0] & FULL != 0 {
+                assert_eq!(
+                    segment.fetch(0, IN_BOX, 128),
+                    Some(vec![sent; 128]),
+                    "the answer to the last message"
+                );
+                waited = 0;
+            }
+            if waited == 0 {
+                sent = sent.wrapping_add(1);
+                assert_eq!(segment.poke(0, OUT_BOX, &[sent; 128]), 1);
+            }
         }
         waited += 1;
         assert!(waited < PATIENCE, "message {sent} was lost");
         if !random.chance(0.1) {
-            drop(segment);
             Timer::after(cycle).await;
-            segment = bench.segment.borrow_mut();
         }
     }
     // The last outputs must come through without any further frame.
-    drop(segment);
     Timer::after_millis(2).await;
     let inputs = bench.segment.borrow_mut().send_logical(Command::Lrd, 120, &[0; 120]);
     assert_eq!((inputs.counter, inputs.data), (1, vec![(cycles - 1) as u8; 120]));

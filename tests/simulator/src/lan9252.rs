@@ -1,7 +1,7 @@
 //! The LAN9252 as its driver sees it: an SPI device in front of the simulated controller chip, and an interrupt pin.
 //!
-//! A transaction goes byte by byte through [`spi`], which decodes the instruction and the address, to the system registers
-//! ([`device`]). Behind some of these are engines that take their time ([`csr`], [`fifo`]): one accesses registers of the ESC, two move
+//! A transaction goes byte by byte through `spi`, which decodes the instruction and the address, to the system registers
+//! (`device`). Behind some of these are engines that take their time (`csr`, `fifo`): one accesses registers of the ESC, two move
 //! process data through FIFOs of sixteen double words. What a careful driver would never do is written down and fails the
 //! test that asks ([`Lan9252::check`]).
 

@@ -16,7 +16,7 @@ fn processor_reads(segment: &Segment, address: u16, bytes: usize) -> Vec<u8> {
 }
 
 #[test]
-fn statement_1_after_power_on_the_state_is_init_without_the_processors_help() {
+fn statement_01_after_power_on_the_state_is_init_without_the_processors_help() {
     let _world = World::new(1);
     let mut segment = line(1);
     assert_eq!(segment.fetch(0, 0x0130, 6).unwrap(), [1, 0, 0, 0, 0, 0]);

@@ -5,6 +5,7 @@ use mobgate_clock as _;
 
 mod bench;
 mod chips;
+mod documents;
 mod esc_buffers;
 mod esc_commands;
 mod esc_control;

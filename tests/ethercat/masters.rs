@@ -4,13 +4,14 @@ use embassy_time::Timer;
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
 use mobgate::ethercat::application::Application;
 use mobgate::ethercat::device::Device;
+use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
-use mobgate_simulator::World;
-use mobgate_simulator::lan9252::over_spi;
+use mobgate_simulator::lan9252::{Timing, over_spi};
 use mobgate_simulator::sub_device::{
     Desk, SharedEcho, cable, direct, exchange_images, line_of, spawn, start_up, with_master,
 };
+use mobgate_simulator::{Lan9252, World};
 
 use crate::esc_masters::Capture;
 
@@ -36,6 +37,18 @@ fn ethercrab_brings_the_gateway_to_op_with_its_default_mapping() {
 fn ethercrab_brings_it_to_op_over_spi_at_20_mhz_in_300_ms() {
     let started = start_up(&GATEWAY, over_spi).unwrap();
     assert!(started.time.as_millis() <= 300, "{started:?}");
+}
+
+#[test]
+fn statement_53_a_start_over_spi_misuses_the_chip_nowhere() {
+    let mut used = None;
+    let reach = |chip| {
+        let lan9252 = Lan9252::new(chip, Timing::USUAL);
+        used = Some(lan9252.clone());
+        (Driver::new(lan9252.spi(), Wiring::default()), lan9252.interrupt())
+    };
+    start_up(&GATEWAY, reach).unwrap();
+    used.unwrap().check();
 }
 
 #[test]

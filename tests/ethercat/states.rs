@@ -1,9 +1,12 @@
 //! Conformance: the state machine, its error codes, the process data watchdog (statements 1 to 20).
 
+use embassy_time::Duration;
 use mobgate::ethercat::al_state::{AlState, AlStatusCode};
+use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate::ethercat::sync_manager::Channel;
-use mobgate_simulator::World;
 use mobgate_simulator::esc::{Chip, Kind, Segment};
+use mobgate_simulator::lan9252::Timing;
+use mobgate_simulator::{Lan9252, World};
 
 use crate::bench::{Bench, ERROR, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP};
 
@@ -285,6 +288,25 @@ fn statement_20_the_alias_identifies_the_device_on_request() {
     chip.borrow_mut().write(0, 0x0012, &[0x34, 0x12]);
     assert_eq!(rig.request(PRE_OP | 0x20), (PRE_OP | 0x20, 0x1234));
     assert_eq!(rig.request(PRE_OP), (PRE_OP, 0));
+}
+
+#[test]
+fn statement_54_after_a_reset_of_the_chip_the_device_is_in_init_with_0060_and_comes_back() {
+    let mut used = None;
+    let reach = |chip| {
+        let lan9252 = Lan9252::new(chip, Timing::USUAL);
+        used = Some(lan9252.clone());
+        (Driver::new(lan9252.spi(), Wiring::default()), lan9252.interrupt())
+    };
+    let mut rig = Rig::reached_by(&MAILBOX_128, Bench::default(), Duration::from_millis(2), reach);
+    rig.pass(100);
+    rig.bring_to(OP);
+    used.unwrap().reset();
+    rig.pass(200);
+    assert_eq!(rig.status(), (INIT | ERROR, 0x0060));
+    assert_eq!(rig.application().stops, 1, "outputs are not valid any more");
+    assert_eq!(rig.request(INIT | ERROR), (INIT, 0));
+    rig.bring_to(OP);
 }
 
 #[test]

@@ -194,7 +194,7 @@ impl Writer<'_> {
         self.put(&[0, 0])?;
         let start = self.at;
         content(self)?;
-        if (self.at - start) % 2 != 0 {
+        if !(self.at - start).is_multiple_of(2) {
             self.put(&[0])?;
         }
         let words = ((self.at - start) / 2) as u16;

@@ -102,7 +102,9 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
                 return fault;
             }
             match self.due() {
-                Some(due) => drop(select(attention(), Timer::at(due)).await),
+                Some(due) => {
+                    select(attention(), Timer::at(due)).await;
+                }
                 None => attention().await,
             }
         }

@@ -168,7 +168,7 @@ fn statement_26_requests_behind_a_full_mailbox_are_not_lost() {
 #[test]
 fn statement_27_half_a_message_is_not_served() {
     let mut rig = rig();
-    let mut message = vec![0; 128];
+    let mut message = [0; 128];
     message[..6].copy_from_slice(&[10, 0, 0, 0, 0, COE]);
     message[6..16].copy_from_slice(&UPLOAD);
     assert_eq!(rig.write(0x1000, &message[..127]), 1);

@@ -61,10 +61,10 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     }
 
     async fn give_message(&mut self) -> Result<bool, EscError> {
-        if self.mailbox.is_idle() && self.coe.has_more() {
-            if let Some(payload) = self.coe.next(self.mailbox.payload_bytes()) {
-                self.mailbox.send(Protocol::CanOpen, payload);
-            }
+        if self.mailbox.is_idle()
+            && let Some(payload) = self.coe.next(self.mailbox.payload_bytes())
+        {
+            self.mailbox.send(Protocol::CanOpen, payload);
         }
         let mut buffer = [0; MAILBOX_BYTES_MAX];
         let Some(message) = self.mailbox.next(&mut buffer) else { return Ok(false) };

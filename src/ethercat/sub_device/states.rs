@@ -232,10 +232,10 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         if let Err(code) = self.check_mailboxes(&found) {
             return self.fall(AlState::Init, code).await;
         }
-        if state.has_process_data() {
-            if let Err(code) = self.check_process_data(&found) {
-                return self.fall(AlState::PreOp, code).await;
-            }
+        if state.has_process_data()
+            && let Err(code) = self.check_process_data(&found)
+        {
+            return self.fall(AlState::PreOp, code).await;
         }
         if !found.mailbox_full {
             self.mailbox.fetched();

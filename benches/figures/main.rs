@@ -7,6 +7,7 @@
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
 
+mod ethercat;
 mod faults;
 mod figure;
 mod goodput;
@@ -22,7 +23,7 @@ mod sharing;
 use figure::{Target, figure};
 
 fn main() {
-    let groups: [(&str, fn()); 9] = [
+    let groups: &[(&str, fn())] = &[
         ("line", line::figures),
         ("paper", paper::figures),
         ("sharing", sharing::figures),
@@ -32,6 +33,7 @@ fn main() {
         ("ports", ports::figures),
         ("goodput", goodput::figures),
         ("power_cuts", power_cuts::figures),
+        ("ethercat", ethercat::figures),
     ];
     // Cargo adds `--bench`; what is left are the names of groups.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();

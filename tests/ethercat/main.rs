@@ -17,4 +17,5 @@ mod lan9252_access;
 mod lan9252_bench;
 mod lan9252_events;
 mod lan9252_faults;
+mod lan9252_model;
 mod outside;

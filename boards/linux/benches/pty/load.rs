@@ -164,7 +164,7 @@ pub(crate) fn ask_directly(line: &mut SerialPort, pace: Pace, habit: Habit, unti
         line.read_exact(response).unwrap();
         assert_eq!(rtu::decode(response), Ok((habit.unit, &expected[..])));
         load.note(asked);
-        sleep_until(Instant::now() + pace.silence);
+        sleep_until(Instant::now() + pace.silence.max(habit.think));
         address = habit.next(address);
     }
     load

@@ -149,8 +149,9 @@ pub(crate) fn polite(effort: Effort) {
     let pace = Pace::of(115_200);
     let mut lanes = to_lines(Device::paced(115_200), TIMEOUT_MS);
     let mut habits = habits(32);
-    habits[0].think = Duration::from_millis(53);
-    contest(&mut lanes, &habits, effort.rounds(3), effort.length(5_000));
+    // Longer than a turn of everybody takes: who asks more often has no more right than the others.
+    habits[0].think = Duration::from_millis(307);
+    contest(&mut lanes, &habits, effort.rounds(3), effort.length(10_000));
     table("115200 baud, a polite client among 31 flooders", &lanes);
     for lane in &lanes {
         let polite = lane.rounds.iter().flat_map(|round| &round.loads[0].times).copied().collect::<Vec<_>>();

@@ -109,17 +109,15 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
     /// Notes how an access ended.
     fn noted<T>(&mut self, outcome: Result<T, EscError>) -> Result<T, EscError> {
         match outcome {
-            Ok(_) => {}
-            Err(EscError::Garbled(_)) => {
-                self.incidents.garbled += 1;
-                self.health = Health::Suspect;
-            }
-            Err(EscError::Stuck(_)) => {
-                self.incidents.stuck += 1;
-                self.health = Health::Suspect;
-            }
-            Err(EscError::Bus | EscError::Absent(_)) => self.health = Health::Suspect,
+            Ok(_) | Err(EscError::Bus | EscError::Absent(_)) => {}
+            Err(EscError::Garbled(_)) => self.incidents.garbled += 1,
+            Err(EscError::Stuck(_)) => self.incidents.stuck += 1,
             Err(EscError::Restarted) => self.incidents.restarts += 1,
+        }
+        // A chip that was never set up stays unknown, and is reset when it answers.
+        let fresh = matches!(outcome, Ok(_) | Err(EscError::Restarted));
+        if self.health == Health::Good && !fresh {
+            self.health = Health::Suspect;
         }
         outcome
     }

@@ -1,9 +1,11 @@
 //! Several chips: links, times, what happens to frames on their way, and a ring with a cut cable.
 
 use embassy_time::Timer;
+use embedded_hal_async::digital::Wait;
+use mobgate::ethercat::esc::Esc;
 use mobgate_simulator::World;
 use mobgate_simulator::esc::frame::Builder;
-use mobgate_simulator::esc::{Command, Fate, Segment, now};
+use mobgate_simulator::esc::{Command, DirectPdi, Fate, Interrupt, Segment, now};
 
 use crate::chips::line;
 
@@ -112,6 +114,28 @@ fn sync0_comes_from_its_start_time_on_in_its_cycle() {
         Timer::after_millis(10).await;
         assert_eq!(pulses(&segment), 0, "a start time in the past gives no pulse");
     });
+}
+
+#[test]
+fn sync0_asks_for_the_processor_without_jitter_until_it_is_acknowledged() {
+    let mut world = World::new(1);
+    let mut segment = line(1);
+    segment.poke(0, 0x0990, &500_000u64.to_le_bytes());
+    segment.poke(0, 0x09A0, &250_000u32.to_le_bytes());
+    segment.poke(0, 0x0981, &[3]);
+    let mut pdi = DirectPdi::new(segment.chip(0));
+    let mut pin = Interrupt::new(segment.chip(0));
+    let times = world.run_until(async {
+        pdi.write(0x0204, &[4, 0, 0, 0]).await.unwrap();
+        let mut times = Vec::new();
+        for _ in 0..4 {
+            pin.wait_for_high().await.unwrap();
+            times.push(now());
+            pdi.read(0x098E, &mut [0]).await.unwrap();
+        }
+        times
+    });
+    assert_eq!(times, [500_000, 750_000, 1_000_000, 1_250_000]);
 }
 
 #[test]

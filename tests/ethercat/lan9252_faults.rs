@@ -2,13 +2,13 @@
 
 use embassy_time::{Duration, Instant, Timer};
 use mobgate::ethercat::esc::{Esc, EscError, read_agreed};
-use mobgate::ethercat::lan9252::Incidents;
+use mobgate::ethercat::lan9252::{Incidents, Lan9252 as Driver};
 use mobgate_simulator::Random;
-use mobgate_simulator::esc::Command;
-use mobgate_simulator::lan9252::{SpiFaults, Timing};
+use mobgate_simulator::esc::{Command, now};
+use mobgate_simulator::lan9252::{Spi, SpiFaults, Timing};
 
 use crate::chips::{INPUTS, OUTPUTS};
-use crate::lan9252_bench::{with_driver, with_started};
+use crate::lan9252_bench::{Bench, with_driver, with_started};
 
 const USER: u16 = 0x0F80;
 const FREE: u16 = 0x1800;
@@ -62,14 +62,14 @@ fn statement_54_a_hanging_register_engine_costs_a_reset_that_is_reported() {
 }
 
 #[test]
-fn statement_54_a_hanging_transfer_ends_without_a_reset_when_an_abort_helps() {
+fn statement_54_a_hanging_transfer_costs_a_reset_when_an_abort_did_not_help() {
     with_driver(Timing::USUAL, async |driver, bench| {
         driver.write(FREE, &[7; 40]).await.unwrap();
         bench.chip.hang_transfers();
         assert_eq!(driver.read(FREE, &mut [0; 40]).await, Err(EscError::Stuck(FREE)));
-        assert_eq!(driver.write(FREE, &[8; 40]).await, Err(EscError::Stuck(FREE)));
-        bench.chip.reset();
-        assert_eq!(driver.events().await, Err(EscError::Restarted));
+        driver.read(USER, &mut [0]).await.expect("the registers still work");
+        assert_eq!(driver.read(FREE, &mut [0; 40]).await, Err(EscError::Stuck(FREE)));
+        assert_eq!(driver.read(FREE, &mut [0; 40]).await, Err(EscError::Restarted));
         bench.chip.forgive();
         driver.write(FREE, &[8; 40]).await.unwrap();
         assert_eq!(bench.peek(FREE), [8; 40]);
@@ -202,4 +202,60 @@ fn statement_55_bit_errors_never_make_a_wrong_register_value() {
         assert!(good > 4_000, "{good} of 5000");
         assert!(driver.incidents().repeated > 100);
     });
+}
+
+/// Something bad happens to the chip or its SPI.
+fn misfortune(bench: &Bench, random: &mut Random) {
+    match random.index(4) {
+        0 => bench.chip.reset(),
+        1 => bench.chip.hang_registers(),
+        2 => bench.chip.hang_transfers(),
+        _ => bench.chip.set_faults(SpiFaults { flipped: 1e-2, failed: 1e-2 }, random.fork()),
+    }
+}
+
+/// Any access; how it ended.
+async fn access(driver: &mut Driver<Spi>, random: &mut Random) -> Result<(), EscError> {
+    let mut bytes = [0; 200];
+    let length = 1 + random.index(bytes.len());
+    let begin = Instant::now();
+    let outcome = match random.index(5) {
+        0 => driver.events().await.map(|_| ()),
+        1 => driver.read(USER, &mut bytes[..length.min(16)]).await,
+        2 => driver.write(USER, &bytes[..length.min(16)]).await,
+        3 => driver.read(FREE, &mut bytes[..length]).await,
+        _ => driver.write(FREE, &bytes[..length]).await,
+    };
+    assert!(begin.elapsed() < ACCESS_LIMIT, "{outcome:?} took {:?}", begin.elapsed());
+    outcome
+}
+
+#[test]
+fn statement_54_whatever_happens_every_access_ends_and_the_chip_comes_back() {
+    const MARK: u16 = 0x0FF0;
+    for seed in 0..20 {
+        with_started(Timing::USUAL, async |driver, bench| {
+            let mut random = Random::new(seed);
+            for round in 0..10 {
+                bench.segment.borrow().chip(0).borrow_mut().write(now(), MARK, &[0x77]);
+                misfortune(bench, &mut random);
+                let mut told = false;
+                for _ in 0..20 {
+                    told |= access(driver, &mut random).await == Err(EscError::Restarted);
+                }
+                bench.chip.set_faults(SpiFaults::default(), random.fork());
+                // Long enough for the driver to look after the chip, often enough for it to see that an abort does not help.
+                for _ in 0..30 {
+                    Timer::after_millis(5).await;
+                    told |= access(driver, &mut random).await == Err(EscError::Restarted);
+                }
+                let lost = bench.peek(MARK) != [0x77];
+                assert!(told || !lost, "seed {seed}, round {round}: the caller must know what is gone");
+                bench.chip.forgive();
+                for _ in 0..20 {
+                    access(driver, &mut random).await.unwrap();
+                }
+            }
+        });
+    }
 }

@@ -20,6 +20,7 @@ mod lan9252_access;
 mod lan9252_bench;
 mod lan9252_events;
 mod lan9252_faults;
+mod lan9252_model;
 mod mailbox;
 mod masters;
 mod outside;

@@ -14,6 +14,8 @@ use crate::ethercat::esc::EscError;
 const ABORT: u32 = 1 << 30;
 /// So many double words of a transfer must wait in the FIFO before it is streamed.
 const LEAD_WORDS: usize = 4;
+/// After so many transfers in a row that were not finished in time the chip is reset.
+const STUCK_MAX: u8 = 2;
 
 /// One of the two engines.
 #[derive(Debug, Clone, Copy)]
@@ -24,18 +26,15 @@ pub(super) struct Direction {
     place: u16,
     /// A transfer is under way: its future was dropped, or it failed.
     open: bool,
+    /// So many transfers in a row were not finished in time.
+    stuck: u8,
     /// Whether the level of the FIFO must be watched.
     watched: bool,
 }
 
 impl Direction {
-    pub(super) const READ: Self = Self { port: 0x000, place: 0x308, open: false, watched: false };
-    pub(super) const WRITE: Self = Self { port: 0x020, place: 0x310, open: false, watched: false };
-
-    /// The engine after an abort.
-    pub(super) fn closed(self) -> Self {
-        Self { open: false, ..self }
-    }
+    pub(super) const READ: Self = Self { port: 0x000, place: 0x308, open: false, stuck: 0, watched: false };
+    pub(super) const WRITE: Self = Self { port: 0x020, place: 0x310, open: false, stuck: 0, watched: false };
 
     fn command(self) -> u16 {
         self.place + 4
@@ -54,75 +53,88 @@ fn fitting(words: usize, lane: usize, left: usize) -> usize {
 
 impl<SPI: SpiDevice> Lan9252<SPI> {
     /// Reads process data memory.
-    pub(super) async fn read_memory(&mut self, address: u16, mut into: &mut [u8]) -> Result<(), EscError> {
+    pub(super) async fn read_memory(&mut self, address: u16, into: &mut [u8]) -> Result<(), EscError> {
         if into.is_empty() {
             return Ok(());
         }
-        let length = into.len();
-        let before = self.reading;
-        // Open until the end is proved, also if this future is dropped.
-        self.reading.open = true;
-        self.begin(before, address, length).await?;
-        let mut lane = usize::from(address % 4);
-        while !into.is_empty() {
-            let left = (lane + into.len()).div_ceil(4);
-            let waiting = self.level(self.reading, address, left.min(LEAD_WORDS)).await?;
-            let words = if self.reading.watched { waiting } else { left };
-            let (part, rest) = into.split_at_mut(fitting(words, lane, into.len()));
-            self.bus.read_bytes(self.reading.port, lane, part).await?;
-            (into, lane) = (rest, 0);
-        }
-        let done = self.finish(self.reading, address, length).await;
-        self.reading = self.reading.after(done);
+        let left_open = core::mem::replace(&mut self.reading.open, true);
+        let done = self.fetch(left_open, address, into).await;
+        self.reading.ended(done);
         done
     }
 
     /// Writes process data memory.
-    pub(super) async fn write_memory(&mut self, address: u16, mut bytes: &[u8]) -> Result<(), EscError> {
+    pub(super) async fn write_memory(&mut self, address: u16, bytes: &[u8]) -> Result<(), EscError> {
         if bytes.is_empty() {
             return Ok(());
         }
-        let length = bytes.len();
-        let before = self.writing;
-        self.writing.open = true;
-        self.begin(before, address, length).await?;
-        let mut lane = usize::from(address % 4);
-        while !bytes.is_empty() {
-            let left = (lane + bytes.len()).div_ceil(4);
-            // A FIFO that has just been started is empty: only its watched rest needs a look.
-            let words = if self.writing.watched { self.level(self.writing, address, 1).await? } else { left };
-            let (part, rest) = bytes.split_at(fitting(words, lane, bytes.len()));
-            self.bus.write_bytes(self.writing.port, lane, part).await?;
-            (bytes, lane) = (rest, 0);
-        }
-        let done = self.finish(self.writing, address, length).await;
-        self.writing = self.writing.after(done);
+        let left_open = core::mem::replace(&mut self.writing.open, true);
+        let done = self.push(left_open, address, bytes).await;
+        self.writing.ended(done);
         done
     }
 
-    /// Starts a transfer, after ending one that was left.
-    async fn begin(&mut self, direction: Direction, address: u16, length: usize) -> Result<(), EscError> {
-        if direction.open {
-            self.abort(direction).await?;
+    async fn fetch(&mut self, left_open: bool, address: u16, mut into: &mut [u8]) -> Result<(), EscError> {
+        let engine = self.reading;
+        let length = into.len();
+        self.begin(engine, left_open, address, length).await?;
+        let mut lane = usize::from(address % 4);
+        while !into.is_empty() {
+            let left = (lane + into.len()).div_ceil(4);
+            let waiting = self.level(engine, address, left.min(LEAD_WORDS)).await?;
+            let words = if engine.watched { waiting } else { left };
+            let (part, rest) = into.split_at_mut(fitting(words, lane, into.len()));
+            self.bus.read_bytes(engine.port, lane, part).await?;
+            (into, lane) = (rest, 0);
         }
-        self.bus.write_up(direction.place, place(address, length), BUSY).await
+        self.finish(engine, address, length).await
+    }
+
+    async fn push(&mut self, left_open: bool, address: u16, mut bytes: &[u8]) -> Result<(), EscError> {
+        let engine = self.writing;
+        let length = bytes.len();
+        self.begin(engine, left_open, address, length).await?;
+        let mut lane = usize::from(address % 4);
+        while !bytes.is_empty() {
+            // A FIFO that has just been started is empty: there is room.
+            let left = (lane + bytes.len()).div_ceil(4);
+            let words = if engine.watched { self.level(engine, address, 1).await? } else { left };
+            let (part, rest) = bytes.split_at(fitting(words, lane, bytes.len()));
+            self.bus.write_bytes(engine.port, lane, part).await?;
+            (bytes, lane) = (rest, 0);
+        }
+        self.finish(engine, address, length).await
+    }
+
+    /// Starts a transfer, after ending one that was left.
+    async fn begin(
+        &mut self,
+        engine: Direction,
+        left_open: bool,
+        address: u16,
+        length: usize,
+    ) -> Result<(), EscError> {
+        if left_open {
+            self.abort(engine).await?;
+        }
+        self.bus.write_up(engine.place, place(address, length), BUSY).await
     }
 
     /// Ends whatever transfer an engine has under way.
-    pub(super) async fn abort(&mut self, direction: Direction) -> Result<(), EscError> {
-        self.bus.write(direction.command(), ABORT).await?;
+    pub(super) async fn abort(&mut self, engine: Direction) -> Result<(), EscError> {
+        self.bus.write(engine.command(), ABORT).await?;
         for _ in 0..POLLS_MAX {
-            if self.bus.read(direction.command()).await? & (BUSY | ABORT) == 0 {
+            if self.bus.read(engine.command()).await? & (BUSY | ABORT) == 0 {
                 return Ok(());
             }
         }
-        Err(EscError::Stuck(direction.command()))
+        Err(EscError::Stuck(engine.command()))
     }
 
     /// Waits until at least `wanted` double words wait, or have room; how many it is.
-    async fn level(&mut self, direction: Direction, address: u16, wanted: usize) -> Result<usize, EscError> {
+    async fn level(&mut self, engine: Direction, address: u16, wanted: usize) -> Result<usize, EscError> {
         for _ in 0..POLLS_MAX {
-            let level = count(self.bus.read(direction.command()).await?);
+            let level = count(self.bus.read(engine.command()).await?);
             if level >= wanted {
                 return Ok(level);
             }
@@ -132,11 +144,11 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
 
     /// Proves that a transfer was the one that was meant, and that all of it was moved. Address and length count on while
     /// an engine works, or stay as they were written.
-    async fn finish(&mut self, direction: Direction, address: u16, length: usize) -> Result<(), EscError> {
+    async fn finish(&mut self, engine: Direction, address: u16, length: usize) -> Result<(), EscError> {
         let end = place(address.wrapping_add(length as u16), 0);
-        let reads = direction.port == Direction::READ.port;
+        let reads = engine.port == Direction::READ.port;
         for _ in 0..POLLS_MAX {
-            let (now, status) = self.bus.read_up(direction.place).await?;
+            let (now, status) = self.bus.read_up(engine.place).await?;
             if status & BUSY != 0 {
                 continue;
             }
@@ -149,12 +161,29 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
 }
 
 impl Direction {
-    /// The engine after a transfer that ended so.
-    fn after(self, done: Result<(), EscError>) -> Self {
+    /// Notes how a transfer ended. What was not proved is aborted before the next.
+    fn ended(&mut self, done: Result<(), EscError>) {
         match done {
-            Ok(()) => self.closed(),
-            Err(_) => Self { open: true, watched: true, ..self },
+            Ok(()) => (self.open, self.stuck) = (false, 0),
+            Err(EscError::Stuck(_)) => (self.stuck, self.watched) = (self.stuck.saturating_add(1), true),
+            Err(EscError::Garbled(_)) => self.watched = true,
+            Err(_) => {}
         }
+    }
+
+    /// Whether an abort is not enough to make the engine work again.
+    pub(super) fn hangs(self) -> bool {
+        self.stuck >= STUCK_MAX
+    }
+
+    /// Notes that the engine was aborted.
+    pub(super) fn aborted(&mut self) {
+        self.open = false;
+    }
+
+    /// Notes that the engine was reset.
+    pub(super) fn reset(&mut self) {
+        (self.open, self.stuck) = (false, 0);
     }
 }
 

@@ -60,9 +60,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
     async fn recover(&mut self) -> Result<(), EscError> {
         self.wait_for_answer().await?;
         self.restarted |= !self.is_set_up().await?;
-        let idle = self.abort(Direction::READ).await.and(self.abort(Direction::WRITE).await).is_ok()
-            && self.registers_idle().await?;
-        if !idle {
+        if !self.is_idle().await? {
             self.restarted = true;
             self.reset().await?;
         }
@@ -80,7 +78,17 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         Ok(false)
     }
 
-    async fn registers_idle(&mut self) -> Result<bool, EscError> {
+    /// Ends what the engines may still have under way; whether they all can be used again.
+    async fn is_idle(&mut self) -> Result<bool, EscError> {
+        if self.reading.hangs() || self.writing.hangs() {
+            return Ok(false);
+        }
+        for engine in [Direction::READ, Direction::WRITE] {
+            match self.abort(engine).await {
+                Err(EscError::Stuck(_)) => return Ok(false),
+                outcome => outcome?,
+            }
+        }
         for _ in 0..POLLS_MAX {
             if self.bus.read(COMMAND).await? & BUSY == 0 {
                 return Ok(true);
@@ -91,6 +99,8 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
 
     async fn reset(&mut self) -> Result<(), EscError> {
         self.bus.write(RESET_CONTROL, RESET_DIGITAL).await?;
+        self.reading.reset();
+        self.writing.reset();
         Timer::after(POLL_INTERVAL).await;
         self.wait_for_answer().await
     }
@@ -127,8 +137,8 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
             return Err(EscError::Garbled(IRQ_CONFIG));
         }
         self.register_open = false;
-        self.reading = self.reading.closed();
-        self.writing = self.writing.closed();
+        self.reading.aborted();
+        self.writing.aborted();
         self.health = Health::Good;
         Ok(())
     }

@@ -1,9 +1,10 @@
 //! The SubDevice: serves a controller's events, one after the other.
 //!
-//! A pass reads the event register and does what it says: a request for a state (`states`), a message (`mail`), process data
+//! A pass reads the event register and does what it says: a request for a state (`states`), a changed SyncManager (`checks`), a message (`mail`), process data
 //! (`data`). Which events raise the interrupt follows from what can be done about them, so a request that must wait for
 //! room does not keep the interrupt up.
 
+mod checks;
 mod data;
 mod mail;
 mod states;

@@ -23,6 +23,8 @@ fn each_statement_that_is_passed_has_a_test_and_each_such_test_is_in_the_table()
         .iter()
         .flat_map(|(_, text)| text.split("fn statement_").skip(1))
         .map(|name| name.split_at(2).0.to_owned())
+        // Here the words stand without a number.
+        .filter(|number| number.parse::<u8>().is_ok())
         .collect();
     let table = fs::read_to_string(root("docs/conformance.md")).unwrap();
     let rows = table.lines().filter_map(|line| line.strip_prefix("| "));

@@ -1,4 +1,4 @@
-//! Changes of state: what each needs, and what the device falls back for by itself (ETG.1000.6, clause 6.4.1).
+//! Changes of state that the MainDevice asks for, and what each needs (ETG.1000.6, clause 6.4.1).
 
 use embassy_time::Instant;
 
@@ -8,16 +8,8 @@ use crate::ethercat::application::Application;
 use crate::ethercat::coe::Coe;
 use crate::ethercat::coe::emergency::Cause;
 use crate::ethercat::esc::{Esc, EscError};
-use crate::ethercat::registers::{
-    AL_CONTROL, AL_STATUS, AL_STATUS_CODE, DC_ACTIVATION, STATION_ALIAS, SYNC_MANAGER_STATUS, SYNC_MANAGERS,
-    WATCHDOG_STATUS,
-};
-use crate::ethercat::sync_manager::{Channel, SYNC_MANAGERS_USED, SyncManager};
-
-/// A SyncManager's status: the mailbox is full.
-const MAILBOX_FULL: u8 = 1 << 3;
-/// PDI control: the repeat request was served.
-const REPEAT_ACKNOWLEDGE: u8 = 1 << 1;
+use crate::ethercat::registers::{AL_CONTROL, AL_STATUS, AL_STATUS_CODE, DC_ACTIVATION, STATION_ALIAS};
+use crate::ethercat::sync_manager::Channel;
 
 /// Why a state was not reached.
 enum Failure {
@@ -37,12 +29,6 @@ impl From<AlStatusCode> for Failure {
     fn from(code: AlStatusCode) -> Self {
         Self::Refused(code)
     }
-}
-
-/// The SyncManagers' registers, and whether SM1 is full.
-struct SyncManagers {
-    channels: [SyncManager; SYNC_MANAGERS_USED],
-    mailbox_full: bool,
 }
 
 impl<E: Esc, A: Application> SubDevice<E, A> {
@@ -178,7 +164,7 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     }
 
     /// Ends what a lower state does not have.
-    async fn go_down(&mut self, state: AlState) -> Result<(), EscError> {
+    pub(super) async fn go_down(&mut self, state: AlState) -> Result<(), EscError> {
         if self.al.state() == AlState::Op {
             self.application.outputs_stopped();
         }
@@ -193,92 +179,14 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         Ok(())
     }
 
-    /// Falls back to `state`, and says why.
-    async fn fall(&mut self, state: AlState, code: AlStatusCode) -> Result<(), EscError> {
-        self.op_deadline = None;
-        self.go_down(state).await?;
-        self.al.fell(state, code);
-        self.report(Cause::ProcessDataLost, code);
-        self.application.entered(state);
-        self.write_status().await
-    }
-
-    fn report(&mut self, cause: Cause, code: AlStatusCode) {
+    pub(super) fn report(&mut self, cause: Cause, code: AlStatusCode) {
         if self.device.emergencies && self.al.state().has_mailbox() {
             self.coe.emergencies.raise(cause, code);
         }
     }
 
-    /// The process data watchdog's event.
-    pub(super) async fn watchdog(&mut self) -> Result<(), EscError> {
-        let expired = self.read_word(WATCHDOG_STATUS).await? & 1 == 0;
-        if !expired {
-            return Ok(());
-        }
-        self.images.outputs_valid = false;
-        match self.al.state() {
-            AlState::Op => self.fall(AlState::SafeOp, AlStatusCode::SyncManagerWatchdog).await,
-            _ => Ok(()),
-        }
-    }
-
-    /// Some SyncManager's activation was written: it may be off now, or ask for a repetition.
-    pub(super) async fn sync_managers_changed(&mut self) -> Result<(), EscError> {
-        let found = self.read_sync_managers().await?;
-        let state = self.al.state();
-        if !state.has_mailbox() {
-            return Ok(());
-        }
-        if let Err(code) = self.check_mailboxes(&found) {
-            return self.fall(AlState::Init, code).await;
-        }
-        if state.has_process_data()
-            && let Err(code) = self.check_process_data(&found)
-        {
-            return self.fall(AlState::PreOp, code).await;
-        }
-        if !found.mailbox_full {
-            self.mailbox.fetched();
-        }
-        let repeat = found.channels[Channel::MailboxIn as usize].repeat();
-        if self.mailbox.is_repeat(repeat) { self.repeat_message(repeat).await } else { Ok(()) }
-    }
-
-    /// Tells the MainDevice that its repeat request was served.
-    pub(super) async fn acknowledge_repeat(&mut self, repeat: bool) -> Result<(), EscError> {
-        let acknowledge = if repeat { REPEAT_ACKNOWLEDGE } else { 0 };
-        self.esc.write(Channel::MailboxIn.pdi_control(), &[acknowledge]).await
-    }
-
-    fn check_mailboxes(&self, found: &SyncManagers) -> Result<(), AlStatusCode> {
-        let bytes = self.device.memory.mailbox_bytes;
-        self.check(found, Channel::MailboxOut, bytes)?;
-        self.check(found, Channel::MailboxIn, bytes)
-    }
-
-    fn check_process_data(&self, found: &SyncManagers) -> Result<(), AlStatusCode> {
-        self.check(found, Channel::Outputs, self.data_bytes(Channel::Outputs))?;
-        self.check(found, Channel::Inputs, self.data_bytes(Channel::Inputs))
-    }
-
-    fn check(&self, found: &SyncManagers, channel: Channel, bytes: u16) -> Result<(), AlStatusCode> {
-        found.channels[channel as usize].check(channel, self.device.memory.start(channel), bytes)
-    }
-
-    /// Reading all of them also clears the event that one was changed.
-    async fn read_sync_managers(&mut self) -> Result<SyncManagers, EscError> {
-        let mut bytes = [0; 8 * SYNC_MANAGERS_USED];
-        self.esc.read(SYNC_MANAGERS, &mut bytes).await?;
-        let mut blocks = bytes.as_chunks::<8>().0.iter();
-        let channels = [(); SYNC_MANAGERS_USED].map(|()| {
-            blocks.next().map_or_else(SyncManager::default, |&block| SyncManager::from_bytes(block))
-        });
-        let status = bytes[8 * Channel::MailboxIn as usize + SYNC_MANAGER_STATUS as usize];
-        Ok(SyncManagers { channels, mailbox_full: status & MAILBOX_FULL != 0 })
-    }
-
     /// No flag is ever seen without its code: the code comes first, and goes last.
-    async fn write_status(&mut self) -> Result<(), EscError> {
+    pub(super) async fn write_status(&mut self) -> Result<(), EscError> {
         let (status, code) = (self.al.status().to_le_bytes(), self.al.code().to_le_bytes());
         if self.al.code() != 0 {
             self.esc.write(AL_STATUS_CODE, &code).await?;
@@ -289,7 +197,7 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         }
     }
 
-    async fn read_word(&mut self, register: u16) -> Result<u16, EscError> {
+    pub(super) async fn read_word(&mut self, register: u16) -> Result<u16, EscError> {
         let mut word = [0; 2];
         self.esc.read(register, &mut word).await?;
         Ok(u16::from_le_bytes(word))

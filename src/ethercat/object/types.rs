@@ -1,0 +1,92 @@
+//! Types of values, and who may access them when.
+
+/// The type of a value. All are whole bytes, so that nothing in a PDO straddles them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DataType {
+    /// 8 bits.
+    U8,
+    /// 16 bits.
+    U16,
+    /// 32 bits.
+    U32,
+    /// 64 bits.
+    U64,
+    /// A visible string of that many bytes.
+    Text(u16),
+    /// That many bytes.
+    Octets(u16),
+}
+
+impl DataType {
+    /// Its number in the dictionary (ETG.1000.6, table 63).
+    pub const fn code(self) -> u16 {
+        match self {
+            Self::U8 => 0x0005,
+            Self::U16 => 0x0006,
+            Self::U32 => 0x0007,
+            Self::U64 => 0x001b,
+            Self::Text(_) => 0x0009,
+            Self::Octets(_) => 0x000a,
+        }
+    }
+
+    /// Its size, at most if it is a text.
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::U16 => 2,
+            Self::U32 => 4,
+            Self::U64 => 8,
+            Self::Text(bytes) | Self::Octets(bytes) => bytes as usize,
+        }
+    }
+
+    /// Its size in bits.
+    pub const fn bits(self) -> u16 {
+        8 * self.bytes() as u16
+    }
+
+    /// Whether it is a number, which has a range.
+    pub const fn is_number(self) -> bool {
+        !matches!(self, Self::Text(_) | Self::Octets(_))
+    }
+
+    pub(super) const fn greatest(self) -> u64 {
+        match self {
+            Self::U8 => u8::MAX as u64,
+            Self::U16 => u16::MAX as u64,
+            Self::U32 => u32::MAX as u64,
+            _ => u64::MAX,
+        }
+    }
+}
+
+/// Access rights in the form of SDO information: three bits to read and three to write, in PreOp, SafeOp and Op.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Access(pub u16);
+
+impl Access {
+    /// Readable in every state.
+    pub const READ: Self = Self(0x0007);
+    /// Writable in every state.
+    pub const WRITE: Self = Self(0x0038);
+    /// Writable in PreOp.
+    pub const WRITE_PRE_OP: Self = Self(0x0008);
+    /// May be mapped into an RxPDO.
+    pub const RX_PDO: Self = Self(0x0040);
+    /// May be mapped into a TxPDO.
+    pub const TX_PDO: Self = Self(0x0080);
+    /// A setting.
+    pub const SETTING: Self = Self(0x0200);
+
+    /// These rights and those of `other`.
+    #[must_use]
+    pub const fn and(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Whether any of `other`'s rights is given.
+    pub const fn any(self, other: Self) -> bool {
+        self.0 & other.0 != 0
+    }
+}

@@ -57,4 +57,5 @@ pub mod modbus;
 pub mod port;
 pub mod route;
 mod router;
+pub mod scanner;
 pub mod stats;

@@ -100,7 +100,7 @@ impl<'g> Desk<'g> {
             return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
         let Some(frame) = self.answer_from_memory(frame) else { return };
-        if self.gate(envelope.target) == Gate::Down {
+        if !envelope.paced && self.gate(envelope.target) == Gate::Down {
             return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
         let ticket = ticket(&frame);
@@ -120,7 +120,7 @@ impl<'g> Desk<'g> {
                     Some(Event::AskerGone)
                 } else if ticket.deadline <= now {
                     Some(Event::Expired)
-                } else if self.gate(ticket.unit) == Gate::Down {
+                } else if !frame.envelope().paced && self.gate(ticket.unit) == Gate::Down {
                     Some(Event::UnitDown)
                 } else {
                     None
@@ -265,7 +265,9 @@ impl<'g> Desk<'g> {
             }
             false => self.again(frame, retries),
         };
+        let cause = order.envelope().cause;
         while let Some(rider) = order.unload() {
+            rider.blame(cause);
             repeated |= self.again(rider, retries);
         }
         if repeated {
@@ -288,7 +290,7 @@ impl<'g> Desk<'g> {
     /// Puts an order that got no answer back in the queue, or answers it 0Bh; says which.
     fn again(&self, frame: Frame<'g>, retries: u8) -> bool {
         let mut envelope = frame.envelope();
-        if envelope.repeats >= retries || !pdu::is_read(frame.function()) {
+        if envelope.paced || envelope.repeats >= retries || !pdu::is_read(frame.function()) {
             self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
             return false;
         }

@@ -48,6 +48,7 @@ pub use self::serial::{
 pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
+pub(crate) use self::values::parse_number;
 pub(crate) use self::words::Words;
 use crate::route::{Destination, Route};
 use crate::scanner::DEVICES_MAX;

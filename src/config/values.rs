@@ -92,7 +92,7 @@ pub(super) fn medium(word: Word, what: &'static str, range: RangeInclusive<u16>)
 }
 
 /// A decimal number without a sign.
-pub(super) fn parse_number(text: &str) -> Option<u32> {
+pub(crate) fn parse_number(text: &str) -> Option<u32> {
     digits(text).and_then(|number| u32::try_from(number).ok())
 }
 

@@ -11,6 +11,7 @@ mod frames;
 mod line;
 mod matrix;
 mod outcomes;
+mod points;
 mod queue;
 mod queue_model;
 mod serial_server;

@@ -138,7 +138,8 @@ impl<'g> Desk<'g> {
         self.sweep();
         let ready = |unit| match self.gate(unit) {
             Gate::Open(ready) => ready,
-            Gate::Down => Ready::Now,
+            // Only an asker who is not kept from it has an order here.
+            Gate::Down => self.place.units(|units| units.attempt(unit, Instant::now())),
         };
         let next = self.queue.borrow_mut().next(Instant::now(), ready);
         if let Next::Serve(frame, ticket) = &next {

@@ -356,4 +356,5 @@ fn leader(entries: &[Entry], device: DeviceId, write: bool) -> Option<usize> {
     waiting.min_by_key(rank).map(|(at, _)| at)
 }
 
-const _: () = assert!(ROWS_MAX <= u8::MAX as usize && DEVICES_MAX <= u8::MAX as usize, "ids are bytes");
+const _: () = assert!(ROWS_MAX <= u8::MAX as usize, "a row's id is a byte");
+const _: () = assert!(DEVICES_MAX <= u8::MAX as usize, "a device's id is a byte");

@@ -8,15 +8,13 @@ use core::ops::RangeInclusive;
 use embassy_time::Duration;
 use heapless::String;
 
-use super::points::{DeviceSettings, Label, POINTS_MAX, PointAt, PointName, PointSettings};
+use super::points::{DeviceSettings, Label, PointAt, PointName, PointSettings};
 use super::problem::{LineError, Problem};
 use super::text::{Applied, CHANGED};
 use super::values::{is_name, medium, parse_number, small, time};
 use super::words::{Word, Words};
 use super::{PortKind, Settings};
-use crate::scanner::{
-    ByteOrder, DEVICES_MAX, Device, Kind, Modicon, Reading, VALUE_BYTES_MAX, ValueType, Writing,
-};
+use crate::scanner::{ByteOrder, Device, Kind, Modicon, Reading, VALUE_BYTES_MAX, ValueType, Writing};
 
 const PERIOD: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
 
@@ -415,4 +413,3 @@ fn label(words: &mut Words) -> Result<Label, LineError> {
 }
 
 const _: () = assert!(super::points::LABEL_BYTES_MAX == 23, "the error text of `label` names the number");
-const _: () = assert!(POINTS_MAX <= u8::MAX as usize && DEVICES_MAX <= u8::MAX as usize, "places are bytes");

@@ -9,8 +9,7 @@ use super::print::option;
 use super::values::Time;
 use super::{NAME_BYTES_MAX, Settings};
 use crate::scanner::{
-    ByteOrder, DEVICES_MAX, Device, DeviceId, Full, Kind, ROWS_MAX, Reading, Row, RowId, Scanner, ValueType,
-    Writing,
+    ByteOrder, Device, DeviceId, Full, Kind, ROWS_MAX, Reading, Row, RowId, Scanner, ValueType, Writing,
 };
 
 /// Points that settings can hold.
@@ -274,4 +273,4 @@ impl Display for Reading {
     }
 }
 
-const _: () = assert!(POINTS_MAX <= u8::MAX as usize && DEVICES_MAX <= u8::MAX as usize, "places are bytes");
+const _: () = assert!(POINTS_MAX <= u8::MAX as usize, "a place is a byte");

@@ -31,11 +31,24 @@ const LINE_VALUES_MAX: usize = 8;
 /// Bytes of the values of one point: as many as a frame holds.
 const POINT_BYTES_MAX: usize = 250;
 
+/// Values of a point, as they are in its memory.
+type Cells = Vec<u8, POINT_BYTES_MAX>;
+
 /// What a line asks for.
 enum Ask {
     Row(RowId),
-    Put { row: RowId, first: u16, count: u16, cells: Vec<u8, POINT_BYTES_MAX> },
-    Range { device: DeviceId, function: u8, first: u16, last: u16 },
+    /// The cells are apart: they are many.
+    Put {
+        row: RowId,
+        first: u16,
+        count: u16,
+    },
+    Range {
+        device: DeviceId,
+        function: u8,
+        first: u16,
+        last: u16,
+    },
 }
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
@@ -48,12 +61,13 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         let Some(place) = self.gateway.scanner() else {
             return self.fail(format_args!("this board has no data points")).await;
         };
-        let ask = match self.gateway.settings(|settings| parse(settings, command, words)) {
+        let mut cells = Cells::new();
+        let ask = match self.gateway.settings(|settings| parse(settings, command, words, &mut cells)) {
             Ok(ask) => ask,
             Err(error) => return self.fail(format_args!("{error}")).await,
         };
         let now = Instant::now();
-        let done = place.change(|scanner| order(scanner, command, &ask, now));
+        let done = place.change(|scanner| order(scanner, command, &ask, &cells, now));
         if let Err(refused) = done {
             return self.fail(format_args!("{refused}")).await;
         }
@@ -183,16 +197,25 @@ async fn settled(place: &ScannerPlace, row: RowId) -> bool {
 }
 
 /// Reads the words behind `command`.
-fn parse(settings: &Settings, command: PointCommand, words: &mut Words) -> Result<Ask, LineError> {
+fn parse(
+    settings: &Settings,
+    command: PointCommand,
+    words: &mut Words,
+    cells: &mut Cells,
+) -> Result<Ask, LineError> {
     if command == PointCommand::Mark {
         return range(settings, words);
     }
     let word = words.take();
     let row = settings.find_point(word.text).ok_or_else(|| word.error(Problem::NoSuchPoint))?;
     let point = settings.points.get(usize::from(row)).ok_or_else(|| word.error(Problem::NoSuchPoint))?;
-    let row = RowId(row);
+    // What is done with a point that shows another one is done with that.
+    let row = RowId(match point.at {
+        PointAt::Local { of: Some(of), .. } => of,
+        _ => row,
+    });
     if command == PointCommand::Write && !words.peek().is_end() {
-        return written(point, row, words);
+        return written(point, row, words, cells);
     }
     words.end()?;
     Ok(Ask::Row(row))
@@ -218,7 +241,12 @@ fn range(settings: &Settings, words: &mut Words) -> Result<Ask, LineError> {
 }
 
 /// `17 18`, or `at 3 17 18`: values from the first one on, or from another one.
-fn written(point: &PointSettings, row: RowId, words: &mut Words) -> Result<Ask, LineError> {
+fn written(
+    point: &PointSettings,
+    row: RowId,
+    words: &mut Words,
+    cells: &mut Cells,
+) -> Result<Ask, LineError> {
     let mut first = 0;
     if words.peek().is("at") {
         words.take();
@@ -226,7 +254,6 @@ fn written(point: &PointSettings, row: RowId, words: &mut Words) -> Result<Ask, 
         let nth = parse_number(word.text).and_then(|nth| u16::try_from(nth).ok());
         first = nth.ok_or_else(|| word.expected("the number of a value, from 0"))?;
     }
-    let mut cells = Vec::new();
     let mut count = 0;
     loop {
         let word = words.take();
@@ -239,7 +266,7 @@ fn written(point: &PointSettings, row: RowId, words: &mut Words) -> Result<Ask, 
         let kept = if point.kind.is_bits() {
             let bits = [("0", 0), ("1", 1), ("off", 0), ("on", 1)];
             let bit: u8 = word.keyword(&bits, "0 or 1")?;
-            if count % 8 == 0 { cells.push(bit).is_ok() } else { set_last(&mut cells, bit << (count % 8)) }
+            if count % 8 == 0 { cells.push(bit).is_ok() } else { set_last(cells, bit << (count % 8)) }
         } else {
             let value =
                 point.value.parse(word.text).ok_or_else(|| word.expected("a value of the point's type"))?;
@@ -253,7 +280,7 @@ fn written(point: &PointSettings, row: RowId, words: &mut Words) -> Result<Ask, 
         count += 1;
     }
     let scale = if point.kind.is_bits() { 1 } else { point.value.registers() };
-    Ok(Ask::Put { row, first: first * scale, count: count * scale, cells })
+    Ok(Ask::Put { row, first: first * scale, count: count * scale })
 }
 
 fn set_last(cells: &mut [u8], bits: u8) -> bool {
@@ -261,12 +288,18 @@ fn set_last(cells: &mut [u8], bits: u8) -> bool {
 }
 
 /// Tells the scanner.
-fn order(scanner: &mut Scanner, command: PointCommand, ask: &Ask, now: Instant) -> Result<(), Refused> {
+fn order(
+    scanner: &mut Scanner,
+    command: PointCommand,
+    ask: &Ask,
+    cells: &[u8],
+    now: Instant,
+) -> Result<(), Refused> {
     match ask {
         Ask::Range { device, function, first, last } => {
             scanner.mark_range(*device, *function, *first, *last, now).map(|_| ())
         }
-        Ask::Put { row, first, count, cells } => {
+        Ask::Put { row, first, count } => {
             scanner.put(*row, *first, *count, cells, now)?;
             let manual = scanner.row(*row).is_some_and(|row| row.write == Writing::Manual);
             let blocked = scanner.status(*row, now).any(Status::WRITE_BLOCKED);

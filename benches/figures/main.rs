@@ -11,6 +11,7 @@ mod line;
 mod merging;
 mod paper;
 mod plot;
+mod points;
 mod shared_bus;
 mod sharing;
 
@@ -35,13 +36,14 @@ pub(crate) fn figure(name: &str, value: f64, unit: &str, target: Target) {
 }
 
 fn main() {
-    let groups: [(&str, fn()); 6] = [
+    let groups: [(&str, fn()); 7] = [
         ("line", line::figures),
         ("paper", paper::figures),
         ("sharing", sharing::figures),
         ("merging", merging::figures),
         ("faults", faults::figures),
         ("shared_bus", shared_bus::figures),
+        ("points", points::figures),
     ];
     // Cargo adds `--bench`; what is left are the names of groups.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();

@@ -94,12 +94,13 @@ impl Port<'_, '_> {
                 },
                 _ => Ok(pdu),
             };
-            self.place.stats.count(match outcome {
-                Ok(_) => Event::Answer,
-                Err(ErrorCode::Connection) => Event::NoPath,
-                Err(ErrorCode::Transmission) => Event::Damaged,
-                Err(_) => Event::Timeout,
-            });
+            match outcome {
+                Ok(_) => self.place.stats.count(Event::Answer),
+                Err(ErrorCode::Timeout) => self.place.stats.count(Event::Timeout),
+                Err(ErrorCode::Transmission) => self.place.stats.count(Event::Damaged),
+                // Whoever had no way has counted that.
+                Err(_) => {}
+            }
             self.scanner.with(|scanner| scanner.answered(device, now, outcome));
         };
         frame.pdu(answer);

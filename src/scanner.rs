@@ -134,6 +134,26 @@ impl Scanner {
         Ok(id)
     }
 
+    /// Adds rows for the cells of `range`, which may be more than one frame holds: as many rows as it takes frames, one behind
+    /// the other in the memory. Nothing is added when there is no room for all.
+    pub fn add_range(&mut self, range: Row, now: Instant) -> Result<(), Full> {
+        let most = range.kind.cells_max(range.write != Writing::Never);
+        if self.entries.capacity() - self.entries.len() < usize::from(range.count.div_ceil(most)) {
+            return Err(Full::Rows);
+        }
+        let mut done = 0;
+        while done < range.count {
+            let count = most.min(range.count - done);
+            // Whole bytes of bits: the limits are multiples of 8.
+            let bytes = range.kind.bytes(done);
+            let first = range.first.saturating_add(done);
+            let (input, output) = (range.input.saturating_add(bytes), range.output.saturating_add(bytes));
+            self.add_row(Row { first, count, input, output, ..range }, now)?;
+            done += count;
+        }
+        Ok(())
+    }
+
     /// How many devices there are.
     pub fn devices(&self) -> usize {
         self.stations.len()
@@ -315,7 +335,7 @@ impl Scanner {
             let bytes = row.kind.bytes(row.count);
             take_cells(&row, first, answer, &station.device, self.values.span_mut(row.input, bytes));
             entry.fresh = now;
-            let differs = self.values.span(row.input, bytes) != self.values.span(row.output, bytes);
+            let differs = self.values.differ(&row);
             if row.write == Writing::OnChange && self.outputs && differs {
                 entry.status.set(Status::WRITE_MARKED);
                 entry.write_turn = turn;

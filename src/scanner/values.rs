@@ -1,5 +1,7 @@
 //! Where the rows' values are: bytes of a bounded memory, bits packed from the lowest on, registers with the high byte first.
 
+use super::row::Row;
+
 /// Bytes of values that a scanner keeps, inputs and outputs together.
 pub const VALUE_BYTES_MAX: usize = 2048;
 
@@ -30,6 +32,16 @@ impl Values {
     pub(super) fn span_mut(&mut self, first: u16, bytes: u16) -> &mut [u8] {
         let first = usize::from(first);
         self.bytes.get_mut(first..first + usize::from(bytes)).unwrap_or_default()
+    }
+
+    /// Whether the row's inputs are others than its outputs. What stands behind the last bit is nobody's.
+    pub(super) fn differ(&self, row: &Row) -> bool {
+        let bytes = row.kind.bytes(row.count);
+        let (input, output) = (self.span(row.input, bytes), self.span(row.output, bytes));
+        if row.kind.is_bits() {
+            return (0..usize::from(row.count)).any(|at| bit(input, at) != bit(output, at));
+        }
+        input != output
     }
 
     pub(super) fn clear(&mut self) {

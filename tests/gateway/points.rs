@@ -2,6 +2,7 @@
 
 mod config;
 mod gathering;
+mod image;
 mod local;
 mod polling;
 mod status;

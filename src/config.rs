@@ -9,6 +9,7 @@ mod line;
 mod loader;
 mod network;
 mod network_words;
+mod point_checks;
 mod point_words;
 mod points;
 mod port_keys;

@@ -5,6 +5,7 @@
 
 use core::num::NonZeroU16;
 
+use super::point_checks;
 use super::point_words;
 use super::port_keys;
 use super::port_words::Draft;
@@ -260,12 +261,12 @@ fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineErr
         Thing::Device => {
             let word = words.take();
             words.end()?;
-            return point_words::delete_device(settings, word);
+            return point_checks::delete_device(settings, word);
         }
         Thing::Point => {
             let word = words.take();
             words.end()?;
-            return point_words::delete_point(settings, word);
+            return point_checks::delete_point(settings, word);
         }
     }
     Ok(CHANGED)

@@ -174,6 +174,12 @@ impl Scanner {
         None
     }
 
+    /// Whether [`Scanner::next`] may have a request at `now`.
+    pub fn is_due(&self, now: Instant) -> bool {
+        let may = |station: &Station| station.pending && station.open.is_none() && !station.is_held(now);
+        self.stations.iter().any(may) || self.due() <= now
+    }
+
     /// When [`Scanner::next`] has something new, if nothing happens until then.
     pub fn due(&self) -> Instant {
         let rows =

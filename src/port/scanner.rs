@@ -57,8 +57,11 @@ impl Port<'_, '_> {
     /// Sends all that may be sent now; says whether there were frames enough.
     fn send(&self) -> bool {
         loop {
-            let Some((mut writer, frame)) = self.gateway.take_for_port(self.id) else { return false };
             let now = Instant::now();
+            if !self.scanner.with(|scanner| scanner.is_due(now)) {
+                return true;
+            }
+            let Some((mut writer, frame)) = self.gateway.take_for_port(self.id) else { return false };
             let Some(request) = self.scanner.with(|scanner| scanner.next(now)) else { return true };
             // A PDU fits.
             let _ = writer.push(&request.pdu);

@@ -168,3 +168,27 @@ fn a_gateway_without_memory_for_points_refuses_them_and_changes_nothing() {
     assert_eq!(gateway.apply(&settings), Err(ApplyError::NoPoints));
     assert!(gateway.settings(|settings| settings.points.is_empty()));
 }
+
+#[test]
+fn with_one_frame_for_itself_a_scanner_asks_one_device_after_the_other_and_leaves_none_out() {
+    use mobgate::config::PORTS_MAX;
+    use mobgate_simulator::rig::{Size, with_gateway_of};
+    let mut settings = "port bus serial uart1 rtu client 19200 8E1
+        port scan scanner
+        route scan 1-247 * * bus\n"
+        .to_owned();
+    for n in 1..=8 {
+        settings += &format!("device d{n} unit {n}\npoint p{n} d{n} holding 0 read 250ms\n");
+    }
+    // No frame is shared: each port has its own, and that is all.
+    let size = Size { frames: PORTS_MAX, seats: 0, ..Size::default() };
+    with_gateway_of(size, 1, &settings, |world, rig| {
+        rig.attach(world, "uart1", (1..=8).map(Device::new).collect::<Vec<_>>());
+        world.run_for(10 * SECOND);
+        assert!(rig.counted("scan", Event::BackPressure) > 0);
+        for n in 0..8 {
+            let status = scanner(rig, |scanner| scanner.device_status(DeviceId(n), Instant::now())).unwrap();
+            assert!(status.failures == 0 && (39..=41).contains(&status.answers), "{n}: {status:?}");
+        }
+    });
+}

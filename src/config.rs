@@ -9,6 +9,7 @@ mod line;
 mod loader;
 mod network;
 mod network_words;
+mod own_network;
 mod point_checks;
 mod point_words;
 mod points;
@@ -36,6 +37,8 @@ pub use self::network::{
     MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, TcpListen, TcpServerSettings, UDP_REQUESTS_MAX,
     UdpServerSettings,
 };
+pub(crate) use self::own_network::keywords as network_words;
+pub use self::own_network::{HOST_NAME_BYTES_MAX, HostName, OwnNetwork, StaticAddress};
 pub use self::points::{
     DeviceSettings, LABEL_BYTES_MAX, Label, POINTS_MAX, PointAt, PointName, PointSettings,
 };
@@ -84,6 +87,8 @@ impl PortId {
 /// Everything that `save` keeps and `show config` prints.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Settings {
+    /// How the board comes by its own address, where that is the gateway's business.
+    pub network: OwnNetwork,
     /// The ports; a place keeps its index while other ports come and go.
     pub ports: [Option<Port>; PORTS_MAX],
     /// The routing rules in the order in which they are tried.
@@ -98,6 +103,7 @@ impl Settings {
     /// No ports, no rules.
     pub const fn new() -> Self {
         Self {
+            network: OwnNetwork::DEFAULT,
             ports: [const { None }; PORTS_MAX],
             routes: Vec::new(),
             devices: Vec::new(),

@@ -14,7 +14,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
-use crate::config::{PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, load_points};
+use crate::config::{OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, load_points};
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
@@ -199,6 +199,9 @@ pub enum ApplyError {
         /// Connections there are.
         seats: usize,
     },
+    /// The board's network is not the gateway's.
+    #[error("network lines are for boards with a network of their own; here the operating system sets it")]
+    Network,
     /// The board runs fewer ports.
     #[error("this board runs {0} ports at most")]
     Ports(usize),
@@ -218,6 +221,9 @@ pub struct Gateway<'g> {
     /// The global queue: every port sends, only the router receives.
     pub(crate) inbox: Channel,
     settings: Shared<Settings>,
+    /// Whether the settings say the board's own address.
+    owns_network: bool,
+    network_changed: Signal<CriticalSectionRawMutex, ()>,
     log: Log,
     scanner: Option<&'g ScannerPlace>,
 }
@@ -232,6 +238,8 @@ impl<'g> Gateway<'g> {
             seats,
             inbox: Channel::new(),
             settings: Mutex::new(RefCell::new(Settings::new())),
+            owns_network: false,
+            network_changed: Signal::new(),
             log: Log::new(),
             scanner: None,
         }
@@ -239,16 +247,27 @@ impl<'g> Gateway<'g> {
 
     /// The gateway with data points, which take memory of their own.
     #[must_use]
-    pub const fn with_scanner(self, scanner: &'g ScannerPlace) -> Self {
-        // Not `Self { scanner, ..self }`, which would drop the old one, and that no constant can do.
-        let mut gateway = self;
-        gateway.scanner = Some(scanner);
-        gateway
+    pub const fn with_scanner(mut self, scanner: &'g ScannerPlace) -> Self {
+        self.scanner = Some(scanner);
+        self
     }
 
     /// The data points, if the board has memory for them. Point N of the settings is row N, device N is device N.
     pub fn scanner(&self) -> Option<&'g ScannerPlace> {
         self.scanner
+    }
+
+    /// For a board whose Ethernet is the gateway's own: the settings say its address, and the board follows them by
+    /// [`new_network`](Self::new_network). Elsewhere such settings are refused.
+    pub const fn with_own_network(mut self) -> Self {
+        self.owns_network = true;
+        self
+    }
+
+    /// Waits until the settings say another way to come by the board's address; one task may wait.
+    pub async fn new_network(&self) -> OwnNetwork {
+        self.network_changed.wait().await;
+        self.settings(|settings| settings.network.clone())
     }
 
     /// The frames.
@@ -287,6 +306,9 @@ impl<'g> Gateway<'g> {
         if new.ports.iter().skip(self.ports.len()).any(Option::is_some) {
             return Err(ApplyError::Ports(self.ports.len()));
         }
+        if !self.owns_network && new.network != OwnNetwork::DEFAULT {
+            return Err(ApplyError::Network);
+        }
         let has_points = !new.points.is_empty() || new.ports.iter().flatten().any(is_scanner);
         if has_points && self.scanner.is_none() {
             return Err(ApplyError::NoPoints);
@@ -304,6 +326,9 @@ impl<'g> Gateway<'g> {
                 *changed = old.as_ref().map(|port| &port.kind) != new.as_ref().map(|port| &port.kind);
                 // What it has asked so far is nobody's question any more.
                 *changed |= points == Reloaded::All && new.as_ref().is_some_and(is_scanner);
+            }
+            if settings.network != new.network {
+                self.network_changed.signal(());
             }
             settings.clone_from(new);
         });

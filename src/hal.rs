@@ -6,10 +6,10 @@
 use core::fmt;
 use core::net::SocketAddr;
 
-use embassy_time::Duration;
+use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 
-use crate::config::{LineSettings, TcpListen};
+use crate::config::{LineSettings, StaticAddress, TcpListen};
 
 /// Why something could not be opened, with what the user can do about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -100,6 +100,13 @@ pub trait SerialLine: Read + Write {
     /// ([`Driver::Rts`](crate::config::Driver::Rts)); `open` refuses those settings where it cannot be done.
     async fn drive(&mut self, _on: bool) -> Result<(), Self::Error> {
         Ok(())
+    }
+
+    /// None of the characters that come before `until` is needed earlier: where each of them would wake a sleeping program,
+    /// that time passes here without a look at the line, and they are read afterwards, all at once. Says whether it has; it has
+    /// not where characters are best read as they come. Dropping the pending future loses none.
+    async fn rest(&mut self, _until: Instant) -> bool {
+        false
     }
 }
 
@@ -192,10 +199,26 @@ pub enum StoreError {
     Failed,
 }
 
+/// How a board's own network does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NetworkState {
+    /// Whether the cable is in.
+    pub link: bool,
+    /// The address in use, if there is one yet.
+    pub address: Option<StaticAddress>,
+    /// The Ethernet address.
+    pub hardware: [u8; 6],
+}
+
 /// The board itself: its name, its serial lines' names, and how to start it again.
 pub trait System {
     /// The board's name, for `show version`.
     fn name(&self) -> &str;
+
+    /// How the board's own network does; `None` where an operating system has it.
+    fn network(&self) -> Option<NetworkState> {
+        None
+    }
 
     /// Starts the gateway again with the saved settings; may return when that takes a moment.
     fn reboot(&self);

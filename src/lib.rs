@@ -14,8 +14,10 @@
 //! 4. The response, or an exception that says what went wrong, replaces the request in the frame, which takes the
 //!    same road back: to the inbox, through the router, to whoever asked.
 //!
-//! Between two RTU lines the frame takes this road while its characters still arrive ([`port::cut`] says when it may): the other
-//! line sends what is there, under the CRC that came ([`modbus::delta`]). What turns out not to fit is broken off.
+//! Between two serial lines the frame takes this road while its characters still arrive ([`port::cut`] says when it may): the
+//! other line sends what is there, in its own framing. From RTU to RTU the CRC that came goes with it ([`modbus::delta`]); an
+//! ASCII line gets its LRC when the CRC has proved good, and the other way round, so that what is damaged stays damaged. What
+//! turns out not to fit is broken off.
 //!
 //! The gateway also asks by itself: the scanner ([`scanner`]) turns data points into requests, which its port sends on the same
 //! road, and keeps the answers, which outside clients may read as the tables of the gateway's own unit.

@@ -1,4 +1,4 @@
-//! Settings as lines that recreate them: ports first, then rules in their order, then devices and points.
+//! Settings as lines that recreate them: the board's network, then ports, rules in their order, devices and points.
 
 use core::fmt::{self, Display, Write};
 
@@ -8,10 +8,10 @@ use heapless::String;
 use super::points::PointWords;
 use super::values::Time;
 use super::{
-    Driver, Framing, IpPrefix, LineSettings, Parity, Port, PortKind, SerialClientSettings,
+    Driver, Framing, IpPrefix, LineSettings, OwnNetwork, Parity, Port, PortKind, SerialClientSettings,
     SerialServerSettings, SerialSettings, Settings, Side, Special, TcpServerSettings, UnitPolicy,
 };
-use crate::route::{AddressRange, Cut, Functions, Policy, Priority, Route, Tag, UnitRange};
+use crate::route::{AddressRange, Cut, Functions, Merge, Policy, Priority, Route, Tag, UnitRange};
 
 /// Longest baud rate and character format.
 pub const SPEED_BYTES_MAX: usize = 16;
@@ -20,6 +20,10 @@ pub const SPEED_BYTES_MAX: usize = 16;
 ///
 /// A line has every value that differs from the default, and always the baud rate and format.
 pub fn write_line(settings: &Settings, n: usize, out: &mut impl Write) -> Option<fmt::Result> {
+    let own_network = usize::from(settings.network != OwnNetwork::DEFAULT);
+    let Some(n) = n.checked_sub(own_network) else {
+        return Some(write!(out, "network {}", settings.network));
+    };
     let ports = || settings.ports.iter().flatten();
     let width = ports().map(|port| port.name.len()).max().unwrap_or(0);
     match ports().nth(n) {
@@ -96,9 +100,20 @@ impl Display for Policy {
         option(f, "writes", self.writes, self.writes != default.writes)?;
         option(f, "priority", self.priority, self.priority != default.priority)?;
         option(f, "urgent", self.urgent, self.urgent != default.urgent)?;
-        option(f, "merge", "off", !self.sharing.merge)?;
+        option(f, "merge", self.sharing.merge, self.sharing.merge != default.sharing.merge)?;
         option(f, "cache", Time(self.sharing.cache()), self.sharing.cache_ms != default.sharing.cache_ms)?;
         option(f, "cut", self.cut, self.cut != default.cut)
+    }
+}
+
+impl Display for Merge {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("off"),
+            Self::Identical => f.write_str("on"),
+            Self::Near(0) => f.write_str("adjacent"),
+            Self::Near(gap) => write!(f, "near {gap}"),
+        }
     }
 }
 

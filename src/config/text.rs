@@ -5,6 +5,7 @@
 
 use core::num::NonZeroU16;
 
+use super::own_network;
 use super::point_checks;
 use super::point_words;
 use super::port_keys;
@@ -38,6 +39,7 @@ enum Verb {
     Insert,
     Move,
     Delete,
+    Network,
 }
 
 const VERBS: &[(&str, Verb)] = &[
@@ -49,6 +51,7 @@ const VERBS: &[(&str, Verb)] = &[
     ("insert", Verb::Insert),
     ("move", Verb::Move),
     ("delete", Verb::Delete),
+    ("network", Verb::Network),
 ];
 
 /// Changes `settings` as `line` says; a bad line changes nothing.
@@ -62,7 +65,7 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
     if verb.is_end() {
         return Ok(Applied { changed: false, warning: None });
     }
-    match verb.keyword(VERBS, "port, route, device, point, edit, insert, move or delete")? {
+    match verb.keyword(VERBS, "port, route, device, point, edit, insert, move, delete or network")? {
         Verb::Port => port(settings, words),
         Verb::Route => add_route(settings, words),
         Verb::Device => point_words::device(settings, words),
@@ -71,6 +74,10 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
         Verb::Insert => insert_route(settings, words),
         Verb::Move => move_route(settings, words),
         Verb::Delete => delete(settings, words),
+        Verb::Network => {
+            settings.network = own_network::own_network(words)?;
+            Ok(CHANGED)
+        }
     }
 }
 

@@ -39,6 +39,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("insert", Command::Settings),
     ("move", Command::Settings),
     ("delete", Command::Settings),
+    ("network", Command::Settings),
     ("show", Command::Show),
     ("read", Command::Point(PointCommand::Read)),
     ("write", Command::Point(PointCommand::Write)),
@@ -61,6 +62,7 @@ pub(super) const TOPICS_SHOW: &[(&str, Show)] = &[
     ("points", Show::Points),
     ("devices", Show::Devices),
     ("config", Show::Config),
+    ("network", Show::Network),
     ("log", Show::Log),
     ("version", Show::Version),
 ];
@@ -189,7 +191,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 }
 
-const SHOW_EXPECTED: &str = "ports, routes, units, clients, stats, points, devices, config, log or version";
+const SHOW_EXPECTED: &str =
+    "ports, routes, units, clients, stats, points, devices, config, network, log or version";
 
 /// The last word of a line as a topic of `table`.
 fn topic<T: Copy>(

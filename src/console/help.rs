@@ -30,10 +30,11 @@ const TOPICS: &[(&str, &[&str])] = &[
         "route",
         &[
             "route SOURCE UNITS IP TAG DESTINATION [readonly|all|functions LIST] [addresses RANGE] [writes RANGE]",
-            "      [priority high|normal|low] [urgent LIST] [merge on|off] [cache T] [cut auto|on|off]",
+            "      [priority high|normal|low] [urgent LIST] [merge on|off|adjacent|near N] [cache T] [cut auto|on|off]",
             "  A rule behind the others; the first one that fits a request decides.",
             "  UNITS: 7, 1-64 or *    IP: address, prefix or *    TAG: * keeps the unit, +N or -N shifts it, =N sets it",
             "  DESTINATION: a port, local, discard (no answer) or nopath (exception 0Ah)",
+            "  merge on: identical reads that wait are one transaction; adjacent: also those that touch; near N: or are N apart",
             "  route P502 101-132 192.168.1.0/24 -100 P3 readonly priority high",
         ],
     ),
@@ -76,6 +77,14 @@ const TOPICS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "network",
+        &[
+            "network dhcp [name NAME]                            the board's address is a DHCP server's to give",
+            "network address ADDRESS/PREFIX [gateway ADDRESS]    it is this one",
+            "  For boards with an Ethernet of their own; takes effect at once.  network address 192.168.1.5/24",
+        ],
+    ),
+    (
         "show",
         &[
             "show ports                       what the ports are and how they do",
@@ -87,6 +96,7 @@ const TOPICS: &[(&str, &[&str])] = &[
             "show points                      the data points: how they are doing, and their values",
             "show devices                     the devices that the scanner asks",
             "show config                      the settings as lines that make them",
+            "show network                     the board's own address",
             "show version                     what runs here, and for how long",
         ],
     ),
@@ -132,7 +142,8 @@ const OVERVIEW: &[&str] = &[
     "edit port|route ...              changes a port or a rule     help edit",
     "insert route, move route         order of rules               help insert",
     "delete port|route|device|point   takes away                   help delete",
-    "show TOPIC                       ports, routes, units, clients, stats, points, devices, config, log, version",
+    "network dhcp|address ...         the board's own address       help network",
+    "show TOPIC                       ports, routes, units, clients, stats, points, devices, config, network, log, version",
     "clear stats|log                  forgets",
     "save, load                       settings of the next start",
     "reboot, exit                     the gateway's end, the session's end",

@@ -13,10 +13,10 @@ use embedded_io_async::{ErrorType, Read, Write};
 use mobgate_clock as _;
 
 use super::*;
-use crate::config::PortId;
+use crate::config::{OwnNetwork, PortId, StaticAddress};
 use crate::frame::{FramePool, Slot};
 use crate::gateway::{PortPlace, Seat};
-use crate::hal::StoreError;
+use crate::hal::{NetworkState, StoreError};
 use crate::modbus::Exception;
 use crate::scanner::ScannerPlace;
 use crate::stats::{Event, LogEntry, Outcome};
@@ -86,11 +86,16 @@ impl Store for Memory {
 #[derive(Default)]
 struct Bench {
     reboots: Cell<u32>,
+    network: Option<NetworkState>,
 }
 
 impl System for Bench {
     fn name(&self) -> &str {
         "bench"
+    }
+
+    fn network(&self) -> Option<NetworkState> {
+        self.network
     }
 
     fn reboot(&self) {
@@ -168,8 +173,8 @@ fn an_error_in_piped_input_names_its_line_and_the_rest_goes_on() {
             "error: line 2, column 1: \"prot\": expected a command (see help); did you mean port?\n\
              error: line 3, column 33: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2\n\
              error: line 5, column 1: \"shwo\": expected a command (see help); did you mean show?\n\
-             error: line 6, column 6: \"prots\": expected ports, routes, units, clients, stats, points, devices, \
-             config, log or version; did you mean ports?\n\
+             error: line 6, column 6: \"prots\": expected ports, routes, units, clients, stats, points, \
+             devices, config, network, log or version; did you mean ports?\n\
              error: line 7, column 12: \"now\": expected the end of the line\n"
         );
         assert_eq!(pipe(gateway, "show config"), "port P1 serial uart1 rtu client 19200 8E1\n");
@@ -301,6 +306,47 @@ fn what_the_board_cannot_run_is_refused() {
         assert!(printed.starts_with("error: line 1, the TCP servers want 41 connections"), "{printed}");
         assert_eq!(printed.lines().count(), 1);
     });
+}
+
+#[test]
+fn an_address_of_its_own_is_refused_where_the_system_has_the_network() {
+    with_gateway(|gateway| {
+        let refused = pipe(gateway, "network address 10.0.0.5/24\nshow network\nshow config\n");
+        assert_eq!(
+            refused,
+            "error: line 1, network lines are for boards with a network of their own; here the operating system sets it\n\
+             the operating system has the network\n"
+        );
+    });
+}
+
+#[test]
+fn a_board_with_a_network_of_its_own_follows_the_settings_and_shows_its_address() {
+    let slots = [const { Slot::new() }; 2];
+    let gateway = FramePool::new(&slots, 0);
+    let gateway = Gateway::new(&gateway, &[], &[]).with_own_network();
+    assert_eq!(pipe(&gateway, "network address 10.0.0.5/24 gateway 10.0.0.1\n"), "");
+    let address =
+        StaticAddress { address: [10, 0, 0, 5].into(), prefix: 24, gateway: Some([10, 0, 0, 1].into()) };
+    assert_eq!(block_on(gateway.new_network()), OwnNetwork::Static(address));
+
+    let show = |network| {
+        let board = Bench { network: Some(network), ..Bench::default() };
+        let mut stream = Stream { typed: b"show network", piece: 50, printed: Vec::new() };
+        block_on(run(&gateway, &mut stream, &mut Memory::default(), &board, Mode::Plain)).unwrap();
+        String::from_utf8(stream.printed).unwrap()
+    };
+    let hardware = [2, 0, 0, 0xab, 0, 1];
+    assert_eq!(
+        show(NetworkState { link: true, address: Some(address), hardware }),
+        "LINK ADDRESS            GATEWAY         ETHERNET          SETTING\n\
+         up   10.0.0.5/24        10.0.0.1        02:00:00:ab:00:01 address 10.0.0.5/24 gateway 10.0.0.1\n"
+    );
+    pipe(&gateway, "network dhcp");
+    assert!(
+        show(NetworkState { link: false, address: None, hardware })
+            .ends_with("down -                  -               02:00:00:ab:00:01 dhcp\n")
+    );
 }
 
 #[test]

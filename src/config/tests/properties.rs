@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use super::{PORTS, load, print, std};
 use crate::config::*;
 use crate::route::{
-    AddressRange, Cut, Destination, Functions, Policy, Priority, Route, Sharing, Tag, UnitRange,
+    AddressRange, Cut, Destination, Functions, Merge, Policy, Priority, Route, Sharing, Tag, UnitRange,
 };
 
 fn duration(us: core::ops::RangeInclusive<u64>) -> impl Strategy<Value = Duration> {
@@ -244,7 +244,8 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     let urgent = prop::collection::vec(1..=127_u8, 0..5)
         .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with));
     let cache = prop_oneof![Just(0), 0..=60_000_u16];
-    let sharing = (any::<bool>(), cache).prop_map(|(merge, cache_ms)| Sharing { merge, cache_ms });
+    let merge = prop_oneof![Just(Merge::Off), Just(Merge::Identical), any::<u8>().prop_map(Merge::Near)];
+    let sharing = (merge, cache).prop_map(|(merge, cache_ms)| Sharing { merge, cache_ms });
     let cut = prop_oneof![Just(Cut::Auto), Just(Cut::On), Just(Cut::Off)];
     let policy = (functions, range.clone(), range, priority, urgent, sharing, cut).prop_map(
         |(functions, addresses, writes, priority, urgent, sharing, cut)| Policy {
@@ -277,12 +278,26 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     )
 }
 
+fn any_network() -> impl Strategy<Value = OwnNetwork> {
+    let name = "([a-zA-Z0-9][-a-zA-Z0-9]{0,31})?";
+    let dhcp = name.prop_map(|name| OwnNetwork::Dhcp { name: name.as_str().try_into().unwrap() });
+    // Hosts 1 and 2 are in every network.
+    let set = (any::<u16>(), 16..=30_u8, any::<bool>()).prop_map(|(net, prefix, gateway)| {
+        let net = (0x0a00_0000 | u32::from(net) << 2) & !(u32::MAX >> prefix);
+        let gateway = gateway.then_some((net | 2).into());
+        OwnNetwork::Static(StaticAddress { address: (net | 1).into(), prefix, gateway })
+    });
+    prop_oneof![Just(OwnNetwork::DEFAULT), dhcp, set]
+}
+
 fn any_settings() -> impl Strategy<Value = Settings> {
     (1..=PORTS_MAX)
         .prop_flat_map(|count| (0..count).map(any_port).collect::<Vec<_>>())
-        .prop_flat_map(|ports| (Just(ports.clone()), prop::collection::vec(any_route(ports), 0..=ROUTES_MAX)))
-        .prop_map(|(ports, routes)| {
-            let mut settings = Settings::new();
+        .prop_flat_map(|ports| {
+            (any_network(), Just(ports.clone()), prop::collection::vec(any_route(ports), 0..=ROUTES_MAX))
+        })
+        .prop_map(|(network, ports, routes)| {
+            let mut settings = Settings { network, ..Settings::new() };
             for (slot, port) in settings.ports.iter_mut().zip(ports) {
                 *slot = Some(port);
             }

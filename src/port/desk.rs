@@ -20,7 +20,7 @@ use core::cell::{Cell, RefCell};
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Instant, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
@@ -50,6 +50,8 @@ pub(crate) struct Desk<'g> {
     cache: RefCell<Cache>,
     writes_ended: Cell<u32>,
     open: Cell<bool>,
+    /// It is closed for a pause, which an asker who spares servers by himself may end.
+    pausing: Cell<bool>,
     /// Something changed: an order came or a unit's gate moved.
     news: Signal<NoopRawMutex, ()>,
 }
@@ -67,6 +69,7 @@ impl<'g> Desk<'g> {
             cache: RefCell::new(Cache::new()),
             writes_ended: Cell::new(0),
             open: Cell::new(true),
+            pausing: Cell::new(false),
             news: Signal::new(),
         }
     }
@@ -103,7 +106,8 @@ impl<'g> Desk<'g> {
             envelope.target = target;
             frame.address(envelope);
         }
-        if !self.open.get() {
+        let attempt = envelope.paced && self.pausing.get();
+        if !self.open.get() && !attempt {
             return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
         let Some(frame) = self.answer_from_memory(frame) else { return };
@@ -209,6 +213,13 @@ impl<'g> Desk<'g> {
         while self.queue.borrow().is_empty() {
             self.changed().await;
         }
+    }
+
+    /// Waits for `pause`, or until somebody asks who spares servers by himself: what he waits for is the next attempt.
+    pub(crate) async fn pause(&self, pause: Duration) {
+        self.pausing.set(true);
+        select(Timer::after(pause), self.wanted()).await;
+        self.pausing.set(false);
     }
 
     /// Waits until [`Desk::next`] may have something new to say.

@@ -192,3 +192,28 @@ fn with_one_frame_for_itself_a_scanner_asks_one_device_after_the_other_and_leave
         }
     });
 }
+
+#[test]
+fn an_attempt_at_a_server_that_was_not_there_connects_anew_at_that_moment() {
+    let settings = "port plc tcp client 10.0.1.1:502
+        port P502 tcp server 502
+        port scan scanner
+        route scan 5 * * plc
+        route P502 5 * * plc
+        device plc unit 5
+        point a plc holding 0 read high";
+    with_gateway(1, settings, |world, rig| {
+        world.run_for(14 * SECOND);
+        let made = rig.network.counters().made;
+        rig.attach_tcp(world, "10.0.1.1:502", [Device::new(5)]);
+        let status = || scanner(rig, |scanner| scanner.device_status(DeviceId(0), Instant::now())).unwrap();
+        assert_eq!((status().failures, made), (3, 0));
+        // Others are told at once that there is no way.
+        let mut client = rig.client(machine(1), 502);
+        let answer = world.run_until(client.request(5, &[3, 0, 0, 0, 1]));
+        assert_eq!(answer.exception(), Some(10));
+        // The scan after 15 s.
+        world.run_for(1_300 * MS);
+        assert_eq!((status().alive, status().failures), (Some(true), 3));
+    });
+}

@@ -10,6 +10,9 @@ mod loader;
 mod network;
 mod network_words;
 mod own_network;
+mod point_checks;
+mod point_words;
+mod points;
 mod port_keys;
 mod port_words;
 mod print;
@@ -36,6 +39,10 @@ pub use self::network::{
 };
 pub(crate) use self::own_network::keywords as network_words;
 pub use self::own_network::{HOST_NAME_BYTES_MAX, HostName, OwnNetwork, StaticAddress};
+pub use self::points::{
+    DeviceSettings, LABEL_BYTES_MAX, Label, POINTS_MAX, PointAt, PointName, PointSettings,
+};
+pub(crate) use self::points::{Reloaded, load as load_points};
 pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
 pub use self::saved::{ReadError, read_store, write_store};
@@ -45,8 +52,10 @@ pub use self::serial::{
 pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
+pub(crate) use self::values::parse_number;
 pub(crate) use self::words::Words;
 use crate::route::{Destination, Route};
+use crate::scanner::DEVICES_MAX;
 
 /// Longest line of the line language in bytes. Settings at their limits print lines of about 600: what is printed can be read.
 pub const LINE_BYTES_MAX: usize = 640;
@@ -84,12 +93,22 @@ pub struct Settings {
     pub ports: [Option<Port>; PORTS_MAX],
     /// The routing rules in the order in which they are tried.
     pub routes: Vec<Route, ROUTES_MAX>,
+    /// The devices that the scanner asks.
+    pub devices: Vec<DeviceSettings, DEVICES_MAX>,
+    /// The points, in devices and in the gateway's own unit.
+    pub points: Vec<PointSettings, POINTS_MAX>,
 }
 
 impl Settings {
     /// No ports, no rules.
     pub const fn new() -> Self {
-        Self { network: OwnNetwork::DEFAULT, ports: [const { None }; PORTS_MAX], routes: Vec::new() }
+        Self {
+            network: OwnNetwork::DEFAULT,
+            ports: [const { None }; PORTS_MAX],
+            routes: Vec::new(),
+            devices: Vec::new(),
+            points: Vec::new(),
+        }
     }
 
     /// The port at `id`.
@@ -207,6 +226,8 @@ pub enum PortKind {
     TcpClient(TcpClientSettings),
     /// A listener for Modbus UDP clients.
     UdpServer(UdpServerSettings),
+    /// Asks the devices of data points.
+    Scanner,
 }
 
 impl PortKind {
@@ -214,9 +235,14 @@ impl PortKind {
     pub const fn side(&self) -> Side {
         match self {
             Self::Serial(settings) => settings.side,
-            Self::TcpServer(_) | Self::UdpServer(_) => Side::Server,
+            Self::TcpServer(_) | Self::UdpServer(_) | Self::Scanner => Side::Server,
             Self::TcpClient(_) => Side::Client,
         }
+    }
+
+    /// Whether whoever asks by this port has an IP address.
+    pub const fn has_peers(&self) -> bool {
+        !matches!(self, Self::Serial(_) | Self::Scanner)
     }
 }
 
@@ -225,6 +251,6 @@ impl PortKind {
 pub enum Side {
     /// Sends requests to outside servers (the gateway is the master).
     Client,
-    /// Answers an outside client (the gateway is a slave).
+    /// Brings requests to the gateway: it answers an outside client (the gateway is a slave), or asks by itself.
     Server,
 }

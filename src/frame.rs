@@ -55,6 +55,23 @@ pub struct Envelope {
     pub stage: Stage,
     /// Whether the answer may be passed on while it arrives.
     pub cut: bool,
+    /// The asker repeats its requests and spares units that are down by itself: no port does that for it.
+    pub paced: bool,
+    /// What is behind an exception of the gateway.
+    pub cause: Cause,
+}
+
+/// What is behind an exception of the gateway, where its code does not tell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cause {
+    /// Behind 0B: no answer came in time.
+    Silence,
+    /// Behind 0B: the answer was damaged on its way.
+    Damage,
+    /// Behind 0B: the connection broke.
+    Connection,
+    /// Behind 03: the answer would be longer than a PDU may be.
+    Length,
 }
 
 /// Who asked.
@@ -76,8 +93,8 @@ pub enum Way {
     Seat(u16),
     /// To the port itself: the master on its serial line.
     Line,
-    /// To the port itself, which knows who sent the datagram.
-    Datagrams,
+    /// To the port itself, which tells what it has open by `transaction`.
+    Port,
     /// None: a broadcast on a serial line, for whose answer nobody waits.
     Nobody,
 }
@@ -116,6 +133,8 @@ impl Envelope {
         repeats: 0,
         stage: Stage::Request,
         cut: false,
+        paced: false,
+        cause: Cause::Silence,
     };
 }
 
@@ -285,6 +304,11 @@ impl<'p> Frame<'p> {
     /// Writes the envelope anew.
     pub fn address(&self, envelope: Envelope) {
         self.with(|slot| slot.envelope = Some(envelope));
+    }
+
+    /// Notes what is behind the exception that the request is going to get.
+    pub fn blame(&self, cause: Cause) {
+        self.with(|slot| slot.envelope = slot.envelope.map(|envelope| Envelope { cause, ..envelope }));
     }
 
     /// Calls `f` with the bytes of the PDU that are there.

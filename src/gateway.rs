@@ -14,14 +14,15 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
-use crate::config::{OwnNetwork, PORTS_MAX, PortId, PortKind, Settings, Side};
+use crate::config::{OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, load_points};
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
 use crate::port::sockets::Socket;
 use crate::port::units::Units;
-use crate::port::{serial_client, serial_server, tcp_client, tcp_server, udp_server};
+use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
+use crate::scanner::{Full, ScannerPlace};
 use crate::stats::{Counters, Log};
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
@@ -204,6 +205,12 @@ pub enum ApplyError {
     /// The board runs fewer ports.
     #[error("this board runs {0} ports at most")]
     Ports(usize),
+    /// The board has no memory for data points.
+    #[error("this board has no data points")]
+    NoPoints,
+    /// The data points take more than there is.
+    #[error(transparent)]
+    Points(#[from] Full),
 }
 
 /// All that the tasks share.
@@ -218,6 +225,7 @@ pub struct Gateway<'g> {
     owns_network: bool,
     network_changed: Signal<CriticalSectionRawMutex, ()>,
     log: Log,
+    scanner: Option<&'g ScannerPlace>,
 }
 
 impl<'g> Gateway<'g> {
@@ -233,7 +241,20 @@ impl<'g> Gateway<'g> {
             owns_network: false,
             network_changed: Signal::new(),
             log: Log::new(),
+            scanner: None,
         }
+    }
+
+    /// The gateway with data points, which take memory of their own.
+    #[must_use]
+    pub const fn with_scanner(mut self, scanner: &'g ScannerPlace) -> Self {
+        self.scanner = Some(scanner);
+        self
+    }
+
+    /// The data points, if the board has memory for them. Point N of the settings is row N, device N is device N.
+    pub fn scanner(&self) -> Option<&'g ScannerPlace> {
+        self.scanner
     }
 
     /// For a board whose Ethernet is the gateway's own: the settings say its address, and the board follows them by
@@ -288,12 +309,23 @@ impl<'g> Gateway<'g> {
         if !self.owns_network && new.network != OwnNetwork::DEFAULT {
             return Err(ApplyError::Network);
         }
+        let has_points = !new.points.is_empty() || new.ports.iter().flatten().any(is_scanner);
+        if has_points && self.scanner.is_none() {
+            return Err(ApplyError::NoPoints);
+        }
+        let mut points = Reloaded::Nothing;
+        if let Some(place) = self.scanner {
+            let load = |scanner: &mut _| self.settings(|old| load_points(scanner, old, new, Instant::now()));
+            points = place.change(load)?;
+        }
         let mut changed = [false; PORTS_MAX];
         self.settings.lock(|settings| {
             let mut settings = settings.borrow_mut();
             for (changed, (old, new)) in changed.iter_mut().zip(settings.ports.iter().zip(&new.ports)) {
                 // A name or what special units mean is looked up anew for each request.
                 *changed = old.as_ref().map(|port| &port.kind) != new.as_ref().map(|port| &port.kind);
+                // What it has asked so far is nobody's question any more.
+                *changed |= points == Reloaded::All && new.as_ref().is_some_and(is_scanner);
             }
             if settings.network != new.network {
                 self.network_changed.signal(());
@@ -346,6 +378,15 @@ impl<'g> Gateway<'g> {
                     select(place.changed.wait(), server.run(datagrams)).await;
                     server.close();
                 }
+                Some(PortKind::Scanner) => {
+                    let Some(scanner) = self.scanner else {
+                        place.changed.wait().await;
+                        continue;
+                    };
+                    let port = scanner::Port { gateway: self, place, id, scanner };
+                    select(place.changed.wait(), port.run()).await;
+                    port.close();
+                }
                 kind => {
                     let unit = match kind {
                         Some(PortKind::TcpClient(settings)) => settings.unit,
@@ -395,7 +436,7 @@ impl<'g> Gateway<'g> {
                 let seat = self.seats.get(usize::from(seat)).map(Seat::state);
                 seat.is_none_or(|seat| seat.generation != origin.generation || seat.peer.is_none())
             }
-            Way::Line | Way::Datagrams => {
+            Way::Line | Way::Port => {
                 let place = self.ports.get(origin.port.index());
                 place.is_none_or(|place| place.generation() != origin.generation)
             }
@@ -441,11 +482,15 @@ impl Seat {
     }
 }
 
+fn is_scanner(port: &Port) -> bool {
+    port.kind == PortKind::Scanner
+}
+
 /// Connections that a port needs: its clients, and one that is accepted to decide who goes.
 fn seats_of(kind: &PortKind) -> usize {
     match kind {
         PortKind::TcpServer(server) => usize::from(server.clients) + 1,
-        PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) => 0,
+        PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) | PortKind::Scanner => 0,
     }
 }
 
@@ -459,7 +504,7 @@ async fn play<H: SerialHost, C: TcpConnect>(
     match kind {
         Some(PortKind::Serial(settings)) => serial_client::run(desk, settings, lines).await,
         Some(PortKind::TcpClient(settings)) => tcp_client::run(desk, settings, connector).await,
-        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_)) | None => {
+        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_) | PortKind::Scanner) | None => {
             desk.close();
             core::future::pending().await
         }

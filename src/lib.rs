@@ -19,6 +19,9 @@
 //! ASCII line gets its LRC when the CRC has proved good, and the other way round, so that what is damaged stays damaged. What
 //! turns out not to fit is broken off.
 //!
+//! The gateway also asks by itself: the scanner ([`scanner`]) turns data points into requests, which its port sends on the same
+//! road, and keeps the answers, which outside clients may read as the tables of the gateway's own unit.
+//!
 //! So a transaction is one frame, from beginning to end, and every frame comes home: no request is lost, and a port knows
 //! what is open by counting. Ports know framing and timing, nothing of routes; the router knows routes, nothing of
 //! lines; time is a value wherever something is decided.
@@ -47,6 +50,10 @@
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
 //! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
 //! | [`config::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |
+//! | [`scanner::DEVICES_MAX`] | 32 | devices that a scanner asks: the loads of an RS-485 segment |
+//! | [`scanner::ROWS_MAX`] | 136 | the four tables of each device, and some ranges that take two frames |
+//! | [`scanner::VALUE_BYTES_MAX`] | 2048 | values of all rows: an image of 512 bytes each way, and as much again |
+//! | [`config::POINTS_MAX`] | 128 | data points in the settings, of which every console keeps a copy |
 //! | frames, TCP connections | the board's | memory; a connection always has one frame of its own |
 #![no_std]
 #![forbid(unsafe_code)]
@@ -64,4 +71,5 @@ pub mod modbus;
 pub mod port;
 pub mod route;
 mod router;
+pub mod scanner;
 pub mod stats;

@@ -23,6 +23,7 @@ pub(crate) mod line;
 pub(crate) mod link;
 pub(crate) mod local;
 pub(crate) mod reply;
+pub(crate) mod scanner;
 pub(crate) mod serial_client;
 pub(crate) mod serial_server;
 pub(crate) mod sockets;

@@ -66,7 +66,7 @@ impl Gateway<'_> {
             Decision::NoRule => {
                 count(Event::NoPath);
                 match envelope.origin.way {
-                    Way::Seat(_) | Way::Datagrams => self.refuse(frame, Exception::GATEWAY_NO_PATH),
+                    Way::Seat(_) | Way::Port => self.refuse(frame, Exception::GATEWAY_NO_PATH),
                     // On a shared bus the unit may be somebody else's.
                     Way::Line | Way::Nobody => self.unanswered(frame),
                 }
@@ -163,7 +163,7 @@ impl Gateway<'_> {
     fn way_back(&self, origin: Origin) -> Option<&Channel> {
         match origin.way {
             Way::Seat(seat) => self.seats().get(usize::from(seat)).map(|seat| &seat.answers),
-            Way::Line | Way::Datagrams => self.ports().get(origin.port.index()).map(|place| &place.queue),
+            Way::Line | Way::Port => self.ports().get(origin.port.index()).map(|place| &place.queue),
             Way::Nobody => None,
         }
     }

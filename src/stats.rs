@@ -9,7 +9,8 @@ use embassy_time::Instant;
 use heapless::Deque;
 
 use crate::config::PortId;
-use crate::modbus::Exception;
+use crate::frame::Cause;
+use crate::modbus::{Exception, pdu};
 
 /// What a port counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -180,6 +181,8 @@ pub enum LastError {
     Address = 6,
     /// A request with a function that is not there or not allowed (exception 01).
     Function = 7,
+    /// A read of more than a response can hold (exception 03).
+    Response = 8,
     /// A request with a value or quantity that cannot be (exception 03).
     Value = 9,
     /// Too wide a gap between two characters.
@@ -192,7 +195,7 @@ pub enum LastError {
 
 impl LastError {
     /// Every cause; first that of a port at the start, so that counters are all zeros then.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::NotStarted,
         Self::None,
         Self::Port,
@@ -200,6 +203,7 @@ impl LastError {
         Self::Length,
         Self::Address,
         Self::Function,
+        Self::Response,
         Self::Value,
         Self::Gap,
         Self::Ascii,
@@ -214,6 +218,7 @@ impl LastError {
             Self::Length => "bad length",
             Self::Address => "unmapped address",
             Self::Function => "unsupported function",
+            Self::Response => "more than a response can hold",
             Self::Value => "bad data",
             Self::Gap => "gap between characters",
             Self::Ascii => "ASCII error",
@@ -239,6 +244,23 @@ impl Counters {
     pub fn note(&self, error: LastError) {
         let place = LastError::ALL.iter().position(|known| *known == error).unwrap_or(0);
         self.last_error.store(place as u8, Ordering::Relaxed);
+    }
+
+    /// Notes what is wrong with a request that is answered by `exception` at once.
+    pub(crate) fn note_refused(&self, request: &[u8], exception: Exception) {
+        let cause = if pdu::is_beyond_response(request) { Cause::Length } else { Cause::Silence };
+        self.note_exception(exception, cause);
+    }
+
+    /// Notes what an exception that a client gets says of its request.
+    pub(crate) fn note_exception(&self, exception: Exception, cause: Cause) {
+        match (exception, cause) {
+            (Exception::ILLEGAL_FUNCTION, _) => self.note(LastError::Function),
+            (Exception::ILLEGAL_ADDRESS, _) => self.note(LastError::Address),
+            (Exception::ILLEGAL_VALUE, Cause::Length) => self.note(LastError::Response),
+            (Exception::ILLEGAL_VALUE, _) => self.note(LastError::Value),
+            _ => {}
+        }
     }
 
     /// What went wrong last.

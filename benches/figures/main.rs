@@ -15,6 +15,7 @@ mod line;
 mod merging;
 mod paper;
 mod plot;
+mod points;
 mod ports;
 mod power_cuts;
 mod shared_bus;
@@ -30,6 +31,7 @@ fn main() {
         ("merging", merging::figures),
         ("faults", faults::figures),
         ("shared_bus", shared_bus::figures),
+        ("points", points::figures),
         ("ports", ports::figures),
         ("goodput", goodput::figures),
         ("power_cuts", power_cuts::figures),

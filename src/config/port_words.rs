@@ -43,9 +43,11 @@ enum Medium {
     Serial,
     Tcp,
     Udp,
+    Scanner,
 }
 
-const MEDIA: [(&str, Medium); 3] = [("serial", Medium::Serial), ("tcp", Medium::Tcp), ("udp", Medium::Udp)];
+const MEDIA: [(&str, Medium); 4] =
+    [("serial", Medium::Serial), ("tcp", Medium::Tcp), ("udp", Medium::Udp), ("scanner", Medium::Scanner)];
 
 impl<'a> Draft<'a> {
     fn new(kind: PortKind, place: Word<'a>) -> Self {
@@ -66,10 +68,14 @@ impl<'a> Draft<'a> {
     /// Reads a new port up to the end of the line.
     pub(super) fn create(words: &mut Words<'a>) -> Result<Self, LineError> {
         let kind = words.take();
-        match kind.keyword(&MEDIA, "serial, tcp or udp")? {
+        match kind.keyword(&MEDIA, "serial, tcp, udp or scanner")? {
             Medium::Serial => Self::create_serial(words),
             Medium::Tcp => Self::create_tcp(words),
             Medium::Udp => Self::create_udp_server(words),
+            Medium::Scanner => {
+                words.end()?;
+                Ok(Self::new(PortKind::Scanner, kind))
+            }
         }
     }
 
@@ -178,6 +184,9 @@ impl<'a> Draft<'a> {
     /// Takes one word, with its value if it has one.
     fn word(&mut self, words: &mut Words<'a>) -> Result<(), LineError> {
         let word = words.take();
+        if self.kind == PortKind::Scanner {
+            return Err(word.error(Problem::NothingToSet));
+        }
         if self.units.take(word, words)? {
             return Ok(());
         }
@@ -193,6 +202,7 @@ impl<'a> Draft<'a> {
             PortKind::TcpServer(_) => word.keyword(TCP_SERVER_KEYS, TCP_SERVER_EXPECTED)?,
             PortKind::TcpClient(_) => word.keyword(TCP_CLIENT_KEYS, TCP_CLIENT_EXPECTED)?,
             PortKind::UdpServer(_) => word.keyword(UDP_SERVER_KEYS, UDP_SERVER_EXPECTED)?,
+            PortKind::Scanner => return Err(word.error(Problem::NothingToSet)),
         };
         self.once(key, word)?;
         if matches!(key, Key::InFlight | Key::Pipeline) {
@@ -221,6 +231,7 @@ impl<'a> Draft<'a> {
             }
             PortKind::TcpClient(settings) => set_tcp_client(settings, key, words),
             PortKind::UdpServer(settings) => set_udp_server(settings, key, words),
+            PortKind::Scanner => Ok(()),
         }
     }
 
@@ -268,7 +279,7 @@ impl<'a> Draft<'a> {
             PortKind::TcpClient(settings) => {
                 one_at_a_time(settings.framing, self.several, &mut settings.in_flight, 1)?;
             }
-            PortKind::UdpServer(_) => {}
+            PortKind::UdpServer(_) | PortKind::Scanner => {}
         }
         Ok(self)
     }

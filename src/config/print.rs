@@ -1,10 +1,11 @@
-//! Settings as lines that recreate them: the board's network, then ports, then rules in their order.
+//! Settings as lines that recreate them: the board's network, then ports, rules in their order, devices and points.
 
 use core::fmt::{self, Display, Write};
 
 use embassy_time::Duration;
 use heapless::String;
 
+use super::points::PointWords;
 use super::values::Time;
 use super::{
     Driver, Framing, IpPrefix, LineSettings, OwnNetwork, Parity, Port, PortKind, SerialClientSettings,
@@ -28,10 +29,23 @@ pub fn write_line(settings: &Settings, n: usize, out: &mut impl Write) -> Option
     match ports().nth(n) {
         Some(port) => Some(write_port(port, width, out)),
         None => {
-            let route = settings.routes.get(n.checked_sub(ports().count())?)?;
-            Some(write_route(settings, route, width, out))
+            let n = n.checked_sub(ports().count())?;
+            match settings.routes.get(n) {
+                Some(route) => Some(write_route(settings, route, width, out)),
+                None => write_points(settings, n - settings.routes.len(), out),
+            }
         }
     }
+}
+
+/// Devices, then points.
+fn write_points(settings: &Settings, n: usize, out: &mut impl Write) -> Option<fmt::Result> {
+    if let Some(device) = settings.devices.get(n) {
+        return Some(write!(out, "{device}"));
+    }
+    let width = settings.points.iter().map(|point| point.name.len()).max().unwrap_or(0);
+    let point = settings.points.get(n.checked_sub(settings.devices.len())?)?;
+    Some(write!(out, "point {:width$} {}", point.name, PointWords { settings, point }))
 }
 
 fn write_port(port: &Port, width: usize, out: &mut impl Write) -> fmt::Result {
@@ -131,6 +145,7 @@ impl Display for PortKind {
             Self::TcpServer(settings) => settings.fmt(f),
             Self::TcpClient(settings) => settings.fmt(f),
             Self::UdpServer(settings) => settings.fmt(f),
+            Self::Scanner => f.write_str("scanner"),
         }
     }
 }

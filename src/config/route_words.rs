@@ -7,7 +7,7 @@ use embassy_time::Duration;
 use super::problem::{LineError, Problem};
 use super::values::{parse_number, prefix, small, time};
 use super::words::{Word, Words};
-use super::{IpPrefix, PortId, PortKind, Settings};
+use super::{IpPrefix, PortId, Settings};
 use crate::route::{
     AddressRange, Cut, Destination, Functions, Merge, Policy, Priority, Route, Tag, UnitRange,
 };
@@ -60,7 +60,7 @@ fn peer(settings: &Settings, source: PortId, word: Word) -> Result<Option<IpPref
         word.expected("an IP address such as 192.168.1.7, a prefix such as 192.168.1.0/24, or *")
     })?;
     // The rule would never match.
-    if settings.port(source).is_some_and(|port| matches!(port.kind, PortKind::Serial(_))) {
+    if settings.port(source).is_some_and(|port| !port.kind.has_peers()) {
         return Err(word.error(Problem::PeerOfSerial));
     }
     Ok(Some(peer))

@@ -6,6 +6,8 @@
 use core::num::NonZeroU16;
 
 use super::own_network;
+use super::point_checks;
+use super::point_words;
 use super::port_keys;
 use super::port_words::Draft;
 use super::problem::{LineError, Problem, Rules, Warning};
@@ -25,12 +27,14 @@ pub struct Applied {
     pub warning: Option<Warning>,
 }
 
-const CHANGED: Applied = Applied { changed: true, warning: None };
+pub(super) const CHANGED: Applied = Applied { changed: true, warning: None };
 
 #[derive(Clone, Copy)]
 enum Verb {
     Port,
     Route,
+    Device,
+    Point,
     Edit,
     Insert,
     Move,
@@ -41,6 +45,8 @@ enum Verb {
 const VERBS: &[(&str, Verb)] = &[
     ("port", Verb::Port),
     ("route", Verb::Route),
+    ("device", Verb::Device),
+    ("point", Verb::Point),
     ("edit", Verb::Edit),
     ("insert", Verb::Insert),
     ("move", Verb::Move),
@@ -59,9 +65,11 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
     if verb.is_end() {
         return Ok(Applied { changed: false, warning: None });
     }
-    match verb.keyword(VERBS, "port, route, edit, insert, move, delete or network")? {
+    match verb.keyword(VERBS, "port, route, device, point, edit, insert, move, delete or network")? {
         Verb::Port => port(settings, words),
         Verb::Route => add_route(settings, words),
+        Verb::Device => point_words::device(settings, words),
+        Verb::Point => point_words::point(settings, words),
         Verb::Edit => edit(settings, words),
         Verb::Insert => insert_route(settings, words),
         Verb::Move => move_route(settings, words),
@@ -83,9 +91,11 @@ pub fn is_implied(settings: &Settings, route: &Route) -> bool {
 
 /// The words that stand in rows and behind port names, besides names, numbers and addresses.
 pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
-    let ports =
-        ["serial", "tcp", "udp"].into_iter().chain(port_keys::keywords()).chain(unit_words::keywords());
-    ports.chain(route_words::keywords())
+    let ports = ["serial", "tcp", "udp", "scanner"]
+        .into_iter()
+        .chain(port_keys::keywords())
+        .chain(unit_words::keywords());
+    ports.chain(route_words::keywords()).chain(point_words::keywords())
 }
 
 fn port(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
@@ -129,10 +139,15 @@ fn put_port(
             (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
                 return Err(place.error(Problem::ListenTaken));
             }
+            (PortKind::Scanner, PortKind::Scanner) => return Err(place.error(Problem::ScannerTaken)),
             _ => {}
         }
     }
-    if matches!(port.kind, PortKind::Serial(_)) {
+    let old = settings.port(id).map(|port| &port.kind);
+    if old == Some(&PortKind::Scanner) && port.kind != PortKind::Scanner && !settings.devices.is_empty() {
+        return Err(name.error(Problem::ScannerInUse));
+    }
+    if !port.kind.has_peers() {
         let by_address = settings.routes.iter().map(|route| route.source == id && route.peer.is_some());
         if let Some(rules) = Rules::of(by_address) {
             return Err(name.error(Problem::RulesNeedTcp(rules)));
@@ -176,11 +191,15 @@ enum Thing {
     Port,
     Route,
     Routes,
+    Device,
+    Point,
 }
 
 const PORT: (&str, Thing) = ("port", Thing::Port);
 const ROUTE: (&str, Thing) = ("route", Thing::Route);
 const ROUTES: (&str, Thing) = ("routes", Thing::Routes);
+const DEVICE: (&str, Thing) = ("device", Thing::Device);
+const POINT: (&str, Thing) = ("point", Thing::Point);
 
 fn edit(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
     match words.take().keyword(&[PORT, ROUTE], "port or route")? {
@@ -191,7 +210,7 @@ fn edit(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError
             let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units.policy };
             put_port(settings, id, port, name_word, draft.place)
         }
-        Thing::Route | Thing::Routes => {
+        Thing::Route | Thing::Routes | Thing::Device | Thing::Point => {
             let at = route_place(settings, words.take())?;
             put_route(settings, words, at, true)
         }
@@ -219,7 +238,8 @@ fn move_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, Lin
 }
 
 fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
-    match words.take().keyword(&[PORT, ROUTE, ROUTES], "port, route or routes")? {
+    let things = [PORT, ROUTE, ROUTES, DEVICE, POINT];
+    match words.take().keyword(&things, "port, route, routes, device or point")? {
         Thing::Port => {
             let word = words.take();
             let (id, _) = existing_port(settings, word)?;
@@ -227,6 +247,10 @@ fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineErr
             let names = |route: &Route| route.source == id || route.destination == Destination::Port(id);
             if let Some(rules) = Rules::of(settings.routes.iter().map(names)) {
                 return Err(word.error(Problem::PortInUse(rules)));
+            }
+            let scans = settings.port(id).is_some_and(|port| port.kind == PortKind::Scanner);
+            if scans && !settings.devices.is_empty() {
+                return Err(word.error(Problem::ScannerInUse));
             }
             if let Some(slot) = settings.ports.get_mut(id.index()) {
                 *slot = None;
@@ -240,6 +264,16 @@ fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineErr
         Thing::Routes => {
             words.end()?;
             settings.routes.clear();
+        }
+        Thing::Device => {
+            let word = words.take();
+            words.end()?;
+            return point_checks::delete_device(settings, word);
+        }
+        Thing::Point => {
+            let word = words.take();
+            words.end()?;
+            return point_checks::delete_point(settings, word);
         }
     }
     Ok(CHANGED)

@@ -92,21 +92,24 @@ pub(super) fn medium(word: Word, what: &'static str, range: RangeInclusive<u16>)
 }
 
 /// A decimal number without a sign.
-pub(super) fn parse_number(text: &str) -> Option<u32> {
+pub(crate) fn parse_number(text: &str) -> Option<u32> {
     digits(text).and_then(|number| u32::try_from(number).ok())
 }
 
 /// Words that a rule's destination column takes for something else than a port.
 const RESERVED_NAMES: [&str; 3] = ["local", "discard", "nopath"];
 
-/// The port name that `word` is. It starts with a letter, so that a bare number in a rule can mean a TCP port.
-pub(super) fn name(word: Word) -> Result<Name, LineError> {
-    let text = word.text;
-    let letters = text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte));
-    let good = text.starts_with(|first: char| first.is_ascii_alphabetic())
+/// Whether `word` may be a name. It starts with a letter, so that a bare number in a rule can mean a TCP port.
+pub(super) fn is_name(word: Word) -> bool {
+    let letters = word.text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte));
+    word.text.starts_with(|first: char| first.is_ascii_alphabetic())
         && letters
-        && !RESERVED_NAMES.iter().any(|reserved| word.is(reserved));
-    let name = if good { Name::try_from(text).ok() } else { None };
+        && !RESERVED_NAMES.iter().any(|reserved| word.is(reserved))
+}
+
+/// The port name that `word` is.
+pub(super) fn name(word: Word) -> Result<Name, LineError> {
+    let name = if is_name(word) { Name::try_from(word.text).ok() } else { None };
     name.ok_or_else(|| {
         word.expected(
             "a port name: a letter, then letters, digits, - _ or ., at most 15, not local, discard or nopath",

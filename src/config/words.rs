@@ -102,6 +102,19 @@ impl<'a> Words<'a> {
         Word { text: self.advance(end), column, listed }
     }
 
+    /// Takes the next word, or all that stands between quotes, without them.
+    pub(crate) fn take_quoted(&mut self) -> Word<'a> {
+        let mut ahead = self.clone();
+        let word = ahead.take();
+        let quote_at = word.column - self.column;
+        let inside = word.text.starts_with('"').then(|| self.rest.get(quote_at + 1..)).flatten();
+        let Some((text, _)) = inside.and_then(|inside| inside.split_once('"')) else {
+            return self.take();
+        };
+        self.advance(quote_at + 1 + text.len() + 1);
+        Word { text, ..word }
+    }
+
     /// An error unless the line ends here.
     pub(crate) fn end(&mut self) -> Result<(), LineError> {
         let word = self.take();

@@ -6,6 +6,7 @@ use embedded_io_async::{Read, Write};
 
 use super::help;
 use super::output::Output;
+use super::points::PointCommand;
 use super::show::Show;
 use crate::config::{self, LineError, ReadError, Settings, Words};
 use crate::gateway::Gateway;
@@ -23,6 +24,8 @@ pub(super) enum Command {
     Load,
     Reboot,
     Exit,
+    /// What is done with a data point at once.
+    Point(PointCommand),
 }
 
 /// Every command, in the order of `help`.
@@ -30,12 +33,19 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("help", Command::Help),
     ("port", Command::Settings),
     ("route", Command::Settings),
+    ("device", Command::Settings),
+    ("point", Command::Settings),
     ("edit", Command::Settings),
     ("insert", Command::Settings),
     ("move", Command::Settings),
     ("delete", Command::Settings),
     ("network", Command::Settings),
     ("show", Command::Show),
+    ("read", Command::Point(PointCommand::Read)),
+    ("write", Command::Point(PointCommand::Write)),
+    ("mark", Command::Point(PointCommand::Mark)),
+    ("begin", Command::Point(PointCommand::Begin)),
+    ("finish", Command::Point(PointCommand::Finish)),
     ("clear", Command::Clear),
     ("save", Command::Save),
     ("load", Command::Load),
@@ -49,6 +59,8 @@ pub(super) const TOPICS_SHOW: &[(&str, Show)] = &[
     ("units", Show::Units),
     ("clients", Show::Clients),
     ("stats", Show::Stats),
+    ("points", Show::Points),
+    ("devices", Show::Devices),
     ("config", Show::Config),
     ("network", Show::Network),
     ("log", Show::Log),
@@ -97,6 +109,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 Ok(show) => self.show(show).await?,
                 Err(error) => self.fail(format_args!("{error}")).await?,
             },
+            Ok(Command::Point(command)) => self.point(command, &mut words).await?,
             Ok(Command::Clear) => match topic(&mut words, TOPICS_CLEAR, "stats or log") {
                 Ok(Clear::Stats) => self.gateway.ports().iter().for_each(|place| place.stats.clear()),
                 Ok(Clear::Log) => self.gateway.log().clear(),
@@ -129,7 +142,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 self.out.flush().await?;
                 self.system.reboot();
             }
-            Command::Help | Command::Settings | Command::Show | Command::Clear => {}
+            Command::Help | Command::Settings | Command::Show | Command::Clear | Command::Point(_) => {}
         }
         Ok(Next::Line)
     }
@@ -178,7 +191,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 }
 
-const SHOW_EXPECTED: &str = "ports, routes, units, clients, stats, config, network, log or version";
+const SHOW_EXPECTED: &str =
+    "ports, routes, units, clients, stats, points, devices, config, network, log or version";
 
 /// The last word of a line as a topic of `table`.
 fn topic<T: Copy>(

@@ -71,7 +71,16 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
     } else if is("network") {
         network_words().for_each(offer);
     } else if is("delete") && second {
-        ["port", "route", "routes"].into_iter().for_each(offer);
+        ["port", "route", "routes", "device", "point"].into_iter().for_each(offer);
+    } else if ["read", "write", "begin", "finish"].into_iter().any(is) {
+        settings.points.iter().for_each(|point| offer(&point.name));
+    } else if is("mark") {
+        settings.devices.iter().for_each(|device| offer(&device.name));
+    } else if ["device", "point"].into_iter().any(is) {
+        settings.devices.iter().for_each(|device| offer(&device.name));
+        settings.points.iter().for_each(|point| offer(&point.name));
+        offer("local");
+        option_words().for_each(offer);
     } else if ["port", "route", "edit", "insert", "delete"].into_iter().any(is) {
         settings.ports.iter().flatten().for_each(|port| offer(&port.name));
         if !second {

@@ -12,6 +12,7 @@ const TOPICS: &[(&str, &[&str])] = &[
             "port NAME tcp server [ADDRESS:]PORT [OPTION VALUE]...",
             "port NAME tcp client ADDRESS:PORT [OPTION VALUE]...",
             "port NAME udp server [ADDRESS:]PORT [OPTION VALUE]...",
+            "port NAME scanner                asks the devices of data points, by the rules for its name",
             "  A new port, or another one in place of the port of that name.",
             "  serial: 19200 8E1 (ascii 7E1), gap T|auto, char-timeout T|auto, echo|no-echo, rs232|rs485|rts;",
             "          with rs485 or rts: driver-before T, driver-after T",
@@ -38,6 +39,26 @@ const TOPICS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "device",
+        &[
+            "device NAME unit N [order 0123|2301|1032|3210] [check] [label \"TEXT\"]",
+            "  A device that the scanner asks; order: of the bytes of values of 32 bits; check: asks for a sign of life first.",
+        ],
+    ),
+    (
+        "point",
+        &[
+            "point NAME DEVICE coil|discrete|input|holding ADDRESS [count N] [as u16|i16|u32|i32|f32] [label \"TEXT\"]",
+            "      [read low|normal|high|manual|T] [write auto|manual] [multiple]",
+            "point NAME local coil|discrete|input|holding ADDRESS [count N] [as TYPE] | [of POINT]  [quality ADDRESS]",
+            "  Ties cells of a device, or of the gateway's own unit, to a variable. ADDRESS is as it is on the wire;",
+            "  a number without a table is Modicon's: 40001 is holding 0.",
+            "  read: every 5s, 1s, 200ms, or T; write auto: whenever the variable is written",
+            "  of: shows the variable of another point; quality: input registers with its status word and age in 0.1s",
+            "  point power meter holding 0 count 2 as f32 read high label \"Active power\"",
+        ],
+    ),
+    (
         "edit",
         &[
             "edit port NAME WORD...           changes what the words name, as in port; the rest stays",
@@ -52,6 +73,7 @@ const TOPICS: &[(&str, &[&str])] = &[
             "delete port NAME                 takes a port away that no rule names",
             "delete route N                   takes rule N away",
             "delete routes                    takes all rules away",
+            "delete device NAME, delete point NAME",
         ],
     ),
     (
@@ -71,11 +93,34 @@ const TOPICS: &[(&str, &[&str])] = &[
             "show clients                     who is connected",
             "show stats                       what the ports counted",
             "show log                         the last transactions",
+            "show points                      the data points: how they are doing, and their values",
+            "show devices                     the devices that the scanner asks",
             "show config                      the settings as lines that make them",
             "show network                     the board's own address",
             "show version                     what runs here, and for how long",
         ],
     ),
+    ("read", &["read POINT                       reads it at once, and shows its values"]),
+    (
+        "write",
+        &[
+            "write POINT [[at N] VALUE...]    sets its values, from value N on, and writes it at once",
+            "  Between begin and finish the values are only set.",
+        ],
+    ),
+    (
+        "mark",
+        &[
+            "mark DEVICE FUNCTION FROM-TO     reads (1 to 4) or writes (5, 6, 15, 16) all points there at once",
+        ],
+    ),
+    (
+        "begin",
+        &[
+            "begin POINT                      begins a safe write: it is neither read nor written until finish",
+        ],
+    ),
+    ("finish", &["finish POINT                     ends a safe write: the point is written"]),
     (
         "clear",
         &[
@@ -92,11 +137,13 @@ const TOPICS: &[(&str, &[&str])] = &[
 const OVERVIEW: &[&str] = &[
     "port NAME serial|tcp ...         sets a port                  help port",
     "route SOURCE UNITS IP TAG DEST   adds a rule                  help route",
+    "device, point                    sets data points             help device, help point",
+    "read, write, mark, begin, finish data points at once",
     "edit port|route ...              changes a port or a rule     help edit",
     "insert route, move route         order of rules               help insert",
-    "delete port|route|routes         takes away                   help delete",
+    "delete port|route|device|point   takes away                   help delete",
     "network dhcp|address ...         the board's own address       help network",
-    "show TOPIC                       ports, routes, units, clients, stats, config, network, log, version",
+    "show TOPIC                       ports, routes, units, clients, stats, points, devices, config, network, log, version",
     "clear stats|log                  forgets",
     "save, load                       settings of the next start",
     "reboot, exit                     the gateway's end, the session's end",

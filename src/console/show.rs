@@ -6,7 +6,7 @@ use heapless::String;
 
 use super::command::Session;
 use super::rows::{LogRow, Row, StatusText, age, describe, state, text};
-use crate::config::{LINE_BYTES_MAX, PortKind, Time, write_line};
+use crate::config::{LINE_BYTES_MAX, PortKind, Side, Time, write_line};
 use crate::hal::{NetworkState, Store, System};
 use crate::port::units::Unit;
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
@@ -19,6 +19,8 @@ pub(super) enum Show {
     Units,
     Clients,
     Stats,
+    Points,
+    Devices,
     Config,
     Network,
     Log,
@@ -35,6 +37,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Show::Units => self.units().await,
             Show::Clients => self.clients().await,
             Show::Stats => self.stats().await,
+            Show::Points => self.points().await,
+            Show::Devices => self.devices().await,
             Show::Config => self.config().await,
             Show::Network => self.network().await,
             Show::Log => self.log().await,
@@ -141,7 +145,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         }
         for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
             let (Some(port), error) = (port, place.stats.last_error()) else { continue };
-            if matches!(port.kind, PortKind::Serial(_)) && error != LastError::None {
+            let listens = port.kind.side() == Side::Server && port.kind != PortKind::Scanner;
+            if (listens || matches!(port.kind, PortKind::Serial(_))) && error != LastError::None {
                 let (code, name) = (error as u8, error.name());
                 self.out.line(format_args!("{:15} {:13} {code:>10} {name}", port.name, "last-error")).await?;
             }

@@ -20,7 +20,7 @@ use core::cell::{Cell, RefCell};
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Instant, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
@@ -50,6 +50,8 @@ pub(crate) struct Desk<'g> {
     cache: RefCell<Cache>,
     writes_ended: Cell<u32>,
     open: Cell<bool>,
+    /// It is closed for a pause, which an asker who spares servers by himself may end.
+    pausing: Cell<bool>,
     /// Something changed: an order came or a unit's gate moved.
     news: Signal<NoopRawMutex, ()>,
 }
@@ -67,6 +69,7 @@ impl<'g> Desk<'g> {
             cache: RefCell::new(Cache::new()),
             writes_ended: Cell::new(0),
             open: Cell::new(true),
+            pausing: Cell::new(false),
             news: Signal::new(),
         }
     }
@@ -103,11 +106,12 @@ impl<'g> Desk<'g> {
             envelope.target = target;
             frame.address(envelope);
         }
-        if !self.open.get() {
+        let attempt = envelope.paced && self.pausing.get();
+        if !self.open.get() && !attempt {
             return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
         let Some(frame) = self.answer_from_memory(frame) else { return };
-        if self.gate(envelope.target) == Gate::Down {
+        if !envelope.paced && self.gate(envelope.target) == Gate::Down {
             return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
         let ticket = ticket(&frame);
@@ -128,7 +132,7 @@ impl<'g> Desk<'g> {
                     Some(Event::AskerGone)
                 } else if ticket.deadline <= now {
                     Some(Event::Expired)
-                } else if gate(ticket.unit) == Gate::Down {
+                } else if !frame.envelope().paced && gate(ticket.unit) == Gate::Down {
                     Some(Event::UnitDown)
                 } else {
                     None
@@ -148,7 +152,8 @@ impl<'g> Desk<'g> {
         let gate = self.gates(now);
         let ready = |unit| match gate(unit) {
             Gate::Open(ready) => ready,
-            Gate::Down => Ready::Now,
+            // Only an asker who is not kept from it has an order here.
+            Gate::Down => self.place.units(|units| units.attempt(unit, Instant::now())),
         };
         let next = self.queue.borrow_mut().next(now, ready);
         if let Next::Serve(frame, ticket) = &next {
@@ -208,6 +213,13 @@ impl<'g> Desk<'g> {
         while self.queue.borrow().is_empty() {
             self.changed().await;
         }
+    }
+
+    /// Waits for `pause`, or until somebody asks who spares servers by himself: what he waits for is the next attempt.
+    pub(crate) async fn pause(&self, pause: Duration) {
+        self.pausing.set(true);
+        select(Timer::after(pause), self.wanted()).await;
+        self.pausing.set(false);
     }
 
     /// Waits until [`Desk::next`] may have something new to say.
@@ -347,7 +359,9 @@ impl<'g> Desk<'g> {
             }
             false => self.again(frame, retries),
         };
+        let cause = order.envelope().cause;
         while let Some(rider) = order.unload() {
+            rider.blame(cause);
             repeated |= self.again(rider, retries);
         }
         if repeated {
@@ -370,7 +384,7 @@ impl<'g> Desk<'g> {
     /// Puts an order that got no answer back in the queue, or answers it 0Bh; says which.
     fn again(&self, frame: Frame<'g>, retries: u8) -> bool {
         let mut envelope = frame.envelope();
-        if envelope.repeats >= retries || !pdu::is_read(frame.function()) {
+        if envelope.paced || envelope.repeats >= retries || !pdu::is_read(frame.function()) {
             self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
             return false;
         }

@@ -9,7 +9,7 @@ use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use crate::config::{StreamFraming, TcpClientSettings};
-use crate::frame::Frame;
+use crate::frame::{Cause, Frame};
 use crate::hal::TcpStream;
 use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header};
@@ -85,6 +85,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         let end = self.serve().await;
         let cut = !self.flights.is_empty();
         while let Some(flight) = self.flights.pop() {
+            flight.order.blame(Cause::Connection);
             self.desk.failed(&flight.order, self.settings.retries);
         }
         let well = match end {

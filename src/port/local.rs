@@ -1,13 +1,16 @@
 //! The gateway's own unit: answers what a rule sends to `local`.
 //!
 //! It knows the loop-back test (FC 08 sub-function 0) and the report of the server id (FC 11h), so that a client can
-//! tell that the gateway lives, and on ASCII lines the change of the character that ends frames (FC 08 sub-function 3);
-//! everything else is answered 01h.
+//! tell that the gateway lives, and on ASCII lines the change of the character that ends frames (FC 08 sub-function 3).
+//! Where points are `local`, it has them in its tables (FC 01 to 06, 15, 16); everything else is answered 01h.
+
+use embassy_time::Instant;
 
 use crate::config::{Framing, PortKind};
 use crate::frame::Frame;
 use crate::gateway::Gateway;
-use crate::modbus::{Exception, PDU_BYTES_MAX};
+use crate::modbus::{Exception, PDU_BYTES_MAX, pdu};
+use crate::scanner::Pdu;
 
 /// Run indicator of FC 11h: on (Application Protocol 6.13).
 const RUNNING: u8 = 0xff;
@@ -34,11 +37,26 @@ pub(crate) fn answer(gateway: &Gateway<'_>, frame: Frame<'_>) {
             writer.finish();
             written
         }
-        _ => return gateway.refuse(frame, Exception::ILLEGAL_FUNCTION),
+        request => match from_table(gateway, request) {
+            Ok(answer) => frame.replace(&answer),
+            Err(exception) => return gateway.refuse(frame, exception),
+        },
     };
     match fits {
         Ok(()) => gateway.answered(frame),
         Err(_) => gateway.refuse(frame, Exception::DEVICE_FAILURE),
+    }
+}
+
+/// What the local points say to `request`.
+fn from_table(gateway: &Gateway<'_>, request: &[u8]) -> Result<Pdu, Exception> {
+    let points = gateway.scanner().filter(|scanner| scanner.with(|scanner| scanner.serves()));
+    let points = points.ok_or(Exception::ILLEGAL_FUNCTION)?;
+    let now = Instant::now();
+    if request.first().is_some_and(|function| pdu::is_read(*function)) {
+        points.with(|scanner| scanner.serve(request, now))
+    } else {
+        points.change(|scanner| scanner.serve(request, now))
     }
 }
 

@@ -7,7 +7,7 @@ use embassy_futures::select::select;
 use embassy_time::{Instant, Timer};
 
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
-use crate::frame::{Fill, Frame, Way};
+use crate::frame::{Cause, Fill, Frame, Way};
 use crate::hal::{SerialHost, SerialLine};
 use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::EXCEPTION_BIT;
@@ -114,6 +114,7 @@ async fn carry_out<'g, L: SerialLine>(
         Err(Failure::Damaged) => {
             place.stats.count(Event::Damaged);
             place.units(|units| units.damaged(unit));
+            frame.blame(Cause::Damage);
         }
         // Only the echo may have been damaged: the unit may have heard the request, and answer.
         Err(Failure::Collision) => place.units(|units| units.hold(unit, Instant::now(), window)),

@@ -8,7 +8,7 @@
 use embassy_time::Instant;
 
 use crate::config::{PortId, SerialSettings};
-use crate::frame::{Envelope, Frame, FrameWriter, Origin, Way};
+use crate::frame::{Cause, Envelope, Frame, FrameWriter, Origin, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::hal::SerialHost;
 use crate::modbus::pdu;
@@ -90,6 +90,9 @@ impl<'g> Server<'_, 'g> {
             Ok(()) => self.gateway.inbox.send(frame),
             Err(exception) => {
                 self.place.stats.count(Event::Refused);
+                if pdu::is_beyond_response(request) {
+                    frame.blame(Cause::Length);
+                }
                 self.gateway.refuse(frame, exception);
             }
         }

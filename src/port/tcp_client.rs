@@ -6,9 +6,9 @@
 //! When the server cannot be reached, what waits and what comes is answered 0Ah at once: there is no path, so nothing has been
 //! sent and nothing has happened at the device. 0Bh says the other thing: it was sent, or may have been, and no valid
 //! answer came. Meanwhile the connection is tried again in the background, at growing intervals, so that no request has to
-//! wait for the network's time-out but the first.
+//! wait for the network's time-out but the first, and those of an asker with a back-off of his own, who makes such a try.
 
-use embassy_time::{Duration, Instant, Timer, with_deadline, with_timeout};
+use embassy_time::{Duration, Instant, with_deadline, with_timeout};
 
 use crate::config::TcpClientSettings;
 use crate::gateway::Status;
@@ -86,7 +86,7 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
         if place.set_status(Status::Failed(error)) {
             log_warn!("no connection to {}: {}", settings.server, error);
         }
-        Timer::after(pause).await;
+        desk.pause(pause).await;
         pause = (pause * 2).min(RETRY_LONGEST);
     }
 }

@@ -20,7 +20,7 @@ use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::stream::{Input, encode};
-use crate::stats::Event;
+use crate::stats::{Event, LastError};
 
 /// A client that does not take an answer for so long is closed.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
@@ -56,6 +56,7 @@ impl Server<'_, '_> {
     pub(crate) async fn run<H: TcpHost>(&self, host: &mut H) {
         loop {
             if let Err(error) = self.serve_next(host).await {
+                self.place.stats.note(LastError::Port);
                 if self.place.set_status(Status::Failed(error)) {
                     log_warn!("TCP port {} cannot be opened: {}", self.settings.listen.port, error);
                 }
@@ -67,6 +68,7 @@ impl Server<'_, '_> {
     async fn serve_next<H: TcpHost>(&self, host: &mut H) -> Result<(), crate::hal::OpenError> {
         host.listen(&self.settings.listen)?;
         if self.place.set_status(Status::Open) {
+            self.place.stats.note(LastError::None);
             log_info!("listening on TCP port {}", self.settings.listen.port);
         }
         let (mut stream, peer) = host.accept(&self.settings.listen).await?;
@@ -207,6 +209,7 @@ impl Server<'_, '_> {
     fn take(&self, origin: Origin, peer: SocketAddr, header: Header, request: &[u8]) -> Taken {
         if let Err(exception) = pdu::check_request(request) {
             self.place.stats.count(Event::Refused);
+            self.place.stats.note_refused(request, exception);
             return Taken::Refused(exception);
         }
         if self.seat.state().open_requests >= self.settings.pipeline {
@@ -248,8 +251,11 @@ impl Server<'_, '_> {
         drop(frame);
         let answer = answer.get(..length).unwrap_or(&[]);
         self.place.stats.count(Event::Answer);
-        if answer.first().is_some_and(|function| function & EXCEPTION_BIT != 0) {
+        if let [function, code] = *answer
+            && function & EXCEPTION_BIT != 0
+        {
             self.place.stats.count(Event::Exception);
+            self.place.stats.note_exception(Exception(code), envelope.cause);
         }
         self.write(stream, Header { transaction: envelope.transaction, unit: envelope.unit }, answer).await
     }

@@ -18,7 +18,7 @@ use crate::hal::{SocketLost, UdpHost, UdpSocket};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
-use crate::stats::Event;
+use crate::stats::{Event, LastError};
 
 /// Pause after the socket failed.
 const BIND_PAUSE: Duration = Duration::from_secs(1);
@@ -60,6 +60,7 @@ impl<'s, 'g> Server<'s, 'g> {
             match host.bind(&self.settings.listen).await {
                 Ok(mut socket) => {
                     if self.place.set_status(Status::Open) {
+                        self.place.stats.note(LastError::None);
                         log_info!("listening on UDP port {}", self.settings.listen.port);
                     }
                     let SocketLost = self.serve(&mut socket).await;
@@ -67,6 +68,7 @@ impl<'s, 'g> Server<'s, 'g> {
                     self.place.set_status(Status::Lost);
                 }
                 Err(error) => {
+                    self.place.stats.note(LastError::Port);
                     if self.place.set_status(Status::Failed(error)) {
                         log_warn!("UDP port {} cannot be opened: {}", self.settings.listen.port, error);
                     }
@@ -132,6 +134,7 @@ impl<'s, 'g> Server<'s, 'g> {
             return None;
         }
         if let Err(exception) = pdu::check_request(request) {
+            stats.note_refused(request, exception);
             return refuse(Event::Refused, exception);
         }
         let own = usize::from(self.settings.pipeline);
@@ -154,7 +157,7 @@ impl<'s, 'g> Server<'s, 'g> {
 
     fn envelope(&self, unit: u8, peer: SocketAddr, number: u16) -> Envelope {
         let received = Instant::now();
-        let origin = Origin { port: self.id, way: Way::Datagrams, generation: self.place.generation() };
+        let origin = Origin { port: self.id, way: Way::Port, generation: self.place.generation() };
         Envelope {
             transaction: number,
             peer: Some(peer.ip().to_canonical()),
@@ -172,10 +175,15 @@ impl<'s, 'g> Server<'s, 'g> {
             return None;
         }
         self.place.stats.count(Event::Answer);
-        if frame.function() & EXCEPTION_BIT != 0 {
-            self.place.stats.count(Event::Exception);
-        }
-        frame.pdu(|pdu| Some(Reply::new(peer, header, pdu)))
+        frame.pdu(|pdu| {
+            if let [function, code] = *pdu
+                && function & EXCEPTION_BIT != 0
+            {
+                self.place.stats.count(Event::Exception);
+                self.place.stats.note_exception(Exception(code), envelope.cause);
+            }
+            Some(Reply::new(peer, header, pdu))
+        })
     }
 }
 

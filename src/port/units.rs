@@ -53,6 +53,8 @@ pub struct Unit {
     pub down: bool,
     /// No request before this time: a late answer may come, or the next probe is not due.
     pub held_until: Instant,
+    /// The late answer may come until then, whatever is due.
+    late_until: Instant,
     probe_after: Duration,
     /// Reads are not joined before this time.
     join_after: Instant,
@@ -71,6 +73,7 @@ impl Unit {
             silent: 0,
             down: false,
             held_until: Instant::MIN,
+            late_until: Instant::MIN,
             probe_after: PROBE_FIRST,
             join_after: Instant::MIN,
         }
@@ -103,6 +106,14 @@ impl Units {
             Some(unit) if unit.held_until > now && unit.down => Gate::Down,
             Some(unit) if unit.held_until > now => Gate::Open(Ready::At(unit.held_until)),
             _ => Gate::Open(Ready::Now),
+        }
+    }
+
+    /// When `id` may be asked by somebody who spares units that are down by himself: as soon as no late answer can come.
+    pub fn attempt(&self, id: u8, now: Instant) -> Ready {
+        match self.0.iter().find(|unit| unit.id == id) {
+            Some(unit) if unit.late_until > now => Ready::At(unit.late_until),
+            _ => Ready::Now,
         }
     }
 
@@ -154,6 +165,7 @@ impl Units {
         self.entry(id, |unit| {
             unit.timeouts = unit.timeouts.wrapping_add(1);
             unit.silent = unit.silent.saturating_add(1);
+            unit.late_until = now + window;
             // There are devices that do not answer what is too much for them.
             unit.join_after = now + JOIN_PAUSE;
             if unit.down && unit.held_until > now {
@@ -171,7 +183,10 @@ impl Units {
 
     /// `id` is held for `window`: an answer that nobody waits for may come.
     pub fn hold(&mut self, id: u8, now: Instant, window: Duration) {
-        self.entry(id, |unit| unit.held_until = unit.held_until.max(now + window));
+        self.entry(id, |unit| {
+            unit.held_until = unit.held_until.max(now + window);
+            unit.late_until = unit.late_until.max(now + window);
+        });
     }
 
     fn entry(&mut self, id: u8, change: impl FnOnce(&mut Unit)) {
@@ -196,6 +211,8 @@ impl Unit {
     fn alive(&mut self) {
         self.silent = 0;
         self.down = false;
+        // It need not wait for a probe any more.
+        self.held_until = self.held_until.min(self.late_until);
         self.probe_after = PROBE_FIRST;
     }
 }

@@ -15,6 +15,7 @@ mod frames;
 mod line;
 mod matrix;
 mod outcomes;
+mod points;
 mod queue;
 mod queue_model;
 mod serial_server;

@@ -97,7 +97,9 @@ fn the_last_error_tells_what_was_wrong_with_a_request() {
         assert_eq!(try_ascii(b":0503000000007EFF\r\n"), LastError::Checksum);
         world.run_for(Duration::from_secs(1));
         let answer = world.run_until(rtu.request(5, &[3, 0, 0, 0, 126]));
-        assert_eq!((answer, last_error("R")), (Answer::Pdu(vec![0x83, 3]), LastError::Value));
+        assert_eq!((answer, last_error("R")), (Answer::Pdu(vec![0x83, 3]), LastError::Response));
+        let answer = world.run_until(rtu.request(5, &[5, 0, 0, 1, 0]));
+        assert_eq!((answer, last_error("R")), (Answer::Pdu(vec![0x85, 3]), LastError::Value));
         world.run_until(rtu.send_bytes(&[5, 3, 0, 0, 0, 1, 0, 0]));
         world.run_for(Duration::from_secs(1));
         assert_eq!(last_error("R"), LastError::Checksum);

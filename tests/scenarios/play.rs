@@ -10,6 +10,7 @@ use mobgate_simulator::{Device, LineEnd, Rig, World, device, rig, wire::Silence}
 
 mod acts;
 mod clients;
+mod points;
 
 use crate::faults::faults;
 use crate::file::{self, Bus, Case, Server, Setup};
@@ -52,6 +53,7 @@ fn play_once(case: &Case, seed: u64) -> Result<(), String> {
         }
         stage.clients.check_nothing_is_left()?;
         stage.clients.leave();
+        stage.stop_polling();
         world.run_for(AFTERMATH);
         stage.check_gateway()
     })
@@ -110,6 +112,14 @@ impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
         }
         world.spawn(device::serve_in(self.rig.framing(name), wire.tap(line), together));
         Ok(())
+    }
+
+    /// The scanner would have frames on their way for ever.
+    fn stop_polling(&self) {
+        let mut settings = self.rig.gateway.settings(Settings::clone);
+        settings.points.clear();
+        settings.devices.clear();
+        self.rig.gateway.apply(&settings).expect("fewer settings than before");
     }
 
     /// What holds after every case: no frame is lost, and the gateway kept its silences.

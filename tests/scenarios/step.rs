@@ -23,6 +23,10 @@ pub(crate) enum Step {
     Unit { unit: u8, device: String, what: OfUnit },
     /// `wire uart1 ...`
     Wire { device: String, what: OfWire },
+    /// `point power ...`
+    Point { name: String, what: OfPoint },
+    /// `mark meter 3 0-9`
+    Mark { device: String, function: u8, range: (u16, u16) },
     /// `scada ...`
     Client { name: String, action: Action },
 }
@@ -37,6 +41,22 @@ pub(crate) enum OfUnit {
     Executed(usize),
     /// `holds 1234 at 7`
     Holds(u16, u16),
+}
+
+/// What is done with a data point, or is to be seen of it.
+pub(crate) enum OfPoint {
+    /// `is ok to-read`: the status word in words.
+    Is(String),
+    /// `holds 17 18`
+    Holds(String),
+    /// `: read`
+    IsRead,
+    /// `: write`, `: write 17 18`
+    IsWritten(Option<String>),
+    /// `: begin`
+    Begin,
+    /// `: finish`
+    Finish,
 }
 
 /// What happens on a wire, or has happened.
@@ -132,6 +152,15 @@ pub(crate) fn step(line: &str) -> Result<Step, String> {
             let (device, rest) = name(rest)?;
             Step::Wire { device, what: of_wire(&rest)? }
         }
+        ["point", rest @ ..] => {
+            let (name, rest) = name(rest)?;
+            Step::Point { name, what: of_point(&rest)? }
+        }
+        ["mark", device, function, range] => {
+            let (first, last) = range.split_once('-').unwrap_or((range, range));
+            let range = (number(first)?, number(last)?);
+            Step::Mark { device: (*device).to_owned(), function: number(function)?, range }
+        }
         [name, rest @ ..] => Step::Client { name: (*name).to_owned(), action: action(rest)? },
         [] => return Err("an empty step".to_owned()),
     })
@@ -154,6 +183,23 @@ fn of_unit(words: &[&str]) -> Result<OfUnit, String> {
         ["executed", count, "write" | "writes"] => OfUnit::Executed(number(count)?),
         ["holds", value, "at", address] => OfUnit::Holds(number(value)?, number(address)?),
         _ => return Err("a unit has a fault, saw requests, executed writes or holds values".to_owned()),
+    })
+}
+
+fn of_point(words: &[&str]) -> Result<OfPoint, String> {
+    Ok(match words {
+        ["is", status @ ..] => OfPoint::Is(status.join(" ")),
+        ["holds", values @ ..] => OfPoint::Holds(values.join(" ")),
+        [":", "read"] => OfPoint::IsRead,
+        [":", "write"] => OfPoint::IsWritten(None),
+        [":", "write", values @ ..] => OfPoint::IsWritten(Some(values.join(" "))),
+        [":", "begin"] => OfPoint::Begin,
+        [":", "finish"] => OfPoint::Finish,
+        _ => {
+            return Err(
+                "a point is something, holds values, or is read, written, begun or finished".to_owned()
+            );
+        }
     })
 }
 

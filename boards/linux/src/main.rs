@@ -12,6 +12,7 @@ use mobgate::config::{PORTS_MAX, PortId, TcpListen};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
 use mobgate::hal::System;
+use mobgate::scanner::ScannerPlace;
 use mobgate_linux::cli::Options;
 use mobgate_linux::demo::Demo;
 use mobgate_linux::lines::Lines;
@@ -36,7 +37,8 @@ static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
 static PORT_PLACES: [PortPlace; PORTS_MAX] = [const { PortPlace::new() }; PORTS_MAX];
 static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
-static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES);
+static POINTS: ScannerPlace = ScannerPlace::new();
+static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_scanner(&POINTS);
 
 /// How the program ends.
 static END: Signal<CriticalSectionRawMutex, End> = Signal::new();

@@ -9,26 +9,9 @@ use rustix::process::Signal;
 use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
 use serial2::SerialPort;
 
-use common::{PATIENCE, Program, free_port, mobgate, output, wait_for};
+use common::{PATIENCE, Program, free_port, mobgate, output, session, wait_for, with_console};
 
 mod common;
-
-/// The program with a console port, and that port.
-fn with_console(settings: &str) -> (Program, u16) {
-    let (folder, port, console) = (tempfile::tempdir().unwrap(), free_port(), free_port());
-    let file = folder.path().join("mobgate.conf");
-    fs::write(&file, settings.replace("{port}", &port.to_string())).unwrap();
-    let mut command = mobgate();
-    command.arg("--config").arg(file).args(["--console", &console.to_string()]);
-    (Program::start(&mut command, folder, port), console)
-}
-
-fn session(console: u16) -> TcpStream {
-    // The console opens a moment after the gateway's own ports.
-    let session = wait_for("the console", || TcpStream::connect((Ipv4Addr::LOCALHOST, console)).ok());
-    session.set_read_timeout(Some(PATIENCE)).unwrap();
-    session
-}
 
 /// Types `line`, and reads until `answer` has come.
 fn converse(session: &mut (impl Read + Write), line: &str, answer: &str) -> String {

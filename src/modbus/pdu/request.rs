@@ -40,6 +40,20 @@ pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
     }
 }
 
+/// Whether `request` is a read whose answer no PDU could hold.
+pub(crate) fn is_beyond_response(request: &[u8]) -> bool {
+    let bytes = match *request {
+        [READ_COILS | READ_DISCRETE_INPUTS, _, _, high, low] => {
+            usize::from(u16::from_be_bytes([high, low])).div_ceil(8)
+        }
+        [READ_HOLDING_REGISTERS | READ_INPUT_REGISTERS, _, _, high, low] => {
+            2 * usize::from(u16::from_be_bytes([high, low]))
+        }
+        _ => 0,
+    };
+    2 + bytes > PDU_BYTES_MAX
+}
+
 /// The length of the request that begins with `so_far`, the function code included, where its function tells it; a frame
 /// of another length is no request.
 pub fn request_length(so_far: &[u8]) -> Option<usize> {

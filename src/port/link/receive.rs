@@ -4,7 +4,7 @@ use embassy_time::{Duration, Instant};
 
 use super::{End, Link};
 use crate::config::StreamFraming;
-use crate::frame::Frame;
+use crate::frame::{Cause, Frame};
 use crate::hal::TcpStream;
 use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::{EXCEPTION_BIT, fits};
@@ -114,6 +114,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
                 place.stats.count(Event::Damaged);
                 place.units(|units| units.damaged(unit));
                 if let Some(flight) = self.flights.finish(id) {
+                    flight.order.blame(Cause::Damage);
                     self.desk.failed(&flight.order, self.settings.retries);
                 }
             }

@@ -36,6 +36,8 @@ impl Stage<'_, '_, '_> {
             Step::Crowd { count, port } => return self.crowd(world, *count, *port),
             Step::Unit { unit, device, what } => return self.unit(device, *unit, what),
             Step::Wire { device, what } => return self.wire(world, device, what),
+            Step::Point { name, what } => return self.point(name, what),
+            Step::Mark { device, function, range } => return self.mark(device, *function, *range),
             Step::Client { name, action } => return self.clients.act(world, self.rig, name, action),
         }
         Ok(())

@@ -10,6 +10,7 @@ use embassy_time::Duration;
 use mobgate::config::{Framing, Loader, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, apply};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
+use mobgate::scanner::ScannerPlace;
 use mobgate::stats::Event;
 
 use crate::client::Client;
@@ -84,7 +85,8 @@ pub fn with_gateway_of<T>(
     let places: Vec<PortPlace> = (0..PORTS_MAX).map(|_| PortPlace::new()).collect();
     let seats: Vec<Seat> = (0..size.seats).map(|_| Seat::new()).collect();
     let pool = FramePool::new(&slots, size.seats + PORTS_MAX);
-    let gateway = Gateway::new(&pool, &places, &seats);
+    let scanner = ScannerPlace::new();
+    let gateway = Gateway::new(&pool, &places, &seats).with_scanner(&scanner);
     let mut world = World::new(seed);
     let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };
     rig.gateway.apply(&settings).expect("settings that the gateway takes");

@@ -180,6 +180,24 @@ fn gather(from: impl Read + Send + 'static, into: &Arc<Mutex<String>>) {
     });
 }
 
+/// The program with `settings`, as [`Program::configured`], and a console port, which it gives.
+pub(crate) fn with_console(settings: &str) -> (Program, u16) {
+    let (folder, port, console) = (tempfile::tempdir().unwrap(), free_port(), free_port());
+    let file = folder.path().join("mobgate.conf");
+    fs::write(&file, settings.replace("{port}", &port.to_string())).unwrap();
+    let mut command = mobgate();
+    command.arg("--config").arg(file).args(["--console", &console.to_string()]);
+    (Program::start(&mut command, folder, port), console)
+}
+
+/// A session at the console port.
+pub(crate) fn session(console: u16) -> TcpStream {
+    // The console opens a moment after the gateway's own ports.
+    let session = wait_for("the console", || TcpStream::connect((Ipv4Addr::LOCALHOST, console)).ok());
+    session.set_read_timeout(Some(PATIENCE)).unwrap();
+    session
+}
+
 /// Sends `pdu` to `unit` by Modbus TCP and gives the answer's PDU.
 pub(crate) fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
     let length = (pdu.len() as u16 + 1).to_be_bytes();

@@ -49,6 +49,11 @@ impl Line {
         line
     }
 
+    /// Nobody at the far end.
+    pub(crate) fn without_server() -> Self {
+        Self::bare()
+    }
+
     fn bare() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let end = |name| format!("pty,raw,echo=0,link={}", folder.path().join(name).display()).into();
@@ -59,11 +64,11 @@ impl Line {
     }
 
     /// The gateway's end.
-    fn near_end(&self) -> PathBuf {
+    pub(crate) fn near_end(&self) -> PathBuf {
         self.folder.path().join("near")
     }
 
-    fn far_end(&self) -> PathBuf {
+    pub(crate) fn far_end(&self) -> PathBuf {
         self.folder.path().join("far")
     }
 }

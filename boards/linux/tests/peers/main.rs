@@ -10,6 +10,7 @@ mod lines;
 mod mbpoll;
 mod outside;
 mod pipelining;
+mod points;
 mod pymodbus;
 mod rmodbus_server;
 mod rust_crates;

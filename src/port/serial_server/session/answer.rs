@@ -12,7 +12,7 @@ use crate::port::copy::{Copied, Form, copy};
 use crate::port::cut::Lane;
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::LineLost;
-use crate::stats::{Counters, Event, LastError};
+use crate::stats::Event;
 
 impl<'g, L: SerialLine> Session<'_, 'g, L> {
     /// Sends `answer`, whole or while it arrives.
@@ -85,7 +85,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             && function & EXCEPTION_BIT != 0
         {
             stats.count(Event::Exception);
-            note_exception(stats, Exception(code));
+            stats.note_exception(Exception(code), envelope.cause);
         }
         // The gateway's own unit has changed the character that ends frames; this answer still had the old one.
         if let (Ear::Ascii(ear), [pdu::function::DIAGNOSTICS, 0, 3, delimiter, 0], None) =
@@ -93,15 +93,5 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         {
             ear.set_delimiter(*delimiter);
         }
-    }
-}
-
-/// Notes an exception that went out as what it says of the request.
-fn note_exception(stats: &Counters, exception: Exception) {
-    match exception {
-        Exception::ILLEGAL_FUNCTION => stats.note(LastError::Function),
-        Exception::ILLEGAL_ADDRESS => stats.note(LastError::Address),
-        Exception::ILLEGAL_VALUE => stats.note(LastError::Value),
-        _ => {}
     }
 }

@@ -1,0 +1,320 @@
+//! The words of data points: `device meter unit 5 order 2301`, `point power meter holding 0 count 2 as f32 read high`.
+//!
+//! An address stands behind the name of its table as it is on the wire (`holding 0`), or alone in Modicon's notation
+//! (`40001`); so every number means one thing.
+
+use core::ops::RangeInclusive;
+
+use embassy_time::Duration;
+use heapless::String;
+
+use super::point_checks::check_others;
+use super::points::{DeviceSettings, Label, PointAt, PointName, PointSettings};
+use super::problem::{LineError, Problem};
+use super::text::{Applied, CHANGED};
+use super::values::{is_name, medium, parse_number, small, time};
+use super::words::{Word, Words};
+use super::{PortKind, Settings};
+use crate::scanner::{ByteOrder, Device, Kind, Modicon, Reading, ValueType, Writing};
+
+const PERIOD: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
+
+const KINDS: &[(&str, Kind)] =
+    &[("coil", Kind::Coil), ("discrete", Kind::Discrete), ("input", Kind::Input), ("holding", Kind::Holding)];
+const ORDERS: &[(&str, ByteOrder)] = &[
+    ("0123", ByteOrder::Order0123),
+    ("2301", ByteOrder::Order2301),
+    ("1032", ByteOrder::Order1032),
+    ("3210", ByteOrder::Order3210),
+];
+const TYPES: &[(&str, ValueType)] = &[
+    ("u16", ValueType::U16),
+    ("i16", ValueType::I16),
+    ("u32", ValueType::U32),
+    ("i32", ValueType::I32),
+    ("f32", ValueType::F32),
+];
+const READINGS: &[(&str, Reading)] = &[
+    ("low", Reading::Low),
+    ("normal", Reading::Normal),
+    ("high", Reading::High),
+    ("manual", Reading::Manual),
+];
+const WRITINGS: &[(&str, Writing)] = &[("auto", Writing::Auto), ("manual", Writing::Manual)];
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Key {
+    Unit,
+    Order,
+    Check,
+    Label,
+    Count,
+    As,
+    Read,
+    Write,
+    Multiple,
+    Of,
+    Quality,
+}
+
+const DEVICE_KEYS: &[(&str, Key)] =
+    &[("unit", Key::Unit), ("order", Key::Order), ("check", Key::Check), ("label", Key::Label)];
+const POINT_KEYS: &[(&str, Key)] = &[
+    ("count", Key::Count),
+    ("as", Key::As),
+    ("read", Key::Read),
+    ("write", Key::Write),
+    ("multiple", Key::Multiple),
+    ("label", Key::Label),
+];
+const LOCAL_KEYS: &[(&str, Key)] = &[
+    ("count", Key::Count),
+    ("as", Key::As),
+    ("of", Key::Of),
+    ("quality", Key::Quality),
+    ("label", Key::Label),
+];
+
+/// The words of these lines, besides names and numbers.
+pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
+    let keys = DEVICE_KEYS.iter().chain(POINT_KEYS).chain(&[("of", Key::Of), ("quality", Key::Quality)]);
+    // `label` is one word, though it stands in several lines.
+    let keys = keys.enumerate().filter(|&(at, &(_, key))| key != Key::Label || at < DEVICE_KEYS.len());
+    let types = TYPES.iter().map(|&(keyword, _)| keyword);
+    keys.map(|(_, &(keyword, _))| keyword).chain(KINDS.iter().map(|&(keyword, _)| keyword)).chain(types)
+}
+
+/// Which words of a line have been.
+#[derive(Default)]
+struct Seen(u16);
+
+impl Seen {
+    fn once(&mut self, key: Key, word: Word) -> Result<(), LineError> {
+        let had = self.has(key);
+        self.0 |= 1 << key as u8;
+        if had { Err(word.error(Problem::Twice)) } else { Ok(()) }
+    }
+
+    fn has(&self, key: Key) -> bool {
+        self.0 & 1 << key as u8 != 0
+    }
+}
+
+/// Reads a device up to the end of the line, and puts it into the settings.
+pub(super) fn device(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+    let name_word = words.take();
+    let name = name(name_word, "a name for the device, as for a port")?;
+    let scanner = |port: &super::Port| port.kind == PortKind::Scanner;
+    if !settings.ports.iter().flatten().any(scanner) {
+        return Err(name_word.error(Problem::NoScanner));
+    }
+    words.take().keyword(&[("unit", ())], "unit and the device's unit id")?;
+    let unit = small(words.take(), "a unit id", 1..=255)?;
+    let mut device = Device { unit, order: ByteOrder::default(), check: false };
+    let mut device_label = Label::new();
+    let mut seen = Seen::default();
+    seen.once(Key::Unit, name_word)?;
+    while !words.peek().is_end() {
+        let word = words.take();
+        let key = word.keyword(DEVICE_KEYS, "order, check or label")?;
+        seen.once(key, word)?;
+        match key {
+            Key::Order => device.order = words.take().keyword(ORDERS, "0123, 2301, 1032 or 3210")?,
+            Key::Check => device.check = true,
+            _ => device_label = label(words)?,
+        }
+    }
+    let place = settings.find_device(&name).map(usize::from);
+    let new = DeviceSettings { name, device, label: device_label };
+    match place.and_then(|place| settings.devices.get_mut(place)) {
+        Some(old) => *old = new,
+        None => settings.devices.push(new).map_err(|_| name_word.error(Problem::DevicesFull))?,
+    }
+    Ok(CHANGED)
+}
+
+/// Reads a point up to the end of the line, checks it against the others, and puts it into the settings.
+pub(super) fn point(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+    let name_word = words.take();
+    let name = name(name_word, "a name for the point, as for a port")?;
+    let device = at(settings, words.take())?;
+    let address_word = words.peek();
+    let (kind, first) = address(words)?;
+    let mut point = PointSettings {
+        name,
+        at: device,
+        kind,
+        first,
+        count: 1,
+        value: ValueType::default(),
+        label: Label::new(),
+    };
+    let count_word = options(settings, &mut point, words)?.unwrap_or(address_word);
+    // A row is one frame, both ways.
+    let most = kind.cells_max(kind.is_writable()) / if kind.is_bits() { 1 } else { point.value.registers() };
+    if !(1..=most).contains(&point.count) {
+        let problem = Problem::Number { what: "values in a frame", low: 1, high: most.into() };
+        return Err(count_word.error(problem));
+    }
+    if u32::from(first) + u32::from(point.cells()) > 65_536 {
+        return Err(address_word.error(Problem::AddressesEnd));
+    }
+    let place = settings.find_point(&point.name).map(usize::from);
+    check_others(settings, &point, place, name_word, address_word)?;
+    match place.and_then(|place| settings.points.get_mut(place)) {
+        Some(old) => *old = point,
+        None => settings.points.push(point).map_err(|_| name_word.error(Problem::PointsFull))?,
+    }
+    Ok(CHANGED)
+}
+
+/// Where a point is: `local`, or the name of a device.
+fn at(settings: &Settings, word: Word) -> Result<PointAt, LineError> {
+    if word.is_end() {
+        return Err(word.expected("the name of a device, or local"));
+    }
+    if word.is("local") {
+        return Ok(PointAt::Local { of: None, quality: None });
+    }
+    let device = settings.find_device(word.text).ok_or_else(|| word.error(Problem::NoSuchDevice))?;
+    Ok(PointAt::Device { device, read: Reading::Normal, write: Writing::Manual, multiple: false })
+}
+
+/// `holding 0`, or `40001`.
+fn address(words: &mut Words) -> Result<(Kind, u16), LineError> {
+    let word = words.take();
+    if let Some(number) = parse_number(word.text) {
+        let Modicon(kind, first) = Modicon::parse(number)
+            .ok_or_else(|| word.expected("coil, discrete, input or holding, or a number such as 40001"))?;
+        return Ok((kind, first));
+    }
+    let kind = word.keyword(KINDS, "coil, discrete, input or holding, or a number such as 40001")?;
+    Ok((kind, medium(words.take(), "an address as it is on the wire", 0..=u16::MAX)?))
+}
+
+/// Reads the words behind the address; gives the one that says how many values there are.
+fn options<'w>(
+    settings: &Settings,
+    point: &mut PointSettings,
+    words: &mut Words<'w>,
+) -> Result<Option<Word<'w>>, LineError> {
+    let mut seen = Seen::default();
+    let mut count = None;
+    if matches!(point.at, PointAt::Device { .. }) && !point.kind.is_writable() {
+        set_write(point, Writing::Never);
+    }
+    while !words.peek().is_end() {
+        let word = words.take();
+        let key = match point.at {
+            PointAt::Device { .. } => {
+                word.keyword(POINT_KEYS, "count, as, read, write, multiple or label")?
+            }
+            PointAt::Local { .. } => word.keyword(LOCAL_KEYS, "count, as, of, quality or label")?,
+        };
+        seen.once(key, word)?;
+        if matches!(key, Key::Count | Key::Of) {
+            count = Some(words.peek());
+        }
+        if matches!(key, Key::Write | Key::Multiple) && !point.kind.is_writable() {
+            return Err(word.error(Problem::NotWritable));
+        }
+        if key == Key::As && point.kind.is_bits() {
+            return Err(word.error(Problem::BitsHaveNoType));
+        }
+        let own = seen.has(Key::Count) || seen.has(Key::As);
+        if seen.has(Key::Of) && own {
+            return Err(word.error(Problem::ValuesOfAnother));
+        }
+        set(settings, point, key, words)?;
+    }
+    Ok(count)
+}
+
+fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &mut Words) -> Result<(), LineError> {
+    match key {
+        Key::Count => point.count = medium(words.take(), "values", 1..=1_968)?,
+        Key::As => point.value = words.take().keyword(TYPES, "u16, i16, u32, i32 or f32")?,
+        Key::Label => point.label = label(words)?,
+        Key::Write => {
+            let write = words.take().keyword(WRITINGS, "auto or manual")?;
+            set_write(point, write);
+        }
+        Key::Read => {
+            let reading = reading(words.take())?;
+            if let PointAt::Device { read, .. } = &mut point.at {
+                *read = reading;
+            }
+        }
+        Key::Multiple => {
+            if let PointAt::Device { multiple, .. } = &mut point.at {
+                *multiple = true;
+            }
+        }
+        Key::Of => {
+            let word = words.take();
+            let (place, target) = existing_point(settings, word)?;
+            if matches!(target.at, PointAt::Local { of: Some(_), .. }) || target.name == point.name {
+                return Err(word.error(Problem::ShowsAnother));
+            }
+            if target.kind.is_bits() != point.kind.is_bits() {
+                return Err(word.error(Problem::BitsAndRegisters));
+            }
+            (point.count, point.value) = (target.count, target.value);
+            if let PointAt::Local { of, .. } = &mut point.at {
+                *of = Some(place);
+            }
+        }
+        Key::Quality => {
+            let first = medium(words.take(), "an input register's address", 0..=u16::MAX - 1)?;
+            if let PointAt::Local { quality, .. } = &mut point.at {
+                *quality = Some(first);
+            }
+        }
+        Key::Unit | Key::Order | Key::Check => {}
+    }
+    Ok(())
+}
+
+fn set_write(point: &mut PointSettings, new: Writing) {
+    if let PointAt::Device { write, .. } = &mut point.at {
+        *write = new;
+    }
+}
+
+/// `low`, or a period such as `250ms`, in whole milliseconds.
+fn reading(word: Word) -> Result<Reading, LineError> {
+    if let Some(reading) = word.lookup(READINGS) {
+        return Ok(reading);
+    }
+    if !word.text.starts_with(|first: char| first.is_ascii_digit()) {
+        return Err(word.expected("low, normal, high, manual, or a period such as 250ms"));
+    }
+    let period = time(word, PERIOD)?;
+    let whole = u32::try_from(period.as_millis()).ok();
+    let whole = whole.filter(|ms| Duration::from_millis((*ms).into()) == period);
+    whole.map(Reading::Every).ok_or_else(|| word.expected("whole milliseconds"))
+}
+
+pub(super) fn existing_point<'s>(
+    settings: &'s Settings,
+    word: Word,
+) -> Result<(u8, &'s PointSettings), LineError> {
+    let place = settings.find_point(word.text);
+    let found = place.and_then(|place| Some((place, settings.points.get(usize::from(place))?)));
+    found.ok_or_else(|| word.error(Problem::NoSuchPoint))
+}
+
+fn name(word: Word, expected: &'static str) -> Result<PointName, LineError> {
+    let name = if is_name(word) { String::try_from(word.text).ok() } else { None };
+    name.ok_or_else(|| word.expected(expected))
+}
+
+/// `"Boiler 2"`, or a single word.
+fn label(words: &mut Words) -> Result<Label, LineError> {
+    let word = words.take_quoted();
+    let good = !word.text.contains(|character: char| character == '"' || character.is_control());
+    let label = if good { Label::try_from(word.text).ok() } else { None };
+    label.ok_or_else(|| word.expected("a label of at most 23 bytes, in quotes"))
+}
+
+const _: () = assert!(super::points::LABEL_BYTES_MAX == 23, "the error text of `label` names the number");

@@ -1,0 +1,334 @@
+//! Data points at the console: their values and how they are doing, and what is read and written at once.
+
+use core::fmt::Write as _;
+
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::{Read, Write};
+use heapless::{String, Vec};
+
+use super::command::Session;
+use super::rows::{age, text};
+use crate::config::{LineError, PointAt, PointSettings, Problem, Settings, Words, parse_number};
+use crate::hal::{Store, System};
+use crate::scanner::{DeviceId, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing};
+
+/// What is done with a point at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PointCommand {
+    Read,
+    Write,
+    Mark,
+    Begin,
+    Finish,
+}
+
+/// How long a command waits for a device.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// How often it looks.
+const LOOK: Duration = Duration::from_millis(10);
+/// Values in a line of output.
+const LINE_VALUES_MAX: usize = 8;
+/// Bytes of the values of one point: as many as a frame holds.
+const POINT_BYTES_MAX: usize = 250;
+
+/// Values of a point, as they are in its memory.
+type Cells = Vec<u8, POINT_BYTES_MAX>;
+
+/// What a line asks for.
+enum Ask {
+    Row(RowId),
+    /// The cells are apart: they are many.
+    Put {
+        row: RowId,
+        first: u16,
+        count: u16,
+    },
+    Range {
+        device: DeviceId,
+        function: u8,
+        first: u16,
+        last: u16,
+    },
+}
+
+impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
+    /// Does what `command` and the words behind it say, and shows what came of it.
+    pub(super) async fn point(
+        &mut self,
+        command: PointCommand,
+        words: &mut Words<'_>,
+    ) -> Result<(), IO::Error> {
+        let Some(place) = self.gateway.scanner() else {
+            return self.fail(format_args!("this board has no data points")).await;
+        };
+        let mut cells = Cells::new();
+        let ask = match self.gateway.settings(|settings| parse(settings, command, words, &mut cells)) {
+            Ok(ask) => ask,
+            Err(error) => return self.fail(format_args!("{error}")).await,
+        };
+        let now = Instant::now();
+        let done = place.change(|scanner| order(scanner, command, &ask, &cells, now));
+        if let Err(refused) = done {
+            return self.fail(format_args!("{refused}")).await;
+        }
+        match (&ask, command) {
+            (Ask::Range { .. }, _) | (_, PointCommand::Begin | PointCommand::Mark) => Ok(()),
+            (Ask::Row(row) | Ask::Put { row, .. }, _) => {
+                let row = *row;
+                if !settled(place, row).await {
+                    self.out.line(format_args!("it is not done yet: see show points")).await?;
+                }
+                self.gateway.settings(|settings| self.draft.clone_from(settings));
+                self.point_line(place, row, usize::MAX).await
+            }
+        }
+    }
+
+    /// `show points`
+    pub(super) async fn points(&mut self) -> Result<(), IO::Error> {
+        self.out
+            .line(format_args!(
+                "{:15} {:15} {:8} {:>6} {:>6} STATUS; VALUES",
+                "POINT", "WHERE", "TABLE", "WIRE", "MODICON"
+            ))
+            .await?;
+        let Some(place) = self.gateway.scanner() else { return Ok(()) };
+        for at in 0..self.draft.points.len() {
+            self.point_line(place, RowId(at as u8), LINE_VALUES_MAX).await?;
+        }
+        Ok(())
+    }
+
+    /// A point of the draft, with as many as `most` of its values.
+    async fn point_line(&mut self, place: &ScannerPlace, id: RowId, most: usize) -> Result<(), IO::Error> {
+        let Some(point) = self.draft.points.get(usize::from(id.0)) else { return Ok(()) };
+        let now = Instant::now();
+        let (status, fresh) = place.with(|scanner| (scanner.status(id, now), scanner.age(id, now)));
+        let whence = match point.at {
+            PointAt::Device { device, .. } => self.draft.device_name(device),
+            PointAt::Local { .. } => "local",
+        };
+        let modicon = text::<8>(format_args!("{}", Modicon(point.kind, point.first)));
+        let old = match fresh {
+            Some(fresh) => {
+                text::<16>(format_args!("{}.{}s old", fresh.as_secs(), fresh.as_millis() / 100 % 10))
+            }
+            None => text(format_args!("never read")),
+        };
+        let label = &point.label;
+        self.out
+            .line(format_args!(
+                "{:15} {whence:15} {:8} {:>6} {modicon:>7} {:04X}h {status}; {old}; {label}",
+                point.name,
+                point.kind,
+                point.first,
+                status.bits()
+            ))
+            .await?;
+        let count = usize::from(point.count).min(most);
+        let mut at = 0;
+        while at < count {
+            let shown = (count - at).min(LINE_VALUES_MAX);
+            let line = place.with(|scanner| values(point, scanner.input(id), at, shown));
+            let more = if at + shown < point.count.into() && at + shown == count { " ..." } else { "" };
+            self.out.line(format_args!("  [{at}]{line}{more}")).await?;
+            at += shown;
+        }
+        Ok(())
+    }
+
+    /// `show devices`
+    pub(super) async fn devices(&mut self) -> Result<(), IO::Error> {
+        self.out
+            .line(format_args!(
+                "{:15} {:>4} {:>10} {:>10} {:>10} {:>10} {:>9} STATE",
+                "DEVICE", "UNIT", "REQUESTS", "ANSWERS", "EXCEPTIONS", "FAILURES", "HEARD"
+            ))
+            .await?;
+        let Some(place) = self.gateway.scanner() else { return Ok(()) };
+        let now = Instant::now();
+        for (at, device) in self.draft.devices.iter().enumerate() {
+            let status = place.with(|scanner| scanner.device_status(DeviceId(at as u8), now));
+            let Some(status) = status else { continue };
+            let state = match status.alive {
+                None => "not asked yet",
+                Some(true) => "alive",
+                Some(false) => "silent",
+            };
+            let heard =
+                if status.answers == 0 { text(format_args!("never")) } else { age(status.heard, now) };
+            let mut more = String::<64>::new();
+            // What does not fit is missing at the end of the line.
+            if let Some(until) = status.backs_off_until {
+                let _ = write!(more, ", tried again in {}s", (until - now).as_secs() + 1);
+            }
+            if let Some(error) = status.error {
+                let _ = write!(more, ", last error: {}", error.name());
+            }
+            self.out
+                .line(format_args!(
+                    "{:15} {:>4} {:>10} {:>10} {:>10} {:>10} {heard:>9} {state}{more}",
+                    device.name,
+                    device.device.unit,
+                    status.requests,
+                    status.answers,
+                    status.exceptions,
+                    status.failures
+                ))
+                .await?;
+        }
+        Ok(())
+    }
+}
+
+/// Waits until nothing is on its way for the row, or nothing can be for some time; says whether.
+async fn settled(place: &ScannerPlace, row: RowId) -> bool {
+    let until = Instant::now() + PATIENCE;
+    let waits = Status::IN_PROGRESS.with(Status::READ_MARKED).with(Status::WRITE_MARKED);
+    loop {
+        let now = Instant::now();
+        let status = place.with(|scanner| scanner.status(row, now));
+        let idle = !status.any(waits) || status.any(Status::WRITE_BLOCKED);
+        if idle || status.any(Status::BACKING_OFF) || now >= until {
+            return idle;
+        }
+        Timer::after(LOOK).await;
+    }
+}
+
+/// Reads the words behind `command`.
+fn parse(
+    settings: &Settings,
+    command: PointCommand,
+    words: &mut Words,
+    cells: &mut Cells,
+) -> Result<Ask, LineError> {
+    if command == PointCommand::Mark {
+        return range(settings, words);
+    }
+    let word = words.take();
+    let row = settings.find_point(word.text).ok_or_else(|| word.error(Problem::NoSuchPoint))?;
+    let point = settings.points.get(usize::from(row)).ok_or_else(|| word.error(Problem::NoSuchPoint))?;
+    // What is done with a point that shows another one is done with that.
+    let row = RowId(match point.at {
+        PointAt::Local { of: Some(of), .. } => of,
+        _ => row,
+    });
+    if command == PointCommand::Write && !words.peek().is_end() {
+        return written(point, row, words, cells);
+    }
+    words.end()?;
+    Ok(Ask::Row(row))
+}
+
+/// `meter 3 0-99`
+fn range(settings: &Settings, words: &mut Words) -> Result<Ask, LineError> {
+    let word = words.take();
+    let device = settings.find_device(word.text).ok_or_else(|| word.error(Problem::NoSuchDevice))?;
+    let word = words.take();
+    let function = parse_number(word.text).and_then(|code| u8::try_from(code).ok());
+    let function = function
+        .filter(|code| Kind::of_function(*code).is_some())
+        .ok_or_else(|| word.expected("a function: 1 to 4 to read, 5, 6, 15 or 16 to write"))?;
+    let word = words.take();
+    let (first, last) = word.text.split_once('-').unwrap_or((word.text, word.text));
+    let address = |text| parse_number(text).and_then(|address| u16::try_from(address).ok());
+    let (Some(first), Some(last)) = (address(first), address(last)) else {
+        return Err(word.expected("addresses from 0 to 65535, such as 0-99"));
+    };
+    words.end()?;
+    Ok(Ask::Range { device: DeviceId(device), function, first, last })
+}
+
+/// `17 18`, or `at 3 17 18`: values from the first one on, or from another one.
+fn written(
+    point: &PointSettings,
+    row: RowId,
+    words: &mut Words,
+    cells: &mut Cells,
+) -> Result<Ask, LineError> {
+    let mut first = 0;
+    if words.peek().is("at") {
+        words.take();
+        let word = words.take();
+        let nth = parse_number(word.text).and_then(|nth| u16::try_from(nth).ok());
+        first = nth.ok_or_else(|| word.expected("the number of a value, from 0"))?;
+    }
+    let mut count = 0;
+    loop {
+        let word = words.take();
+        if word.is_end() && count > 0 {
+            break;
+        }
+        if first + count >= point.count {
+            return Err(word.expected("no more values than the point has"));
+        }
+        let kept = if point.kind.is_bits() {
+            let bits = [("0", 0), ("1", 1), ("off", 0), ("on", 1)];
+            let bit: u8 = word.keyword(&bits, "0 or 1")?;
+            if count % 8 == 0 { cells.push(bit).is_ok() } else { set_last(cells, bit << (count % 8)) }
+        } else {
+            let value =
+                point.value.parse(word.text).ok_or_else(|| word.expected("a value of the point's type"))?;
+            cells
+                .extend_from_slice(value.get(..2 * usize::from(point.value.registers())).unwrap_or(&[]))
+                .is_ok()
+        };
+        if !kept {
+            return Err(word.expected("no more values than the point has"));
+        }
+        count += 1;
+    }
+    let scale = if point.kind.is_bits() { 1 } else { point.value.registers() };
+    Ok(Ask::Put { row, first: first * scale, count: count * scale })
+}
+
+fn set_last(cells: &mut [u8], bits: u8) -> bool {
+    cells.last_mut().map(|last| *last |= bits).is_some()
+}
+
+/// Tells the scanner.
+fn order(
+    scanner: &mut Scanner,
+    command: PointCommand,
+    ask: &Ask,
+    cells: &[u8],
+    now: Instant,
+) -> Result<(), Refused> {
+    match ask {
+        Ask::Range { device, function, first, last } => {
+            scanner.mark_range(*device, *function, *first, *last, now).map(|_| ())
+        }
+        Ask::Put { row, first, count } => {
+            scanner.put(*row, *first, *count, cells, now)?;
+            let manual = scanner.row(*row).is_some_and(|row| row.write == Writing::Manual);
+            let blocked = scanner.status(*row, now).any(Status::WRITE_BLOCKED);
+            if manual && !blocked { scanner.write(*row) } else { Ok(()) }
+        }
+        Ask::Row(row) => match command {
+            PointCommand::Read | PointCommand::Mark => scanner.read(*row, now),
+            PointCommand::Write => scanner.write(*row),
+            PointCommand::Begin => scanner.begin(*row),
+            PointCommand::Finish => scanner.finish(*row),
+        },
+    }
+}
+
+/// `count` values of a point from the value `first` on, each with a blank before it.
+fn values(point: &PointSettings, cells: &[u8], first: usize, count: usize) -> String<256> {
+    let mut line = String::new();
+    for nth in first..first + count {
+        // A line has room for the longest values there are, but for fractions of many digits.
+        let _ = if point.kind.is_bits() {
+            let bit = cells.get(nth / 8).is_some_and(|byte| byte >> (nth % 8) & 1 == 1);
+            write!(line, " {}", u8::from(bit))
+        } else {
+            let at = 2 * usize::from(point.value.registers()) * nth;
+            match point.value.take(cells.get(at..).unwrap_or_default()) {
+                Some(value) => write!(line, " {value}"),
+                None => line.write_str(" ?"),
+            }
+        };
+    }
+    line
+}

@@ -1,0 +1,111 @@
+//! The scanner's port: sends what the data points ask for through the router, by the rules for its name, and gives the scanner
+//! what comes home.
+//!
+//! One request is open for each device at most, and its place among the devices is its transaction id. The scanner repeats
+//! and backs off by itself: no port repeats its requests, and its attempt at a unit that is down is the unit's probe.
+
+use embassy_futures::select::{Either3, select3};
+use embassy_time::{Duration, Instant, Timer};
+
+use crate::config::PortId;
+use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
+use crate::gateway::{Gateway, PortPlace, Status};
+use crate::modbus::Exception;
+use crate::modbus::pdu::EXCEPTION_BIT;
+use crate::scanner::{DeviceId, ErrorCode, ScannerPlace};
+use crate::stats::Event;
+
+/// A request that no port has sent by then is not sent any more: what it would write may be old.
+const LIFETIME: Duration = Duration::from_secs(10);
+/// When no frame is free, it is tried again after this pause.
+const STARVED: Duration = Duration::from_millis(10);
+
+/// A scanner's port.
+pub(crate) struct Port<'s, 'g> {
+    pub(crate) gateway: &'s Gateway<'g>,
+    pub(crate) place: &'s PortPlace,
+    pub(crate) id: PortId,
+    pub(crate) scanner: &'s ScannerPlace,
+}
+
+impl Port<'_, '_> {
+    /// Asks the devices, for ever.
+    pub(crate) async fn run(&self) {
+        self.place.set_status(Status::Open);
+        loop {
+            let due = if self.send() {
+                self.scanner.with(|scanner| scanner.due())
+            } else {
+                self.place.stats.count(Event::BackPressure);
+                Instant::now() + STARVED
+            };
+            let answers = self.place.queue.receive(self.gateway.pool());
+            match select3(answers, self.scanner.changed(), Timer::at(due)).await {
+                Either3::First(frame) => self.take(&frame),
+                Either3::Second(()) | Either3::Third(()) => {}
+            }
+        }
+    }
+
+    /// Answers that are there or still come are of no use: what was open is asked again.
+    pub(crate) fn close(&self) {
+        self.place.renew();
+        while self.place.queue.try_receive(self.gateway.pool()).is_some() {}
+        self.scanner.with(|scanner| scanner.forget_open());
+    }
+
+    /// Sends all that may be sent now; says whether there were frames enough.
+    fn send(&self) -> bool {
+        loop {
+            let now = Instant::now();
+            if !self.scanner.with(|scanner| scanner.is_due(now)) {
+                return true;
+            }
+            let Some((mut writer, frame)) = self.gateway.take_for_port(self.id) else { return false };
+            let Some(request) = self.scanner.with(|scanner| scanner.next(now)) else { return true };
+            // A PDU fits.
+            let _ = writer.push(&request.pdu);
+            writer.finish();
+            let origin = Origin { port: self.id, way: Way::Port, generation: self.place.generation() };
+            frame.address(Envelope {
+                transaction: request.device.0.into(),
+                paced: true,
+                ..Envelope::request(origin, request.unit, now, now + LIFETIME)
+            });
+            self.place.stats.count(Event::Request);
+            self.gateway.inbox.send(frame);
+        }
+    }
+
+    /// Gives the scanner what came of a request.
+    fn take(&self, frame: &Frame<'_>) {
+        let Envelope { transaction, stage, cause, .. } = frame.envelope();
+        let device = DeviceId(transaction as u8);
+        let now = Instant::now();
+        let silent = match cause {
+            Cause::Damage => ErrorCode::Transmission,
+            Cause::Connection => ErrorCode::Connection,
+            Cause::Silence | Cause::Length => ErrorCode::Timeout,
+        };
+        let answer = |pdu: &[u8]| {
+            let outcome = match *pdu {
+                _ if stage == Stage::Silence => Err(ErrorCode::Unknown),
+                [function, code] if function & EXCEPTION_BIT != 0 => match Exception(code) {
+                    Exception::GATEWAY_NO_PATH => Err(ErrorCode::Connection),
+                    Exception::GATEWAY_NO_RESPONSE => Err(silent),
+                    _ => Ok(pdu),
+                },
+                _ => Ok(pdu),
+            };
+            match outcome {
+                Ok(_) => self.place.stats.count(Event::Answer),
+                Err(ErrorCode::Timeout) => self.place.stats.count(Event::Timeout),
+                Err(ErrorCode::Transmission) => self.place.stats.count(Event::Damaged),
+                // Whoever had no way has counted that.
+                Err(_) => {}
+            }
+            self.scanner.with(|scanner| scanner.answered(device, now, outcome));
+        };
+        frame.pdu(answer);
+    }
+}

@@ -1,0 +1,255 @@
+//! Data points: what the gateway reads from devices by itself, again and again, and writes to them; pure, with time as a value.
+//!
+//! A [`Row`] ties cells of a device to values in a bounded memory. Every 200 ms, or with a period of its own, a row that is
+//! due is *marked for reading*; whoever writes its variable marks it for writing. [`Scanner::next`] makes a request of the
+//! marked rows: writes first, then reads in the order in which they were marked, neighbours gathered into one frame; one
+//! request is open for each device at a time. [`Scanner::answered`] stores what came of it. A device that gives no answer is
+//! asked twice more, then left alone for 15 s, and tried again by one attempt after 15, 17, ... 29, 30 s.
+//!
+//! The same scanner serves tables of data points, whose variables are read and written in one place, and process images,
+//! whose inputs and outputs are places apart: there outputs are written when they differ from what was read back
+//! ([`Writing::OnChange`]). A row without a device is what outside clients see ([`Scanner::serve`]).
+
+mod commands;
+mod exchange;
+mod gather;
+mod kind;
+mod place;
+mod row;
+mod serve;
+mod station;
+mod status;
+mod typed;
+mod values;
+
+use embassy_time::{Duration, Instant};
+use heapless::Vec;
+
+use self::row::Entry;
+use self::station::{Open, Station};
+use self::values::Values;
+use crate::modbus::pdu::EXCEPTION_BIT;
+
+pub use self::commands::Refused;
+pub use self::gather::Pdu;
+pub use self::kind::{Kind, Modicon};
+pub use self::place::ScannerPlace;
+pub use self::row::{DeviceId, Reading, Row, RowId, SCAN, Writing};
+pub use self::station::{BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, REPEATS};
+pub use self::status::{ErrorCode, Status};
+pub use self::typed::{TypedValue, ValueType};
+pub use self::values::{ByteOrder, VALUE_BYTES_MAX};
+
+/// Devices that a scanner asks.
+pub const DEVICES_MAX: usize = 32;
+/// Rows of a scanner: the four tables of every device, and some that take two frames.
+pub const ROWS_MAX: usize = 136;
+
+/// A scanner has no room for more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Full {
+    /// [`DEVICES_MAX`] devices are there.
+    #[error("there are {DEVICES_MAX} devices, the most there can be")]
+    Devices,
+    /// [`ROWS_MAX`] rows are there.
+    #[error("there are {ROWS_MAX} rows, the most there can be")]
+    Rows,
+    /// The values take [`VALUE_BYTES_MAX`] bytes.
+    #[error("the values take more than {VALUE_BYTES_MAX} bytes")]
+    Values,
+}
+
+/// A request that is to be sent.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Request {
+    /// The device, for [`Scanner::answered`].
+    pub device: DeviceId,
+    /// Its unit id.
+    pub unit: u8,
+    /// What is asked.
+    pub pdu: Pdu,
+}
+
+/// The devices, their rows and values.
+pub struct Scanner {
+    stations: Vec<Station, DEVICES_MAX>,
+    entries: Vec<Entry, ROWS_MAX>,
+    values: Values,
+    /// When it was started: the raster of the scans begins there.
+    started: Instant,
+    /// Counts what is marked.
+    turn: u32,
+    /// The device that is looked at first.
+    first: usize,
+    /// Whether outputs are written that differ from what was read back.
+    outputs: bool,
+}
+
+impl Scanner {
+    /// Without devices and rows.
+    pub const fn new() -> Self {
+        Self {
+            stations: Vec::new(),
+            entries: Vec::new(),
+            values: Values::new(),
+            started: Instant::MIN,
+            turn: 0,
+            first: 0,
+            outputs: false,
+        }
+    }
+
+    /// Forgets everything; the raster of the scans begins at `now`.
+    pub fn restart(&mut self, now: Instant) {
+        self.stations.clear();
+        self.entries.clear();
+        self.values.clear();
+        self.started = now;
+        self.turn = 0;
+        self.first = 0;
+        self.outputs = false;
+    }
+
+    /// Room for `bytes` of values, as the first one's place; all of them are 0.
+    pub fn allocate(&mut self, bytes: u16) -> Result<u16, Full> {
+        self.values.allocate(bytes).ok_or(Full::Values)
+    }
+
+    /// Adds a device.
+    pub fn add_device(&mut self, device: Device) -> Result<DeviceId, Full> {
+        let id = DeviceId(self.stations.len() as u8);
+        self.stations.push(Station::new(device)).map_err(|_| Full::Devices)?;
+        Ok(id)
+    }
+
+    /// Adds a row, whose places in the memory have been allocated. It is due at once.
+    pub fn add_row(&mut self, row: Row, now: Instant) -> Result<RowId, Full> {
+        let id = RowId(self.entries.len() as u8);
+        let since = now.saturating_duration_since(self.started);
+        self.entries.push(Entry::new(row, since)).map_err(|_| Full::Rows)?;
+        Ok(id)
+    }
+
+    /// Adds rows for the cells of `range`, which may be more than one frame holds: as many rows as it takes frames, one behind
+    /// the other in the memory. Nothing is added when there is no room for all.
+    pub fn add_range(&mut self, range: Row, now: Instant) -> Result<(), Full> {
+        let most = range.kind.cells_max(range.write != Writing::Never);
+        if self.entries.capacity() - self.entries.len() < usize::from(range.count.div_ceil(most)) {
+            return Err(Full::Rows);
+        }
+        let mut done = 0;
+        while done < range.count {
+            let count = most.min(range.count - done);
+            // Whole bytes of bits: the limits are multiples of 8.
+            let bytes = range.kind.bytes(done);
+            let first = range.first.saturating_add(done);
+            let (input, output) = (range.input.saturating_add(bytes), range.output.saturating_add(bytes));
+            self.add_row(Row { first, count, input, output, ..range }, now)?;
+            done += count;
+        }
+        Ok(())
+    }
+
+    /// How many devices there are.
+    pub fn devices(&self) -> usize {
+        self.stations.len()
+    }
+
+    /// How many rows there are.
+    pub fn rows(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// The next request that is to be sent at `now`; none while there is nothing to do.
+    pub fn next(&mut self, now: Instant) -> Option<Request> {
+        self.mark_due(now);
+        let count = self.stations.len();
+        for nth in 0..count {
+            let at = (self.first + nth) % count;
+            if let Some(request) = self.ask(DeviceId(at as u8), now) {
+                self.first = at + 1;
+                return Some(request);
+            }
+        }
+        None
+    }
+
+    /// Whether [`Scanner::next`] may have a request at `now`.
+    pub fn is_due(&self, now: Instant) -> bool {
+        let may = |station: &Station| station.pending && station.open.is_none() && !station.is_held(now);
+        self.stations.iter().any(may) || self.due() <= now
+    }
+
+    /// When [`Scanner::next`] has something new, if nothing happens until then.
+    pub fn due(&self) -> Instant {
+        let rows =
+            self.entries.iter().filter_map(|entry| entry.due(self.held(entry)).map(|due| self.started + due));
+        let held = self.entries.iter().filter_map(|entry| {
+            let waits = entry.status.any(Status::WRITE_MARKED) && !entry.status.any(Status::WRITE_BLOCKED);
+            let station = self.station(entry.row.device.filter(|_| waits)?)?;
+            (station.open.is_none() && station.pending).then_some(station.held)
+        });
+        rows.chain(held).min().unwrap_or(Instant::MAX)
+    }
+
+    /// What came of the open request to `device`: the answer's PDU, or why there is none.
+    pub fn answered(&mut self, device: DeviceId, now: Instant, answer: Result<&[u8], ErrorCode>) {
+        let Some(station) = self.stations.get_mut(usize::from(device.0)) else { return };
+        let Some(open) = station.open.take() else { return };
+        station.pending = true;
+        match answer {
+            Err(error) => {
+                let again = station.failed(now, error);
+                self.unanswered(device, open, error, again);
+            }
+            Ok([function, exception, ..]) if function & EXCEPTION_BIT != 0 => {
+                station.answered(now, *exception);
+                match open {
+                    Open::Check => self.skip_poll(device),
+                    Open::Read { .. } | Open::Write => {
+                        self.end(device, now, Err(ErrorCode::of_exception(*exception)), &[]);
+                    }
+                }
+            }
+            Ok(answer) => {
+                station.answered(now, 0);
+                match open {
+                    Open::Check => station.check_due = false,
+                    Open::Read { .. } | Open::Write => self.end(device, now, Ok(open), answer),
+                }
+            }
+        }
+    }
+
+    /// What has been asked and not answered is asked again: the answers will not come.
+    pub fn forget_open(&mut self) {
+        for at in 0..self.stations.len() {
+            let device = DeviceId(at as u8);
+            let Some(station) = self.stations.get_mut(at) else { break };
+            station.pending = true;
+            if let Some(open) = station.open.take() {
+                self.unanswered(device, open, ErrorCode::Unknown, true);
+            }
+        }
+    }
+
+    fn station(&self, device: DeviceId) -> Option<&Station> {
+        self.stations.get(usize::from(device.0))
+    }
+
+    /// Until when the row's device is left alone, counted from the start.
+    fn held(&self, entry: &Entry) -> Duration {
+        let station = entry.row.device.and_then(|device| self.station(device));
+        station
+            .map_or(Duration::from_ticks(0), |station| station.held.saturating_duration_since(self.started))
+    }
+}
+
+impl Default for Scanner {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+const _: () = assert!(ROWS_MAX <= u8::MAX as usize, "a row's id is a byte");
+const _: () = assert!(DEVICES_MAX <= u8::MAX as usize, "a device's id is a byte");

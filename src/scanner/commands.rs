@@ -1,0 +1,246 @@
+//! What a program may ask of rows: their values and status, reading and writing at once, and safe writes.
+
+use embassy_time::{Duration, Instant};
+
+use super::Scanner;
+use super::kind::Kind;
+use super::row::{DeviceId, Entry, Row, RowId, Writing};
+use super::station::{Device, DeviceStatus};
+use super::status::Status;
+use super::values::copy_bits;
+
+/// Why something cannot be done with a row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Refused {
+    /// There is no such row, or not so many cells.
+    #[error("there are no such cells")]
+    NotThere,
+    /// The row cannot be written.
+    #[error("it cannot be written")]
+    ReadOnly,
+    /// The row has no device.
+    #[error("no device is read for it")]
+    NoDevice,
+    /// The device does not answer, and is left alone for a time: what is read would be asked for too early.
+    #[error("its device does not answer, and is tried again in {}s", .0.as_secs() + 1)]
+    BackingOff(Duration),
+    /// A safe write has begun, and not ended.
+    #[error("a safe write has begun")]
+    Blocked,
+    /// No safe write has begun.
+    #[error("no safe write has begun")]
+    NotBlocked,
+}
+
+impl Scanner {
+    /// What the row is.
+    pub fn row(&self, id: RowId) -> Option<&Row> {
+        self.entry(id).map(|entry| &entry.row)
+    }
+
+    /// What the device is.
+    pub fn device(&self, id: DeviceId) -> Option<&Device> {
+        self.station(id).map(|station| &station.device)
+    }
+
+    /// The row's status word at `now`; that of a row that shows another's variable is the other's.
+    pub fn status(&self, id: RowId, now: Instant) -> Status {
+        let Some(entry) = self.variable(id) else { return Status::NEW };
+        let station = entry.row.device.and_then(|device| self.station(device));
+        let held = station.is_some_and(|station| station.is_held(now));
+        if held { entry.status.with(Status::BACKING_OFF) } else { entry.status }
+    }
+
+    /// How old the row's values are; none: they never were read.
+    pub fn age(&self, id: RowId, now: Instant) -> Option<Duration> {
+        let fresh = self.variable(id)?.fresh;
+        (fresh != Instant::MIN).then(|| now.saturating_duration_since(fresh))
+    }
+
+    /// How the device is doing at `now`.
+    pub fn device_status(&self, id: DeviceId, now: Instant) -> Option<DeviceStatus> {
+        let station = self.station(id)?;
+        let backs_off_until = station.is_held(now).then_some(station.held);
+        Some(DeviceStatus { backs_off_until, ..station.status })
+    }
+
+    /// The values that were read last: bits packed from the lowest on, or registers with the high byte first.
+    pub fn input(&self, id: RowId) -> &[u8] {
+        let row = self.variable(id).map(|entry| &entry.row);
+        row.map_or(&[], |row| self.values.span(row.input, row.kind.bytes(row.count)))
+    }
+
+    /// Any bytes of the memory, for whoever lays out an image there.
+    pub fn image(&self, first: u16, bytes: u16) -> &[u8] {
+        self.values.span(first, bytes)
+    }
+
+    /// The same, to be changed. Rows that are written on change notice when they are read next.
+    pub fn image_mut(&mut self, first: u16, bytes: u16) -> &mut [u8] {
+        self.values.span_mut(first, bytes)
+    }
+
+    /// Whether outputs that differ from what was read back are written; off after a restart. What waits is dropped with it.
+    pub fn set_outputs(&mut self, on: bool) {
+        self.outputs = on;
+        let images = self.entries.iter_mut().filter(|entry| entry.row.write == Writing::OnChange);
+        if !on {
+            images.for_each(|entry| entry.status.clear(Status::WRITE_MARKED));
+        }
+    }
+
+    /// Writes `count` cells from the cell `from` of the row on into its variable; where that is written automatically, it
+    /// is marked for that, though the values stay the same.
+    pub fn put(
+        &mut self,
+        id: RowId,
+        from: u16,
+        count: u16,
+        cells: &[u8],
+        now: Instant,
+    ) -> Result<(), Refused> {
+        let id = self.entry(id).and_then(|entry| entry.row.of).unwrap_or(id);
+        let entry = self.entries.get_mut(usize::from(id.0)).ok_or(Refused::NotThere)?;
+        let row = entry.row;
+        let fits = from.checked_add(count).is_some_and(|end| end <= row.count);
+        if !fits || cells.len() < usize::from(row.kind.bytes(count)) {
+            return Err(Refused::NotThere);
+        }
+        if row.device.is_some() && row.write == Writing::Never {
+            return Err(Refused::ReadOnly);
+        }
+        let own = self.values.span_mut(row.output, row.kind.bytes(row.count));
+        if row.kind.is_bits() {
+            copy_bits(cells, 0, own, from.into(), count.into());
+        } else if let (Some(own), Some(cells)) = (
+            own.get_mut(2 * usize::from(from)..2 * usize::from(from + count)),
+            cells.get(..2 * usize::from(count)),
+        ) {
+            own.copy_from_slice(cells);
+        }
+        if row.device.is_none() {
+            entry.fresh = now;
+        }
+        if row.write == Writing::Auto {
+            self.mark(id, true);
+        }
+        Ok(())
+    }
+
+    /// Reads the row at once.
+    pub fn read(&mut self, id: RowId, now: Instant) -> Result<(), Refused> {
+        let entry = self.entry(id).ok_or(Refused::NotThere)?;
+        let station = entry.row.device.and_then(|device| self.station(device)).ok_or(Refused::NoDevice)?;
+        if station.is_held(now) {
+            return Err(Refused::BackingOff(station.held - now));
+        }
+        if entry.status.any(Status::WRITE_BLOCKED) {
+            return Err(Refused::Blocked);
+        }
+        self.mark(id, false);
+        Ok(())
+    }
+
+    /// Writes the row at once, as its variable is; a device that does not answer gets it as soon as it is tried again.
+    pub fn write(&mut self, id: RowId) -> Result<(), Refused> {
+        let entry = self.entry(id).ok_or(Refused::NotThere)?;
+        entry.row.device.ok_or(Refused::NoDevice)?;
+        if entry.row.write == Writing::Never {
+            return Err(Refused::ReadOnly);
+        }
+        if entry.status.any(Status::WRITE_BLOCKED) {
+            return Err(Refused::Blocked);
+        }
+        self.mark(id, true);
+        Ok(())
+    }
+
+    /// Reads or writes at once, as `function` does, all rows of `device` that have cells from `first` to `last`; gives
+    /// the number of rows, and why there is none.
+    pub fn mark_range(
+        &mut self,
+        device: DeviceId,
+        function: u8,
+        first: u16,
+        last: u16,
+        now: Instant,
+    ) -> Result<usize, Refused> {
+        let (kind, write) = Kind::of_function(function).ok_or(Refused::NotThere)?;
+        let mut marked = 0;
+        let mut refused = Refused::NotThere;
+        for at in 0..self.entries.len() {
+            let id = RowId(at as u8);
+            let Some(row) = self.row(id) else { break };
+            let touched = u32::from(first) < row.end() && row.first <= last;
+            if row.device != Some(device) || row.kind != kind || !touched {
+                continue;
+            }
+            match if write { self.write(id) } else { self.read(id, now) } {
+                Ok(()) => marked += 1,
+                Err(why) => refused = why,
+            }
+        }
+        if marked == 0 { Err(refused) } else { Ok(marked) }
+    }
+
+    /// Begins a safe write: until it is finished the row is neither read nor written, so that several of its cells can be
+    /// changed, and the device gets all of them in one frame.
+    pub fn begin(&mut self, id: RowId) -> Result<(), Refused> {
+        let entry = self.entries.get_mut(usize::from(id.0)).ok_or(Refused::NotThere)?;
+        entry.row.device.ok_or(Refused::NoDevice)?;
+        if entry.row.write == Writing::Never {
+            return Err(Refused::ReadOnly);
+        }
+        if entry.status.any(Status::WRITE_BLOCKED) {
+            return Err(Refused::Blocked);
+        }
+        entry.status.set(Status::WRITE_BLOCKED);
+        Ok(())
+    }
+
+    /// Finishes a safe write: the row is written.
+    pub fn finish(&mut self, id: RowId) -> Result<(), Refused> {
+        let entry = self.entries.get_mut(usize::from(id.0)).ok_or(Refused::NotThere)?;
+        if !entry.status.any(Status::WRITE_BLOCKED) {
+            return Err(Refused::NotBlocked);
+        }
+        entry.status.clear(Status::WRITE_BLOCKED);
+        self.mark(id, true);
+        Ok(())
+    }
+
+    fn mark(&mut self, id: RowId, write: bool) {
+        let Some(entry) = self.entries.get_mut(usize::from(id.0)) else { return };
+        let Some(device) = entry.row.device else { return };
+        let turn = self.turn.wrapping_add(1);
+        let Entry { status, .. } = entry;
+        match write {
+            true if status.any(Status::CURRENT_IS_WRITE) => status.set(Status::WRITE_REMARKED),
+            // It keeps its place among the others.
+            true if status.any(Status::WRITE_MARKED) => {}
+            true => {
+                status.set(Status::WRITE_MARKED);
+                entry.write_turn = turn;
+            }
+            false if status.any(Status::READ_MARKED) => {}
+            false => {
+                status.set(Status::READ_MARKED);
+                entry.read_turn = turn;
+            }
+        }
+        self.turn = turn;
+        if let Some(station) = self.stations.get_mut(usize::from(device.0)) {
+            station.pending = true;
+        }
+    }
+
+    pub(super) fn entry(&self, id: RowId) -> Option<&Entry> {
+        self.entries.get(usize::from(id.0))
+    }
+
+    /// The row whose variable the row `id` shows: itself, or another one.
+    fn variable(&self, id: RowId) -> Option<&Entry> {
+        let entry = self.entry(id)?;
+        entry.row.of.map_or(Some(entry), |of| self.entry(of))
+    }
+}

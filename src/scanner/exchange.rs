@@ -1,0 +1,148 @@
+//! One exchange with a device: the request that is next, and what becomes of its rows.
+
+use embassy_time::Instant;
+
+use super::gather::{Pdu, gather, read_request, take_cells, write_request};
+use super::row::{DeviceId, Entry, Writing};
+use super::station::Open;
+use super::status::{ErrorCode, Status};
+use super::{Request, Scanner};
+use crate::modbus::pdu::function::DIAGNOSTICS;
+
+/// The data of the sign of life that is asked for before a poll (Application Protocol 6.8.1: any).
+const CHECK: [u8; 5] = [DIAGNOSTICS, 0, 0, 0xa5, 0x5a];
+
+impl Scanner {
+    /// Marks the rows that are due.
+    pub(super) fn mark_due(&mut self, now: Instant) {
+        let since = now.saturating_duration_since(self.started);
+        let turn = self.turn.wrapping_add(1);
+        let started = self.started;
+        for entry in &mut self.entries {
+            let Some(device) = entry.row.device else { continue };
+            let Some(station) = self.stations.get_mut(usize::from(device.0)) else { continue };
+            let held = station.held.saturating_duration_since(started);
+            let Some(due) = entry.due(held).filter(|due| *due <= since) else { continue };
+            entry.mark_due(due, since, turn);
+            station.pending = true;
+            station.check_due |= station.device.check;
+            self.turn = turn;
+        }
+    }
+
+    /// The next request to a device that may be asked.
+    pub(super) fn ask(&mut self, device: DeviceId, now: Instant) -> Option<Request> {
+        let station = self.stations.get_mut(usize::from(device.0))?;
+        if station.open.is_some() || !station.pending || station.is_held(now) {
+            return None;
+        }
+        let unit = station.device.unit;
+        if let Some(leader) = leader(&self.entries, device, true) {
+            let lead = self.entries.get(leader)?.row;
+            let extent = gather(&mut self.entries, leader, true)?;
+            station.asked(Open::Write);
+            let pdu = write_request(&self.entries, &lead, extent, &self.values, &station.device);
+            return Some(Request { device, unit, pdu });
+        }
+        let Some(leader) = leader(&self.entries, device, false) else {
+            station.pending = false;
+            return None;
+        };
+        if station.check_due {
+            station.asked(Open::Check);
+            let pdu = Pdu::from_slice(&CHECK).unwrap_or_default();
+            return Some(Request { device, unit, pdu });
+        }
+        let extent = gather(&mut self.entries, leader, false)?;
+        station.asked(Open::Read { first: extent.first });
+        Some(Request { device, unit, pdu: read_request(extent) })
+    }
+
+    /// The open request got no answer: its rows wait again, to be sent `again`; else reads are given up, and writes wait
+    /// until the device is tried again.
+    pub(super) fn unanswered(&mut self, device: DeviceId, open: Open, error: ErrorCode, again: bool) {
+        let entries = self.entries.iter_mut().filter(|entry| entry.row.device == Some(device));
+        for entry in entries {
+            let status = &mut entry.status;
+            if status.any(Status::IN_PROGRESS) {
+                let write = status.leave();
+                if !again {
+                    status.end(write, Err(error));
+                }
+                status.set(if write { Status::WRITE_MARKED } else { Status::READ_MARKED });
+                status.clear(Status::WRITE_REMARKED);
+            }
+            if !again {
+                status.clear(Status::READ_MARKED);
+            }
+        }
+        if open == Open::Check && !again {
+            self.skip_poll(device);
+        }
+    }
+
+    /// The device is not well enough for this poll.
+    pub(super) fn skip_poll(&mut self, device: DeviceId) {
+        for entry in self.entries.iter_mut().filter(|entry| entry.row.device == Some(device)) {
+            entry.status.clear(Status::READ_MARKED);
+        }
+        if let Some(station) = self.stations.get_mut(usize::from(device.0)) {
+            station.check_due = false;
+            station.status.alive = Some(false);
+        }
+    }
+
+    /// The rows of the open request have come to their end.
+    pub(super) fn end(
+        &mut self,
+        device: DeviceId,
+        now: Instant,
+        outcome: Result<Open, ErrorCode>,
+        answer: &[u8],
+    ) {
+        let Some(station) = self.stations.get(usize::from(device.0)) else { return };
+        let turn = self.turn.wrapping_add(1);
+        let in_progress =
+            |entry: &&mut Entry| entry.row.device == Some(device) && entry.status.any(Status::IN_PROGRESS);
+        for entry in self.entries.iter_mut().filter(in_progress) {
+            let write = entry.status.leave();
+            entry.status.end(write, outcome.map(|_| ()));
+            if entry.status.any(Status::WRITE_REMARKED) {
+                entry.status.clear(Status::WRITE_REMARKED);
+                entry.status.set(Status::WRITE_MARKED);
+                entry.write_turn = turn;
+                self.turn = turn;
+            }
+            let Ok(Open::Read { first }) = outcome else { continue };
+            let row = entry.row;
+            let mine = Status::WRITE_MARKED.with(Status::WRITE_BLOCKED);
+            // What the program has written there is newer.
+            if row.is_one_variable() && entry.status.any(mine) {
+                continue;
+            }
+            let bytes = row.kind.bytes(row.count);
+            take_cells(&row, first, answer, &station.device, self.values.span_mut(row.input, bytes));
+            entry.fresh = now;
+            let differs = self.values.differ(&row);
+            if row.write == Writing::OnChange && self.outputs && differs {
+                entry.status.set(Status::WRITE_MARKED);
+                entry.write_turn = turn;
+                self.turn = turn;
+            }
+        }
+    }
+}
+
+/// The row of `device` whose turn it is to be written, or to be read.
+fn leader(entries: &[Entry], device: DeviceId, write: bool) -> Option<usize> {
+    let marked = if write { Status::WRITE_MARKED } else { Status::READ_MARKED };
+    let waiting = entries.iter().enumerate().filter(|(_, entry)| {
+        let Entry { row, status, .. } = entry;
+        row.device == Some(device) && status.any(marked) && !status.any(Status::WRITE_BLOCKED)
+    });
+    let rank = |(_, entry): &(usize, &Entry)| {
+        let turn = if write { entry.write_turn } else { entry.read_turn };
+        (turn, entry.row.kind, entry.row.first)
+    };
+    waiting.min_by_key(rank).map(|(at, _)| at)
+}

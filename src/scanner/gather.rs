@@ -1,0 +1,156 @@
+//! Which rows go into one frame, and the frame.
+//!
+//! The row whose turn it is takes along the marked rows of its device and table whose addresses follow its own, first
+//! upwards, then downwards, as long as the protocol's limit allows. Rows that are read may overlap; rows that are written
+//! may not, since their order matters. A single cell that is written by function 5 or 6 goes alone.
+
+use heapless::Vec;
+
+use super::kind::Kind;
+use super::row::{Entry, Row};
+use super::station::Device;
+use super::status::Status;
+use super::values::{Values, bit, copy_bits};
+use crate::modbus::PDU_BYTES_MAX;
+use crate::modbus::pdu::function::{
+    WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER,
+};
+
+/// A request or an answer, from the function code on.
+pub type Pdu = Vec<u8, PDU_BYTES_MAX>;
+
+/// Neighbouring cells of a table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Extent {
+    pub(super) kind: Kind,
+    pub(super) first: u16,
+    pub(super) count: u16,
+}
+
+impl Extent {
+    fn of(row: &Row) -> Self {
+        Self { kind: row.kind, first: row.first, count: row.count }
+    }
+
+    fn end(&self) -> u32 {
+        u32::from(self.first) + u32::from(self.count)
+    }
+
+    /// What a frame asks for that has the cells of `row` besides these, if they are neighbours and it may be so long.
+    fn joined(&self, row: &Row, write: bool, upwards: bool) -> Option<Self> {
+        let other = Self::of(row);
+        let touches = match (write, upwards) {
+            (true, true) => self.end() == u32::from(other.first),
+            (true, false) => other.end() == u32::from(self.first),
+            (false, true) => other.first >= self.first && u32::from(other.first) <= self.end(),
+            (false, false) => other.first < self.first && other.end() >= u32::from(self.first),
+        };
+        let first = self.first.min(other.first);
+        let count = u16::try_from(self.end().max(other.end()) - u32::from(first)).ok()?;
+        let fits = touches && count <= self.kind.cells_max(write);
+        fits.then_some(Self { first, count, ..*self })
+    }
+}
+
+/// Whether the row is written by function 5 or 6.
+fn is_single(row: &Row) -> bool {
+    row.count == 1 && !row.multiple
+}
+
+/// Takes the rows that go with the one at place `leader` into progress, and gives the cells of their frame.
+pub(super) fn gather(entries: &mut [Entry], leader: usize, write: bool) -> Option<Extent> {
+    let entry = entries.get_mut(leader)?;
+    entry.status.begin(write);
+    let lead = entry.row;
+    let mut extent = Extent::of(&lead);
+    if write && is_single(&lead) {
+        return Some(extent);
+    }
+    let marked = if write { Status::WRITE_MARKED } else { Status::READ_MARKED };
+    for upwards in [true, false] {
+        // Every round takes a row, so there are not more rounds than rows.
+        while let Some((entry, joined)) = entries.iter_mut().find_map(|entry| {
+            let Entry { row, status, .. } = &entry;
+            let eligible = row.device == lead.device
+                && row.kind == lead.kind
+                && status.any(marked)
+                && !status.any(Status::WRITE_BLOCKED)
+                && !(write && is_single(row));
+            let joined = extent.joined(row, write, upwards).filter(|_| eligible)?;
+            Some((entry, joined))
+        }) {
+            entry.status.begin(write);
+            extent = joined;
+        }
+    }
+    Some(extent)
+}
+
+/// The request that reads `extent`.
+pub(super) fn read_request(extent: Extent) -> Pdu {
+    let mut pdu = Pdu::new();
+    // Five bytes.
+    let _ = pdu.push(extent.kind.read_function());
+    let _ = pdu.extend_from_slice(&extent.first.to_be_bytes());
+    let _ = pdu.extend_from_slice(&extent.count.to_be_bytes());
+    pdu
+}
+
+/// The request that writes `extent`, whose cells are those of the rows of `entries` that are in progress for `row`'s device.
+pub(super) fn write_request(
+    entries: &[Entry],
+    lead: &Row,
+    extent: Extent,
+    values: &Values,
+    device: &Device,
+) -> Pdu {
+    let mut pdu = Pdu::new();
+    let bits = extent.kind.is_bits();
+    let bytes = extent.kind.bytes(extent.count);
+    // What is pushed here and below fits: the extent is within the protocol's limits.
+    if is_single(lead) {
+        let value = values.span(lead.output, bytes);
+        let _ = pdu.push(if bits { WRITE_SINGLE_COIL } else { WRITE_SINGLE_REGISTER });
+        let _ = pdu.extend_from_slice(&extent.first.to_be_bytes());
+        let coil = [if bit(value, 0) { 0xff } else { 0 }, 0];
+        let _ = pdu.extend_from_slice(if bits { &coil } else { value });
+        return pdu;
+    }
+    let _ = pdu.push(if bits { WRITE_MULTIPLE_COILS } else { WRITE_MULTIPLE_REGISTERS });
+    let _ = pdu.extend_from_slice(&extent.first.to_be_bytes());
+    let _ = pdu.extend_from_slice(&extent.count.to_be_bytes());
+    let _ = pdu.push(bytes as u8);
+    let data = pdu.len();
+    let _ = pdu.resize(data + usize::from(bytes), 0);
+    let data = pdu.get_mut(data..).unwrap_or_default();
+    let in_progress =
+        |entry: &&Entry| entry.row.device == lead.device && entry.status.any(Status::IN_PROGRESS);
+    for Entry { row, .. } in entries.iter().filter(in_progress) {
+        let at = usize::from(row.first - extent.first);
+        let own = values.span(row.output, row.kind.bytes(row.count));
+        if bits {
+            copy_bits(own, 0, data, at, usize::from(row.count));
+        } else if let Some(place) = data.get_mut(2 * at..2 * at + own.len()) {
+            place.copy_from_slice(own);
+            if row.wide {
+                device.order.turn(place);
+            }
+        }
+    }
+    pdu
+}
+
+/// Takes the cells of `row` out of the answer to a read from `first` on, into `into`.
+pub(super) fn take_cells(row: &Row, first: u16, answer: &[u8], device: &Device, into: &mut [u8]) {
+    let data = answer.get(2..).unwrap_or_default();
+    let at = usize::from(row.first.saturating_sub(first));
+    if row.kind.is_bits() {
+        // What is behind the last bit stays 0.
+        copy_bits(data, at, into, 0, usize::from(row.count));
+    } else if let Some(own) = data.get(2 * at..2 * at + into.len()) {
+        into.copy_from_slice(own);
+        if row.wide {
+            device.order.turn(into);
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! A scanner that several tasks share: the port that sends its requests, and whoever reads and writes its values.
+
+use core::cell::RefCell;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+
+use super::Scanner;
+
+/// A shared scanner. Boards keep it in a static; it is all zeros at start.
+pub struct ScannerPlace {
+    scanner: Mutex<CriticalSectionRawMutex, RefCell<Scanner>>,
+    /// Something may have been marked.
+    changed: Signal<CriticalSectionRawMutex, ()>,
+}
+
+impl ScannerPlace {
+    /// A scanner without rows.
+    pub const fn new() -> Self {
+        Self { scanner: Mutex::new(RefCell::new(Scanner::new())), changed: Signal::new() }
+    }
+
+    /// Calls `f` with the scanner.
+    pub fn with<R>(&self, f: impl FnOnce(&mut Scanner) -> R) -> R {
+        self.scanner.lock(|scanner| f(&mut scanner.borrow_mut()))
+    }
+
+    /// Calls `f` with the scanner, of which it marks rows, and lets the port look after them.
+    pub fn change<R>(&self, f: impl FnOnce(&mut Scanner) -> R) -> R {
+        let result = self.with(f);
+        self.changed.signal(());
+        result
+    }
+
+    /// Waits until something may have been marked.
+    pub(crate) async fn changed(&self) {
+        self.changed.wait().await;
+    }
+}
+
+impl Default for ScannerPlace {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,156 @@
+//! A row of the table: cells of a device, the variable that they are tied to, and when they are read and written.
+
+use embassy_time::{Duration, Instant};
+
+use super::kind::Kind;
+use super::status::Status;
+
+/// The table is looked through this often for rows with a priority.
+pub const SCAN: Duration = Duration::from_millis(200);
+
+/// A device's place in the scanner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DeviceId(pub u8);
+
+/// A row's place in the scanner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RowId(pub u8);
+
+/// What a row is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Row {
+    /// The device that is asked; none for a row that outside clients ask for.
+    pub device: Option<DeviceId>,
+    /// The table of the device.
+    pub kind: Kind,
+    /// The first cell's address, as it is on the wire.
+    pub first: u16,
+    /// How many cells.
+    pub count: u16,
+    /// Where in the memory what was read is kept.
+    pub input: u16,
+    /// Where in the memory what is written comes from; the same as `input` where both are one variable.
+    pub output: u16,
+    /// When it is read.
+    pub read: Reading,
+    /// When it is written.
+    pub write: Writing,
+    /// One cell is written by function 15 or 16 as well.
+    pub multiple: bool,
+    /// The values have 32 bits: the device's byte order holds for them.
+    pub wide: bool,
+    /// The row whose variable this one shows, if it has none of its own.
+    pub of: Option<RowId>,
+    /// Input registers at which clients find the row's status word and age.
+    pub quality: Option<u16>,
+}
+
+impl Row {
+    /// The address behind the last cell.
+    pub(super) fn end(&self) -> u32 {
+        u32::from(self.first) + u32::from(self.count)
+    }
+
+    /// Whether one and the same variable is read and written.
+    pub(super) fn is_one_variable(&self) -> bool {
+        self.input == self.output
+    }
+}
+
+/// When a row is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reading {
+    /// At every 25th scan: every 5 s.
+    Low,
+    /// At every 5th scan: every second.
+    Normal,
+    /// At every scan: every 200 ms.
+    High,
+    /// With a period of its own, in milliseconds.
+    Every(u32),
+    /// Only when it is asked for.
+    Manual,
+}
+
+impl Reading {
+    /// The time from one reading to the next.
+    pub const fn period(self) -> Option<Duration> {
+        Some(match self {
+            Self::Low => Duration::from_millis(5_000),
+            Self::Normal => Duration::from_millis(1_000),
+            Self::High => SCAN,
+            Self::Every(ms) => Duration::from_millis(ms as u64),
+            Self::Manual => return None,
+        })
+    }
+
+    /// The raster in which it may begin.
+    const fn raster(self) -> Duration {
+        match self {
+            Self::Every(ms) => Duration::from_millis(ms as u64),
+            Self::Low | Self::Normal | Self::High | Self::Manual => SCAN,
+        }
+    }
+}
+
+/// When a row is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Writing {
+    /// Never.
+    Never,
+    /// Whenever somebody writes the variable, also when it keeps its value.
+    Auto,
+    /// Only when it is asked for.
+    Manual,
+    /// When what was read differs from the output.
+    OnChange,
+}
+
+/// A row and what is happening to it.
+pub(super) struct Entry {
+    pub(super) row: Row,
+    pub(super) status: Status,
+    /// In which turn it was marked for reading, and for writing: the lowest goes first.
+    pub(super) read_turn: u32,
+    pub(super) write_turn: u32,
+    /// When it is to be read next, counted from the scanner's start.
+    next: Duration,
+    /// When its values were read, or set by whoever writes a variable of this gateway.
+    pub(super) fresh: Instant,
+}
+
+impl Entry {
+    /// To be read as soon as its raster allows, `now` after the scanner's start.
+    pub(super) fn new(row: Row, now: Duration) -> Self {
+        let next = round_up(now, row.read.raster());
+        Self { row, status: Status::NEW, read_turn: 0, write_turn: 0, next, fresh: Instant::MIN }
+    }
+
+    /// When it is due, counted from the scanner's start, if its device is left alone until `held`.
+    pub(super) fn due(&self, held: Duration) -> Option<Duration> {
+        self.row.read.period()?;
+        if self.row.device.is_none() || self.status.any(Status::READ_MARKED) {
+            return None;
+        }
+        if self.next >= held { Some(self.next) } else { Some(round_up(held, self.row.read.raster())) }
+    }
+
+    /// It was due at `due`, and is marked at `now`.
+    pub(super) fn mark_due(&mut self, due: Duration, now: Duration, turn: u32) {
+        self.status.set(Status::READ_MARKED);
+        self.read_turn = turn;
+        let next = due + self.row.read.period().unwrap_or(SCAN);
+        self.next = if next > now {
+            next
+        } else {
+            // Whoever asks for what is late gets it once.
+            round_up(now + Duration::from_ticks(1), self.row.read.raster())
+        };
+    }
+}
+
+/// The first multiple of `raster` that is not before `time`.
+fn round_up(time: Duration, raster: Duration) -> Duration {
+    let raster = raster.as_ticks().max(1);
+    Duration::from_ticks(time.as_ticks().div_ceil(raster) * raster)
+}

@@ -1,0 +1,164 @@
+//! What outside clients read and write: the rows without a device, as the tables of one unit.
+//!
+//! A request is carried out when each of its cells belongs to such a row, else answered 02. A variable that a device is read
+//! for can be written when its point is written automatically. A row may have two input registers more, of which the first
+//! is its status word, and the second the age of its values in tenths of a second.
+
+use embassy_time::Instant;
+
+use super::Scanner;
+use super::gather::Pdu;
+use super::kind::Kind;
+use super::row::{Entry, RowId, Writing};
+use super::values::copy_bits;
+use crate::modbus::pdu::function::{WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER};
+use crate::modbus::{Exception, PDU_BYTES_MAX};
+
+/// Registers of a row's quality: status word and age.
+pub(crate) const QUALITY_REGISTERS: u16 = 2;
+/// The age of values that never were read, or before longer than the register can tell, in tenths of a second.
+const AGE_MAX: u64 = 65_535;
+
+/// Cells that a request is about.
+struct Cells {
+    kind: Kind,
+    first: u16,
+    count: u16,
+}
+
+/// A part of them that one row has.
+struct Part {
+    row: RowId,
+    /// The first of them in the row, and in the request.
+    in_row: u16,
+    in_request: u16,
+    count: u16,
+}
+
+impl Scanner {
+    /// Whether outside clients find anything.
+    pub fn serves(&self) -> bool {
+        self.entries.iter().any(|entry| entry.row.device.is_none())
+    }
+
+    /// Answers `request`, which has passed [`check_request`](crate::modbus::pdu::check_request); the exception is 01 for
+    /// functions other than 1 to 6, 15 and 16.
+    pub fn serve(&mut self, request: &[u8], now: Instant) -> Result<Pdu, Exception> {
+        let &[function, a, b, c, d, ref rest @ ..] = request else { return Err(Exception::ILLEGAL_FUNCTION) };
+        let Some((kind, write)) = Kind::of_function(function) else {
+            return Err(Exception::ILLEGAL_FUNCTION);
+        };
+        let (first, second) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
+        let single = matches!(function, WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER);
+        let cells = Cells { kind, first, count: if single { 1 } else { second } };
+        if !write {
+            return self.serve_read(function, &cells, now);
+        }
+        let coil = [u8::from(c != 0)];
+        let data = match (function, rest) {
+            (WRITE_SINGLE_COIL, _) => &coil[..],
+            (WRITE_SINGLE_REGISTER, _) => request.get(3..5).unwrap_or_default(),
+            // Behind the byte count.
+            (_, [_, data @ ..]) => data,
+            _ => return Err(Exception::ILLEGAL_VALUE),
+        };
+        self.serve_write(&cells, data, now)?;
+        // The answer repeats address and value or quantity (clauses 6.5, 6.6, 6.11, 6.12).
+        Pdu::from_slice(request.get(..5).unwrap_or_default()).map_err(|_| Exception::DEVICE_FAILURE)
+    }
+
+    fn serve_read(&self, function: u8, cells: &Cells, now: Instant) -> Result<Pdu, Exception> {
+        let bytes = usize::from(cells.kind.bytes(cells.count));
+        let mut answer = Pdu::from_slice(&[function, bytes as u8]).unwrap_or_default();
+        if bytes > PDU_BYTES_MAX - answer.len() {
+            return Err(Exception::ILLEGAL_VALUE);
+        }
+        // There is room, see above.
+        let _ = answer.resize(2 + bytes, 0);
+        let data = answer.get_mut(2..).unwrap_or_default();
+        let mut at = 0;
+        while at < cells.count {
+            if let Some(register) = self.quality_register(cells, at, now) {
+                if let Some(place) = data.get_mut(2 * usize::from(at)..2 * usize::from(at) + 2) {
+                    place.copy_from_slice(&register.to_be_bytes());
+                }
+                at += 1;
+                continue;
+            }
+            let part = self.part(cells, at).ok_or(Exception::ILLEGAL_ADDRESS)?;
+            copy_cells(cells.kind, (self.input(part.row), part.in_row), (data, at), part.count);
+            at += part.count;
+        }
+        Ok(answer)
+    }
+
+    fn serve_write(&mut self, cells: &Cells, data: &[u8], now: Instant) -> Result<(), Exception> {
+        // All or nothing.
+        let mut at = 0;
+        while at < cells.count {
+            let part = self.part(cells, at).filter(|part| self.is_open(part.row));
+            at += part.ok_or(Exception::ILLEGAL_ADDRESS)?.count;
+        }
+        let mut at = 0;
+        while let Some(part) = self.part(cells, at).filter(|_| at < cells.count) {
+            let mut own = [0; PDU_BYTES_MAX];
+            copy_cells(cells.kind, (data, part.in_request), (&mut own, 0), part.count);
+            let put = self.put(part.row, part.in_row, part.count, &own, now);
+            put.map_err(|_| Exception::ILLEGAL_ADDRESS)?;
+            at += part.count;
+        }
+        Ok(())
+    }
+
+    /// The cells from the place `at` on that one row has.
+    fn part(&self, cells: &Cells, at: u16) -> Option<Part> {
+        let address = u32::from(cells.first) + u32::from(at);
+        let has = |entry: &Entry| {
+            let row = &entry.row;
+            row.device.is_none()
+                && row.kind == cells.kind
+                && (u32::from(row.first)..row.end()).contains(&address)
+        };
+        let place = self.entries.iter().position(has)?;
+        let row = self.entries.get(place)?.row;
+        let in_row = (address - u32::from(row.first)) as u16;
+        let count = (row.count - in_row).min(cells.count - at);
+        Some(Part { row: RowId(place as u8), in_row, in_request: at, count })
+    }
+
+    /// The status word or age of a row, if the place `at` is a register for that.
+    fn quality_register(&self, cells: &Cells, at: u16, now: Instant) -> Option<u16> {
+        let address = cells.first.checked_add(at).filter(|_| cells.kind == Kind::Input)?;
+        let of = |entry: &Entry| {
+            Some(address.checked_sub(entry.row.quality?)?).filter(|nth| *nth < QUALITY_REGISTERS)
+        };
+        let (row, nth) = self.entries.iter().enumerate().find_map(|(row, entry)| Some((row, of(entry)?)))?;
+        let row = RowId(row as u8);
+        Some(match nth {
+            0 => self.status(row, now).bits(),
+            _ => {
+                let tenths = self.age(row, now).map_or(AGE_MAX, |age| (age.as_millis() / 100).min(AGE_MAX));
+                tenths as u16
+            }
+        })
+    }
+
+    /// Whether outside clients may write the row.
+    fn is_open(&self, id: RowId) -> bool {
+        let Some(row) = self.row(id) else { return false };
+        let of = row.of.and_then(|of| self.row(of));
+        of.is_none_or(|of| of.device.is_none() || matches!(of.write, Writing::Auto | Writing::OnChange))
+    }
+}
+
+/// Copies `count` cells between places, which are counted in cells.
+fn copy_cells(kind: Kind, from: (&[u8], u16), to: (&mut [u8], u16), count: u16) {
+    let [from_at, to_at, count] = [from.1, to.1, count].map(usize::from);
+    if kind.is_bits() {
+        return copy_bits(from.0, from_at, to.0, to_at, count);
+    }
+    let source = from.0.get(2 * from_at..2 * (from_at + count));
+    if let (Some(source), Some(place)) = (source, to.0.get_mut(2 * to_at..2 * (to_at + count))) {
+        place.copy_from_slice(source);
+    }
+}

@@ -1,0 +1,144 @@
+//! A device as the scanner sees it: what it was asked last, whether it answers, and when it is tried again.
+
+use embassy_time::{Duration, Instant};
+
+use super::status::ErrorCode;
+use super::values::ByteOrder;
+
+/// How often a request is repeated that gets no answer.
+pub const REPEATS: u8 = 2;
+/// How long a device that gives no answer is left alone at first.
+pub const BACK_OFF_FIRST: Duration = Duration::from_secs(15);
+/// By how much that grows with every attempt that fails.
+pub const BACK_OFF_STEP: Duration = Duration::from_secs(2);
+/// And how long it can become.
+pub const BACK_OFF_LONGEST: Duration = Duration::from_secs(30);
+
+/// A device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Device {
+    /// Its unit id, as the routing rules of the scanner's port see it.
+    pub unit: u8,
+    /// How values of 32 bits come from it.
+    pub order: ByteOrder,
+    /// Before every poll it is asked for a sign of life (function 8), and left out when it gives none.
+    pub check: bool,
+}
+
+/// How a device is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DeviceStatus {
+    /// Whether it answered when it was asked last; none: it has not been asked yet.
+    pub alive: Option<bool>,
+    /// When it answered last; [`Instant::MIN`]: never.
+    pub heard: Instant,
+    /// The exception of its last negative answer; 0: none.
+    pub exception: u8,
+    /// What went wrong last.
+    pub error: Option<ErrorCode>,
+    /// Requests sent, repeats included.
+    pub requests: u32,
+    /// Answers, exceptions included.
+    pub answers: u32,
+    /// Of the answers, the exceptions.
+    pub exceptions: u32,
+    /// Requests without an answer, for whatever reason.
+    pub failures: u32,
+    /// Until when it is left alone, if it is.
+    pub backs_off_until: Option<Instant>,
+}
+
+/// What a device is being asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Open {
+    /// For a sign of life.
+    Check,
+    /// For the cells of rows from `first` on.
+    Read { first: u16 },
+    /// To take the cells of rows.
+    Write,
+}
+
+/// A device and what is happening to it.
+pub(super) struct Station {
+    pub(super) device: Device,
+    pub(super) open: Option<Open>,
+    /// Something may be marked.
+    pub(super) pending: bool,
+    /// The check before this poll is still to be made.
+    pub(super) check_due: bool,
+    /// Requests without an answer since the last one.
+    silent: u8,
+    /// How long it was left alone last; zero: not at all.
+    back_off: Duration,
+    /// It is left alone until then.
+    pub(super) held: Instant,
+    pub(super) status: DeviceStatus,
+}
+
+impl Station {
+    pub(super) const fn new(device: Device) -> Self {
+        Self {
+            device,
+            open: None,
+            pending: false,
+            check_due: false,
+            silent: 0,
+            back_off: Duration::from_ticks(0),
+            held: Instant::MIN,
+            status: DeviceStatus {
+                alive: None,
+                heard: Instant::MIN,
+                exception: 0,
+                error: None,
+                requests: 0,
+                answers: 0,
+                exceptions: 0,
+                failures: 0,
+                backs_off_until: None,
+            },
+        }
+    }
+
+    /// It is asked.
+    pub(super) fn asked(&mut self, open: Open) {
+        self.open = Some(open);
+        self.status.requests = self.status.requests.wrapping_add(1);
+    }
+
+    /// It has answered, by `exception` if that is not 0.
+    pub(super) fn answered(&mut self, now: Instant, exception: u8) {
+        self.silent = 0;
+        self.back_off = Duration::from_ticks(0);
+        let status = &mut self.status;
+        status.alive = Some(true);
+        status.heard = now;
+        status.answers = status.answers.wrapping_add(1);
+        if exception != 0 {
+            status.exception = exception;
+            status.exceptions = status.exceptions.wrapping_add(1);
+            status.error = Some(ErrorCode::of_exception(exception));
+        }
+    }
+
+    /// It has not answered. Says whether the request is to be repeated; else the device is left alone.
+    pub(super) fn failed(&mut self, now: Instant, error: ErrorCode) -> bool {
+        self.status.failures = self.status.failures.wrapping_add(1);
+        self.status.error = Some(error);
+        self.silent = self.silent.saturating_add(1);
+        if self.silent <= REPEATS {
+            return true;
+        }
+        self.status.alive = Some(false);
+        self.back_off = match self.back_off.as_ticks() {
+            0 => BACK_OFF_FIRST,
+            _ => (self.back_off + BACK_OFF_STEP).min(BACK_OFF_LONGEST),
+        };
+        self.held = now + self.back_off;
+        false
+    }
+
+    pub(super) fn is_held(&self, now: Instant) -> bool {
+        self.held > now
+    }
+}

@@ -1,0 +1,193 @@
+//! The status word of a row: sixteen bits that say what happens to it, and how the last request ended.
+
+use core::fmt;
+
+/// Why a request ended badly, with its number in bits 12 to 15.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(u8)]
+pub enum ErrorCode {
+    /// An exception of another code than those below.
+    #[default]
+    Unspecified = 0,
+    /// Exception 01.
+    Function = 1,
+    /// Exception 02.
+    Address = 2,
+    /// Exception 03.
+    Value = 3,
+    /// There was an answer, but not to what was asked.
+    Unknown = 4,
+    /// No answer in time.
+    Timeout = 5,
+    /// The answer was damaged on its way.
+    Transmission = 6,
+    /// There is no way to the device: its line or connection is not open, or no rule leads to it.
+    Connection = 7,
+}
+
+impl ErrorCode {
+    /// Every code, by its number.
+    pub const ALL: [Self; 8] = [
+        Self::Unspecified,
+        Self::Function,
+        Self::Address,
+        Self::Value,
+        Self::Unknown,
+        Self::Timeout,
+        Self::Transmission,
+        Self::Connection,
+    ];
+
+    /// The code of an exception by which a device has answered.
+    pub const fn of_exception(exception: u8) -> Self {
+        match exception {
+            1 => Self::Function,
+            2 => Self::Address,
+            3 => Self::Value,
+            _ => Self::Unspecified,
+        }
+    }
+
+    /// What it means, in a word or two.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unspecified => "negative answer",
+            Self::Function => "illegal function",
+            Self::Address => "illegal address",
+            Self::Value => "illegal value",
+            Self::Unknown => "unknown error",
+            Self::Timeout => "no answer",
+            Self::Transmission => "damaged answer",
+            Self::Connection => "no connection",
+        }
+    }
+}
+
+/// A row's status word.
+#[derive(Clone, Copy, PartialEq, Eq, Default)]
+pub struct Status(u16);
+
+impl Status {
+    /// Nothing has happened yet.
+    pub const NEW: Self = Self(0);
+    /// A request is on its way.
+    pub const IN_PROGRESS: Self = Self(1);
+    /// The last request ended well.
+    pub const LAST_OK: Self = Self(1 << 1);
+    /// The last request ended in an error.
+    pub const LAST_ERROR: Self = Self(1 << 2);
+    /// The device does not answer, and is left alone for a time.
+    pub const BACKING_OFF: Self = Self(1 << 4);
+    /// Marked for reading, waiting.
+    pub const READ_MARKED: Self = Self(1 << 6);
+    /// Marked for writing, waiting.
+    pub const WRITE_MARKED: Self = Self(1 << 7);
+    /// Between the beginning and the end of a safe write.
+    pub const WRITE_BLOCKED: Self = Self(1 << 8);
+    /// The variable was written while its last value was still being sent: it is sent again.
+    pub const WRITE_REMARKED: Self = Self(1 << 9);
+    /// The request on its way is a write.
+    pub const CURRENT_IS_WRITE: Self = Self(1 << 10);
+    /// The last request that ended was a write.
+    pub const LAST_WAS_WRITE: Self = Self(1 << 11);
+    const ERROR_SHIFT: u32 = 12;
+
+    /// The bits that have a name, with it, from the lowest on.
+    pub const NAMES: [(Self, &'static str); 10] = [
+        (Self::IN_PROGRESS, "busy"),
+        (Self::LAST_OK, "ok"),
+        (Self::LAST_ERROR, "error"),
+        (Self::BACKING_OFF, "backing-off"),
+        (Self::READ_MARKED, "to-read"),
+        (Self::WRITE_MARKED, "to-write"),
+        (Self::WRITE_BLOCKED, "blocked"),
+        (Self::WRITE_REMARKED, "to-write-again"),
+        (Self::CURRENT_IS_WRITE, "writing"),
+        (Self::LAST_WAS_WRITE, "wrote"),
+    ];
+
+    /// The word.
+    pub const fn bits(self) -> u16 {
+        self.0
+    }
+
+    /// Whether any bit of `flags` is set.
+    pub const fn any(self, flags: Self) -> bool {
+        self.0 & flags.0 != 0
+    }
+
+    /// All bits of both.
+    #[must_use]
+    pub const fn with(self, flags: Self) -> Self {
+        Self(self.0 | flags.0)
+    }
+
+    /// Why the last request ended in an error.
+    pub fn error(self) -> Option<ErrorCode> {
+        if !self.any(Self::LAST_ERROR) {
+            return None;
+        }
+        ErrorCode::ALL.get(usize::from(self.0 >> Self::ERROR_SHIFT)).copied()
+    }
+
+    pub(super) fn set(&mut self, flags: Self) {
+        self.0 |= flags.0;
+    }
+
+    pub(super) fn clear(&mut self, flags: Self) {
+        self.0 &= !flags.0;
+    }
+
+    /// A request begins.
+    pub(super) fn begin(&mut self, write: bool) {
+        self.clear(if write { Self::WRITE_MARKED } else { Self::READ_MARKED });
+        self.set(Self::IN_PROGRESS);
+        if write {
+            self.set(Self::CURRENT_IS_WRITE);
+        }
+    }
+
+    /// The request is no longer on its way; says whether it was a write.
+    pub(super) fn leave(&mut self) -> bool {
+        let write = self.any(Self::CURRENT_IS_WRITE);
+        self.clear(Self::IN_PROGRESS.with(Self::CURRENT_IS_WRITE));
+        write
+    }
+
+    /// The request has ended.
+    pub(super) fn end(&mut self, write: bool, outcome: Result<(), ErrorCode>) {
+        self.clear(Self::LAST_OK.with(Self::LAST_ERROR).with(Self::LAST_WAS_WRITE));
+        self.0 &= !(0xf << Self::ERROR_SHIFT);
+        match outcome {
+            Ok(()) => self.set(Self::LAST_OK),
+            Err(error) => self.set(Self(Self::LAST_ERROR.0 | u16::from(error as u8) << Self::ERROR_SHIFT)),
+        }
+        if write {
+            self.set(Self::LAST_WAS_WRITE);
+        }
+    }
+}
+
+impl fmt::Debug for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:04X}h {self}", self.0)
+    }
+}
+
+/// The names of the bits that are set, and the error: `error to-read (no answer)`.
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut separator = "";
+        for (flag, name) in Self::NAMES {
+            if self.any(flag) {
+                write!(f, "{separator}{name}")?;
+                separator = " ";
+            }
+        }
+        match self.error() {
+            Some(error) => write!(f, " ({})", error.name()),
+            None if separator.is_empty() => f.write_str("new"),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! Values as people read and write them: numbers of 16 and 32 bits, and bits.
+
+use core::fmt;
+
+/// How the cells of a row are read as values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ValueType {
+    /// A register from 0 to 65535; also a bit, in the tables of bits.
+    #[default]
+    U16,
+    /// A register from -32768 to 32767.
+    I16,
+    /// Two registers from 0 on.
+    U32,
+    /// Two registers with a sign.
+    I32,
+    /// Two registers as a number with a fraction (IEEE 754).
+    F32,
+}
+
+impl ValueType {
+    /// Registers that a value takes.
+    pub const fn registers(self) -> u16 {
+        match self {
+            Self::U16 | Self::I16 => 1,
+            Self::U32 | Self::I32 | Self::F32 => 2,
+        }
+    }
+
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::U16 => "u16",
+            Self::I16 => "i16",
+            Self::U32 => "u32",
+            Self::I32 => "i32",
+            Self::F32 => "f32",
+        }
+    }
+
+    /// The value in the first bytes of `registers`.
+    pub fn take(self, registers: &[u8]) -> Option<TypedValue> {
+        let short = registers.first_chunk().map(|bytes| u16::from_be_bytes(*bytes));
+        let long = registers.first_chunk().map(|bytes| u32::from_be_bytes(*bytes));
+        Some(match self {
+            Self::U16 => TypedValue::Whole(short?.into()),
+            Self::I16 => TypedValue::Whole(short?.cast_signed().into()),
+            Self::U32 => TypedValue::Whole(long?.into()),
+            Self::I32 => TypedValue::Whole(long?.cast_signed().into()),
+            Self::F32 => TypedValue::Fraction(f32::from_bits(long?)),
+        })
+    }
+
+    /// The registers of the value that `text` is, of which those that it takes are the first; hexadecimal behind `0x`.
+    pub fn parse(self, text: &str) -> Option<[u8; 4]> {
+        if self == Self::F32 {
+            return text.parse::<f32>().ok().map(|value| value.to_bits().to_be_bytes());
+        }
+        let whole: i64 = match text.strip_prefix("0x") {
+            Some(digits) => u32::from_str_radix(digits, 16).ok()?.into(),
+            None => text.parse().ok()?,
+        };
+        let [a, b] = match self {
+            Self::U16 => u16::try_from(whole).ok()?.to_be_bytes(),
+            Self::I16 => i16::try_from(whole).ok()?.to_be_bytes(),
+            Self::U32 => return u32::try_from(whole).ok().map(u32::to_be_bytes),
+            Self::I32 | Self::F32 => return i32::try_from(whole).ok().map(i32::to_be_bytes),
+        };
+        Some([a, b, 0, 0])
+    }
+}
+
+/// A value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum TypedValue {
+    /// A whole number.
+    Whole(i64),
+    /// A number with a fraction.
+    Fraction(f32),
+}
+
+impl fmt::Display for TypedValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Whole(value) => value.fmt(f),
+            Self::Fraction(value) => value.fmt(f),
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! Data points: the scanner by itself, with time as a value; its port, the local tables and the settings in virtual time.
+
+mod config;
+mod gathering;
+mod image;
+mod local;
+mod polling;
+mod status;
+
+use embassy_time::{Duration, Instant};
+use mobgate::scanner::{
+    ByteOrder, Device, DeviceId, ErrorCode, Kind, Reading, Request, Row, RowId, Scanner, Writing,
+};
+
+const MS: Duration = Duration::from_millis(1);
+const SECOND: Duration = Duration::from_secs(1);
+const START: Instant = Instant::from_secs(1_000);
+
+/// So many milliseconds after the start.
+fn at(ms: u64) -> Instant {
+    START + Duration::from_millis(ms)
+}
+
+/// A scanner that was started at `START`, with a device of unit 5.
+fn scanner() -> (Scanner, DeviceId) {
+    let mut scanner = Scanner::new();
+    scanner.restart(START);
+    let device = scanner.add_device(device(5)).unwrap();
+    (scanner, device)
+}
+
+fn device(unit: u8) -> Device {
+    Device { unit, order: ByteOrder::Order0123, check: false }
+}
+
+/// `count` cells of `device`, read every second and written automatically where that can be.
+fn row(device: DeviceId, kind: Kind, first: u16, count: u16) -> Row {
+    Row {
+        device: Some(device),
+        kind,
+        first,
+        count,
+        input: 0,
+        output: 0,
+        read: Reading::Normal,
+        write: if kind.is_writable() { Writing::Auto } else { Writing::Never },
+        multiple: false,
+        wide: false,
+        of: None,
+        quality: None,
+    }
+}
+
+/// Adds `row` with a variable of its own.
+fn add(scanner: &mut Scanner, row: Row) -> RowId {
+    let values = scanner.allocate(row.kind.bytes(row.count)).unwrap();
+    scanner.add_row(Row { input: values, output: values, ..row }, START).unwrap()
+}
+
+/// The answer that a device gives whose registers hold their addresses, and whose bits are those of that.
+fn answer(request: &Request) -> Vec<u8> {
+    let pdu = &request.pdu;
+    let word = |at: usize| u16::from_be_bytes([pdu[at], pdu[at + 1]]);
+    match pdu[0] {
+        1 | 2 => {
+            let mut data = vec![0_u8; usize::from(word(3)).div_ceil(8)];
+            for nth in 0..word(3) {
+                data[usize::from(nth / 8)] |= u8::from(bit_of(word(1) + nth)) << (nth % 8);
+            }
+            [vec![pdu[0], data.len() as u8], data].concat()
+        }
+        3 | 4 => {
+            let data: Vec<u8> = (0..word(3)).flat_map(|nth| (word(1) + nth).to_be_bytes()).collect();
+            [vec![pdu[0], data.len() as u8], data].concat()
+        }
+        8 => pdu.to_vec(),
+        _ => pdu[..5].to_vec(),
+    }
+}
+
+fn bit_of(address: u16) -> bool {
+    address.count_ones() % 2 == 1
+}
+
+/// The next request, which the device answers at once.
+fn exchange(scanner: &mut Scanner, now: Instant) -> Option<Request> {
+    let request = scanner.next(now)?;
+    scanner.answered(request.device, now, Ok(&answer(&request)));
+    Some(request)
+}
+
+/// The next request, which gets no answer.
+fn lose(scanner: &mut Scanner, now: Instant) -> Option<Request> {
+    let request = scanner.next(now)?;
+    scanner.answered(request.device, now, Err(ErrorCode::Timeout));
+    Some(request)
+}

@@ -1,0 +1,341 @@
+//! Which rows go into one frame, when they are due, and that nothing is lost.
+
+use mobgate::scanner::{ByteOrder, Kind, Reading, Row, Scanner, Status, Writing};
+use mobgate_simulator::Random;
+use proptest::prelude::*;
+
+use super::{START, add, at, bit_of, device, exchange, lose, row, scanner};
+
+/// The requests that are made at `ms`, each answered at once.
+fn requests(scanner: &mut Scanner, ms: u64) -> Vec<Vec<u8>> {
+    std::iter::from_fn(|| exchange(scanner, at(ms))).map(|request| request.pdu.to_vec()).collect()
+}
+
+#[test]
+fn neighbours_are_one_frame_and_a_hole_makes_two() {
+    for (second, frames) in [(1, 1), (2, 2)] {
+        let (mut scanner, device) = scanner();
+        add(&mut scanner, row(device, Kind::Holding, 0, 1));
+        add(&mut scanner, row(device, Kind::Holding, second, 1));
+        assert_eq!(requests(&mut scanner, 0).len(), frames);
+    }
+}
+
+#[test]
+fn the_two_examples_of_the_note_take_six_frames_and_two() {
+    let (mut apart, _) = scanner();
+    for unit in [1, 2, 3] {
+        let device = apart.add_device(device(unit)).unwrap();
+        add(&mut apart, row(device, Kind::Holding, 0, 8));
+        add(&mut apart, row(device, Kind::Coil, 0, 18));
+    }
+    assert_eq!(requests(&mut apart, 0).len(), 6);
+    let (mut together, device) = scanner();
+    for station in 0..3 {
+        add(&mut together, row(device, Kind::Holding, 8 * station, 8));
+        add(&mut together, row(device, Kind::Coil, 24 * station, 24));
+    }
+    let frames = requests(&mut together, 0);
+    assert_eq!(frames, [[1, 0, 0, 0, 72], [3, 0, 0, 0, 24]]);
+}
+
+#[test]
+fn a_device_is_polled_in_the_order_of_functions_1_2_4_3() {
+    let (mut scanner, device) = scanner();
+    for kind in [Kind::Holding, Kind::Discrete, Kind::Input, Kind::Coil] {
+        add(&mut scanner, row(device, kind, 0, 4));
+    }
+    let functions: Vec<u8> = requests(&mut scanner, 0).iter().map(|pdu| pdu[0]).collect();
+    assert_eq!(functions, [1, 2, 4, 3]);
+}
+
+#[test]
+fn single_cells_are_written_by_functions_5_and_6_each_alone_and_gathered_by_15_and_16() {
+    for (multiple, expected) in [(false, vec![5, 5, 6, 6]), (true, vec![15, 16])] {
+        let (mut scanner, device) = scanner();
+        let mut ids = Vec::new();
+        for (kind, first) in [(Kind::Coil, 3), (Kind::Coil, 4), (Kind::Holding, 7), (Kind::Holding, 8)] {
+            let plain = row(device, kind, first, 1);
+            ids.push(add(&mut scanner, Row { multiple, read: Reading::Manual, ..plain }));
+        }
+        for id in ids {
+            scanner.put(id, 0, 1, &[1, 1], START).unwrap();
+        }
+        let frames = requests(&mut scanner, 0);
+        assert_eq!(frames.iter().map(|pdu| pdu[0]).collect::<Vec<_>>(), expected);
+        match multiple {
+            false => assert_eq!(frames[0], [5, 0, 3, 0xff, 0]),
+            true => assert_eq!(frames, [vec![15, 0, 3, 0, 2, 1, 3], vec![16, 0, 7, 0, 2, 4, 1, 1, 1, 1]]),
+        }
+    }
+}
+
+#[test]
+fn writes_go_before_reads_and_in_their_order() {
+    let (mut scanner, device) = scanner();
+    let first = add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    let second = add(&mut scanner, row(device, Kind::Holding, 10, 1));
+    scanner.put(second, 0, 1, &[0, 2], START).unwrap();
+    scanner.put(first, 0, 1, &[0, 1], START).unwrap();
+    let frames = requests(&mut scanner, 0);
+    assert_eq!(frames[..2], [[6, 0, 10, 0, 2], [6, 0, 0, 0, 1]]);
+    assert_eq!(frames.len(), 4);
+}
+
+#[test]
+fn priorities_and_periods_are_kept_over_a_minute() {
+    let (mut scanner, device) = scanner();
+    let readings = [
+        (Reading::Low, 12),
+        (Reading::Normal, 60),
+        (Reading::High, 300),
+        (Reading::Every(250), 240),
+        (Reading::Every(7), 8_572),
+        (Reading::Manual, 0),
+    ];
+    for (nth, (read, _)) in readings.iter().enumerate() {
+        add(&mut scanner, Row { read: *read, ..row(device, Kind::Input, 10 * nth as u16, 1) });
+    }
+    let mut counts = [0; 6];
+    let mut now = START;
+    while now < at(60_000) {
+        while let Some(request) = exchange(&mut scanner, now) {
+            counts[usize::from(request.pdu[2] / 10)] += 1;
+        }
+        let due = scanner.due();
+        assert!(due > now, "it would spin");
+        now = due;
+    }
+    assert_eq!(counts, readings.map(|(_, count)| count));
+}
+
+#[test]
+fn a_device_that_is_slower_than_its_periods_is_asked_all_the_time_and_every_row_gets_its_turn() {
+    let (mut scanner, device) = scanner();
+    for first in 0..4 {
+        let read = Reading::Every(1);
+        add(&mut scanner, Row { read, ..row(device, Kind::Input, 10 * first, 1) });
+    }
+    let mut asked = [0; 4];
+    for turn in 0..400 {
+        let request = exchange(&mut scanner, at(50 * turn)).expect("always something due");
+        asked[usize::from(request.pdu[2] / 10)] += 1;
+    }
+    assert_eq!(asked, [100; 4]);
+}
+
+#[test]
+fn marking_by_function_reads_or_writes_what_is_in_the_range() {
+    let (mut scanner, device) = scanner();
+    let manual = |kind, first| {
+        let plain = row(device, kind, first, 2);
+        let write = if kind == Kind::Holding { Writing::Manual } else { plain.write };
+        Row { read: Reading::Manual, write, ..plain }
+    };
+    for first in [0, 10, 20] {
+        add(&mut scanner, manual(Kind::Holding, first));
+    }
+    add(&mut scanner, manual(Kind::Input, 10));
+    assert_eq!(scanner.mark_range(device, 3, 11, 20, START), Ok(2));
+    assert_eq!(requests(&mut scanner, 0), [[3, 0, 10, 0, 2], [3, 0, 20, 0, 2]]);
+    assert_eq!(scanner.mark_range(device, 16, 0, 1, START), Ok(1));
+    assert_eq!(requests(&mut scanner, 0), [[16, 0, 0, 0, 2, 4, 0, 0, 0, 0]]);
+    assert!(scanner.mark_range(device, 3, 5, 9, START).is_err());
+    assert!(scanner.mark_range(device, 7, 0, 99, START).is_err());
+}
+
+#[test]
+fn outputs_of_an_image_are_written_when_they_differ_from_what_was_read_back() {
+    let (mut scanner, device) = scanner();
+    let (input, output) = (scanner.allocate(8).unwrap(), scanner.allocate(8).unwrap());
+    let image = Row {
+        input,
+        output,
+        read: Reading::Every(100),
+        write: Writing::OnChange,
+        ..row(device, Kind::Holding, 9005, 4)
+    };
+    let id = scanner.add_row(image, START).unwrap();
+    assert_eq!(requests(&mut scanner, 0).len(), 1, "outputs are off after a restart");
+    scanner.set_outputs(true);
+    scanner.image_mut(output, 8).copy_from_slice(&[0, 1, 0, 2, 0, 3, 0, 4]);
+    let frames = requests(&mut scanner, 100);
+    assert_eq!(frames[1], [16, 0x23, 0x2d, 0, 4, 8, 0, 1, 0, 2, 0, 3, 0, 4]);
+    assert_eq!(scanner.input(id)[..2], 9005_u16.to_be_bytes(), "the image has what was read");
+    assert_eq!(requests(&mut scanner, 200).len(), 2, "written again: the device has not taken it");
+    let own = scanner.image(input, 8).to_vec();
+    scanner.image_mut(output, 8).copy_from_slice(&own);
+    assert_eq!(requests(&mut scanner, 300).len(), 1);
+    scanner.image_mut(output, 8).fill(7);
+    scanner.next(at(400)).unwrap();
+    scanner.answered(device, at(400), Ok(&[3, 8, 0, 0, 0, 0, 0, 0, 0, 0]));
+    assert!(scanner.status(id, at(400)).any(Status::WRITE_MARKED));
+    scanner.set_outputs(false);
+    assert_eq!(scanner.next(at(400)), None, "what waits is dropped with the outputs");
+}
+
+#[test]
+fn a_check_goes_before_every_poll_and_a_device_that_fails_it_is_left_out() {
+    let (mut scanner, _) = scanner();
+    let checked = scanner.add_device(super::Device { check: true, ..device(7) }).unwrap();
+    add(&mut scanner, row(checked, Kind::Input, 0, 1));
+    add(&mut scanner, row(checked, Kind::Coil, 0, 1));
+    let functions = |frames: Vec<Vec<u8>>| frames.iter().map(|pdu| pdu[0]).collect::<Vec<_>>();
+    assert_eq!(functions(requests(&mut scanner, 0)), [8, 1, 4]);
+    assert_eq!(functions(requests(&mut scanner, 1_000)), [8, 1, 4]);
+    // It does not know function 8: not normal, though it answers.
+    scanner.next(at(2_000)).unwrap();
+    scanner.answered(checked, at(2_000), Ok(&[0x88, 1]));
+    assert_eq!(scanner.next(at(2_000)), None);
+    let status = scanner.device_status(checked, at(2_000)).unwrap();
+    assert_eq!((status.alive, status.exception), (Some(false), 1));
+    for _ in 0..3 {
+        assert_eq!(lose(&mut scanner, at(3_000)).unwrap().pdu[0], 8);
+    }
+    assert_eq!(scanner.next(at(3_000)), None);
+    assert_eq!(functions(requests(&mut scanner, 18_000)), [8, 1, 4]);
+}
+
+#[test]
+fn values_of_32_bits_are_turned_from_the_devices_order_and_back() {
+    for (order, bytes) in [
+        (ByteOrder::Order0123, [1, 2, 3, 4]),
+        (ByteOrder::Order2301, [3, 4, 1, 2]),
+        (ByteOrder::Order1032, [2, 1, 4, 3]),
+        (ByteOrder::Order3210, [4, 3, 2, 1]),
+    ] {
+        let (mut scanner, _) = scanner();
+        let id = scanner.add_device(super::Device { order, ..device(7) }).unwrap();
+        let wide = add(&mut scanner, Row { wide: true, ..row(id, Kind::Holding, 0, 2) });
+        let plain = add(&mut scanner, row(id, Kind::Holding, 2, 2));
+        scanner.next(at(0)).unwrap();
+        scanner.answered(id, at(0), Ok(&[&[3, 8][..], &bytes, &[1, 2, 3, 4]].concat()));
+        assert_eq!(scanner.input(wide), [1, 2, 3, 4]);
+        assert_eq!(scanner.input(plain), [1, 2, 3, 4]);
+        scanner.put(wide, 0, 2, &[1, 2, 3, 4], at(0)).unwrap();
+        let request = exchange(&mut scanner, at(0)).unwrap();
+        assert_eq!(request.pdu[6..], bytes);
+    }
+}
+
+/// The frames of rows that do not overlap, all of one table and due at once: sorted by address, each frame as long as rows
+/// follow each other and it is within the limit.
+fn model(mut rows: Vec<(u16, u16)>, most: u16) -> Vec<(u16, u16)> {
+    rows.sort_unstable();
+    let mut frames: Vec<(u16, u16)> = Vec::new();
+    for (first, count) in rows {
+        match frames.last_mut() {
+            Some((start, length)) if *start + *length == first && *length + count <= most => *length += count,
+            _ => frames.push((first, count)),
+        }
+    }
+    frames
+}
+
+proptest! {
+    #[test]
+    fn gathering_equals_an_independent_model_and_every_row_gets_its_own_cells(
+        kind in prop::sample::select(Kind::ALL.to_vec()),
+        parts in prop::collection::vec((0_u16..3, 1_u16..34), 1..30),
+        seed: u64,
+    ) {
+        let most = kind.cells_max(false);
+        let mut rows = Vec::new();
+        let mut next = 0;
+        for (hole, count) in parts {
+            rows.push((next + hole, count));
+            next += hole + count;
+        }
+        let expected = model(rows.clone(), most);
+        let (mut scanner, device) = scanner();
+        let mut random = Random::new(seed);
+        let mut ids = Vec::new();
+        while !rows.is_empty() {
+            let (first, count) = rows.swap_remove(random.index(rows.len()));
+            ids.push((add(&mut scanner, row(device, kind, first, count)), first, count));
+        }
+        let word = |pdu: &[u8], at: usize| u16::from_be_bytes([pdu[at], pdu[at + 1]]);
+        let frames: Vec<_> =
+            requests(&mut scanner, 0).iter().map(|pdu| (word(pdu, 1), word(pdu, 3))).collect();
+        prop_assert_eq!(frames, expected);
+        for (id, first, count) in ids {
+            let cells = scanner.input(id);
+            for nth in 0..count {
+                let at = usize::from(nth);
+                if kind.is_bits() {
+                    prop_assert_eq!(cells[at / 8] >> (at % 8) & 1 == 1, bit_of(first + nth));
+                } else {
+                    prop_assert_eq!(word(cells, 2 * at), first + nth);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn whatever_happens_no_mark_is_lost_and_no_request_left_open(
+        events in prop::collection::vec((0_u8..8, 0_usize..6, 1_u64..3_000), 1..200),
+    ) {
+        let (mut scanner, first) = scanner();
+        let second = scanner.add_device(device(6)).unwrap();
+        let mut ids = Vec::new();
+        for nth in 0..6 {
+            let device = if nth % 2 == 0 { first } else { second };
+            let write = if nth < 4 { Writing::Auto } else { Writing::Manual };
+            ids.push(add(&mut scanner, Row { write, ..row(device, Kind::Holding, nth, 1) }));
+        }
+        let mut now = START;
+        let mut last = [None; 6];
+        let mut device_has = [None; 6];
+        let mut open = Vec::new();
+        for (value, (what, nth, wait)) in events.into_iter().enumerate() {
+            now += super::Duration::from_millis(wait);
+            let value = value as u8;
+            match what {
+                0 | 1 => {
+                    // A second put before the first is sent replaces it.
+                    let put = scanner.put(ids[nth], 0, 1, &[0, value], now).and_then(|()| scanner.write(ids[nth]));
+                    if scanner.put(ids[nth], 0, 1, &[0, value], now).is_ok() && put.is_ok() {
+                        last[nth] = Some(value);
+                    }
+                }
+                2 => { let _ = scanner.read(ids[nth], now); }
+                _ => {}
+            }
+            open.extend(scanner.next(now));
+            prop_assert!(open.len() <= 2, "one for each device");
+            if what >= 4 && !open.is_empty() {
+                settle(&mut scanner, &mut device_has, open.remove(0), now, what == 4);
+            }
+        }
+        // All devices answer from now on.
+        for _ in 0..400 {
+            open.extend(scanner.next(now));
+            match open.pop() {
+                Some(request) => settle(&mut scanner, &mut device_has, request, now, false),
+                None => now = (now + super::Duration::from_millis(200)).max(now),
+            }
+        }
+        for (nth, value) in last.iter().enumerate() {
+            prop_assert_eq!(device_has[nth], *value, "what was written last has arrived: row {}", nth);
+            let waits = Status::WRITE_MARKED.with(Status::WRITE_REMARKED);
+            prop_assert!(!scanner.status(ids[nth], now).any(waits));
+        }
+    }
+}
+
+/// Answers a request, or loses it; `device_has` is what the devices have been given.
+fn settle(
+    scanner: &mut Scanner,
+    device_has: &mut [Option<u8>; 6],
+    request: super::Request,
+    now: super::Instant,
+    lose: bool,
+) {
+    if lose {
+        return scanner.answered(request.device, now, Err(super::ErrorCode::Timeout));
+    }
+    if let [6, 0, address, 0, value] = request.pdu[..] {
+        device_has[usize::from(address)] = Some(value);
+    }
+    scanner.answered(request.device, now, Ok(&super::answer(&request)));
+}

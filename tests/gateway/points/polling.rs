@@ -1,0 +1,219 @@
+//! Data points through the whole gateway: when requests leave, what a silent device costs, many stations behind TCP.
+
+use embassy_time::Instant;
+use mobgate::scanner::{DeviceId, RowId, Scanner, Status};
+use mobgate::stats::Event;
+use mobgate_simulator::fault::When;
+use mobgate_simulator::rig::{Rig, machine, with_gateway};
+use mobgate_simulator::{Device, Fault, Faults, World};
+
+use super::{Duration, MS, SECOND};
+
+const DEAD: &str = "port plc tcp client 10.0.1.1:502 timeout 300ms late-window 1ms idle 0 retries 5
+    port P502 tcp server 502
+    port scan scanner
+    route scan 5 * * plc
+    route P502 * * * plc
+    device plc unit 5
+    point a plc holding 0 write auto";
+
+fn scanner<R>(rig: &Rig<'_>, f: impl FnOnce(&mut Scanner) -> R) -> R {
+    rig.gateway.scanner().unwrap().change(f)
+}
+
+fn silence() -> Faults {
+    Faults::new(1).with(When::Always, Fault::Dead)
+}
+
+/// Runs until `device` has seen one request more, at most until `limit`; when that was.
+fn next_request(world: &mut World<'_>, device: &Device, limit: Instant) -> Option<Instant> {
+    let before = device.counters().all_requests();
+    while device.counters().all_requests() == before {
+        if Instant::now() >= limit {
+            return None;
+        }
+        world.run_for(MS);
+    }
+    Some(Instant::now())
+}
+
+#[test]
+fn attempts_reach_a_silent_device_15_17_to_30_seconds_after_the_last_one_failed_to_the_millisecond() {
+    for others_ask in [false, true] {
+        with_gateway(1, DEAD, |world, rig| {
+            let device = Device::new(5);
+            rig.attach_tcp(world, "10.0.1.1:502", [device.clone()]);
+            // It was not there when the gateway started.
+            world.run_for(20 * SECOND);
+            let well = device.counters().all_requests();
+            device.set_faults(silence());
+            let mut failed = Instant::MIN;
+            let status = |now| scanner(rig, |scanner| scanner.status(RowId(0), now));
+            while failed == Instant::MIN {
+                world.run_for(MS);
+                if status(Instant::now()).any(Status::BACKING_OFF) {
+                    failed = scanner(rig, |scanner| {
+                        let status = scanner.device_status(DeviceId(0), Instant::now()).unwrap();
+                        status.backs_off_until.unwrap() - 15 * SECOND
+                    });
+                }
+            }
+            assert_eq!(
+                device.counters().all_requests(),
+                well + 3,
+                "one and two repeats, whatever the port does"
+            );
+            scanner(rig, |scanner| scanner.put(RowId(0), 0, 1, &[0, 1], Instant::now())).unwrap();
+            for seconds in [15, 17, 19, 21, 23, 25, 27, 29, 30, 30] {
+                let due = failed + Duration::from_secs(seconds);
+                if others_ask {
+                    // Their probes keep the unit down, and must be over when the attempt is made.
+                    let mut client = rig.client(machine(1), 502);
+                    let _ = world.run_until(client.request(5, &[3, 0, 0, 0, 1]));
+                }
+                world.run_until(embassy_time::Timer::at(due - MS));
+                let early = device.counters().all_requests();
+                let at = next_request(world, &device, due + SECOND).expect("the attempt");
+                // From the gateway to the device it is a millisecond.
+                assert!(at <= due + 2 * MS, "{} us late", (at - due).as_micros());
+                assert_eq!(device.counters().all_requests(), early + 1);
+                failed = due + 300 * MS;
+                world.run_for(400 * MS);
+            }
+        });
+    }
+}
+
+#[test]
+fn many_stations_behind_tcp_have_a_connection_each_and_a_broken_one_backs_off_alone() {
+    const STATIONS: u8 = 12;
+    let mut settings = "port scan scanner\n".to_owned();
+    for n in 1..=STATIONS {
+        settings += &format!("port plc{n} tcp client 10.0.1.{n}:502 connect-timeout 500ms timeout 300ms\n");
+        settings += &format!("route scan {n} * * plc{n}\ndevice d{n} unit {n}\n");
+        settings += &format!("point p{n} d{n} holding 0 count 4 read high\n");
+    }
+    with_gateway(1, &settings, |world, rig| {
+        // The third is not there, the fourth does not answer.
+        for n in (1..=STATIONS).filter(|n| *n != 3) {
+            let device = if n == 4 { Device::new(n).with_faults(silence()) } else { Device::new(n) };
+            rig.attach_tcp(world, &format!("10.0.1.{n}:502"), [device]);
+        }
+        // They were not there when the gateway started.
+        world.run_for(20 * SECOND);
+        let of =
+            |n: u8| scanner(rig, |scanner| scanner.device_status(DeviceId(n - 1), Instant::now())).unwrap();
+        let before: Vec<_> = (1..=STATIONS).map(of).collect();
+        world.run_for(10 * SECOND);
+        let now = Instant::now();
+        for (n, before) in (1..=STATIONS).zip(before) {
+            let status = scanner(rig, |scanner| scanner.status(RowId(n - 1), now));
+            let device = of(n);
+            match n {
+                3 => assert_eq!(status.error().map(|error| error as u8), Some(7)),
+                4 => assert_eq!(status.error().map(|error| error as u8), Some(5)),
+                _ => {
+                    assert_eq!(device.failures, before.failures);
+                    assert_eq!(device.answers, before.answers + 50);
+                }
+            }
+        }
+        assert_eq!(rig.counted("scan", Event::BackPressure), 0);
+    });
+}
+
+#[test]
+fn a_polled_point_stays_fresh_while_a_client_floods_its_line() {
+    let settings = "port bus serial uart1 rtu client 19200 8E1
+        port P502 tcp server 502
+        port scan scanner
+        route scan 1-247 * * bus
+        route P502 1-247 * * bus merge off
+        device meter unit 5
+        point power meter holding 0 count 4 read high";
+    with_gateway(1, settings, |world, rig| {
+        rig.attach(world, "uart1", [Device::new(5), Device::new(6)]);
+        let mut client = rig.client(machine(1), 502);
+        world.spawn(async move {
+            loop {
+                for _ in 0..8 {
+                    client.send(6, &[3, 0, 0, 0, 10]).await;
+                }
+                for _ in 0..8 {
+                    let _ = client.receive().await;
+                }
+            }
+        });
+        world.run_for(SECOND);
+        let mut oldest = Duration::from_ticks(0);
+        for _ in 0..5_000 {
+            world.run_for(MS);
+            let age = scanner(rig, |scanner| scanner.age(RowId(0), Instant::now()));
+            oldest = oldest.max(age.unwrap());
+        }
+        assert!(oldest < 300 * MS, "{} ms", oldest.as_millis());
+    });
+}
+
+#[test]
+fn a_gateway_without_memory_for_points_refuses_them_and_changes_nothing() {
+    use mobgate::config::{Settings, apply};
+    use mobgate::frame::FramePool;
+    use mobgate::gateway::{ApplyError, Gateway};
+    let (slots, places) = ([], []);
+    let pool = FramePool::new(&slots, 0);
+    let gateway = Gateway::new(&pool, &places, &[]);
+    let mut settings = Settings::new();
+    apply(&mut settings, "point a local holding 0").unwrap();
+    assert_eq!(gateway.apply(&settings), Err(ApplyError::NoPoints));
+    assert!(gateway.settings(|settings| settings.points.is_empty()));
+}
+
+#[test]
+fn with_one_frame_for_itself_a_scanner_asks_one_device_after_the_other_and_leaves_none_out() {
+    use mobgate::config::PORTS_MAX;
+    use mobgate_simulator::rig::{Size, with_gateway_of};
+    let mut settings = "port bus serial uart1 rtu client 19200 8E1
+        port scan scanner
+        route scan 1-247 * * bus\n"
+        .to_owned();
+    for n in 1..=8 {
+        settings += &format!("device d{n} unit {n}\npoint p{n} d{n} holding 0 read 250ms\n");
+    }
+    // No frame is shared: each port has its own, and that is all.
+    let size = Size { frames: PORTS_MAX, seats: 0, ..Size::default() };
+    with_gateway_of(size, 1, &settings, |world, rig| {
+        rig.attach(world, "uart1", (1..=8).map(Device::new).collect::<Vec<_>>());
+        world.run_for(10 * SECOND);
+        assert!(rig.counted("scan", Event::BackPressure) > 0);
+        for n in 0..8 {
+            let status = scanner(rig, |scanner| scanner.device_status(DeviceId(n), Instant::now())).unwrap();
+            assert!(status.failures == 0 && (39..=41).contains(&status.answers), "{n}: {status:?}");
+        }
+    });
+}
+
+#[test]
+fn an_attempt_at_a_server_that_was_not_there_connects_anew_at_that_moment() {
+    let settings = "port plc tcp client 10.0.1.1:502
+        port P502 tcp server 502
+        port scan scanner
+        route scan 5 * * plc
+        route P502 5 * * plc
+        device plc unit 5
+        point a plc holding 0 read high";
+    with_gateway(1, settings, |world, rig| {
+        world.run_for(14 * SECOND);
+        let made = rig.network.counters().made;
+        rig.attach_tcp(world, "10.0.1.1:502", [Device::new(5)]);
+        let status = || scanner(rig, |scanner| scanner.device_status(DeviceId(0), Instant::now())).unwrap();
+        assert_eq!((status().failures, made), (3, 0));
+        // Others are told at once that there is no way.
+        let mut client = rig.client(machine(1), 502);
+        let answer = world.run_until(client.request(5, &[3, 0, 0, 0, 1]));
+        assert_eq!(answer.exception(), Some(10));
+        // The scan after 15 s.
+        world.run_for(1_300 * MS);
+        assert_eq!((status().alive, status().failures), (Some(true), 3));
+    });
+}

@@ -1,0 +1,85 @@
+//! What steps do with data points, and look for in them.
+
+use embassy_time::Instant;
+use mobgate::config::PointSettings;
+use mobgate::scanner::{DeviceId, RowId, ScannerPlace};
+
+use super::Stage;
+use super::acts::equal;
+use crate::step::OfPoint;
+use crate::words::number;
+
+impl Stage<'_, '_, '_> {
+    /// Acts on the point called `name`.
+    pub(super) fn point(&self, name: &str, what: &OfPoint) -> Result<(), String> {
+        let place = self.scanner()?;
+        let (id, point) = self
+            .rig
+            .gateway
+            .settings(|settings| {
+                let id = settings.find_point(name)?;
+                Some((RowId(id), settings.points[usize::from(id)].clone()))
+            })
+            .ok_or("there is no such point")?;
+        let now = Instant::now();
+        let done = match what {
+            OfPoint::Is(status) => {
+                let is = place.with(|scanner| scanner.status(id, now));
+                return equal("the status", is.to_string(), status.clone());
+            }
+            OfPoint::Holds(values) => {
+                let is = place.with(|scanner| shown(&point, scanner.input(id)));
+                return equal("the values", is, values.clone());
+            }
+            OfPoint::IsRead => place.change(|scanner| scanner.read(id, now)),
+            OfPoint::IsWritten(None) => place.change(|scanner| scanner.write(id)),
+            OfPoint::IsWritten(Some(values)) => {
+                let cells = cells(&point, values)?;
+                place.change(|scanner| scanner.put(id, 0, point.cells(), &cells, now))
+            }
+            OfPoint::Begin => place.change(|scanner| scanner.begin(id)),
+            OfPoint::Finish => place.change(|scanner| scanner.finish(id)),
+        };
+        done.map_err(|refused| refused.to_string())
+    }
+
+    /// Marks a range of a device.
+    pub(super) fn mark(&self, device: &str, function: u8, range: (u16, u16)) -> Result<(), String> {
+        let id = self.rig.gateway.settings(|settings| settings.find_device(device));
+        let id = DeviceId(id.ok_or("there is no such device")?);
+        let mark = self
+            .scanner()?
+            .change(|scanner| scanner.mark_range(id, function, range.0, range.1, Instant::now()));
+        mark.map(|_| ()).map_err(|refused| refused.to_string())
+    }
+
+    fn scanner(&self) -> Result<&ScannerPlace, String> {
+        self.rig.gateway.scanner().ok_or_else(|| "the gateway has no data points".to_owned())
+    }
+}
+
+fn shown(point: &PointSettings, cells: &[u8]) -> String {
+    let value = |nth: usize| match point.kind.is_bits() {
+        true => (cells[nth / 8] >> (nth % 8) & 1).to_string(),
+        false => {
+            let at = 2 * usize::from(point.value.registers()) * nth;
+            point.value.take(&cells[at..]).map_or_else(|| "?".to_owned(), |value| value.to_string())
+        }
+    };
+    (0..usize::from(point.count)).map(value).collect::<Vec<_>>().join(" ")
+}
+
+fn cells(point: &PointSettings, values: &str) -> Result<Vec<u8>, String> {
+    let values: Vec<&str> = values.split_whitespace().collect();
+    if point.kind.is_bits() {
+        let mut cells = vec![0; values.len().div_ceil(8)];
+        for (nth, value) in values.iter().enumerate() {
+            cells[nth / 8] |= number::<u8>(value)? << (nth % 8);
+        }
+        return Ok(cells);
+    }
+    let registers = usize::from(point.value.registers());
+    let parsed = values.iter().map(|value| point.value.parse(value).ok_or("this is no value of the point"));
+    let parsed: Vec<_> = parsed.collect::<Result<_, _>>()?;
+    Ok(parsed.iter().flat_map(|value| &value[..2 * registers]).copied().collect())
+}

@@ -1,4 +1,5 @@
-//! The gateway's figures in virtual time: the same on every machine, since no clock of the machine is looked at.
+//! The gateway's figures in virtual time and of simulated flash: the same on every machine, since no clock of the machine
+//! is looked at.
 //!
 //! Each is printed as `figure NAME VALUE UNIT TARGET ok|short`. Names given as arguments select what is run; `plot`
 //! draws docs/paper.svg.
@@ -11,6 +12,7 @@ mod line;
 mod merging;
 mod paper;
 mod plot;
+mod power_cuts;
 mod shared_bus;
 mod sharing;
 
@@ -35,13 +37,14 @@ pub(crate) fn figure(name: &str, value: f64, unit: &str, target: Target) {
 }
 
 fn main() {
-    let groups: [(&str, fn()); 6] = [
+    let groups: [(&str, fn()); 7] = [
         ("line", line::figures),
         ("paper", paper::figures),
         ("sharing", sharing::figures),
         ("merging", merging::figures),
         ("faults", faults::figures),
         ("shared_bus", shared_bus::figures),
+        ("power_cuts", power_cuts::figures),
     ];
     // Cargo adds `--bench`; what is left are the names of groups.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();

@@ -9,9 +9,11 @@
 pub mod client;
 pub mod device;
 pub mod fault;
+pub mod flash;
 pub mod framing;
 pub mod master;
 pub mod net;
+pub mod power_cuts;
 pub mod random;
 pub mod rig;
 pub mod serial;

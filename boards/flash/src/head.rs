@@ -1,0 +1,50 @@
+//! The head: one small item of the map that says which copy of the text holds.
+
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
+
+/// The CRC over the whole text. A small table: this is computed at the start and at a save.
+pub(crate) static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+
+/// Format of what this crate writes. A head with another number is left alone and reported.
+const VERSION: u8 = 1;
+/// Bytes of a head.
+pub(crate) const HEAD_BYTES: usize = 10;
+
+/// Which copy holds, and what it must be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Head {
+    /// 0 or 1.
+    pub(crate) copy: u8,
+    pub(crate) length: u32,
+    pub(crate) crc: u32,
+}
+
+impl Head {
+    pub(crate) fn to_bytes(self) -> [u8; HEAD_BYTES] {
+        let [l0, l1, l2, l3] = self.length.to_le_bytes();
+        let [c0, c1, c2, c3] = self.crc.to_le_bytes();
+        [VERSION, self.copy, l0, l1, l2, l3, c0, c1, c2, c3]
+    }
+
+    /// `None` when another version of the firmware wrote it.
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let &[VERSION, copy @ 0..=1, l0, l1, l2, l3, c0, c1, c2, c3] = bytes else { return None };
+        let (length, crc) = (u32::from_le_bytes([l0, l1, l2, l3]), u32::from_le_bytes([c0, c1, c2, c3]));
+        Some(Self { copy, length, crc })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Head;
+
+    #[test]
+    fn a_head_reads_back_and_another_versions_head_does_not() {
+        let head = Head { copy: 1, length: 0x1_0203, crc: 0xdead_beef };
+        let mut bytes = head.to_bytes();
+        assert_eq!(Head::from_bytes(&bytes), Some(head));
+        bytes[0] += 1;
+        assert_eq!(Head::from_bytes(&bytes), None);
+        assert_eq!(Head::from_bytes(&[]), None);
+    }
+}

@@ -1,0 +1,111 @@
+//! Two flash sectors whose erasing is atomic: a sector that a power cut leaves half erased is erased again at the start.
+//!
+//! A half erased sector may still look full, or empty, to whoever reads its first and last word, and sequential-storage does no
+//! more. So each sector begins with two marks that nobody above sees: `erased` is written when erasing has
+//! succeeded, `erasing` before the next one begins. A sector is good with the first and without the second. The marks
+//! lie side by side at the sector's beginning, so that an erase that runs from one end to the other takes `erased` before
+//! `erasing`, or `erasing` when all else is gone.
+
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+
+/// Bytes of a mark: a flash word of the chips with the longest one, and far more than bits that change by chance.
+const MARK_BYTES: usize = 32;
+/// Bytes at the beginning of each sector that the marks take.
+pub const MARKS_BYTES: usize = 2 * MARK_BYTES;
+/// Erasing has succeeded. Half of the bits are zero, so a sector that is all ones or all zeros does not show it.
+const ERASED: [u8; MARK_BYTES] = *b"mobgate settings, sector erased\n";
+/// Erasing has begun, and what stands here is given up.
+const ERASING: [u8; MARK_BYTES] = [0; MARK_BYTES];
+const BLANK: u8 = 0xff;
+/// Sectors used.
+pub const SECTORS: u32 = 2;
+
+/// Two sectors of a flash as one that begins at 0, without the marks.
+#[derive(Debug)]
+pub struct Sectors<F> {
+    flash: F,
+    start: u32,
+}
+
+impl<F: NorFlash> Sectors<F> {
+    /// Bytes of a sector that are left.
+    const SECTOR_BYTES: usize = F::ERASE_SIZE - MARKS_BYTES;
+
+    /// The two sectors at `start` of `flash`. What a power cut left half erased, or what was never used, is erased first.
+    pub async fn open(flash: F, start: u32) -> Result<Self, F::Error> {
+        const { assert!(MARK_BYTES.is_multiple_of(F::WRITE_SIZE), "a mark is whole flash words") };
+        const { assert!(F::ERASE_SIZE.is_power_of_two() && F::ERASE_SIZE > 4 * MARKS_BYTES) };
+        let mut sectors = Self { flash, start };
+        for index in 0..SECTORS {
+            let mut marks = [0; MARKS_BYTES];
+            sectors.flash.read(sectors.base(index), &mut marks).await?;
+            if !is_good(&marks) {
+                sectors.erase_sector(index).await?;
+            }
+        }
+        Ok(sectors)
+    }
+
+    /// Where the sector begins in the flash.
+    const fn base(&self, index: u32) -> u32 {
+        self.start + index * F::ERASE_SIZE as u32
+    }
+
+    /// Where `offset` is in the flash. Accesses do not cross a sector's end, because those of the map do not.
+    const fn place(&self, offset: u32) -> u32 {
+        let (index, within) = (offset / Self::SECTOR_BYTES as u32, offset % Self::SECTOR_BYTES as u32);
+        self.base(index) + MARKS_BYTES as u32 + within
+    }
+
+    async fn erase_sector(&mut self, index: u32) -> Result<(), F::Error> {
+        let base = self.base(index);
+        self.flash.erase(base, base + F::ERASE_SIZE as u32).await?;
+        self.flash.write(base, &ERASED).await
+    }
+}
+
+fn is_good(marks: &[u8; MARKS_BYTES]) -> bool {
+    marks.strip_prefix(&ERASED).is_some_and(|erasing| erasing.iter().all(|&byte| byte == BLANK))
+}
+
+impl<F: NorFlash> ErrorType for Sectors<F> {
+    type Error = F::Error;
+}
+
+impl<F: NorFlash> ReadNorFlash for Sectors<F> {
+    // Whole flash words: the map judges whether a sector is open, full or empty by one read of this size, and one byte of a
+    // word whose writing was cut says less than all of them.
+    const READ_SIZE: usize = F::WRITE_SIZE;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
+        self.flash.read(self.place(offset), bytes).await
+    }
+
+    fn capacity(&self) -> usize {
+        SECTORS as usize * Self::SECTOR_BYTES
+    }
+}
+
+impl<F: NorFlash> NorFlash for Sectors<F> {
+    const WRITE_SIZE: usize = F::WRITE_SIZE;
+    const ERASE_SIZE: usize = Self::SECTOR_BYTES;
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {
+        self.flash.write(self.place(offset), bytes).await
+    }
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), F::Error> {
+        let sector_bytes = Self::SECTOR_BYTES as u32;
+        for index in from / sector_bytes..to / sector_bytes {
+            let mark = self.base(index) + MARK_BYTES as u32;
+            let mut there = [0; MARK_BYTES];
+            self.flash.read(mark, &mut there).await?;
+            // After an erase that failed the mark stands; words with a checksum of their own must not be written twice.
+            if there.iter().all(|&byte| byte == BLANK) {
+                self.flash.write(mark, &ERASING).await?;
+            }
+            self.erase_sector(index).await?;
+        }
+        Ok(())
+    }
+}

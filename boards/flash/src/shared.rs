@@ -1,0 +1,54 @@
+//! One store for several consoles: whoever begins to save has it alone until the save ends.
+
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_sync::mutex::{Mutex, MutexGuard};
+use embedded_storage_async::nor_flash::NorFlash;
+use mobgate::hal::{Store, StoreError};
+
+use crate::store::FlashStore;
+
+/// A console's handle of the store. Dropping it while a save runs forgets what was begun.
+pub struct SharedStore<'a, M: RawMutex, F: NorFlash> {
+    store: &'a Mutex<M, FlashStore<F>>,
+    /// From the first append to the commit.
+    saving: Option<MutexGuard<'a, M, FlashStore<F>>>,
+}
+
+impl<'a, M: RawMutex, F: NorFlash> SharedStore<'a, M, F> {
+    /// A handle of `store`.
+    pub const fn new(store: &'a Mutex<M, FlashStore<F>>) -> Self {
+        Self { store, saving: None }
+    }
+
+    /// The store for this handle alone, without what another one began and left.
+    async fn alone(&mut self) -> MutexGuard<'a, M, FlashStore<F>> {
+        match self.saving.take() {
+            Some(guard) => guard,
+            None => {
+                let mut guard = self.store.lock().await;
+                guard.forget();
+                guard
+            }
+        }
+    }
+}
+
+impl<M: RawMutex, F: NorFlash> Store for SharedStore<'_, M, F> {
+    async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
+        match &mut self.saving {
+            Some(store) => store.read(offset, into).await,
+            None => self.store.lock().await.read(offset, into).await,
+        }
+    }
+
+    async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
+        let mut store = self.alone().await;
+        store.append(text).await?;
+        self.saving = Some(store);
+        Ok(())
+    }
+
+    async fn commit(&mut self) -> Result<(), StoreError> {
+        self.alone().await.commit().await
+    }
+}

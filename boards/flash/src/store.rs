@@ -1,0 +1,222 @@
+//! [`FlashStore`]: the text as numbered pieces in a map, two copies of it, and a head that says which one holds.
+
+use crc::{Digest, Table};
+use embedded_storage_async::nor_flash::NorFlash;
+use mobgate::config::{LINE_BYTES_MAX, PORTS_MAX, ROUTES_MAX};
+use mobgate::hal::{Store, StoreError};
+use sequential_storage::Error;
+use sequential_storage::cache::Cache;
+use sequential_storage::cache::key_pointers::ArrayKeyPointers;
+use sequential_storage::cache::page_pointers::ArrayPagePointers;
+use sequential_storage::cache::page_states::ArrayPageStates;
+use sequential_storage::map::{MapConfig, MapStorage};
+
+use crate::head::{CRC, HEAD_BYTES, Head};
+use crate::sectors::{SECTORS, Sectors};
+
+/// Longest text that the language can produce: each port and rule is a line, and the network is one.
+pub const TEXT_BYTES_MAX: usize = (PORTS_MAX + ROUTES_MAX + 1) * (LINE_BYTES_MAX + 1);
+
+/// Bytes of a piece. With its key it is a whole number of flash words.
+const PIECE_BYTES: usize = 1024 - KEY_BYTES;
+const KEY_BYTES: usize = size_of::<u16>();
+const PIECES_MAX: usize = TEXT_BYTES_MAX.div_ceil(PIECE_BYTES);
+/// The head's key. A piece's key is its number and, in [`COPY_BIT`], its copy.
+const HEAD_KEY: u16 = u16::MAX;
+const COPY_BIT: u16 = 0x100;
+/// Both copies and the head.
+const KEYS: usize = 2 * PIECES_MAX + 1;
+const _: () = assert!(PIECES_MAX < COPY_BIT as usize);
+
+type Finder = Cache<
+    ArrayPageStates<{ SECTORS as usize }>,
+    ArrayPagePointers<{ SECTORS as usize }>,
+    ArrayKeyPointers<u16, KEYS>,
+    u16,
+>;
+
+/// Longest text that two sectors of `F` hold: both copies fit into one of them, because the other one is being erased.
+pub const fn text_bytes_max<F: NorFlash>() -> usize {
+    let sector = <Sectors<F> as NorFlash>::ERASE_SIZE - 2 * F::WRITE_SIZE;
+    let overhead = MapStorage::<u16, Sectors<F>, Finder>::item_overhead_size() as usize;
+    let head = overhead + (KEY_BYTES + HEAD_BYTES).next_multiple_of(F::WRITE_SIZE);
+    let pieces = (sector - head) / (2 * (overhead + KEY_BYTES + PIECE_BYTES));
+    if pieces < PIECES_MAX { pieces * PIECE_BYTES } else { TEXT_BYTES_MAX }
+}
+
+/// Keeps the settings in two sectors of `F`.
+pub struct FlashStore<F: NorFlash> {
+    map: MapStorage<u16, Sectors<F>, Finder>,
+    /// What holds, or why nothing can be read.
+    head: Result<Option<Head>, StoreError>,
+    /// Where the map puts an item together.
+    buffer: [u8; KEY_BYTES + PIECE_BYTES],
+    /// The text that is being written.
+    next: Option<Next>,
+    /// The last piece of it.
+    piece: [u8; PIECE_BYTES],
+}
+
+/// A text that is being written.
+struct Next {
+    copy: u8,
+    length: usize,
+    digest: Digest<'static, u32, Table<1>>,
+}
+
+impl<F: NorFlash> FlashStore<F> {
+    /// The store in the two sectors at `start` of `flash`. Finishes what a power cut interrupted.
+    pub async fn open(flash: F, start: u32) -> Result<Self, StoreError> {
+        let sectors = Sectors::open(flash, start).await.map_err(|_| StoreError::Failed)?;
+        let states = ArrayPageStates::new();
+        let finder = Cache::new(states, ArrayPagePointers::new(), ArrayKeyPointers::new());
+        let config = const { MapConfig::new(0..SECTORS * <Sectors<F> as NorFlash>::ERASE_SIZE as u32) };
+        let mut store = Self {
+            map: MapStorage::new(sectors, config, finder),
+            head: Ok(None),
+            buffer: [0; KEY_BYTES + PIECE_BYTES],
+            next: None,
+            piece: [0; PIECE_BYTES],
+        };
+        store.head = store.find_head().await;
+        Ok(store)
+    }
+
+    /// Forgets a version that was begun and not committed.
+    pub fn forget(&mut self) {
+        self.next = None;
+    }
+
+    /// The head, if the whole text is as it says.
+    async fn find_head(&mut self) -> Result<Option<Head>, StoreError> {
+        let found = self.map.fetch_item::<&[u8]>(&mut self.buffer, &HEAD_KEY).await.map_err(reason)?;
+        let Some(bytes) = found else { return Ok(None) };
+        let head = Head::from_bytes(bytes).ok_or(StoreError::Damaged)?;
+        self.check(&head).await?;
+        Ok(Some(head))
+    }
+
+    /// Whether the pieces are there and are what the head says.
+    async fn check(&mut self, head: &Head) -> Result<(), StoreError> {
+        let length = head.length as usize;
+        let mut digest = CRC.digest();
+        for number in 0..length.div_ceil(PIECE_BYTES) {
+            let bytes = PIECE_BYTES.min(length - number * PIECE_BYTES);
+            digest.update(self.piece(head.copy, number).await?.get(..bytes).ok_or(StoreError::Damaged)?);
+        }
+        if digest.finalize() == head.crc { Ok(()) } else { Err(StoreError::Damaged) }
+    }
+
+    /// A piece of a copy. The last one may be longer than what is left of its text.
+    async fn piece(&mut self, copy: u8, number: usize) -> Result<&[u8], StoreError> {
+        let found = self.map.fetch_item::<&[u8]>(&mut self.buffer, &key(copy, number)).await;
+        found.map_err(reason)?.ok_or(StoreError::Damaged)
+    }
+
+    /// The version to be written: in the copy that does not hold.
+    async fn begin(&mut self) -> Result<Next, StoreError> {
+        if self.head == Err(StoreError::Damaged) {
+            // Nothing can be read, so nothing is lost; and what is damaged might be in the way.
+            self.map.erase_all().await.map_err(reason)?;
+            self.head = Ok(None);
+        }
+        let holds = self.head?.map_or(1, |head| head.copy);
+        Ok(Next { copy: 1 - holds, length: 0, digest: CRC.digest() })
+    }
+
+    /// Writes the last piece of `next`, which is `bytes` long.
+    async fn store_piece(&mut self, next: &Next, bytes: usize) -> Result<(), StoreError> {
+        let piece = self.piece.get(..bytes).unwrap_or_default();
+        let key = key(next.copy, (next.length - 1) / PIECE_BYTES);
+        self.map.store_item(&mut self.buffer, &key, &piece).await.map_err(reason)
+    }
+
+    /// Adds `text` to `next`; whole pieces are written.
+    async fn extend(&mut self, next: &mut Next, mut text: &[u8]) -> Result<(), StoreError> {
+        let bytes_max = text_bytes_max::<F>();
+        if next.length + text.len() > bytes_max {
+            return Err(StoreError::Full(bytes_max));
+        }
+        next.digest.update(text);
+        while !text.is_empty() {
+            let free = self.piece.get_mut(next.length % PIECE_BYTES..).unwrap_or_default();
+            let (now, later) = text.split_at(text.len().min(free.len()));
+            free.iter_mut().zip(now).for_each(|(to, &from)| *to = from);
+            next.length += now.len();
+            text = later;
+            if next.length.is_multiple_of(PIECE_BYTES) {
+                self.store_piece(next, PIECE_BYTES).await?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes `next` hold: its last piece, a look at all of them, then the head.
+    async fn finish(&mut self, next: Next) -> Result<Head, StoreError> {
+        let rest = next.length % PIECE_BYTES;
+        if rest > 0 {
+            self.store_piece(&next, rest).await?;
+        }
+        let head = Head { copy: next.copy, length: next.length as u32, crc: next.digest.finalize() };
+        // What does not read back is the medium's fault; the old text still holds.
+        self.check(&head).await.map_err(|_| StoreError::Failed)?;
+        self.map
+            .store_item(&mut self.buffer, &HEAD_KEY, &head.to_bytes().as_slice())
+            .await
+            .map_err(reason)?;
+        Ok(head)
+    }
+}
+
+impl<F: NorFlash> Store for FlashStore<F> {
+    async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
+        let Some(head) = self.head? else { return Ok(0) };
+        let left = (head.length as usize).saturating_sub(offset);
+        if left == 0 {
+            return Ok(0);
+        }
+        let piece = self.piece(head.copy, offset / PIECE_BYTES).await?;
+        let there = piece.get(offset % PIECE_BYTES..).ok_or(StoreError::Damaged)?;
+        let count = there.len().min(left).min(into.len());
+        into.iter_mut().zip(there).take(count).for_each(|(to, &from)| *to = from);
+        Ok(count)
+    }
+
+    async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
+        // After an error it stays taken: the version is forgotten.
+        let mut next = match self.next.take() {
+            Some(next) => next,
+            None => self.begin().await?,
+        };
+        self.extend(&mut next, text).await?;
+        self.next = Some(next);
+        Ok(())
+    }
+
+    async fn commit(&mut self) -> Result<(), StoreError> {
+        let next = match self.next.take() {
+            Some(next) => next,
+            None => self.begin().await?,
+        };
+        match self.finish(next).await {
+            Ok(head) => self.head = Ok(Some(head)),
+            Err(error) => {
+                // The head may have been written or not.
+                self.head = self.find_head().await;
+                return Err(error);
+            }
+        }
+        Ok(())
+    }
+}
+
+const fn key(copy: u8, number: usize) -> u16 {
+    (copy as u16 * COPY_BIT) | number as u16
+}
+
+fn reason<E>(error: Error<E>) -> StoreError {
+    match error {
+        Error::Corrupted { .. } => StoreError::Damaged,
+        _ => StoreError::Failed,
+    }
+}

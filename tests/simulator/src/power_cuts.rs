@@ -1,0 +1,98 @@
+//! Cuts the power at every step of a save, and looks at what the next start finds.
+
+use embassy_futures::block_on;
+use mobgate::hal::{Store, StoreError};
+
+use crate::flash::{SimFlash, Torn};
+use crate::random::Random;
+
+/// What a sweep found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Tally {
+    /// Cuts tried.
+    pub cuts: u64,
+    /// Starts that found the old text.
+    pub old: u64,
+    /// Starts that found the new text.
+    pub new: u64,
+    /// Starts that found anything else, or the old text after the save was said to be done.
+    pub garbage: u64,
+    /// Stores that could not be saved to after that.
+    pub stuck: u64,
+}
+
+/// Saves `new` over `old`, with a cut at each step, also behind the last, and for each [`Torn`], and a second cut during the start after it.
+///
+/// `open` opens the store in a flash, as at a start. `saves` is how many texts were saved before.
+pub fn sweep<S: Store, const WORD: usize, const SECTOR: usize>(
+    open: impl AsyncFn(SimFlash<WORD, SECTOR>) -> Result<S, StoreError>,
+    saves: usize,
+    (old, new): (&[u8], &[u8]),
+    seed: u64,
+) -> Tally {
+    let mut random = Random::new(seed);
+    let before = SimFlash::new(2, seed);
+    for nth in 0..saves {
+        let text = text(old.len(), nth as u64);
+        block_on(save(&open, &before, &text)).expect("a save without a cut");
+    }
+    block_on(save(&open, &before, old)).expect("a save without a cut");
+    let whole = before.copy(seed);
+    block_on(save(&open, &whole, new)).expect("a save without a cut");
+
+    let mut tally = Tally::default();
+    for cut in 0..=whole.steps() - before.steps() {
+        for torn in Torn::ALL {
+            let flash = before.copy(random.bits());
+            flash.cut_after(cut, torn);
+            let done = block_on(save(&open, &flash, new)).is_ok();
+            flash.cut_after(random.within(0..=2), Torn::ALL[random.index(Torn::ALL.len())]);
+            // This start ends by a cut, or not.
+            let _ = block_on(load(&open, &flash));
+            flash.power_on();
+            tally.cuts += 1;
+            match block_on(load(&open, &flash)) {
+                Ok(text) if text == new => tally.new += 1,
+                Ok(text) if text == old && !done => tally.old += 1,
+                _ => tally.garbage += 1,
+            }
+            let next = text(new.len(), cut);
+            let saved = block_on(save(&open, &flash, &next));
+            tally.stuck += u64::from(saved.is_err() || block_on(load(&open, &flash)) != Ok(next));
+        }
+    }
+    tally
+}
+
+/// A text of `length` bytes that no other `seed` gives.
+pub fn text(length: usize, seed: u64) -> Vec<u8> {
+    let mut random = Random::new(seed);
+    (0..length).map(|_| random.byte()).collect()
+}
+
+async fn save<S: Store, const WORD: usize, const SECTOR: usize>(
+    open: &impl AsyncFn(SimFlash<WORD, SECTOR>) -> Result<S, StoreError>,
+    flash: &SimFlash<WORD, SECTOR>,
+    text: &[u8],
+) -> Result<(), StoreError> {
+    let mut store = open(flash.clone()).await?;
+    // In lines of some length, as settings are.
+    for line in text.chunks(61) {
+        store.append(line).await?;
+    }
+    store.commit().await
+}
+
+async fn load<S: Store, const WORD: usize, const SECTOR: usize>(
+    open: &impl AsyncFn(SimFlash<WORD, SECTOR>) -> Result<S, StoreError>,
+    flash: &SimFlash<WORD, SECTOR>,
+) -> Result<Vec<u8>, StoreError> {
+    let mut store = open(flash.clone()).await?;
+    let (mut text, mut chunk) = (Vec::new(), [0; 64]);
+    loop {
+        match store.read(text.len(), &mut chunk).await? {
+            0 => return Ok(text),
+            count => text.extend_from_slice(&chunk[..count]),
+        }
+    }
+}

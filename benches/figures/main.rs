@@ -8,6 +8,7 @@
 use mobgate_clock as _;
 
 mod faults;
+mod figure;
 mod line;
 mod merging;
 mod paper;
@@ -16,25 +17,7 @@ mod power_cuts;
 mod shared_bus;
 mod sharing;
 
-/// What a value must be.
-#[derive(Clone, Copy)]
-pub(crate) enum Target {
-    AtLeast(f64),
-    AtMost(f64),
-    None,
-}
-
-/// Prints one figure.
-pub(crate) fn figure(name: &str, value: f64, unit: &str, target: Target) {
-    let round = |value: f64| (value * 1e4).round() / 1e4;
-    let (wanted, holds) = match target {
-        Target::AtLeast(bound) => (format!(">={}", round(bound)), value >= bound),
-        Target::AtMost(bound) => (format!("<={}", round(bound)), value <= bound),
-        Target::None => ("-".to_owned(), true),
-    };
-    let verdict = if holds { "ok" } else { "short" };
-    println!("figure {name} {} {unit} {wanted} {verdict}", round(value));
-}
+pub(crate) use figure::{Target, figure};
 
 fn main() {
     let groups: [(&str, fn()); 7] = [

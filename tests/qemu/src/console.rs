@@ -37,7 +37,7 @@ impl Console {
         self.read_until(&format!("{command}\r\n"));
         let mut printed = self.read_until(PROMPT);
         printed.truncate(printed.len() - PROMPT.len());
-        printed.trim_start_matches(['\r', '\x1b']).to_owned()
+        printed.trim_matches(['\r', '\n']).to_owned()
     }
 
     /// Lets this process's standard input and output be the terminal, until the input ends.

@@ -57,18 +57,28 @@ impl Bus {
             let mut chunk = [0; FRAME_BYTES_MAX];
             while let Ok(count @ 1..) = line.read(&mut chunk) {
                 heard.extend_from_slice(&chunk[..count]);
-                // No silence ends a frame here, as the host paces nothing: it ends where its CRC fits.
-                let answer = match rtu::open(&heard) {
-                    Some((unit, pdu)) => devices.lock().unwrap().answer(unit, pdu),
-                    None if heard.len() < FRAME_BYTES_MAX => continue,
-                    None => None,
-                };
+                // No silence ends a frame here, as the host paces nothing.
+                if heard.len() < request_bytes(&heard) {
+                    continue;
+                }
+                let answer =
+                    rtu::open(&heard).and_then(|(unit, pdu)| devices.lock().unwrap().answer(unit, pdu));
                 heard.clear();
                 if answer.is_some_and(|answer| line.write_all(&answer).is_err()) {
                     return;
                 }
             }
         });
+    }
+}
+
+/// How long a request is that begins like this: reads and writes of one thing, or writes of several. (A CRC that fits is no
+/// end: it does so one byte early in one of 256 requests for few registers.)
+fn request_bytes(begun: &[u8]) -> usize {
+    match begun {
+        [_, 15 | 16, _, _, _, _, bytes, ..] => 9 + usize::from(*bytes),
+        [_, 15 | 16, ..] => 9,
+        _ => 8,
     }
 }
 

@@ -31,13 +31,13 @@ pub fn run(folder: &Path, wanted: u64) {
     console.run("clear stats");
     let sockets = figures.ask().sockets_free;
 
-    let (asked, answered) = (AtomicU64::new(0), AtomicU64::new(0));
+    let answered = AtomicU64::new(0);
     let start = Instant::now();
     let wrong: u64 = thread::scope(|scope| {
         let clients: Vec<_> = (0..CLIENTS)
             .map(|seed| {
-                let (machine, asked, answered) = (&machine, &asked, &answered);
-                scope.spawn(move || client(machine, seed, wanted, asked, answered))
+                let (machine, answered) = (&machine, &answered);
+                scope.spawn(move || client(machine, seed, wanted, answered))
             })
             .collect();
         clients.into_iter().map(|client| client.join().unwrap()).sum()
@@ -72,7 +72,7 @@ fn unaccounted(console: &mut crate::Console, bus: &Bus, port: &str) -> u64 {
 }
 
 /// One client after the other until all have got their answers; how many of those were wrong.
-fn client(machine: &Machine, seed: u64, wanted: u64, asked: &AtomicU64, answered: &AtomicU64) -> u64 {
+fn client(machine: &Machine, seed: u64, wanted: u64, answered: &AtomicU64) -> u64 {
     let mut random = Random::new(seed);
     let mut wrong = 0;
     let mut client = machine.client();
@@ -80,7 +80,6 @@ fn client(machine: &Machine, seed: u64, wanted: u64, asked: &AtomicU64, answered
         let (_, _, first) = LINES[random.index(LINES.len())];
         let unit = first + random.index(usize::from(UNITS)) as u8;
         let (address, count) = (random.index(64) as u16, 1 + random.index(8) as u16);
-        asked.fetch_add(1, Ordering::Relaxed);
         if random.index(RESET_EVERY) == 0 {
             let _ = client.send(unit, &[3, 0, address as u8, 0, count as u8]);
             client.reset();

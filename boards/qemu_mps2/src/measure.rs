@@ -55,15 +55,17 @@ fn stack_bytes() -> usize {
     top.addr() - at.addr()
 }
 
-/// Answers each byte on `line` with a line of figures, for ever.
+/// Answers each byte on `line` with a line of figures, for ever: `b` asks for the ticks, `m` for memory.
 pub(crate) async fn report(mut line: Line, sockets: &'static Sockets) {
     let mut asked = [0; 1];
     loop {
         let Ok(_) = line.read(&mut asked).await;
-        let mut text = String::<96>::new();
-        let busy = BUSY.load(Ordering::Relaxed);
-        // It has room for three numbers.
-        let _ = writeln!(text, "busy {busy} stack {} sockets {}", stack_bytes(), sockets.free());
+        let mut text = String::<64>::new();
+        // It has room for two numbers.
+        let _ = match asked {
+            [b'b'] => writeln!(text, "busy {}", BUSY.load(Ordering::Relaxed)),
+            _ => writeln!(text, "stack {} sockets {}", stack_bytes(), sockets.free()),
+        };
         let Ok(()) = line.write_all(text.as_bytes()).await;
     }
 }

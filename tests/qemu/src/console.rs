@@ -65,29 +65,32 @@ impl Console {
 /// What the board tells about itself.
 pub struct Figures(BufReader<UnixStream>);
 
-/// One answer of [`Figures`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Told {
-    /// Ticks of 40 ns awake, modulo 2^32.
-    pub busy: u32,
-    /// The most that the stack has held.
-    pub stack_bytes: u32,
-    /// Sockets that could be opened.
-    pub sockets_free: u32,
-}
-
 impl Figures {
     pub(crate) fn new(line: UnixStream) -> Self {
         Self(BufReader::new(line))
     }
 
-    /// Asks.
-    pub fn ask(&mut self) -> Told {
-        self.0.get_mut().write_all(b"?").unwrap();
+    /// Ticks of 40 ns that the board has been awake, modulo 2^32.
+    pub fn busy(&mut self) -> u32 {
+        let [_, busy] = self.ask(b'b')[..] else { panic!("two words") };
+        busy
+    }
+
+    /// The most bytes that the stack has held.
+    pub fn stack_bytes(&mut self) -> u32 {
+        self.ask(b'm')[1]
+    }
+
+    /// Sockets that could be opened.
+    pub fn sockets_free(&mut self) -> u32 {
+        self.ask(b'm')[3]
+    }
+
+    /// The words of an answer; those that are no numbers are 0.
+    fn ask(&mut self, what: u8) -> Vec<u32> {
+        self.0.get_mut().write_all(&[what]).unwrap();
         let mut line = String::new();
         self.0.read_line(&mut line).unwrap();
-        let numbers: Vec<u32> = line.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-        let [busy, stack_bytes, sockets_free] = numbers[..] else { panic!("figures: {line:?}") };
-        Told { busy, stack_bytes, sockets_free }
+        line.split_whitespace().map(|word| word.parse().unwrap_or(0)).collect()
     }
 }

@@ -29,7 +29,7 @@ pub fn run(folder: &Path, wanted: u64) {
     let mut console = machine.console();
     let mut figures = machine.figures();
     console.run("clear stats");
-    let sockets = figures.ask().sockets_free;
+    let sockets = figures.sockets_free();
 
     let answered = AtomicU64::new(0);
     let start = Instant::now();
@@ -49,19 +49,19 @@ pub fn run(folder: &Path, wanted: u64) {
     wait_for("every frame to come home", || {
         (console.count("-", "frames-free") == console.count("-", "frames")).then_some(())
     });
-    wait_for("every socket to come home", || (figures.ask().sockets_free >= sockets).then_some(()));
+    wait_for("every socket to come home", || (figures.sockets_free() >= sockets).then_some(()));
     let answered = answered.into_inner();
     figure("qemu_transactions", answered as f64, "answers", Target::AtLeast(wanted as f64));
     figure("qemu_rate", answered as f64 / seconds, "answers/s", Target::None);
     figure("qemu_wrong_answers", wrong as f64, "answers", Target::AtMost(0.0));
     let frames = console.count("-", "frames") - console.count("-", "frames-free");
     figure("qemu_frames_lost", frames as f64, "frames", Target::AtMost(0.0));
-    let lost = sockets.abs_diff(figures.ask().sockets_free);
+    let lost = sockets.abs_diff(figures.sockets_free());
     figure("qemu_sockets_lost", f64::from(lost), "sockets", Target::AtMost(0.0));
     let gap: u64 =
         buses.iter().zip(LINES).map(|(bus, (_, port, _))| unaccounted(&mut console, bus, port)).sum();
     figure("qemu_counters_apart", gap as f64, "requests", Target::AtMost(0.0));
-    figure("qemu_stack_worst", f64::from(figures.ask().stack_bytes), "bytes", Target::None);
+    figure("qemu_stack_worst", f64::from(figures.stack_bytes()), "bytes", Target::None);
 }
 
 /// How far a line's counters are from what its devices heard, and from each other.

@@ -34,7 +34,7 @@ fn sixteen_clients_are_served_at_a_time_and_one_more_takes_an_idle_ones_place() 
 fn malformed_input_and_resets_cost_nobody_else_anything() {
     let bench = Bench::new();
     let mut good = bench.machine.client();
-    let sockets = bench.machine.figures().ask().sockets_free;
+    let sockets = bench.machine.figures().sockets_free();
 
     let mut foreign = bench.machine.client();
     // Another protocol's frame is skipped, the connection stays.
@@ -61,7 +61,7 @@ fn malformed_input_and_resets_cost_nobody_else_anything() {
     drop(foreign);
     let (mut console, mut figures) = (bench.machine.console(), bench.machine.figures());
     wait_for("all but one to leave", || (console.run("show clients").lines().count() == 2).then_some(()));
-    wait_for("their sockets", || (figures.ask().sockets_free == sockets).then_some(()));
+    wait_for("their sockets", || (figures.sockets_free() == sockets).then_some(()));
     assert_eq!(console.count("-", "frames-free"), console.count("-", "frames"));
     assert_eq!(console.count("P502", "malformed"), 5);
 }

@@ -1,4 +1,4 @@
-//! The one form in which figures are printed.
+//! One figure: a value that this run computed, beside what it must be.
 
 /// What a value must be.
 #[derive(Clone, Copy)]

@@ -9,24 +9,28 @@ use mobgate_clock as _;
 
 mod faults;
 mod figure;
+mod goodput;
 mod line;
 mod merging;
 mod paper;
 mod plot;
+mod ports;
 mod power_cuts;
 mod shared_bus;
 mod sharing;
 
-pub(crate) use figure::{Target, figure};
+use figure::{Target, figure};
 
 fn main() {
-    let groups: [(&str, fn()); 7] = [
+    let groups: [(&str, fn()); 9] = [
         ("line", line::figures),
         ("paper", paper::figures),
         ("sharing", sharing::figures),
         ("merging", merging::figures),
         ("faults", faults::figures),
         ("shared_bus", shared_bus::figures),
+        ("ports", ports::figures),
+        ("goodput", goodput::figures),
         ("power_cuts", power_cuts::figures),
     ];
     // Cargo adds `--bench`; what is left are the names of groups.

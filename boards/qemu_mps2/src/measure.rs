@@ -18,6 +18,8 @@ const ROUND: u32 = 0x00ff_ffff;
 
 /// Ticks spent awake, modulo 2^32.
 static BUSY: AtomicU32 = AtomicU32::new(0);
+/// Of those, ticks spent on moving bytes from and to UARTs, which DMA does on a chip.
+static DRIVER: AtomicU32 = AtomicU32::new(0);
 static WOKEN_AT: AtomicU32 = AtomicU32::new(0);
 
 /// Lets SysTick count the processor's cycles down. With QEMU's `-icount` it counts instructions.
@@ -38,6 +40,14 @@ pub(crate) fn fall_asleep() {
 /// The processor has slept.
 pub(crate) fn wake_up() {
     WOKEN_AT.store(SYST::get_current(), Ordering::Relaxed);
+}
+
+/// Counts `work` as a UART driver's.
+pub(crate) fn in_driver(work: impl FnOnce()) {
+    let start = SYST::get_current();
+    work();
+    let spent = start.wrapping_sub(SYST::get_current()) & ROUND;
+    DRIVER.store(DRIVER.load(Ordering::Relaxed).wrapping_add(spent), Ordering::Relaxed);
 }
 
 /// The most that the stack has ever held, in bytes.
@@ -63,7 +73,10 @@ pub(crate) async fn report(mut line: Line, sockets: &'static Sockets) {
         let mut text = String::<64>::new();
         // It has room for two numbers.
         let _ = match asked {
-            [b'b'] => writeln!(text, "busy {}", BUSY.load(Ordering::Relaxed)),
+            [b'b'] => {
+                let (busy, driver) = (BUSY.load(Ordering::Relaxed), DRIVER.load(Ordering::Relaxed));
+                writeln!(text, "busy {busy} driver {driver}")
+            }
             _ => writeln!(text, "stack {} sockets {}", stack_bytes(), sockets.free()),
         };
         let Ok(()) = line.write_all(text.as_bytes()).await;

@@ -127,7 +127,7 @@ impl Uart {
     /// Takes what the receiver has, as far as there is room. By the interrupt, or with interrupts masked.
     fn receive(&self) {
         measure::in_driver(|| self.move_received());
-        if self.received.len() >= PIECE_BYTES {
+        if self.received.available() >= PIECE_BYTES {
             wake_readers();
         }
     }

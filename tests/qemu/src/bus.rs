@@ -5,6 +5,7 @@ use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
 use std::sync::{Arc, Mutex};
 use std::thread;
+use std::time::Duration;
 
 use mobgate_simulator::device::{Memory, rtu};
 
@@ -19,13 +20,19 @@ struct Devices {
     memories: BTreeMap<u8, Memory>,
     silent: BTreeSet<u8>,
     requests: u64,
+    answer_after: Duration,
 }
 
 impl Bus {
     /// Devices of these unit ids.
     pub fn new(units: impl IntoIterator<Item = u8>) -> Self {
         let memories = units.into_iter().map(|unit| (unit, Memory::new(unit))).collect();
-        Self(Arc::new(Mutex::new(Devices { memories, silent: BTreeSet::new(), requests: 0 })))
+        Self(Arc::new(Mutex::new(Devices {
+            memories,
+            silent: BTreeSet::new(),
+            requests: 0,
+            answer_after: Duration::ZERO,
+        })))
     }
 
     /// Lets `unit` hear and not answer, or answer again.
@@ -36,6 +43,12 @@ impl Bus {
         } else {
             silent_units.remove(&unit)
         };
+    }
+
+    /// Lets the devices answer so long after a request. The emulator carries bytes faster than a line would, and no answer may
+    /// come while the board must think that it still sends.
+    pub fn answer_after(&self, time: Duration) {
+        self.0.lock().unwrap().answer_after = time;
     }
 
     /// A holding register of `unit`.
@@ -64,6 +77,8 @@ impl Bus {
                 let answer =
                     rtu::open(&heard).and_then(|(unit, pdu)| devices.lock().unwrap().answer(unit, pdu));
                 heard.clear();
+                let pause = devices.lock().unwrap().answer_after;
+                thread::sleep(pause);
                 if answer.is_some_and(|answer| line.write_all(&answer).is_err()) {
                     return;
                 }

@@ -9,6 +9,7 @@ mod line;
 mod loader;
 mod network;
 mod network_words;
+mod own_network;
 mod port_keys;
 mod port_words;
 mod print;
@@ -33,6 +34,8 @@ pub use self::network::{
     MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, TcpListen, TcpServerSettings, UDP_REQUESTS_MAX,
     UdpServerSettings,
 };
+pub(crate) use self::own_network::keywords as network_words;
+pub use self::own_network::{HOST_NAME_BYTES_MAX, HostName, OwnNetwork, StaticAddress};
 pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
 pub use self::saved::{ReadError, read_store, write_store};
@@ -75,6 +78,8 @@ impl PortId {
 /// Everything that `save` keeps and `show config` prints.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Settings {
+    /// How the board comes by its own address, where that is the gateway's business.
+    pub network: OwnNetwork,
     /// The ports; a place keeps its index while other ports come and go.
     pub ports: [Option<Port>; PORTS_MAX],
     /// The routing rules in the order in which they are tried.
@@ -84,7 +89,7 @@ pub struct Settings {
 impl Settings {
     /// No ports, no rules.
     pub const fn new() -> Self {
-        Self { ports: [const { None }; PORTS_MAX], routes: Vec::new() }
+        Self { network: OwnNetwork::DEFAULT, ports: [const { None }; PORTS_MAX], routes: Vec::new() }
     }
 
     /// The port at `id`.

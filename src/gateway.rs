@@ -14,7 +14,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
-use crate::config::{PORTS_MAX, PortId, PortKind, Settings, Side};
+use crate::config::{OwnNetwork, PORTS_MAX, PortId, PortKind, Settings, Side};
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
@@ -198,6 +198,9 @@ pub enum ApplyError {
         /// Connections there are.
         seats: usize,
     },
+    /// The board's network is not the gateway's.
+    #[error("network lines are for boards with a network of their own; here the operating system sets it")]
+    Network,
     /// The board runs fewer ports.
     #[error("this board runs {0} ports at most")]
     Ports(usize),
@@ -211,6 +214,9 @@ pub struct Gateway<'g> {
     /// The global queue: every port sends, only the router receives.
     pub(crate) inbox: Channel,
     settings: Shared<Settings>,
+    /// Whether the settings say the board's own address.
+    owns_network: bool,
+    network_changed: Signal<CriticalSectionRawMutex, ()>,
     log: Log,
 }
 
@@ -224,8 +230,23 @@ impl<'g> Gateway<'g> {
             seats,
             inbox: Channel::new(),
             settings: Mutex::new(RefCell::new(Settings::new())),
+            owns_network: false,
+            network_changed: Signal::new(),
             log: Log::new(),
         }
+    }
+
+    /// For a board whose Ethernet is the gateway's own: the settings say its address, and the board follows them by
+    /// [`new_network`](Self::new_network). Elsewhere such settings are refused.
+    pub const fn with_own_network(mut self) -> Self {
+        self.owns_network = true;
+        self
+    }
+
+    /// Waits until the settings say another way to come by the board's address; one task may wait.
+    pub async fn new_network(&self) -> OwnNetwork {
+        self.network_changed.wait().await;
+        self.settings(|settings| settings.network.clone())
     }
 
     /// The frames.
@@ -264,12 +285,18 @@ impl<'g> Gateway<'g> {
         if new.ports.iter().skip(self.ports.len()).any(Option::is_some) {
             return Err(ApplyError::Ports(self.ports.len()));
         }
+        if !self.owns_network && new.network != OwnNetwork::DEFAULT {
+            return Err(ApplyError::Network);
+        }
         let mut changed = [false; PORTS_MAX];
         self.settings.lock(|settings| {
             let mut settings = settings.borrow_mut();
             for (changed, (old, new)) in changed.iter_mut().zip(settings.ports.iter().zip(&new.ports)) {
                 // A name or what special units mean is looked up anew for each request.
                 *changed = old.as_ref().map(|port| &port.kind) != new.as_ref().map(|port| &port.kind);
+            }
+            if settings.network != new.network {
+                self.network_changed.signal(());
             }
             settings.clone_from(new);
         });

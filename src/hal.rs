@@ -9,7 +9,7 @@ use core::net::SocketAddr;
 use embassy_time::Duration;
 use embedded_io_async::{Read, Write};
 
-use crate::config::{LineSettings, TcpListen};
+use crate::config::{LineSettings, StaticAddress, TcpListen};
 
 /// Why something could not be opened, with what the user can do about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -192,10 +192,26 @@ pub enum StoreError {
     Failed,
 }
 
+/// How a board's own network does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NetworkState {
+    /// Whether the cable is in.
+    pub link: bool,
+    /// The address in use, if there is one yet.
+    pub address: Option<StaticAddress>,
+    /// The Ethernet address.
+    pub hardware: [u8; 6],
+}
+
 /// The board itself: its name, its serial lines' names, and how to start it again.
 pub trait System {
     /// The board's name, for `show version`.
     fn name(&self) -> &str;
+
+    /// How the board's own network does; `None` where an operating system has it.
+    fn network(&self) -> Option<NetworkState> {
+        None
+    }
 
     /// Starts the gateway again with the saved settings; may return when that takes a moment.
     fn reboot(&self);

@@ -1,4 +1,4 @@
-//! Settings as lines that recreate them: ports first, then rules in their order.
+//! Settings as lines that recreate them: the board's network, then ports, then rules in their order.
 
 use core::fmt::{self, Display, Write};
 
@@ -7,7 +7,7 @@ use heapless::String;
 
 use super::values::Time;
 use super::{
-    Driver, Framing, IpPrefix, LineSettings, Parity, Port, PortKind, SerialClientSettings,
+    Driver, Framing, IpPrefix, LineSettings, OwnNetwork, Parity, Port, PortKind, SerialClientSettings,
     SerialServerSettings, SerialSettings, Settings, Side, Special, TcpServerSettings, UnitPolicy,
 };
 use crate::route::{AddressRange, Cut, Functions, Policy, Priority, Route, Tag, UnitRange};
@@ -19,6 +19,10 @@ pub const SPEED_BYTES_MAX: usize = 16;
 ///
 /// A line has every value that differs from the default, and always the baud rate and format.
 pub fn write_line(settings: &Settings, n: usize, out: &mut impl Write) -> Option<fmt::Result> {
+    let own_network = usize::from(settings.network != OwnNetwork::DEFAULT);
+    let Some(n) = n.checked_sub(own_network) else {
+        return Some(write!(out, "network {}", settings.network));
+    };
     let ports = || settings.ports.iter().flatten();
     let width = ports().map(|port| port.name.len()).max().unwrap_or(0);
     match ports().nth(n) {

@@ -120,6 +120,9 @@ pub enum Problem {
     /// An IP address for askers that have none.
     #[error("the source is serial, its askers have no IP address: expected *")]
     PeerOfSerial,
+    /// A way to other networks that is not in the own one.
+    #[error("is not another host of the same network")]
+    GatewayOutside,
     /// The last unit is before the first.
     #[error("the range ends before it starts")]
     UnitsReversed,

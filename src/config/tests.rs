@@ -154,7 +154,7 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
     let cases = [
         (
             "prot P1",
-            "column 1: \"prot\": expected port, route, edit, insert, move or delete; did you mean port?",
+            "column 1: \"prot\": expected port, route, edit, insert, move, delete or network; did you mean port?",
         ),
         ("port", "column 5: end of line: expected a port name: a letter"),
         ("port 7 tcp server 1", "column 6: \"7\": expected a port name"),
@@ -435,4 +435,52 @@ fn the_longest_lines_that_print_can_be_read() {
     let longest = text.lines().map(str::len).max().unwrap();
     assert!((300..=LINE_BYTES_MAX).contains(&longest), "{longest}: {text}");
     assert_eq!(load(&text), settings);
+}
+
+#[test]
+fn the_boards_own_address_is_given_by_dhcp_or_set() {
+    let mut settings = load(PORTS);
+    assert_eq!(settings.network, OwnNetwork::DEFAULT);
+    assert!(!print(&settings).contains("network"), "what is the default is not printed");
+    for line in [
+        "network dhcp name cabinet-7",
+        "network address 192.168.1.5/24",
+        "network address 10.200.0.9/8 gateway 10.0.0.1",
+    ] {
+        apply(&mut settings, line).unwrap();
+        assert!(print(&settings).starts_with(&format!("{line}\n")));
+        assert_eq!(load(&print(&settings)), settings);
+    }
+    apply(&mut settings, "network dhcp").unwrap();
+    assert_eq!(settings.network, OwnNetwork::DEFAULT);
+}
+
+#[test]
+fn an_address_that_no_host_can_have_is_refused() {
+    let cases = [
+        ("network", "column 8: end of line: expected dhcp or address"),
+        ("network static", "\"static\": expected dhcp or address"),
+        ("network dhcp nmae x", "\"nmae\": expected name; did you mean name?"),
+        ("network dhcp name", "end of line: expected a host name"),
+        ("network dhcp name -x", "expected a host name"),
+        ("network dhcp name x y", "\"y\": expected the end of the line"),
+        ("network address 192.168.1.5", "expected an address of a host and its prefix"),
+        ("network address 192.168.1.0/24", "expected an address of a host"),
+        ("network address 192.168.1.255/24", "expected an address of a host"),
+        ("network address 224.0.0.1/24", "expected an address of a host"),
+        ("network address 127.0.0.1/8", "expected an address of a host"),
+        ("network address 0.0.0.1/8", "expected an address of a host"),
+        ("network address 10.0.0.1/31", "expected an address of a host"),
+        ("network address 10.0.0.1/0", "expected an address of a host"),
+        ("network address 10.0.0.1/24 gateway", "end of line: expected the gateway's address"),
+        (
+            "network address 10.0.0.1/24 gateway 10.0.1.1",
+            "\"10.0.1.1\": is not another host of the same network",
+        ),
+        ("network address 10.0.0.1/24 gateway 10.0.0.1", "is not another host of the same network"),
+        ("network address 10.0.0.1/24 gateway 10.0.0.0", "is not another host of the same network"),
+    ];
+    for (line, expected) in cases {
+        assert!(error(line).contains(expected), "{line}: {}", error(line));
+    }
 }

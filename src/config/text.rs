@@ -5,6 +5,7 @@
 
 use core::num::NonZeroU16;
 
+use super::own_network;
 use super::port_keys;
 use super::port_words::Draft;
 use super::problem::{LineError, Problem, Rules, Warning};
@@ -34,6 +35,7 @@ enum Verb {
     Insert,
     Move,
     Delete,
+    Network,
 }
 
 const VERBS: &[(&str, Verb)] = &[
@@ -43,6 +45,7 @@ const VERBS: &[(&str, Verb)] = &[
     ("insert", Verb::Insert),
     ("move", Verb::Move),
     ("delete", Verb::Delete),
+    ("network", Verb::Network),
 ];
 
 /// Changes `settings` as `line` says; a bad line changes nothing.
@@ -56,13 +59,17 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
     if verb.is_end() {
         return Ok(Applied { changed: false, warning: None });
     }
-    match verb.keyword(VERBS, "port, route, edit, insert, move or delete")? {
+    match verb.keyword(VERBS, "port, route, edit, insert, move, delete or network")? {
         Verb::Port => port(settings, words),
         Verb::Route => add_route(settings, words),
         Verb::Edit => edit(settings, words),
         Verb::Insert => insert_route(settings, words),
         Verb::Move => move_route(settings, words),
         Verb::Delete => delete(settings, words),
+        Verb::Network => {
+            settings.network = own_network::own_network(words)?;
+            Ok(CHANGED)
+        }
     }
 }
 

@@ -34,6 +34,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("insert", Command::Settings),
     ("move", Command::Settings),
     ("delete", Command::Settings),
+    ("network", Command::Settings),
     ("show", Command::Show),
     ("clear", Command::Clear),
     ("save", Command::Save),
@@ -49,6 +50,7 @@ pub(super) const TOPICS_SHOW: &[(&str, Show)] = &[
     ("clients", Show::Clients),
     ("stats", Show::Stats),
     ("config", Show::Config),
+    ("network", Show::Network),
     ("log", Show::Log),
     ("version", Show::Version),
 ];
@@ -176,7 +178,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 }
 
-const SHOW_EXPECTED: &str = "ports, routes, units, clients, stats, config, log or version";
+const SHOW_EXPECTED: &str = "ports, routes, units, clients, stats, config, network, log or version";
 
 /// The last word of a line as a topic of `table`.
 fn topic<T: Copy>(

@@ -3,7 +3,7 @@
 use heapless::String;
 
 use super::command::{COMMANDS, TOPICS_CLEAR, TOPICS_SHOW};
-use crate::config::{Settings, WORD_BYTES_MAX, option_words};
+use crate::config::{Settings, WORD_BYTES_MAX, network_words, option_words};
 
 /// What can be done about a word that was begun.
 #[derive(Debug, PartialEq, Eq)]
@@ -68,6 +68,8 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
         offer("route");
     } else if is("edit") && second {
         ["port", "route"].into_iter().for_each(offer);
+    } else if is("network") {
+        network_words().for_each(offer);
     } else if is("delete") && second {
         ["port", "route", "routes"].into_iter().for_each(offer);
     } else if ["port", "route", "edit", "insert", "delete"].into_iter().any(is) {
@@ -115,6 +117,7 @@ mod tests {
         assert_eq!(appended("route p").as_deref(), Some("502 "));
         assert_eq!(appended("edit port meters tur").as_deref(), Some("naround "));
         assert_eq!(appended("help inse").as_deref(), Some("rt "));
+        assert_eq!(appended("network dh").as_deref(), Some("cp "));
     }
 
     #[test]

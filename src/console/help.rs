@@ -54,6 +54,14 @@ const TOPICS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "network",
+        &[
+            "network dhcp [name NAME]                            the board's address is a DHCP server's to give",
+            "network address ADDRESS/PREFIX [gateway ADDRESS]    it is this one",
+            "  For boards with an Ethernet of their own; takes effect at once.  network address 192.168.1.5/24",
+        ],
+    ),
+    (
         "show",
         &[
             "show ports                       what the ports are and how they do",
@@ -63,6 +71,7 @@ const TOPICS: &[(&str, &[&str])] = &[
             "show stats                       what the ports counted",
             "show log                         the last transactions",
             "show config                      the settings as lines that make them",
+            "show network                     the board's own address",
             "show version                     what runs here, and for how long",
         ],
     ),
@@ -85,7 +94,8 @@ const OVERVIEW: &[&str] = &[
     "edit port|route ...              changes a port or a rule     help edit",
     "insert route, move route         order of rules               help insert",
     "delete port|route|routes         takes away                   help delete",
-    "show TOPIC                       ports, routes, units, clients, stats, config, log, version",
+    "network dhcp|address ...         the board's own address       help network",
+    "show TOPIC                       ports, routes, units, clients, stats, config, network, log, version",
     "clear stats|log                  forgets",
     "save, load                       settings of the next start",
     "reboot, exit                     the gateway's end, the session's end",

@@ -7,7 +7,7 @@ use heapless::String;
 use super::command::Session;
 use super::rows::{LogRow, Row, StatusText, age, describe, state, text};
 use crate::config::{LINE_BYTES_MAX, PortKind, Time, write_line};
-use crate::hal::{Store, System};
+use crate::hal::{NetworkState, Store, System};
 use crate::port::units::Unit;
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
@@ -20,6 +20,7 @@ pub(super) enum Show {
     Clients,
     Stats,
     Config,
+    Network,
     Log,
     Version,
 }
@@ -35,6 +36,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Show::Clients => self.clients().await,
             Show::Stats => self.stats().await,
             Show::Config => self.config().await,
+            Show::Network => self.network().await,
             Show::Log => self.log().await,
             Show::Version => self.version().await,
         }
@@ -159,6 +161,24 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             n += 1;
         }
         Ok(())
+    }
+
+    async fn network(&mut self) -> Result<(), IO::Error> {
+        let Some(NetworkState { link, address, hardware }) = self.system.network() else {
+            return self.out.line(format_args!("the operating system has the network")).await;
+        };
+        self.out
+            .line(format_args!("{:4} {:18} {:15} {:17} SETTING", "LINK", "ADDRESS", "GATEWAY", "ETHERNET"))
+            .await?;
+        let link = if link { "up" } else { "down" };
+        let shown = address.map_or(text(format_args!("-")), |own| text::<18>(format_args!("{own}")));
+        let gateway = address.and_then(|own| own.gateway);
+        let gateway =
+            gateway.map_or(text(format_args!("-")), |gateway| text::<15>(format_args!("{gateway}")));
+        let [a, b, c, d, e, f] = hardware;
+        let hardware = text::<17>(format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}"));
+        let setting = &self.draft.network;
+        self.out.line(format_args!("{link:4} {shown:18} {gateway:15} {hardware} {setting}")).await
     }
 
     async fn log(&mut self) -> Result<(), IO::Error> {

@@ -13,10 +13,10 @@ use embedded_io_async::{ErrorType, Read, Write};
 use mobgate_clock as _;
 
 use super::*;
-use crate::config::PortId;
+use crate::config::{OwnNetwork, PortId, StaticAddress};
 use crate::frame::{FramePool, Slot};
 use crate::gateway::{PortPlace, Seat};
-use crate::hal::StoreError;
+use crate::hal::{NetworkState, StoreError};
 use crate::modbus::Exception;
 use crate::stats::{Event, LogEntry, Outcome};
 
@@ -85,11 +85,16 @@ impl Store for Memory {
 #[derive(Default)]
 struct Bench {
     reboots: Cell<u32>,
+    network: Option<NetworkState>,
 }
 
 impl System for Bench {
     fn name(&self) -> &str {
         "bench"
+    }
+
+    fn network(&self) -> Option<NetworkState> {
+        self.network
     }
 
     fn reboot(&self) {
@@ -299,6 +304,47 @@ fn what_the_board_cannot_run_is_refused() {
         assert!(printed.starts_with("error: line 1, the TCP servers want 41 connections"), "{printed}");
         assert_eq!(printed.lines().count(), 1);
     });
+}
+
+#[test]
+fn an_address_of_its_own_is_refused_where_the_system_has_the_network() {
+    with_gateway(|gateway| {
+        let refused = pipe(gateway, "network address 10.0.0.5/24\nshow network\nshow config\n");
+        assert_eq!(
+            refused,
+            "error: line 1, network lines are for boards with a network of their own; here the operating system sets it\n\
+             the operating system has the network\n"
+        );
+    });
+}
+
+#[test]
+fn a_board_with_a_network_of_its_own_follows_the_settings_and_shows_its_address() {
+    let slots = [const { Slot::new() }; 2];
+    let gateway = FramePool::new(&slots, 0);
+    let gateway = Gateway::new(&gateway, &[], &[]).with_own_network();
+    assert_eq!(pipe(&gateway, "network address 10.0.0.5/24 gateway 10.0.0.1\n"), "");
+    let address =
+        StaticAddress { address: [10, 0, 0, 5].into(), prefix: 24, gateway: Some([10, 0, 0, 1].into()) };
+    assert_eq!(block_on(gateway.new_network()), OwnNetwork::Static(address));
+
+    let show = |network| {
+        let board = Bench { network: Some(network), ..Bench::default() };
+        let mut stream = Stream { typed: b"show network", piece: 50, printed: Vec::new() };
+        block_on(run(&gateway, &mut stream, &mut Memory::default(), &board, Mode::Plain)).unwrap();
+        String::from_utf8(stream.printed).unwrap()
+    };
+    let hardware = [2, 0, 0, 0xab, 0, 1];
+    assert_eq!(
+        show(NetworkState { link: true, address: Some(address), hardware }),
+        "LINK ADDRESS            GATEWAY         ETHERNET          SETTING\n\
+         up   10.0.0.5/24        10.0.0.1        02:00:00:ab:00:01 address 10.0.0.5/24 gateway 10.0.0.1\n"
+    );
+    pipe(&gateway, "network dhcp");
+    assert!(
+        show(NetworkState { link: false, address: None, hardware })
+            .ends_with("down -                  -               02:00:00:ab:00:01 dhcp\n")
+    );
 }
 
 #[test]

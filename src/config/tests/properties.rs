@@ -277,12 +277,26 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     )
 }
 
+fn any_network() -> impl Strategy<Value = OwnNetwork> {
+    let name = "([a-zA-Z0-9][-a-zA-Z0-9]{0,31})?";
+    let dhcp = name.prop_map(|name| OwnNetwork::Dhcp { name: name.as_str().try_into().unwrap() });
+    // Hosts 1 and 2 are in every network.
+    let set = (any::<u16>(), 16..=30_u8, any::<bool>()).prop_map(|(net, prefix, gateway)| {
+        let net = (0x0a00_0000 | u32::from(net) << 2) & !(u32::MAX >> prefix);
+        let gateway = gateway.then_some((net | 2).into());
+        OwnNetwork::Static(StaticAddress { address: (net | 1).into(), prefix, gateway })
+    });
+    prop_oneof![Just(OwnNetwork::DEFAULT), dhcp, set]
+}
+
 fn any_settings() -> impl Strategy<Value = Settings> {
     (1..=PORTS_MAX)
         .prop_flat_map(|count| (0..count).map(any_port).collect::<Vec<_>>())
-        .prop_flat_map(|ports| (Just(ports.clone()), prop::collection::vec(any_route(ports), 0..=ROUTES_MAX)))
-        .prop_map(|(ports, routes)| {
-            let mut settings = Settings::new();
+        .prop_flat_map(|ports| {
+            (any_network(), Just(ports.clone()), prop::collection::vec(any_route(ports), 0..=ROUTES_MAX))
+        })
+        .prop_map(|(network, ports, routes)| {
+            let mut settings = Settings { network, ..Settings::new() };
             for (slot, port) in settings.ports.iter_mut().zip(ports) {
                 *slot = Some(port);
             }

@@ -1,0 +1,47 @@
+//! The board's own address: what the settings say, for embassy-net, and what has come of it, for `show network`.
+
+use embassy_net::{ConfigV4, DhcpConfig, HardwareAddress, Ipv4Cidr, Stack, StaticConfigV4};
+use mobgate::config::{OwnNetwork, StaticAddress};
+use mobgate::gateway::Gateway;
+use mobgate::hal::NetworkState;
+
+/// The settings of a stack whose board is to come by its address in this way.
+pub fn stack_config(network: &OwnNetwork) -> embassy_net::Config {
+    let mut config = embassy_net::Config::default();
+    config.ipv4 = ipv4(network);
+    config
+}
+
+/// Gives `stack` another address whenever the settings change, for ever. What is connected by the old one breaks.
+pub async fn follow(gateway: &Gateway<'_>, stack: Stack<'static>) -> ! {
+    loop {
+        let network = gateway.new_network().await;
+        stack.set_config_v4(ipv4(&network));
+    }
+}
+
+/// How the network does.
+pub fn state(stack: Stack<'static>) -> NetworkState {
+    let address = stack.config_v4().map(|own| StaticAddress {
+        address: own.address.address(),
+        prefix: own.address.prefix_len(),
+        gateway: own.gateway,
+    });
+    let HardwareAddress::Ethernet(hardware) = stack.hardware_address();
+    NetworkState { link: stack.is_link_up(), address, hardware: hardware.0 }
+}
+
+fn ipv4(network: &OwnNetwork) -> ConfigV4 {
+    match network {
+        OwnNetwork::Dhcp { name } => {
+            let mut dhcp = DhcpConfig::default();
+            dhcp.hostname = Some(name.clone()).filter(|name| !name.is_empty());
+            ConfigV4::Dhcp(dhcp)
+        }
+        OwnNetwork::Static(own) => ConfigV4::Static(StaticConfigV4 {
+            address: Ipv4Cidr::new(own.address, own.prefix),
+            gateway: own.gateway,
+            dns_servers: Default::default(),
+        }),
+    }
+}

@@ -1,0 +1,55 @@
+//! Connections that the gateway makes to outside servers.
+
+use core::net::{Ipv4Addr, SocketAddr};
+
+use embassy_net::tcp::ConnectError;
+use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
+
+use crate::pool::Sockets;
+use crate::tcp::{IPV4_ONLY, TcpStream, set_up};
+
+/// Makes connections.
+#[derive(Clone, Copy)]
+pub struct Connector(&'static Sockets);
+
+impl Connector {
+    /// Takes its sockets from `sockets`.
+    pub const fn new(sockets: &'static Sockets) -> Self {
+        Self(sockets)
+    }
+}
+
+impl TcpConnect for Connector {
+    type Stream<'a> = TcpStream;
+
+    async fn connect(&mut self, server: SocketAddr) -> Result<TcpStream, OpenError> {
+        let SocketAddr::V4(server) = server else { return Err(IPV4_ONLY) };
+        if !has_way(self.0, *server.ip()) {
+            return Err(refusal(ConnectError::NoRoute));
+        }
+        let mut pooled = self.0.tcp()?;
+        pooled.get().connect((*server.ip(), server.port())).await.map_err(refusal)?;
+        // Behind the handshake, whose time the caller limits.
+        set_up(pooled.get());
+        Ok(TcpStream::new(pooled))
+    }
+}
+
+/// Whether packets for `server` know where to go; embassy-net would wait for ever.
+fn has_way(sockets: &Sockets, server: Ipv4Addr) -> bool {
+    sockets.stack().config_v4().is_some_and(|own| own.gateway.is_some() || own.address.contains_addr(&server))
+}
+
+/// What embassy-net's error means for the user.
+fn refusal(error: ConnectError) -> OpenError {
+    match error {
+        ConnectError::ConnectionReset => {
+            OpenError::new(OpenErrorKind::Refused, "nobody listens there: is it the right TCP port?")
+        }
+        ConnectError::TimedOut => OpenError::new(OpenErrorKind::TimedOut, ""),
+        ConnectError::NoRoute => {
+            OpenError::new(OpenErrorKind::NotFound, "no way to that network: see show network")
+        }
+        ConnectError::InvalidState => OpenError::new(OpenErrorKind::Failed, ""),
+    }
+}

@@ -1,0 +1,19 @@
+//! The gateway's sockets on embassy-net, for every board that has an Ethernet of its own.
+//!
+//! A board makes a stack over its Ethernet driver, [`Sockets`] over the stack and a pool of buffers, and two tasks: one for
+//! embassy-net's runner, one for [`Sockets::run`] and [`address::follow`]. Its seats, ports and consoles get copies of [`TcpSockets`],
+//! [`Connector`] and [`Datagrams`]; each connection and each UDP socket takes one buffer of the pool while it is open.
+#![no_std]
+// Where a socket's buffer is lent and taken back (`pool`), and nowhere else.
+#![deny(unsafe_code)]
+
+pub mod address;
+mod connector;
+mod pool;
+mod tcp;
+mod udp;
+
+pub use connector::Connector;
+pub use pool::{SOCKETS_MAX, Sockets};
+pub use tcp::{TcpSockets, TcpStream};
+pub use udp::{Datagram, Datagrams};

@@ -1,0 +1,68 @@
+//! UDP sockets.
+
+use core::net::SocketAddr;
+
+use embassy_net::udp::{PacketMetadata, SendError, UdpSocket};
+use mobgate::config::TcpListen;
+use mobgate::hal::{self, OpenError, OpenErrorKind, SocketLost, UdpHost};
+
+use crate::pool::{Lease, Sockets};
+use crate::tcp::{address, endpoint};
+
+/// Datagrams that a socket holds of each direction, as far as its buffer has room.
+const DATAGRAMS_MAX: usize = 8;
+
+/// Opens a UDP socket; every port has one of these.
+pub struct Datagrams {
+    sockets: &'static Sockets,
+    received: [PacketMetadata; DATAGRAMS_MAX],
+    to_send: [PacketMetadata; DATAGRAMS_MAX],
+}
+
+impl Datagrams {
+    /// Takes its socket from `sockets`.
+    pub const fn new(sockets: &'static Sockets) -> Self {
+        let none = [PacketMetadata::EMPTY; DATAGRAMS_MAX];
+        Self { sockets, received: none, to_send: none }
+    }
+}
+
+impl UdpHost for Datagrams {
+    type Socket<'a> = Datagram<'a>;
+
+    async fn bind(&mut self, listen: &TcpListen) -> Result<Datagram<'_>, OpenError> {
+        let at = endpoint(self.sockets, listen)?;
+        let mut lease = Lease::take(self.sockets)?;
+        let (receive, transmit) = lease.halves();
+        let stack = self.sockets.stack;
+        let mut socket = UdpSocket::new(stack, &mut self.received, receive, &mut self.to_send, transmit);
+        socket.bind(at).map_err(|_| OpenError::new(OpenErrorKind::Failed, ""))?;
+        Ok(Datagram { socket, _lease: lease })
+    }
+}
+
+/// An open socket. Fields are dropped in this order, so the buffer is free after the socket is gone.
+pub struct Datagram<'a> {
+    socket: UdpSocket<'a>,
+    _lease: Lease,
+}
+
+impl hal::UdpSocket for Datagram<'_> {
+    async fn receive(&mut self, into: &mut [u8]) -> Result<(usize, SocketAddr), SocketLost> {
+        let received = self.socket.recv_from_with(|datagram, from| {
+            let length = datagram.len().min(into.len());
+            into[..length].copy_from_slice(&datagram[..length]);
+            (length, address(from.endpoint))
+        });
+        Ok(received.await)
+    }
+
+    async fn send(&mut self, datagram: &[u8], to: SocketAddr) -> Result<(), SocketLost> {
+        let SocketAddr::V4(to) = to else { return Ok(()) };
+        match self.socket.send_to(datagram, (*to.ip(), to.port())).await {
+            // No way there, or larger than any answer: that is about one peer, and not about the socket.
+            Ok(()) | Err(SendError::NoRoute | SendError::PacketTooLarge) => Ok(()),
+            Err(SendError::SocketNotBound) => Err(SocketLost),
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! The board's own address: `network dhcp name cabinet-7`, `network address 192.168.1.5/24 gateway 192.168.1.1`.
+//!
+//! For boards whose Ethernet is the gateway's own. Where an operating system has the network, these lines are refused.
+
+use core::fmt::{self, Display};
+use core::net::Ipv4Addr;
+
+use heapless::String;
+
+use super::problem::{LineError, Problem};
+use super::values::parse_number;
+use super::words::{Word, Words};
+
+/// Longest host name in bytes.
+pub const HOST_NAME_BYTES_MAX: usize = 32;
+/// Longest prefix of a network with room for two hosts.
+const PREFIX_MAX: u32 = 30;
+
+/// A host's name, as a DHCP server is told it.
+pub type HostName = String<HOST_NAME_BYTES_MAX>;
+
+/// How the board comes by its address.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum OwnNetwork {
+    /// A DHCP server gives it.
+    Dhcp {
+        /// What the board calls itself to the server; nothing when empty.
+        name: HostName,
+    },
+    /// It is set.
+    Static(StaticAddress),
+}
+
+/// An address that is set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StaticAddress {
+    /// The board's address.
+    pub address: Ipv4Addr,
+    /// Leading bits that the hosts of its network have in common, 1 to 30.
+    pub prefix: u8,
+    /// The way to other networks.
+    pub gateway: Option<Ipv4Addr>,
+}
+
+impl OwnNetwork {
+    /// What a board starts with.
+    pub const DEFAULT: Self = Self::Dhcp { name: String::new() };
+}
+
+impl Default for OwnNetwork {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Way {
+    Dhcp,
+    Static,
+}
+
+const WAYS: &[(&str, Way)] = &[("dhcp", Way::Dhcp), ("address", Way::Static)];
+
+/// The words that stand in the line.
+pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
+    WAYS.iter().map(|(word, _)| *word).chain(["name", "gateway"])
+}
+
+/// Reads what stands behind `network`.
+pub(super) fn own_network(words: &mut Words) -> Result<OwnNetwork, LineError> {
+    let network = match words.take().keyword(WAYS, "dhcp or address")? {
+        Way::Dhcp => {
+            let named = option(words, "name")?;
+            OwnNetwork::Dhcp { name: named.map(host_name).transpose()?.unwrap_or_default() }
+        }
+        Way::Static => {
+            let (address, prefix) = address(words.take())?;
+            let gateway = option(words, "gateway")?.map(|word| gateway(word, address, prefix)).transpose()?;
+            OwnNetwork::Static(StaticAddress { address, prefix, gateway })
+        }
+    };
+    words.end()?;
+    Ok(network)
+}
+
+/// The word behind `keyword`, if that is next.
+fn option<'a>(words: &mut Words<'a>, keyword: &'static str) -> Result<Option<Word<'a>>, LineError> {
+    if words.peek().is_end() {
+        return Ok(None);
+    }
+    words.take().keyword(&[(keyword, ())], keyword)?;
+    Ok(Some(words.take()))
+}
+
+fn host_name(word: Word) -> Result<HostName, LineError> {
+    let good = word.text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
+        && !word.text.is_empty()
+        && !word.text.starts_with('-');
+    let name = if good { HostName::try_from(word.text).ok() } else { None };
+    name.ok_or_else(|| word.expected("a host name: letters, digits and -, at most 32"))
+}
+
+fn address(word: Word) -> Result<(Ipv4Addr, u8), LineError> {
+    let parsed = word.text.split_once('/').and_then(|(address, prefix)| {
+        let address: Ipv4Addr = address.parse().ok()?;
+        let prefix = parse_number(prefix).filter(|prefix| (1..=PREFIX_MAX).contains(prefix))?;
+        is_host(address, prefix).then_some((address, prefix as u8))
+    });
+    parsed.ok_or_else(|| word.expected("an address of a host and its prefix such as 192.168.1.5/24"))
+}
+
+fn gateway(word: Word, own: Ipv4Addr, prefix: u8) -> Result<Ipv4Addr, LineError> {
+    let gateway: Option<Ipv4Addr> = word.text.parse().ok();
+    let gateway = gateway.ok_or_else(|| word.expected("the gateway's address such as 192.168.1.1"))?;
+    let mask = mask(prefix.into());
+    let near = gateway.to_bits() & mask == own.to_bits() & mask;
+    if near && gateway != own && is_host(gateway, prefix.into()) {
+        Ok(gateway)
+    } else {
+        Err(word.error(Problem::GatewayOutside))
+    }
+}
+
+fn mask(prefix: u32) -> u32 {
+    u32::MAX.checked_shl(32 - prefix).unwrap_or(0)
+}
+
+/// Whether `address` can be one host's: neither its network nor all of it, and no address for special use.
+fn is_host(address: Ipv4Addr, prefix: u32) -> bool {
+    let host = address.to_bits() & !mask(prefix);
+    host != 0
+        && host != !mask(prefix)
+        && !address.is_multicast()
+        && !address.is_loopback()
+        && address.octets()[0] != 0
+}
+
+impl Display for StaticAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.address, self.prefix)
+    }
+}
+
+impl Display for OwnNetwork {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Dhcp { name } if name.is_empty() => f.write_str("dhcp"),
+            Self::Dhcp { name } => write!(f, "dhcp name {name}"),
+            Self::Static(own) => match own.gateway {
+                Some(gateway) => write!(f, "address {own} gateway {gateway}"),
+                None => write!(f, "address {own}"),
+            },
+        }
+    }
+}

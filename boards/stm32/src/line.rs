@@ -13,10 +13,11 @@ use core::cell::{Cell, RefCell};
 use core::future::poll_fn;
 use core::task::Poll;
 
+use embassy_embedded_hal::SetConfig;
 use embassy_stm32::Peri;
-use embassy_stm32::dma::{Channel, ReadableRingBuffer, Request};
+use embassy_stm32::dma::{Channel, InterruptHandler, ReadableRingBuffer, Request};
 use embassy_stm32::gpio::Output;
-use embassy_stm32::interrupt::typelevel::{Handler, Interrupt};
+use embassy_stm32::interrupt::typelevel::{Binding, Handler, Interrupt};
 use embassy_stm32::mode::Blocking;
 use embassy_stm32::pac::usart::Usart;
 use embassy_stm32::usart::{Config, DataBits, Instance, Parity, RxDma, StopBits, TxDma, Uart};
@@ -88,12 +89,12 @@ impl Shift {
 }
 
 /// Switches the driver off as soon as what was begun has left, also when the write is given up.
-struct Release(&'static Shift, Usart);
+struct Release(Usart);
 
 impl Drop for Release {
     fn drop(&mut self) {
         // The interrupt changes the same register.
-        critical_section::with(|_| self.1.cr1().modify(|control| control.set_tcie(true)));
+        critical_section::with(|_| self.0.cr1().modify(|control| control.set_tcie(true)));
     }
 }
 
@@ -109,41 +110,28 @@ pub struct Line {
     mask: u8,
 }
 
-/// One DMA channel and the request that it serves.
+/// The DMA channels of a line and the requests that they serve.
 pub struct Dma {
-    channel: Channel<'static>,
-    request: Request,
+    receive: (Channel<'static>, Request),
+    transmit: (Channel<'static>, Request),
 }
 
 impl Dma {
-    /// The channel that receives for UART `T`. `interrupts` is what `bind_interrupts!` made.
-    pub fn receiving<T: Instance, D: RxDma<T>>(
-        peripheral: Peri<'static, D>,
-        interrupts: impl Binding<D> + 'static,
+    /// The channels of UART `T`. `interrupts` is what `bind_interrupts!` made.
+    pub fn new<T: Instance, R: RxDma<T>, W: TxDma<T>>(
+        receive: Peri<'static, R>,
+        transmit: Peri<'static, W>,
+        interrupts: impl Binding<R::Interrupt, InterruptHandler<R>>
+        + Binding<W::Interrupt, InterruptHandler<W>>
+        + Copy
+        + 'static,
     ) -> Self {
-        let request = peripheral.request();
-        Self { channel: Channel::new(peripheral, interrupts), request }
+        let (receives, transmits) = (receive.request(), transmit.request());
+        Self {
+            receive: (Channel::new(receive, interrupts), receives),
+            transmit: (Channel::new(transmit, interrupts), transmits),
+        }
     }
-
-    /// The channel that transmits for UART `T`.
-    pub fn transmitting<T: Instance, D: TxDma<T>>(
-        peripheral: Peri<'static, D>,
-        interrupts: impl Binding<D> + 'static,
-    ) -> Self {
-        let request = peripheral.request();
-        Self { channel: Channel::new(peripheral, interrupts), request }
-    }
-}
-
-/// What `bind_interrupts!` makes when it binds the interrupt of DMA channel `D`.
-pub trait Binding<D: embassy_stm32::dma::ChannelInstance>:
-    embassy_stm32::interrupt::typelevel::Binding<D::Interrupt, embassy_stm32::dma::InterruptHandler<D>>
-{
-}
-
-impl<D: embassy_stm32::dma::ChannelInstance, B> Binding<D> for B where
-    B: embassy_stm32::interrupt::typelevel::Binding<D::Interrupt, embassy_stm32::dma::InterruptHandler<D>>
-{
 }
 
 impl Line {
@@ -153,20 +141,21 @@ impl Line {
         number: usize,
         setup: Uart<'static, Blocking>,
         uart: Usart,
-        (receive, transmit): (Dma, Dma),
+        dma: Dma,
         driver: Option<Output<'static>>,
         ring: &'static mut [u8; RING_BYTES],
     ) -> Self {
         let shift = &SHIFTS[number];
         shift.uart.lock(|cell| cell.set(Some(uart)));
         shift.driver.lock(|cell| cell.replace(driver));
-        let from = registers::receive_address(uart);
+        let ((channel, request), from) = (dma.receive, registers::receive_address(uart));
         // SAFETY: the channel is this line's, and so is the buffer; the UART's register is valid for ever.
         let mut ring = unsafe {
-            ReadableRingBuffer::new(receive.channel, receive.request, from, ring, Default::default())
+            ReadableRingBuffer::new(channel, request, from, ring, Default::default())
         };
         ring.start();
-        Self { setup, uart, shift, ring, transmit: transmit.channel, request: transmit.request, mask: u8::MAX }
+        let (transmit, request) = dma.transmit;
+        Self { setup, uart, shift, ring, transmit, request, mask: u8::MAX }
     }
 
     /// Sets speed, character format and the driver's times, and forgets what was received before.
@@ -245,7 +234,7 @@ impl Write for Line {
             critical_section::with(|_| self.uart.cr1().modify(|control| control.set_tcie(false)));
             registers::forget_transmitted(self.uart);
             self.shift.drive(true);
-            Release(self.shift, self.uart)
+            Release(self.uart)
         });
         let to = registers::transmit_address(self.uart);
         // SAFETY: the channel is this line's; dropping the transfer stops it, so it does not outlive `from`.

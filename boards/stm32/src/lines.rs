@@ -35,9 +35,10 @@ impl SerialHost for Lines {
         Ok(OpenLine(open))
     }
 
-    /// DMA feeds the transmitter, and a character's time is far longer than what any task takes.
+    /// DMA feeds the transmitter, and a character's time is far longer than what any task takes. But an F7 stands still
+    /// while its flash is erased, and a frame that is being passed on would be torn.
     fn never_underruns(&self) -> bool {
-        true
+        !cfg!(feature = "f7")
     }
 }
 

@@ -5,7 +5,7 @@
 //! never started. A task's `watch` is dropped or finished only when it has ended.
 
 use core::future::{Future, poll_fn};
-use core::pin::pin;
+use core::pin::Pin;
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_sync::waitqueue::AtomicWaker;
@@ -25,8 +25,9 @@ impl<const N: usize> Liveness<N> {
     }
 
     /// Runs `future` as task number `task`. A number that there is not is never missed.
-    pub async fn watch<F: Future>(&self, task: usize, future: F) -> F::Output {
-        let mut future = pin!(future);
+    ///
+    /// The future is pinned by the caller: it would take its memory twice if it were moved in.
+    pub async fn watch<F: Future>(&self, task: usize, mut future: Pin<&mut F>) -> F::Output {
         poll_fn(|context| {
             if let Some(watched) = self.0.get(task) {
                 watched.waker.register(context.waker());
@@ -77,7 +78,7 @@ mod tests {
     fn tasks_that_only_wait_answer_each_time_they_are_polled() {
         let tasks = Liveness::<2>::new();
         let (mut one, mut two) =
-            (pin!(tasks.watch(0, pending::<()>())), pin!(tasks.watch(1, pending::<()>())));
+            (pin!(tasks.watch(0, pin!(pending::<()>()))), pin!(tasks.watch(1, pin!(pending::<()>()))));
         for _ in 0..3 {
             tasks.ask();
             poll(one.as_mut());
@@ -90,10 +91,10 @@ mod tests {
     #[test]
     fn a_task_that_was_never_started_or_has_ended_is_missed() {
         let tasks = Liveness::<2>::new();
-        let mut one = pin!(tasks.watch(0, pending::<()>()));
+        let mut one = pin!(tasks.watch(0, pin!(pending::<()>())));
         poll(one.as_mut());
         assert_eq!(tasks.silent(), Some(1), "never started");
-        let mut two = pin!(tasks.watch(1, ready(())));
+        let mut two = pin!(tasks.watch(1, pin!(ready(()))));
         poll(two.as_mut());
         assert_eq!(tasks.silent(), Some(1), "ended");
     }
@@ -109,6 +110,6 @@ mod tests {
             embassy_futures::yield_now().await;
             assert_eq!(tasks.silent(), None);
         };
-        block_on(select(tasks.watch(0, pending::<()>()), asked));
+        block_on(select(tasks.watch(0, pin!(pending::<()>())), asked));
     }
 }

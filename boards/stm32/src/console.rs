@@ -1,5 +1,7 @@
 //! The console on the ST-LINK's virtual COM port: 115200 8N1.
 
+use core::pin::pin;
+
 use embassy_executor::Spawner;
 use mobgate::config::{LineSettings, Parity};
 use mobgate::console::{self, Mode};
@@ -9,7 +11,7 @@ use mobgate_flash::FlashStore;
 use crate::flash::{SETTINGS_START, SettingsFlash};
 use crate::gateway::{GATEWAY, LIVENESS, Task};
 use crate::line::Line;
-use crate::start::{self, Problem};
+use crate::start;
 use crate::system::Board;
 
 const LINE: LineSettings = LineSettings { baud: 115_200, parity: Parity::None, ..LineSettings::DEFAULT };
@@ -22,45 +24,43 @@ pub fn start(spawner: Spawner, board: Board, line: Line, flash: SettingsFlash, f
 
 #[embassy_executor::task]
 async fn run(board: Board, line: Line, flash: SettingsFlash, forget: bool) {
-    LIVENESS.watch(Task::Console as usize, serve(board, line, flash, forget)).await
+    LIVENESS.watch(Task::Console as usize, pin!(serve(board, line, flash, forget))).await
 }
 
 async fn serve(mut board: Board, mut line: Line, flash: SettingsFlash, forget: bool) {
     // It is a format that every chip has.
     line.configure(&LINE).unwrap();
-    let mut store = FlashStore::open(flash, SETTINGS_START).await;
-    board.settings = match &mut store {
-        Ok(store) => start::settings(store, forget).await.err(),
-        Err(error) => Some(Problem::Store(*error)),
-    };
+    let mut store = Settings(FlashStore::open(flash, SETTINGS_START).await);
+    board.settings = start::settings(&mut store, forget).await.err();
     if let Some(problem) = &board.settings {
         defmt::warn!("settings: {}", defmt::Display2Format(problem));
     }
     loop {
         // A line never ends; `exit` begins a new session.
-        let _ = match &mut store {
-            Ok(store) => {
-                store.forget();
-                console::run(&GATEWAY, &mut line, store, &board, Mode::Echo).await
-            }
-            Err(error) => console::run(&GATEWAY, &mut line, &mut Broken(*error), &board, Mode::Echo).await,
-        };
+        let _ = console::run(&GATEWAY, &mut line, &mut store, &board, Mode::Echo).await;
+        store.0.iter_mut().for_each(FlashStore::forget);
     }
 }
 
-/// The store of a board whose flash failed.
-struct Broken(StoreError);
+/// The store, or why there is none: a flash that failed leaves the console running.
+struct Settings(Result<FlashStore<SettingsFlash>, StoreError>);
 
-impl Store for Broken {
-    async fn read(&mut self, _offset: usize, _into: &mut [u8]) -> Result<usize, StoreError> {
-        Err(self.0)
+impl Settings {
+    fn store(&mut self) -> Result<&mut FlashStore<SettingsFlash>, StoreError> {
+        self.0.as_mut().map_err(|error| *error)
+    }
+}
+
+impl Store for Settings {
+    async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
+        self.store()?.read(offset, into).await
     }
 
-    async fn append(&mut self, _text: &[u8]) -> Result<(), StoreError> {
-        Err(self.0)
+    async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
+        self.store()?.append(text).await
     }
 
     async fn commit(&mut self) -> Result<(), StoreError> {
-        Err(self.0)
+        self.store()?.commit().await
     }
 }

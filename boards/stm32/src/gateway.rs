@@ -1,6 +1,7 @@
 //! The gateway's statics and tasks, the same on every STM32 board.
 
 use core::fmt;
+use core::pin::pin;
 
 use embassy_executor::Spawner;
 use mobgate::config::PortId;
@@ -14,14 +15,14 @@ use crate::network::Network;
 
 /// Ports of any kind.
 pub const PORTS: usize = 8;
-/// TCP connections of all servers together: sixteen clients, and one more that is accepted to decide who goes, for two servers.
-pub const SEATS: usize = 18;
+/// TCP connections of all servers together: sixteen clients, and one more that is accepted to decide who goes.
+pub const SEATS: usize = 17;
 /// Connections to outside servers and UDP servers at a time.
-pub const CONNECTIONS_OUT: usize = 6;
+pub const CONNECTIONS_OUT: usize = 4;
 /// One frame for each seat and each port.
 const RESERVED: usize = SEATS + PORTS;
 /// And some for those who ask several things at a time.
-const FRAMES: usize = RESERVED + 22;
+const FRAMES: usize = RESERVED + 15;
 
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
@@ -71,18 +72,19 @@ pub fn start(spawner: Spawner, lines: Lines, network: Network) {
 
 #[embassy_executor::task]
 async fn router() {
-    LIVENESS.watch(Task::Router as usize, GATEWAY.route()).await
+    LIVENESS.watch(Task::Router as usize, pin!(GATEWAY.route())).await
 }
 
 #[embassy_executor::task(pool_size = PORTS)]
 async fn port(index: usize, mut lines: Lines, network: Network) {
     let (mut connector, mut datagrams) = (Connector::new(network.0), Datagrams::new(network.0));
-    let run = GATEWAY.run_port(PortId(index as u8), &mut lines, &mut connector, &mut datagrams);
+    let run = pin!(GATEWAY.run_port(PortId(index as u8), &mut lines, &mut connector, &mut datagrams));
     LIVENESS.watch(Task::Port as usize + index, run).await
 }
 
 #[embassy_executor::task(pool_size = SEATS)]
 async fn seat(index: usize, network: Network) {
     let mut sockets = TcpSockets::new(network.0);
-    LIVENESS.watch(Task::Port as usize + PORTS + index, GATEWAY.run_seat(index, &mut sockets)).await
+    let run = pin!(GATEWAY.run_seat(index, &mut sockets));
+    LIVENESS.watch(Task::Port as usize + PORTS + index, run).await
 }

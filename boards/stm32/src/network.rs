@@ -1,6 +1,9 @@
 //! The Ethernet: driver, stack, sockets. The cable may come and go; the stack notices within half a second.
 
+use core::pin::pin;
+
 use embassy_executor::Spawner;
+use embassy_futures::join::join;
 use embassy_net::{Runner, Stack, StackResources};
 use embassy_stm32::eth::{Ethernet, GenericPhy, PacketQueue, Sma};
 use embassy_stm32::peripherals::{ETH, ETH_SMA};
@@ -22,7 +25,7 @@ pub type Packets = PacketQueue<PACKETS, PACKETS>;
 /// Sockets at a time: accepted connections, made ones and UDP.
 const SOCKETS: usize = SEATS + CONNECTIONS_OUT;
 /// Half for each direction. A Modbus TCP frame has 260 bytes at most.
-const SOCKET_BYTES: usize = 1024;
+const SOCKET_BYTES: usize = 768;
 
 static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> = ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
 // One more socket is DHCP's.
@@ -63,11 +66,11 @@ pub fn start(spawner: Spawner, driver: Driver) -> Network {
 
 #[embassy_executor::task]
 async fn run_stack(mut runner: Runner<'static, Driver>) -> ! {
-    LIVENESS.watch(Task::Stack as usize, runner.run()).await
+    LIVENESS.watch(Task::Stack as usize, pin!(runner.run())).await
 }
 
 #[embassy_executor::task]
 async fn run_sockets(sockets: &'static Sockets) {
-    let both = embassy_futures::join::join(sockets.run(), address::follow(&GATEWAY, sockets.stack()));
+    let both = pin!(join(sockets.run(), address::follow(&GATEWAY, sockets.stack())));
     LIVENESS.watch(Task::Sockets as usize, both).await;
 }

@@ -11,8 +11,8 @@ use heapless::Vec;
 use crate::port::queue::Ready;
 
 /// Units remembered at one port: the loads that an RS-485 segment carries. The quietest healthy one is forgotten
-/// when another one comes.
-pub const UNITS_MAX: usize = 32;
+/// when another one comes. The feature `small` remembers half as many.
+pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 32 };
 /// First and longest pause between probes of a unit that is down.
 pub const PROBE_FIRST: Duration = Duration::from_secs(1);
 /// See [`PROBE_FIRST`].

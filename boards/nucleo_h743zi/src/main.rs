@@ -51,15 +51,8 @@ static LINES: StaticCell<[Place; 4]> = StaticCell::new();
 fn clocks() -> Config {
     let mut config = Config::default();
     config.rcc.hse = Some(Hse { freq: Hertz(8_000_000), mode: HseMode::Bypass });
-    config.rcc.pll1 = Some(Pll {
-        source: PllSource::HSE,
-        prediv: PllPreDiv::DIV1,
-        mul: PllMul::MUL100,
-        fracn: None,
-        divp: Some(PllDiv::DIV2),
-        divq: None,
-        divr: None,
-    });
+    let (source, prediv, mul, divp) = (PllSource::HSE, PllPreDiv::DIV1, PllMul::MUL100, Some(PllDiv::DIV2));
+    config.rcc.pll1 = Some(Pll { source, prediv, mul, fracn: None, divp, divq: None, divr: None });
     config.rcc.sys = Sysclk::PLL1_P;
     config.rcc.ahb_pre = AHBPrescaler::DIV2;
     (config.rcc.apb1_pre, config.rcc.apb2_pre) = (APBPrescaler::DIV2, APBPrescaler::DIV2);
@@ -94,7 +87,8 @@ async fn main(spawner: Spawner) {
 
     let (packets, address) = (network::PACKET_QUEUE.take(), network::ethernet_address());
     let ethernet = Ethernet::new(
-        packets, p.ETH, Interrupts, p.PA1, p.PA7, p.PC4, p.PC5, p.PG13, p.PB13, p.PG11, address, p.ETH_SMA, p.PA2, p.PC1,
+        packets, p.ETH, Interrupts, p.PA1, p.PA7, p.PC4, p.PC5, p.PG13, p.PB13, p.PG11, address, p.ETH_SMA,
+        p.PA2, p.PC1,
     );
 
     let network = network::start(spawner, ethernet);

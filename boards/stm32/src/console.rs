@@ -9,7 +9,7 @@ use mobgate::hal::{Store, StoreError};
 use mobgate_flash::FlashStore;
 
 use crate::flash::{SETTINGS_START, SettingsFlash};
-use crate::gateway::{GATEWAY, LIVENESS, Task};
+use crate::gateway::{LIVENESS, Task, gateway};
 use crate::line::Line;
 use crate::start;
 use crate::system::Board;
@@ -37,7 +37,7 @@ async fn serve(mut board: Board, mut line: Line, flash: SettingsFlash, forget: b
     }
     loop {
         // A line never ends; `exit` begins a new session.
-        let _ = console::run(&GATEWAY, &mut line, &mut store, &board, Mode::Echo).await;
+        let _ = console::run(gateway(), &mut line, &mut store, &board, Mode::Echo).await;
         store.0.iter_mut().for_each(FlashStore::forget);
     }
 }

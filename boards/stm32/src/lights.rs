@@ -24,7 +24,11 @@ pub struct Lights {
 
 impl Lights {
     /// Lights on these pins, off.
-    pub fn new(green: Peri<'static, AnyPin>, blue: Peri<'static, AnyPin>, red: Peri<'static, AnyPin>) -> Self {
+    pub fn new(
+        green: Peri<'static, AnyPin>,
+        blue: Peri<'static, AnyPin>,
+        red: Peri<'static, AnyPin>,
+    ) -> Self {
         let light = |pin| Output::new(pin, Level::Low, Speed::Low);
         Self { green: light(green), blue: light(blue), red: light(red) }
     }

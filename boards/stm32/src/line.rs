@@ -150,9 +150,7 @@ impl Line {
         shift.driver.lock(|cell| cell.replace(driver));
         let ((channel, request), from) = (dma.receive, registers::receive_address(uart));
         // SAFETY: the channel is this line's, and so is the buffer; the UART's register is valid for ever.
-        let mut ring = unsafe {
-            ReadableRingBuffer::new(channel, request, from, ring, Default::default())
-        };
+        let mut ring = unsafe { ReadableRingBuffer::new(channel, request, from, ring, Default::default()) };
         ring.start();
         let (transmit, request) = dma.transmit;
         Self { setup, uart, shift, ring, transmit, request, mask: u8::MAX }

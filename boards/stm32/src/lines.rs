@@ -29,8 +29,9 @@ impl SerialHost for Lines {
         let number = device.strip_prefix("rs485-").and_then(|number| number.parse::<usize>().ok());
         let place = number.and_then(|number| self.0.get(number.checked_sub(1)?));
         let place = place.ok_or(OpenError::new(OpenErrorKind::NotFound, hint))?;
-        let mut open =
-            place.try_lock().map_err(|_| OpenError::new(OpenErrorKind::InUse, "by another port of the gateway"))?;
+        let mut open = place
+            .try_lock()
+            .map_err(|_| OpenError::new(OpenErrorKind::InUse, "by another port of the gateway"))?;
         open.configure(line)?;
         Ok(OpenLine(open))
     }

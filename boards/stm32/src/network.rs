@@ -12,7 +12,7 @@ use mobgate::config::OwnNetwork;
 use mobgate_net::{Sockets, address};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::gateway::{CONNECTIONS_OUT, GATEWAY, LIVENESS, SEATS, Task};
+use crate::gateway::{CONNECTIONS_OUT, LIVENESS, SEATS, Task, gateway};
 
 /// The chip's Ethernet with any PHY, which the boards have as RMII.
 pub type Driver = Ethernet<'static, ETH, GenericPhy<Sma<'static, ETH_SMA>>>;
@@ -27,7 +27,8 @@ const SOCKETS: usize = SEATS + CONNECTIONS_OUT;
 /// Half for each direction. A Modbus TCP frame has 260 bytes at most.
 const SOCKET_BYTES: usize = 768;
 
-static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> = ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
+static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
+    ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
 // One more socket is DHCP's.
 static RESOURCES: StaticCell<StackResources<{ SOCKETS + 1 }>> = StaticCell::new();
 static POOL: StaticCell<Sockets> = StaticCell::new();
@@ -71,6 +72,6 @@ async fn run_stack(mut runner: Runner<'static, Driver>) -> ! {
 
 #[embassy_executor::task]
 async fn run_sockets(sockets: &'static Sockets) {
-    let both = pin!(join(sockets.run(), address::follow(&GATEWAY, sockets.stack())));
+    let both = pin!(join(sockets.run(), address::follow(gateway(), sockets.stack())));
     LIVENESS.watch(Task::Sockets as usize, both).await;
 }

@@ -87,7 +87,12 @@ pub(crate) fn reset_cause() -> &'static str {
     let (watchdog, software, power, pin) = {
         let flags = RCC.rsr().read();
         RCC.rsr().modify(|flags| flags.set_rmvf(true));
-        (flags.iwdg1rstf() || flags.wwdg1rstf(), flags.sftrstf(), flags.borrstf() || flags.porrstf(), flags.pinrstf())
+        (
+            flags.iwdg1rstf() || flags.wwdg1rstf(),
+            flags.sftrstf(),
+            flags.borrstf() || flags.porrstf(),
+            flags.pinrstf(),
+        )
     };
     #[cfg(not(feature = "h7"))]
     let (watchdog, software, power, pin) = {

@@ -6,7 +6,7 @@ use mobgate::config::{LoadError, ReadError, Settings, read_store};
 use mobgate::gateway::ApplyError;
 use mobgate::hal::{Store, StoreError};
 
-use crate::gateway::GATEWAY;
+use crate::gateway::gateway;
 
 /// Why the gateway runs without the saved settings.
 pub enum Problem {
@@ -44,5 +44,5 @@ pub(crate) async fn settings(store: &mut impl Store, forget: bool) -> Result<(),
         ReadError::Store(error) => Problem::Store(error),
         ReadError::Text(error) => Problem::Text(error),
     })?;
-    GATEWAY.apply(&settings).map_err(Problem::Apply)
+    gateway().apply(&settings).map_err(Problem::Apply)
 }

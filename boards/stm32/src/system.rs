@@ -37,8 +37,10 @@ impl System for Board {
     }
 
     fn write_event(&self, n: usize, out: &mut dyn Write) -> Option<core::fmt::Result> {
-        let last_words = self.last_words.as_ref().map(|words| ("the last run ended: ", words as &dyn core::fmt::Display));
-        let settings = self.settings.as_ref().map(|problem| ("settings: ", problem as &dyn core::fmt::Display));
+        let last_words =
+            self.last_words.as_ref().map(|words| ("the last run ended: ", words as &dyn core::fmt::Display));
+        let settings =
+            self.settings.as_ref().map(|problem| ("settings: ", problem as &dyn core::fmt::Display));
         let cause = Some(("board: ", &self.cause as &dyn core::fmt::Display));
         let (what, text) = [cause, last_words, settings].into_iter().flatten().nth(n)?;
         Some(write!(out, "{what}{text}"))

@@ -3,7 +3,7 @@
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_time::{Duration, Timer};
 
-use crate::gateway::{self, GATEWAY, LIVENESS};
+use crate::gateway::{LIVENESS, TaskName, gateway};
 use crate::lights::Lights;
 use crate::{faults, network};
 
@@ -27,11 +27,11 @@ pub async fn watch<T: embassy_stm32::wdg::Instance>(
         match LIVENESS.silent() {
             None => {
                 watchdog.pet();
-                lights.show(&GATEWAY, network.stack().is_config_up());
+                lights.show(gateway(), network.stack().is_config_up());
             }
             Some(task) if !noted => {
                 noted = true;
-                faults::note(format_args!("the {} stood still", gateway::TaskName(task)));
+                faults::note(format_args!("the {} stood still", TaskName(task)));
             }
             Some(_) => {}
         }

@@ -136,7 +136,8 @@ struct SlotState {
     envelope: Option<Envelope>,
     pdu: [u8; PDU_BYTES_MAX],
     length: u8,
-    /// The CRC behind the PDU as it came, as long as nobody knows whether it is good; and how much of it is there.
+    /// The CRC of unit and PDU, as long as nobody knows whether it is good: as it came, or, of an ASCII frame, one that is as
+    /// right or wrong as its LRC; and how much of it is there.
     crc: [u8; 2],
     crc_bytes: u8,
     /// Handles to this slot, the writer's included; 0: free.

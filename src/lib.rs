@@ -14,8 +14,10 @@
 //! 4. The response, or an exception that says what went wrong, replaces the request in the frame, which takes the
 //!    same road back: to the inbox, through the router, to whoever asked.
 //!
-//! Between two RTU lines the frame takes this road while its characters still arrive ([`port::cut`] says when it may): the other
-//! line sends what is there, under the CRC that came ([`modbus::delta`]). What turns out not to fit is broken off.
+//! Between two serial lines the frame takes this road while its characters still arrive ([`port::cut`] says when it may): the
+//! other line sends what is there, in its own framing. From RTU to RTU the CRC that came goes with it ([`modbus::delta`]); an
+//! ASCII line gets its LRC when the CRC has proved good, and the other way round, so that what is damaged stays damaged. What
+//! turns out not to fit is broken off.
 //!
 //! So a transaction is one frame, from beginning to end, and every frame comes home: no request is lost, and a port knows
 //! what is open by counting. Ports know framing and timing, nothing of routes; the router knows routes, nothing of

@@ -109,7 +109,16 @@ impl LineSettings {
         if self.baud > 19_200 {
             return Duration::from_micros(1_750);
         }
-        let half_bits = 7 * self.bits_per_char() as u64;
+        self.half_chars(7)
+    }
+
+    /// The specification's t1.5, the longest silence inside an RTU frame: 1.5 characters, fixed at 750 us above 19200 baud.
+    pub fn t1_5(&self) -> Duration {
+        if self.baud > 19_200 { Duration::from_micros(750) } else { self.half_chars(3) }
+    }
+
+    fn half_chars(&self, count: u64) -> Duration {
+        let half_bits = count * self.bits_per_char() as u64;
         Duration::from_nanos((half_bits * 1_000_000_000).div_ceil(2 * self.baud as u64))
     }
 

@@ -10,7 +10,10 @@ pub const FRAME_CHARS_MAX: usize = 513;
 /// The character that ends a frame, unless diagnostics sub-function 3 changed it.
 pub const LINE_FEED: u8 = b'\n';
 
-const CARRIAGE_RETURN: u8 = b'\r';
+/// The character that begins a frame, wherever it comes.
+pub const COLON: u8 = b':';
+
+pub(crate) const CARRIAGE_RETURN: u8 = b'\r';
 /// Unit, PDU and LRC.
 const BYTES_MAX: usize = PDU_BYTES_MAX + 2;
 
@@ -54,14 +57,19 @@ pub fn encode<'a>(
     // The LRC of the PDU less the unit is the LRC of both.
     let check = lrc(pdu).wrapping_sub(unit);
     let bytes = core::iter::once(unit).chain(pdu.iter().copied()).chain([check]);
-    let digits = bytes.flat_map(|byte| [digit(byte >> 4), digit(byte & 0xF)]);
-    let characters = [b':'].into_iter().chain(digits).chain([CARRIAGE_RETURN, end]);
+    let digits = bytes.flat_map(digits);
+    let characters = [COLON].into_iter().chain(digits).chain([CARRIAGE_RETURN, end]);
     let mut length = 0;
     for (place, character) in out.iter_mut().zip(characters) {
         *place = character;
         length += 1;
     }
     Ok(&out[..length])
+}
+
+/// The two digits of a byte.
+pub(crate) const fn digits(byte: u8) -> [u8; 2] {
+    [digit(byte >> 4), digit(byte & 0xF)]
 }
 
 /// The digit of a number below 16.
@@ -148,7 +156,7 @@ impl Decoder {
         match (self.state, character) {
             (State::End, character) if character == self.end => return Ok(true),
             // Clause 2.5.2.1: a new colon empties the buffer, wherever it comes.
-            (_, b':') => {
+            (_, COLON) => {
                 self.length = 0;
                 self.state = State::High;
             }

@@ -1,17 +1,19 @@
 //! A frame that is passed on while it arrives, seen from where it arrives.
 //!
-//! It is handed on as soon as its copy may begin, and filled as its characters come. Its last one is held back until
-//! everything before it has been checked; a frame that does not fit is broken instead, and its copy with it.
+//! It is handed on as soon as its copy may begin, and filled as its characters come. In the gateway it is under the CRC: that of
+//! an RTU frame as it came, and for an ASCII one the CRC that says of it what its LRC said. A frame that does not end well, or
+//! that does not fit, is broken, and its copy with it.
 
 use embassy_time::Instant;
 
-use crate::config::LineSettings;
+use crate::config::Framing;
 use crate::frame::{Frame, FrameWriter};
+use crate::modbus::crc::{crc16, lrc};
 use crate::modbus::pdu::End;
 use crate::modbus::rtu;
-use crate::port::cut;
+use crate::port::cut::{self, Lane};
 
-/// Characters of a frame that are not the PDU's: unit and CRC.
+/// Characters of an RTU frame that are not the PDU's: unit and CRC.
 const OVERHEAD_CHARS: usize = rtu::FRAME_BYTES_MAX - crate::modbus::PDU_BYTES_MAX;
 
 /// How far a frame is that may be passed on.
@@ -28,13 +30,13 @@ pub(crate) enum Passing<'g> {
 
 impl Passing<'_> {
     /// What becomes of a frame that began at `begun` on `input`, as far as its end is known.
-    pub(crate) fn plan(begun: Instant, input: &LineSettings, output: &LineSettings, end: End) -> Self {
-        let characters = match end {
-            End::At(length) => Some(length + OVERHEAD_CHARS),
+    pub(crate) fn plan(begun: Instant, input: &Lane, output: &Lane, end: End) -> Self {
+        let bytes = match end {
+            End::At(length) => Some(1 + length),
             End::Later => None,
             End::Unknown => return Self::Whole,
         };
-        cut::start(begun, input, output, characters).map_or(Self::Open, Self::From)
+        cut::start(begun, input, output, bytes).map_or(Self::Open, Self::From)
     }
 
     /// When there is something to do though nothing comes.
@@ -50,13 +52,13 @@ impl Passing<'_> {
 /// The filling side of a frame that was handed on.
 pub(crate) struct Arriving<'g> {
     writer: FrameWriter<'g>,
-    /// Characters behind the unit that were passed on.
-    passed: usize,
+    framing: Framing,
 }
 
 impl<'g> Arriving<'g> {
-    pub(crate) fn new(writer: FrameWriter<'g>) -> Self {
-        Self { writer, passed: 0 }
+    /// A frame that arrives in `framing`.
+    pub(crate) fn new(writer: FrameWriter<'g>, framing: Framing) -> Self {
+        Self { writer, framing }
     }
 
     /// The frame.
@@ -64,42 +66,47 @@ impl<'g> Arriving<'g> {
         self.writer.frame()
     }
 
-    /// Passes on what stands behind the unit so far, except for the last character. False when the frame has no end that
-    /// could be told: it must be given up.
-    pub(crate) fn take(&mut self, so_far: &[u8], end: End) -> bool {
-        match end {
-            End::At(length) => self.pass(so_far.get(..length + 1).unwrap_or(so_far), length),
-            End::Later => self.pass(so_far, so_far.len()),
+    /// Passes on what is new in `heard`: the unit and what has come behind it, its check included. False when the frame has no
+    /// end that could be told: it must be given up.
+    pub(crate) fn take(&mut self, heard: &[u8], end: End) -> bool {
+        let so_far = heard.get(1..).unwrap_or(&[]);
+        let length = match end {
+            End::At(length) => length,
+            End::Later => so_far.len(),
             End::Unknown => return false,
-        }
+        };
+        let (pdu, check) = so_far.split_at_checked(length).unwrap_or((so_far, &[]));
+        self.push(pdu);
+        let ((_, passed), body) = (self.frame().crc(), heard.get(..=length));
+        let crc = match (self.framing, check, body) {
+            (Framing::Rtu, [low, high, ..], _) => [*low, *high],
+            (Framing::Rtu, [low], _) => [*low, 0],
+            (Framing::Ascii, [check, ..], Some(body)) if lrc(body) == *check => crc16(body).to_le_bytes(),
+            // Certainly a wrong one.
+            (Framing::Ascii, [_, ..], Some(body)) => (!crc16(body)).to_le_bytes(),
+            _ => return true,
+        };
+        let there = if self.framing == Framing::Ascii { crc.len() } else { check.len().min(crc.len()) };
+        crc.get(passed..there).unwrap_or(&[]).iter().for_each(|&byte| self.writer.push_crc(byte));
         true
     }
 
-    /// The frame is whole and good. Says whether it is still wanted.
-    pub(crate) fn finish(self) -> bool {
+    /// The frame is whole and good, with `pdu`. Says whether it is still wanted.
+    pub(crate) fn finish(mut self, pdu: &[u8]) -> bool {
+        self.push(pdu);
         self.writer.finish()
     }
 
-    /// The frame is whole and not good. If it was damaged on its way it is passed on as it is, so that the far end sees
-    /// that; if it has no business there, its last character is never sent.
-    pub(crate) fn fail(mut self, heard: &[u8], end: End) {
-        if let (Err(_), Some((_, so_far)), End::At(length)) = (rtu::decode(heard), heard.split_first(), end) {
-            self.pass(so_far.get(..length + 2).unwrap_or(so_far), length);
+    /// Passes on what is new in `pdu`, which is no longer than a PDU may be, so that there is room.
+    fn push(&mut self, pdu: &[u8]) {
+        let passed = self.frame().pdu(<[u8]>::len);
+        if let Some(new) = pdu.get(passed..).filter(|new| !new.is_empty()) {
+            let _ = self.writer.push(new);
         }
-    }
-
-    /// Passes on what is new in `so_far`, of which the first `length` bytes are the PDU's.
-    fn pass(&mut self, so_far: &[u8], length: usize) {
-        let (pdu, crc) = so_far.split_at_checked(length).unwrap_or((so_far, &[]));
-        // The end is no further than a PDU's, so there is room.
-        let _ = self.writer.push(pdu.get(self.passed..).unwrap_or(&[]));
-        let crc_passed = self.passed.saturating_sub(length);
-        crc.get(crc_passed..).unwrap_or(&[]).iter().for_each(|&byte| self.writer.push_crc(byte));
-        self.passed = self.passed.max(so_far.len());
     }
 }
 
-/// Whether all characters of a frame are there that has `so_far` behind its unit.
+/// Whether all characters of an RTU frame are there that has `so_far` behind its unit.
 pub(crate) fn is_whole(so_far: &[u8], end: End) -> bool {
     matches!(end, End::At(length) if so_far.len() + 1 >= length + OVERHEAD_CHARS)
 }

@@ -11,13 +11,15 @@ use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{Decoder, LINE_FEED};
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
-use crate::modbus::rtu::{self, AtSilence, Received};
-use crate::port::copy::{Copied, copy};
+use crate::port::copy::{Copied, Form, copy};
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::{Collision, Line, LineLost};
 use crate::port::reply::Reply;
 use crate::stats::Event;
+
+mod look;
+
+use look::Found;
 
 /// Why there is no response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,20 +39,12 @@ pub(crate) struct Bus<'s, L> {
     framing: Framing,
     /// What has come of an ASCII response, judged character by character; an RTU response is judged as a whole.
     decoder: Decoder,
+    /// When the frame began that is being heard.
+    begun: Instant,
+    /// An ASCII frame had pauses in it that no copy of it could have: the next one is not begun.
+    pauses: bool,
     /// The silence that ends what has begun.
     silence: Duration,
-}
-
-/// What a look at the line found.
-enum Found {
-    /// Nothing yet, or noise between frames.
-    Nothing,
-    /// The response.
-    Response,
-    /// The response, but damaged.
-    Damaged,
-    /// Something else.
-    Other(Event),
 }
 
 impl<'s, L: SerialLine> Bus<'s, L> {
@@ -59,7 +53,8 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         line.active += settings.client.start_delay;
         let silence = settings.framing.silence(&line.settings) + line.jitter;
         let SerialSettings { client, framing, .. } = *settings;
-        Self { line, client, framing, decoder: Decoder::default(), silence }
+        let (begun, decoder) = (line.active, Decoder::default());
+        Self { line, client, framing, decoder, begun, pauses: false, silence }
     }
 
     /// Waits until the line has been silent for the gap; what comes meanwhile is dropped.
@@ -97,10 +92,16 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     }
 
     /// Sends the order `frame` to `unit` while it arrives.
-    pub(crate) async fn copy(&mut self, frame: &Frame<'_>, unit: u8) -> Result<Copied, LineLost> {
+    pub(crate) async fn copy(
+        &mut self,
+        frame: &Frame<'_>,
+        unit: u8,
+        may_wait: bool,
+    ) -> Result<Copied, LineLost> {
         self.decoder.clear();
         self.line.stats.count(Event::Request);
-        copy(&mut self.line, frame, (frame.envelope().unit, unit)).await
+        let (framing, from) = (self.framing, frame.envelope().unit);
+        copy(&mut self.line, frame, Form { framing, may_wait, delimiter: LINE_FEED, from, to: unit }).await
     }
 
     /// Waits for the response to what was just sent, and gives the time from the request's end to it.
@@ -131,7 +132,6 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         // A frame that has begun in time is heard to its end, but a line that babbles is not heard for ever.
         let longest = self.line.settings.chars(self.framing.chars_max());
         let end = deadline + longest + self.silence;
-        let mut begun = self.line.active;
         // What was read with the request's echo.
         let mut found = self.look(reply);
         loop {
@@ -147,31 +147,19 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                     }
                 }
             }
-            let before = self.line.heard().len();
             let has_begun = self.has_begun();
             let until = if has_begun { end.min(self.line.active + self.silence) } else { deadline };
             found = match with_deadline(until.min(reply.due()), self.line.read()).await {
                 Ok(read) => {
                     read?;
-                    if before == 0 {
-                        begun = self.line.begun();
-                    }
-                    self.pass_on(reply, begun);
+                    self.pauses |= self.decoder.in_frame() && self.line.pauses();
                     self.look(reply)
                 }
-                Err(TimeoutError) if Instant::now() < until => {
-                    self.pass_on(reply, begun);
-                    Found::Nothing
-                }
+                Err(TimeoutError) if Instant::now() < until => self.look(reply),
                 Err(TimeoutError) if has_begun => self.look_at_silence(reply),
                 Err(TimeoutError) => return Ok(Err(Failure::Timeout)),
             };
         }
-    }
-
-    /// Passes on what has been heard since `begun`, if it is time. What is read late must not be missing.
-    fn pass_on(&self, reply: &mut Reply<'_, '_>, begun: Instant) {
-        reply.hear(self.line.heard(), begun + self.line.jitter, &self.line.settings);
     }
 
     /// Whether something has begun of which more is to come.
@@ -180,80 +168,5 @@ impl<'s, L: SerialLine> Bus<'s, L> {
             Framing::Rtu => !self.line.heard().is_empty(),
             Framing::Ascii => self.decoder.in_frame(),
         }
-    }
-
-    /// Looks at what has come so far.
-    fn look(&mut self, reply: &mut Reply<'_, '_>) -> Found {
-        let (unit, request) = (reply.unit(), reply.request());
-        match self.framing {
-            Framing::Rtu => match rtu::response(unit, request, self.line.heard()) {
-                Received::Complete(pdu) => {
-                    reply.whole(self.line.heard(), pdu);
-                    Found::Response
-                }
-                Received::Partial => {
-                    reply.not_yet(self.line.heard(), false);
-                    Found::Nothing
-                }
-            },
-            Framing::Ascii => {
-                let (found, count) = look_for_ascii(&mut self.decoder, self.line.heard(), reply);
-                self.line.consume(count);
-                found
-            }
-        }
-    }
-
-    /// Looks at what has come when nothing more is to come of it.
-    fn look_at_silence(&mut self, reply: &mut Reply<'_, '_>) -> Found {
-        let (unit, request) = (reply.unit(), reply.request());
-        let found = match self.framing {
-            Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
-                AtSilence::Complete(pdu) => {
-                    reply.whole(self.line.heard(), pdu);
-                    Found::Response
-                }
-                AtSilence::Damaged => Found::Damaged,
-                AtSilence::WrongUnit(_) => Found::Other(Event::WrongUnit),
-                AtSilence::Misfit(_) => Found::Other(Event::Misfit),
-                AtSilence::Noise => Found::Other(Event::Noise),
-            },
-            Framing::Ascii => {
-                self.decoder.clear();
-                damage(&self.decoder, unit, request)
-            }
-        };
-        reply.not_yet(self.line.heard(), true);
-        self.line.clear();
-        found
-    }
-}
-
-/// Looks through `heard` up to the first end of a frame, and says how many characters that took.
-fn look_for_ascii(decoder: &mut Decoder, heard: &[u8], reply: &mut Reply<'_, '_>) -> (Found, usize) {
-    let (unit, request) = (reply.unit(), reply.request());
-    for (before, &character) in heard.iter().enumerate() {
-        let found = match decoder.push(character) {
-            None => continue,
-            Some(Ok((from, _))) if from != unit => Found::Other(Event::WrongUnit),
-            Some(Ok((_, response))) if pdu::fits(request, response).is_err() => Found::Other(Event::Misfit),
-            Some(Ok((_, response))) => {
-                reply.whole(&[], response);
-                Found::Response
-            }
-            Some(Err(_)) => damage(decoder, unit, request),
-        };
-        return (found, before + 1);
-    }
-    (Found::Nothing, heard.len())
-}
-
-/// What a frame was that did not come whole: the response if it begins as that does.
-fn damage(decoder: &Decoder, unit: u8, request: &[u8]) -> Found {
-    match (decoder.bytes(), request) {
-        ([from, answered, ..], [function, ..]) if *from == unit && answered & !EXCEPTION_BIT == *function => {
-            Found::Damaged
-        }
-        _ => Found::Other(Event::Noise),
     }
 }

@@ -1,13 +1,19 @@
 //! A frame is sent while it still arrives at another line.
 //!
-//! Its characters leave as they come. Its CRC is the one that came, with the unit's translation in it, until the frame has
-//! proved good: protection stays end to end.
+//! Its characters leave as they come. Until it has proved good nothing leaves that would make it so: an RTU copy has the CRC
+//! that came, with the unit's translation in it, and an ASCII copy gets its LRC behind the verdict of the CRC. What was
+//! damaged goes on to its end, under a check that is as wrong; what breaks off or does not fit is broken off.
 
+use embassy_time::{Instant, with_deadline};
+use heapless::Vec;
+
+use crate::config::Framing;
 use crate::frame::{Fill, Frame};
 use crate::hal::SerialLine;
+use crate::modbus::ascii::{CARRIAGE_RETURN, COLON, digits};
 use crate::modbus::crc::MODBUS;
 use crate::modbus::delta::CrcDelta;
-use crate::modbus::{PDU_BYTES_MAX, rtu};
+use crate::modbus::rtu;
 use crate::port::line::{Line, LineLost};
 use crate::stats::Event;
 
@@ -22,77 +28,165 @@ pub(crate) enum Copied {
     Short,
 }
 
+/// How the copy looks.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Form {
+    /// The framing in which it is sent.
+    pub(crate) framing: Framing,
+    /// Whether it may wait for characters that are overdue. An ASCII frame may pause for a second between any two (Serial Line
+    /// 2.5.2.1): its copy is broken off where it must not do so, or would keep others from the line.
+    pub(crate) may_wait: bool,
+    /// The character that ends an ASCII frame.
+    pub(crate) delimiter: u8,
+    /// The unit under which the frame comes.
+    pub(crate) from: u8,
+    /// The unit under which it is sent.
+    pub(crate) to: u8,
+}
+
 /// Sends `frame` as far as it has come and as more comes. The line has been silent.
 pub(crate) async fn copy<L: SerialLine>(
     line: &mut Line<'_, L>,
     frame: &Frame<'_>,
-    (from, to): (u8, u8),
+    form: Form,
 ) -> Result<Copied, LineLost> {
     line.stats.count(Event::Cut);
     line.begin();
-    let mut delta = CrcDelta::new(from, to);
-    let mut check = MODBUS.digest();
-    let mut sent = 0;
+    let mut sent = Sent::new(form);
     loop {
         let (filled, fill) = frame.filled();
-        let mut characters = [0; rtu::FRAME_BYTES_MAX];
+        let characters = sent.next(frame, fill);
+        if !characters.is_empty() {
+            line.feed(&characters).await?;
+            continue;
+        }
         match fill {
-            Fill::Complete => {
-                let mut pdu = [0; PDU_BYTES_MAX];
-                let length = frame.copy_pdu(&mut pdu);
-                let pdu = pdu.get(..length).unwrap_or(&[]);
-                let whole = rtu::encode(to, pdu, &mut characters).map_err(|_| LineLost)?;
-                line.feed(whole.get(sent..).unwrap_or(&[])).await?;
-                return Ok(Copied::Whole);
-            }
-            // What was damaged goes on to its end, so that the CRC shows it; anything else stops here.
-            Fill::Broken if frame.crc().1 < 2 => break,
-            Fill::Filling | Fill::Broken => {
-                let count = arrived(frame, to, sent, &mut delta, &mut characters);
-                let characters = characters.get(..count).unwrap_or(&[]);
-                check.update(characters);
-                line.feed(characters).await?;
-                sent += count;
+            Fill::Complete => return Ok(Copied::Whole),
+            Fill::Broken => break,
+            Fill::Filling => {
+                let patience = line.active + line.settings.t1_5();
+                let until = if form.may_wait { Instant::MAX } else { patience };
+                if with_deadline(until, frame.more_than(filled)).await.is_err() && frame.abandon() {
+                    break;
+                }
             }
         }
-        if fill == Fill::Broken {
-            break;
-        }
-        frame.more_than(filled).await;
     }
     line.stats.count(Event::Aborted);
-    // The CRC of a frame with its own CRC behind it is zero.
-    let good = sent >= rtu::FRAME_BYTES_MIN && check.finalize() == 0;
-    Ok(if good { Copied::Short } else { Copied::Broken })
+    Ok(if sent.is_frame(frame) { Copied::Short } else { Copied::Broken })
 }
 
-/// Writes what is there of `frame` behind the first `sent` characters, and says how many characters those are.
-fn arrived(
-    frame: &Frame<'_>,
-    to: u8,
-    sent: usize,
-    delta: &mut CrcDelta,
-    out: &mut [u8; rtu::FRAME_BYTES_MAX],
-) -> usize {
-    let mut count = 0;
-    let mut put = |character| {
-        if let Some(place) = out.get_mut(count) {
-            *place = character;
-            count += 1;
-        }
-    };
-    if sent == 0 {
-        put(to);
+/// Bytes of unit and PDU that are sent at once.
+const BYTES_MAX: usize = 16;
+/// Characters that are sent at once: a colon, the digits of these bytes, and the end.
+const CHARS_MAX: usize = 1 + 2 * BYTES_MAX + 4;
+
+type Characters = Vec<u8, CHARS_MAX>;
+
+/// What has been sent.
+struct Sent {
+    form: Form,
+    /// Bytes of unit and PDU.
+    bytes: usize,
+    /// Characters behind these.
+    end: usize,
+    /// Of the bytes sent.
+    crc: crc::Digest<'static, u16>,
+    sum: u8,
+    delta: CrcDelta,
+}
+
+impl Sent {
+    fn new(form: Form) -> Self {
+        let delta = CrcDelta::new(form.from, form.to);
+        Self { form, bytes: 0, end: 0, crc: MODBUS.digest(), sum: 0, delta }
     }
-    let length = frame.pdu(|pdu| {
-        let new = pdu.get(sent.saturating_sub(1)..).unwrap_or(&[]);
-        new.iter().for_each(|&byte| put(byte));
-        delta.pass(new.len());
-        pdu.len()
-    });
-    let (crc, there) = frame.crc();
-    let crc_sent = sent.saturating_sub(1 + length);
-    let crc = delta.translate(crc);
-    crc.get(crc_sent..there).unwrap_or(&[]).iter().for_each(|&byte| put(byte));
-    count
+
+    /// The next characters that can be sent of `frame`, which is as far as `fill` says.
+    fn next(&mut self, frame: &Frame<'_>, fill: Fill) -> Characters {
+        let mut characters = Vec::new();
+        // What was damaged goes on to its end, so that the check shows it; anything else stops here.
+        if fill == Fill::Broken && frame.crc().1 < 2 {
+            return characters;
+        }
+        if self.bytes == 0 {
+            if self.form.framing == Framing::Ascii {
+                put(&mut characters, &[COLON]);
+            }
+            self.pass(self.form.to, &mut characters);
+        }
+        let mut new: Vec<u8, { BYTES_MAX - 1 }> = Vec::new();
+        let is_all = frame.pdu(|pdu| {
+            let rest = pdu.get(self.bytes - 1..).unwrap_or(&[]);
+            let part = rest.get(..new.capacity()).unwrap_or(rest);
+            let _ = new.extend_from_slice(part);
+            part.len() == rest.len()
+        });
+        self.delta.pass(new.len());
+        new.iter().for_each(|&byte| self.pass(byte, &mut characters));
+        if is_all {
+            self.close(frame, fill, &mut characters);
+        }
+        characters
+    }
+
+    /// Appends a byte of unit and PDU.
+    fn pass(&mut self, byte: u8, characters: &mut Characters) {
+        match self.form.framing {
+            Framing::Rtu => put(characters, &[byte]),
+            Framing::Ascii => put(characters, &digits(byte)),
+        }
+        self.bytes += 1;
+        self.crc.update(&[byte]);
+        self.sum = self.sum.wrapping_add(byte);
+    }
+
+    /// Appends what may be sent behind all bytes of unit and PDU.
+    fn close(&mut self, frame: &Frame<'_>, fill: Fill, characters: &mut Characters) {
+        let (received, there) = frame.crc();
+        if there == 0 && fill == Fill::Filling {
+            return;
+        }
+        let (good, came) = (self.crc.clone().finalize().to_le_bytes(), self.delta.translate(received));
+        let is_good = fill == Fill::Complete || there == good.len() && came == good;
+        let is_over = fill == Fill::Complete || fill == Fill::Broken && !is_good;
+        match self.form.framing {
+            Framing::Rtu => {
+                let crc = if fill == Fill::Complete { good } else { came };
+                let count = if is_over { crc.len() } else { there.min(crc.len() - 1) };
+                self.append(crc.get(..count).unwrap_or(&[]), characters);
+            }
+            Framing::Ascii => {
+                let lrc = self.sum.wrapping_neg();
+                // Certainly a wrong one for what was damaged.
+                let [high, low] = digits(if is_good { lrc } else { !lrc });
+                let end = [high, low, CARRIAGE_RETURN, self.form.delimiter];
+                let count = match there {
+                    _ if is_over => end.len(),
+                    2 if fill == Fill::Filling => 2,
+                    _ => 0,
+                };
+                self.append(end.get(..count).unwrap_or(&[]), characters);
+            }
+        }
+    }
+
+    /// Appends what is new of the frame's `end`.
+    fn append(&mut self, end: &[u8], characters: &mut Characters) {
+        put(characters, end.get(self.end..).unwrap_or(&[]));
+        self.end = self.end.max(end.len());
+    }
+
+    /// Whether what has been sent of `frame` may be taken for one: an RTU frame with its own CRC behind it has the CRC 0.
+    fn is_frame(&self, frame: &Frame<'_>) -> bool {
+        let mut check = self.crc.clone();
+        check.update(self.delta.translate(frame.crc().0).get(..self.end).unwrap_or(&[]));
+        let is_long = self.bytes + self.end >= rtu::FRAME_BYTES_MIN;
+        self.form.framing == Framing::Rtu && is_long && check.finalize() == 0
+    }
+}
+
+/// There is room for as many characters as are put at a time.
+fn put(characters: &mut Characters, new: &[u8]) {
+    let _ = characters.extend_from_slice(new);
 }

@@ -1,31 +1,99 @@
 //! When the copy of an arriving frame may begin: the arithmetic of cut-through, with time as a value.
 //!
-//! A line that is as slow as the one that the frame arrives on, or slower, may begin at once: it never has to wait for a
-//! character. A faster one begins so late that its last character is not before the last one that arrives.
+//! A frame of unit, function and data, `N` bytes together, takes `N + 2` characters in RTU and `2 N + 5` in ASCII. Its copy
+//! can begin when its unit is there, which takes `r` characters: 1 of RTU, 3 of ASCII. And it must not end before the
+//! frame is known to be good: `h` of its characters are held back until the frame has come to its end. So, with `Li` and
+//! `Lo` characters of the times `ti` and `to` on the line where it arrives and the one where its copy leaves,
+//!
+//! ```text
+//! start = max(r ti, Li ti - (Lo - h) to)          from the frame's first bit to its copy's
+//! leg   = max(r ti + Lo to, Li ti + h to)         to the copy's last bit
+//! ```
+//!
+//! | from | to | `r` | `h` | held back |
+//! | --- | --- | --- | --- | --- |
+//! | RTU | RTU | 1 | 1 | the second half of the CRC |
+//! | RTU | ASCII | 1 | 4 | LRC, carriage return and line feed: the LRC is known when the CRC has proved good |
+//! | ASCII | RTU | 3 | 1 | the second half of the CRC: the first one is known when the LRC has proved good |
+//! | ASCII | ASCII | 3 | 2 | carriage return and line feed |
+//!
+//! Between these ends, no character of such a copy has to wait for one that arrives. Where a byte takes at least as
+//! long to leave as to come, the copy of a long frame may begin no later than that of the shortest one, so that the length need
+//! not be known.
 
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, TICK_HZ};
 
-use crate::config::LineSettings;
+use crate::config::{Framing, LineSettings, PortId, PortKind, SerialSettings, Settings};
 
-/// When the copy on `output` of a frame may begin whose first bit came on `input` at `begun`; none while that depends on
-/// its length in `characters`, which is not known yet.
-pub fn start(
-    begun: Instant,
-    input: &LineSettings,
-    output: &LineSettings,
-    characters: Option<usize>,
-) -> Option<Instant> {
-    let is_faster = bit_times(output, input) < bit_times(input, output);
-    if !is_faster {
-        return Some(begun);
-    }
-    let characters = characters?;
-    // A faster output's characters take less time than those that arrive.
-    let lead = input.chars(characters).checked_sub(output.chars(characters.saturating_sub(1)));
-    Some(begun + lead.unwrap_or(Duration::from_ticks(0)))
+/// Unit and function code.
+const BYTES_MIN: usize = 2;
+
+/// A serial line, as far as the times of frames on it go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Lane {
+    /// RTU or ASCII.
+    pub framing: Framing,
+    /// Speed and character format.
+    pub line: LineSettings,
 }
 
-/// The time of one of `line`'s characters, in a unit that it shares with that of `other`.
-fn bit_times(line: &LineSettings, other: &LineSettings) -> u64 {
-    u64::from(line.bits_per_char()) * u64::from(other.baud)
+impl Lane {
+    /// The line of a port with these settings.
+    pub const fn of(settings: &SerialSettings) -> Self {
+        Self { framing: settings.framing, line: settings.line }
+    }
+
+    /// The line of `port`, if it is a serial one.
+    pub(crate) fn at(settings: &Settings, port: PortId) -> Option<Self> {
+        match &settings.port(port)?.kind {
+            PortKind::Serial(serial) => Some(Self::of(serial)),
+            _ => None,
+        }
+    }
+
+    /// Characters of a frame of `bytes` bytes without its check.
+    const fn characters(&self, bytes: usize) -> usize {
+        match self.framing {
+            Framing::Rtu => bytes + 2,
+            Framing::Ascii => 2 * bytes + 5,
+        }
+    }
+
+    /// Characters until a frame's unit is there.
+    const fn unit_characters(&self) -> usize {
+        match self.framing {
+            Framing::Rtu => 1,
+            Framing::Ascii => 3,
+        }
+    }
+
+    /// Characters at the end of a copy that are held back until all of the frame is there which arrives on `input`.
+    const fn held_back(&self, input: &Self) -> usize {
+        match (input.framing, self.framing) {
+            (_, Framing::Rtu) => 1,
+            (Framing::Rtu, Framing::Ascii) => 4,
+            (Framing::Ascii, Framing::Ascii) => 2,
+        }
+    }
+
+    /// The time of `characters` on this line, in a unit that it shares with `other`.
+    fn time(&self, characters: usize, other: &Self) -> u64 {
+        characters as u64 * u64::from(self.line.bits_per_char()) * u64::from(other.line.baud)
+    }
+}
+
+/// When the copy on `output` of a frame may begin whose first bit came on `input` at `begun`; none while that depends on
+/// its length in `bytes`, without its check, which is not known yet.
+pub fn start(begun: Instant, input: &Lane, output: &Lane, bytes: Option<usize>) -> Option<Instant> {
+    // What one byte more takes.
+    let more = |lane: &Lane, other| lane.time(lane.characters(1) - lane.characters(0), other);
+    let keeps_up = more(input, output) <= more(output, input);
+    let bytes = bytes.or(keeps_up.then_some(BYTES_MIN))?;
+    let before_end = output.characters(bytes) - output.held_back(input);
+    let arrives = input.time(input.characters(bytes), output);
+    let lead = arrives.saturating_sub(output.time(before_end, input));
+    let lead = lead.max(input.time(input.unit_characters(), output));
+    // Rounded once, at the end.
+    let bauds = u64::from(input.line.baud) * u64::from(output.line.baud);
+    Some(begun + Duration::from_ticks((lead * TICK_HZ).div_ceil(bauds)))
 }

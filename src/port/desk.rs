@@ -44,7 +44,7 @@ pub(crate) struct Desk<'g> {
     writes_ended: Cell<u32>,
     open: Cell<bool>,
     /// Something changed: an order came or a unit's gate moved.
-    arrived: Signal<NoopRawMutex, ()>,
+    news: Signal<NoopRawMutex, ()>,
 }
 
 impl<'g> Desk<'g> {
@@ -60,7 +60,7 @@ impl<'g> Desk<'g> {
             cache: RefCell::new(Cache::new()),
             writes_ended: Cell::new(0),
             open: Cell::new(true),
-            arrived: Signal::new(),
+            news: Signal::new(),
         }
     }
 
@@ -108,7 +108,7 @@ impl<'g> Desk<'g> {
         if let Some(refused) = refused {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
         }
-        self.arrived.signal(());
+        self.news.signal(());
     }
 
     /// Sends home what must not be sent any more.
@@ -177,7 +177,7 @@ impl<'g> Desk<'g> {
 
     /// Waits until [`Desk::next`] may have something new to say.
     pub(crate) async fn changed(&self) {
-        self.arrived.wait().await;
+        self.news.wait().await;
     }
 
     /// Sends `order` home with what it holds by now as its answer.
@@ -230,6 +230,15 @@ impl<'g> Desk<'g> {
             current.writes && [unit, BROADCAST].contains(&current.frame.envelope().target)
         };
         self.queue.borrow().writes_to(unit) || self.current.borrow().iter().any(writes)
+    }
+
+    /// `order`, which was sent while it arrived, is whole: what it does is known by now.
+    pub(crate) fn arrived(&self, order: &Frame<'g>) {
+        let Envelope { target, sharing, .. } = order.envelope();
+        if let Some(current) = self.current.borrow_mut().iter_mut().find(|current| current.frame.is(order)) {
+            current.writes = !pdu::is_read(order.function());
+            current.keep = if sharing.cache_ms > 0 { question(order, target) } else { None };
+        }
     }
 
     /// Gives whoever asked `order` while its answer is still written into it.

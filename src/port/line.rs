@@ -6,20 +6,19 @@
 
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline, with_timeout};
 
-use crate::config::{Driver, LineSettings, SerialSettings};
-use crate::gateway::{PortPlace, Status};
-use crate::hal::{OpenError, SerialLine};
+use crate::config::{Driver, LineSettings};
+use crate::hal::SerialLine;
 use crate::modbus::rtu;
-use crate::stats::{Counters, Event, LastError};
+use crate::stats::{Counters, Event};
+
+mod opening;
+
+pub(crate) use opening::Opening;
 
 /// Bytes that may be heard and not yet understood: a frame and as much noise again.
 const RECEIVE_BYTES_MAX: usize = 2 * rtu::FRAME_BYTES_MAX;
 /// A line that takes no bytes for so long beyond their time on the wire is lost.
 const STUCK: Duration = Duration::from_secs(2);
-/// First and longest pause before a line is opened again.
-const REOPEN_FIRST: Duration = Duration::from_millis(250);
-const REOPEN_LONGEST: Duration = Duration::from_secs(5);
-
 /// The line is gone and must be opened again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct LineLost;
@@ -39,66 +38,28 @@ pub(crate) struct Line<'s, L> {
     pub(crate) active: Instant,
     received: [u8; RECEIVE_BYTES_MAX],
     length: usize,
+    /// When what was heard began, and the silence before it.
+    begun: Instant,
+    pause: Duration,
     /// Since when characters have been sent without a pause, and how many.
     run: (Instant, usize),
-}
-
-/// Opens a line again and again, with back-off, and tells how that goes.
-pub(crate) struct Opening<'s> {
-    place: &'s PortPlace,
-    settings: &'s SerialSettings,
-    pause: Duration,
-}
-
-impl<'s> Opening<'s> {
-    pub(crate) fn new(place: &'s PortPlace, settings: &'s SerialSettings) -> Self {
-        Self { place, settings, pause: REOPEN_FIRST }
-    }
-
-    /// The line that `host` has opened, if it has.
-    pub(crate) fn opened<L: SerialLine>(
-        &mut self,
-        opened: Result<L, OpenError>,
-        jitter: Duration,
-    ) -> Option<Line<'s, L>> {
-        let device = self.settings.device.as_str();
-        match opened {
-            Ok(io) => {
-                log_info!("{} is open", device);
-                self.place.set_status(Status::Open);
-                self.place.stats.note(LastError::None);
-                self.pause = REOPEN_FIRST;
-                Some(Line::new(io, self.settings.line, jitter, &self.place.stats))
-            }
-            Err(error) => {
-                self.place.stats.note(LastError::Port);
-                if self.place.set_status(Status::Failed(error)) {
-                    log_warn!("{} cannot be opened: {}", device, error);
-                }
-                None
-            }
-        }
-    }
-
-    /// The line is lost.
-    pub(crate) fn lost(&self) {
-        log_warn!("{} is lost", self.settings.device.as_str());
-        self.place.stats.count(Event::LineLost);
-        self.place.set_status(Status::Lost);
-    }
-
-    /// Waits before the next attempt.
-    pub(crate) async fn pause(&mut self) {
-        Timer::after(self.pause).await;
-        self.pause = (self.pause * 2).min(REOPEN_LONGEST);
-    }
 }
 
 impl<'s, L: SerialLine> Line<'s, L> {
     fn new(io: L, settings: LineSettings, jitter: Duration, stats: &'s Counters) -> Self {
         let active = Instant::now();
-        let (received, run) = ([0; RECEIVE_BYTES_MAX], (active, 0));
-        Self { io, settings, jitter, stats, active, received, length: 0, run }
+        Self {
+            io,
+            settings,
+            jitter,
+            stats,
+            active,
+            received: [0; RECEIVE_BYTES_MAX],
+            length: 0,
+            begun: active,
+            pause: Duration::from_ticks(0),
+            run: (active, 0),
+        }
     }
 
     /// What was heard and not consumed.
@@ -109,12 +70,26 @@ impl<'s, L: SerialLine> Line<'s, L> {
     /// When what was heard began, as its length and the last character's arrival tell. Behind a PTY, which has no speed,
     /// that may seem to be before the clock began.
     pub(crate) fn begun(&self) -> Instant {
-        self.active.checked_sub(self.settings.chars(self.length)).unwrap_or(Instant::MIN)
+        self.begun
+    }
+
+    /// The silence before what was heard.
+    pub(crate) fn pause(&self) -> Duration {
+        self.pause
+    }
+
+    /// Whether that is more than an RTU frame may have inside.
+    pub(crate) fn pauses(&self) -> bool {
+        self.pause > self.settings.t1_5() + self.jitter
     }
 
     /// Drops the first `count` bytes of what was heard.
     pub(crate) fn consume(&mut self, count: usize) {
         let count = count.min(self.length);
+        if count > 0 {
+            self.begun += self.settings.chars(count);
+            self.pause = Duration::from_ticks(0);
+        }
         self.received.copy_within(count..self.length, 0);
         self.length -= count;
     }
@@ -138,8 +113,14 @@ impl<'s, L: SerialLine> Line<'s, L> {
         match self.io.read(self.received.get_mut(self.length..).unwrap_or(&mut [])).await {
             Ok(0) | Err(_) => Err(LineLost),
             Ok(count) => {
-                self.length += count;
+                let before = self.active;
                 self.active = Instant::now();
+                if self.length == 0 {
+                    let since = self.active.checked_sub(self.settings.chars(count));
+                    self.begun = since.unwrap_or(Instant::MIN);
+                    self.pause = self.begun.saturating_duration_since(before);
+                }
+                self.length += count;
                 Ok(())
             }
         }

@@ -2,10 +2,10 @@
 
 use embassy_time::Instant;
 
-use crate::config::{LineSettings, PortKind};
 use crate::frame::Frame;
 use crate::modbus::pdu::{self, End};
 use crate::port::arriving::{Arriving, Passing, is_whole};
+use crate::port::cut::Lane;
 use crate::port::desk::{Desk, is_answering};
 
 /// The response that is awaited.
@@ -15,7 +15,7 @@ pub(crate) struct Reply<'r, 'g> {
     unit: u8,
     request: &'r [u8],
     /// The line of whoever asked, if the response may be passed on while it arrives.
-    asker: Option<LineSettings>,
+    asker: Option<Lane>,
     passing: Passing<'g>,
 }
 
@@ -24,10 +24,8 @@ impl<'r, 'g> Reply<'r, 'g> {
         let envelope = order.envelope();
         // Once begun, an answer cannot be stored any more: its end must be sure to be told.
         let has_end = pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
-        let asker = desk.gateway().settings(|settings| match &settings.port(envelope.origin.port)?.kind {
-            PortKind::Serial(serial) if envelope.cut && has_end => Some(serial.line),
-            _ => None,
-        });
+        let asker = desk.gateway().settings(|settings| Lane::at(settings, envelope.origin.port));
+        let asker = asker.filter(|_| envelope.cut && has_end);
         Self { desk, order, unit, request, asker, passing: Passing::Open }
     }
 
@@ -46,14 +44,19 @@ impl<'r, 'g> Reply<'r, 'g> {
         self.passing.due()
     }
 
-    /// Looks at what was `heard` since `begun` on `line`, and passes it on if its time has come.
-    pub(crate) fn hear(&mut self, heard: &[u8], begun: Instant, line: &LineSettings) {
+    /// An ASCII frame begins, wherever the one before was; `may_pass`: it may be passed on while it arrives.
+    pub(crate) fn begin(&mut self, may_pass: bool) {
+        self.passing = if may_pass { Passing::Open } else { Passing::Whole };
+    }
+
+    /// Looks at what was `heard` of a frame that began at `begun` on `line`, and passes it on if its time has come.
+    pub(crate) fn hear(&mut self, heard: &[u8], begun: Instant, line: &Lane) {
         let (Some(asker), Some((&unit, so_far))) = (self.asker, heard.split_first()) else { return };
         let end = pdu::response_end(self.request, so_far);
         match &mut self.passing {
             Passing::Whole => return,
             Passing::Begun(arriving) => {
-                if !arriving.take(so_far, end) {
+                if !arriving.take(heard, end) {
                     self.passing = Passing::Whole;
                 }
                 return;
@@ -64,8 +67,8 @@ impl<'r, 'g> Reply<'r, 'g> {
             Passing::Open | Passing::From(_) => self.passing = Passing::plan(begun, line, &asker, end),
         }
         if self.passing.is_due() {
-            let mut arriving = Arriving::new(self.order.rewrite());
-            arriving.take(so_far, end);
+            let mut arriving = Arriving::new(self.order.rewrite(), line.framing);
+            arriving.take(heard, end);
             self.passing = Passing::Begun(arriving);
             self.desk.answering(self.order);
         }
@@ -76,7 +79,7 @@ impl<'r, 'g> Reply<'r, 'g> {
         match core::mem::replace(&mut self.passing, Passing::Whole) {
             // Its frame may have been given up meanwhile.
             Passing::Begun(arriving) if heard.get(1..=pdu.len()) == Some(pdu) => {
-                arriving.finish();
+                arriving.finish(pdu);
             }
             Passing::Begun(_) => {}
             // A response fits into the frame: it is no longer than a PDU may be.
@@ -92,7 +95,7 @@ impl<'r, 'g> Reply<'r, 'g> {
         let end = heard.split_first().map(|(_, so_far)| (so_far, pdu::response_end(self.request, so_far)));
         match core::mem::replace(&mut self.passing, Passing::Whole) {
             Passing::Begun(arriving) => match end {
-                Some((so_far, end)) if is_whole(so_far, end) => arriving.fail(heard, end),
+                Some((so_far, end)) if is_whole(so_far, end) => {}
                 _ if silent => {}
                 _ => self.passing = Passing::Begun(arriving),
             },

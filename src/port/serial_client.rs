@@ -6,13 +6,14 @@
 use embassy_futures::select::select;
 use embassy_time::{Instant, Timer};
 
-use crate::config::{SerialClientSettings, SerialSettings};
+use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::{Fill, Frame, Way};
 use crate::hal::{SerialHost, SerialLine};
 use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::port::bus::{Bus, Failure};
 use crate::port::copy::Copied;
+use crate::port::cut::Lane;
 use crate::port::desk::Desk;
 use crate::port::line::{Collision, LineLost, Opening};
 use crate::port::queue::Next;
@@ -68,7 +69,11 @@ async fn carry_out<'g, L: SerialLine>(
     }
     let arriving = fill == Fill::Filling;
     if arriving {
-        let copied = bus.copy(&frame, unit).await?;
+        let origin = frame.envelope().origin.port;
+        let input = desk.gateway().settings(|settings| Lane::at(settings, origin));
+        // What is broken off comes again when it is whole.
+        let may_wait = input.is_some_and(|lane| lane.framing == Framing::Rtu);
+        let copied = bus.copy(&frame, unit, may_wait).await?;
         if copied == Copied::Short {
             place.units(|units| units.hold(unit, Instant::now(), window));
         }
@@ -77,6 +82,7 @@ async fn carry_out<'g, L: SerialLine>(
             desk.forget(&frame);
             return Ok(());
         }
+        desk.arrived(&frame);
     }
     let mut request = [0; PDU_BYTES_MAX];
     let length = frame.copy_pdu(&mut request);

@@ -1,11 +1,12 @@
 //! Where a request that is still arriving at a serial line may be passed on to, as far as its beginning tells.
 
 use super::{AddressRange, Cut, Destination, Functions, Policy, Special, meaning, rule};
-use crate::config::{Driver, Framing, LineSettings, PortId, PortKind, SerialSettings, Settings, Side};
+use crate::config::{Driver, PortId, PortKind, SerialSettings, Settings, Side};
 use crate::modbus::pdu::function::{
     MASK_WRITE_REGISTER, READ_COILS, READ_WRITE_MULTIPLE_REGISTERS, WRITE_MULTIPLE_COILS,
     WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_REGISTER,
 };
+use crate::port::cut::Lane;
 
 /// What becomes of a request that is arriving.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,8 +15,8 @@ pub enum Onward {
     Whole,
     /// The rule has to see more of it.
     Later,
-    /// It may be passed on to a line with these settings.
-    To(LineSettings),
+    /// It may be passed on to this line.
+    To(Lane),
 }
 
 /// What becomes of the request for `unit` that is arriving at `source`, of which `so_far` is there behind the unit.
@@ -51,12 +52,12 @@ pub fn onward(settings: &Settings, source: PortId, unit: u8, so_far: &[u8], auto
 
 /// The settings of a line on which frames may be passed on while they arrive: an adapter that hears itself, or whose driver
 /// is switched by the gateway, wants whole frames.
-fn passing_line(kind: &PortKind, wanted: Side) -> Option<LineSettings> {
+fn passing_line(kind: &PortKind, wanted: Side) -> Option<Lane> {
     match kind {
-        PortKind::Serial(SerialSettings { framing: Framing::Rtu, side, line, .. })
+        PortKind::Serial(serial @ SerialSettings { side, line, .. })
             if *side == wanted && !line.echo && line.driver != Driver::Rts =>
         {
-            Some(*line)
+            Some(Lane::of(serial))
         }
         _ => None,
     }

@@ -1,104 +1,37 @@
-//! Frames that are passed on while they arrive: the arithmetic by value, the whole in virtual time.
+//! Frames that are passed on while they arrive, from RTU line to RTU line, in virtual time.
 
-use embassy_time::{Duration, Instant};
-use mobgate::config::LineSettings;
-use mobgate::modbus::delta::CrcDelta;
-use mobgate::modbus::pdu::{End, request_end, response_end};
-use mobgate::port::cut::start;
+use embassy_time::Duration;
+use mobgate::config::Framing;
 use mobgate::stats::Event;
 use mobgate_simulator::client::{Answer, Reply};
 use mobgate_simulator::device::rtu;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::rig::machine;
 use mobgate_simulator::{Device, Fault, Faults, Rig, World, rig};
-use proptest::prelude::{any, prop};
-use proptest::{prop_assert_eq, proptest};
 
-const READ: [u8; 5] = [3, 0, 7, 0, 1];
-/// A second, as any time at which a frame begins.
-const BEGUN: Instant = Instant::from_ticks(1_000_000);
-
-fn line(baud: u32) -> LineSettings {
-    LineSettings { baud, ..LineSettings::DEFAULT }
-}
-
-/// Microseconds from the frame's first bit to that of its copy.
-fn start_us(input: u32, output: u32, characters: Option<usize>) -> Option<u64> {
-    start(BEGUN, &line(input), &line(output), characters).map(|at| (at - BEGUN).as_micros())
-}
-
-#[test]
-fn a_copy_on_a_line_as_slow_or_slower_begins_at_once() {
-    assert_eq!(start_us(19_200, 19_200, None), Some(0));
-    assert_eq!(start_us(115_200, 19_200, None), Some(0));
-    let (odd, none) = (line(19_200), LineSettings { parity: mobgate::config::Parity::None, ..line(19_200) });
-    // Ten bits a character are sooner over than eleven.
-    assert_eq!(start(BEGUN, &none, &odd, None), Some(BEGUN));
-    assert_eq!(start(BEGUN, &odd, &none, None), None);
-}
-
-#[test]
-fn a_copy_on_a_faster_line_begins_so_late_that_it_never_has_to_wait() {
-    assert_eq!(start_us(9_600, 115_200, None), None, "not before the length is known");
-    // 8 characters of 1145.83 us less 7 of 95.49 us.
-    assert_eq!(start_us(9_600, 115_200, Some(8)), Some(9_167 - 669));
-    assert_eq!(start_us(19_200, 38_400, Some(25)), Some(14_323 - 6_875));
-}
-
-#[test]
-fn the_beginning_of_a_request_tells_its_end_as_soon_as_it_can() {
-    assert_eq!(request_end(&[]), End::Later);
-    for function in 1..=6 {
-        assert_eq!(request_end(&[function]), End::At(5));
-    }
-    assert_eq!(request_end(&[16, 0, 0, 0, 2]), End::Later);
-    assert_eq!(request_end(&[16, 0, 0, 0, 2, 4]), End::At(10));
-    assert_eq!(request_end(&[23, 0, 0, 0, 1, 0, 0, 0, 1]), End::Later);
-    assert_eq!(request_end(&[23, 0, 0, 0, 1, 0, 0, 0, 1, 2]), End::At(12));
-    assert_eq!(request_end(&[8, 0]), End::Later);
-    assert_eq!(request_end(&[8, 0, 99]), End::Unknown);
-    assert_eq!(request_end(&[65]), End::Unknown);
-    assert_eq!(request_end(&[0x83]), End::Unknown);
-    assert_eq!(request_end(&[16, 0, 0, 0, 2, 255]), End::Unknown, "no frame is that long");
-}
-
-#[test]
-fn the_beginning_of_a_response_tells_its_end_or_that_it_is_none() {
-    assert_eq!(response_end(&READ, &[]), End::Later);
-    assert_eq!(response_end(&READ, &[3]), End::At(4));
-    assert_eq!(response_end(&READ, &[3, 2]), End::At(4));
-    assert_eq!(response_end(&READ, &[3, 4]), End::Unknown, "another byte count");
-    assert_eq!(response_end(&READ, &[4]), End::Unknown, "another function");
-    assert_eq!(response_end(&READ, &[0x83]), End::At(2));
-    assert_eq!(response_end(&READ, &[0x83, 0]), End::Unknown);
-    assert_eq!(response_end(&[16, 0, 0, 0, 1, 2, 0, 0], &[16]), End::At(5));
-    assert_eq!(response_end(&[65, 1], &[65]), End::Unknown);
-}
-
-proptest! {
-    #[test]
-    fn another_units_id_turns_the_same_bits_of_the_crc_wrong_as_before(
-        pdu in prop::collection::vec(any::<u8>(), 1..=253),
-        from in any::<u8>(),
-        to in any::<u8>(),
-        damage in any::<u16>(),
-    ) {
-        let crc = |unit| {
-            let frame = rtu::frame(unit, &pdu);
-            u16::from_le_bytes([frame[frame.len() - 2], frame[frame.len() - 1]])
-        };
-        let mut delta = CrcDelta::new(from, to);
-        delta.pass(pdu.len());
-        let sent = u16::from_le_bytes(delta.translate((crc(from) ^ damage).to_le_bytes()));
-        prop_assert_eq!(sent, crc(to) ^ damage);
-    }
+pub(crate) const READ: [u8; 5] = [3, 0, 7, 0, 1];
+/// Two RTU lines.
+fn played(up: u32, down: u32, rule: &str, play: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>, &[Device; 2])) {
+    between((Framing::Rtu, up), (Framing::Rtu, down), rule, play);
 }
 
 /// A server line in front of a client line with the devices 5 and 6, which the master calls 105 and 106.
-fn played(up: u32, down: u32, rule: &str, play: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>, &[Device; 2])) {
+pub(crate) fn between(
+    up: (Framing, u32),
+    down: (Framing, u32),
+    rule: &str,
+    play: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>, &[Device; 2]),
+) {
+    let format = |framing| if framing == Framing::Rtu { "8E1" } else { "7E1" };
     let settings = format!(
-        "port S serial up rtu server {up} 8E1\nport C serial down rtu client {down} 8E1 timeout 100ms\n\
-         port T tcp server 502\nroute S 101-109 * -100 C {rule}\nroute T * * * C\n"
+        "port S serial up {} server {} {}\nport C serial down {} client {} {} timeout 100ms\n\
+         port T tcp server 502\nroute S 101-109 * -100 C {rule}\nroute T * * * C\n",
+        up.0,
+        up.1,
+        format(up.0),
+        down.0,
+        down.1,
+        format(down.0)
     );
     rig::with_gateway(1, &settings, |world, rig| {
         let devices = [Device::new(5), Device::new(6)];
@@ -114,12 +47,12 @@ fn played(up: u32, down: u32, rule: &str, play: impl for<'w> FnOnce(&mut World<'
     });
 }
 
-fn damaged() -> Answer {
+pub(crate) fn damaged() -> Answer {
     Answer::Wrong(Reply { transaction: 0, protocol: 0, unit: 0, pdu: Vec::new() })
 }
 
 /// How often port `name` sent a frame while it arrived, sent a whole one, and broke one off.
-fn counts(rig: &Rig<'_>, name: &str) -> [u32; 3] {
+pub(crate) fn counts(rig: &Rig<'_>, name: &str) -> [u32; 3] {
     [Event::Cut, Event::Stored, Event::Aborted].map(|event| rig.counted(name, event))
 }
 

@@ -4,6 +4,10 @@
 use mobgate_clock as _;
 
 mod cache;
+mod cut_ascii;
+mod cut_pairs;
+mod cut_sharing;
+mod cut_start;
 mod cut_through;
 mod cut_torture;
 mod flights;

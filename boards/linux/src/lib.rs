@@ -4,6 +4,7 @@
 //! A byte that arrives takes this way: epoll, [`reactor`], [`executor`], the port's task, which reads it from its [`tty::Tty`] or
 //! [`tcp::TcpStream`].
 
+mod bind;
 pub mod cli;
 pub mod console;
 pub mod demo;

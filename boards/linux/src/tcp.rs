@@ -24,7 +24,6 @@ mod options;
 
 pub use connector::Connector;
 pub use listener::Listener;
-pub(crate) use listener::refusal;
 
 /// Time that an orderly end of a connection may take.
 const CLOSE_MAX: Duration = Duration::from_millis(250);

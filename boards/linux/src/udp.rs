@@ -1,15 +1,15 @@
 //! UDP sockets.
 
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket as SystemSocket};
+use std::net::{SocketAddr, UdpSocket as SystemSocket};
 
 use mobgate::config::TcpListen;
 use mobgate::hal::{OpenError, SocketLost, UdpHost, UdpSocket};
 use rustix::io::Errno;
-use socket2::{Domain, Protocol, Socket, Type};
+use socket2::{Protocol, Type};
 
+use crate::bind;
 use crate::descriptor::Descriptor;
-use crate::tcp::refusal;
 
 /// Opens UDP sockets.
 #[derive(Debug, Clone, Copy, Default)]
@@ -18,30 +18,13 @@ pub struct Datagrams;
 impl UdpHost for Datagrams {
     type Socket<'a> = Datagram;
 
-    /// Without an address on every one, by IPv6 and IPv4 where the system has both.
     async fn bind(&mut self, listen: &TcpListen) -> Result<Datagram, OpenError> {
-        let bound =
-            match listen.address {
-                Some(address) => bind((address, listen.port).into()),
-                None => bind((Ipv6Addr::UNSPECIFIED, listen.port).into()).or_else(|error| {
-                    match Errno::from_io_error(&error) {
-                        Some(Errno::AFNOSUPPORT | Errno::ADDRNOTAVAIL) => {
-                            bind((Ipv4Addr::UNSPECIFIED, listen.port).into())
-                        }
-                        _ => Err(error),
-                    }
-                }),
-            };
-        let socket = bound.and_then(Descriptor::new).map_err(|error| refusal(&error))?;
-        Ok(Datagram(socket))
+        Ok(Datagram(bind::at(listen, bound)?))
     }
 }
 
-fn bind(at: SocketAddr) -> io::Result<SystemSocket> {
-    let socket = Socket::new(Domain::for_address(at), Type::DGRAM, Some(Protocol::UDP))?;
-    if at.ip() == IpAddr::V6(Ipv6Addr::UNSPECIFIED) {
-        socket.set_only_v6(false)?;
-    }
+fn bound(at: SocketAddr) -> io::Result<SystemSocket> {
+    let socket = bind::socket(at, Type::DGRAM, Protocol::UDP)?;
     socket.bind(&at.into())?;
     Ok(socket.into())
 }

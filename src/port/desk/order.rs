@@ -3,7 +3,7 @@
 
 use embassy_time::Instant;
 
-use crate::frame::{Frame, Way};
+use crate::frame::{Fill, Frame, Way};
 use crate::modbus::pdu;
 use crate::port::cache::Question;
 use crate::port::queue::{Access, Asker, Ticket};
@@ -21,8 +21,9 @@ pub(super) struct Current<'g> {
     pub(super) writes_ended: u32,
 }
 
-/// What a read asks, if its answer can be kept.
+/// What a read asks, if its answer can be kept. What is still arriving asks nothing yet.
 pub(super) fn question(frame: &Frame<'_>, unit: u8) -> Option<Question> {
+    (frame.filled().1 == Fill::Complete).then_some(())?;
     frame.pdu(|request| Question::new(unit, request))
 }
 

@@ -1,7 +1,7 @@
 //! The ASCII half: frames have their beginnings and ends in them, so neither silences nor readings are needed.
 
 use super::{Heard, is_request};
-use crate::modbus::ascii::{AsciiError, Decoder, LINE_FEED};
+use crate::modbus::ascii::{AsciiError, COLON, Decoder, LINE_FEED};
 use crate::stats::LastError;
 
 /// Listens on an ASCII line.
@@ -37,14 +37,21 @@ impl AsciiEar {
         self.decoder.in_frame()
     }
 
+    /// What has come of the frame that has begun and not ended: unit, PDU, LRC.
+    pub fn heard(&self) -> &[u8] {
+        if self.in_frame() { self.decoder.bytes() } else { &[] }
+    }
+
     /// The next character is overdue.
     pub fn overdue(&mut self) -> Heard<'static> {
         self.decoder.clear();
         Heard::Garbage(LastError::Gap)
     }
 
-    /// Takes characters up to the end of a frame, and says how many those were.
+    /// Takes characters up to the end of a frame, or up to where another one begins, and says how many those were.
     pub fn hear(&mut self, received: &[u8], is_ours: impl Fn(u8) -> bool) -> (Heard<'_>, usize) {
+        let next = received.iter().skip(1).position(|&character| character == COLON);
+        let received = next.and_then(|at| received.get(..=at)).unwrap_or(received);
         let end = received.iter().enumerate().find_map(|(before, &character)| {
             let judged = self.decoder.push(character)?.map(|_| ());
             Some((before + 1, judged))

@@ -1,18 +1,18 @@
 //! A listening socket that several connection tasks wait on.
 
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 
 use async_lock::Mutex;
 use embassy_time::{Duration, Timer};
 use mobgate::config::TcpListen;
-use mobgate::hal::{OpenError, OpenErrorKind};
+use mobgate::hal::OpenError;
 use rustix::io::Errno;
-use socket2::{Domain, Protocol, Socket, Type};
+use socket2::{Protocol, Type};
 
 use super::options;
+use crate::bind;
 use crate::descriptor::Descriptor;
-use crate::hint;
 
 /// Connections that the kernel accepts ahead of us.
 const BACKLOG: i32 = 1024;
@@ -26,21 +26,9 @@ pub struct Listener {
 }
 
 impl Listener {
-    /// Listens at `listen`; without an address on every one, by IPv6 and IPv4 where the system has both.
+    /// Listens at `listen`.
     pub(super) fn open(listen: &TcpListen) -> Result<Self, OpenError> {
-        let bound =
-            match listen.address {
-                Some(address) => bind((address, listen.port).into()),
-                None => bind((Ipv6Addr::UNSPECIFIED, listen.port).into()).or_else(|error| {
-                    match Errno::from_io_error(&error) {
-                        Some(Errno::AFNOSUPPORT | Errno::ADDRNOTAVAIL) => {
-                            bind((Ipv4Addr::UNSPECIFIED, listen.port).into())
-                        }
-                        _ => Err(error),
-                    }
-                }),
-            };
-        let socket = bound.and_then(Descriptor::new).map_err(|error| refusal(&error))?;
+        let socket = bind::at(listen, listening)?;
         Ok(Self { socket: Mutex::new(socket) })
     }
 
@@ -78,11 +66,8 @@ pub(super) fn is_exhausted(error: &io::Error) -> bool {
     matches!(Errno::from_io_error(error), Some(Errno::MFILE | Errno::NFILE | Errno::NOBUFS | Errno::NOMEM))
 }
 
-fn bind(at: SocketAddr) -> io::Result<TcpListener> {
-    let socket = Socket::new(Domain::for_address(at), Type::STREAM, Some(Protocol::TCP))?;
-    if at.ip() == IpAddr::V6(Ipv6Addr::UNSPECIFIED) {
-        socket.set_only_v6(false)?;
-    }
+fn listening(at: SocketAddr) -> io::Result<TcpListener> {
+    let socket = bind::socket(at, Type::STREAM, Protocol::TCP)?;
     // Else a restarted program finds its port taken by its own closed connections (TIME_WAIT).
     socket.set_reuse_address(true)?;
     // Accepted sockets inherit these on Linux.
@@ -90,17 +75,4 @@ fn bind(at: SocketAddr) -> io::Result<TcpListener> {
     socket.bind(&at.into())?;
     socket.listen(BACKLOG)?;
     Ok(socket.into())
-}
-
-/// What a system error means for the user.
-pub(crate) fn refusal(error: &io::Error) -> OpenError {
-    let (kind, hint) = match Errno::from_io_error(error) {
-        Some(Errno::ACCESS | Errno::PERM) => (OpenErrorKind::Denied, hint::port_denied()),
-        Some(Errno::ADDRINUSE) => (OpenErrorKind::InUse, "see who listens: ss -ltnp"),
-        Some(Errno::ADDRNOTAVAIL | Errno::AFNOSUPPORT) => {
-            (OpenErrorKind::NotFound, "no network interface has this address")
-        }
-        _ => (OpenErrorKind::Failed, ""),
-    };
-    OpenError::new(kind, hint)
 }

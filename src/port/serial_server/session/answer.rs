@@ -1,13 +1,15 @@
 //! How an answer goes out: whole, or while it still arrives from the line where it was given.
 
 use super::{Answered, Ear, Session};
+use crate::config::Framing;
 use crate::frame::{Envelope, Fill, Frame};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::LINE_FEED;
 use crate::modbus::crc::crc16;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX, rtu};
-use crate::port::copy::{Copied, copy};
+use crate::port::copy::{Copied, Form, copy};
+use crate::port::cut::Lane;
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::LineLost;
 use crate::stats::{Counters, Event, LastError};
@@ -22,9 +24,11 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             return Ok(());
         }
         let arriving = fill == Fill::Filling;
-        let units = (envelope.target, envelope.unit);
-        if arriving && copy(&mut self.line, &answer, units).await? != Copied::Whole {
-            return Ok(());
+        if arriving {
+            let form = self.form(&envelope);
+            if copy(&mut self.line, &answer, form).await? != Copied::Whole {
+                return Ok(());
+            }
         }
         let mut pdu = [0; PDU_BYTES_MAX];
         let length = answer.copy_pdu(&mut pdu);
@@ -39,19 +43,34 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
 
     /// Sends an answer that is whole.
     async fn send(&mut self, envelope: &Envelope, pdu: &[u8]) -> Result<(), LineLost> {
-        let delimiter = match &self.ear {
-            Ear::Ascii(ear) => ear.delimiter(),
-            Ear::Rtu(_) => LINE_FEED,
-        };
         let mut frame = [0; FRAME_CHARS_MAX];
         let framing = self.server.settings.framing;
-        let Ok(frame) = framing.encode(envelope.unit, pdu, delimiter, &mut frame) else { return Ok(()) };
+        let Ok(frame) = framing.encode(envelope.unit, pdu, self.delimiter(), &mut frame) else {
+            return Ok(());
+        };
         // After a collision the master has heard no good answer, and asks again.
         let _ = self.line.send(frame).await?;
         if envelope.destination.is_some() {
             self.server.place.stats.count(Event::Stored);
         }
         Ok(())
+    }
+
+    /// The character that ends ASCII frames.
+    fn delimiter(&self) -> u8 {
+        match &self.ear {
+            Ear::Ascii(ear) => ear.delimiter(),
+            Ear::Rtu(_) => LINE_FEED,
+        }
+    }
+
+    /// How an answer looks that is sent while it arrives.
+    fn form(&self, envelope: &Envelope) -> Form {
+        let framing = self.server.settings.framing;
+        let lane = self.server.gateway.settings(|settings| Lane::at(settings, envelope.destination?));
+        // Nobody else waits for this line, and what has begun cannot be sent again.
+        let may_wait = framing == Framing::Ascii || lane.is_some_and(|lane| lane.framing == Framing::Rtu);
+        Form { framing, may_wait, delimiter: self.delimiter(), from: envelope.target, to: envelope.unit }
     }
 
     /// Notes what has been answered.

@@ -6,47 +6,58 @@
 
 use core::mem;
 
-use embassy_time::{Duration, Instant};
+use embassy_time::Instant;
 
 use super::{Ear, Session};
 use crate::frame::Envelope;
 use crate::hal::SerialLine;
 use crate::modbus::pdu::{self, End};
-use crate::modbus::rtu;
 use crate::port::arriving::{Arriving, Passing, is_whole};
+use crate::port::cut::Lane;
 use crate::port::serial_server::Server;
 use crate::route::Onward;
 use crate::stats::Event;
 
 impl<'g, L: SerialLine> Session<'_, 'g, L> {
-    /// Notes when the frame began of which the first bytes have just been read, on a line that was `active` until then.
-    pub(super) fn begin(&mut self, active: Instant) {
+    /// A frame begins with what has been heard.
+    pub(super) fn begin(&mut self) {
         self.begun = self.line.begun();
+        let in_step = match &self.ear {
+            Ear::Rtu(ear) => !ear.needs_silence(),
+            Ear::Ascii(_) => !mem::take(&mut self.pauses),
+        };
         // What follows at once is an echo, a collision, or stray bits.
-        let in_step = matches!(&self.ear, Ear::Rtu(ear) if !ear.needs_silence());
-        self.passing = if in_step && self.is_apart(active) { Passing::Open } else { Passing::Whole };
+        let is_apart = self.line.pause() >= self.line.settings.gap() / 2;
+        self.passing = if in_step && is_apart { Passing::Open } else { Passing::Whole };
     }
 
-    /// Passes on what has been heard by now, if it is time. Says whether that is a whole request which was passed on.
+    /// Notes a pause in an ASCII frame before what has just been read.
+    pub(super) fn watch_pauses(&mut self) {
+        let is_inside = matches!(&self.ear, Ear::Ascii(ear) if ear.in_frame());
+        self.pauses |= is_inside && self.line.pauses();
+    }
+
+    /// Passes on what has been heard by now, if it is time. Says whether that is a whole RTU request which was passed on.
     pub(super) fn pass_on(&mut self) -> bool {
-        let Some((&unit, so_far)) = self.line.heard().split_first() else { return false };
+        let heard = match &self.ear {
+            Ear::Rtu(_) => self.line.heard(),
+            Ear::Ascii(ear) => ear.heard(),
+        };
+        let Some((&unit, so_far)) = heard.split_first() else { return false };
         let end = pdu::request_end(so_far);
         if let Passing::Open | Passing::From(_) = self.passing {
             self.passing = self.plan(unit, so_far, end);
             if self.passing.is_due() {
-                self.passing = self
-                    .server
-                    .hand_on(unit, self.begun, self.longest())
-                    .map_or(Passing::Whole, Passing::Begun);
+                self.passing = self.server.hand_on(unit, self.begun).map_or(Passing::Whole, Passing::Begun);
             }
         }
         let Passing::Begun(arriving) = &mut self.passing else { return false };
-        if !arriving.take(so_far, end) {
+        if !arriving.take(heard, end) {
             self.passing = Passing::Whole;
             // The next such function is not begun.
             self.wary = true;
         }
-        is_whole(so_far, end)
+        matches!(self.ear, Ear::Rtu(_)) && is_whole(so_far, end)
     }
 
     fn plan(&self, unit: u8, so_far: &[u8], end: End) -> Passing<'g> {
@@ -58,7 +69,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             Onward::Later => Passing::Open,
             // What is read late must not be missing.
             Onward::To(output) => {
-                Passing::plan(self.begun + self.line.jitter, &self.line.settings, &output, end)
+                Passing::plan(self.begun + self.line.jitter, &Lane::of(self.server.settings), &output, end)
             }
         }
     }
@@ -72,34 +83,23 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let frame = arriving.frame();
         let deadline = received + self.server.settings.server.answer_within;
         frame.address(Envelope { received, deadline, ..frame.envelope() });
-        let finished = arriving.finish();
+        let finished = arriving.finish(request);
         if finished {
             self.server.place.stats.count(Event::Request);
         }
         finished
     }
-
-    /// The frame is whole, and was judged to be no request.
-    pub(super) fn give_up(&mut self) {
-        let heard = self.line.heard();
-        let end = pdu::request_end(heard.get(1..).unwrap_or(&[]));
-        if let Passing::Begun(arriving) = mem::replace(&mut self.passing, Passing::Whole) {
-            arriving.fail(heard, end);
-        }
-    }
-
-    fn longest(&self) -> Duration {
-        self.line.settings.chars(rtu::FRAME_BYTES_MAX)
-    }
 }
 
 impl<'g> Server<'_, 'g> {
     /// Sends the frame of a request that began at `begun` to the router, before it is there.
-    fn hand_on(&self, unit: u8, begun: Instant, longest: Duration) -> Option<Arriving<'g>> {
+    fn hand_on(&self, unit: u8, begun: Instant) -> Option<Arriving<'g>> {
         let (writer, frame) = self.take_frame()?;
         let envelope = self.envelope(unit, begun);
+        let framing = self.settings.framing;
+        let longest = self.settings.line.chars(framing.chars_max());
         frame.address(Envelope { deadline: envelope.deadline + longest, cut: true, ..envelope });
         self.gateway.inbox.send(frame);
-        Some(Arriving::new(writer))
+        Some(Arriving::new(writer, framing))
     }
 }

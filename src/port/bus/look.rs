@@ -1,0 +1,122 @@
+//! The search for the response in what a line brings; what is found of it is passed on as it comes.
+
+use core::mem;
+
+use super::Bus;
+use crate::config::Framing;
+use crate::hal::SerialLine;
+use crate::modbus::ascii::{COLON, Decoder};
+use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::rtu::{self, AtSilence, Received};
+use crate::port::cut::Lane;
+use crate::port::reply::Reply;
+use crate::stats::Event;
+
+/// What a look at the line found.
+pub(super) enum Found {
+    /// Nothing yet, or noise between frames.
+    Nothing,
+    /// The response.
+    Response,
+    /// The response, but damaged.
+    Damaged,
+    /// Something else.
+    Other(Event),
+}
+
+impl<L: SerialLine> Bus<'_, L> {
+    /// Looks at what has come so far.
+    pub(super) fn look(&mut self, reply: &mut Reply<'_, '_>) -> Found {
+        if self.framing == Framing::Ascii {
+            return self.look_for_ascii(reply);
+        }
+        self.begun = self.line.begun();
+        self.pass_on(reply);
+        match rtu::response(reply.unit(), reply.request(), self.line.heard()) {
+            Received::Complete(pdu) => {
+                reply.whole(self.line.heard(), pdu);
+                Found::Response
+            }
+            Received::Partial => {
+                reply.not_yet(self.line.heard(), false);
+                Found::Nothing
+            }
+        }
+    }
+
+    /// Looks through what was heard up to the first end of a frame.
+    fn look_for_ascii(&mut self, reply: &mut Reply<'_, '_>) -> Found {
+        let (unit, request) = (reply.unit(), reply.request());
+        for (before, &character) in self.line.heard().iter().enumerate() {
+            if character == COLON {
+                self.begun = self.line.begun() + self.line.settings.chars(before);
+                reply.begin(!mem::take(&mut self.pauses));
+            }
+            let Some(judged) = self.decoder.push(character).map(|judged| judged.map(|_| ())) else {
+                continue;
+            };
+            let found = match (judged, self.decoder.bytes()) {
+                (Ok(()), [from, response @ .., _])
+                    if *from == unit && pdu::fits(request, response).is_ok() =>
+                {
+                    reply.whole(self.decoder.bytes(), response);
+                    Found::Response
+                }
+                (Ok(()), [from, ..]) if *from != unit => Found::Other(Event::WrongUnit),
+                (Ok(()), _) => Found::Other(Event::Misfit),
+                (Err(_), _) => damage(&self.decoder, unit, request),
+            };
+            reply.not_yet(&[], true);
+            self.line.consume(before + 1);
+            return found;
+        }
+        self.line.clear();
+        self.pass_on(reply);
+        Found::Nothing
+    }
+
+    /// Looks at what has come when nothing more is to come of it.
+    pub(super) fn look_at_silence(&mut self, reply: &mut Reply<'_, '_>) -> Found {
+        let (unit, request) = (reply.unit(), reply.request());
+        let found = match self.framing {
+            Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
+                AtSilence::Complete(pdu) => {
+                    reply.whole(self.line.heard(), pdu);
+                    Found::Response
+                }
+                AtSilence::Damaged => Found::Damaged,
+                AtSilence::WrongUnit(_) => Found::Other(Event::WrongUnit),
+                AtSilence::Misfit(_) => Found::Other(Event::Misfit),
+                AtSilence::Noise => Found::Other(Event::Noise),
+            },
+            Framing::Ascii => {
+                self.decoder.clear();
+                damage(&self.decoder, unit, request)
+            }
+        };
+        reply.not_yet(self.line.heard(), true);
+        self.line.clear();
+        found
+    }
+
+    /// Passes on what has been heard of a frame, if it is time. What is read late must not be missing.
+    fn pass_on(&self, reply: &mut Reply<'_, '_>) {
+        let heard = match self.framing {
+            Framing::Rtu => self.line.heard(),
+            Framing::Ascii if self.decoder.in_frame() => self.decoder.bytes(),
+            Framing::Ascii => return,
+        };
+        let lane = Lane { framing: self.framing, line: self.line.settings };
+        reply.hear(heard, self.begun + self.line.jitter, &lane);
+    }
+}
+
+/// What a frame was that did not come whole: the response if it begins as that does.
+fn damage(decoder: &Decoder, unit: u8, request: &[u8]) -> Found {
+    match (decoder.bytes(), request) {
+        ([from, answered, ..], [function, ..]) if *from == unit && answered & !EXCEPTION_BIT == *function => {
+            Found::Damaged
+        }
+        _ => Found::Other(Event::Noise),
+    }
+}

@@ -1,0 +1,64 @@
+//! Opens a line again and again, with back-off, and tells how that goes.
+
+use embassy_time::{Duration, Timer};
+
+use super::Line;
+use crate::config::SerialSettings;
+use crate::gateway::{PortPlace, Status};
+use crate::hal::{OpenError, SerialLine};
+use crate::stats::{Event, LastError};
+
+/// First and longest pause before a line is opened again.
+const REOPEN_FIRST: Duration = Duration::from_millis(250);
+const REOPEN_LONGEST: Duration = Duration::from_secs(5);
+
+/// Opens a line again and again, with back-off, and tells how that goes.
+pub(crate) struct Opening<'s> {
+    place: &'s PortPlace,
+    settings: &'s SerialSettings,
+    pause: Duration,
+}
+
+impl<'s> Opening<'s> {
+    pub(crate) fn new(place: &'s PortPlace, settings: &'s SerialSettings) -> Self {
+        Self { place, settings, pause: REOPEN_FIRST }
+    }
+
+    /// The line that `host` has opened, if it has.
+    pub(crate) fn opened<L: SerialLine>(
+        &mut self,
+        opened: Result<L, OpenError>,
+        jitter: Duration,
+    ) -> Option<Line<'s, L>> {
+        let device = self.settings.device.as_str();
+        match opened {
+            Ok(io) => {
+                log_info!("{} is open", device);
+                self.place.set_status(Status::Open);
+                self.place.stats.note(LastError::None);
+                self.pause = REOPEN_FIRST;
+                Some(Line::new(io, self.settings.line, jitter, &self.place.stats))
+            }
+            Err(error) => {
+                self.place.stats.note(LastError::Port);
+                if self.place.set_status(Status::Failed(error)) {
+                    log_warn!("{} cannot be opened: {}", device, error);
+                }
+                None
+            }
+        }
+    }
+
+    /// The line is lost.
+    pub(crate) fn lost(&self) {
+        log_warn!("{} is lost", self.settings.device.as_str());
+        self.place.stats.count(Event::LineLost);
+        self.place.set_status(Status::Lost);
+    }
+
+    /// Waits before the next attempt.
+    pub(crate) async fn pause(&mut self) {
+        Timer::after(self.pause).await;
+        self.pause = (self.pause * 2).min(REOPEN_LONGEST);
+    }
+}

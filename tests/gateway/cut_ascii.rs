@@ -1,0 +1,107 @@
+//! What only ASCII frames can do while they are passed on: begin anew, and pause.
+
+use embassy_futures::join::join;
+use embassy_time::{Duration, Instant, Timer};
+use mobgate::config::Framing;
+use mobgate_simulator::client::Answer;
+use mobgate_simulator::fault::When;
+use mobgate_simulator::rig::machine;
+use mobgate_simulator::{Fault, Faults, framing};
+
+use super::cut_pairs::{SPEEDS, VALUE, is_well};
+use super::cut_through::{READ, between, counts};
+
+#[test]
+fn an_ascii_request_that_begins_anew_is_passed_on_only_from_its_new_beginning() {
+    for (down, speed) in
+        [Framing::Rtu, Framing::Ascii].into_iter().flat_map(|down| SPEEDS.map(|speed| (down, speed)))
+    {
+        between((Framing::Ascii, speed.0), (down, speed.1), "", |world, rig, devices| {
+            let frame = framing::frame(Framing::Ascii, 105, &READ);
+            let mut master = rig.master("up");
+            for length in 1..frame.len() {
+                world.run_until(master.send_bytes(&frame[..length]));
+                is_well("", world, &mut master);
+                world.run_for(Duration::from_millis(50));
+            }
+            assert_eq!(devices[0].counters().all_requests(), frame.len() as u64 - 1);
+        });
+    }
+}
+
+#[test]
+fn an_ascii_master_may_pause_inside_its_frames() {
+    for (down, speed) in
+        [Framing::Rtu, Framing::Ascii].into_iter().flat_map(|down| SPEEDS.map(|speed| (down, speed)))
+    {
+        between((Framing::Ascii, speed.0), (down, speed.1), "", |world, rig, devices| {
+            let frame = framing::frame(Framing::Ascii, 105, &READ);
+            let mut master = rig.master("up");
+            for at in 1..frame.len() {
+                world.run_until(async {
+                    master.send_bytes(&frame[..at]).await;
+                    Timer::after_millis(300).await;
+                });
+                world.run_until(master.send_bytes(&frame[at..]));
+                let heard = world.run_until(master.receive()).expect("an answer");
+                let answer = framing::open(Framing::Ascii, &heard.bytes);
+                assert_eq!(answer, Some((105, VALUE.to_vec())), "{speed:?} to {down}, pause at {at}");
+            }
+            assert_eq!(devices[0].counters().all_requests(), frame.len() as u64 - 1);
+            // Begun once; after that its pauses are known, and again when a frame had none.
+            assert!(counts(rig, "C")[2] <= 1, "{down}: {:?}", counts(rig, "C"));
+            let before = counts(rig, "C")[0];
+            for _ in 0..2 {
+                is_well("", world, &mut master);
+            }
+            assert_eq!(counts(rig, "C")[0], before + 1);
+        });
+    }
+}
+
+#[test]
+fn a_master_that_pauses_inside_its_frames_keeps_nobody_else_from_the_line() {
+    for down in [Framing::Rtu, Framing::Ascii] {
+        between((Framing::Ascii, 9_600), (down, 19_200), "", |world, rig, _| {
+            let frame = framing::frame(Framing::Ascii, 105, &READ);
+            let (mut master, mut client) = (rig.master("up"), rig.client(machine(1), 502));
+            let slow = async {
+                for character in frame.chunks(1) {
+                    master.send_bytes(character).await;
+                    Timer::after_millis(500).await;
+                }
+                master.receive().await.expect("an answer")
+            };
+            let others = async {
+                for _ in 0..20 {
+                    Timer::after_millis(310).await;
+                    let asked = Instant::now();
+                    assert_eq!(client.request(6, &READ).await, Answer::Pdu(vec![3, 2, 6, 7]));
+                    assert!(asked.elapsed() < Duration::from_millis(100), "{down}: {:?}", asked.elapsed());
+                }
+            };
+            let (heard, ()) = world.run_until(join(slow, others));
+            assert_eq!(framing::open(Framing::Ascii, &heard.bytes), Some((105, VALUE.to_vec())));
+        });
+    }
+}
+
+#[test]
+fn an_ascii_device_that_pauses_inside_its_answers_is_answered_for_all_but_once() {
+    let pause = Faults::new(1).with(When::Always, Fault::GapInside(Duration::from_millis(50)));
+    for (up, speed) in
+        [Framing::Rtu, Framing::Ascii].into_iter().flat_map(|up| SPEEDS.map(|speed| (up, speed)))
+    {
+        between((up, speed.0), (Framing::Ascii, speed.1), "", |world, rig, devices| {
+            devices[0].set_faults(pause.clone());
+            let mut master = rig.master("up");
+            world.run_until(master.request(105, &READ));
+            world.run_for(Duration::from_millis(200));
+            for _ in 0..5 {
+                is_well("", world, &mut master);
+                world.run_for(Duration::from_millis(50));
+            }
+            assert_eq!(counts(rig, "S")[1], 5, "{up} {speed:?}: {:?}", counts(rig, "S"));
+        });
+    }
+}

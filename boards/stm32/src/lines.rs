@@ -14,7 +14,7 @@ pub const LINES: usize = 4;
 /// A line that no port, or one port, has open.
 pub type Place = Mutex<NoopRawMutex, Line>;
 
-/// The board's lines, `rs485-1` to `rs485-4`.
+/// The board's lines, `uart1` to `uart4`.
 #[derive(Clone, Copy)]
 pub struct Lines(pub &'static [Place; LINES]);
 
@@ -25,8 +25,8 @@ impl SerialHost for Lines {
     type Line<'a> = OpenLine;
 
     async fn open(&mut self, device: &str, line: &LineSettings) -> Result<OpenLine, OpenError> {
-        let hint = "this board's lines are rs485-1 to rs485-4";
-        let number = device.strip_prefix("rs485-").and_then(|number| number.parse::<usize>().ok());
+        let hint = "this board's lines are uart1 to uart4";
+        let number = device.strip_prefix("uart").and_then(|number| number.parse::<usize>().ok());
         let place = number.and_then(|number| self.0.get(number.checked_sub(1)?));
         let place = place.ok_or(OpenError::new(OpenErrorKind::NotFound, hint))?;
         let mut open = place

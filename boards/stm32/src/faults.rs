@@ -4,6 +4,7 @@ use core::cell::UnsafeCell;
 use core::fmt;
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
@@ -23,9 +24,19 @@ fn with_last_words<R>(f: impl FnOnce(&mut LastWords) -> R) -> R {
     critical_section::with(|_| f(unsafe { (*LAST_WORDS.0.get()).assume_init_mut() }))
 }
 
+/// Pushes the last words into the memory cells, see [`note`].
+#[unsafe(link_section = ".uninit.PUSH")]
+static PUSH: AtomicU32 = AtomicU32::new(0);
+
 /// Writes down why the run ends, for the next start.
 pub fn note(words: fmt::Arguments<'_>) {
     with_last_words(|last| last.write(words));
+    // The H7's memory corrects errors in words of 64 bits: half a word waits in a buffer for the next write to another one,
+    // and a reset would lose it (AN5342, 2.2).
+    for _ in 0..2 {
+        PUSH.store(0, Ordering::Relaxed);
+        cortex_m::asm::dsb();
+    }
 }
 
 /// What the last run wrote down, once.

@@ -110,3 +110,11 @@ pub(crate) fn reset_cause() -> &'static str {
         _ => "started for a reason unknown",
     }
 }
+
+/// Switches the instruction cache on.
+pub(crate) fn enable_instruction_cache() {
+    // The Cortex-M4 of the F4 has none; its flash has one of its own, which is on.
+    #[cfg(not(feature = "f4"))]
+    // SAFETY: nobody else has the SCB: embassy-stm32 keeps nothing of it, and this runs once, at the start.
+    unsafe { cortex_m::Peripherals::steal() }.SCB.enable_icache();
+}

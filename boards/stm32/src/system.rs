@@ -21,8 +21,9 @@ pub struct Board {
 }
 
 impl Board {
-    /// Board `name`; asks the chip why it started.
+    /// Board `name`; asks the chip why it started, and lets it run at full speed.
     pub fn new(name: &'static str, network: Network) -> Self {
+        registers::enable_instruction_cache();
         Self { name, network, cause: registers::reset_cause(), last_words: faults::take(), settings: None }
     }
 }

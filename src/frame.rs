@@ -22,7 +22,7 @@ use embassy_time::Instant;
 
 use crate::config::PortId;
 use crate::modbus::PDU_BYTES_MAX;
-use crate::route::{Priority, Sharing};
+use crate::route::{AddressRange, Priority, Sharing};
 
 /// What the gateway knows of a frame besides its PDU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,6 +43,8 @@ pub struct Envelope {
     pub priority: Priority,
     /// Whose answers will do for it, set by the router.
     pub sharing: Sharing,
+    /// The addresses that its rule allows, set by the router: nothing else is read along with it.
+    pub addresses: AddressRange,
     /// When the request was complete.
     pub received: Instant,
     /// From here on the request is not sent any more.
@@ -110,6 +112,7 @@ impl Envelope {
         destination: None,
         priority: Priority::Normal,
         sharing: Sharing::DEFAULT,
+        addresses: AddressRange::ALL,
         received: Instant::MIN,
         deadline: Instant::MAX,
         repeats: 0,
@@ -273,6 +276,12 @@ impl<'p> Frame<'p> {
     /// The envelope. Only a frame that was never addressed has an empty one.
     pub fn envelope(&self) -> Envelope {
         self.with(|slot| slot.envelope).flatten().unwrap_or(Envelope::EMPTY)
+    }
+
+    /// Who waits for the answer.
+    pub fn origin(&self) -> Origin {
+        let origin = |envelope: &Envelope| envelope.origin;
+        self.with(|slot| slot.envelope.as_ref().map(origin)).flatten().unwrap_or(Envelope::EMPTY.origin)
     }
 
     /// Writes the envelope anew.
@@ -507,28 +516,33 @@ impl Channel {
 
     /// The first frame, if there is one.
     pub fn try_receive<'p>(&self, pool: &'p FramePool<'p>) -> Option<Frame<'p>> {
-        self.0.lock(|ends| {
-            let mut ends = ends.borrow_mut();
-            let index = ends.first.checked_sub(1)?;
-            ends.first = pool.with(usize::from(index), |slot| mem::take(&mut slot.next))?;
-            if ends.first == 0 {
-                ends.last = 0;
-            }
-            Some(Frame { pool, index })
-        })
+        self.0.lock(|ends| ends.borrow_mut().take_first(pool))
     }
 
     /// Waits for the first frame.
     pub async fn receive<'p>(&self, pool: &'p FramePool<'p>) -> Frame<'p> {
         poll_fn(|cx| {
-            if let Some(frame) = self.try_receive(pool) {
-                return Poll::Ready(frame);
-            }
-            self.0.lock(|ends| ends.borrow_mut().receiver.register(cx.waker()));
-            // Boards may send from another interrupt level between the look and the registration.
-            self.try_receive(pool).map_or(Poll::Pending, Poll::Ready)
+            self.0.lock(|ends| {
+                let mut ends = ends.borrow_mut();
+                let first = ends.take_first(pool);
+                if first.is_none() {
+                    ends.receiver.register(cx.waker());
+                }
+                first.map_or(Poll::Pending, Poll::Ready)
+            })
         })
         .await
+    }
+}
+
+impl Ends {
+    fn take_first<'p>(&mut self, pool: &'p FramePool<'p>) -> Option<Frame<'p>> {
+        let index = self.first.checked_sub(1)?;
+        self.first = pool.with(usize::from(index), |slot| mem::take(&mut slot.next))?;
+        if self.first == 0 {
+            self.last = 0;
+        }
+        Some(Frame { pool, index })
     }
 }
 

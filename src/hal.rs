@@ -6,7 +6,7 @@
 use core::fmt;
 use core::net::SocketAddr;
 
-use embassy_time::Duration;
+use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 
 use crate::config::{LineSettings, StaticAddress, TcpListen};
@@ -100,6 +100,13 @@ pub trait SerialLine: Read + Write {
     /// ([`Driver::Rts`](crate::config::Driver::Rts)); `open` refuses those settings where it cannot be done.
     async fn drive(&mut self, _on: bool) -> Result<(), Self::Error> {
         Ok(())
+    }
+
+    /// None of the characters that come before `until` is needed earlier: where each of them would wake a sleeping program,
+    /// that time passes here without a look at the line, and they are read afterwards, all at once. Says whether it has; it has
+    /// not where characters are best read as they come. Dropping the pending future loses none.
+    async fn rest(&mut self, _until: Instant) -> bool {
+        false
     }
 }
 

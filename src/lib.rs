@@ -30,6 +30,11 @@
 //! connection, one for each console ([`console`]). The settings ([`config`]) are lines of text, the same at the console, in
 //! a file and in `show config`.
 //!
+//! # EtherCAT
+//!
+//! [`ethercat`] is a SubDevice that knows nothing of the rest; [`port::ethercat`] says what the gateway is as one: its objects,
+//! its buffers and where the values of Modbus devices lie in them. Nothing joins it to the router yet.
+//!
 //! # Limits
 //!
 //! With the feature `small` some are lower, for boards with little memory.

@@ -8,6 +8,7 @@
 
 pub mod cache;
 pub mod cut;
+pub mod ethercat;
 pub mod flights;
 pub mod queue;
 pub mod shared_bus;

@@ -54,20 +54,32 @@ pub struct Policy {
 /// Whose answers will do for a read besides one that is sent for it alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sharing {
-    /// That of an identical read which was waiting, too, when it was sent.
-    pub merge: bool,
+    /// That of a read which was waiting, too, when it was sent.
+    pub merge: Merge,
     /// One that is in memory and not older than this; 0: none. A row of the table must be small: no [`Duration`].
     pub cache_ms: u16,
 }
 
 impl Sharing {
     /// Identical reads are merged, since the answer is as new as it would be otherwise; memory is not used.
-    pub const DEFAULT: Self = Self { merge: true, cache_ms: 0 };
+    pub const DEFAULT: Self = Self { merge: Merge::Identical, cache_ms: 0 };
 
     /// How old an answer from memory may be.
     pub fn cache(&self) -> Duration {
         Duration::from_millis(self.cache_ms.into())
     }
+}
+
+/// Which reads that wait at the same time may be one transaction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Merge {
+    /// None.
+    Off,
+    /// Identical ones.
+    Identical,
+    /// Also those of coils, inputs or registers that overlap, that touch, or that have at most so many unwanted addresses
+    /// between them, which are then read along.
+    Near(u8),
 }
 
 /// Whether frames are passed on while they arrive (cut-through), or when they are whole.
@@ -126,6 +138,11 @@ pub struct AddressRange {
 impl AddressRange {
     /// Every address.
     pub const ALL: Self = Self { first: 0, last: u16::MAX };
+
+    /// The addresses in both.
+    pub(crate) fn common(&self, other: &Self) -> Self {
+        Self { first: self.first.max(other.first), last: self.last.min(other.last) }
+    }
 
     /// Whether all of `extent` is in the range. What runs over the end of the addresses is left to the device to refuse.
     pub fn contains(&self, extent: &Extent) -> bool {
@@ -264,6 +281,8 @@ pub enum Decision {
         priority: Priority,
         /// Whose answers will do for it.
         sharing: Sharing,
+        /// What may be read along with it.
+        addresses: AddressRange,
     },
     /// To the gateway's own unit.
     Local,
@@ -331,7 +350,8 @@ pub fn decide(
                 Decision::Refuse(Exception::ILLEGAL_FUNCTION)
             }
             Some(unit) if settings.port(port).is_some_and(|port| port.kind.side() == Side::Client) => {
-                Decision::Forward { port, unit, priority, sharing: route.policy.sharing }
+                let Policy { sharing, addresses, .. } = route.policy;
+                Decision::Forward { port, unit, priority, sharing, addresses }
             }
             // There is no such port.
             _ => Decision::Refuse(Exception::GATEWAY_NO_PATH),

@@ -42,14 +42,16 @@ impl Gateway<'_> {
         let decision = decision.unwrap_or(Decision::Refuse(Exception::ILLEGAL_VALUE));
         let count = |event| self.count_at(&envelope, event);
         match decision {
-            Decision::Forward { port, unit, priority, sharing } => match self.ports().get(port.index()) {
-                Some(place) => {
-                    let destination = Some(port);
-                    frame.address(Envelope { target: unit, destination, priority, sharing, ..envelope });
-                    place.queue.send(frame);
+            Decision::Forward { port, unit, priority, sharing, addresses } => {
+                match self.ports().get(port.index()) {
+                    Some(place) => {
+                        let routed = Envelope { target: unit, destination: Some(port), ..envelope };
+                        frame.address(Envelope { priority, sharing, addresses, ..routed });
+                        place.queue.send(frame);
+                    }
+                    None => self.refuse(frame, Exception::GATEWAY_NO_PATH),
                 }
-                None => self.refuse(frame, Exception::GATEWAY_NO_PATH),
-            },
+            }
             Decision::AllLines => self.broadcast(frame),
             Decision::Local => local::answer(self, frame),
             Decision::Discard => {

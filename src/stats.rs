@@ -32,8 +32,10 @@ pub enum Event {
     Misfit,
     /// A read sent once more.
     Retry,
-    /// A read that shared the answer of an identical one.
+    /// A read that shared the transaction of another one.
     Merged,
+    /// A transaction of several reads that the unit refused, so that each was sent by itself.
+    Parted,
     /// A read that was answered from memory.
     Cached,
     /// Failed at once because the unit is down.
@@ -84,7 +86,7 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 33] = [
+    pub const ALL: [Self; 34] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -95,6 +97,7 @@ impl Event {
         Self::Misfit,
         Self::Retry,
         Self::Merged,
+        Self::Parted,
         Self::Cached,
         Self::UnitDown,
         Self::Expired,
@@ -133,6 +136,7 @@ impl Event {
             Self::Misfit => "misfit",
             Self::Retry => "retries",
             Self::Merged => "merged",
+            Self::Parted => "parted",
             Self::Cached => "cached",
             Self::UnitDown => "unit-down",
             Self::Expired => "expired",

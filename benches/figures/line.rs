@@ -50,7 +50,12 @@ impl Speed {
 
     /// The shortest legal time from one transaction to the next, in seconds.
     pub(crate) fn period(&self) -> f64 {
-        self.transaction(RESPONSE_CHARS) + self.t3_5()
+        self.period_of(10)
+    }
+
+    /// The same for reads of so many registers.
+    pub(crate) fn period_of(&self, registers: u8) -> f64 {
+        self.transaction(EXCEPTION_CHARS + 2 * usize::from(registers)) + self.t3_5()
     }
 }
 

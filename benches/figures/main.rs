@@ -7,44 +7,33 @@
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
 
+mod ethercat;
 mod faults;
+mod figure;
+mod goodput;
 mod line;
 mod merging;
 mod paper;
 mod plot;
+mod ports;
 mod power_cuts;
 mod shared_bus;
 mod sharing;
 
-/// What a value must be.
-#[derive(Clone, Copy)]
-pub(crate) enum Target {
-    AtLeast(f64),
-    AtMost(f64),
-    None,
-}
-
-/// Prints one figure.
-pub(crate) fn figure(name: &str, value: f64, unit: &str, target: Target) {
-    let round = |value: f64| (value * 1e4).round() / 1e4;
-    let (wanted, holds) = match target {
-        Target::AtLeast(bound) => (format!(">={}", round(bound)), value >= bound),
-        Target::AtMost(bound) => (format!("<={}", round(bound)), value <= bound),
-        Target::None => ("-".to_owned(), true),
-    };
-    let verdict = if holds { "ok" } else { "short" };
-    println!("figure {name} {} {unit} {wanted} {verdict}", round(value));
-}
+use figure::{Target, figure};
 
 fn main() {
-    let groups: [(&str, fn()); 7] = [
+    let groups: &[(&str, fn())] = &[
         ("line", line::figures),
         ("paper", paper::figures),
         ("sharing", sharing::figures),
         ("merging", merging::figures),
         ("faults", faults::figures),
         ("shared_bus", shared_bus::figures),
+        ("ports", ports::figures),
+        ("goodput", goodput::figures),
         ("power_cuts", power_cuts::figures),
+        ("ethercat", ethercat::figures),
     ];
     // Cargo adds `--bench`; what is left are the names of groups.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();

@@ -1,4 +1,5 @@
-//! Clients that read the same registers: how many answers a transaction on the bus gives, and whether each is new.
+//! Clients that read the same registers, or neighbouring ones: how many answers a transaction on the bus gives, and whether
+//! each is new and its asker's own.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -15,6 +16,9 @@ use crate::{Target, figure};
 
 const RUN: Duration = Duration::from_secs(60);
 const CLIENTS: u8 = 32;
+/// Clients that read neighbouring registers, each so many of them.
+const NEIGHBOURS: u8 = 8;
+const REGISTERS: u8 = 10;
 /// Where the device has registers that differ at every read; they are within the ten that are read.
 const FRESH: u8 = 100;
 
@@ -30,6 +34,12 @@ struct Seen {
 }
 
 pub(crate) fn figures() {
+    identical();
+    adjacent();
+}
+
+/// Everybody reads the same.
+fn identical() {
     let speed = Speed::new(115_200);
     rig::with_gateway(11, &speed.settings(), |world, rig| {
         let device = Device::new(1).with_turnaround(TURNAROUND).with_fresh(FRESH.into());
@@ -40,8 +50,8 @@ pub(crate) fn figures() {
             let (mut client, seen) = (rig.client(machine(host), 502), seen.clone());
             world.spawn(async move {
                 let mut asked = Instant::now();
-                let next = || (1, vec![3, 0, FRESH, 0, 10]);
-                let note = |_, _: &[u8], answer: &_| seen.borrow_mut().note(&mut asked, answer);
+                let next = || (1, vec![3, 0, FRESH, 0, REGISTERS]);
+                let note = |_, pdu: &[u8], answer: &_| seen.borrow_mut().note(&mut asked, pdu, answer);
                 ClosedLoop::until(until).run(&mut client, next, note).await
             });
         }
@@ -66,21 +76,73 @@ pub(crate) fn figures() {
     });
 }
 
+/// Everybody reads another one of some blocks side by side, in turns, so that each comes by the fresh registers.
+fn adjacent() {
+    let speed = Speed::new(115_200);
+    let [(alone, _), (joined, transactions)] = [" merge off", " merge adjacent"].map(|policy| {
+        let settings = speed.settings().trim_end().to_owned() + policy;
+        rig::with_gateway(11, &settings, |world, rig| {
+            let device = Device::new(1).with_turnaround(TURNAROUND).with_fresh(FRESH.into());
+            rig.attach(world, "bus", [device.clone()]);
+            let seen = Rc::new(RefCell::new(Seen::default()));
+            let until = Instant::now() + RUN;
+            for host in 1..=NEIGHBOURS {
+                let (mut client, seen) = (rig.client(machine(host), 502), seen.clone());
+                let mut blocks = (0..NEIGHBOURS).cycle().skip(host.into());
+                world.spawn(async move {
+                    let mut asked = Instant::now();
+                    let next = || {
+                        let block = blocks.next().unwrap_or(0);
+                        (1, vec![3, 0, FRESH + REGISTERS * block, 0, REGISTERS])
+                    };
+                    let note = |_, pdu: &[u8], answer: &_| seen.borrow_mut().note(&mut asked, pdu, answer);
+                    ClosedLoop::until(until).run(&mut client, next, note).await
+                });
+            }
+            world.run_for(RUN);
+            let transactions = device.counters().requests[3] as f64 / seconds(RUN);
+            let gap = rig.sent("bus").shortest_gap_ns.unwrap_or(0) as f64 / 1e9;
+            (seen.take(), (transactions, gap / speed.t3_5()))
+        })
+    });
+    let (transactions, gap) = transactions;
+    let rate = |seen: &Seen| seen.answers as f64 / seconds(RUN);
+    // One transaction for all is the most that the line can do for them.
+    let longest = speed.period_of(NEIGHBOURS * REGISTERS);
+    let legal = (f64::from(NEIGHBOURS) / longest).floor();
+    figure("unjoined_answers_per_s", rate(&alone), "/s", Target::None);
+    figure("joined_answers_per_s", rate(&joined), "/s", Target::AtLeast(legal));
+    figure("joined_bus_rate", transactions, "/s", Target::AtMost((10.0 / longest).round() / 10.0));
+    figure("joined_gain", rate(&joined) / rate(&alone), "x", Target::AtLeast(2.5));
+    figure("joined_stale", joined.stale as f64, "answers", Target::AtMost(0.0));
+    figure("joined_wrong", joined.wrong as f64, "answers", Target::AtMost(0.0));
+    let p99 = |seen: &Seen| seen.latencies.percentile(99.0).map_or(f64::MAX, seconds);
+    figure("joined_p99", p99(&joined) / p99(&alone), "x", Target::AtMost(1.0));
+    figure("joined_shortest_gap", gap, "t3.5", Target::AtLeast(1.0));
+}
+
 impl Seen {
-    /// Looks at the answer to what was asked at `asked`; the next question follows at once.
-    fn note(&mut self, asked: &mut Instant, answer: &Answer) {
+    /// Looks at the answer to `request`, which was asked at `asked`; the next question follows at once.
+    fn note(&mut self, asked: &mut Instant, request: &[u8], answer: &Answer) {
         let now = Instant::now();
-        let fresh = if let Answer::Pdu(pdu) = answer { fresh(pdu) } else { None };
-        match fresh {
-            Some(fresh) => {
+        let (Answer::Pdu(pdu), [_, _, block, ..]) = (answer, request) else { return self.wrong += 1 };
+        match fresh(pdu) {
+            Some(fresh) if *block == FRESH => {
                 self.answers += 1;
                 self.stale += u64::from(u64::from(fresh.at_us) < asked.as_micros());
             }
-            None => self.wrong += 1,
+            _ if *block != FRESH && is_block(pdu, *block) => self.answers += 1,
+            _ => self.wrong += 1,
         }
         self.latencies.note(now - *asked);
         *asked = now;
     }
+}
+
+/// Whether `pdu` has the registers from `first` on, each of which tells its address.
+fn is_block(pdu: &[u8], first: u8) -> bool {
+    let registers = (first..).take(REGISTERS.into()).flat_map(|address| [1, address]);
+    pdu.iter().copied().eq([3, 2 * REGISTERS].into_iter().chain(registers))
 }
 
 /// The fresh registers, the first of the ten that were read.

@@ -38,7 +38,7 @@ fn beside_a_dead_unit() {
         })
     };
     let kept = 100.0 * throughput(true) / throughput(false);
-    figure("healthy_beside_dead_unit", kept, "%", Target::AtLeast(80.0));
+    figure("healthy_beside_dead_unit", kept, "%", Target::AtLeast(95.0));
 }
 
 fn poll<'w>(

@@ -10,7 +10,7 @@ use super::{
     Driver, Framing, IpPrefix, LineSettings, OwnNetwork, Parity, Port, PortKind, SerialClientSettings,
     SerialServerSettings, SerialSettings, Settings, Side, Special, TcpServerSettings, UnitPolicy,
 };
-use crate::route::{AddressRange, Cut, Functions, Policy, Priority, Route, Tag, UnitRange};
+use crate::route::{AddressRange, Cut, Functions, Merge, Policy, Priority, Route, Tag, UnitRange};
 
 /// Longest baud rate and character format.
 pub const SPEED_BYTES_MAX: usize = 16;
@@ -86,9 +86,20 @@ impl Display for Policy {
         option(f, "writes", self.writes, self.writes != default.writes)?;
         option(f, "priority", self.priority, self.priority != default.priority)?;
         option(f, "urgent", self.urgent, self.urgent != default.urgent)?;
-        option(f, "merge", "off", !self.sharing.merge)?;
+        option(f, "merge", self.sharing.merge, self.sharing.merge != default.sharing.merge)?;
         option(f, "cache", Time(self.sharing.cache()), self.sharing.cache_ms != default.sharing.cache_ms)?;
         option(f, "cut", self.cut, self.cut != default.cut)
+    }
+}
+
+impl Display for Merge {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("off"),
+            Self::Identical => f.write_str("on"),
+            Self::Near(0) => f.write_str("adjacent"),
+            Self::Near(gap) => write!(f, "near {gap}"),
+        }
     }
 }
 

@@ -8,9 +8,11 @@ use super::problem::{LineError, Problem};
 use super::values::{parse_number, prefix, small, time};
 use super::words::{Word, Words};
 use super::{IpPrefix, PortId, PortKind, Settings};
-use crate::route::{AddressRange, Cut, Destination, Functions, Policy, Priority, Route, Tag, UnitRange};
+use crate::route::{
+    AddressRange, Cut, Destination, Functions, Merge, Policy, Priority, Route, Tag, UnitRange,
+};
 
-const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low, urgent 5,6, merge on|off, \
+const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low, urgent 5,6, merge on|off|adjacent|near N, \
      cache 1s or cut auto|on|off";
 
 /// How old an answer from memory may be.
@@ -126,7 +128,13 @@ const KEYS: &[(&str, Key)] = &[
 const DESTINATIONS: &[(&str, Destination)] =
     &[("local", Destination::Local), ("discard", Destination::Discard), ("nopath", Destination::NoPath)];
 
-const ON_OFF: &[(&str, bool)] = &[("on", true), ("off", false)];
+/// Behind the one without a meaning stands how near.
+const MERGES: &[(&str, Option<Merge>)] = &[
+    ("on", Some(Merge::Identical)),
+    ("off", Some(Merge::Off)),
+    ("adjacent", Some(Merge::Near(0))),
+    ("near", None),
+];
 
 const PRIORITIES: &[(&str, Priority)] =
     &[("high", Priority::High), ("normal", Priority::Normal), ("low", Priority::Low)];
@@ -139,8 +147,8 @@ pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
     let destinations = DESTINATIONS.iter().map(|&(keyword, _)| keyword);
     let values =
         PRIORITIES.iter().map(|&(keyword, _)| keyword).chain(CUTS.iter().map(|&(keyword, _)| keyword));
-    let switches = ON_OFF.iter().map(|&(keyword, _)| keyword);
-    keys.chain(destinations).chain(values).chain(switches)
+    let merges = MERGES.iter().map(|&(keyword, _)| keyword);
+    keys.chain(destinations).chain(values).chain(merges)
 }
 
 fn options(words: &mut Words) -> Result<Policy, LineError> {
@@ -157,7 +165,7 @@ fn options(words: &mut Words) -> Result<Policy, LineError> {
             Key::Writes => policy.writes = addresses(words.take())?,
             Key::Priority => policy.priority = words.take().keyword(PRIORITIES, "high, normal or low")?,
             Key::Urgent => policy.urgent = function_list(words)?,
-            Key::Merge => policy.sharing.merge = words.take().keyword(ON_OFF, "on or off")?,
+            Key::Merge => policy.sharing.merge = merge(words)?,
             Key::Cache => policy.sharing.cache_ms = cache(words.take())?,
             Key::Cut => policy.cut = words.take().keyword(CUTS, "auto, on or off")?,
         }
@@ -169,6 +177,14 @@ fn options(words: &mut Words) -> Result<Policy, LineError> {
         seen |= 1 << thing as u8;
     }
     Ok(policy)
+}
+
+/// `on`, `off`, `adjacent`, or `near 8`.
+fn merge(words: &mut Words) -> Result<Merge, LineError> {
+    match words.take().keyword(MERGES, "on, off, adjacent or near N")? {
+        Some(merge) => Ok(merge),
+        None => Ok(Merge::Near(small(words.take(), "addresses between two reads", 1..=u8::MAX)?)),
+    }
 }
 
 /// `500ms`: in whole milliseconds.

@@ -211,7 +211,9 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("route P502 1 * * P1 functions", "end of line: expected function codes from 1 to 127"),
         ("route P502 1 * * P1 functions 3,128", "\"128\": expected function codes from 1 to 127"),
         ("route P502 1 * * P1 priority urgent", "\"urgent\": expected high, normal or low"),
-        ("route P502 1 * * P1 merge maybe", "\"maybe\": expected on or off"),
+        ("route P502 1 * * P1 merge near", "end of line: expected addresses between two reads from 1 to 255"),
+        ("route P502 1 * * P1 merge near 0", "\"0\": expected addresses between two reads from 1 to 255"),
+        ("route P502 1 * * P1 merge maybe", "\"maybe\": expected on, off, adjacent or near N"),
         ("route P502 1 * * P1 cache 2m", "\"2m\": expected a time from 0 to 60s"),
         ("route P502 1 * * P1 cache 1.5ms", "\"1.5ms\": expected whole milliseconds"),
         ("route P502 1 * * P1 P2", "\"P2\": expected readonly, all"),
@@ -422,7 +424,7 @@ fn the_longest_lines_that_print_can_be_read() {
         format!("edit port {two} reserved-units replace 247"),
         format!(
             "route {two} 101-132 {prefix} -100 {one} functions {} addresses 10000-65535 writes 10000-65535 \
-             priority low urgent {} merge off cache 59.999s",
+             priority low urgent {} merge near 255 cache 59.999s",
             functions.join(","),
             functions.join(",")
         ),

@@ -29,10 +29,11 @@ const TOPICS: &[(&str, &[&str])] = &[
         "route",
         &[
             "route SOURCE UNITS IP TAG DESTINATION [readonly|all|functions LIST] [addresses RANGE] [writes RANGE]",
-            "      [priority high|normal|low] [urgent LIST] [merge on|off] [cache T] [cut auto|on|off]",
+            "      [priority high|normal|low] [urgent LIST] [merge on|off|adjacent|near N] [cache T] [cut auto|on|off]",
             "  A rule behind the others; the first one that fits a request decides.",
             "  UNITS: 7, 1-64 or *    IP: address, prefix or *    TAG: * keeps the unit, +N or -N shifts it, =N sets it",
             "  DESTINATION: a port, local, discard (no answer) or nopath (exception 0Ah)",
+            "  merge on: identical reads that wait are one transaction; adjacent: also those that touch; near N: or are N apart",
             "  route P502 101-132 192.168.1.0/24 -100 P3 readonly priority high",
         ],
     ),

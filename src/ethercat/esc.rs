@@ -1,5 +1,7 @@
 //! What a controller chip must give: access to its registers and memory from the process data interface.
 
+use crc::{CRC_32_ISO_HDLC, Crc};
+
 /// An EtherCAT SubDevice controller, as the processor beside it sees it.
 ///
 /// Addresses are those of the ESC's own memory: registers below 1000h, mailboxes and process data from there on. An access has
@@ -27,4 +29,31 @@ pub enum EscError {
     /// The chip did not finish in the time that it may take.
     #[error("the EtherCAT controller did not finish at {0:#06x}")]
     Stuck(u16),
+    /// What was done reads back as something else than what was meant: the bus damaged it.
+    #[error("an access to the EtherCAT controller at {0:#06x} was damaged on its way")]
+    Garbled(u16),
+    /// The chip was reset, by itself or because nothing else helped: all its settings are gone, and it is in INIT.
+    #[error("the EtherCAT controller was reset")]
+    Restarted,
+}
+
+/// How often an image is read until two in a row agree; new ones may come in between.
+const READS_MAX: usize = 4;
+const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
+/// Reads the whole of a buffered SyncManager's area until it was twice the same, for a bus that may turn bits in data.
+///
+/// Costs at least twice the traffic, and is fooled only by the same bit falling over twice. A mailbox cannot be read so: its first reading empties it.
+pub async fn read_agreed(esc: &mut impl Esc, address: u16, into: &mut [u8]) -> Result<(), EscError> {
+    esc.read(address, into).await?;
+    let mut before = CHECKSUM.checksum(into);
+    for _ in 1..READS_MAX {
+        esc.read(address, into).await?;
+        let now = CHECKSUM.checksum(into);
+        if now == before {
+            return Ok(());
+        }
+        before = now;
+    }
+    Err(EscError::Garbled(address))
 }

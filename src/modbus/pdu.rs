@@ -5,12 +5,14 @@
 //! the right answer from a wrong one. Clauses are those of the Application Protocol V1.1b3.
 
 mod ahead;
+mod block;
 mod extent;
 pub mod function;
 mod request;
 mod response;
 
 pub use ahead::{End, request_end, response_end};
+pub use block::Block;
 pub use extent::{Extent, extents};
 pub use function::{confirmation, is_broadcastable, is_read, name as function_name};
 pub use request::{check_request, request_length};

@@ -17,8 +17,8 @@ pub const FRAME_BYTES_MAX: usize = 256;
 /// Shortest frame in bytes: unit, function code, CRC.
 pub const FRAME_BYTES_MIN: usize = 4;
 
-/// Bytes of a frame that are not the PDU's.
-const OVERHEAD_BYTES: usize = FRAME_BYTES_MAX - PDU_BYTES_MAX;
+/// Bytes of a frame that are not the PDU's: unit and CRC.
+pub(crate) const OVERHEAD_BYTES: usize = FRAME_BYTES_MAX - PDU_BYTES_MAX;
 
 /// Why bytes are no frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]

@@ -13,9 +13,6 @@ use crate::modbus::pdu::End;
 use crate::modbus::rtu;
 use crate::port::cut::{self, Lane};
 
-/// Characters of an RTU frame that are not the PDU's: unit and CRC.
-const OVERHEAD_CHARS: usize = rtu::FRAME_BYTES_MAX - crate::modbus::PDU_BYTES_MAX;
-
 /// How far a frame is that may be passed on.
 pub(crate) enum Passing<'g> {
     /// Too little of it is there.
@@ -108,5 +105,5 @@ impl<'g> Arriving<'g> {
 
 /// Whether all characters of an RTU frame are there that has `so_far` behind its unit.
 pub(crate) fn is_whole(so_far: &[u8], end: End) -> bool {
-    matches!(end, End::At(length) if so_far.len() + 1 >= length + OVERHEAD_CHARS)
+    matches!(end, End::At(length) if so_far.len() + 1 >= length + rtu::OVERHEAD_BYTES)
 }

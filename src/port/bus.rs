@@ -3,6 +3,9 @@
 //! The end of an RTU response is known by its length and CRC where the request tells the length, else by the silence that
 //! ends every frame (Modbus over Serial Line 2.5.1.1); an ASCII response ends itself. What is no answer to the request
 //! leaves the response timer running. The time that the request spends on the wire does not eat the response time.
+//!
+//! As soon as the first characters of a response tell how many there are at least, the line is left to itself until the last
+//! of those is about to come, where the board wants that: a program that sleeps is woken for all of them together.
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
@@ -132,6 +135,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         // A frame that has begun in time is heard to its end, but a line that babbles is not heard for ever.
         let longest = self.line.settings.chars(self.framing.chars_max());
         let end = deadline + longest + self.silence;
+        let sent = self.line.active;
         // What was read with the request's echo.
         let mut found = self.look(reply);
         loop {
@@ -148,6 +152,13 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                 }
             }
             let has_begun = self.has_begun();
+            // What seems to have begun before the request was over comes by no wire, but from a PTY: at once.
+            if has_begun
+                && self.line.begun() >= sent
+                && let Some(due) = self.due(reply)
+            {
+                self.line.rest(due).await;
+            }
             let until = if has_begun { end.min(self.line.active + self.silence) } else { deadline };
             found = match with_deadline(until.min(reply.due()), self.line.read()).await {
                 Ok(read) => {

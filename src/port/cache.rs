@@ -8,7 +8,7 @@ use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
 use crate::modbus::PDU_BYTES_MAX;
-use crate::modbus::pdu::function::{READ_COILS, READ_INPUT_REGISTERS};
+use crate::modbus::pdu::Block;
 use crate::port::queue::BROADCAST;
 
 /// Answers that one port keeps. The feature `small` saves memory here.
@@ -19,15 +19,16 @@ pub const ANSWER_BYTES_MAX: usize = if cfg!(feature = "small") { PDU_BYTES_MAX }
 /// A read of coils, inputs or registers, of a unit: functions 1 to 4. Answers to others are not kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Question {
-    unit: u8,
-    pdu: [u8; 5],
+    /// The unit.
+    pub unit: u8,
+    /// What it is asked for.
+    pub block: Block,
 }
 
 impl Question {
     /// The question that `request` asks `unit`, if it is of a kind whose answers are kept.
     pub fn new(unit: u8, request: &[u8]) -> Option<Self> {
-        let pdu: [u8; 5] = request.try_into().ok()?;
-        (READ_COILS..=READ_INPUT_REGISTERS).contains(&pdu[0]).then_some(Self { unit, pdu })
+        Some(Self { unit, block: Block::of(request)? })
     }
 }
 

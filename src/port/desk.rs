@@ -5,9 +5,14 @@
 //! answered 06h, a unit that is down 0Bh, a line that is not open 0Ah.
 //!
 //! An order that is carried out carries the identical reads that waited with it: their frames ride on its frame, and each gets
-//! a copy of the answer, or is repeated or refused by itself. Where a rule allows it, a read is answered from memory
-//! ([`cache`](crate::port::cache)), unless a write to its unit waits or is on its way.
+//! a copy of the answer, or is repeated or refused by itself. Where rules allow it, reads of neighbouring addresses ride along
+//! as well: the frame asks for all of them then, and each gets its part of the answer. A unit that refuses that is asked
+//! for each by itself, and so for a while.
+//!
+//! Where a rule allows it, a read is answered from memory ([`cache`](crate::port::cache)), unless a write to its unit waits
+//! or is on its way.
 
+mod join;
 mod order;
 
 use core::cell::{Cell, RefCell};
@@ -21,13 +26,15 @@ use heapless::Vec;
 use crate::config::PortId;
 use crate::frame::{Envelope, Frame, Stage};
 use crate::gateway::{Gateway, PortPlace};
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
-use crate::port::cache::Cache;
-use crate::port::desk::order::{Current, question, ticket};
+use crate::port::cache::{Cache, Question};
+use crate::port::desk::join::Joint;
+use crate::port::desk::order::{Current, block, ticket};
 use crate::port::flights::FLIGHTS_MAX;
 use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ready, Ticket};
 use crate::port::units::Gate;
+use crate::route::Merge;
 use crate::stats::Event;
 
 /// Orders of one client-side port, shared by the future that takes them in and the one that carries them out.
@@ -114,13 +121,14 @@ impl<'g> Desk<'g> {
     /// Sends home what must not be sent any more.
     fn sweep(&self) {
         let now = Instant::now();
+        let gate = self.gates(now);
         loop {
             let unwanted = self.queue.borrow_mut().take_if(|frame, ticket| {
-                if self.gateway.is_gone(frame.envelope().origin) {
+                if self.gateway.is_gone(frame.origin()) {
                     Some(Event::AskerGone)
                 } else if ticket.deadline <= now {
                     Some(Event::Expired)
-                } else if self.gate(ticket.unit) == Gate::Down {
+                } else if gate(ticket.unit) == Gate::Down {
                     Some(Event::UnitDown)
                 } else {
                     None
@@ -136,11 +144,13 @@ impl<'g> Desk<'g> {
     /// The next order, which is being carried out from now on.
     pub(crate) fn next(&self) -> Next<Frame<'g>> {
         self.sweep();
-        let ready = |unit| match self.gate(unit) {
+        let now = Instant::now();
+        let gate = self.gates(now);
+        let ready = |unit| match gate(unit) {
             Gate::Open(ready) => ready,
             Gate::Down => Ready::Now,
         };
-        let next = self.queue.borrow_mut().next(Instant::now(), ready);
+        let next = self.queue.borrow_mut().next(now, ready);
         if let Next::Serve(frame, ticket) = &next {
             let current = self.start(frame, ticket);
             // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
@@ -149,23 +159,48 @@ impl<'g> Desk<'g> {
         next
     }
 
-    /// Lets the orders that can share the answer of `leader` ride on it, and notes what the answer will be good for.
+    /// Lets the orders that can share the transaction of `leader` ride on it, and notes what its answer is good for.
     fn start(&self, leader: &Frame<'g>, ticket: &Ticket) -> Current<'g> {
-        let may_keep = |frame: &Frame<'g>| frame.envelope().sharing.cache_ms > 0;
-        let mut keep = may_keep(leader);
+        let asked = block(leader);
+        let joint = self.join(leader, ticket);
+        if let Some(joint) = joint.filter(|joint| Some(joint.block) != asked) {
+            // A read is as long as another.
+            let _ = leader.replace(&joint.block.request());
+            // What comes is not the answer yet.
+            leader.address(Envelope { cut: false, ..leader.envelope() });
+        }
+        let serves = |frame: &Frame<'g>| Some(joint?.serves(&Joint::of(frame)?));
+        let joins = |frame: &Frame<'g>| frame.same_pdu(leader) || serves(frame) == Some(true);
+        let mut joined = None;
         let mut queue = self.queue.borrow_mut();
         // From the last one on, each in front of the others: they ride in the order of arrival.
-        while let Some(rider) = queue.companion(ticket, |frame| frame.same_pdu(leader)) {
-            keep |= may_keep(&rider);
+        while let Some(rider) = queue.companion(ticket, joins) {
+            let theirs = block(&rider);
+            if theirs != asked {
+                joined = joint.map(|joint| joint.block);
+            }
+            if asked.zip(theirs).and_then(|(own, theirs)| own.hull(&theirs)) != asked {
+                queue.charge(self::ticket(&rider).asker);
+            }
             leader.carry(rider);
         }
         Current {
             frame: leader.share(),
             writes: ticket.access == Access::Write,
-            keep: if keep { question(leader, ticket.unit) } else { None },
+            asked,
+            joined,
             since: Instant::now(),
             writes_ended: self.writes_ended.get(),
         }
+    }
+
+    /// What is best asked for in place of `leader`, if its rule lets others join it.
+    fn join(&self, leader: &Frame<'g>, ticket: &Ticket) -> Option<Joint> {
+        let joint = Joint::of(leader)?;
+        let queue = self.queue.borrow();
+        let others = || queue.companions(ticket).filter_map(Joint::of);
+        let joins = self.place.units(|units| units.joins(ticket.unit, Instant::now()));
+        if joins { Some(joint.join_all(others)) } else { None }
     }
 
     /// Waits until an order waits.
@@ -182,28 +217,64 @@ impl<'g> Desk<'g> {
 
     /// Sends `order` home with what it holds by now as its answer.
     pub(crate) fn done(&self, order: &Frame<'g>) {
-        let Some(Current { frame, keep, since, writes_ended, .. }) = self.take(order) else { return };
+        let Some(current) = self.take(order) else { return };
         let mut answer = [0; PDU_BYTES_MAX];
-        let length = frame.copy_pdu(&mut answer);
+        let length = order.copy_pdu(&mut answer);
         let answer = answer.get(..length).unwrap_or(&[]);
-        let is_exception = frame.function() & EXCEPTION_BIT != 0;
-        if let (Some(question), false) = (keep, is_exception)
-            // The device may have read before a write that has ended meanwhile.
-            && writes_ended == self.writes_ended.get()
-        {
-            self.cache.borrow_mut().keep(question, answer, since);
+        if order.function() & EXCEPTION_BIT != 0 && current.part() {
+            return self.part(order);
         }
-        if is_answering(&frame) {
-            self.gateway.note(&frame);
-        } else {
-            self.gateway.answered(frame);
-        }
-        while let Some(rider) = order.unload() {
+        let give = |frame: Frame<'g>, asked| {
+            let mut part = [0; PDU_BYTES_MAX];
+            let answer = current.answer_to(asked, answer, &mut part);
+            self.keep(&current, &frame.envelope(), asked, answer);
+            if is_answering(&frame) {
+                return self.gateway.note(&frame);
+            }
             // It fitted into a frame of the same size.
-            let _ = rider.replace(answer);
+            let _ = frame.replace(answer);
+            self.gateway.answered(frame);
+        };
+        give(order.share(), current.asked);
+        while let Some(rider) = order.unload() {
             self.place.stats.count(Event::Merged);
-            self.gateway.answered(rider);
+            let asked = block(&rider);
+            give(rider, asked);
         }
+    }
+
+    /// Keeps the `answer` to a request for `asked` if it may be used again.
+    fn keep(&self, current: &Current<'g>, envelope: &Envelope, asked: Option<Block>, answer: &[u8]) {
+        let is_exception = answer.first().is_some_and(|function| function & EXCEPTION_BIT != 0);
+        // The device may have read before a write that has ended meanwhile.
+        let is_old = current.writes_ended != self.writes_ended.get();
+        match asked {
+            Some(block) if envelope.sharing.cache_ms > 0 && !is_exception && !is_old => {
+                let question = Question { unit: envelope.target, block };
+                self.cache.borrow_mut().keep(question, answer, current.since);
+            }
+            _ => {}
+        }
+    }
+
+    /// The unit refused what several reads had joined: each is sent by itself, before anything that came after it.
+    fn part(&self, order: &Frame<'g>) {
+        let unit = order.envelope().target;
+        self.place.stats.count(Event::Parted);
+        self.place.units(|units| units.refused_join(unit, Instant::now()));
+        let send_alone = |frame: Frame<'g>| {
+            let mut envelope = frame.envelope();
+            envelope.sharing.merge = Merge::Identical;
+            frame.address(envelope);
+            let ticket = ticket(&frame);
+            if let Some(refused) = self.queue.borrow_mut().put_back(frame, ticket) {
+                self.fail(refused, Event::QueueFull, Exception::BUSY);
+            }
+        };
+        while let Some(rider) = order.unload() {
+            send_alone(rider);
+        }
+        send_alone(order.share());
     }
 
     /// Answers a read from memory if its rule allows that and a new enough answer is there; else gives it back.
@@ -212,7 +283,8 @@ impl<'g> Desk<'g> {
         if sharing.cache_ms == 0 || self.is_writing(target) {
             return Some(frame);
         }
-        let Some(question) = question(&frame, target) else { return Some(frame) };
+        let Some(block) = block(&frame) else { return Some(frame) };
+        let question = Question { unit: target, block };
         let cache = self.cache.borrow();
         let Some(answer) = cache.answer(question, Instant::now(), sharing.cache()) else {
             return Some(frame);
@@ -234,10 +306,9 @@ impl<'g> Desk<'g> {
 
     /// `order`, which was sent while it arrived, is whole: what it does is known by now.
     pub(crate) fn arrived(&self, order: &Frame<'g>) {
-        let Envelope { target, sharing, .. } = order.envelope();
         if let Some(current) = self.current.borrow_mut().iter_mut().find(|current| current.frame.is(order)) {
             current.writes = !pdu::is_read(order.function());
-            current.keep = if sharing.cache_ms > 0 { question(order, target) } else { None };
+            current.asked = block(order);
         }
     }
 
@@ -265,7 +336,9 @@ impl<'g> Desk<'g> {
     /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until the
     /// late answer can no longer come.
     pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
-        let Some(Current { frame, .. }) = self.take(order) else { return };
+        let Some(current) = self.take(order) else { return };
+        current.part();
+        let frame = current.frame;
         // Where the answer has begun, nothing can follow it.
         let mut repeated = match is_answering(&frame) {
             true => {
@@ -334,6 +407,12 @@ impl<'g> Desk<'g> {
         while let Some(frame) = self.place.queue.try_receive(self.gateway.pool()) {
             self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
+    }
+
+    /// Says of each unit whether it may be asked at `now`. Mostly all are well, and none has to be looked at by itself.
+    fn gates(&self, now: Instant) -> impl Fn(u8) -> Gate {
+        let all_well = self.place.units(|units| units.all_well(now));
+        move |unit| if all_well { Gate::Open(Ready::Now) } else { self.gate(unit) }
     }
 
     fn gate(&self, unit: u8) -> Gate {

@@ -115,14 +115,25 @@ impl<'s, L: SerialLine> Line<'s, L> {
             Ok(count) => {
                 let before = self.active;
                 self.active = Instant::now();
+                let since = self.active.checked_sub(self.settings.chars(self.length + count));
+                let begun = since.unwrap_or(Instant::MIN);
                 if self.length == 0 {
-                    let since = self.active.checked_sub(self.settings.chars(count));
-                    self.begun = since.unwrap_or(Instant::MIN);
-                    self.pause = self.begun.saturating_duration_since(before);
+                    self.begun = begun;
+                    self.pause = begun.saturating_duration_since(before);
                 }
+                // A read can be late, and make a beginning seem late, but not early: the earliest is the best to go by.
+                self.begun = self.begun.min(begun);
                 self.length += count;
                 Ok(())
             }
+        }
+    }
+
+    /// Lets characters gather until `until`, where the board likes that better than to read each as it comes. Nobody looks at
+    /// the line meanwhile, so it counts as active.
+    pub(crate) async fn rest(&mut self, until: Instant) {
+        if self.io.rest(until).await {
+            self.active = self.active.max(Instant::now());
         }
     }
 

@@ -7,9 +7,10 @@
 //! 2. in that class the address that was served longest ago, then the connection of it served longest ago, then
 //!    first in, first out. So a client with nothing queued goes ahead of those that keep the line busy.
 //!
-//! The read that is served takes identical ones along ([`PortQueue::companion`]), each of which keeps its own ticket till
-//! then: so its rank is that of the most urgent of them, and each can expire by itself. The turn is charged to the asker
-//! whose turn it was, since the others cost the line nothing; next time it is another's turn. None overtakes a write.
+//! The read that is served takes others along ([`PortQueue::companion`]), each of which keeps its own ticket till then: so
+//! its rank is that of the most urgent of them, and each can expire by itself. The turn is charged to the asker whose turn it
+//! was, since identical reads cost the line nothing; next time it is another's turn. Those that made the read longer are
+//! charged, too ([`PortQueue::charge`]). None overtakes a write.
 //!
 //! At most [`WAITING_MAX`] orders wait. When the queue is full, a newcomer takes the place of the newest order of the
 //! address that has most of them, if that is more than the newcomer's address would have; else it is refused.
@@ -59,7 +60,7 @@ pub enum Access {
     Write,
     /// It reads, and wants an answer of its own.
     Read,
-    /// It reads, and the answer to an identical order will do.
+    /// It reads, and may share a transaction with others that do.
     SharedRead,
 }
 
@@ -182,19 +183,44 @@ impl<T> PortQueue<T> {
         Next::Serve(order, ticket)
     }
 
-    /// Takes out the last order that may share the answer of the one served with `leader`: it asks the `same` of its unit, and no
-    /// write to that unit waits that came before it.
-    pub fn companion(&mut self, leader: &Ticket, same: impl Fn(&T) -> bool) -> Option<T> {
-        if leader.access != Access::SharedRead {
-            return None;
-        }
-        let may_join = |waiting: &Waiting<T>| {
-            let ticket = &waiting.ticket;
-            ticket.access == Access::SharedRead && ticket.unit == leader.unit && same(&waiting.order)
-        };
-        let before = self.waiting.iter().take_while(|waiting| !waiting.ticket.writes_to(leader.unit)).count();
-        let index = self.waiting.get(..before)?.iter().rposition(may_join)?;
+    /// The orders that may share a transaction with the one served with `leader`: reads of its unit before which no write to
+    /// that unit waits.
+    pub fn companions(&self, leader: &Ticket) -> impl DoubleEndedIterator<Item = &T> {
+        self.companion_places(leader).map(|(_, waiting)| &waiting.order)
+    }
+
+    /// Takes out the last one of the [companions](PortQueue::companions) that `joins`.
+    pub fn companion(&mut self, leader: &Ticket, joins: impl Fn(&T) -> bool) -> Option<T> {
+        let last = self.companion_places(leader).rev().find(|(_, waiting)| joins(&waiting.order));
+        let (index, _) = last?;
         Some(self.waiting.remove(index).order)
+    }
+
+    fn companion_places(&self, leader: &Ticket) -> impl DoubleEndedIterator<Item = (usize, &Waiting<T>)> {
+        let Ticket { unit, access, .. } = *leader;
+        let before = match access {
+            Access::SharedRead => {
+                self.waiting.iter().take_while(|waiting| !waiting.ticket.writes_to(unit)).count()
+            }
+            Access::Read | Access::Write => 0,
+        };
+        let may_share = move |ticket: &Ticket| ticket.access == Access::SharedRead && ticket.unit == unit;
+        let first = self.waiting.get(..before).unwrap_or(&[]);
+        first.iter().enumerate().filter(move |(_, waiting)| may_share(&waiting.ticket))
+    }
+
+    /// Counts a turn of `asker`, who was served along with another one.
+    pub fn charge(&mut self, asker: Asker) {
+        self.note_turn(asker);
+    }
+
+    /// Puts an order back that has not been carried out after all, in front of all that wait: nothing that came after it may
+    /// go before it, such as a write. Gives it back when there is no room any more.
+    pub fn put_back(&mut self, order: T, ticket: Ticket) -> Option<T> {
+        let oldest = self.waiting.first().map(|waiting| waiting.arrival.wrapping_sub(1));
+        let arrival = oldest.unwrap_or(self.arrivals);
+        let refused = self.waiting.insert(0, Waiting { order, ticket, arrival });
+        refused.err().map(|refused| refused.order)
     }
 
     /// Whether a write to `unit` waits.

@@ -39,6 +39,11 @@ impl<'r, 'g> Reply<'r, 'g> {
         self.request
     }
 
+    /// Whether the response may be passed on while it arrives.
+    pub(crate) fn is_passed_on(&self) -> bool {
+        self.asker.is_some() && !matches!(self.passing, Passing::Whole)
+    }
+
     /// When there is something to do though nothing comes.
     pub(crate) fn due(&self) -> Instant {
         self.passing.due()

@@ -60,9 +60,6 @@ impl Foreign {
     }
 }
 
-/// Bytes of a frame that are not the PDU's: unit and CRC.
-const OVERHEAD_BYTES: usize = FRAME_BYTES_MAX - PDU_BYTES_MAX;
-
 impl Default for RtuEar {
     fn default() -> Self {
         Self::new()
@@ -131,10 +128,10 @@ impl RtuEar {
     fn end_of_first(&self, received: &[u8], silent: bool, is_ours: &impl Fn(u8) -> bool) -> Option<usize> {
         let (&unit, so_far) = received.split_first()?;
         let whole = |length: usize| {
-            received.get(..length + OVERHEAD_BYTES).filter(|frame| rtu::decode(frame).is_ok())
+            received.get(..length + rtu::OVERHEAD_BYTES).filter(|frame| rtu::decode(frame).is_ok())
         };
         if let Some(length) = self.answer_length(unit, so_far, is_ours) {
-            match received.len() < length + OVERHEAD_BYTES {
+            match received.len() < length + rtu::OVERHEAD_BYTES {
                 // The answer that is expected may still become whole, and its data could look like a request.
                 true if !silent => return None,
                 _ => {

@@ -3,7 +3,7 @@
 //! A unit that gave no answer is *held* for the late-reply window: its answer may still come, and must not be taken
 //! for the answer to the next request. A unit that timed out several times in a row is *down*: its requests fail at
 //! once, and one in a while goes through as a probe, 1, 2, 4 ... 30 s apart, so that a dead unit does not slow the
-//! living ones.
+//! living ones. A unit that refused a joined read, or gave no answer, is asked for less at a time for a while.
 
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
@@ -17,6 +17,9 @@ pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 32 };
 pub const PROBE_FIRST: Duration = Duration::from_secs(1);
 /// See [`PROBE_FIRST`].
 pub const PROBE_LONGEST: Duration = Duration::from_secs(30);
+
+/// How long reads are not joined that ask a unit which did not take that.
+pub const JOIN_PAUSE: Duration = Duration::from_secs(60);
 
 /// Whether a unit may be asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,6 +54,8 @@ pub struct Unit {
     /// No request before this time: a late answer may come, or the next probe is not due.
     pub held_until: Instant,
     probe_after: Duration,
+    /// Reads are not joined before this time.
+    join_after: Instant,
 }
 
 impl Unit {
@@ -67,6 +72,7 @@ impl Unit {
             down: false,
             held_until: Instant::MIN,
             probe_after: PROBE_FIRST,
+            join_after: Instant::MIN,
         }
     }
 }
@@ -100,9 +106,24 @@ impl Units {
         }
     }
 
+    /// Whether every unit may be asked at `now`, and none counts as down: mostly none has to be looked at by itself.
+    pub fn all_well(&self, now: Instant) -> bool {
+        self.0.iter().all(|unit| unit.held_until <= now && !unit.down)
+    }
+
     /// Whether `id` counts as down, whatever is due.
     pub fn is_down(&self, id: u8) -> bool {
         self.0.iter().any(|unit| unit.id == id && unit.down)
+    }
+
+    /// Whether reads of `id` may be joined at `now`.
+    pub fn joins(&self, id: u8, now: Instant) -> bool {
+        !self.0.iter().any(|unit| unit.id == id && unit.join_after > now)
+    }
+
+    /// `id` refused a joined read.
+    pub fn refused_join(&mut self, id: u8, now: Instant) {
+        self.entry(id, |unit| unit.join_after = now + JOIN_PAUSE);
     }
 
     /// A request to `id` is sent.
@@ -133,6 +154,8 @@ impl Units {
         self.entry(id, |unit| {
             unit.timeouts = unit.timeouts.wrapping_add(1);
             unit.silent = unit.silent.saturating_add(1);
+            // There are devices that do not answer what is too much for them.
+            unit.join_after = now + JOIN_PAUSE;
             if unit.down && unit.held_until > now {
                 // It was asked several things at a time, and the first time-out of them has said so already.
                 return;

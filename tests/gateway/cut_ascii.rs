@@ -5,8 +5,8 @@ use embassy_time::{Duration, Instant, Timer};
 use mobgate::config::Framing;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::machine;
-use mobgate_simulator::{Fault, Faults, framing};
+use mobgate_simulator::rig::{Size, machine};
+use mobgate_simulator::{Device, Fault, Faults, framing, rig};
 
 use super::cut_pairs::{SPEEDS, VALUE, is_well};
 use super::cut_through::{READ, between, counts};
@@ -25,6 +25,33 @@ fn an_ascii_request_that_begins_anew_is_passed_on_only_from_its_new_beginning() 
                 world.run_for(Duration::from_millis(50));
             }
             assert_eq!(devices[0].counters().all_requests(), frame.len() as u64 - 1);
+        });
+    }
+}
+
+#[test]
+fn a_frame_that_begins_anew_in_the_middle_of_a_read_is_not_mixed_with_the_one_before() {
+    for down in [Framing::Rtu, Framing::Ascii] {
+        let settings = format!(
+            "port S serial up ascii server 9600 7E1\nport C serial down {down} client 9600 {}\n\
+             route S 105 * -100 C cut on\n",
+            if down == Framing::Rtu { "8E1" } else { "7E1" }
+        );
+        let size = Size { late_reads: Duration::from_millis(3), ..Size::default() };
+        rig::with_gateway_of(size, 1, &settings, |world, rig| {
+            rig.attach(world, "down", [Device::new(5)]);
+            let mut master = rig.master("up");
+            let other = framing::frame(Framing::Ascii, 105, &[3, 0, 9, 0, 1]);
+            for length in 1..other.len() {
+                // At any moment before the next read.
+                world.run_for(Duration::from_micros(50_000 + 190 * length as u64));
+                let both = [&other[..length], &framing::frame(Framing::Ascii, 105, &READ)].concat();
+                world.run_until(master.send_bytes(&both));
+                let heard = world.run_until(master.receive()).expect("an answer");
+                let answer = framing::open(Framing::Ascii, &heard.bytes);
+                assert_eq!(answer, Some((105, VALUE.to_vec())), "{down}, {length}");
+            }
+            assert!(counts(rig, "C")[2] > 0, "{down}: the ones before were begun");
         });
     }
 }

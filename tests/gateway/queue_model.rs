@@ -1,6 +1,7 @@
 //! Who is served next, told a second time in the plainest way: by looking through everything that ever happened.
 
 use std::cmp::Reverse;
+use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::Instant;
@@ -116,6 +117,8 @@ enum Step {
     Push(u8, Ticket),
     /// Serve, while the unit of this id is held.
     Serve(u8),
+    /// The same, and what was served comes back with all that went with it.
+    Return(u8),
 }
 
 fn any_step() -> impl Strategy<Value = Step> {
@@ -132,7 +135,7 @@ fn any_step() -> impl Strategy<Value = Step> {
             Step::Push(what, Ticket { asker, priority, unit, deadline: Instant::MAX, access })
         },
     );
-    prop_oneof![4 => push, 1 => (0..6_u8).prop_map(Step::Serve)]
+    prop_oneof![8 => push, 2 => (0..6_u8).prop_map(Step::Serve), 1 => (0..6_u8).prop_map(Step::Return)]
 }
 
 proptest! {
@@ -143,19 +146,35 @@ proptest! {
         merge in any::<bool>(),
     ) {
         let (mut queue, mut model) = (PortQueue::new(), Model::default());
+        let mut tickets = HashMap::new();
         for (number, step) in steps.into_iter().chain(drained.into_iter().map(Step::Serve)).enumerate() {
             match step {
                 Step::Push(what, ticket) => {
+                    tickets.insert(number, ticket);
                     prop_assert_eq!(queue.push((number, what), ticket), model.push((number, what), ticket));
                 }
-                Step::Serve(held) => {
+                Step::Serve(held) | Step::Return(held) => {
                     let ready = |unit| if unit == held { Ready::At(LATER) } else { Ready::Now };
                     let served = queue.next(Instant::MIN, ready);
                     prop_assert_eq!(&served, &model.next(held));
-                    if let (Next::Serve((_, asked), ticket), true) = (served, merge) {
-                        let companions: Vec<_> =
-                            std::iter::from_fn(|| queue.companion(&ticket, |(_, what)| *what == asked)).collect();
-                        prop_assert_eq!(companions, model.companions(&ticket, asked));
+                    let Next::Serve(leader, ticket) = served else { continue };
+                    let mut taken = vec![leader];
+                    let fits = |(_, what): &Order| merge && *what == leader.1;
+                    let offered = queue.companions(&ticket).copied().filter(fits).collect::<Vec<_>>();
+                    taken.extend(std::iter::from_fn(|| queue.companion(&ticket, fits)));
+                    if merge {
+                        prop_assert_eq!(&taken[1..], &model.companions(&ticket, leader.1));
+                    }
+                    prop_assert!(offered.iter().rev().eq(&taken[1..]));
+                    for (rider, _) in taken[1..].iter().filter(|(rider, _)| rider % 2 == 1) {
+                        queue.charge(tickets[rider].asker);
+                        model.turns.push(tickets[rider].asker);
+                    }
+                    if matches!(step, Step::Return(_)) {
+                        for order in taken {
+                            prop_assert_eq!(queue.put_back(order, tickets[&order.0]), None);
+                            model.waiting.insert(0, (order, tickets[&order.0]));
+                        }
                     }
                 }
             }

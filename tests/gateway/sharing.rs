@@ -49,6 +49,26 @@ fn reads_that_wait_for_a_place_on_the_connection_are_one_request_and_are_answere
 }
 
 #[test]
+fn reads_of_neighbours_that_wait_for_a_place_on_the_connection_are_one_request() {
+    with_gateway(1, &settings("in-flight 2", "merge adjacent"), |world, rig| {
+        let device = Device::new(5).with_turnaround(20 * MS);
+        rig.attach_tcp(world, PLC, [device.clone()]);
+        let mut session = Session::start(rig.network.connect(machine(1), 502).unwrap(), world);
+        // Two go out at once, the rest waits.
+        for address in [100, 200, 2, 0, 1] {
+            world.run_until(session.send(5, &[3, 0, address, 0, 1]));
+        }
+        let answers: Vec<_> = (0..5).map(|_| world.run_until(session.next()).reply.unwrap()).collect();
+        for (transaction, address) in (1..).zip([100, 200, 2, 0, 1]) {
+            let reply = answers.iter().find(|reply| reply.transaction == transaction);
+            assert_eq!(reply.unwrap().pdu, [3, 2, 5, address], "{answers:?}");
+        }
+        assert_eq!(device.counters().all_requests(), 3);
+        assert_eq!(rig.counted("plc", Event::Merged), 2);
+    });
+}
+
+#[test]
 fn when_the_connection_breaks_all_who_shared_a_request_are_told() {
     with_gateway(1, &settings("", ""), |world, rig| {
         let server = rig.network.serve(address(PLC));

@@ -40,16 +40,17 @@ fn live(seed: u64) {
     let bauds = [0, 1].map(|_| BAUDS[random.index(BAUDS.len())]);
     // In some worlds most clients want to know the same.
     let herd = random.chance(0.5).then(|| random.within(1..=u64::from(DEVICES)) as u8);
-    let merge = ["", "merge off"][random.index(2)];
+    let [merge, other_merge] =
+        [0, 1].map(|_| ["", "merge off", "merge adjacent", "merge near 20"][random.index(4)]);
     let settings = format!(
         "port A serial a rtu client {} 8E1 timeout {}ms retries {} down-after {}
          port B serial b rtu client {} 8N1 timeout {}ms
          port P502 tcp server 502 clients {} pipeline {} lifetime {}ms
          port P503 tcp server 503 clients 8 idle 2s
-         route P502 1-{DEVICES} * * A
+         route P502 1-{DEVICES} * * A {other_merge}
          route P502 5-6 * * A readonly
          route P502 101-106 * -{TAG} B priority high {merge}
-         route P503 101-106 * -{TAG} B cache {CACHE_MS}ms
+         route P503 101-106 * -{TAG} B cache {CACHE_MS}ms {merge}
          route P503 1-6 10.0.0.0/28 * A priority low",
         bauds[0],
         [50, 50, 60, 300][random.index(4)],

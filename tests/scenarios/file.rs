@@ -75,6 +75,8 @@ pub(crate) struct Device {
     pub(crate) turnaround: Option<String>,
     /// Address of registers that differ at every read.
     pub(crate) fresh: Option<u16>,
+    /// Address that it does not have.
+    pub(crate) missing: Option<u16>,
     /// Sentences such as `every 3rd bad crc`.
     #[serde(default)]
     pub(crate) faults: Vec<String>,

@@ -151,5 +151,8 @@ fn new_device(setup: &file::Device, seed: usize) -> Result<Device, String> {
     if let Some(address) = setup.fresh {
         device = device.with_fresh(address);
     }
+    if let Some(address) = setup.missing {
+        device = device.with_missing(address);
+    }
     Ok(device)
 }

@@ -20,8 +20,12 @@ thread_local! {
 
 /// Sets `waker`'s alarm to `at`, unless an earlier one is set.
 pub(crate) fn insert(at: u64, waker: &Waker) {
-    ALARMS.with_borrow_mut(|alarms| match alarms.iter_mut().find(|alarm| alarm.waker.will_wake(waker)) {
-        Some(alarm) => alarm.at = alarm.at.min(at),
+    ALARMS.with_borrow_mut(|alarms| match alarms.iter().position(|alarm| alarm.waker.will_wake(waker)) {
+        Some(index) => {
+            alarms[index].at = alarms[index].at.min(at);
+            // Who sets an alarm sets it again soon.
+            alarms.swap(0, index);
+        }
         None => alarms.push(Alarm { at, waker: waker.clone() }),
     });
 }
@@ -34,6 +38,9 @@ pub fn next_alarm() -> Option<u64> {
 /// Wakes everything of this thread whose time has come.
 pub fn fire_due() {
     let now = now();
+    if next_alarm().is_none_or(|at| at > now) {
+        return;
+    }
     // Woken outside of the borrow: a waker may run code that sets the next alarm.
     let due: Vec<Waker> = ALARMS.with_borrow_mut(|alarms| {
         alarms.extract_if(.., |alarm| alarm.at <= now).map(|alarm| alarm.waker).collect()

@@ -4,7 +4,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use mobgate::config::TcpListen;
 
 /// Where the console listens unless told otherwise.
@@ -17,6 +17,7 @@ Examples:
   mobgate --config /etc/mobgate.conf       a gateway as the file says
   mobgate --check /etc/mobgate.conf        is the file good?
   nc 127.0.0.1 5026                        the console, from another terminal
+  mobgate esi mobgate.xml                  the EtherCAT SubDevice's description; `sii FILE`: its EEPROM's content
 
 A configuration file:
   port P1   serial /dev/ttyUSB0 rtu client 19200 8E1
@@ -32,8 +33,12 @@ Exit codes: 0 ended by a signal, or the checked file is good; 1 bad configuratio
 ///
 /// Without options the demo runs.
 #[derive(Debug, Parser)]
-#[command(version, after_help = EXAMPLES)]
+#[command(version, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
 pub struct Options {
+    /// Something else than running the gateway
+    #[command(subcommand)]
+    pub make: Option<Make>,
+
     /// Read the settings from FILE, and let `save` write them there
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
@@ -53,6 +58,21 @@ pub struct Options {
     /// Offer the console on a TCP port, to whoever can reach it and without a password [default: 127.0.0.1:5026]
     #[arg(long, value_name = "[ADDR:]PORT|off")]
     pub console: Option<ConsolePort>,
+}
+
+/// Files that say what the gateway is as an EtherCAT SubDevice.
+#[derive(Debug, Subcommand)]
+pub enum Make {
+    /// Write the image for the EEPROM of the EtherCAT controller (SII) into FILE
+    Sii {
+        /// Where to
+        file: PathBuf,
+    },
+    /// Write the description for EtherCAT configuration tools (ESI) into FILE
+    Esi {
+        /// Where to
+        file: PathBuf,
+    },
 }
 
 impl Options {

@@ -5,6 +5,7 @@ use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::task::{Poll, ready};
 
+use embassy_time::{Duration, Instant, Timer};
 use futures_lite::future::yield_now;
 use rustix::io::ioctl_fionbio;
 
@@ -13,6 +14,9 @@ use crate::reactor::{Direction, Registration};
 /// Operations that may succeed at once, one after the other. Embassy's tasks are cooperative, and an operation on a
 /// ready descriptor never suspends, so that a babbling line would stop every other one.
 const TURNS_MAX: u8 = 32;
+
+/// To be left alone and watched again costs two system calls, about as much as to be woken twice.
+const REST_MIN: Duration = Duration::from_micros(100);
 
 /// An open descriptor with its reader and its writer.
 #[derive(Debug)]
@@ -37,7 +41,17 @@ impl<T: AsFd> Descriptor<T> {
     /// Calls `read` until it does not have to wait. A dropped future has read nothing.
     pub(crate) async fn read_with<R>(&mut self, read: impl FnMut(&T) -> io::Result<R>) -> io::Result<R> {
         self.take_turn().await;
-        operate(&self.io, self.registration.reading(), read, || Ok(())).await
+        let Self { io, registration, .. } = self;
+        operate(io, registration.reading(), read, || registration.unmute(&*io)).await
+    }
+
+    /// Sleeps until `until` without being woken by what comes meanwhile, if that is worth it.
+    pub(crate) async fn rest(&mut self, until: Instant) -> bool {
+        let sleeps = until >= Instant::now() + REST_MIN && self.registration.mute(&self.io).is_ok();
+        if sleeps {
+            Timer::at(until).await;
+        }
+        sleeps
     }
 
     /// Calls `write` until it does not have to wait. A dropped future has written nothing.

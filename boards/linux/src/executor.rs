@@ -5,11 +5,13 @@
 //! future polls the run queue until it is empty.
 
 use std::future::{Future, poll_fn};
+use std::num::NonZeroU64;
 use std::pin::pin;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 
 use embassy_executor::{Spawner, raw};
 use embassy_sync::waitqueue::AtomicWaker;
+use rustix::thread::set_current_timer_slack;
 
 use crate::reactor;
 
@@ -20,11 +22,17 @@ const ROUNDS_MAX: usize = 32;
 /// Runs the tasks that `init` spawns, and those that they spawn, until `end` is ready. Unfinished tasks are not
 /// dropped: the process is about to end.
 pub fn run<T>(init: impl FnOnce(Spawner), end: impl Future<Output = T>) -> T {
+    // Silences of lines end in time: by default the kernel may let a sleeper lie for 50 us more. Where it does not know
+    // that, it is not worth an error.
+    let _ = set_current_timer_slack(NonZeroU64::new(1));
     let pended: &'static Pended = Box::leak(Box::new(Pended::new()));
     let context = std::ptr::from_ref(pended).cast_mut().cast::<()>();
     let executor: &'static raw::Executor = Box::leak(Box::new(raw::Executor::new(context)));
     init(executor.spawner());
 
+    // The silences between frames are timed here: not with the 50 us that timers may be late by default (timerslack). Where
+    // the system refuses, they are.
+    let _ = set_current_timer_slack(Some(NonZeroU64::MIN));
     let mut end = pin!(end);
     reactor::block_on(poll_fn(|context| {
         pended.waker.register(context.waker());

@@ -8,6 +8,7 @@ mod bind;
 pub mod cli;
 pub mod console;
 pub mod demo;
+pub mod describe;
 mod descriptor;
 pub mod executor;
 mod hint;

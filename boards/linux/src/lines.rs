@@ -2,7 +2,7 @@
 
 use std::io;
 
-use embassy_time::Duration;
+use embassy_time::{Duration, Instant};
 use embedded_io_async::{Error, ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
 use mobgate::hal::{OpenError, SerialHost, SerialLine};
@@ -56,6 +56,13 @@ impl SerialLine for Line {
         match self {
             Self::Tty(line) => line.drive(on).await.map_err(kind),
             Self::Demo(line) => line.drive(on).await,
+        }
+    }
+
+    async fn rest(&mut self, until: Instant) -> bool {
+        match self {
+            Self::Tty(line) => line.rest(until).await,
+            Self::Demo(line) => line.rest(until).await,
         }
     }
 }

@@ -21,7 +21,7 @@ use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
 use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
-use mobgate_linux::{console, executor, logging, settings};
+use mobgate_linux::{console, describe, executor, logging, settings};
 
 /// TCP connections of all servers together. Each takes a descriptor, of which a process has 1024 by default.
 const SEATS: usize = 256;
@@ -107,9 +107,10 @@ impl System for Process {
 
 fn main() -> ExitCode {
     let options = Options::parse();
-    let ended = match &options.check {
-        Some(file) => check(file).map(|()| End::Stop),
-        None => run(options),
+    let ended = match (&options.make, &options.check) {
+        (Some(make), _) => describe::write(make).map(|()| End::Stop),
+        (None, Some(file)) => check(file).map(|()| End::Stop),
+        (None, None) => run(options),
     };
     match ended {
         Ok(End::Stop) => return ExitCode::SUCCESS,

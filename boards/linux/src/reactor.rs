@@ -35,6 +35,8 @@ thread_local! {
 struct Reactor {
     epoll: OwnedFd,
     sources: RefCell<Slab<Rc<Source>>>,
+    /// What the kernel has reported.
+    events: RefCell<Vec<epoll::Event>>,
     alert: Arc<Alert>,
 }
 
@@ -87,7 +89,8 @@ impl Reactor {
         let bell = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         epoll::add(&epoll, &bell, EventData::new_u64(WOKEN), EventFlags::IN | EventFlags::ET)?;
         let alert = Alert { awake: AtomicBool::new(false), asleep: AtomicBool::new(false), bell };
-        Ok(Self { epoll, sources: RefCell::default(), alert: Arc::new(alert) })
+        let events = RefCell::new(Vec::with_capacity(EVENTS_MAX));
+        Ok(Self { epoll, sources: RefCell::default(), events, alert: Arc::new(alert) })
     }
 
     /// Sleeps until something happens, or looks only whether something has when there is more to poll.
@@ -98,13 +101,13 @@ impl Reactor {
             tv_sec: (micros / 1_000_000).try_into().unwrap_or(i64::MAX),
             tv_nsec: (micros % 1_000_000 * 1_000) as i64,
         });
-        let mut events = Vec::with_capacity(EVENTS_MAX);
+        let mut events = self.events.borrow_mut();
         let waited = epoll::wait(&self.epoll, rustix::buffer::spare_capacity(&mut events), timeout.as_ref());
         self.alert.asleep.store(false, SeqCst);
         if waited.is_err() {
             return; // by a signal; whatever is ready is reported again
         }
-        for event in events {
+        for event in events.drain(..) {
             let (number, flags) = (event.data.u64(), event.flags);
             let source = usize::try_from(number).ok().and_then(|key| self.sources.borrow().get(key).cloned());
             // A number may have been given to another source by now, which then looks once in vain.
@@ -125,6 +128,8 @@ fn until_next_alarm() -> Option<u64> {
 struct Source {
     reading: Direction,
     writing: Direction,
+    /// What comes to be read is not reported.
+    muted: Cell<bool>,
 }
 
 /// One direction of a descriptor.
@@ -198,9 +203,27 @@ impl Registration {
         })
     }
 
+    /// Has what comes to `descriptor` wake nobody, until a read would block. The next read is tried.
+    pub(crate) fn mute(&self, descriptor: impl AsFd) -> io::Result<()> {
+        if !self.source.muted.replace(true) {
+            self.report(descriptor, EventFlags::ET)?;
+        }
+        self.source.reading.blocked.set(false);
+        Ok(())
+    }
+
+    /// A read would have blocked: the next one is to wait for an event, which is reported if it happened meanwhile.
+    pub(crate) fn unmute(&self, descriptor: impl AsFd) -> io::Result<()> {
+        if self.source.muted.replace(false) { self.report(descriptor, READING) } else { Ok(()) }
+    }
+
     /// Has room to write in `descriptor` reported, or no longer: a tty reports it after every write, which wakes nobody.
     pub(crate) fn watch_writing(&self, descriptor: impl AsFd, watch: bool) -> io::Result<()> {
-        let flags = if watch { READING | EventFlags::OUT } else { READING };
+        self.source.muted.set(false);
+        self.report(descriptor, if watch { READING | EventFlags::OUT } else { READING })
+    }
+
+    fn report(&self, descriptor: impl AsFd, flags: EventFlags) -> io::Result<()> {
         let data = EventData::new_u64(self.key as u64);
         REACTOR.with(|reactor| Ok(epoll::modify(&reactor.epoll, descriptor, data, flags)?))
     }

@@ -9,6 +9,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use embassy_time::Instant;
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::config::{Driver, LineSettings, Parity};
 use mobgate::hal::{OpenError, OpenErrorKind, SerialHost, SerialLine};
@@ -142,6 +143,10 @@ impl SerialLine for Tty {
             port.set_rts(false)
         })
         .await
+    }
+
+    async fn rest(&mut self, until: Instant) -> bool {
+        self.io.rest(until).await
     }
 }
 

@@ -42,6 +42,20 @@ fn check_names_file_line_and_word_of_an_error() {
 }
 
 #[test]
+fn sii_and_esi_write_what_the_gateway_is_on_ethercat() {
+    let folder = tempfile::tempdir().unwrap();
+    for (word, begins) in [("sii", &[0x80, 0][..]), ("esi", b"<?xml")] {
+        let path = folder.path().join(word);
+        let made = output(&[word, path.to_str().unwrap()]);
+        assert_eq!((made.status.code(), made.stdout.len()), (Some(0), 0));
+        assert!(fs::read(&path).unwrap().starts_with(begins));
+    }
+    let nowhere = output(&["esi", "/does/not/exist"]);
+    assert_eq!(nowhere.status.code(), Some(1));
+    assert!(String::from_utf8(nowhere.stderr).unwrap().contains("/does/not/exist"));
+}
+
+#[test]
 fn check_of_a_good_file_says_so_and_ends_with_0() {
     let file = file("port P1 serial /dev/ttyS7 rtu client 9600 8N1\n");
     let checked = output(&["--check", file.path().to_str().unwrap()]);

@@ -1,11 +1,13 @@
 //! Serial lines on PTYs, which behave like ttys but have no wire.
 
 use std::path::PathBuf;
+use std::thread;
 
+use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 use futures_lite::future::poll_once;
 use mobgate::config::{Driver, LineSettings, Parity};
-use mobgate::hal::{OpenErrorKind, SerialHost};
+use mobgate::hal::{OpenErrorKind, SerialHost, SerialLine};
 use mobgate_linux::reactor::block_on;
 use mobgate_linux::tty::{Tty, TtyHost};
 use serial2::SerialPort;
@@ -44,6 +46,45 @@ fn dropping_a_pending_read_loses_no_byte() {
     assert!(block_on(poll_once(line.read(&mut text))).is_none());
     outside.write_all(b"late").unwrap();
     assert_eq!(block_on(line.read(&mut text)).unwrap(), 4);
+}
+
+#[test]
+fn what_comes_while_a_line_is_left_to_itself_is_read_afterwards_at_once() {
+    let (outside, _inside, name) = pty();
+    let mut line = open(&name, &LineSettings::DEFAULT).unwrap();
+    let mut text = [0; 8];
+    assert!(block_on(poll_once(line.read(&mut text))).is_none(), "nothing has come");
+    let sender = thread::spawn(move || {
+        for byte in b"three" {
+            outside.write_all(&[*byte]).unwrap();
+            thread::sleep(std::time::Duration::from_millis(1)); // a slow wire
+        }
+        outside
+    });
+    let until = Instant::now() + Duration::from_millis(40);
+    assert!(block_on(line.rest(until)));
+    assert!(Instant::now() >= until);
+    let outside = sender.join().unwrap();
+    assert_eq!(block_on(line.read(&mut text)).unwrap(), 5);
+
+    // From here on each byte wakes the reader again.
+    let sender = thread::spawn(move || {
+        thread::sleep(std::time::Duration::from_millis(20)); // the reader is asleep by then
+        outside.write_all(b"again").unwrap();
+        outside
+    });
+    assert_eq!(block_on(line.read(&mut text)).unwrap(), 5);
+    sender.join().unwrap();
+}
+
+#[test]
+fn a_rest_that_is_dropped_loses_no_byte_and_one_that_is_too_short_is_none() {
+    let (outside, _inside, name) = pty();
+    let mut line = open(&name, &LineSettings::DEFAULT).unwrap();
+    assert!(!block_on(line.rest(Instant::now())));
+    assert!(block_on(poll_once(line.rest(Instant::now() + Duration::from_secs(60)))).is_none());
+    outside.write_all(b"late").unwrap();
+    assert_eq!(block_on(line.read(&mut [0; 8])).unwrap(), 4);
 }
 
 #[test]

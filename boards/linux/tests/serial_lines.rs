@@ -162,3 +162,36 @@ fn a_master_behind_an_adapter_is_answered_in_both_framings() {
         }
     }
 }
+
+/// A response is slept through until its last character is about to come; a character at 1200 baud takes 9 ms.
+#[test]
+fn a_response_at_the_pace_of_a_slow_wire_is_heard_and_one_that_stops_half_way_is_not_waited_for() {
+    const CHARACTER: Duration = Duration::from_millis(9);
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("slow");
+    let mut adapter = Adapter::plug(&name);
+    let program = Program::configured(&format!(
+        "port P1 serial {} rtu client 1200 late-window 0\nport P502 tcp server {{port}}\nroute P502 * * * P1\n",
+        name.display()
+    ));
+    program.logs("is open");
+    let device = thread::spawn(move || {
+        for part in [&ANSWER_RTU[..], &ANSWER_RTU[..4], &ANSWER_RTU[..]] {
+            adapter.outside.set_read_timeout(common::PATIENCE).unwrap();
+            adapter.outside.read_exact(&mut [0; 8]).unwrap();
+            thread::sleep(10 * CHARACTER); // the request's time on the wire, and the silence behind it
+            for character in part {
+                thread::sleep(CHARACTER); // its time on the wire
+                adapter.outside.write_all(&[*character]).unwrap();
+            }
+        }
+        adapter
+    });
+    let mut client = program.connect();
+    assert_eq!(ask(&mut client, 1, &READ), ANSWER);
+    let asked = Instant::now();
+    assert_eq!(ask(&mut client, 1, &READ), NO_ANSWER);
+    assert!(asked.elapsed() < Duration::from_millis(900), "the silence tells, not the time-out");
+    assert_eq!(ask(&mut client, 1, &READ), ANSWER);
+    drop(device.join().unwrap());
+}

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use super::{PORTS, load, print, std};
 use crate::config::*;
 use crate::route::{
-    AddressRange, Cut, Destination, Functions, Policy, Priority, Route, Sharing, Tag, UnitRange,
+    AddressRange, Cut, Destination, Functions, Merge, Policy, Priority, Route, Sharing, Tag, UnitRange,
 };
 
 fn duration(us: core::ops::RangeInclusive<u64>) -> impl Strategy<Value = Duration> {
@@ -244,7 +244,8 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     let urgent = prop::collection::vec(1..=127_u8, 0..5)
         .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with));
     let cache = prop_oneof![Just(0), 0..=60_000_u16];
-    let sharing = (any::<bool>(), cache).prop_map(|(merge, cache_ms)| Sharing { merge, cache_ms });
+    let merge = prop_oneof![Just(Merge::Off), Just(Merge::Identical), any::<u8>().prop_map(Merge::Near)];
+    let sharing = (merge, cache).prop_map(|(merge, cache_ms)| Sharing { merge, cache_ms });
     let cut = prop_oneof![Just(Cut::Auto), Just(Cut::On), Just(Cut::Off)];
     let policy = (functions, range.clone(), range, priority, urgent, sharing, cut).prop_map(
         |(functions, addresses, writes, priority, urgent, sharing, cut)| Policy {

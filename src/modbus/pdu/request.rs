@@ -11,9 +11,9 @@ use super::function::{
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 
 /// Most coils or inputs in one read.
-const READ_BITS_MAX: u16 = 2000;
+pub(super) const READ_BITS_MAX: u16 = 2000;
 /// Most registers in one read.
-const READ_REGISTERS_MAX: u16 = 125;
+pub(super) const READ_REGISTERS_MAX: u16 = 125;
 /// Most coils in one write.
 const WRITE_BITS_MAX: u16 = 1968;
 /// Most registers in one write.

@@ -2,15 +2,20 @@
 
 use core::mem;
 
+use embassy_time::Instant;
+
 use super::Bus;
 use crate::config::Framing;
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{COLON, Decoder};
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::pdu::{self, EXCEPTION_BIT, End};
 use crate::modbus::rtu::{self, AtSilence, Received};
 use crate::port::cut::Lane;
 use crate::port::reply::Reply;
 use crate::stats::Event;
+
+/// Bytes of an exception's PDU.
+const EXCEPTION_BYTES: usize = 2;
 
 /// What a look at the line found.
 pub(super) enum Found {
@@ -97,6 +102,24 @@ impl<L: SerialLine> Bus<'_, L> {
         reply.not_yet(self.line.heard(), true);
         self.line.clear();
         found
+    }
+
+    /// When a response that has begun will have all but the last one of the characters that it has at least. That one is waited
+    /// for: a sleep until it is due would end a little later than it comes.
+    pub(super) fn due(&self, reply: &Reply<'_, '_>) -> Option<Instant> {
+        let (Framing::Rtu, false, Some((&unit, so_far))) =
+            (self.framing, reply.is_passed_on(), self.line.heard().split_first())
+        else {
+            return None;
+        };
+        let pdu_bytes = match pdu::response_end(reply.request(), so_far) {
+            _ if unit != reply.unit() => return None,
+            End::At(length) => length,
+            // It may be an exception.
+            End::Later => EXCEPTION_BYTES.max(so_far.len() + 1),
+            End::Unknown => return None,
+        };
+        Some(self.line.begun() + self.line.settings.chars(pdu_bytes + rtu::OVERHEAD_BYTES - 1))
     }
 
     /// Passes on what has been heard of a frame, if it is time. What is read late must not be missing.

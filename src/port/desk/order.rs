@@ -4,27 +4,53 @@
 use embassy_time::Instant;
 
 use crate::frame::{Fill, Frame, Way};
-use crate::modbus::pdu;
-use crate::port::cache::Question;
+use crate::modbus::PDU_BYTES_MAX;
+use crate::modbus::pdu::{self, Block};
 use crate::port::queue::{Access, Asker, Ticket};
+use crate::route::Merge;
 
 /// An order that is being carried out.
 pub(super) struct Current<'g> {
     pub(super) frame: Frame<'g>,
     /// Whether it may change something in its unit.
     pub(super) writes: bool,
-    /// What the answer will be kept for, where it may be used again.
-    pub(super) keep: Option<Question>,
+    /// What its asker wants, if that is a block.
+    pub(super) asked: Option<Block>,
+    /// What is asked for in its place, where others have joined.
+    pub(super) joined: Option<Block>,
     /// When it was given out.
     pub(super) since: Instant,
     /// Writes that had ended by then.
     pub(super) writes_ended: u32,
 }
 
-/// What a read asks, if its answer can be kept. What is still arriving asks nothing yet.
-pub(super) fn question(frame: &Frame<'_>, unit: u8) -> Option<Question> {
-    (frame.filled().1 == Fill::Complete).then_some(())?;
-    frame.pdu(|request| Question::new(unit, request))
+/// What `frame` asks for, if that is a block and sure: of a frame that still arrives nobody knows yet whether it is good.
+pub(super) fn block(frame: &Frame<'_>) -> Option<Block> {
+    if frame.filled().1 == Fill::Complete { frame.pdu(Block::of) } else { None }
+}
+
+impl<'g> Current<'g> {
+    /// The answer to who wanted `asked`, which follows from the `answer` to what was asked for.
+    pub(super) fn answer_to<'a>(
+        &self,
+        asked: Option<Block>,
+        answer: &'a [u8],
+        part: &'a mut [u8; PDU_BYTES_MAX],
+    ) -> &'a [u8] {
+        match (self.joined, asked) {
+            // All that joined are parts of it.
+            (Some(joined), Some(asked)) => joined.part(answer, &asked, part).unwrap_or(&[]),
+            _ => answer,
+        }
+    }
+
+    /// Takes back that others have joined; says whether they had.
+    pub(super) fn part(&self) -> bool {
+        let (Some(asked), Some(_)) = (self.asked, self.joined) else { return false };
+        // It was in there before.
+        let _ = self.frame.replace(&asked.request());
+        true
+    }
 }
 
 /// What the queue must know of an order.
@@ -35,8 +61,8 @@ pub(super) fn ticket(frame: &Frame<'_>) -> Ticket {
     let seat = if let Way::Seat(seat) = origin.way { seat } else { 0 };
     let access = match pdu::is_read(frame.function()) {
         false => Access::Write,
-        true if envelope.sharing.merge => Access::SharedRead,
-        true => Access::Read,
+        true if envelope.sharing.merge == Merge::Off => Access::Read,
+        true => Access::SharedRead,
     };
     Ticket {
         asker: Asker { address: envelope.peer, connection: u32::from(origin.port.0) << 16 | u32::from(seat) },

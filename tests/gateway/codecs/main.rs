@@ -1,6 +1,7 @@
 //! The Modbus codecs: the specifications' own examples, and properties that hold for all inputs.
 
 mod ascii;
+mod block;
 mod pdu;
 mod rtu;
 mod rtu_request;

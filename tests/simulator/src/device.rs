@@ -106,6 +106,13 @@ impl Device {
         self
     }
 
+    /// The device without `address`: reads that touch it, in whichever table, are exception 02.
+    #[must_use]
+    pub fn with_missing(self, address: u16) -> Self {
+        self.0.borrow_mut().memory.set_missing(address);
+        self
+    }
+
     /// Replaces the faults.
     pub fn set_faults(&self, faults: Faults) {
         self.0.borrow_mut().faults = faults;

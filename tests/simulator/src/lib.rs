@@ -8,9 +8,11 @@
 
 pub mod client;
 pub mod device;
+pub mod esc;
 pub mod fault;
 pub mod flash;
 pub mod framing;
+pub mod lan9252;
 pub mod master;
 pub mod net;
 pub mod power_cuts;
@@ -18,12 +20,14 @@ pub mod random;
 pub mod rig;
 pub mod serial;
 pub mod shared_bus;
+pub mod sub_device;
 pub mod wire;
 pub mod world;
 
 pub use client::Client;
 pub use device::Device;
 pub use fault::{Fault, Faults};
+pub use lan9252::Lan9252;
 pub use master::Master;
 pub use net::Network;
 pub use random::Random;

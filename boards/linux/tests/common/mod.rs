@@ -85,15 +85,31 @@ impl Program {
         folder: tempfile::TempDir,
         port: u16,
     ) -> Self {
-        let mut child = command.stderr(Stdio::piped()).stdout(stdout).spawn().unwrap();
+        Self::try_start(command.stdout(stdout), folder, port).unwrap()
+    }
+
+    /// Starts `command`, which listens on `port`, or says why that failed.
+    pub(crate) fn try_start(
+        command: &mut Command,
+        folder: tempfile::TempDir,
+        port: u16,
+    ) -> Result<Self, String> {
+        let mut child = command.stderr(Stdio::piped()).spawn().map_err(|error| error.to_string())?;
         let log = Arc::<Mutex<String>>::default();
         gather(child.stderr.take().unwrap(), &log);
         if let Some(stdout) = child.stdout.take() {
             gather(stdout, &log);
         }
-        let program = Self { child, log, folder, port };
-        wait_for("the TCP server", || TcpStream::connect((Ipv4Addr::LOCALHOST, port)).ok());
-        program
+        let mut program = Self { child, log, folder, port };
+        let start = Instant::now();
+        wait_for("the TCP server", || {
+            if TcpStream::connect((Ipv4Addr::LOCALHOST, port)).is_ok() {
+                return Some(Ok(()));
+            }
+            let hopeless = !program.is_running() || start.elapsed() > PATIENCE / 2;
+            hopeless.then(|| Err(format!("it does not listen\n{}", program.log())))
+        })?;
+        Ok(program)
     }
 
     pub(crate) fn config(&self) -> PathBuf {
@@ -136,6 +152,10 @@ impl Program {
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         stream.set_nodelay(true).unwrap();
         stream
+    }
+
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// What the program's descriptors are, as many as there are.

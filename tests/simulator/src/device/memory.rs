@@ -22,6 +22,7 @@ pub struct Memory {
     pub input: Vec<u16>,
     unit: u8,
     fresh: Option<(u16, Fresh)>,
+    missing: Option<u16>,
 }
 
 impl Memory {
@@ -37,6 +38,7 @@ impl Memory {
             input: (0..TABLE_LENGTH).map(|address| !register(address)).collect(),
             unit,
             fresh: None,
+            missing: None,
         }
     }
 
@@ -45,9 +47,19 @@ impl Memory {
         self.fresh = Some((address, Fresh::default()));
     }
 
+    /// Makes reads that touch `address`, in whichever table, exception 02.
+    pub fn set_missing(&mut self, address: u16) {
+        self.missing = Some(address);
+    }
+
     /// Executes `pdu`, which has at least a function code: the answer, or an exception code.
     pub fn execute(&mut self, pdu: &[u8]) -> Result<Vec<u8>, u8> {
         let (&function, data) = pdu.split_first().ok_or(ILLEGAL_FUNCTION)?;
+        if let (1..=4, Ok([address, count]), Some(missing)) = (function, words(data), self.missing)
+            && range(address, count).contains(&missing.into())
+        {
+            return Err(ILLEGAL_ADDRESS);
+        }
         let mut answer = match function {
             1 => read_bits(&self.coils, data)?,
             2 => read_bits(&self.discrete_inputs, data)?,

@@ -1,0 +1,57 @@
+//! What a cycle of process data costs on the SPI of a LAN9252, counted by the simulated chip.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use embassy_time::Instant;
+use mobgate::ethercat::esc::Esc;
+use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
+use mobgate_simulator::esc::{Chip, Command, Kind, Segment};
+use mobgate_simulator::lan9252::{Timing, Traffic};
+use mobgate_simulator::{Lan9252, World};
+
+use crate::{Target, figure};
+
+const CYCLES: u64 = 1_000;
+const OUTPUTS: u16 = 0x1100;
+const INPUTS: u16 = 0x1400;
+/// SyncManagers for outputs and inputs of 120 bytes.
+const MANAGERS: [u8; 16] =
+    [0x00, 0x11, 0x78, 0x00, 0x64, 0x00, 0x01, 0x00, 0x00, 0x14, 0x78, 0x00, 0x20, 0x00, 0x01, 0x00];
+
+pub(crate) fn figures() {
+    let mut world = World::new(1);
+    let segment = Rc::new(RefCell::new(Segment::new([Chip::new(Kind::LAN9252, Vec::new())])));
+    let chip = Lan9252::new(segment.borrow().chip(0), Timing::USUAL);
+    let mut driver = Driver::new(chip.spi(), Wiring::default());
+    world.run_until(async {
+        // The first access starts the chip.
+        driver.events().await.expect("a chip");
+        segment.borrow_mut().poke(0, 0x0810, &MANAGERS);
+        let (mut cycle, mut polling, mut micros) = (Traffic::default(), Traffic::default(), 0);
+        for number in 0..CYCLES {
+            let sent = [number as u8; 120];
+            segment.borrow_mut().send(Command::Apwr, 0, OUTPUTS, &sent);
+            chip.take_traffic();
+            driver.events().await.expect("events");
+            polling = most(polling, chip.take_traffic());
+            let begin = Instant::now();
+            let mut image = [0; 120];
+            driver.read(OUTPUTS, &mut image).await.expect("outputs");
+            driver.write(INPUTS, &image).await.expect("inputs");
+            cycle = most(cycle, chip.take_traffic());
+            micros += begin.elapsed().as_micros();
+            assert_eq!(image, sent);
+        }
+        figure("spi_bytes_per_cycle", cycle.bytes as f64, "B", Target::AtMost(300.0));
+        figure("spi_selects_per_cycle", cycle.selects as f64, "selects", Target::AtMost(8.0));
+        figure("spi_time_per_cycle", micros as f64 / CYCLES as f64, "us", Target::None);
+        figure("spi_bytes_per_event_poll", polling.bytes as f64, "B", Target::None);
+    });
+    chip.check();
+}
+
+/// The worse of two, each count by itself.
+fn most(one: Traffic, other: Traffic) -> Traffic {
+    Traffic { bytes: one.bytes.max(other.bytes), selects: one.selects.max(other.selects) }
+}

@@ -1,0 +1,282 @@
+//! The application layer's state machine: which requests are taken, refused or ignored (ETG.1000.6, clause 6.4).
+//!
+//! A request passes [`AlMachine::request`], which says what to do; whoever does it reports back by [`AlMachine::reached`] or
+//! [`AlMachine::refused`]. What AL status and its code then read is [`AlMachine::status`] and [`AlMachine::code`].
+
+/// A state of the SubDevice. The values are those of AL control and AL status.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum AlState {
+    /// No mailbox, no process data.
+    Init = 1,
+    /// Mailbox.
+    PreOp = 2,
+    /// Firmware update; not offered yet.
+    Boot = 3,
+    /// Mailbox and inputs.
+    SafeOp = 4,
+    /// Mailbox, inputs and outputs.
+    Op = 8,
+}
+
+impl AlState {
+    const fn from_bits(bits: u16) -> Option<Self> {
+        match bits & 0x0f {
+            1 => Some(Self::Init),
+            2 => Some(Self::PreOp),
+            3 => Some(Self::Boot),
+            4 => Some(Self::SafeOp),
+            8 => Some(Self::Op),
+            _ => None,
+        }
+    }
+
+    /// Whether the mailbox works in this state.
+    pub const fn has_mailbox(self) -> bool {
+        matches!(self, Self::PreOp | Self::SafeOp | Self::Op)
+    }
+
+    /// Whether process data are exchanged in this state.
+    pub const fn has_process_data(self) -> bool {
+        matches!(self, Self::SafeOp | Self::Op)
+    }
+}
+
+/// Why a state was refused or left: the AL status code (ETG.1020).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u16)]
+pub enum AlStatusCode {
+    /// None of those below.
+    Unspecified = 0x0001,
+    /// A change that the state machine does not know.
+    InvalidStateChange = 0x0011,
+    /// A state that does not exist.
+    UnknownState = 0x0012,
+    /// There is no Boot state.
+    BootNotSupported = 0x0013,
+    /// SM0 or SM1 is not as the mailbox needs it.
+    InvalidMailbox = 0x0016,
+    /// No outputs came, or none any more.
+    SyncManagerWatchdog = 0x001b,
+    /// SM2 does not fit the outputs.
+    InvalidOutputs = 0x001d,
+    /// SM3 does not fit the inputs.
+    InvalidInputs = 0x001e,
+    /// The synchronisation asked for is not offered.
+    SynchronisationNotSupported = 0x0028,
+    /// Distributed clocks are active, but not offered.
+    InvalidDcConfiguration = 0x0030,
+    /// The application's configuration does not allow it.
+    InconsistentSettings = 0x0026,
+    /// The application is not ready.
+    HardwareNotReady = 0x0052,
+    /// The processor started anew.
+    RestartedLocally = 0x0060,
+}
+
+/// AL control, as the MainDevice wrote it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AlControl(pub u16);
+
+impl AlControl {
+    const ACKNOWLEDGE: u16 = 1 << 4;
+    const IDENTIFICATION: u16 = 1 << 5;
+
+    /// Whether the device's identification is asked for.
+    pub const fn asks_identification(self) -> bool {
+        self.0 & Self::IDENTIFICATION != 0
+    }
+
+    const fn acknowledges(self) -> bool {
+        self.0 & Self::ACKNOWLEDGE != 0
+    }
+}
+
+/// What to do about a request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    /// Nothing: an error stands that was not acknowledged.
+    Ignore,
+    /// Stay where it is: the state was there already, or the request was refused. AL status is to be written.
+    Stay,
+    /// Go one state up, if what it needs is there.
+    Up(AlState),
+    /// Go down to a state; that cannot be refused.
+    Down(AlState),
+}
+
+/// The state, and what stands against it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AlMachine {
+    state: AlState,
+    fault: Option<AlStatusCode>,
+    identification: Option<u16>,
+}
+
+impl AlMachine {
+    const ERROR: u16 = 1 << 4;
+    const IDENTIFICATION_LOADED: u16 = 1 << 5;
+
+    /// In Init, with a reason if that was not the plan.
+    pub const fn new(fault: Option<AlStatusCode>) -> Self {
+        Self { state: AlState::Init, fault, identification: None }
+    }
+
+    /// The state it is in.
+    pub const fn state(&self) -> AlState {
+        self.state
+    }
+
+    /// The error that has not been acknowledged.
+    pub const fn fault(&self) -> Option<AlStatusCode> {
+        self.fault
+    }
+
+    /// What the register AL status must read.
+    pub const fn status(&self) -> u16 {
+        let error = if self.fault.is_some() { Self::ERROR } else { 0 };
+        let loaded = if self.identification.is_some() { Self::IDENTIFICATION_LOADED } else { 0 };
+        self.state as u16 | error | loaded
+    }
+
+    /// What the register AL status code must read: the error's code, or the identification while it is loaded.
+    pub const fn code(&self) -> u16 {
+        match (self.fault, self.identification) {
+            (Some(code), _) => code as u16,
+            (None, Some(id)) => id,
+            (None, None) => 0,
+        }
+    }
+
+    /// Judges a request.
+    pub fn request(&mut self, control: AlControl) -> Step {
+        let wanted = AlState::from_bits(control.0);
+        self.identification = None;
+        if self.fault.is_some() {
+            // Going to Init is safe at any time, so it needs no acknowledgement.
+            if !control.acknowledges() && wanted != Some(AlState::Init) {
+                return Step::Ignore;
+            }
+            self.fault = None;
+        }
+        let Some(wanted) = wanted else { return self.refused(AlStatusCode::UnknownState) };
+        match (self.state, wanted) {
+            (AlState::Init, AlState::Boot) => self.refused(AlStatusCode::BootNotSupported),
+            (_, AlState::Boot) => self.refused(AlStatusCode::InvalidStateChange),
+            (from, to) if from == to => Step::Stay,
+            (from, to) if to < from => Step::Down(to),
+            (AlState::Init, AlState::PreOp)
+            | (AlState::PreOp, AlState::SafeOp)
+            | (AlState::SafeOp, AlState::Op) => Step::Up(wanted),
+            _ => self.refused(AlStatusCode::InvalidStateChange),
+        }
+    }
+
+    /// The state was reached that was asked for.
+    pub fn reached(&mut self, state: AlState) {
+        self.state = state;
+    }
+
+    /// A request was refused, for `code`; the state stays.
+    pub fn refused(&mut self, code: AlStatusCode) -> Step {
+        self.fault = Some(code);
+        Step::Stay
+    }
+
+    /// The device fell back to `state` by itself.
+    pub fn fell(&mut self, state: AlState, code: AlStatusCode) {
+        self.state = state;
+        self.identification = None;
+        self.fault = Some(code);
+    }
+
+    /// Shows the device's identification, below SafeOp and if there is no error to be shown.
+    pub fn identify(&mut self, id: u16) {
+        if self.fault.is_none() && self.state < AlState::SafeOp {
+            self.identification = Some(id);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{AlControl, AlMachine, AlState, AlStatusCode, Step};
+
+    const STATES: [AlState; 4] = [AlState::Init, AlState::PreOp, AlState::SafeOp, AlState::Op];
+
+    fn in_state(state: AlState) -> AlMachine {
+        AlMachine { state, ..AlMachine::new(None) }
+    }
+
+    fn faulty(state: AlState) -> AlMachine {
+        let mut machine = in_state(state);
+        machine.fell(state, AlStatusCode::Unspecified);
+        machine
+    }
+
+    #[test]
+    fn only_single_steps_lead_up_and_any_lead_down() {
+        for (at, from) in STATES.into_iter().enumerate() {
+            for (wanted, to) in STATES.into_iter().enumerate() {
+                let mut machine = in_state(from);
+                let step = machine.request(AlControl(to as u16));
+                match wanted as i32 - at as i32 {
+                    ..0 => assert_eq!(step, Step::Down(to)),
+                    0 => assert_eq!((step, machine.code()), (Step::Stay, 0)),
+                    1 => assert_eq!(step, Step::Up(to)),
+                    _ => assert_eq!((step, machine.code()), (Step::Stay, 0x0011), "{from:?} to {to:?}"),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn states_that_do_not_exist_are_refused_with_0012() {
+        for state in STATES {
+            for wanted in [0, 5, 6, 7, 9, 10, 11, 12, 13, 14, 15] {
+                let mut machine = in_state(state);
+                assert_eq!(machine.request(AlControl(wanted)), Step::Stay);
+                assert_eq!((machine.status(), machine.code()), (state as u16 | 0x10, 0x0012));
+            }
+        }
+    }
+
+    #[test]
+    fn boot_is_refused_from_init_as_not_supported_and_from_elsewhere_as_no_change_there_is() {
+        let code = |state| {
+            let mut machine = in_state(state);
+            machine.request(AlControl(3));
+            machine.code()
+        };
+        assert_eq!(STATES.map(code), [0x0013, 0x0011, 0x0011, 0x0011]);
+    }
+
+    #[test]
+    fn an_error_is_ended_by_an_acknowledgement_or_by_init_and_by_nothing_else() {
+        let mut machine = faulty(AlState::PreOp);
+        assert_eq!(machine.request(AlControl(2)), Step::Ignore);
+        assert_eq!((machine.status(), machine.code()), (0x12, 1));
+        assert_eq!(machine.request(AlControl(0x12)), Step::Stay);
+        assert_eq!((machine.status(), machine.code()), (0x02, 0));
+
+        assert_eq!(faulty(AlState::PreOp).request(AlControl(0x14)), Step::Up(AlState::SafeOp));
+        assert_eq!(faulty(AlState::Op).request(AlControl(1)), Step::Down(AlState::Init));
+    }
+
+    #[test]
+    fn an_identification_is_shown_until_a_request_without_that_bit() {
+        let mut machine = in_state(AlState::PreOp);
+        assert_eq!(machine.request(AlControl(0x22)), Step::Stay);
+        machine.identify(0x1234);
+        assert_eq!((machine.status(), machine.code()), (0x22, 0x1234));
+        machine.request(AlControl(0x02));
+        assert_eq!((machine.status(), machine.code()), (0x02, 0));
+    }
+
+    #[test]
+    fn an_identification_never_hides_an_error() {
+        let mut machine = faulty(AlState::Init);
+        machine.identify(0x1234);
+        assert_eq!((machine.status(), machine.code()), (0x11, 1));
+    }
+}

@@ -1,0 +1,69 @@
+//! The process image: how a SyncManager's bytes are handed to the application, PDO by PDO.
+
+use embassy_time::Instant;
+
+use super::application::Application;
+use super::assignment::Communication;
+use super::device::Device;
+
+/// Bytes of outputs or inputs at most.
+pub const IMAGE_BYTES_MAX: usize = 512;
+
+/// The images of both directions.
+#[derive(Debug)]
+pub struct Images {
+    /// The last outputs.
+    pub outputs: [u8; IMAGE_BYTES_MAX],
+    /// Whether outputs have come since SafeOp was entered and the watchdog ran out.
+    pub outputs_valid: bool,
+    /// When inputs are due in free run.
+    pub inputs_due: Instant,
+    inputs: [u8; IMAGE_BYTES_MAX],
+}
+
+impl Default for Images {
+    fn default() -> Self {
+        Self {
+            outputs: [0; IMAGE_BYTES_MAX],
+            outputs_valid: false,
+            inputs_due: Instant::MIN,
+            inputs: [0; IMAGE_BYTES_MAX],
+        }
+    }
+}
+
+impl Images {
+    /// Hands the last outputs to the application.
+    pub fn hand_out(
+        &self,
+        device: &Device,
+        communication: &Communication,
+        application: &mut impl Application,
+    ) {
+        let mut rest = &self.outputs[..];
+        for pdo in communication.outputs.pdos(device) {
+            // The assignment is no longer than the plan, and the plan no longer than the buffer.
+            let Some((bytes, behind)) = rest.split_at_checked(pdo.pdo_bytes()) else { return };
+            application.outputs(pdo.index, bytes);
+            rest = behind;
+        }
+    }
+
+    /// Gathers the application's inputs.
+    pub fn gather(
+        &mut self,
+        device: &Device,
+        communication: &Communication,
+        application: &mut impl Application,
+    ) -> &[u8] {
+        let mut rest = &mut self.inputs[..];
+        let mut gathered = 0;
+        for pdo in communication.inputs.pdos(device) {
+            let Some((bytes, behind)) = rest.split_at_mut_checked(pdo.pdo_bytes()) else { break };
+            application.inputs(pdo.index, bytes);
+            gathered += bytes.len();
+            rest = behind;
+        }
+        self.inputs.get(..gathered).unwrap_or_default()
+    }
+}

@@ -1,0 +1,61 @@
+//! The controller's registers that this stack touches, and the bits in them (ET1100 data sheet, section II).
+
+/// Configured station address, two bytes.
+pub const STATION_ADDRESS: u16 = 0x0010;
+/// Station alias, two bytes: the SII's word 4 at power-on.
+pub const STATION_ALIAS: u16 = 0x0012;
+/// AL control, two bytes: what the MainDevice wants. Reading it lets the MainDevice write again.
+pub const AL_CONTROL: u16 = 0x0120;
+/// AL status, two bytes.
+pub const AL_STATUS: u16 = 0x0130;
+/// AL status code, two bytes; written before the status, so that no flag is seen without its reason.
+pub const AL_STATUS_CODE: u16 = 0x0134;
+/// Which AL events raise the interrupt, four bytes.
+pub const AL_EVENT_MASK: u16 = 0x0204;
+/// AL event request, four bytes; not masked.
+pub const AL_EVENT_REQUEST: u16 = 0x0220;
+/// Whether the process data watchdog runs (or is off), two bytes; reading clears its event.
+pub const WATCHDOG_STATUS: u16 = 0x0440;
+/// The SyncManagers, [`SYNC_MANAGER_BYTES`] each.
+pub const SYNC_MANAGERS: u16 = 0x0800;
+/// Distributed clocks: activation of the cyclic unit and of SYNC0 and SYNC1, one byte.
+pub const DC_ACTIVATION: u16 = 0x0981;
+
+/// Size of one SyncManager's block.
+pub const SYNC_MANAGER_BYTES: u16 = 8;
+/// A SyncManager's status, from the beginning of its block.
+pub const SYNC_MANAGER_STATUS: u16 = 5;
+/// A SyncManager's PDI control, from the beginning of its block.
+pub const SYNC_MANAGER_PDI_CONTROL: u16 = 7;
+
+/// The AL event request, or a mask of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Events(pub u32);
+
+impl Events {
+    /// The MainDevice wrote AL control.
+    pub const AL_CONTROL: Self = Self(1 << 0);
+    /// Some SyncManager's activation was written.
+    pub const SYNC_MANAGER_CHANGED: Self = Self(1 << 4);
+    /// The process data watchdog ran out.
+    pub const WATCHDOG: Self = Self(1 << 6);
+    /// SM0 received a message.
+    pub const MAILBOX_WRITTEN: Self = Self(1 << 8);
+    /// SM1's message was fetched.
+    pub const MAILBOX_FETCHED: Self = Self(1 << 9);
+    /// SM2 received outputs.
+    pub const OUTPUTS_WRITTEN: Self = Self(1 << 10);
+    /// SM3's inputs were fetched.
+    pub const INPUTS_FETCHED: Self = Self(1 << 11);
+
+    /// Whether any of `wanted` is there.
+    pub const fn any(self, wanted: Self) -> bool {
+        self.0 & wanted.0 != 0
+    }
+
+    /// These events, and `more` if `condition` holds.
+    #[must_use]
+    pub const fn with_if(self, condition: bool, more: Self) -> Self {
+        if condition { Self(self.0 | more.0) } else { self }
+    }
+}

@@ -1,0 +1,103 @@
+//! Blocks of neighbouring coils, inputs or registers that one read asks for: one block that covers several, and each one's
+//! part of the answer to it.
+
+use super::Extent;
+use super::function::{READ_COILS, READ_DISCRETE_INPUTS, READ_INPUT_REGISTERS};
+use super::request::{READ_BITS_MAX, READ_REGISTERS_MAX};
+use crate::modbus::PDU_BYTES_MAX;
+
+/// What a read by function 1 to 4 asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Block {
+    function: u8,
+    first: u16,
+    /// Not below `first`.
+    last: u16,
+}
+
+impl Block {
+    /// The block that `request` asks for, if it is such a read with a possible quantity that does not run over the end of
+    /// the addresses.
+    pub fn of(request: &[u8]) -> Option<Self> {
+        let &[function @ READ_COILS..=READ_INPUT_REGISTERS, a, b, c, d] = request else { return None };
+        let (first, quantity) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
+        Self { function, first, last: first.checked_add(quantity.checked_sub(1)?)? }.if_readable()
+    }
+
+    /// The request that asks for it.
+    pub fn request(&self) -> [u8; 5] {
+        let ([a, b], [c, d]) = (self.first.to_be_bytes(), self.quantity().to_be_bytes());
+        [self.function, a, b, c, d]
+    }
+
+    /// Its addresses.
+    pub fn extent(&self) -> Extent {
+        Extent { write: false, first: self.first, last: self.last.into() }
+    }
+
+    /// How many addresses lie between this block and `other`: none when they touch or overlap.
+    pub fn distance(&self, other: &Self) -> u16 {
+        let (low, high) = if self.first <= other.first { (self, other) } else { (other, self) };
+        high.first.saturating_sub(low.last).saturating_sub(1)
+    }
+
+    /// The block from the lowest to the highest address of both, if they are of one kind and one request can ask for so many.
+    pub fn hull(&self, other: &Self) -> Option<Self> {
+        let (first, last) = (self.first.min(other.first), self.last.max(other.last));
+        if self.function == other.function { Self { first, last, ..*self }.if_readable() } else { None }
+    }
+
+    /// The answer to `wanted`, as it follows from `answer`, which fits the request for this block. None when `wanted` is no
+    /// part of the block, or `answer` an exception.
+    pub fn part<'a>(
+        &self,
+        answer: &[u8],
+        wanted: &Self,
+        out: &'a mut [u8; PDU_BYTES_MAX],
+    ) -> Option<&'a [u8]> {
+        let offset = usize::from(wanted.first.checked_sub(self.first)?);
+        let &[function, _, ref data @ ..] = answer else { return None };
+        if self.hull(wanted)? != *self || function != self.function {
+            return None;
+        }
+        let bytes = wanted.data_bytes();
+        out[..2].copy_from_slice(&[function, bytes as u8]);
+        let part = out.get_mut(2..2 + bytes)?;
+        if self.is_bits() {
+            copy_bits(data.get(offset / 8..)?, offset % 8, wanted.quantity().into(), part);
+        } else {
+            part.copy_from_slice(data.get(2 * offset..2 * offset + bytes)?);
+        }
+        out.get(..2 + bytes)
+    }
+
+    fn if_readable(self) -> Option<Self> {
+        let most = if self.is_bits() { READ_BITS_MAX } else { READ_REGISTERS_MAX };
+        (self.last - self.first < most).then_some(self)
+    }
+
+    fn quantity(&self) -> u16 {
+        // At most 2000.
+        self.last - self.first + 1
+    }
+
+    fn is_bits(&self) -> bool {
+        matches!(self.function, READ_COILS | READ_DISCRETE_INPUTS)
+    }
+
+    fn data_bytes(&self) -> usize {
+        let quantity = usize::from(self.quantity());
+        if self.is_bits() { quantity.div_ceil(8) } else { 2 * quantity }
+    }
+}
+
+/// Copies `count` bits of `data` from bit `shift` of its first byte on; what is left of the last byte is zero (clause 6.1).
+fn copy_bits(data: &[u8], shift: usize, count: usize, out: &mut [u8]) {
+    for (at, out) in out.iter_mut().enumerate() {
+        let byte = |at: usize| u16::from(data.get(at).copied().unwrap_or(0));
+        *out = ((byte(at + 1) << 8 | byte(at)) >> shift) as u8;
+    }
+    if let (Some(last), used @ 1..) = (out.last_mut(), count % 8) {
+        *last &= (1 << used) - 1;
+    }
+}

@@ -1,0 +1,303 @@
+//! A SubDevice on a simulated chip, and a MainDevice's hand on its frames: states, messages and process data one by one.
+
+mod application;
+mod devices;
+
+use std::cell::{RefCell, RefMut};
+use std::rc::Rc;
+
+use embassy_time::Duration;
+use mobgate::ethercat::application::Application;
+use mobgate::ethercat::device::Device;
+use mobgate::ethercat::esc::Esc;
+use mobgate::ethercat::sii;
+use mobgate::ethercat::sub_device::SubDevice;
+use mobgate::ethercat::sync_manager::Channel;
+use mobgate_simulator::esc::{Command, Interrupt, Segment, SharedChip};
+use mobgate_simulator::{World, sub_device};
+
+pub(crate) use application::{Bench, Shared};
+pub(crate) use devices::{LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128};
+
+/// Requested states, as AL control has them.
+pub(crate) const INIT: u16 = 1;
+pub(crate) const PRE_OP: u16 = 2;
+pub(crate) const SAFE_OP: u16 = 4;
+pub(crate) const OP: u16 = 8;
+/// AL status: an error stands; AL control: acknowledge it.
+pub(crate) const ERROR: u16 = 0x10;
+
+/// Where the process data lie in the logical address space: outputs here, inputs behind.
+pub(crate) const LOGICAL: u32 = 0x0001_0000;
+/// Between two frames.
+const PAUSE: Duration = Duration::from_micros(50);
+
+/// One device with the MainDevice's end of its line.
+pub(crate) struct Rig<A> {
+    pub(crate) segment: Segment,
+    device: &'static Device,
+    application: Shared<A>,
+    /// How long the device is given after each frame.
+    pub(crate) pause: Duration,
+    counter: u8,
+    // Declared last: its tasks end last.
+    pub(crate) world: World<'static>,
+}
+
+impl Rig<Bench> {
+    /// A device of the bench, switched on.
+    pub(crate) fn new(device: &'static Device) -> Self {
+        Self::with_application(device, Bench::default())
+    }
+
+    /// The same, brought to a state.
+    pub(crate) fn in_state(device: &'static Device, state: u16) -> Self {
+        let mut rig = Self::new(device);
+        rig.bring_to(state);
+        rig
+    }
+}
+
+impl<A: Application + 'static> Rig<A> {
+    /// A device with this application, switched on.
+    pub(crate) fn with_application(device: &'static Device, application: A) -> Self {
+        Self::reached_by(device, application, PAUSE, sub_device::direct)
+    }
+
+    /// The same; its processor reaches the chip by what `reach` makes, and is given `pause` after each frame.
+    pub(crate) fn reached_by<E: Esc + 'static>(
+        device: &'static Device,
+        application: A,
+        pause: Duration,
+        reach: impl FnOnce(SharedChip) -> (E, Interrupt),
+    ) -> Self {
+        let world = World::new(1);
+        let line = sub_device::line_of(device);
+        let chip = line.borrow().chip(0);
+        let application = Shared(Rc::new(RefCell::new(application)));
+        let (esc, interrupt) = reach(chip);
+        sub_device::spawn(&world, SubDevice::new(device, esc, application.clone()), interrupt);
+        let segment = line.replace(Segment::new([]));
+        let mut rig = Self { segment, device, application, pause, counter: 0, world };
+        rig.pass(1);
+        rig
+    }
+
+    pub(crate) fn application(&self) -> RefMut<'_, A> {
+        self.application.0.borrow_mut()
+    }
+
+    /// Lets time pass.
+    pub(crate) fn pass(&mut self, millis: u64) {
+        self.world.run_for(Duration::from_millis(millis));
+    }
+
+    /// Writes to the device; the working counter. Time for the device to react follows.
+    pub(crate) fn write(&mut self, address: u16, bytes: &[u8]) -> u16 {
+        let counter = self.segment.poke(0, address, bytes);
+        self.world.run_for(self.pause);
+        counter
+    }
+
+    /// Reads from the device, if it answers.
+    pub(crate) fn read(&mut self, address: u16, bytes: usize) -> Option<Vec<u8>> {
+        let read = self.segment.fetch(0, address, bytes);
+        self.world.run_for(self.pause);
+        read
+    }
+
+    /// AL status and its code, of one moment.
+    pub(crate) fn status(&mut self) -> (u16, u16) {
+        let bytes = self.read(0x0130, 6).unwrap();
+        (u16::from_le_bytes([bytes[0], bytes[1]]), u16::from_le_bytes([bytes[4], bytes[5]]))
+    }
+
+    /// Asks for a state, and says what came of it.
+    pub(crate) fn request(&mut self, control: u16) -> (u16, u16) {
+        assert_eq!(self.write(0x0120, &control.to_le_bytes()), 1, "AL control can be written");
+        self.status()
+    }
+
+    /// The block that makes a SyncManager good for this device.
+    pub(crate) fn sync_manager(&self, channel: Channel) -> [u8; 8] {
+        let length = sii::default_length(self.device, channel).to_le_bytes();
+        let start = self.device.memory.start(channel).to_le_bytes();
+        [start[0], start[1], length[0], length[1], channel.control(), 0, 1, 0]
+    }
+
+    /// Sets up SyncManagers as the device wants them.
+    pub(crate) fn set_up(&mut self, channels: impl IntoIterator<Item = Channel>) {
+        for channel in channels {
+            let block = self.sync_manager(channel);
+            assert_eq!(self.write(channel.registers(), &block), 1);
+        }
+    }
+
+    pub(crate) fn set_up_mailboxes(&mut self) {
+        self.set_up([Channel::MailboxOut, Channel::MailboxIn]);
+    }
+
+    pub(crate) fn set_up_process_data(&mut self) {
+        self.set_up([Channel::Outputs, Channel::Inputs]);
+        let lengths =
+            [Channel::Outputs, Channel::Inputs].map(|channel| sii::default_length(self.device, channel));
+        let mut logical = LOGICAL;
+        for (nth, (channel, length)) in
+            [Channel::Outputs, Channel::Inputs].into_iter().zip(lengths).enumerate()
+        {
+            let mut fmmu = Vec::new();
+            fmmu.extend(logical.to_le_bytes());
+            fmmu.extend(length.to_le_bytes());
+            fmmu.extend([0, 7]);
+            fmmu.extend(self.device.memory.start(channel).to_le_bytes());
+            fmmu.extend([0, 2 - nth as u8, 1, 0, 0, 0]);
+            assert_eq!(self.write(0x0600 + 16 * nth as u16, &fmmu), 1);
+            logical += u32::from(length);
+        }
+    }
+
+    /// Brings the device from Init to a state, as a MainDevice does.
+    pub(crate) fn bring_to(&mut self, state: u16) {
+        if state >= PRE_OP {
+            self.set_up_mailboxes();
+            assert_eq!(self.request(PRE_OP), (PRE_OP, 0));
+        }
+        if state >= SAFE_OP {
+            self.set_up_process_data();
+            assert_eq!(self.request(SAFE_OP), (SAFE_OP, 0));
+        }
+        if state >= OP {
+            self.cycle(0);
+            assert_eq!(self.request(OP), (OP, 0));
+        }
+    }
+
+    /// Exchanges process data in one frame: outputs all `fill`; the inputs and the working counter.
+    pub(crate) fn cycle(&mut self, fill: u8) -> (Vec<u8>, u16) {
+        let outputs = sii::default_length(self.device, Channel::Outputs);
+        self.exchange(&vec![fill; outputs.into()])
+    }
+
+    /// The same with these outputs.
+    pub(crate) fn exchange(&mut self, outputs: &[u8]) -> (Vec<u8>, u16) {
+        let mut data = outputs.to_vec();
+        data.resize(outputs.len() + usize::from(sii::default_length(self.device, Channel::Inputs)), 0);
+        let answer = self.segment.send_logical(Command::Lrw, LOGICAL, &data);
+        self.world.run_for(self.pause);
+        (answer.data[outputs.len()..].to_vec(), answer.counter)
+    }
+
+    /// Writes a message of a type with a counter; the working counter.
+    pub(crate) fn send_counted(&mut self, protocol: u8, counter: u8, payload: &[u8]) -> u16 {
+        let mut message = vec![0xee; self.device.memory.mailbox_bytes.into()];
+        message[..2].copy_from_slice(&(payload.len() as u16).to_le_bytes());
+        message[2..6].copy_from_slice(&[0, 0, 0, protocol | counter << 4]);
+        message[6..6 + payload.len()].copy_from_slice(payload);
+        self.write(self.device.memory.start(Channel::MailboxOut), &message)
+    }
+
+    /// Writes a CoE message with the next counter.
+    pub(crate) fn send(&mut self, payload: &[u8]) -> u16 {
+        self.counter = self.counter % 7 + 1;
+        self.send_counted(3, self.counter, payload)
+    }
+
+    /// What is in the mailbox from the device: header and payload, to their exact length.
+    pub(crate) fn receive(&mut self) -> Option<Vec<u8>> {
+        let bytes = usize::from(self.device.memory.mailbox_bytes);
+        let mut message = self.read(self.device.memory.start(Channel::MailboxIn), bytes)?;
+        message.truncate(6 + usize::from(u16::from_le_bytes([message[0], message[1]])));
+        Some(message)
+    }
+
+    /// A CoE request and the payload of its answer.
+    pub(crate) fn ask(&mut self, payload: &[u8]) -> Vec<u8> {
+        assert_eq!(self.send(payload), 1, "the mailbox takes a request");
+        let answer = self.receive().expect("a request is answered");
+        assert_eq!(answer[5] & 0x0f, 3, "by CoE: {answer:02x?}");
+        answer[6..].to_vec()
+    }
+
+    /// An SDO request of eight bytes and more, and the SDO that answers; an abort is its code.
+    pub(crate) fn sdo(&mut self, request: &[u8]) -> Result<Vec<u8>, u32> {
+        let mut payload = vec![0x00, 0x20];
+        payload.extend(request);
+        payload.resize(payload.len().max(10), 0);
+        let answer = self.ask(&payload);
+        let (service, sdo) = (answer[1] >> 4, &answer[2..]);
+        match (service, sdo[0]) {
+            (2, 0x80) => Err(u32::from_le_bytes(sdo[4..8].try_into().unwrap())),
+            (3, _) => Ok(sdo.to_vec()),
+            other => panic!("neither an answer nor an abort: {other:x?}"),
+        }
+    }
+
+    /// Reads an object, in segments if it takes them.
+    pub(crate) fn upload(&mut self, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
+        self.upload_by(0x40, index, sub)
+    }
+
+    /// The same by complete access.
+    pub(crate) fn upload_complete(&mut self, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
+        self.upload_by(0x50, index, sub)
+    }
+
+    fn upload_by(&mut self, command: u8, index: u16, sub: u8) -> Result<Vec<u8>, u32> {
+        let [low, high] = index.to_le_bytes();
+        let answer = self.sdo(&[command, low, high, sub])?;
+        assert_eq!(answer[1..4], [low, high, sub]);
+        if answer[0] & 2 != 0 {
+            return Ok(answer[4..8 - usize::from(answer[0] >> 2 & 3)].to_vec());
+        }
+        let size = u32::from_le_bytes(answer[4..8].try_into().unwrap()) as usize;
+        let mut bytes = answer[8..].to_vec();
+        let mut toggle = 0;
+        while bytes.len() < size {
+            let segment = self.sdo(&[0x60 | toggle])?;
+            assert_eq!(segment[0] & 0x10, toggle);
+            let unused = if segment.len() == 8 { usize::from(segment[0] >> 1 & 7) } else { 0 };
+            bytes.extend(&segment[1..segment.len() - unused]);
+            assert_eq!(segment[0] & 1 == 1, bytes.len() == size, "the last one is marked");
+            toggle ^= 0x10;
+        }
+        Ok(bytes)
+    }
+
+    /// Writes an object: expedited, or in segments if it takes them.
+    pub(crate) fn download(&mut self, index: u16, sub: u8, bytes: &[u8]) -> Result<(), u32> {
+        self.download_by(0, index, sub, bytes)
+    }
+
+    /// The same by complete access.
+    pub(crate) fn download_complete(&mut self, index: u16, sub: u8, bytes: &[u8]) -> Result<(), u32> {
+        self.download_by(0x10, index, sub, bytes)
+    }
+
+    fn download_by(&mut self, complete: u8, index: u16, sub: u8, bytes: &[u8]) -> Result<(), u32> {
+        let [low, high] = index.to_le_bytes();
+        if (1..=4).contains(&bytes.len()) {
+            let command = 0x23 | complete | (4 - bytes.len() as u8) << 2;
+            let mut request = vec![command, low, high, sub];
+            request.extend(bytes);
+            assert_eq!(self.sdo(&request)?[..4], [0x60, low, high, sub]);
+            return Ok(());
+        }
+        let room = usize::from(self.device.memory.mailbox_bytes) - 6 - 2;
+        let mut request = vec![0x21 | complete, low, high, sub];
+        request.extend((bytes.len() as u32).to_le_bytes());
+        let (first, mut rest) = bytes.split_at(bytes.len().min(room - 8));
+        request.extend(first);
+        assert_eq!(self.sdo(&request)?[..4], [0x60, low, high, sub]);
+        let mut toggle = 0;
+        while !rest.is_empty() {
+            let (data, behind) = rest.split_at(rest.len().min(room - 1));
+            let unused = 7usize.saturating_sub(data.len()) as u8;
+            let mut segment = vec![toggle | unused << 1 | u8::from(behind.is_empty())];
+            segment.extend(data);
+            assert_eq!(self.sdo(&segment)?[0], 0x20 | toggle);
+            rest = behind;
+            toggle ^= 0x10;
+        }
+        Ok(())
+    }
+}

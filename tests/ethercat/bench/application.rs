@@ -1,0 +1,114 @@
+//! The bench's application: values that are kept as they were written, process data that are remembered.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
+
+use mobgate::ethercat::al_state::{AlState, AlStatusCode};
+use mobgate::ethercat::application::{Address, Application};
+use mobgate::ethercat::coe::abort::Abort;
+
+/// An application that a test looks into while the SubDevice has it.
+#[derive(Default)]
+pub(crate) struct Shared<A>(pub(crate) Rc<RefCell<A>>);
+
+impl<A> Clone for Shared<A> {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
+
+impl<A: Application> Application for Shared<A> {
+    fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort> {
+        self.0.borrow_mut().read(at, into)
+    }
+
+    fn check(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {
+        self.0.borrow_mut().check(at, value)
+    }
+
+    fn write(&mut self, at: Address, value: &[u8]) {
+        self.0.borrow_mut().write(at, value);
+    }
+
+    fn outputs(&mut self, pdo: u16, bytes: &[u8]) {
+        self.0.borrow_mut().outputs(pdo, bytes);
+    }
+
+    fn inputs(&mut self, pdo: u16, into: &mut [u8]) {
+        self.0.borrow_mut().inputs(pdo, into);
+    }
+
+    fn outputs_stopped(&mut self) {
+        self.0.borrow_mut().outputs_stopped();
+    }
+
+    fn may_enter(&mut self, state: AlState) -> Result<(), AlStatusCode> {
+        self.0.borrow_mut().may_enter(state)
+    }
+
+    fn entered(&mut self, state: AlState) {
+        self.0.borrow_mut().entered(state);
+    }
+}
+
+/// What the bench's devices do.
+#[derive(Default)]
+pub(crate) struct Bench {
+    /// What was written, by index and sub-index.
+    pub(crate) values: HashMap<(u16, u8), Vec<u8>>,
+    /// How often anything was written.
+    pub(crate) writes: usize,
+    /// The outputs that came last.
+    pub(crate) outputs: Vec<u8>,
+    /// How often outputs came.
+    pub(crate) images: usize,
+    /// How often outputs became invalid.
+    pub(crate) stops: usize,
+    /// With what inputs are filled; it counts up.
+    pub(crate) fill: u8,
+    /// A state that the application refuses, and why.
+    pub(crate) refuses: Option<(AlState, AlStatusCode)>,
+}
+
+impl Application for Bench {
+    fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort> {
+        let Some(value) = self.values.get(&(at.index, at.sub)) else { return Ok(into.len()) };
+        into[..value.len()].copy_from_slice(value);
+        Ok(value.len())
+    }
+
+    fn check(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {
+        // What cannot be changed because of local control, to have that abort code too.
+        match (at.index, value) {
+            (0x2106, [13, ..]) => Err(Abort::LocalControl),
+            _ => Ok(()),
+        }
+    }
+
+    fn write(&mut self, at: Address, value: &[u8]) {
+        self.writes += 1;
+        self.values.insert((at.index, at.sub), value.to_vec());
+    }
+
+    fn outputs(&mut self, _pdo: u16, bytes: &[u8]) {
+        self.outputs = bytes.to_vec();
+        self.images += 1;
+    }
+
+    fn inputs(&mut self, _pdo: u16, into: &mut [u8]) {
+        self.fill = self.fill.wrapping_add(1);
+        into.fill(self.fill);
+    }
+
+    fn outputs_stopped(&mut self) {
+        self.stops += 1;
+    }
+
+    fn may_enter(&mut self, state: AlState) -> Result<(), AlStatusCode> {
+        match self.refuses {
+            Some((refused, code)) if refused == state => Err(code),
+            _ => Ok(()),
+        }
+    }
+}

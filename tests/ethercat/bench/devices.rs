@@ -1,0 +1,74 @@
+//! The bench's devices: alike but for the size of their mailboxes, with objects for everything that SDO can do.
+
+use mobgate::ethercat::device::{Device, Identity};
+use mobgate::ethercat::object::{Access, DataType, Entry, Mapped, Object};
+use mobgate::ethercat::standard;
+use mobgate::ethercat::sync_manager::MemoryPlan;
+
+/// Bytes of object 2100h.
+pub(crate) const LARGE_BYTES: usize = 300;
+
+pub(crate) static MAILBOX_34: Device = device(34);
+pub(crate) static MAILBOX_64: Device = device(64);
+pub(crate) static MAILBOX_128: Device = device(128);
+
+const IDENTITY: Identity =
+    Identity { vendor: 0x1234_5678, product: 0x9abc_def0, revision: 0x11, serial: 0x22 };
+const IDENTITY_ENTRIES: &[Entry] = &standard::identity_entries(IDENTITY);
+
+const ANY: (u64, u64) = (0, u64::MAX);
+
+const RECORD: &[Entry] = &[
+    Entry::setting("Byte", DataType::U8, 0, (0, 100)),
+    Entry::setting("Word", DataType::U16, 0, ANY),
+    Entry::setting("Double word", DataType::U32, 0, ANY),
+];
+
+/// Its second value cannot be written.
+const MIXED: &[Entry] =
+    &[Entry::setting("Read and write", DataType::U16, 0, ANY), Entry::number("Read only", DataType::U16, 7)];
+
+const OUTPUT: Entry = Entry::reading("Output", DataType::U8).with_access(Access::READ.and(Access::RX_PDO));
+const INPUT: Entry = Entry::reading("Input", DataType::U8).with_access(Access::READ.and(Access::TX_PDO));
+
+const OBJECTS: &[Object] = &[
+    standard::device_type(0),
+    standard::device_name("A bench for everything that the CAN application protocol over EtherCAT can do"),
+    standard::identity(IDENTITY_ENTRIES),
+    Object::mapping(0x1600, "All outputs", &[Mapped { index: 0x3000, sub: 1, count: 120, bits: 8 }]),
+    Object::mapping(0x1601, "Some outputs", &[Mapped { index: 0x3000, sub: 1, count: 4, bits: 8 }]),
+    Object::mapping(0x1a00, "All inputs", &[Mapped { index: 0x3001, sub: 1, count: 120, bits: 8 }]),
+    Object::mapping(0x1a01, "Some inputs", &[Mapped { index: 0x3001, sub: 1, count: 4, bits: 8 }]),
+    standard::SYNC_MANAGER_TYPES,
+    standard::rx_assignment(&[0x1600], standard::SELECTABLE),
+    standard::tx_assignment(&[0x1a00], standard::SELECTABLE),
+    standard::OUTPUT_SYNCHRONISATION,
+    standard::INPUT_SYNCHRONISATION,
+    Object::variable(0x2100, Entry::setting("Large", DataType::Octets(LARGE_BYTES as u16), 0, ANY)),
+    Object::variable(0x2101, Entry::setting("Text", DataType::Text(40), 0, ANY)),
+    Object::variable(0x2102, Entry::setting("Write only", DataType::U16, 0, ANY).with_access(Access::WRITE)),
+    Object::variable(
+        0x2103,
+        Entry::setting("In PreOp", DataType::U16, 0, ANY).with_access(standard::SELECTABLE),
+    ),
+    Object::variable(0x2104, Entry::setting("Ten to twenty", DataType::U8, 10, (10, 20))),
+    Object::record(0x2105, "Record", RECORD),
+    Object::variable(0x2106, Entry::setting("Not thirteen", DataType::U8, 0, ANY)),
+    Object::record(0x2107, "Mixed", MIXED),
+    Object::array(0x3000, "Outputs", 120, OUTPUT),
+    Object::array(0x3001, "Inputs", 120, INPUT),
+];
+
+const fn device(mailbox_bytes: u16) -> Device {
+    Device {
+        identity: IDENTITY,
+        vendor_name: "Bench & Co",
+        name: "Bench",
+        order: "BENCH",
+        group: "Benches",
+        memory: MemoryPlan::new(mailbox_bytes, 120, 120, 4096),
+        controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
+        emergencies: false,
+        objects: OBJECTS,
+    }
+}

@@ -1,0 +1,31 @@
+//! EtherCAT, from the frame on the wire to the driver of the controller chip, against the simulated chip.
+
+// Linked for the clock and the locks of a host.
+use mobgate_clock as _;
+
+mod bench;
+mod chips;
+mod documents;
+mod esc_buffers;
+mod esc_commands;
+mod esc_control;
+mod esc_eeprom;
+mod esc_fmmu;
+mod esc_line;
+mod esc_mailbox;
+mod esc_masters;
+mod esc_registers;
+mod information;
+mod lan9252_access;
+mod lan9252_bench;
+mod lan9252_events;
+mod lan9252_faults;
+mod lan9252_model;
+mod mailbox;
+mod masters;
+mod outside;
+mod process_data;
+mod pysoem;
+mod sdo;
+mod states;
+mod torture;

@@ -1,0 +1,99 @@
+//! The processor's accesses, and which side may write what at present.
+
+use super::Nanos;
+use super::chip::Chip;
+use super::fmmu;
+use super::registers::*;
+use super::sync_manager::{self, Side};
+
+impl Chip {
+    /// Whether `side` may write a register now.
+    pub(super) fn may_write(&self, side: Side, address: u16) -> bool {
+        let sync_owner = if self.memory.byte(SYNC_UNIT) & 1 == 0 { Side::Ecat } else { Side::Pdi };
+        let fmmus = FMMU..FMMU + fmmu::BYTES * u16::from(self.kind.fmmus);
+        let managers = SYNC_MANAGER..SYNC_MANAGER + sync_manager::BYTES * u16::from(self.kind.sync_managers);
+        match address {
+            0x0120..=0x0121 => side == Side::Ecat && !self.events.al_control,
+            EEPROM_PDI => side == Side::Pdi && self.eeprom.may_be_taken(&self.memory),
+            0x0502..=0x050F => self.eeprom.accepts(&self.memory, side),
+            _ if fmmus.contains(&address) => side == Side::Ecat && address % fmmu::BYTES < 13,
+            _ if managers.contains(&address) => self.may_write_manager(side, address),
+            _ if sync_writes(address) => side == sync_owner,
+            _ if side == Side::Ecat => ecat_writes(address),
+            _ => pdi_writes(address),
+        }
+    }
+
+    /// The place of the buffer may be changed only while the SyncManager is switched off.
+    fn may_write_manager(&self, side: Side, address: u16) -> bool {
+        let offset = address % sync_manager::BYTES;
+        let active = self.memory.byte(address - offset + sync_manager::ACTIVATE) & 1 != 0;
+        match (side, offset) {
+            (Side::Ecat, sync_manager::ACTIVATE) => true,
+            (Side::Ecat, ..=sync_manager::CONTROL) => !active,
+            (Side::Pdi, sync_manager::PDI_CONTROL) => true,
+            _ => false,
+        }
+    }
+
+    /// The processor reads. What it may not read it sees as zeros, and the chip counts that as an error.
+    pub fn read(&mut self, at: Nanos, address: u16, into: &mut [u8]) {
+        self.advance(at);
+        self.clock.show_processor(&mut self.memory, at);
+        for (address, byte) in (address..).zip(into.iter_mut()) {
+            let place = if address < PROCESS_RAM {
+                Some(address)
+            } else {
+                self.managers.step(Side::Pdi, false, address)
+            };
+            let place = place.filter(|place| usize::from(*place) < self.memory.len());
+            *byte = place.map_or(0, |place| self.memory.byte(place));
+            match place {
+                Some(address) if address < PROCESS_RAM => self.after_read(address),
+                Some(_) => {}
+                None => self.count_pdi_error(),
+            }
+        }
+        self.accessed(at);
+    }
+
+    /// The processor writes.
+    pub fn write(&mut self, at: Nanos, address: u16, bytes: &[u8]) {
+        self.advance(at);
+        let mut registers = Vec::new();
+        for (address, byte) in (address..).zip(bytes) {
+            let place = if address < PROCESS_RAM {
+                self.may_write(Side::Pdi, address).then_some(address)
+            } else {
+                self.managers.step(Side::Pdi, true, address)
+            };
+            match place.filter(|place| usize::from(*place) < self.memory.len()) {
+                Some(place) => self.memory.set_byte(place, *byte),
+                None => self.count_pdi_error(),
+            }
+            registers.extend(place.filter(|place| *place < PROCESS_RAM));
+        }
+        for address in registers {
+            self.after_write(Side::Pdi, address, at);
+        }
+        self.managers.take_watchdog_trigger();
+        self.accessed(at);
+    }
+
+    /// Whether the chip asks for the processor's attention.
+    pub fn interrupt(&mut self, at: Nanos) -> bool {
+        self.advance(at);
+        self.memory.double_word(AL_EVENT) & self.memory.double_word(AL_EVENT_MASK) != 0
+    }
+
+    fn accessed(&mut self, at: Nanos) {
+        self.pdi_watchdog.trigger(&self.memory, at);
+        self.refresh(at);
+        self.wake();
+    }
+
+    fn count_pdi_error(&mut self) {
+        let counter = PROCESSING_ERRORS + 1;
+        self.memory.set_byte(counter, self.memory.byte(counter).saturating_add(1));
+    }
+}

@@ -1,0 +1,138 @@
+//! One ESC: what a datagram does to it, and what the processor's accesses do.
+
+use std::task::Waker;
+
+use super::Nanos;
+use super::dc::Clock;
+use super::eeprom::Eeprom;
+use super::events::Events;
+use super::memory::Memory;
+use super::registers::*;
+use super::reset::ResetSequence;
+use super::sync_manager::SyncManagers;
+use super::watchdog::Watchdog;
+
+/// What distinguishes one controller chip from another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Kind {
+    /// Registers 0000h to 0003h: type, revision, build.
+    pub identity: [u8; 4],
+    /// Number of FMMUs.
+    pub fmmus: u8,
+    /// Number of SyncManagers.
+    pub sync_managers: u8,
+    /// Process data memory in KByte.
+    pub ram_kib: u8,
+    /// Features (register 0008h).
+    pub features: u16,
+    /// Whether an EEPROM read gives eight bytes instead of four.
+    pub eeprom_reads_eight: bool,
+}
+
+impl Kind {
+    /// Microchip's chip with two PHYs, the smallest of the common ones.
+    pub const LAN9252: Self = Self {
+        identity: [0xC0, 0x02, 0, 0],
+        fmmus: 3,
+        sync_managers: 4,
+        ram_kib: 4,
+        features: 0x01CC,
+        eeprom_reads_eight: true,
+    };
+    /// Beckhoff's ASIC.
+    pub const ET1100: Self = Self {
+        identity: [0x11, 0, 0x02, 0],
+        fmmus: 8,
+        sync_managers: 8,
+        ram_kib: 8,
+        features: 0x01CC,
+        eeprom_reads_eight: false,
+    };
+}
+
+/// A controller chip with its EEPROM.
+#[derive(Debug)]
+pub struct Chip {
+    pub(super) kind: Kind,
+    pub(super) memory: Memory,
+    pub(super) managers: SyncManagers,
+    pub(super) events: Events,
+    pub(super) clock: Clock,
+    pub(super) process_watchdog: Watchdog,
+    pub(super) pdi_watchdog: Watchdog,
+    pub(super) ports: [bool; 4],
+    pub(super) ecat_reset: ResetSequence,
+    pub(super) pdi_reset: ResetSequence,
+    /// The EEPROM; what is changed here the chip sees at its next reset or command.
+    pub eeprom: Eeprom,
+    waiting: Vec<Waker>,
+}
+
+impl Chip {
+    /// A chip that has just been switched on, with this content of its EEPROM.
+    pub fn new(kind: Kind, eeprom: Vec<u8>) -> Self {
+        let mut chip = Self {
+            kind,
+            memory: Memory::new(usize::from(PROCESS_RAM) + usize::from(kind.ram_kib) * 1024),
+            managers: SyncManagers::new(&Memory::new(usize::from(PROCESS_RAM)), kind.sync_managers),
+            events: Events::default(),
+            clock: Clock::default(),
+            process_watchdog: Watchdog::of_process_data(),
+            pdi_watchdog: Watchdog::of_pdi(),
+            ports: [true, false, false, false],
+            ecat_reset: ResetSequence::default(),
+            pdi_reset: ResetSequence::default(),
+            eeprom: Eeprom::new(eeprom, kind.eeprom_reads_eight),
+            waiting: Vec::new(),
+        };
+        chip.reset();
+        chip
+    }
+
+    /// Lets the chip's clock show `start` at the beginning of the world, and run faster than the world by `drift_ppm`.
+    pub fn set_clock(&mut self, start: Nanos, drift_ppm: i64) {
+        self.clock.start = start;
+        self.clock.drift_ppm = drift_ppm;
+    }
+
+    /// What a register or a byte of memory holds, without the effects of an access. Registers that the chip
+    /// computes show what they were at the last access or frame.
+    pub fn peek<const N: usize>(&self, address: u16) -> [u8; N] {
+        self.memory.bytes(address)
+    }
+
+    /// SYNC0 pulses since the SYNC unit was activated.
+    pub fn sync0_pulses(&self) -> u64 {
+        self.clock.pulses()
+    }
+
+    /// Does what became due by `at`, and brings the registers that the chip computes up to date.
+    pub fn advance(&mut self, at: Nanos) {
+        if self.process_watchdog.advance(&mut self.memory, at) {
+            self.events.watchdog = true;
+        }
+        self.pdi_watchdog.advance(&mut self.memory, at);
+        self.clock.advance(&self.memory, at);
+        if let Some(config) = self.eeprom.advance(&mut self.memory, at) {
+            self.configure(&config);
+        }
+        self.refresh(at);
+    }
+
+    /// When the chip will next do something by itself.
+    pub fn next_change(&self, at: Nanos) -> Option<Nanos> {
+        let others = [self.process_watchdog.next(), self.pdi_watchdog.next(), self.eeprom.next()];
+        others.into_iter().chain([self.clock.next(&self.memory, at)]).flatten().min()
+    }
+
+    /// Registers `waker` for the next frame or access.
+    pub fn wake_at_change(&mut self, waker: &Waker) {
+        if !self.waiting.iter().any(|known| known.will_wake(waker)) {
+            self.waiting.push(waker.clone());
+        }
+    }
+
+    pub(super) fn wake(&mut self) {
+        self.waiting.drain(..).for_each(Waker::wake);
+    }
+}

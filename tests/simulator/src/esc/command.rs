@@ -1,0 +1,114 @@
+//! The fifteen commands of a datagram: who is addressed, what is done, and what it counts.
+
+/// A datagram's command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+#[expect(missing_docs, reason = "the names are those of the protocol")]
+pub enum Command {
+    Nop = 0,
+    Aprd = 1,
+    Apwr = 2,
+    Aprw = 3,
+    Fprd = 4,
+    Fpwr = 5,
+    Fprw = 6,
+    Brd = 7,
+    Bwr = 8,
+    Brw = 9,
+    Lrd = 10,
+    Lwr = 11,
+    Lrw = 12,
+    Armw = 13,
+    Frmw = 14,
+}
+
+/// How a datagram says which devices it is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Addressing {
+    /// No device.
+    None,
+    /// The device that sees the position 0; each device counts it up.
+    Position,
+    /// The device with this configured station address.
+    Station,
+    /// Every device.
+    Broadcast,
+    /// Every device that maps the logical address.
+    Logical,
+}
+
+/// What an addressed device does with its memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Action {
+    /// It puts its memory into the datagram.
+    pub read: bool,
+    /// It takes the datagram into its memory.
+    pub write: bool,
+    /// What it reads is ORed onto the data instead of replacing them.
+    pub or: bool,
+}
+
+impl Action {
+    const NONE: Self = Self { read: false, write: false, or: false };
+    const READ: Self = Self { read: true, ..Self::NONE };
+    const WRITE: Self = Self { write: true, ..Self::NONE };
+    const BOTH: Self = Self { read: true, write: true, or: false };
+
+    /// What the working counter gains when `read` or `written` was successful for at least one bit.
+    pub fn counts(self, read: bool, written: bool) -> u16 {
+        let write_counts = if self.read { 2 } else { 1 };
+        u16::from(self.read && read) + if self.write && written { write_counts } else { 0 }
+    }
+}
+
+impl Command {
+    /// All of them, in the order of their codes.
+    pub const ALL: [Self; 15] = [
+        Self::Nop,
+        Self::Aprd,
+        Self::Apwr,
+        Self::Aprw,
+        Self::Fprd,
+        Self::Fpwr,
+        Self::Fprw,
+        Self::Brd,
+        Self::Bwr,
+        Self::Brw,
+        Self::Lrd,
+        Self::Lwr,
+        Self::Lrw,
+        Self::Armw,
+        Self::Frmw,
+    ];
+
+    /// The command of a code.
+    pub fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(code)).copied()
+    }
+
+    /// How it addresses devices.
+    pub fn addressing(self) -> Addressing {
+        match self {
+            Self::Nop => Addressing::None,
+            Self::Aprd | Self::Apwr | Self::Aprw | Self::Armw => Addressing::Position,
+            Self::Fprd | Self::Fpwr | Self::Fprw | Self::Frmw => Addressing::Station,
+            Self::Brd | Self::Bwr | Self::Brw => Addressing::Broadcast,
+            Self::Lrd | Self::Lwr | Self::Lrw => Addressing::Logical,
+        }
+    }
+
+    /// What a device does: with ARMW and FRMW the `addressed` one reads, all others write.
+    pub fn action(self, addressed: bool) -> Action {
+        match self {
+            Self::Armw | Self::Frmw if addressed => Action::READ,
+            Self::Armw | Self::Frmw => Action::WRITE,
+            _ if !addressed => Action::NONE,
+            Self::Nop => Action::NONE,
+            Self::Aprd | Self::Fprd | Self::Lrd => Action::READ,
+            Self::Apwr | Self::Fpwr | Self::Bwr | Self::Lwr => Action::WRITE,
+            Self::Aprw | Self::Fprw | Self::Lrw => Action::BOTH,
+            Self::Brd => Action { or: true, ..Action::READ },
+            Self::Brw => Action { or: true, ..Action::BOTH },
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! What the chip does when certain registers are read or written, and the registers that it computes.
+
+use super::Nanos;
+use super::chip::Chip;
+use super::registers::*;
+use super::sync_manager::{self, Side};
+
+/// AL control's and AL status' device emulation bit in register 0141h.
+const DEVICE_EMULATION: u8 = 1;
+const EEPROM_FORCE: u8 = 1 << 1;
+const EEPROM_TAKEN: u8 = 1;
+
+impl Chip {
+    /// The effects of a register having been written.
+    pub(super) fn after_write(&mut self, side: Side, address: u16, at: Nanos) {
+        match address {
+            ECAT_RESET if self.ecat_reset.step(self.memory.byte(address)) => self.reset(),
+            PDI_RESET if self.pdi_reset.step(self.memory.byte(address)) => self.reset(),
+            AL_CONTROL => self.al_control_written(),
+            0x0130 if side == Side::Pdi => self.events.al_status = true,
+            0x0300..=0x030B => self.memory.clear(ERROR_COUNTERS..=0x030B),
+            0x030C | 0x030D => self.memory.clear(address..=address),
+            0x0310..=0x0313 => self.memory.clear(LOST_LINK..=0x0313),
+            0x0442..=0x0443 => self.memory.clear(WATCHDOG_COUNTERS..=0x0443),
+            EEPROM_CONFIG if self.memory.byte(address) & EEPROM_FORCE != 0 => {
+                let taken = self.memory.byte(EEPROM_PDI) & !EEPROM_TAKEN;
+                self.memory.set_byte(EEPROM_PDI, taken);
+            }
+            0x0503 => {
+                self.eeprom.command(&self.memory, at);
+                self.advance(at);
+            }
+            0x0800..=0x08FF => self.manager_written(side, address),
+            0x0913 if side == Side::Ecat => {
+                let reference = self.memory.double_word(SYSTEM_TIME);
+                self.clock.compare(&mut self.memory, reference, at);
+            }
+            SYNC_ACTIVATION => self.clock.activate(&self.memory, at),
+            _ => {}
+        }
+    }
+
+    /// With device emulation nobody needs to be asked: the state is what was requested.
+    fn al_control_written(&mut self) {
+        if self.memory.byte(PDI_CONTROL + 1) & DEVICE_EMULATION != 0 {
+            let state = self.memory.byte(AL_CONTROL) & 0x0F;
+            self.memory.set_byte(AL_STATUS, state);
+        } else {
+            self.events.al_control = true;
+        }
+    }
+
+    /// What is switched off, by either side, forgets at once what it held: the next datagram may switch it on again.
+    fn manager_written(&mut self, side: Side, address: u16) {
+        if side == Side::Ecat && address % sync_manager::BYTES == sync_manager::ACTIVATE {
+            self.events.activation |= 1 << ((address - SYNC_MANAGER) / sync_manager::BYTES);
+        }
+        self.managers.refresh(&mut self.memory);
+    }
+
+    /// The effects of the processor having read a register.
+    pub(super) fn after_read(&mut self, address: u16) {
+        match address {
+            0x0120..=0x0121 => self.events.al_control = false,
+            WATCHDOG_STATUS => self.events.watchdog = false,
+            0x0800..=0x08FF if address % sync_manager::BYTES == sync_manager::ACTIVATE => {
+                self.events.activation &= !(1 << ((address - SYNC_MANAGER) / sync_manager::BYTES));
+            }
+            SYNC0_STATUS => self.clock.acknowledge(),
+            _ => {}
+        }
+    }
+
+    /// Brings the registers that the chip computes up to date.
+    pub(super) fn refresh(&mut self, at: Nanos) {
+        let memory = &mut self.memory;
+        let link = |open: bool, port: u32| {
+            if open { 1 << (4 + port) | 2 << (8 + 2 * port) } else { 1 << (8 + 2 * port) }
+        };
+        let ports = (0..).zip(self.ports).fold(0, |bits, (port, open)| bits | link(open, port));
+        let flags = u16::from(self.eeprom.is_loaded()) | u16::from(self.pdi_watchdog.is_fine()) << 1;
+        memory.put(DL_STATUS, &(flags | ports).to_le_bytes());
+        memory.set_byte(WATCHDOG_STATUS, u8::from(self.process_watchdog.is_fine()));
+        memory.put(EEPROM_CONTROL, &self.eeprom.status().to_le_bytes());
+        self.managers.refresh(memory);
+        self.clock.show(memory, at);
+        let ecat = self.events.to_main_device(&self.managers);
+        memory.put(ECAT_EVENT, &ecat.to_le_bytes());
+        let al = self.events.to_processor(&self.managers, &self.clock);
+        memory.put(AL_EVENT, &al.to_le_bytes());
+    }
+}

@@ -1,0 +1,169 @@
+//! A frame's way through a chip: datagram by datagram, with its effects at the end.
+
+use super::Nanos;
+use super::chip::Chip;
+use super::command::{Action, Addressing};
+use super::fmmu::{Fmmu, Mapped};
+use super::frame::Datagram;
+use super::registers::*;
+use super::sync_manager::{Side, SyncManagers};
+
+/// A byte that a frame writes at its end.
+#[derive(Debug, Clone, Copy)]
+struct Write {
+    datagram: usize,
+    address: u16,
+    value: u8,
+    mask: u8,
+}
+
+/// What a frame will have done when it turns out to be good.
+#[derive(Debug)]
+struct Pending {
+    writes: Vec<Write>,
+    managers: SyncManagers,
+    datagram: usize,
+    al_status_read: bool,
+    dl_status_read: bool,
+}
+
+impl Chip {
+    /// Processes the datagrams of a frame on their way through. Unless the frame is `good` at its end, nothing of it has
+    /// happened to the chip, but what it carries on is changed.
+    pub(super) fn frame<'f>(&mut self, at: Nanos, datagrams: impl Iterator<Item = Datagram<'f>>, good: bool) {
+        self.advance(at);
+        let mut pending = Pending {
+            writes: Vec::new(),
+            managers: self.managers.clone(),
+            datagram: 0,
+            al_status_read: false,
+            dl_status_read: false,
+        };
+        for (nth, mut datagram) in datagrams.enumerate() {
+            pending.datagram = nth;
+            self.datagram(&mut datagram, &mut pending);
+        }
+        if good {
+            self.commit(at, pending);
+            self.wake();
+        } else {
+            let counter = ERROR_COUNTERS;
+            self.memory.set_byte(counter, self.memory.byte(counter).saturating_add(1));
+        }
+    }
+
+    fn datagram(&self, datagram: &mut Datagram<'_>, pending: &mut Pending) {
+        let Some(command) = datagram.command() else { return };
+        let device = datagram.device();
+        let addressed = match command.addressing() {
+            Addressing::None => false,
+            Addressing::Position => device == 0,
+            Addressing::Station => self.is_station(device),
+            Addressing::Broadcast | Addressing::Logical => true,
+        };
+        let action = command.action(addressed);
+        let (read, written) = if command.addressing() == Addressing::Logical {
+            self.logical(datagram.logical(), datagram.data_mut(), action, pending)
+        } else {
+            self.physical(datagram.offset(), datagram.data_mut(), action, pending)
+        };
+        datagram.count(action.counts(read, written));
+        if matches!(command.addressing(), Addressing::Position | Addressing::Broadcast) {
+            datagram.set_device(device.wrapping_add(1));
+        }
+        datagram.interrupt(self.memory.word(ECAT_EVENT) & self.memory.word(ECAT_EVENT_MASK));
+    }
+
+    fn is_station(&self, device: u16) -> bool {
+        let alias_enabled = self.memory.byte(DL_CONTROL + 3) & 1 != 0;
+        device == self.memory.word(STATION) || alias_enabled && device == self.memory.word(ALIAS)
+    }
+
+    /// Reads and writes from `offset` on; whether at least one byte could be read, and written.
+    fn physical(&self, offset: u16, data: &mut [u8], action: Action, pending: &mut Pending) -> (bool, bool) {
+        let (mut read, mut written) = (false, false);
+        for (nth, byte) in (0..).zip(data) {
+            let Some(address) = offset.checked_add(nth) else { break };
+            let sent = *byte;
+            if let Some(value) = action.read.then(|| self.ecat_read(address, pending)).flatten() {
+                *byte = if action.or { sent | value } else { value };
+                read = true;
+            }
+            written |= action.write && self.ecat_write(address, sent, 0xFF, pending);
+        }
+        (read, written)
+    }
+
+    fn logical(&self, logical: u32, data: &mut [u8], action: Action, pending: &mut Pending) -> (bool, bool) {
+        let (mut read, mut written) = (false, false);
+        let sent = data.to_vec();
+        for fmmu in (0..usize::from(self.kind.fmmus)).filter_map(|nth| Fmmu::of(&self.memory, nth)) {
+            for mapped in fmmu.mapped(logical, sent.len()) {
+                if action.write && fmmu.writes {
+                    let Mapped { address, mask, .. } = mapped;
+                    written |= self.ecat_write(address, mapped.take(&sent), mask, pending);
+                }
+                if action.read
+                    && fmmu.reads
+                    && let Some(value) = self.ecat_read(mapped.address, pending)
+                {
+                    mapped.put(value, data);
+                    read = true;
+                }
+            }
+        }
+        (read, written)
+    }
+
+    fn ecat_read(&self, address: u16, pending: &mut Pending) -> Option<u8> {
+        if usize::from(address) >= self.memory.len() {
+            return None;
+        }
+        let address = if address < PROCESS_RAM {
+            pending.al_status_read |= address == AL_STATUS;
+            pending.dl_status_read |= address == DL_STATUS;
+            address
+        } else {
+            pending.managers.step(Side::Ecat, false, address)?
+        };
+        let withheld = (EEPROM_DATA..EEPROM_DATA + 8).contains(&address)
+            && !self.eeprom.accepts(&self.memory, Side::Ecat);
+        (!withheld && usize::from(address) < self.memory.len()).then(|| self.memory.byte(address))
+    }
+
+    fn ecat_write(&self, address: u16, value: u8, mask: u8, pending: &mut Pending) -> bool {
+        if usize::from(address) >= self.memory.len() {
+            return false;
+        }
+        let address = if address < PROCESS_RAM {
+            self.may_write(Side::Ecat, address).then_some(address)
+        } else {
+            pending.managers.step(Side::Ecat, true, address)
+        };
+        let Some(address) = address.filter(|address| usize::from(*address) < self.memory.len()) else {
+            return false;
+        };
+        pending.writes.push(Write { datagram: pending.datagram, address, value, mask });
+        true
+    }
+
+    /// The end of a good frame: its effects, datagram by datagram.
+    fn commit(&mut self, at: Nanos, pending: Pending) {
+        self.events.al_status &= !pending.al_status_read;
+        self.events.dl_status &= !pending.dl_status_read;
+        self.managers = pending.managers;
+        for writes in pending.writes.chunk_by(|one, other| one.datagram == other.datagram) {
+            for write in writes {
+                let kept = self.memory.byte(write.address) & !write.mask;
+                self.memory.set_byte(write.address, kept | write.value & write.mask);
+            }
+            for write in writes.iter().filter(|write| write.address < PROCESS_RAM) {
+                self.after_write(Side::Ecat, write.address, at);
+            }
+        }
+        if self.managers.take_watchdog_trigger() {
+            self.process_watchdog.trigger(&self.memory, at);
+        }
+        self.refresh(at);
+    }
+}

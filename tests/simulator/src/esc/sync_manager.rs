@@ -1,0 +1,213 @@
+//! SyncManagers: memory that changes hands between the MainDevice and the processor, as a mailbox or by three buffers.
+//!
+//! A state lives beside the registers and is stepped byte by byte. It is small and [`Copy`]: a frame steps a copy, which
+//! takes the place of the state when the frame was good.
+
+use super::memory::Memory;
+use super::registers::SYNC_MANAGER;
+
+/// Registers of one SyncManager.
+pub const BYTES: u16 = 8;
+/// Offsets of its registers.
+pub(crate) const CONTROL: u16 = 4;
+pub(crate) const STATUS: u16 = 5;
+pub(crate) const ACTIVATE: u16 = 6;
+pub(crate) const PDI_CONTROL: u16 = 7;
+/// The status says "buffer 3" when none has been written.
+const NEVER_WRITTEN: u8 = 3;
+
+/// Who accesses a chip's memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// The MainDevice, by frames.
+    Ecat,
+    /// The processor, at the process data interface.
+    Pdi,
+}
+
+/// What the registers of a SyncManager say.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Setup {
+    start: u16,
+    length: u16,
+    control: u8,
+    enabled: bool,
+    /// Behind the last of its buffers.
+    end: u16,
+}
+
+impl Setup {
+    fn of(memory: &Memory, nth: usize) -> Self {
+        let base = SYNC_MANAGER + BYTES * nth as u16;
+        let [start_low, start_high, length_low, length_high, control, _, activate, pdi_control] =
+            memory.bytes(base);
+        let start = u16::from_le_bytes([start_low, start_high]);
+        let length = u16::from_le_bytes([length_low, length_high]);
+        let enabled = activate & 1 != 0 && pdi_control & 1 == 0 && length > 0;
+        let mut setup = Self { start, length, control, enabled, end: start };
+        if enabled {
+            let buffers = if setup.is_mailbox() || setup.is_direct() { 1 } else { 3 };
+            setup.end = start.saturating_add(length.saturating_mul(buffers));
+        }
+        setup
+    }
+
+    pub(crate) fn is_mailbox(&self) -> bool {
+        self.control & 0b11 == 0b10
+    }
+
+    pub(crate) fn producer(&self) -> Side {
+        if self.control & 0b1100 == 0b0100 { Side::Ecat } else { Side::Pdi }
+    }
+
+    pub(crate) fn triggers_watchdog(&self) -> bool {
+        self.control & 0x40 != 0
+    }
+
+    /// One byte in buffered mode is not buffered.
+    fn is_direct(&self) -> bool {
+        !self.is_mailbox() && self.length == 1
+    }
+}
+
+/// What a SyncManager remembers beside its registers.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct State {
+    write_event: bool,
+    read_event: bool,
+    full: bool,
+    writing: bool,
+    reading: bool,
+    write_buffer: u16,
+    read_buffer: u16,
+    latest: Option<u16>,
+    /// A buffer was completely written since this was last taken.
+    completed: bool,
+}
+
+impl State {
+    /// The status register.
+    pub(crate) fn status(&self) -> u8 {
+        let latest = self.latest.map_or(NEVER_WRITTEN, |buffer| buffer as u8);
+        u8::from(self.write_event)
+            | u8::from(self.read_event) << 1
+            | u8::from(self.full) << 3
+            | latest << 4
+            | u8::from(self.reading) << 6
+            | u8::from(self.writing) << 7
+    }
+
+    /// Whether `side` is to be told that it has something to do: something to fetch, or room for the next.
+    pub(crate) fn event_for(&self, side: Side, setup: Setup) -> bool {
+        let enabled = setup.control & if side == Side::Ecat { 0x10 } else { 0x20 } != 0;
+        enabled && if setup.producer() == side { self.read_event } else { self.write_event }
+    }
+
+    /// Steps for a byte that `side` writes; where it goes, or `None` if it must not be written.
+    pub(crate) fn write(&mut self, setup: Setup, side: Side, offset: u16) -> Option<u16> {
+        if side != setup.producer() || setup.is_mailbox() && self.full {
+            return None;
+        }
+        if offset == 0 {
+            self.writing = true;
+            self.read_event = false;
+            self.write_buffer = self.free_buffer(setup);
+        }
+        if !self.writing {
+            return None;
+        }
+        if offset == setup.length - 1 {
+            self.writing = false;
+            self.write_event = true;
+            self.completed = true;
+            self.full = setup.is_mailbox();
+            self.latest = Some(self.write_buffer);
+        }
+        Some(setup.start + self.write_buffer * setup.length + offset)
+    }
+
+    /// Steps for a byte that `side` reads; where it comes from, or `None` if there is nothing for it to read.
+    pub(crate) fn read(&mut self, setup: Setup, side: Side, offset: u16) -> Option<u16> {
+        if setup.is_direct() {
+            self.write_event &= side == setup.producer();
+            return Some(setup.start);
+        }
+        if side == setup.producer() || setup.is_mailbox() && !self.full {
+            return None;
+        }
+        if offset == 0 {
+            self.read_buffer = self.latest?;
+            self.reading = true;
+            self.write_event = false;
+        }
+        if !self.reading {
+            return None;
+        }
+        if offset == setup.length - 1 {
+            self.reading = false;
+            self.read_event = true;
+            self.full = false;
+        }
+        Some(setup.start + self.read_buffer * setup.length + offset)
+    }
+
+    /// A buffer that holds neither the latest data nor those that are being read.
+    fn free_buffer(&self, setup: Setup) -> u16 {
+        if setup.is_mailbox() || setup.is_direct() {
+            return 0;
+        }
+        let taken = |buffer| self.latest == Some(buffer) || self.reading && self.read_buffer == buffer;
+        (0..3).find(|&buffer| !taken(buffer)).unwrap_or(0)
+    }
+}
+
+/// The SyncManagers of a chip, each with what its registers said when they were last looked at.
+#[derive(Debug, Clone)]
+pub(crate) struct SyncManagers(Vec<(Setup, State)>);
+
+impl SyncManagers {
+    pub(crate) fn new(memory: &Memory, count: u8) -> Self {
+        Self((0..usize::from(count)).map(|nth| (Setup::of(memory, nth), State::default())).collect())
+    }
+
+    /// Takes over what the registers say, and shows the states in them. One that is off forgets what it held.
+    pub(crate) fn refresh(&mut self, memory: &mut Memory) {
+        for (nth, (setup, state)) in self.0.iter_mut().enumerate() {
+            *setup = Setup::of(memory, nth);
+            if !setup.enabled {
+                *state = State::default();
+            }
+            memory.set_byte(SYNC_MANAGER + BYTES * nth as u16 + STATUS, state.status());
+        }
+    }
+
+    /// Where the byte at `address` of the process data memory really lies for `side`, after the step that the access means.
+    pub(crate) fn step(&mut self, side: Side, write: bool, address: u16) -> Option<u16> {
+        for (setup, state) in &mut self.0 {
+            if address < setup.start || address >= setup.end {
+                continue;
+            }
+            let offset = address - setup.start;
+            return match write {
+                // The second and third buffer are reached only through the first one's addresses.
+                _ if offset >= setup.length => None,
+                true => state.write(*setup, side, offset),
+                false => state.read(*setup, side, offset),
+            };
+        }
+        Some(address)
+    }
+
+    /// Whether a buffer that feeds the watchdog was completely written since this was last asked.
+    pub(crate) fn take_watchdog_trigger(&mut self) -> bool {
+        self.0.iter_mut().fold(false, |fed, (setup, state)| {
+            fed | (std::mem::take(&mut state.completed) && setup.triggers_watchdog())
+        })
+    }
+
+    /// Those that have something to tell to `side`.
+    pub(crate) fn events(&self, side: Side) -> impl Iterator<Item = usize> {
+        let told = move |(setup, state): &(Setup, State)| setup.enabled && state.event_for(side, *setup);
+        self.0.iter().enumerate().filter(move |(_, manager)| told(manager)).map(|(nth, _)| nth)
+    }
+}

@@ -1,0 +1,159 @@
+//! The LAN9252 as its driver sees it: an SPI device in front of the simulated controller chip, and an interrupt pin.
+//!
+//! A transaction goes byte by byte through `spi`, which decodes the instruction and the address, to the system registers
+//! (`device`). Behind some of these are engines that take their time (`csr`, `fifo`): one accesses registers of the ESC, two move
+//! process data through FIFOs of sixteen double words. What a careful driver would never do is written down and fails the
+//! test that asks ([`Lan9252::check`]).
+
+mod csr;
+mod device;
+mod fifo;
+mod spi;
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
+
+use crate::esc::{Interrupt, Nanos, SharedChip, now};
+use crate::random::Random;
+use device::Device;
+pub use spi::Spi;
+
+/// How fast everything is.
+#[derive(Debug, Clone, Copy)]
+pub struct Timing {
+    /// The SPI clock.
+    pub spi_hz: u64,
+    /// Around a transaction: the select line, and the processor's way to the next.
+    pub select_nanos: Nanos,
+    /// One access to a register of the ESC.
+    pub csr_nanos: Nanos,
+    /// One double word between a FIFO and the ESC's memory.
+    pub fifo_nanos: Nanos,
+    /// From a reset to the test pattern.
+    pub test_nanos: Nanos,
+    /// From a reset to the READY bit.
+    pub ready_nanos: Nanos,
+}
+
+impl Timing {
+    /// SPI at 20 MHz, and a chip that is slower than it needs to be.
+    pub const USUAL: Self = Self {
+        spi_hz: 20_000_000,
+        select_nanos: 300,
+        csr_nanos: 800,
+        fifo_nanos: 400,
+        test_nanos: 1_000_000,
+        ready_nanos: 20_000_000,
+    };
+}
+
+/// Faults between the processor and the chip.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SpiFaults {
+    /// The probability that a bit of a byte is turned, in each direction.
+    pub flipped: f64,
+    /// The probability that a transaction fails in the processor.
+    pub failed: f64,
+}
+
+/// What was counted since the last look.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Bytes on the SPI.
+    pub bytes: u64,
+    /// Transactions.
+    pub selects: u64,
+}
+
+/// A handle on the chip: for the test, which sets faults and looks at counters.
+#[derive(Clone)]
+pub struct Lan9252(Rc<RefCell<Device>>);
+
+impl Lan9252 {
+    /// A chip in front of `chip` that has just left its reset.
+    pub fn new(chip: SharedChip, timing: Timing) -> Self {
+        Self(Rc::new(RefCell::new(Device::new(chip, timing, now()))))
+    }
+
+    /// The processor's SPI.
+    pub fn spi(&self) -> Spi {
+        Spi::new(self.0.clone())
+    }
+
+    /// The interrupt pin.
+    pub fn interrupt(&self) -> Interrupt {
+        let device = self.0.clone();
+        let chip = device.borrow().chip.clone();
+        Interrupt::with_level(chip, move |at| device.borrow_mut().pin(at))
+    }
+
+    /// From now on `faults` happen as `random` draws them. What they make of a driver's accesses is not held against it.
+    pub fn set_faults(&self, faults: SpiFaults, random: Random) {
+        let mut device = self.0.borrow_mut();
+        device.faults = faults;
+        device.random = random;
+    }
+
+    /// Resets the chip as a brown-out does.
+    pub fn reset(&self) {
+        let mut device = self.0.borrow_mut();
+        device.tainted = true;
+        device.reset(now());
+    }
+
+    /// Lets the engine that accesses registers never finish, until the chip is reset.
+    pub fn hang_registers(&self) {
+        self.0.borrow_mut().csr.hang();
+    }
+
+    /// Lets the engines that move process data stand still, until the chip is reset.
+    pub fn hang_transfers(&self) {
+        let mut device = self.0.borrow_mut();
+        device.tainted = true;
+        device.read.hang();
+        device.write.hang();
+    }
+
+    /// From now on the driver's accesses are judged again, after faults that have ended.
+    pub fn forgive(&self) {
+        self.0.borrow_mut().tainted = false;
+    }
+
+    /// Changes how fast the chip is.
+    pub fn set_timing(&self, timing: Timing) {
+        self.0.borrow_mut().timing = timing;
+    }
+
+    /// What was counted since this was last called.
+    pub fn take_traffic(&self) -> Traffic {
+        std::mem::take(&mut self.0.borrow_mut().traffic)
+    }
+
+    /// How often a fault has hit the SPI.
+    pub fn faults_injected(&self) -> u64 {
+        self.0.borrow().injected
+    }
+
+    /// What the driver should not have done.
+    pub fn violations(&self) -> Vec<String> {
+        self.0.borrow().violations.clone()
+    }
+
+    /// Fails the test if the driver did something that it should not have done.
+    ///
+    /// # Panics
+    /// Then.
+    #[track_caller]
+    pub fn check(&self) {
+        let violations = self.violations();
+        assert!(violations.is_empty(), "the driver misused the chip: {violations:#?}");
+    }
+}
+
+/// The driver of a usual chip in front of `chip`, and its interrupt.
+pub fn over_spi(chip: SharedChip) -> (Driver<Spi>, Interrupt) {
+    let lan9252 = Lan9252::new(chip, Timing::USUAL);
+    (Driver::new(lan9252.spi(), Wiring::default()), lan9252.interrupt())
+}

@@ -1,0 +1,56 @@
+//! An EtherCAT SubDevice on a simulated chip: an application that knows every image again, faults on the way to the chip, and
+//! a MainDevice that starts it.
+
+mod echo;
+mod faulty;
+#[cfg(feature = "masters")]
+// The master that tests run; see the feature.
+mod start;
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use embedded_hal_async::digital::Wait;
+use mobgate::ethercat::application::Application;
+use mobgate::ethercat::device::Device;
+use mobgate::ethercat::esc::Esc;
+use mobgate::ethercat::sii;
+use mobgate::ethercat::sub_device::SubDevice;
+
+use crate::World;
+use crate::esc::cable::SharedSegment;
+use crate::esc::{Chip, DirectPdi, Interrupt, Kind, Segment, SharedChip};
+
+pub use echo::{Echo, SharedEcho, image, sequence};
+pub use faulty::{BusFaults, Counted, Counts, Faulty};
+#[cfg(feature = "masters")]
+// As above.
+pub use start::{Desk, Exchanged, Group, StartUp, cable, exchange_images, start_up, with_master};
+
+/// A line with one chip whose EEPROM says what `device` is.
+///
+/// # Panics
+/// When the device's description does not fit into the EEPROM.
+pub fn line_of(device: &Device) -> SharedSegment {
+    let mut image = [0; sii::SII_BYTES];
+    sii::write(device, &mut image).expect("the description fits");
+    Rc::new(RefCell::new(Segment::new([Chip::new(Kind::LAN9252, image.to_vec())])))
+}
+
+/// A chip that is reached directly, and its interrupt.
+pub fn direct(chip: SharedChip) -> (DirectPdi, Interrupt) {
+    (DirectPdi::new(chip.clone()), Interrupt::new(chip))
+}
+
+/// Runs a SubDevice that is woken by `interrupt`.
+pub fn spawn<'w>(
+    world: &World<'w>,
+    mut sub_device: SubDevice<impl Esc + 'w, impl Application + 'w>,
+    mut interrupt: Interrupt,
+) {
+    world.spawn(async move {
+        sub_device
+            .run(async || interrupt.wait_for_high().await.expect("the simulated line cannot fail"))
+            .await
+    });
+}

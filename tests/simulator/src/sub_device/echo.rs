@@ -1,0 +1,97 @@
+//! Images that carry a number and can be told from torn ones, and an application that gives back what it gets.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use mobgate::ethercat::application::{Address, Application};
+use mobgate::ethercat::coe::abort::Abort;
+
+use crate::random;
+
+/// An image of `bytes`, a multiple of eight, that carries `sequence`; none of its bytes fits into another image.
+pub fn image(sequence: u64, bytes: usize) -> Vec<u8> {
+    let words = (1..bytes as u64 / 8).map(|word| random::mix(sequence.wrapping_mul(31).wrapping_add(word)));
+    std::iter::once(sequence).chain(words).flat_map(u64::to_le_bytes).collect()
+}
+
+/// The number of an image, if it is whole.
+pub fn sequence(bytes: &[u8]) -> Option<u64> {
+    let number = u64::from_le_bytes(*bytes.first_chunk()?);
+    (image(number, bytes.len()) == bytes).then_some(number)
+}
+
+/// Gives outputs back as inputs, and keeps an account of them.
+#[derive(Debug, Default)]
+pub struct Echo {
+    /// The number of the last outputs.
+    pub last: Option<u64>,
+    /// How many images came.
+    pub images: u64,
+    /// Images that were not whole.
+    pub torn: u64,
+    /// Numbers that were left out.
+    pub lost: u64,
+    /// Images that came again.
+    pub again: u64,
+    /// Images that are older than one before.
+    pub old: u64,
+    /// How often outputs became invalid.
+    pub stops: u64,
+    /// Whether outputs are valid now.
+    pub valid: bool,
+}
+
+/// An [`Echo`] that a test looks into.
+#[derive(Debug, Clone, Default)]
+pub struct SharedEcho(pub Rc<RefCell<Echo>>);
+
+impl Application for SharedEcho {
+    fn read(&mut self, _at: Address, into: &mut [u8]) -> Result<usize, Abort> {
+        Ok(into.len())
+    }
+
+    fn write(&mut self, _at: Address, _value: &[u8]) {}
+
+    fn outputs(&mut self, _pdo: u16, bytes: &[u8]) {
+        let mut echo = self.0.borrow_mut();
+        echo.images += 1;
+        let Some(number) = sequence(bytes) else {
+            echo.torn += 1;
+            return;
+        };
+        match echo.last {
+            Some(last) if number < last => echo.old += 1,
+            Some(last) if number == last => echo.again += 1,
+            Some(last) => echo.lost += number - last - 1,
+            None => {}
+        }
+        echo.last = Some(number);
+        echo.valid = true;
+    }
+
+    fn inputs(&mut self, _pdo: u16, into: &mut [u8]) {
+        let echo = self.0.borrow();
+        into.copy_from_slice(&image(echo.last.unwrap_or(0), into.len()));
+    }
+
+    fn outputs_stopped(&mut self) {
+        let mut echo = self.0.borrow_mut();
+        echo.stops += 1;
+        echo.valid = false;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{image, sequence};
+
+    #[test]
+    fn an_image_is_known_again_and_a_torn_one_is_not() {
+        let (one, other) = (image(7, 120), image(8, 120));
+        assert_eq!(sequence(&one), Some(7));
+        for cut in 1..120 {
+            let torn = [&one[..cut], &other[cut..]].concat();
+            assert_eq!(sequence(&torn), None, "torn at {cut}");
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! What can go wrong between processor and chip, as the driver reports it; and an account of accesses.
+
+use std::cell::{Cell, RefCell};
+use std::ops::RangeInclusive;
+use std::rc::Rc;
+
+use embassy_time::Timer;
+use mobgate::ethercat::esc::{Esc, EscError};
+
+use crate::random::Random;
+
+/// How probable it is that something happens to an access.
+#[derive(Debug, Clone)]
+pub struct BusFaults {
+    /// The bus fails, before the access or behind it.
+    pub failing: f64,
+    /// The chip is busy for too long.
+    pub stuck: f64,
+    /// The access takes longer.
+    pub slow: f64,
+    /// By how many microseconds.
+    pub slow_us: RangeInclusive<u64>,
+}
+
+impl BusFaults {
+    /// None.
+    pub const NONE: Self = Self { failing: 0.0, stuck: 0.0, slow: 0.0, slow_us: 0..=0 };
+}
+
+/// How long a chip is busy before a driver gives up.
+const STUCK_MILLIS: u64 = 2;
+
+/// Access to a chip that goes wrong now and then. A bus error can come before or behind what the access does to the chip.
+pub struct Faulty<E> {
+    esc: E,
+    faults: Rc<RefCell<BusFaults>>,
+    random: Random,
+}
+
+impl<E> Faulty<E> {
+    /// Access by `esc` with `faults` that `random` draws.
+    pub fn new(esc: E, faults: Rc<RefCell<BusFaults>>, random: Random) -> Self {
+        Self { esc, faults, random }
+    }
+
+    async fn before(&mut self, address: u16) -> Result<(), EscError> {
+        let faults = self.faults.borrow().clone();
+        if self.random.chance(faults.slow) {
+            Timer::after_micros(self.random.within(faults.slow_us)).await;
+        }
+        if self.random.chance(faults.stuck) {
+            Timer::after_millis(STUCK_MILLIS).await;
+            return Err(EscError::Stuck(address));
+        }
+        self.bus()
+    }
+
+    fn bus(&mut self) -> Result<(), EscError> {
+        let failing = self.faults.borrow().failing;
+        if self.random.chance(failing / 2.0) { Err(EscError::Bus) } else { Ok(()) }
+    }
+}
+
+impl<E: Esc> Esc for Faulty<E> {
+    async fn read(&mut self, address: u16, into: &mut [u8]) -> Result<(), EscError> {
+        self.before(address).await?;
+        self.esc.read(address, into).await?;
+        self.bus()
+    }
+
+    async fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), EscError> {
+        self.before(address).await?;
+        self.esc.write(address, bytes).await?;
+        self.bus()
+    }
+
+    async fn events(&mut self) -> Result<u32, EscError> {
+        self.before(0x0220).await?;
+        let events = self.esc.events().await?;
+        self.bus().map(|()| events)
+    }
+}
+
+/// How many accesses there were.
+#[derive(Debug, Default)]
+pub struct Counts {
+    /// Looks at the event register.
+    pub events: Cell<u64>,
+    /// Reads that begin at the address that is watched.
+    pub watched: Cell<u64>,
+}
+
+/// Access to a chip that is counted.
+pub struct Counted<E> {
+    esc: E,
+    watched: u16,
+    counts: Rc<Counts>,
+}
+
+impl<E> Counted<E> {
+    /// Access by `esc`, watching `address`.
+    pub fn new(esc: E, address: u16) -> Self {
+        Self { esc, watched: address, counts: Rc::default() }
+    }
+
+    /// The counts, as they go on.
+    pub fn counts(&self) -> Rc<Counts> {
+        self.counts.clone()
+    }
+}
+
+fn count(cell: &Cell<u64>) {
+    cell.set(cell.get() + 1);
+}
+
+impl<E: Esc> Esc for Counted<E> {
+    async fn read(&mut self, address: u16, into: &mut [u8]) -> Result<(), EscError> {
+        if address == self.watched {
+            count(&self.counts.watched);
+        }
+        self.esc.read(address, into).await
+    }
+
+    async fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), EscError> {
+        self.esc.write(address, bytes).await
+    }
+
+    async fn events(&mut self) -> Result<u32, EscError> {
+        count(&self.counts.events);
+        self.esc.events().await
+    }
+}

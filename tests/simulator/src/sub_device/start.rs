@@ -1,0 +1,179 @@
+//! ethercrab starts a SubDevice, from Init to Op with the mapping that it reads by itself, and exchanges images with it.
+
+use std::cell::Cell;
+use std::rc::Rc;
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Instant, Timer};
+use ethercrab::MainDevice;
+use ethercrab::error::Error;
+use ethercrab::subdevice_group::{Op, PreOp, SubDeviceGroup};
+use mobgate::ethercat::device::Device;
+use mobgate::ethercat::esc::Esc;
+use mobgate::ethercat::sub_device::SubDevice;
+use mobgate::ethercat::sync_manager::Channel;
+
+use super::{Counted, SharedEcho, direct, image, line_of, sequence, spawn};
+use crate::esc::cable::{Cable, SharedSegment};
+use crate::esc::master::{Storage, main_device, pump};
+use crate::esc::{Interrupt, SharedChip};
+use crate::{Random, World};
+
+/// On its way, there and back.
+const FRAME_TIME: Duration = Duration::from_micros(50);
+/// Until the device has started its chip.
+const POWER_ON: Duration = Duration::from_millis(100);
+/// Between two exchanges of process data while Op is waited for.
+const CYCLE: Duration = Duration::from_millis(1);
+
+/// One device and 512 bytes of process data; ethercrab wants a power of two of devices, and more than one.
+pub type Group<S> = SubDeviceGroup<2, 512, ethercrab::DefaultLock, S>;
+
+/// A MainDevice in front of one SubDevice.
+pub struct Desk<'m> {
+    /// The MainDevice.
+    pub master: &'m MainDevice<'m>,
+    /// The frames so far.
+    pub frames: Rc<Cell<u64>>,
+}
+
+impl Desk<'_> {
+    /// From Init to PreOp.
+    ///
+    /// # Errors
+    /// What the MainDevice says.
+    pub async fn to_pre_op(&self) -> Result<Group<PreOp>, Error> {
+        self.master.init_single_group(|| Instant::now().as_micros() * 1_000).await
+    }
+
+    /// From PreOp to Op, with outputs that are an image with `number`.
+    ///
+    /// # Errors
+    /// What the MainDevice says.
+    pub async fn to_op(&self, group: Group<PreOp>, number: u64) -> Result<Group<Op>, Error> {
+        let group = group.into_safe_op(self.master).await?;
+        let outputs = group.subdevice(self.master, 0)?.outputs_raw().len();
+        group.subdevice(self.master, 0)?.outputs_raw_mut().copy_from_slice(&image(number, outputs));
+        group.tx_rx(self.master).await?;
+        let group = group.request_into_op(self.master).await?;
+        while !group.tx_rx(self.master).await?.all_op() {
+            Timer::after(CYCLE).await;
+        }
+        Ok(group)
+    }
+
+    /// One cycle: outputs with `number`; the number of the inputs, unless they are torn, and the working counter.
+    ///
+    /// # Errors
+    /// What the MainDevice says.
+    pub async fn exchange(&self, group: &Group<Op>, number: u64) -> Result<(Option<u64>, u16), Error> {
+        let device = group.subdevice(self.master, 0)?;
+        let length = device.outputs_raw().len();
+        device.outputs_raw_mut().copy_from_slice(&image(number, length));
+        let counter = group.tx_rx(self.master).await?.working_counter;
+        let inputs = sequence(&device.inputs_raw());
+        Ok((inputs, counter))
+    }
+}
+
+/// A cable without faults in front of the line.
+pub fn cable(line: SharedSegment) -> Cable {
+    Cable::new(line, FRAME_TIME)
+}
+
+/// Puts a MainDevice at the cable, and lets it do as `script` says.
+///
+/// # Panics
+/// When what the script waits for never comes.
+pub fn with_master<T>(world: &mut World<'_>, cable: Cable, script: impl AsyncFnOnce(Desk<'_>) -> T) -> T {
+    let storage = Storage::new();
+    let (tx, rx, pdu_loop) = storage.try_split().expect("it was not split before");
+    let frames = cable.frames();
+    let master = main_device(pdu_loop, 0);
+    let script = async {
+        // The device starts its chip first.
+        Timer::after(POWER_ON).await;
+        script(Desk { master: &master, frames }).await
+    };
+    match world.run_until(select(pump(tx, rx, cable), script)) {
+        Either::First(never) => match never {},
+        Either::Second(outcome) => outcome,
+    }
+}
+
+/// What a start took.
+#[derive(Debug, Clone, Copy)]
+pub struct StartUp {
+    /// From the first frame until Op was seen.
+    pub time: Duration,
+    /// Mailbox requests that were answered.
+    pub round_trips: u64,
+    /// Frames.
+    pub frames: u64,
+}
+
+/// Starts `device`, whose chip is reached by what `reach` makes.
+///
+/// # Errors
+/// What the MainDevice says.
+pub fn start_up<E: Esc + 'static>(
+    device: &'static Device,
+    reach: impl FnOnce(SharedChip) -> (E, Interrupt),
+) -> Result<StartUp, Error> {
+    let mut world = World::new(1);
+    let line = line_of(device);
+    let (esc, interrupt) = reach(line.borrow().chip(0));
+    let esc = Counted::new(esc, device.memory.start(Channel::MailboxOut));
+    let counts = esc.counts();
+    spawn(&world, SubDevice::new(device, esc, SharedEcho::default()), interrupt);
+    with_master(&mut world, cable(line), async |desk| {
+        let begin = Instant::now();
+        let group = desk.to_pre_op().await?;
+        desk.to_op(group, 1).await?;
+        let (round_trips, frames) = (counts.watched.get(), desk.frames.get());
+        Ok(StartUp { time: begin.elapsed(), round_trips, frames })
+    })
+}
+
+/// How images fared.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Exchanged {
+    /// Cycles without the working counter that is expected.
+    pub short: u64,
+    /// Outputs that were left out.
+    pub lost: u64,
+    /// Outputs or inputs that were torn, or older than the ones before.
+    pub wrong: u64,
+}
+
+/// Exchanges images with `device` in Op, once a millisecond, while its processor works in pieces of random length with random
+/// pauses up to `pause_us` between them.
+///
+/// # Errors
+/// What the MainDevice says.
+pub fn exchange_images(device: &'static Device, cycles: u64, pause_us: u64) -> Result<Exchanged, Error> {
+    let mut world = World::new(1);
+    let line = line_of(device);
+    let echo = SharedEcho::default();
+    let (esc, interrupt) = direct(line.borrow().chip(0));
+    let esc = esc.with_pauses(Random::new(cycles), 0..=pause_us);
+    spawn(&world, SubDevice::new(device, esc, echo.clone()), interrupt);
+    let mut exchanged = with_master(&mut world, cable(line), async |desk| {
+        let group = desk.to_pre_op().await?;
+        let group = desk.to_op(group, 1).await?;
+        let (mut exchanged, mut last) = (Exchanged::default(), 0);
+        for number in 2..cycles + 2 {
+            let (inputs, counter) = desk.exchange(&group, number).await?;
+            exchanged.short += u64::from(counter != 3);
+            exchanged.wrong += u64::from(inputs.is_none_or(|inputs| inputs < last));
+            last = inputs.unwrap_or(last);
+            Timer::after(CYCLE).await;
+        }
+        Ok::<_, Error>(exchanged)
+    })?;
+    let echo = echo.0.borrow();
+    // The first image is sent again until Op is reached, and once taken from SafeOp.
+    exchanged.lost = echo.lost + cycles + 1 - echo.last.unwrap_or(0);
+    exchanged.wrong += echo.torn;
+    Ok(exchanged)
+}

@@ -13,6 +13,7 @@ const INTERRUPTS: usize = 32;
 pub(crate) struct Interrupt(pub(crate) u16);
 
 pub(crate) const TIMER_0: Interrupt = Interrupt(8);
+pub(crate) const TIMER_1: Interrupt = Interrupt(9);
 pub(crate) const ETHERNET: Interrupt = Interrupt(13);
 /// The receivers' interrupts; each transmitter's is the next.
 pub(crate) const UARTS: [Interrupt; uart::COUNT] =
@@ -39,6 +40,7 @@ type Handler = extern "C" fn();
 static __INTERRUPTS: [Handler; INTERRUPTS] = {
     let mut table: [Handler; INTERRUPTS] = [unexpected; INTERRUPTS];
     table[TIMER_0.0 as usize] = clock::on_timer;
+    table[TIMER_1.0 as usize] = uart::on_idle;
     table[ETHERNET.0 as usize] = ethernet::on_interrupt;
     let receive: [Handler; uart::COUNT] = [
         uart::on_receive::<0>,

@@ -18,6 +18,8 @@ const ROUND: u32 = 0x00ff_ffff;
 
 /// Ticks spent awake, modulo 2^32.
 static BUSY: AtomicU32 = AtomicU32::new(0);
+/// Of those, ticks spent on moving bytes from and to UARTs, which DMA does on a chip.
+static DRIVER: AtomicU32 = AtomicU32::new(0);
 static WOKEN_AT: AtomicU32 = AtomicU32::new(0);
 
 /// Lets SysTick count the processor's cycles down. With QEMU's `-icount` it counts instructions.
@@ -40,6 +42,14 @@ pub(crate) fn wake_up() {
     WOKEN_AT.store(SYST::get_current(), Ordering::Relaxed);
 }
 
+/// Counts `work` as a UART driver's.
+pub(crate) fn in_driver(work: impl FnOnce()) {
+    let start = SYST::get_current();
+    work();
+    let spent = start.wrapping_sub(SYST::get_current()) & ROUND;
+    DRIVER.store(DRIVER.load(Ordering::Relaxed).wrapping_add(spent), Ordering::Relaxed);
+}
+
 /// The most that the stack has ever held, in bytes.
 fn stack_bytes() -> usize {
     unsafe extern "C" {
@@ -55,15 +65,20 @@ fn stack_bytes() -> usize {
     top.addr() - at.addr()
 }
 
-/// Answers each byte on `line` with a line of figures, for ever.
+/// Answers each byte on `line` with a line of figures, for ever: `b` asks for the ticks, `m` for memory.
 pub(crate) async fn report(mut line: Line, sockets: &'static Sockets) {
     let mut asked = [0; 1];
     loop {
         let Ok(_) = line.read(&mut asked).await;
-        let mut text = String::<96>::new();
-        let busy = BUSY.load(Ordering::Relaxed);
-        // It has room for three numbers.
-        let _ = writeln!(text, "busy {busy} stack {} sockets {}", stack_bytes(), sockets.free());
+        let mut text = String::<64>::new();
+        // It has room for two numbers.
+        let _ = match asked {
+            [b'b'] => {
+                let (busy, driver) = (BUSY.load(Ordering::Relaxed), DRIVER.load(Ordering::Relaxed));
+                writeln!(text, "busy {busy} driver {driver}")
+            }
+            _ => writeln!(text, "stack {} sockets {}", stack_bytes(), sockets.free()),
+        };
         let Ok(()) = line.write_all(text.as_bytes()).await;
     }
 }

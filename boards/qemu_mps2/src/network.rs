@@ -25,7 +25,8 @@ pub(crate) fn start(setting: &OwnNetwork) -> (&'static Sockets, Runner<'static, 
     // Else connections after a restart would have the ports and numbers of those before.
     let seed = semihosting::host_time() as u64;
     let config = address::stack_config(setting);
-    let (stack, runner) = embassy_net::new(Ethernet::start(), config, RESOURCES.init(StackResources::new()), seed);
+    let (stack, runner) =
+        embassy_net::new(Ethernet::start(), config, RESOURCES.init(StackResources::new()), seed);
     let buffers = BUFFERS.take().iter_mut().map(|buffer| &mut buffer[..]);
     (POOL.init(Sockets::new(stack, buffers)), runner)
 }

@@ -1,7 +1,8 @@
 //! The CMSDK UARTs, driven by interrupts through ring buffers.
 //!
 //! QEMU holds back what a full receiver cannot take, so no byte is ever lost: when the buffer is full, the receiver's interrupt
-//! is off until the task has read.
+//! is off until the task has read. As with a DMA channel and an idle line's interrupt, a task is not woken for each byte but for
+//! a piece, or when nothing has come for a while.
 
 use core::convert::Infallible;
 use core::future::poll_fn;
@@ -14,6 +15,7 @@ use mobgate::hal::SerialLine;
 use static_cell::ConstStaticCell;
 
 use crate::interrupts::{self, Interrupt};
+use crate::measure;
 use crate::register::Register;
 
 /// UARTs of the machine.
@@ -24,6 +26,17 @@ const BUFFER_BYTES: usize = 512;
 pub(crate) const CLOCK_HZ: u32 = 25_000_000;
 /// Least divisor that the hardware takes.
 pub(crate) const DIVISOR_MIN: u32 = 16;
+
+/// A task is woken when so many bytes are there.
+const PIECE_BYTES: usize = 64;
+/// It is woken for fewer when no UART has received any for 250 us: two characters at 115200 baud, in cycles of the timer.
+const IDLE_CYCLES: u32 = CLOCK_HZ / 4_000;
+const IDLE_TIMER: usize = 0x4000_1000;
+const IDLE_CONTROL: Register = Register::at(IDLE_TIMER, 0x0);
+const IDLE_VALUE: Register = Register::at(IDLE_TIMER, 0x4);
+const IDLE_RELOAD: Register = Register::at(IDLE_TIMER, 0x8);
+const IDLE_CLEAR: Register = Register::at(IDLE_TIMER, 0xc);
+const IDLE_START: u32 = 1 | 1 << 3;
 
 const TRANSMITTER_FULL: u32 = 1;
 const RECEIVER_FULL: u32 = 1 << 1;
@@ -70,6 +83,20 @@ pub(crate) fn start() {
         interrupts::enable(Interrupt(interrupt));
         interrupts::enable(Interrupt(interrupt + 1));
     }
+    IDLE_RELOAD.write(IDLE_CYCLES);
+    interrupts::enable(interrupts::TIMER_1);
+}
+
+/// Nothing has come for a while.
+pub(crate) extern "C" fn on_idle() {
+    IDLE_CONTROL.write(0);
+    IDLE_CLEAR.write(1);
+    wake_readers();
+}
+
+/// Wakes all at once, so that a busy line does not keep the end of another's frame waiting.
+fn wake_readers() {
+    UARTS.iter().filter(|uart| !uart.received.is_empty()).for_each(|uart| uart.arrived.wake());
 }
 
 pub(crate) extern "C" fn on_receive<const N: usize>() {
@@ -99,6 +126,13 @@ impl Uart {
 
     /// Takes what the receiver has, as far as there is room. By the interrupt, or with interrupts masked.
     fn receive(&self) {
+        measure::in_driver(|| self.move_received());
+        if self.received.len() >= PIECE_BYTES {
+            wake_readers();
+        }
+    }
+
+    fn move_received(&self) {
         // SAFETY: there is one writer at a time, see above.
         let mut ring = unsafe { self.received.writer() };
         while self.state.read() & RECEIVER_FULL != 0 {
@@ -114,17 +148,20 @@ impl Uart {
                 break;
             }
         }
-        self.arrived.wake();
+        IDLE_VALUE.write(IDLE_CYCLES);
+        IDLE_CONTROL.write(IDLE_START);
     }
 
     /// Gives the transmitter what it takes. By the interrupt, or with interrupts masked.
     fn transmit(&self) {
-        // SAFETY: there is one reader at a time, see above.
-        let mut ring = unsafe { self.to_send.reader() };
-        while self.state.read() & TRANSMITTER_FULL == 0 {
-            let Some(byte) = ring.pop_one() else { break };
-            self.data.write(byte.into());
-        }
+        measure::in_driver(|| {
+            // SAFETY: there is one reader at a time, see above.
+            let mut ring = unsafe { self.to_send.reader() };
+            while self.state.read() & TRANSMITTER_FULL == 0 {
+                let Some(byte) = ring.pop_one() else { break };
+                self.data.write(byte.into());
+            }
+        });
         self.room.wake();
     }
 

@@ -53,7 +53,7 @@ pub struct Unit {
     pub down: bool,
     /// No request before this time: a late answer may come, or the next probe is not due.
     pub held_until: Instant,
-    probe_after: Duration,
+    probe_after_ms: u32,
     /// Reads are not joined before this time.
     join_after: Instant,
 }
@@ -71,7 +71,7 @@ impl Unit {
             silent: 0,
             down: false,
             held_until: Instant::MIN,
-            probe_after: PROBE_FIRST,
+            probe_after_ms: PROBE_FIRST.as_millis() as u32,
             join_after: Instant::MIN,
         }
     }
@@ -163,8 +163,9 @@ impl Units {
             unit.held_until = now + window;
             if down_after != 0 && unit.silent >= down_after {
                 unit.down = true;
-                unit.held_until = now + window.max(unit.probe_after);
-                unit.probe_after = (unit.probe_after * 2).min(PROBE_LONGEST);
+                let probe_after = Duration::from_millis(unit.probe_after_ms.into());
+                unit.held_until = now + window.max(probe_after);
+                unit.probe_after_ms = (probe_after * 2).min(PROBE_LONGEST).as_millis() as u32;
             }
         });
     }
@@ -196,6 +197,6 @@ impl Unit {
     fn alive(&mut self) {
         self.silent = 0;
         self.down = false;
-        self.probe_after = PROBE_FIRST;
+        self.probe_after_ms = PROBE_FIRST.as_millis() as u32;
     }
 }

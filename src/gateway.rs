@@ -45,7 +45,9 @@ pub struct PortPlace {
 }
 
 /// How a port is doing.
+// `Off` is the 0: then a port's place is all zeros at the start, which take no place in a board's flash.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Status {
     /// Nothing is set here, or the port has just been set.
     Off,

@@ -187,6 +187,15 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn log(&mut self) -> Result<(), IO::Error> {
+        let mut event = String::<LINE_BYTES_MAX>::new();
+        // A longer event is cut off.
+        for n in 0.. {
+            if self.system.write_event(n, &mut event).is_none() {
+                break;
+            }
+            self.out.line(format_args!("{event}")).await?;
+            event.clear();
+        }
         self.out
             .line(format_args!(
                 "{:>9} {:15} {:>4} {:15} {:>6} {:>8} {:>10} OUTCOME",

@@ -11,8 +11,8 @@ use heapless::Vec;
 use crate::port::queue::Ready;
 
 /// Units remembered at one port: the loads that an RS-485 segment carries. The quietest healthy one is forgotten
-/// when another one comes.
-pub const UNITS_MAX: usize = 32;
+/// when another one comes. The feature `small` remembers half as many.
+pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 32 };
 /// First and longest pause between probes of a unit that is down.
 pub const PROBE_FIRST: Duration = Duration::from_secs(1);
 /// See [`PROBE_FIRST`].
@@ -55,7 +55,7 @@ pub struct Unit {
     pub held_until: Instant,
     /// The late answer may come until then, whatever is due.
     late_until: Instant,
-    probe_after: Duration,
+    probe_after_ms: u32,
     /// Reads are not joined before this time.
     join_after: Instant,
 }
@@ -74,7 +74,7 @@ impl Unit {
             down: false,
             held_until: Instant::MIN,
             late_until: Instant::MIN,
-            probe_after: PROBE_FIRST,
+            probe_after_ms: PROBE_FIRST.as_millis() as u32,
             join_after: Instant::MIN,
         }
     }
@@ -175,8 +175,9 @@ impl Units {
             unit.held_until = now + window;
             if down_after != 0 && unit.silent >= down_after {
                 unit.down = true;
-                unit.held_until = now + window.max(unit.probe_after);
-                unit.probe_after = (unit.probe_after * 2).min(PROBE_LONGEST);
+                let probe_after = Duration::from_millis(unit.probe_after_ms.into());
+                unit.held_until = now + window.max(probe_after);
+                unit.probe_after_ms = (probe_after * 2).min(PROBE_LONGEST).as_millis() as u32;
             }
         });
     }
@@ -213,6 +214,6 @@ impl Unit {
         self.down = false;
         // It need not wait for a probe any more.
         self.held_until = self.held_until.min(self.late_until);
-        self.probe_after = PROBE_FIRST;
+        self.probe_after_ms = PROBE_FIRST.as_millis() as u32;
     }
 }

@@ -150,8 +150,8 @@ impl Application for GatewayObjects<'_> {
             0x2022 | 0x2024 => self.place.outputs(|buffer| copy_entry(buffer, at.sub, into))?,
             0x2006 => {
                 let reason = self.reason();
-                into.get_mut(..reason.len()).ok_or(Abort::General)?.copy_from_slice(reason.as_bytes());
-                return Ok(reason.len());
+                into.fill(0);
+                into.iter_mut().zip(reason.bytes()).for_each(|(place, byte)| *place = byte);
             }
             _ => {
                 let number = self.number(at).ok_or(Abort::General)?;

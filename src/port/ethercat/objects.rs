@@ -105,7 +105,8 @@ const HEALTH: Entry = Entry::reading("Health", DataType::U8).with_access(Access:
 
 const DEVICE_STATUS: &[Entry] = &[
     HEALTH,
-    Entry::reading("AnsweredBeforeMs", DataType::U32),
+    // Never, until it does.
+    Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX as u64),
     Entry::reading("ExceptionCode", DataType::U8),
     Entry::reading("LastError", DataType::U8),
     Entry::reading("Requests", DataType::U32),

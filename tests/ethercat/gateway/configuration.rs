@@ -42,8 +42,8 @@ fn write(objects: &mut GatewayObjects<'_>, index: u16, sub: u8, value: u32) -> R
 
 fn reason(objects: &mut GatewayObjects<'_>) -> String {
     let mut text = [0; REASON_BYTES as usize];
-    let length = objects.read(at(0x2006, 0), &mut text).unwrap();
-    String::from_utf8(text[..length].to_vec()).unwrap()
+    objects.read(at(0x2006, 0), &mut text).unwrap();
+    str::from_utf8(&text).unwrap().trim_end_matches('\0').to_owned()
 }
 
 fn layout(objects: &mut GatewayObjects<'_>, device: u16) -> [u16; 10] {

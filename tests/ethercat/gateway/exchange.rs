@@ -78,7 +78,6 @@ impl Bench<'_> {
         let group = group.into_safe_op(self.desk.master).await.unwrap();
         let gateway = group.subdevice(self.desk.master, 0).unwrap();
         gateway.outputs_raw_mut()[..outputs.len()].copy_from_slice(outputs);
-        drop(gateway);
         group.tx_rx(self.desk.master).await.unwrap();
         let group = group.request_into_op(self.desk.master).await.unwrap();
         while !group.tx_rx(self.desk.master).await.unwrap().all_op() {
@@ -148,7 +147,6 @@ fn the_four_devices_are_configured_by_sdo_and_every_byte_is_that_of_the_vectors(
                 assert_eq!(gateway.sdo_read::<u16>(index, sub).await.unwrap(), expected);
             }
         }
-        drop(gateway);
         let group = bench.to_op(group, &bench.output_image()).await;
         bench.cycle_for(&group, Duration::from_secs(1)).await;
         let gateway = group.subdevice(bench.desk.master, 0).unwrap();
@@ -252,7 +250,6 @@ fn while_the_flag_is_reset_there_is_no_traffic_and_the_buffers_keep_their_values
         bench.cycle_for(&group, 1_000 * MS).await;
         let gateway = group.subdevice(bench.desk.master, 0).unwrap();
         gateway.sdo_write(0x2005, 2, 0_u16).await.unwrap();
-        drop(gateway);
         // What is on the wire comes to its end.
         bench.cycle_for(&group, 20 * MS).await;
         let before = bench.requests();
@@ -263,7 +260,6 @@ fn while_the_flag_is_reset_there_is_no_traffic_and_the_buffers_keep_their_values
         assert_eq!(gateway.inputs_raw()[..image.len()], image);
         gateway.sdo_write(0x2000, 1, 1_u16).await.unwrap();
         gateway.sdo_write(0x2005, 1, 1_u16).await.unwrap();
-        drop(gateway);
         bench.cycle_for(&group, 1_000 * MS).await;
         let first = &bench.virtuals[0].input_image;
         let gateway = group.subdevice(bench.desk.master, 0).unwrap();
@@ -326,7 +322,6 @@ fn the_master_sees_which_device_is_well_and_the_others_go_on() {
             gateway.sdo_write(0x1c13, sub, pdo).await.unwrap();
         }
         gateway.sdo_write(0x1c13, 0, 2_u8).await.unwrap();
-        drop(gateway);
         bench.configure(&group).await;
         let group = bench.to_op(group, &bench.output_image()).await;
         bench.cycle_for(&group, 5_000 * MS).await;
@@ -349,7 +344,6 @@ fn a_device_that_is_to_be_checked_is_asked_for_a_sign_of_life_before_each_poll()
         let group = bench.desk.to_pre_op().await.unwrap();
         let gateway = group.subdevice(bench.desk.master, 0).unwrap();
         gateway.sdo_write(0x2007, 3, 1_u8).await.unwrap();
-        drop(gateway);
         bench.configure(&group).await;
         Timer::after_secs(2).await;
         let checks = |nth: usize| bench.devices[nth].counters().requests[8];

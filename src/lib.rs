@@ -36,7 +36,10 @@
 //! # EtherCAT
 //!
 //! [`ethercat`] is a SubDevice that knows nothing of the rest; [`port::ethercat`] says what the gateway is as one: its objects,
-//! its buffers and where the values of Modbus devices lie in them. Nothing joins it to the router yet.
+//! its buffers and where the values of Modbus devices lie in them. The buffers are the memory of a [`scanner`] of their own,
+//! whose requests go through the router by the rules for the `ethercat` port. A board with a controller keeps an
+//! [`port::ethercat::EthercatPlace`] in a static, gives it to [`gateway::Gateway::with_ethercat`], and runs an
+//! [`ethercat::sub_device::SubDevice`] with [`port::ethercat::GatewayObjects`] over it.
 //!
 //! # Limits
 //!

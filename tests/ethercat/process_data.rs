@@ -5,12 +5,12 @@ use std::ops::RangeInclusive;
 use embassy_time::Duration;
 use mobgate::ethercat::device::Device;
 use mobgate::ethercat::sync_manager::Channel;
-use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::Random;
 use mobgate_simulator::esc::Command;
 use mobgate_simulator::sub_device::{Echo, SharedEcho, direct, image, sequence};
 
-use crate::bench::{ERROR, INIT, LOGICAL, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP};
+use crate::bench::{ERROR, INIT, LOGICAL, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, gateway_objects};
 
 static GATEWAY: Device = DEVICE;
 
@@ -85,7 +85,7 @@ fn statement_42_outputs_are_not_taken_that_were_read_while_their_sync_manager_wa
 
 #[test]
 fn statement_43_stale_inputs_can_be_told_by_a_counter() {
-    let mut rig = Rig::with_application(&GATEWAY, GatewayObjects::default());
+    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
     rig.set_up_mailboxes();
     assert_eq!(rig.request(PRE_OP), (PRE_OP, 0));
     rig.download_complete(0x1c13, 0, &[2, 0, 0x00, 0x1a, 0x02, 0x1a]).unwrap();

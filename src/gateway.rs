@@ -23,7 +23,7 @@ use crate::port::sockets::Socket;
 use crate::port::units::Units;
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
 use crate::scanner::{Full, ScannerPlace};
-use crate::stats::{Counters, Log};
+use crate::stats::{Counters, Event, Log};
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
 
@@ -76,6 +76,22 @@ impl PortPlace {
     /// Calls `f` with the units behind the port.
     pub fn units<R>(&self, f: impl FnOnce(&mut Units) -> R) -> R {
         self.units.lock(|units| f(&mut units.borrow_mut()))
+    }
+
+    /// Something else than the response of `unit` came while that was awaited.
+    pub(crate) fn disturbed(&self, unit: u8, event: Event) {
+        self.stats.count(event);
+        self.units(|units| units.trouble(unit, event));
+    }
+
+    /// The response of `unit` came damaged, by `trouble`.
+    pub(crate) fn damaged(&self, unit: u8, trouble: Event) {
+        self.stats.count(Event::Damaged);
+        // Faulty characters have been counted by the line.
+        if !matches!(trouble, Event::Parity | Event::Framing) {
+            self.stats.count(trouble);
+        }
+        self.units(|units| units.damaged(unit, trouble));
     }
 
     /// How the port is doing.

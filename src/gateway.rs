@@ -19,6 +19,7 @@ use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
+use crate::port::local::Events;
 use crate::port::sockets::Socket;
 use crate::port::units::Units;
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
@@ -41,6 +42,8 @@ pub struct PortPlace {
     /// The port's connection to an outside server.
     pub(crate) socket: Socket,
     units: Shared<Units>,
+    /// Orders that wait at a client-side port.
+    waiting: AtomicU16,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
 }
 
@@ -69,6 +72,7 @@ impl PortPlace {
             stats: Counters::new(),
             socket: Socket::new(),
             units: Mutex::new(RefCell::new(Units::new())),
+            waiting: AtomicU16::new(0),
             status: Mutex::new(Cell::new(Status::Off)),
         }
     }
@@ -76,6 +80,15 @@ impl PortPlace {
     /// Calls `f` with the units behind the port.
     pub fn units<R>(&self, f: impl FnOnce(&mut Units) -> R) -> R {
         self.units.lock(|units| f(&mut units.borrow_mut()))
+    }
+
+    /// Orders that wait at a client-side port.
+    pub fn waiting(&self) -> u16 {
+        self.waiting.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_waiting(&self, orders: usize) {
+        self.waiting.store(orders as u16, Ordering::Relaxed);
     }
 
     /// Something else than the response of `unit` came while that was awaited.
@@ -241,6 +254,8 @@ pub struct Gateway<'g> {
     owns_network: bool,
     network_changed: Signal<CriticalSectionRawMutex, ()>,
     log: Log,
+    /// What the own unit has done.
+    events: Shared<Events>,
     scanner: Option<&'g ScannerPlace>,
 }
 
@@ -257,6 +272,7 @@ impl<'g> Gateway<'g> {
             owns_network: false,
             network_changed: Signal::new(),
             log: Log::new(),
+            events: Mutex::new(RefCell::new(Events::new())),
             scanner: None,
         }
     }
@@ -304,6 +320,11 @@ impl<'g> Gateway<'g> {
     /// The last transactions.
     pub fn log(&self) -> &Log {
         &self.log
+    }
+
+    /// Calls `f` with what the own unit has done.
+    pub(crate) fn events<R>(&self, f: impl FnOnce(&mut Events) -> R) -> R {
+        self.events.lock(|events| f(&mut events.borrow_mut()))
     }
 
     /// Calls `f` with the settings in force.

@@ -123,6 +123,8 @@ pub struct Flaws {
     pub parity: u32,
     /// Without their stop bit; a break counts as one.
     pub framing: u32,
+    /// Come too early for those before them to have been taken; how many were lost nobody knows.
+    pub overruns: u32,
 }
 
 /// Accepts TCP connections, one at a time; every connection task owns one.

@@ -25,6 +25,8 @@ pub enum Event {
     Timeout,
     /// Of the time-outs, those in which nothing at all was heard.
     Silent,
+    /// Characters that came before those before them were taken, as the line's receiver tells.
+    Overrun,
     /// An answer with a bad check or cut short.
     Damaged,
     /// Of the damaged answers, those that were whole, but with a bad CRC or LRC.
@@ -89,6 +91,8 @@ pub enum Event {
     LineLost,
     /// Somebody else was sending at the same time: the echo of a frame was not the frame.
     Collision,
+    /// A client was answered 06h.
+    Busy,
     /// A frame for or from another unit on a shared bus.
     Foreign,
     /// A frame that was passed on while it arrived at another serial line.
@@ -101,12 +105,13 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 41] = [
+    pub const ALL: [Self; 43] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
         Self::Timeout,
         Self::Silent,
+        Self::Overrun,
         Self::Damaged,
         Self::BadCheck,
         Self::Short,
@@ -139,6 +144,7 @@ impl Event {
         Self::Malformed,
         Self::LineLost,
         Self::Collision,
+        Self::Busy,
         Self::Foreign,
         Self::Cut,
         Self::Stored,
@@ -153,6 +159,7 @@ impl Event {
             Self::Exception => "exceptions",
             Self::Timeout => "timeouts",
             Self::Silent => "silent",
+            Self::Overrun => "overruns",
             Self::Damaged => "damaged",
             Self::BadCheck => "bad-crc",
             Self::Short => "short",
@@ -185,6 +192,7 @@ impl Event {
             Self::Malformed => "malformed",
             Self::LineLost => "line-lost",
             Self::Collision => "collisions",
+            Self::Busy => "busy",
             Self::Foreign => "foreign",
             Self::Cut => "cut",
             Self::Stored => "stored",
@@ -289,6 +297,7 @@ impl Counters {
     /// Notes what an exception that a client gets says of its request.
     pub(crate) fn note_exception(&self, exception: Exception, cause: Cause) {
         match (exception, cause) {
+            (Exception::BUSY, _) => self.count(Event::Busy),
             (Exception::ILLEGAL_FUNCTION, _) => self.note(LastError::Function),
             (Exception::ILLEGAL_ADDRESS, _) => self.note(LastError::Address),
             (Exception::ILLEGAL_VALUE, Cause::Length) => self.note(LastError::Response),
@@ -319,6 +328,13 @@ impl Counters {
     pub fn per_minute(&self, event: Event, now: Instant) -> u32 {
         let seconds = now.as_secs().saturating_sub(self.since_s.load(Ordering::Relaxed).into()).max(1);
         u32::try_from(u64::from(self.get(event)) * 60 / seconds).unwrap_or(u32::MAX)
+    }
+
+    /// Sets one counter to zero.
+    pub(crate) fn reset(&self, event: Event) {
+        if let Some(counter) = self.events.get(event as usize) {
+            counter.store(0, Ordering::Relaxed);
+        }
     }
 
     /// How often `event` was counted.

@@ -106,7 +106,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
     /// Why what was heard is not what was sent, if the receiver has seen that.
     pub(crate) fn flaw(&self) -> Option<Event> {
         match self.flaws {
-            Flaws { framing: 0, parity: 0 } => None,
+            Flaws { framing: 0, parity: 0, .. } => None,
             Flaws { framing: 0, .. } => Some(Event::Parity),
             _ => Some(Event::Framing),
         }
@@ -114,7 +114,8 @@ impl<'s, L: SerialLine> Line<'s, L> {
 
     /// Notes the characters that the receiver found faulty.
     fn note_flaws(&mut self) {
-        let Flaws { parity, framing } = self.io.take_flaws();
+        let Flaws { parity, framing, overruns } = self.io.take_flaws();
+        self.stats.add(Event::Overrun, overruns);
         self.stats.add(Event::Parity, parity);
         self.stats.add(Event::Framing, framing);
         self.flaws.parity = self.flaws.parity.saturating_add(parity);

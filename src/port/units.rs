@@ -267,6 +267,11 @@ impl Unit {
         TROUBLES.into_iter().zip(self.troubles).filter(|(_, count)| *count > 0)
     }
 
+    /// How often there was `trouble`.
+    pub fn trouble(&self, trouble: Event) -> u16 {
+        self.troubles().find(|(known, _)| *known == trouble).map_or(0, |(_, count)| count)
+    }
+
     fn count(&mut self, trouble: Event) {
         self.disturbed = true;
         let counters = TROUBLES.into_iter().zip(&mut self.troubles);

@@ -9,8 +9,10 @@ use rustix::ioctl::{Getter, ioctl};
 type Counts = [i32; 20];
 /// Where in it the errors are.
 const FRAME: usize = 6;
+const OVERRUN: usize = 7;
 const PARITY: usize = 8;
 const BREAK: usize = 9;
+const BUFFER_OVERRUN: usize = 10;
 
 /// The driver's counters at the last look; `None` where there are none.
 #[derive(Debug, Clone, Copy)]
@@ -28,7 +30,8 @@ impl Receiver {
         let Some(now) = counts(tty) else { return Flaws::default() };
         self.0 = Some(now);
         let since = |counter: usize| now[counter].wrapping_sub(before[counter]).unsigned_abs();
-        Flaws { parity: since(PARITY), framing: since(FRAME) + since(BREAK) }
+        let overruns = since(OVERRUN) + since(BUFFER_OVERRUN);
+        Flaws { parity: since(PARITY), framing: since(FRAME) + since(BREAK), overruns }
     }
 }
 

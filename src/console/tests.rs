@@ -222,8 +222,9 @@ fn counters_units_and_transactions_are_shown_and_cleared() {
         let place = &gateway.ports()[0];
         place.stats.count(Event::Request);
         place.stats.count(Event::Timeout);
-        place.units(|units| units.asked(7));
         let now = embassy_time::Instant::now();
+        place.units(|units| units.asked(7));
+        place.units(|units| units.timed_out(7, now, embassy_time::Duration::from_ticks(0), 3));
         gateway.log().push(LogEntry {
             at: now,
             source: PortId(2),
@@ -235,16 +236,17 @@ fn counters_units_and_transactions_are_shown_and_cleared() {
             took_us: 300_500,
         });
         let stats = pipe(gateway, "show stats");
-        assert!(stats.starts_with("PORT            EVENT              COUNT\n"), "{stats}");
-        assert!(stats.contains("P1              requests               1\n"), "{stats}");
-        assert!(stats.contains("P1              timeouts               1\n"), "{stats}");
+        assert!(stats.starts_with("PORT            EVENT              COUNT PER-MINUTE\n"), "{stats}");
+        assert!(stats.contains("P1              requests               1 "), "{stats}");
+        assert!(stats.contains("P1              timeouts               1 "), "{stats}");
         let free = format!("-               frames-free   {:>10}\n", SEATS + 8);
         assert!(stats.contains(&free), "{stats}");
         let units = pipe(gateway, "show units");
         assert_eq!(
             units.lines().nth(1),
             Some(
-                "P1                 7 up             1          0          0          0          0          -"
+                "P1                 7 up             1          0          0          1         -         -         - \
+                 1 silent"
             )
         );
         let log = pipe(gateway, "show log");
@@ -258,6 +260,7 @@ fn counters_units_and_transactions_are_shown_and_cleared() {
         assert_eq!(pipe(gateway, "clear log\nclear stats\n"), "");
         assert_eq!(pipe(gateway, "show log").lines().count(), 1);
         assert!(!pipe(gateway, "show stats").contains("timeouts"));
+        assert!(!pipe(gateway, "show units").contains("silent"));
     });
 }
 

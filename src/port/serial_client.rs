@@ -27,7 +27,7 @@ pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSetting
         let jitter = host.read_jitter();
         let opened = opening.opened(host.open(&settings.device, &settings.line).await, jitter);
         // Lent and not moved: what a future is given it keeps twice.
-        let mut bus = opened.map(|line| Bus::new(line, settings));
+        let mut bus = opened.map(|line| Bus::new(line, desk.place(), settings));
         if let Some(bus) = &mut bus {
             desk.open();
             serve(desk, bus, &settings.client).await;
@@ -116,16 +116,17 @@ async fn carry_out<'g, L: SerialLine>(
             desk.done(&frame);
             return Ok(());
         }
-        Err(Failure::Damaged) => {
-            place.stats.count(Event::Damaged);
-            place.units(|units| units.damaged(unit));
+        Err(Failure::Damaged(trouble)) => {
+            place.damaged(unit, trouble);
             frame.blame(Cause::Damage);
         }
         // Only the echo may have been damaged: the unit may have heard the request, and answer.
         Err(Failure::Collision) => place.units(|units| units.hold(unit, Instant::now(), window)),
         Err(Failure::Timeout) => {
             place.stats.count(Event::Timeout);
-            place.units(|units| units.timed_out(unit, Instant::now(), window, client.down_after));
+            if place.units(|units| units.timed_out(unit, Instant::now(), window, client.down_after)) {
+                place.stats.count(Event::Silent);
+            }
         }
     }
     desk.failed(&frame, client.retries);

@@ -6,6 +6,7 @@ use mobgate::config::LineSettings;
 use mobgate::ethercat::device::Device as Description;
 use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate_simulator::device::serve;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::rig::with_gateway;
 use mobgate_simulator::sub_device::{Desk, Group, cable, direct, line_of, spawn, with_master};
@@ -41,14 +42,16 @@ struct Bench<'m> {
 fn with_devices(setup: Setup, script: impl AsyncFnOnce(Bench<'_>)) {
     let Setup { baud, on_loss, .. } = setup;
     let settings = format!(
-        "port bus serial uart1 rtu client {baud} 8E1 timeout 1s
-        port ecat ethercat on-loss {on_loss}
+        "port bus serial uart1 rtu client 9600 8N1 timeout 1s
+        port ecat ethercat line bus on-loss {on_loss}
         route ecat 1-247 * * bus"
     );
     with_gateway(1, &settings, |world, rig| {
         let virtuals = virtual_devices();
         let devices: Vec<Device> = virtuals.iter().map(Virtual::device).collect();
-        rig.attach(world, "uart1", devices.clone());
+        // The line has another speed and format until the MainDevice sets it.
+        let line = LineSettings { baud, ..LineSettings::DEFAULT };
+        world.spawn(serve(rig.wire("uart1").tap(line), devices.clone()));
         let line = line_of(&GATEWAY);
         let (esc, interrupt) = direct(line.borrow().chip(0));
         let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());

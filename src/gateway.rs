@@ -23,11 +23,12 @@ use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
 use crate::port::ethercat::{EthercatPlace, Speed};
+use crate::port::local::Events;
 use crate::port::sockets::Socket;
 use crate::port::units::Units;
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
 use crate::scanner::{Full, ScannerPlace};
-use crate::stats::{Counters, Log};
+use crate::stats::{Counters, Event, Log};
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
 
@@ -45,11 +46,15 @@ pub struct PortPlace {
     /// The port's connection to an outside server.
     pub(crate) socket: Socket,
     units: Shared<Units>,
+    /// Orders that wait at a client-side port.
+    waiting: AtomicU16,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
 }
 
 /// How a port is doing.
+// `Off` is the 0: then a port's place is all zeros at the start, which take no place in a board's flash.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Status {
     /// Nothing is set here, or the port has just been set.
     Off,
@@ -73,6 +78,7 @@ impl PortPlace {
             stats: Counters::new(),
             socket: Socket::new(),
             units: Mutex::new(RefCell::new(Units::new())),
+            waiting: AtomicU16::new(0),
             status: Mutex::new(Cell::new(Status::Off)),
         }
     }
@@ -80,6 +86,31 @@ impl PortPlace {
     /// Calls `f` with the units behind the port.
     pub fn units<R>(&self, f: impl FnOnce(&mut Units) -> R) -> R {
         self.units.lock(|units| f(&mut units.borrow_mut()))
+    }
+
+    /// Orders that wait at a client-side port.
+    pub fn waiting(&self) -> u16 {
+        self.waiting.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_waiting(&self, orders: usize) {
+        self.waiting.store(orders as u16, Ordering::Relaxed);
+    }
+
+    /// Something else than the response of `unit` came while that was awaited.
+    pub(crate) fn disturbed(&self, unit: u8, event: Event) {
+        self.stats.count(event);
+        self.units(|units| units.trouble(unit, event));
+    }
+
+    /// The response of `unit` came damaged, by `trouble`.
+    pub(crate) fn damaged(&self, unit: u8, trouble: Event) {
+        self.stats.count(Event::Damaged);
+        // Faulty characters have been counted by the line.
+        if !matches!(trouble, Event::Parity | Event::Framing) {
+            self.stats.count(trouble);
+        }
+        self.units(|units| units.damaged(unit, trouble));
     }
 
     /// How the port is doing.
@@ -239,6 +270,8 @@ pub struct Gateway<'g> {
     owns_network: bool,
     network_changed: Signal<CriticalSectionRawMutex, ()>,
     log: Log,
+    /// What the own unit has done.
+    events: Shared<Events>,
     scanner: Option<&'g ScannerPlace>,
     ethercat: Option<&'g EthercatPlace>,
 }
@@ -256,6 +289,7 @@ impl<'g> Gateway<'g> {
             owns_network: false,
             network_changed: Signal::new(),
             log: Log::new(),
+            events: Mutex::new(RefCell::new(Events::new())),
             scanner: None,
             ethercat: None,
         }
@@ -316,6 +350,11 @@ impl<'g> Gateway<'g> {
     /// The last transactions.
     pub fn log(&self) -> &Log {
         &self.log
+    }
+
+    /// Calls `f` with what the own unit has done.
+    pub(crate) fn events<R>(&self, f: impl FnOnce(&mut Events) -> R) -> R {
+        self.events.lock(|events| f(&mut events.borrow_mut()))
     }
 
     /// Calls `f` with the settings in force.

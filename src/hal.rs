@@ -108,6 +108,23 @@ pub trait SerialLine: Read + Write {
     async fn rest(&mut self, _until: Instant) -> bool {
         false
     }
+
+    /// The characters that the receiver found faulty since it was asked last, of those that `read` has given or dropped. A
+    /// line whose receiver does not tell has none.
+    fn take_flaws(&mut self) -> Flaws {
+        Flaws::default()
+    }
+}
+
+/// Characters that a serial line's receiver found faulty.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Flaws {
+    /// With a wrong parity bit.
+    pub parity: u32,
+    /// Without their stop bit; a break counts as one.
+    pub framing: u32,
+    /// Come too early for those before them to have been taken; how many were lost nobody knows.
+    pub overruns: u32,
 }
 
 /// Accepts TCP connections, one at a time; every connection task owns one.
@@ -217,6 +234,12 @@ pub trait System {
 
     /// How the board's own network does; `None` where an operating system has it.
     fn network(&self) -> Option<NetworkState> {
+        None
+    }
+
+    /// Writes what the board itself has to report, line `n` (from 0) without its line end: why it started, what its last run
+    /// died of. `None` behind the last line.
+    fn write_event(&self, _n: usize, _out: &mut dyn fmt::Write) -> Option<fmt::Result> {
         None
     }
 

@@ -43,13 +43,15 @@
 //!
 //! # Limits
 //!
+//! With the feature `small` some are lower, for boards with little memory.
+//!
 //! | limit | value | why |
 //! | --- | --- | --- |
 //! | [`config::PORTS_MAX`] | 16 | a cabinet's worth of lines and listeners |
 //! | [`config::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
-//! | [`port::queue::WAITING_MAX`] | 64 | orders that wait at a port; one more is answered 06h |
-//! | [`port::cache::ANSWERS_MAX`] | 16 | answers that a port keeps where a rule says `cache`, in [`port::cache::ANSWER_BYTES_MAX`] bytes |
-//! | [`port::units::UNITS_MAX`] | 32 | loads of an RS-485 segment; the quietest healthy unit is forgotten first |
+//! | [`port::queue::WAITING_MAX`] | 64, small: 24 | orders that wait at a port; one more is answered 06h |
+//! | [`port::cache::ANSWERS_MAX`] | 16, small: 8 | answers that a port keeps where a rule says `cache`, in [`port::cache::ANSWER_BYTES_MAX`] bytes |
+//! | [`port::units::UNITS_MAX`] | 32, small: 16 | loads of an RS-485 segment; the quietest healthy unit is forgotten first |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
 //! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
 //! | [`config::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |

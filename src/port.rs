@@ -2,14 +2,16 @@
 //!
 //! A server-side port turns what an outside client sends into frames for the router and gives the answers back; a
 //! client-side port takes orders from its channel and asks outside servers. Ports know framing and timing, nothing of
-//! routes. `queue`, `cache`, `units`, `flights` and `shared_bus` are the pure parts: who is served next, which answers are kept,
+//! routes. `queue`, `cache`, `units`, `answer_times`, `flights` and `shared_bus` are the pure parts: who is served next, which answers are kept,
 //! which units are alive, which requests are open on a connection, and what a frame is that was heard on a bus with other
 //! devices.
 
+pub mod answer_times;
 pub mod cache;
 pub mod cut;
 pub mod ethercat;
 pub mod flights;
+pub mod local;
 pub mod queue;
 pub mod shared_bus;
 pub mod units;
@@ -21,7 +23,6 @@ pub(crate) mod desk;
 pub(crate) mod framing;
 pub(crate) mod line;
 pub(crate) mod link;
-pub(crate) mod local;
 pub(crate) mod reply;
 pub(crate) mod scanner;
 pub(crate) mod serial_client;

@@ -23,14 +23,30 @@ pub enum Event {
     Exception,
     /// No answer in time.
     Timeout,
+    /// Of the time-outs, those in which nothing at all was heard.
+    Silent,
+    /// Characters that came before those before them were taken, as the line's receiver tells.
+    Overrun,
     /// An answer with a bad check or cut short.
     Damaged,
+    /// Of the damaged answers, those that were whole, but with a bad CRC or LRC.
+    BadCheck,
+    /// Of the damaged answers, those whose end was missing.
+    Short,
+    /// A character with a wrong parity bit, as the line's receiver tells.
+    Parity,
+    /// A character without its stop bit, as the line's receiver tells: another speed or format, or the wires are swapped.
+    Framing,
     /// Bytes that are no frame.
     Noise,
     /// An answer of another unit than the one asked.
     WrongUnit,
     /// An answer that does not fit the request; often a late one to an earlier request.
     Misfit,
+    /// An answer on a serial line that came when its time was over.
+    Late,
+    /// The gateway's own request came back: the line hears itself, and its settings do not say `echo`.
+    Echo,
     /// A read sent once more.
     Retry,
     /// A read that shared the transaction of another one.
@@ -75,6 +91,8 @@ pub enum Event {
     LineLost,
     /// Somebody else was sending at the same time: the echo of a frame was not the frame.
     Collision,
+    /// A client was answered 06h.
+    Busy,
     /// A frame for or from another unit on a shared bus.
     Foreign,
     /// A frame that was passed on while it arrived at another serial line.
@@ -87,15 +105,23 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 34] = [
+    pub const ALL: [Self; 43] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
         Self::Timeout,
+        Self::Silent,
+        Self::Overrun,
         Self::Damaged,
+        Self::BadCheck,
+        Self::Short,
+        Self::Parity,
+        Self::Framing,
         Self::Noise,
         Self::WrongUnit,
         Self::Misfit,
+        Self::Late,
+        Self::Echo,
         Self::Retry,
         Self::Merged,
         Self::Parted,
@@ -118,6 +144,7 @@ impl Event {
         Self::Malformed,
         Self::LineLost,
         Self::Collision,
+        Self::Busy,
         Self::Foreign,
         Self::Cut,
         Self::Stored,
@@ -131,10 +158,18 @@ impl Event {
             Self::Answer => "answers",
             Self::Exception => "exceptions",
             Self::Timeout => "timeouts",
+            Self::Silent => "silent",
+            Self::Overrun => "overruns",
             Self::Damaged => "damaged",
+            Self::BadCheck => "bad-crc",
+            Self::Short => "short",
+            Self::Parity => "parity",
+            Self::Framing => "framing",
             Self::Noise => "noise",
             Self::WrongUnit => "wrong-unit",
             Self::Misfit => "misfit",
+            Self::Late => "late",
+            Self::Echo => "echo",
             Self::Retry => "retries",
             Self::Merged => "merged",
             Self::Parted => "parted",
@@ -157,6 +192,7 @@ impl Event {
             Self::Malformed => "malformed",
             Self::LineLost => "line-lost",
             Self::Collision => "collisions",
+            Self::Busy => "busy",
             Self::Foreign => "foreign",
             Self::Cut => "cut",
             Self::Stored => "stored",
@@ -232,12 +268,18 @@ pub struct Counters {
     events: [AtomicU32; Event::ALL.len()],
     /// Place in [`LastError::ALL`].
     last_error: AtomicU8,
+    /// The clock's seconds when they were all zero.
+    since_s: AtomicU32,
 }
 
 impl Counters {
     /// All zero.
     pub const fn new() -> Self {
-        Self { events: [const { AtomicU32::new(0) }; Event::ALL.len()], last_error: AtomicU8::new(0) }
+        Self {
+            events: [const { AtomicU32::new(0) }; Event::ALL.len()],
+            last_error: AtomicU8::new(0),
+            since_s: AtomicU32::new(0),
+        }
     }
 
     /// Notes what went wrong.
@@ -255,6 +297,7 @@ impl Counters {
     /// Notes what an exception that a client gets says of its request.
     pub(crate) fn note_exception(&self, exception: Exception, cause: Cause) {
         match (exception, cause) {
+            (Exception::BUSY, _) => self.count(Event::Busy),
             (Exception::ILLEGAL_FUNCTION, _) => self.note(LastError::Function),
             (Exception::ILLEGAL_ADDRESS, _) => self.note(LastError::Address),
             (Exception::ILLEGAL_VALUE, Cause::Length) => self.note(LastError::Response),
@@ -271,8 +314,26 @@ impl Counters {
 
     /// Counts `event`.
     pub fn count(&self, event: Event) {
+        self.add(event, 1);
+    }
+
+    /// Counts `event` so many `times`.
+    pub(crate) fn add(&self, event: Event, times: u32) {
         if let Some(counter) = self.events.get(event as usize) {
-            counter.fetch_add(1, Ordering::Relaxed);
+            counter.fetch_add(times, Ordering::Relaxed);
+        }
+    }
+
+    /// How often `event` was counted in a minute, on the average since the counters were zero.
+    pub fn per_minute(&self, event: Event, now: Instant) -> u32 {
+        let seconds = now.as_secs().saturating_sub(self.since_s.load(Ordering::Relaxed).into()).max(1);
+        u32::try_from(u64::from(self.get(event)) * 60 / seconds).unwrap_or(u32::MAX)
+    }
+
+    /// Sets one counter to zero.
+    pub(crate) fn reset(&self, event: Event) {
+        if let Some(counter) = self.events.get(event as usize) {
+            counter.store(0, Ordering::Relaxed);
         }
     }
 
@@ -282,7 +343,8 @@ impl Counters {
     }
 
     /// Sets all to zero; a port that works has no last error any more.
-    pub fn clear(&self) {
+    pub fn clear(&self, now: Instant) {
+        self.since_s.store(now.as_secs() as u32, Ordering::Relaxed);
         if !matches!(self.last_error(), LastError::NotStarted | LastError::Port) {
             self.note(LastError::None);
         }

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use embassy_time::Instant;
 use embedded_io_async::{Read, Write};
 
 use super::help;
@@ -11,6 +12,7 @@ use super::show::Show;
 use crate::config::{self, LineError, ReadError, Settings, Words};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
+use crate::port::units::Units;
 
 /// What a command's first word asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -111,7 +113,12 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             },
             Ok(Command::Point(command)) => self.point(command, &mut words).await?,
             Ok(Command::Clear) => match topic(&mut words, TOPICS_CLEAR, "stats or log") {
-                Ok(Clear::Stats) => self.gateway.ports().iter().for_each(|place| place.stats.clear()),
+                Ok(Clear::Stats) => {
+                    for place in self.gateway.ports() {
+                        place.stats.clear(Instant::now());
+                        place.units(Units::clear_counters);
+                    }
+                }
                 Ok(Clear::Log) => self.gateway.log().clear(),
                 Err(error) => self.fail(format_args!("{error}")).await?,
             },

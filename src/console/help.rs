@@ -91,9 +91,9 @@ const TOPICS: &[(&str, &[&str])] = &[
         &[
             "show ports                       what the ports are and how they do",
             "show routes                      the rules by number; an implied one is the way back of another",
-            "show units                       the devices behind the ports, and whether they answer",
+            "show units                       the devices behind the ports: whether they answer, how fast, and their troubles",
             "show clients                     who is connected",
-            "show stats                       what the ports counted",
+            "show stats                       what the ports counted, and how often in a minute since clear stats",
             "show log                         the last transactions",
             "show points                      the data points: how they are doing, and their values",
             "show devices                     the devices that the scanner asks",
@@ -126,7 +126,7 @@ const TOPICS: &[(&str, &[&str])] = &[
     (
         "clear",
         &[
-            "clear stats                      sets counters to zero",
+            "clear stats                      sets counters to zero, those of units too",
             "clear log                        forgets the transactions",
         ],
     ),

@@ -26,6 +26,26 @@ pub(super) fn age(then: Instant, now: Instant) -> String<24> {
     text(format_args!("{}s", now.saturating_duration_since(then).as_secs()))
 }
 
+/// A time in microseconds, if there is one.
+pub(super) fn took(us: Option<u32>) -> String<16> {
+    match us {
+        Some(us) => text(format_args!("{}", Time(Duration::from_micros(us.into())))),
+        None => text(format_args!("-")),
+    }
+}
+
+/// What went wrong with a unit, in the words of the port's counters.
+pub(super) struct Troubles<'u>(pub(super) &'u Unit);
+
+impl fmt::Display for Troubles<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (at, (event, count)) in self.0.troubles().enumerate() {
+            write!(f, "{}{count} {}", if at > 0 { ", " } else { "" }, event.name())?;
+        }
+        Ok(())
+    }
+}
+
 pub(super) fn state(unit: &Unit, now: Instant) -> &'static str {
     match unit {
         Unit { down: true, .. } => "down",

@@ -1,12 +1,12 @@
 //! The tables of `show`: a header line, then aligned rows.
 
-use embassy_time::{Duration, Instant};
+use embassy_time::Instant;
 use embedded_io_async::{Read, Write};
 use heapless::String;
 
 use super::command::Session;
-use super::rows::{LogRow, Row, StatusText, age, describe, state, text};
-use crate::config::{LINE_BYTES_MAX, PortKind, Side, Time, write_line};
+use super::rows::{LogRow, Row, StatusText, Troubles, age, describe, state, text, took};
+use crate::config::{LINE_BYTES_MAX, PortKind, Side, write_line};
 use crate::hal::{NetworkState, Store, System};
 use crate::port::units::Unit;
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
@@ -80,8 +80,17 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     async fn units(&mut self) -> Result<(), IO::Error> {
         self.out
             .line(format_args!(
-                "{:15} {:>4} {:5} {:>10} {:>10} {:>10} {:>10} {:>10} {:>10}",
-                "PORT", "UNIT", "STATE", "REQUESTS", "ANSWERS", "EXCEPTIONS", "TIMEOUTS", "DAMAGED", "LAST"
+                "{:15} {:>4} {:5} {:>10} {:>10} {:>10} {:>10} {:>9} {:>9} {:>9} TROUBLES",
+                "PORT",
+                "UNIT",
+                "STATE",
+                "REQUESTS",
+                "ANSWERS",
+                "EXCEPTIONS",
+                "TIMEOUTS",
+                "LAST",
+                "P50",
+                "P99"
             ))
             .await?;
         let now = Instant::now();
@@ -90,14 +99,14 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             let mut nth = 0;
             while let Some(unit) = place.units(|units| units.iter().nth(nth).copied()) {
                 nth += 1;
-                let Unit { id, requests, answers, exceptions, timeouts, damaged, .. } = unit;
-                let took = text::<16>(format_args!("{}", Time(Duration::from_micros(unit.took_us.into()))));
-                let took = if answers == 0 { "-" } else { &took };
-                let state = state(&unit, now);
+                let Unit { id, requests, answers, exceptions, timeouts, .. } = unit;
+                let last = took((answers > 0).then_some(unit.took_us));
+                let (half, most) = (took(unit.times.percentile(50)), took(unit.times.percentile(99)));
+                let (state, troubles) = (state(&unit, now), Troubles(&unit));
                 self.out
                     .line(format_args!(
                         "{:15} {id:>4} {state:5} {requests:>10} {answers:>10} {exceptions:>10} {timeouts:>10} \
-                         {damaged:>10} {took:>10}",
+                         {last:>9} {half:>9} {most:>9} {troubles}",
                         port.name
                     ))
                     .await?;
@@ -132,14 +141,18 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn stats(&mut self) -> Result<(), IO::Error> {
-        self.out.line(format_args!("{:15} {:13} {:>10}", "PORT", "EVENT", "COUNT")).await?;
+        let now = Instant::now();
+        self.out
+            .line(format_args!("{:15} {:13} {:>10} {:>10}", "PORT", "EVENT", "COUNT", "PER-MINUTE"))
+            .await?;
         for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
             let Some(port) = port else { continue };
             for event in Event::ALL {
                 let count = place.stats.get(event);
                 // Most events never happen at most ports.
                 if count != 0 || matches!(event, Event::Request | Event::Answer) {
-                    self.out.line(format_args!("{:15} {:13} {count:>10}", port.name, event.name())).await?;
+                    let (event, rate) = (event.name(), place.stats.per_minute(event, now));
+                    self.out.line(format_args!("{:15} {event:13} {count:>10} {rate:>10}", port.name)).await?;
                 }
             }
         }
@@ -187,6 +200,15 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn log(&mut self) -> Result<(), IO::Error> {
+        let mut event = String::<LINE_BYTES_MAX>::new();
+        // A longer event is cut off.
+        for n in 0.. {
+            if self.system.write_event(n, &mut event).is_none() {
+                break;
+            }
+            self.out.line(format_args!("{event}")).await?;
+            event.clear();
+        }
         self.out
             .line(format_args!(
                 "{:>9} {:15} {:>4} {:15} {:>6} {:>8} {:>10} OUTCOME",

@@ -87,6 +87,7 @@ impl Store for Memory {
 struct Bench {
     reboots: Cell<u32>,
     network: Option<NetworkState>,
+    events: &'static [&'static str],
 }
 
 impl System for Bench {
@@ -96,6 +97,10 @@ impl System for Bench {
 
     fn network(&self) -> Option<NetworkState> {
         self.network
+    }
+
+    fn write_event(&self, n: usize, out: &mut dyn std::fmt::Write) -> Option<std::fmt::Result> {
+        self.events.get(n).map(|event| out.write_str(event))
     }
 
     fn reboot(&self) {
@@ -217,8 +222,9 @@ fn counters_units_and_transactions_are_shown_and_cleared() {
         let place = &gateway.ports()[0];
         place.stats.count(Event::Request);
         place.stats.count(Event::Timeout);
-        place.units(|units| units.asked(7));
         let now = embassy_time::Instant::now();
+        place.units(|units| units.asked(7));
+        place.units(|units| units.timed_out(7, now, embassy_time::Duration::from_ticks(0), 3));
         gateway.log().push(LogEntry {
             at: now,
             source: PortId(2),
@@ -230,16 +236,17 @@ fn counters_units_and_transactions_are_shown_and_cleared() {
             took_us: 300_500,
         });
         let stats = pipe(gateway, "show stats");
-        assert!(stats.starts_with("PORT            EVENT              COUNT\n"), "{stats}");
-        assert!(stats.contains("P1              requests               1\n"), "{stats}");
-        assert!(stats.contains("P1              timeouts               1\n"), "{stats}");
+        assert!(stats.starts_with("PORT            EVENT              COUNT PER-MINUTE\n"), "{stats}");
+        assert!(stats.contains("P1              requests               1 "), "{stats}");
+        assert!(stats.contains("P1              timeouts               1 "), "{stats}");
         let free = format!("-               frames-free   {:>10}\n", SEATS + 8);
         assert!(stats.contains(&free), "{stats}");
         let units = pipe(gateway, "show units");
         assert_eq!(
             units.lines().nth(1),
             Some(
-                "P1                 7 up             1          0          0          0          0          -"
+                "P1                 7 up             1          0          0          1         -         -         - \
+                 1 silent"
             )
         );
         let log = pipe(gateway, "show log");
@@ -253,6 +260,19 @@ fn counters_units_and_transactions_are_shown_and_cleared() {
         assert_eq!(pipe(gateway, "clear log\nclear stats\n"), "");
         assert_eq!(pipe(gateway, "show log").lines().count(), 1);
         assert!(!pipe(gateway, "show stats").contains("timeouts"));
+        assert!(!pipe(gateway, "show units").contains("silent"));
+    });
+}
+
+#[test]
+fn what_the_board_has_to_report_stands_above_the_transactions() {
+    with_gateway(|gateway| {
+        let mut stream = Stream { typed: b"show log", piece: 50, printed: Vec::new() };
+        let board =
+            Bench { events: &["reset by the watchdog", "before: it stood still"], ..Bench::default() };
+        block_on(run(gateway, &mut stream, &mut Memory::default(), &board, Mode::Plain)).unwrap();
+        let printed = String::from_utf8(stream.printed).unwrap();
+        assert!(printed.starts_with("reset by the watchdog\nbefore: it stood still\n      AGE"), "{printed}");
     });
 }
 

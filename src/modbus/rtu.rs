@@ -87,8 +87,10 @@ pub enum AtSilence<'a> {
     WrongUnit(u8),
     /// A good frame of our unit that does not answer this request: perhaps a late answer to an earlier one.
     Misfit(Misfit),
-    /// It begins as our response does, and its CRC is wrong or its end is missing: the answer came, but damaged.
+    /// It begins as our response does, and its CRC is wrong: the answer came, but damaged.
     Damaged,
+    /// It begins as our response does, and its end is missing.
+    Short,
     /// Anything else.
     Noise,
 }
@@ -135,8 +137,12 @@ pub fn response_at_silence<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> 
             return AtSilence::Complete(pdu);
         }
     }
-    let begins = starts(unit, request, received).next().is_some_and(|start| start.len() == received.len());
-    if begins { AtSilence::Damaged } else { AtSilence::Noise }
+    match starts(unit, request, received).next() {
+        Some(start) if start.len() < received.len() => AtSilence::Noise,
+        Some(start) if matches!(candidate(request, start), Candidate::Begun) => AtSilence::Short,
+        Some(_) => AtSilence::Damaged,
+        None => AtSilence::Noise,
+    }
 }
 
 /// The tails of `received` that begin with `unit` and the function of `request` or its exception.

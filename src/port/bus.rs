@@ -12,8 +12,10 @@ use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
 
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
+use crate::gateway::PortPlace;
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{Decoder, LINE_FEED};
+use crate::modbus::rtu;
 use crate::port::copy::{Copied, Form, copy};
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::{Collision, Line, LineLost};
@@ -21,6 +23,7 @@ use crate::port::reply::Reply;
 use crate::stats::Event;
 
 mod look;
+mod unasked;
 
 use look::Found;
 
@@ -29,8 +32,8 @@ use look::Found;
 pub(crate) enum Failure {
     /// None came in time; it may still come.
     Timeout,
-    /// It came damaged.
-    Damaged,
+    /// It came damaged, and this is what was wrong with it.
+    Damaged(Event),
     /// The request was damaged by somebody who sent at the same time.
     Collision,
 }
@@ -38,6 +41,8 @@ pub(crate) enum Failure {
 /// An open line and what is expected on it.
 pub(crate) struct Bus<'s, L> {
     line: Line<'s, L>,
+    /// The units of the line.
+    place: &'s PortPlace,
     client: SerialClientSettings,
     framing: Framing,
     /// What has come of an ASCII response, judged character by character; an RTU response is judged as a whole.
@@ -52,36 +57,37 @@ pub(crate) struct Bus<'s, L> {
 
 impl<'s, L: SerialLine> Bus<'s, L> {
     /// A line that was just opened; nothing is sent during the start delay.
-    pub(crate) fn new(mut line: Line<'s, L>, settings: &SerialSettings) -> Self {
+    pub(crate) fn new(mut line: Line<'s, L>, place: &'s PortPlace, settings: &SerialSettings) -> Self {
         line.active += settings.client.start_delay;
         let silence = settings.framing.silence(&line.settings) + line.jitter;
         let SerialSettings { client, framing, .. } = *settings;
         let (begun, decoder) = (line.active, Decoder::default());
-        Self { line, client, framing, decoder, begun, pauses: false, silence }
+        Self { line, place, client, framing, decoder, begun, pauses: false, silence }
     }
 
-    /// Waits until the line has been silent for the gap; what comes meanwhile is dropped.
+    /// Waits until the line has been silent for the gap; what comes meanwhile is counted and dropped.
     pub(crate) async fn silence(&mut self) -> Result<(), LineLost> {
         loop {
-            self.line.clear();
             match with_deadline(self.line.silent_at(), self.line.read()).await {
                 Ok(read) => {
                     read?;
-                    self.line.stats.count(Event::Noise);
+                    // No frame is that long, and a line that babbles may never fall silent.
+                    if self.line.heard().len() >= rtu::FRAME_BYTES_MAX {
+                        self.judge_unasked();
+                    }
                 }
-                Err(TimeoutError) => return Ok(()),
+                Err(TimeoutError) => {
+                    self.judge_unasked();
+                    return Ok(());
+                }
             }
         }
     }
 
-    /// Watches the idle line until `until` is over; what comes meanwhile is dropped.
+    /// Watches the idle line until `until` is over, or something comes.
     pub(crate) async fn idle<T>(&mut self, until: impl Future<Output = T>) -> Result<(), LineLost> {
-        self.line.clear();
         match select(self.line.read(), until).await {
-            Either::First(read) => {
-                self.line.stats.count(Event::Noise);
-                read
-            }
+            Either::First(read) => read,
             Either::Second(_) => Ok(()),
         }
     }
@@ -114,6 +120,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     ) -> Result<Result<Duration, Failure>, LineLost> {
         let sent = self.line.active;
         let outcome = self.response(reply, sent + self.client.timeout).await?;
+        self.line.clear();
         Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
     }
 
@@ -124,6 +131,9 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         let frame = self.framing.encode(unit, request, LINE_FEED, &mut frame).map_err(|_| LineLost)?;
         let sent = self.line.send(frame).await;
         self.line.stats.count(Event::Request);
+        if sent == Ok(Err(Collision)) {
+            self.line.clear();
+        }
         sent
     }
 
@@ -142,9 +152,8 @@ impl<'s, L: SerialLine> Bus<'s, L> {
             match found {
                 Found::Nothing => {}
                 Found::Response => return Ok(Ok(())),
-                Found::Damaged => return Ok(Err(Failure::Damaged)),
-                Found::Other(event) => {
-                    self.line.stats.count(event);
+                Found::Damaged(trouble) => return Ok(Err(Failure::Damaged(trouble))),
+                Found::Other => {
                     if !self.line.heard().is_empty() {
                         found = self.look(reply);
                         continue;

@@ -119,7 +119,13 @@ impl<'g> Desk<'g> {
         if let Some(refused) = refused {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
         }
+        self.count_waiting();
         self.news.signal(());
+    }
+
+    /// Tells how many orders wait.
+    fn count_waiting(&self) {
+        self.place.set_waiting(self.queue.borrow().len());
     }
 
     /// Sends home what must not be sent any more.
@@ -140,7 +146,7 @@ impl<'g> Desk<'g> {
             });
             match unwanted {
                 Some((frame, event)) => self.fail(frame, event, Exception::GATEWAY_NO_RESPONSE),
-                None => return,
+                None => return self.count_waiting(),
             }
         }
     }
@@ -161,6 +167,7 @@ impl<'g> Desk<'g> {
             // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
             let _ = self.current.borrow_mut().push(current);
         }
+        self.count_waiting();
         next
     }
 
@@ -418,6 +425,7 @@ impl<'g> Desk<'g> {
         while let Some((frame, event)) = self.queue.borrow_mut().take_if(|_, _| Some(Event::NoPath)) {
             self.fail(frame, event, Exception::GATEWAY_NO_PATH);
         }
+        self.count_waiting();
         while let Some(frame) = self.place.queue.try_receive(self.gateway.pool()) {
             self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }

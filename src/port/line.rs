@@ -7,7 +7,7 @@
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline, with_timeout};
 
 use crate::config::{Driver, LineSettings};
-use crate::hal::SerialLine;
+use crate::hal::{Flaws, SerialLine};
 use crate::modbus::rtu;
 use crate::stats::{Counters, Event};
 
@@ -38,6 +38,8 @@ pub(crate) struct Line<'s, L> {
     pub(crate) active: Instant,
     received: [u8; RECEIVE_BYTES_MAX],
     length: usize,
+    /// What the receiver found wrong with that.
+    flaws: Flaws,
     /// When what was heard began, and the silence before it.
     begun: Instant,
     pause: Duration,
@@ -56,6 +58,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
             active,
             received: [0; RECEIVE_BYTES_MAX],
             length: 0,
+            flaws: Flaws::default(),
             begun: active,
             pause: Duration::from_ticks(0),
             run: (active, 0),
@@ -97,6 +100,26 @@ impl<'s, L: SerialLine> Line<'s, L> {
     /// Drops what was heard.
     pub(crate) fn clear(&mut self) {
         self.length = 0;
+        self.flaws = Flaws::default();
+    }
+
+    /// Why what was heard is not what was sent, if the receiver has seen that.
+    pub(crate) fn flaw(&self) -> Option<Event> {
+        match self.flaws {
+            Flaws { framing: 0, parity: 0, .. } => None,
+            Flaws { framing: 0, .. } => Some(Event::Parity),
+            _ => Some(Event::Framing),
+        }
+    }
+
+    /// Notes the characters that the receiver found faulty.
+    fn note_flaws(&mut self) {
+        let Flaws { parity, framing, overruns } = self.io.take_flaws();
+        self.stats.add(Event::Overrun, overruns);
+        self.stats.add(Event::Parity, parity);
+        self.stats.add(Event::Framing, framing);
+        self.flaws.parity = self.flaws.parity.saturating_add(parity);
+        self.flaws.framing = self.flaws.framing.saturating_add(framing);
     }
 
     /// When the line will have been silent for the gap.
@@ -113,6 +136,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
         match self.io.read(self.received.get_mut(self.length..).unwrap_or(&mut [])).await {
             Ok(0) | Err(_) => Err(LineLost),
             Ok(count) => {
+                self.note_flaws();
                 let before = self.active;
                 self.active = Instant::now();
                 let since = self.active.checked_sub(self.settings.chars(self.length + count));

@@ -1,16 +1,26 @@
 //! The gateway's own unit: answers what a rule sends to `local`.
 //!
-//! It knows the loop-back test (FC 08 sub-function 0) and the report of the server id (FC 11h), so that a client can
-//! tell that the gateway lives, and on ASCII lines the change of the character that ends frames (FC 08 sub-function 3).
-//! Where points are `local`, it has them in its tables (FC 01 to 06, 15, 16); everything else is answered 01h.
+//! Diagnostics (FC 08) and the communication event functions (0B, 0C) speak of the port that the request came by; FC 11h and the
+//! device identification (2Bh/0Eh) say what the gateway is. Where points are `local`, it has them in its tables (FC 01 to
+//! 06, 15, 16); behind them are input registers with the state of everything ([`table`]). All else is answered 01h.
 
 use embassy_time::Instant;
 
 use crate::config::{Framing, PortKind};
-use crate::frame::Frame;
+use crate::frame::{Envelope, Frame};
 use crate::gateway::Gateway;
+use crate::modbus::pdu::function::{
+    DIAGNOSTICS, ENCAPSULATED_INTERFACE, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG,
+    MEI_DEVICE_IDENTIFICATION, REPORT_SERVER_ID,
+};
 use crate::modbus::{Exception, PDU_BYTES_MAX, pdu};
 use crate::scanner::Pdu;
+
+mod diagnostics;
+mod identification;
+pub mod table;
+
+pub(crate) use diagnostics::Events;
 
 /// Run indicator of FC 11h: on (Application Protocol 6.13).
 const RUNNING: u8 = 0xff;
@@ -21,35 +31,63 @@ const SERVER_ID: &[u8] = concat!("mobgate ", env!("CARGO_PKG_VERSION")).as_bytes
 pub(crate) fn answer(gateway: &Gateway<'_>, frame: Frame<'_>) {
     let mut request = [0; PDU_BYTES_MAX];
     let length = frame.copy_pdu(&mut request);
-    let fits = match request.get(..length).unwrap_or(&[]) {
-        // The answer repeats the request, which is in the frame already (Application Protocol 6.8).
-        [8, 0, 0, ..] => Ok(()),
-        // A character that is part of frames cannot end them.
-        [8, 0, 3, b'0'..=b'9' | b'A'..=b'F' | b':' | b'\r', 0] if on_ascii(gateway, &frame) => {
-            return gateway.refuse(frame, Exception::ILLEGAL_VALUE);
-        }
-        // The port that the request came by changes the character, behind this answer.
-        [8, 0, 3, _, 0] if on_ascii(gateway, &frame) => Ok(()),
-        [17] => {
-            let mut writer = frame.rewrite();
-            let header = [17, SERVER_ID.len() as u8 + 1];
-            let written = writer.push(&header).and(writer.push(SERVER_ID)).and(writer.push(&[RUNNING]));
-            writer.finish();
-            written
-        }
-        request => match from_table(gateway, request) {
-            Ok(answer) => frame.replace(&answer),
-            Err(exception) => return gateway.refuse(frame, exception),
-        },
-    };
-    match fits {
-        Ok(()) => gateway.answered(frame),
-        Err(_) => gateway.refuse(frame, Exception::DEVICE_FAILURE),
+    let request = request.get(..length).unwrap_or(&[]);
+    let envelope = frame.envelope();
+    let answer = respond(gateway, &envelope, request);
+    gateway.events(|events| events.note(request, envelope.unit == 0, &answer));
+    match answer.map(|answer| frame.replace(&answer)) {
+        Ok(Ok(())) => gateway.answered(frame),
+        Ok(Err(_)) => gateway.refuse(frame, Exception::DEVICE_FAILURE),
+        Err(exception) => gateway.refuse(frame, exception),
     }
 }
 
-/// What the local points say to `request`.
-fn from_table(gateway: &Gateway<'_>, request: &[u8]) -> Result<Pdu, Exception> {
+/// The answer to `request`.
+fn respond(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8]) -> Result<Pdu, Exception> {
+    match *request {
+        // A character that is part of frames cannot end them.
+        [DIAGNOSTICS, 0, 3, b'0'..=b'9' | b'A'..=b'F' | b':' | b'\r', 0] if on_ascii(gateway, envelope) => {
+            Err(Exception::ILLEGAL_VALUE)
+        }
+        // The port that the request came by changes the character, behind this answer.
+        [DIAGNOSTICS, 0, 3, _, 0] if on_ascii(gateway, envelope) => pdu_of(&[request]),
+        [DIAGNOSTICS, high, low, ref data @ ..] => {
+            diagnostics::answer(gateway, envelope.origin.port, u16::from_be_bytes([high, low]), data)
+        }
+        [GET_COMM_EVENT_COUNTER] => gateway.events(|events| pdu_of(&[request, &events.counter()])),
+        [GET_COMM_EVENT_LOG] => {
+            let messages = diagnostics::messages(gateway, envelope.origin.port);
+            gateway.events(|events| events.log(messages))
+        }
+        [REPORT_SERVER_ID] => {
+            pdu_of(&[&[REPORT_SERVER_ID, SERVER_ID.len() as u8 + 1], SERVER_ID, &[RUNNING]])
+        }
+        [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, code, object] => {
+            identification::answer(code, object)
+        }
+        _ => from_tables(gateway, request),
+    }
+}
+
+/// The PDU of `parts`.
+fn pdu_of(parts: &[&[u8]]) -> Result<Pdu, Exception> {
+    let mut pdu = Pdu::new();
+    let written = parts.iter().try_for_each(|part| pdu.extend_from_slice(part));
+    written.map(|()| pdu).map_err(|_| Exception::DEVICE_FAILURE)
+}
+
+/// What the local points say to `request`, and behind them the table of the gateway's state.
+fn from_tables(gateway: &Gateway<'_>, request: &[u8]) -> Result<Pdu, Exception> {
+    let from_points = from_points(gateway, request);
+    match from_points {
+        Err(Exception::ILLEGAL_ADDRESS | Exception::ILLEGAL_FUNCTION) => {
+            table::answer(gateway, request).unwrap_or(from_points)
+        }
+        answer => answer,
+    }
+}
+
+fn from_points(gateway: &Gateway<'_>, request: &[u8]) -> Result<Pdu, Exception> {
     let points = gateway.scanner().filter(|scanner| scanner.with(|scanner| scanner.serves()));
     let points = points.ok_or(Exception::ILLEGAL_FUNCTION)?;
     let now = Instant::now();
@@ -61,10 +99,9 @@ fn from_table(gateway: &Gateway<'_>, request: &[u8]) -> Result<Pdu, Exception> {
 }
 
 /// Whether the request came by an ASCII line.
-fn on_ascii(gateway: &Gateway<'_>, frame: &Frame<'_>) -> bool {
-    let port = frame.envelope().origin.port;
+fn on_ascii(gateway: &Gateway<'_>, envelope: &Envelope) -> bool {
     gateway.settings(|settings| {
-        let kind = settings.port(port).map(|port| &port.kind);
+        let kind = settings.port(envelope.origin.port).map(|port| &port.kind);
         matches!(kind, Some(PortKind::Serial(serial)) if serial.framing == Framing::Ascii)
     })
 }

@@ -8,11 +8,13 @@
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
+use crate::port::answer_times::AnswerTimes;
 use crate::port::queue::Ready;
+use crate::stats::Event;
 
 /// Units remembered at one port: the loads that an RS-485 segment carries. The quietest healthy one is forgotten
-/// when another one comes.
-pub const UNITS_MAX: usize = 32;
+/// when another one comes. The feature `small` remembers half as many.
+pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 32 };
 /// First and longest pause between probes of a unit that is down.
 pub const PROBE_FIRST: Duration = Duration::from_secs(1);
 /// See [`PROBE_FIRST`].
@@ -20,6 +22,21 @@ pub const PROBE_LONGEST: Duration = Duration::from_secs(30);
 
 /// How long reads are not joined that ask a unit which did not take that.
 pub const JOIN_PAUSE: Duration = Duration::from_secs(60);
+
+/// What is counted of the troubles with one unit, under the names that the port's counters have. A character's parity and framing
+/// count once for each answer that they spoiled.
+pub const TROUBLES: [Event; 10] = [
+    Event::Silent,
+    Event::BadCheck,
+    Event::Short,
+    Event::Parity,
+    Event::Framing,
+    Event::WrongUnit,
+    Event::Misfit,
+    Event::Late,
+    Event::Echo,
+    Event::Noise,
+];
 
 /// Whether a unit may be asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,8 +60,12 @@ pub struct Unit {
     pub exceptions: u32,
     /// Requests without an answer in time.
     pub timeouts: u32,
-    /// Answers that were damaged.
-    pub damaged: u32,
+    /// How long answers take.
+    pub times: AnswerTimes,
+    /// By the places in [`TROUBLES`]; a counter that is full stays so.
+    troubles: [u16; TROUBLES.len()],
+    /// Since the last request something was heard that is no answer to it.
+    disturbed: bool,
     /// From the end of the last request to its answer, in microseconds.
     pub took_us: u32,
     /// Time-outs since the last sign of life.
@@ -55,7 +76,7 @@ pub struct Unit {
     pub held_until: Instant,
     /// The late answer may come until then, whatever is due.
     late_until: Instant,
-    probe_after: Duration,
+    probe_after_ms: u32,
     /// Reads are not joined before this time.
     join_after: Instant,
 }
@@ -68,13 +89,15 @@ impl Unit {
             answers: 0,
             exceptions: 0,
             timeouts: 0,
-            damaged: 0,
+            times: AnswerTimes::new(),
+            troubles: [0; TROUBLES.len()],
+            disturbed: false,
             took_us: 0,
             silent: 0,
             down: false,
             held_until: Instant::MIN,
             late_until: Instant::MIN,
-            probe_after: PROBE_FIRST,
+            probe_after_ms: PROBE_FIRST.as_millis() as u32,
             join_after: Instant::MIN,
         }
     }
@@ -139,7 +162,10 @@ impl Units {
 
     /// A request to `id` is sent.
     pub fn asked(&mut self, id: u8) {
-        self.entry(id, |unit| unit.requests = unit.requests.wrapping_add(1));
+        self.entry(id, |unit| {
+            unit.requests = unit.requests.wrapping_add(1);
+            unit.disturbed = false;
+        });
     }
 
     /// `id` answered `took` after the request's end.
@@ -148,21 +174,55 @@ impl Units {
             unit.answers = unit.answers.wrapping_add(1);
             unit.exceptions = unit.exceptions.wrapping_add(u32::from(exception));
             unit.took_us = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
+            unit.times.add(unit.took_us);
             unit.alive();
         });
     }
 
-    /// `id` answered, but the answer was damaged on its way: it is alive.
-    pub fn damaged(&mut self, id: u8) {
+    /// Counts `trouble` with `id`.
+    pub fn trouble(&mut self, id: u8, trouble: Event) {
+        self.entry(id, |unit| unit.count(trouble));
+    }
+
+    /// Whether an answer of `id` would be a late one at `now`.
+    pub fn is_late(&self, id: u8, now: Instant) -> bool {
+        self.0.iter().any(|unit| unit.id == id && unit.late_until > now)
+    }
+
+    /// Sets what was counted to zero; the units' health stays.
+    pub fn clear_counters(&mut self) {
+        for unit in &mut self.0 {
+            let Unit { silent, down, held_until, late_until, probe_after_ms, join_after, .. } = *unit;
+            let health = Unit {
+                silent,
+                down,
+                held_until,
+                late_until,
+                probe_after_ms,
+                join_after,
+                ..Unit::new(unit.id)
+            };
+            *unit = health;
+        }
+    }
+
+    /// `id` answered, but the answer was damaged on its way, by `trouble`: it is alive.
+    pub fn damaged(&mut self, id: u8, trouble: Event) {
         self.entry(id, |unit| {
-            unit.damaged = unit.damaged.wrapping_add(1);
+            unit.count(trouble);
             unit.alive();
         });
     }
 
-    /// `id` gave no answer. It is held for `window`; after `down_after` such in a row (0: never) it is down.
-    pub fn timed_out(&mut self, id: u8, now: Instant, window: Duration, down_after: u8) {
+    /// `id` gave no answer. It is held for `window`; after `down_after` such in a row (0: never) it is down. Says whether
+    /// nothing at all was heard.
+    pub fn timed_out(&mut self, id: u8, now: Instant, window: Duration, down_after: u8) -> bool {
+        let mut silent = false;
         self.entry(id, |unit| {
+            silent = !unit.disturbed;
+            if silent {
+                unit.count(Event::Silent);
+            }
             unit.timeouts = unit.timeouts.wrapping_add(1);
             unit.silent = unit.silent.saturating_add(1);
             unit.late_until = now + window;
@@ -175,10 +235,12 @@ impl Units {
             unit.held_until = now + window;
             if down_after != 0 && unit.silent >= down_after {
                 unit.down = true;
-                unit.held_until = now + window.max(unit.probe_after);
-                unit.probe_after = (unit.probe_after * 2).min(PROBE_LONGEST);
+                let probe_after = Duration::from_millis(unit.probe_after_ms.into());
+                unit.held_until = now + window.max(probe_after);
+                unit.probe_after_ms = (probe_after * 2).min(PROBE_LONGEST).as_millis() as u32;
             }
         });
+        silent
     }
 
     /// `id` is held for `window`: an answer that nobody waits for may come.
@@ -208,11 +270,29 @@ impl Units {
 }
 
 impl Unit {
+    /// The troubles that there were, and how often.
+    pub fn troubles(&self) -> impl Iterator<Item = (Event, u16)> {
+        TROUBLES.into_iter().zip(self.troubles).filter(|(_, count)| *count > 0)
+    }
+
+    /// How often there was `trouble`.
+    pub fn trouble(&self, trouble: Event) -> u16 {
+        self.troubles().find(|(known, _)| *known == trouble).map_or(0, |(_, count)| count)
+    }
+
+    fn count(&mut self, trouble: Event) {
+        self.disturbed = true;
+        let counters = TROUBLES.into_iter().zip(&mut self.troubles);
+        for (_, count) in counters.filter(|(known, _)| *known == trouble) {
+            *count = count.saturating_add(1);
+        }
+    }
+
     fn alive(&mut self) {
         self.silent = 0;
         self.down = false;
         // It need not wait for a probe any more.
         self.held_until = self.held_until.min(self.late_until);
-        self.probe_after = PROBE_FIRST;
+        self.probe_after_ms = PROBE_FIRST.as_millis() as u32;
     }
 }

@@ -65,6 +65,25 @@ fn statement_42_images_that_come_too_fast_are_left_out_but_never_torn() {
 }
 
 #[test]
+fn statement_42_outputs_are_not_taken_that_were_read_while_their_sync_manager_was_switched_off() {
+    let mut thrown_away = 0;
+    for after_us in (0..200).step_by(4) {
+        let (mut rig, echo) = slow_device(20);
+        rig.pause = Duration::from_micros(after_us);
+        rig.exchange(&image(2, 120));
+        rig.pause = Duration::from_micros(0);
+        rig.write(Channel::Outputs.registers() + 6, &[0]);
+        // Into memory that nobody guards any more.
+        rig.exchange(&image(3, 120));
+        rig.pass(10);
+        assert_eq!(rig.status(), (PRE_OP | ERROR, 0x001d));
+        assert_eq!(echo.0.borrow().torn, 0, "switched off after {after_us} us");
+        thrown_away += u64::from(echo.0.borrow().last == Some(1));
+    }
+    assert!(thrown_away > 5, "it was switched off while outputs were read");
+}
+
+#[test]
 fn statement_43_stale_inputs_can_be_told_by_a_counter() {
     let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
     rig.set_up_mailboxes();

@@ -3,6 +3,7 @@
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
 
+mod answer_times;
 mod cache;
 mod cut_ascii;
 mod cut_pairs;

@@ -3,6 +3,7 @@
 use embassy_time::{Duration, Instant};
 use mobgate::port::queue::Ready;
 use mobgate::port::units::{Gate, PROBE_LONGEST, UNITS_MAX, Units};
+use mobgate::stats::Event;
 
 const WINDOW: Duration = Duration::from_secs(1);
 const DOWN_AFTER: u8 = 3;
@@ -44,9 +45,10 @@ fn a_silent_unit_is_down_and_probed_at_growing_intervals() {
 
 #[test]
 fn one_answer_makes_a_unit_well_again() {
-    for sign_of_life in
-        [|units: &mut Units| units.answered(5, WINDOW, true), |units: &mut Units| units.damaged(5)]
-    {
+    for sign_of_life in [
+        |units: &mut Units| units.answered(5, WINDOW, true),
+        |units: &mut Units| units.damaged(5, Event::BadCheck),
+    ] {
         let mut units = Units::new();
         for second in 0..10 {
             time_out(&mut units, 5, Instant::from_secs(second * 100));

@@ -1,6 +1,7 @@
 //! A device's faults as sentences: first which requests, then what happens to their answers.
 
 use embassy_time::Instant;
+use mobgate_simulator::wire::Flaw;
 use mobgate_simulator::{Fault, Faults, fault::When};
 
 use crate::words::{duration, number};
@@ -47,6 +48,9 @@ fn fault(words: &[&str]) -> Result<Fault, String> {
         ["flipped", "bit"] => Fault::FlippedBit,
         ["lost", "byte"] => Fault::LostByte,
         ["truncated"] => Fault::Truncated,
+        ["truncated", "to", length] => Fault::CutTo(number(length)?),
+        ["bad", "parity"] => Fault::Flawed(Flaw::Parity),
+        ["no", "stop", "bit"] => Fault::Flawed(Flaw::Framing),
         ["wrong", "unit"] => Fault::WrongUnit,
         ["wrong", "function"] => Fault::WrongFunction,
         ["wrong", "length"] => Fault::WrongLength,

@@ -99,7 +99,7 @@ impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
         end.set_echo(bus.echo);
         let line = bus.line.as_deref().map_or(Ok(end.line()), line_settings)?;
         let wire = self.rig.wire(name);
-        self.strangers.insert(name.to_owned(), wire.tap(end.line()));
+        self.strangers.insert(name.to_owned(), wire.tap(line));
         let mut together = Vec::new();
         for (seed, setup) in bus.device.iter().enumerate() {
             let device = new_device(setup, seed)?;

@@ -15,6 +15,8 @@ pub(crate) enum Step {
     Console { line: String, refused: bool },
     /// `port bus counted 2 timeouts`
     Counted { port: String, count: u32, event: Event },
+    /// `show units has: 1 silent`
+    Shows { command: String, phrase: String },
     /// `16 times: scada asks ...`
     Times(usize, Box<Step>),
     /// `100 clients come and go on 502`
@@ -65,6 +67,8 @@ pub(crate) enum OfWire {
     Unplugged,
     /// `: plugged in`
     PluggedIn,
+    /// `: swapped`, `: right`
+    Swapped(bool),
     /// `: noise 01 02 03`
     Noise(Vec<u8>),
     /// `: babbles for 5s`
@@ -128,6 +132,9 @@ pub(crate) fn step(line: &str) -> Result<Step, String> {
     }
     if let Some(line) = line.strip_prefix("console:") {
         return Ok(Step::Console { line: line.trim().to_owned(), refused: false });
+    }
+    if let Some((command, phrase)) = line.split_once(" has:") {
+        return Ok(Step::Shows { command: command.to_owned(), phrase: phrase.trim().to_owned() });
     }
     if let Some((count, repeated)) = line.split_once(" times: ") {
         return Ok(Step::Times(number(count)?, Box::new(step(repeated)?)));
@@ -207,11 +214,16 @@ fn of_wire(words: &[&str]) -> Result<OfWire, String> {
     Ok(match words {
         [":", "unplugged"] => OfWire::Unplugged,
         [":", "plugged", "in"] => OfWire::PluggedIn,
+        [":", "swapped"] => OfWire::Swapped(true),
+        [":", "right"] => OfWire::Swapped(false),
         [":", "noise", noise @ ..] => OfWire::Noise(bytes(noise)?),
         [":", "babbles", "for", time] => OfWire::Babbles(duration(time)?),
         ["carried", count, "frame" | "frames", "from", "the", "gateway"] => OfWire::Carried(number(count)?),
         _ => {
-            return Err("a wire is unplugged or plugged in, has noise, babbles, or carried frames".to_owned());
+            return Err(
+                "a wire is unplugged, plugged in, swapped or right, has noise, babbles, or carried frames"
+                    .to_owned(),
+            );
         }
     })
 }

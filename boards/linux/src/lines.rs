@@ -5,7 +5,7 @@ use std::io;
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Error, ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
-use mobgate::hal::{OpenError, SerialHost, SerialLine};
+use mobgate::hal::{Flaws, OpenError, SerialHost, SerialLine};
 use mobgate_simulator::SimSerial;
 use mobgate_simulator::serial::SimLine;
 
@@ -63,6 +63,13 @@ impl SerialLine for Line {
         match self {
             Self::Tty(line) => line.rest(until).await,
             Self::Demo(line) => line.rest(until).await,
+        }
+    }
+
+    fn take_flaws(&mut self) -> Flaws {
+        match self {
+            Self::Tty(line) => line.take_flaws(),
+            Self::Demo(line) => line.take_flaws(),
         }
     }
 }

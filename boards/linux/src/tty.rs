@@ -12,7 +12,7 @@ use std::sync::Arc;
 use embassy_time::Instant;
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::config::{Driver, LineSettings, Parity};
-use mobgate::hal::{OpenError, OpenErrorKind, SerialHost, SerialLine};
+use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
 use rustix::fs::{FlockOperation, flock, fstat, major};
 use rustix::io::Errno;
 use rustix::termios::{QueueSelector, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush};
@@ -23,6 +23,9 @@ use crate::descriptor::Descriptor;
 use crate::hint;
 
 mod low_latency;
+mod receiver;
+
+use receiver::Receiver;
 
 /// Major device numbers of the slave side of Unix98 PTYs, which have no real line and know no parity.
 const PTY_MAJORS: std::ops::RangeInclusive<u32> = 136..=143;
@@ -35,6 +38,7 @@ pub struct TtyHost;
 #[derive(Debug)]
 pub struct Tty {
     io: Descriptor<File>,
+    receiver: Receiver,
     /// The same line, to switch its RTS, if that switches the transceiver's driver.
     rts: Option<Arc<SerialPort>>,
 }
@@ -52,7 +56,7 @@ impl SerialHost for TtyHost {
         };
         let io = Descriptor::new(File::from(OwnedFd::from(port)))
             .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
-        Ok(Tty { io, rts: rts.map(Arc::new) })
+        Ok(Tty { receiver: Receiver::new(&io), io, rts: rts.map(Arc::new) })
     }
 }
 
@@ -147,6 +151,10 @@ impl SerialLine for Tty {
 
     async fn rest(&mut self, until: Instant) -> bool {
         self.io.rest(until).await
+    }
+
+    fn take_flaws(&mut self) -> Flaws {
+        self.receiver.take_flaws(&self.io)
     }
 }
 

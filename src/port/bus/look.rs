@@ -7,7 +7,7 @@ use embassy_time::Instant;
 use super::Bus;
 use crate::config::Framing;
 use crate::hal::SerialLine;
-use crate::modbus::ascii::{COLON, Decoder};
+use crate::modbus::ascii::{AsciiError, COLON};
 use crate::modbus::pdu::{self, EXCEPTION_BIT, End};
 use crate::modbus::rtu::{self, AtSilence, Received};
 use crate::port::cut::Lane;
@@ -23,10 +23,10 @@ pub(super) enum Found {
     Nothing,
     /// The response.
     Response,
-    /// The response, but damaged.
-    Damaged,
-    /// Something else.
-    Other(Event),
+    /// The response, but damaged, and what is wrong with it.
+    Damaged(Event),
+    /// Something else, which has been counted.
+    Other,
 }
 
 impl<L: SerialLine> Bus<'_, L> {
@@ -36,6 +36,10 @@ impl<L: SerialLine> Bus<'_, L> {
             return self.look_for_ascii(reply);
         }
         self.begun = self.line.begun();
+        if self.is_own(reply) {
+            self.line.consume(reply.request().len() + rtu::OVERHEAD_BYTES);
+            return self.other(reply.unit(), Event::Echo);
+        }
         self.pass_on(reply);
         match rtu::response(reply.unit(), reply.request(), self.line.heard()) {
             Received::Complete(pdu) => {
@@ -67,9 +71,11 @@ impl<L: SerialLine> Bus<'_, L> {
                     reply.whole(self.decoder.bytes(), response);
                     Found::Response
                 }
-                (Ok(()), [from, ..]) if *from != unit => Found::Other(Event::WrongUnit),
-                (Ok(()), _) => Found::Other(Event::Misfit),
-                (Err(_), _) => damage(&self.decoder, unit, request),
+                (Ok(()), [from, ..]) if *from != unit => self.other(unit, self.foreign(*from)),
+                (Ok(()), [_, response @ .., _]) if response == request => self.other(unit, Event::Echo),
+                (Ok(()), _) => self.other(unit, Event::Misfit),
+                (Err(AsciiError::Lrc { .. }), _) => self.damage(unit, request, Event::BadCheck),
+                (Err(_), _) => self.damage(unit, request, Event::Short),
             };
             reply.not_yet(&[], true);
             self.line.consume(before + 1);
@@ -89,19 +95,34 @@ impl<L: SerialLine> Bus<'_, L> {
                     reply.whole(self.line.heard(), pdu);
                     Found::Response
                 }
-                AtSilence::Damaged => Found::Damaged,
-                AtSilence::WrongUnit(_) => Found::Other(Event::WrongUnit),
-                AtSilence::Misfit(_) => Found::Other(Event::Misfit),
-                AtSilence::Noise => Found::Other(Event::Noise),
+                AtSilence::Damaged => Found::Damaged(self.line.flaw().unwrap_or(Event::BadCheck)),
+                AtSilence::Short => Found::Damaged(self.line.flaw().unwrap_or(Event::Short)),
+                AtSilence::WrongUnit(from) => self.other(unit, self.foreign(from)),
+                AtSilence::Misfit(_) => self.other(unit, Event::Misfit),
+                AtSilence::Noise => self.other(unit, Event::Noise),
             },
             Framing::Ascii => {
                 self.decoder.clear();
-                damage(&self.decoder, unit, request)
+                self.damage(unit, request, Event::Short)
             }
         };
         reply.not_yet(self.line.heard(), true);
         self.line.clear();
         found
+    }
+
+    /// Whether the gateway's own request has come back, where no response could look like it.
+    fn is_own(&self, reply: &Reply<'_, '_>) -> bool {
+        let request = reply.request();
+        let whole = self.line.heard().get(..request.len() + rtu::OVERHEAD_BYTES);
+        whole.and_then(|frame| rtu::decode(frame).ok()) == Some((reply.unit(), request))
+            && pdu::fits(request, request).is_err()
+    }
+
+    /// What a good frame of another unit is.
+    fn foreign(&self, from: u8) -> Event {
+        let late = self.place.units(|units| units.is_late(from, Instant::now()));
+        if late { Event::Late } else { Event::WrongUnit }
     }
 
     /// When a response that has begun will have all but the last one of the characters that it has at least. That one is waited
@@ -132,14 +153,16 @@ impl<L: SerialLine> Bus<'_, L> {
         let lane = Lane { framing: self.framing, line: self.line.settings };
         reply.hear(heard, self.begun + self.line.jitter, &lane);
     }
-}
 
-/// What a frame was that did not come whole: the response if it begins as that does.
-fn damage(decoder: &Decoder, unit: u8, request: &[u8]) -> Found {
-    match (decoder.bytes(), request) {
-        ([from, answered, ..], [function, ..]) if *from == unit && answered & !EXCEPTION_BIT == *function => {
-            Found::Damaged
+    /// What an ASCII frame was that did not come well, for this `reason`: the response if it begins as that does.
+    fn damage(&self, unit: u8, request: &[u8], reason: Event) -> Found {
+        match (self.decoder.bytes(), request) {
+            ([from, answered, ..], [function, ..])
+                if *from == unit && answered & !EXCEPTION_BIT == *function =>
+            {
+                Found::Damaged(self.line.flaw().unwrap_or(reason))
+            }
+            _ => self.other(unit, Event::Noise),
         }
-        _ => Found::Other(Event::Noise),
     }
 }

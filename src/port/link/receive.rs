@@ -42,7 +42,8 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
                             self.proven = true;
                             answer(self.desk, flight, pdu);
                         }
-                        Err(event) => stats.count(event),
+                        Err((None, event)) => stats.count(event),
+                        Err((Some(unit), event)) => self.desk.place().disturbed(unit, event),
                     }
                     consumed
                 }
@@ -109,18 +110,18 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
                     answer(self.desk, flight, pdu);
                 }
             }
-            AtSilence::Damaged => {
+            damaged @ (AtSilence::Damaged | AtSilence::Short) => {
                 self.proven = true;
-                place.stats.count(Event::Damaged);
-                place.units(|units| units.damaged(unit));
+                let short = damaged == AtSilence::Short;
+                place.damaged(unit, if short { Event::Short } else { Event::BadCheck });
                 if let Some(flight) = self.flights.finish(id) {
                     flight.order.blame(Cause::Damage);
                     self.desk.failed(&flight.order, self.settings.retries);
                 }
             }
-            AtSilence::WrongUnit(_) => place.stats.count(Event::WrongUnit),
-            AtSilence::Misfit(_) => place.stats.count(Event::Misfit),
-            AtSilence::Noise => place.stats.count(Event::Noise),
+            AtSilence::WrongUnit(_) => place.disturbed(unit, Event::WrongUnit),
+            AtSilence::Misfit(_) => place.disturbed(unit, Event::Misfit),
+            AtSilence::Noise => place.disturbed(unit, Event::Noise),
         }
         self.length = 0;
     }
@@ -145,27 +146,30 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         let open = self.flights.len();
         while let Some(flight) = self.flights.expire(now, window) {
             place.stats.count(Event::Timeout);
-            place.units(|units| units.timed_out(flight.unit, now, held, self.settings.down_after));
+            if place.units(|units| units.timed_out(flight.unit, now, held, self.settings.down_after)) {
+                place.stats.count(Event::Silent);
+            }
             self.desk.failed(&flight.order, self.settings.retries);
         }
         self.flights.len() < open
     }
 }
 
-/// The open request that a Modbus TCP frame answers; else what the frame is.
+/// The open request that a Modbus TCP frame answers; else what the frame is, and which unit was asked if that is known.
 fn pair<'g>(
     flights: &mut Flights<Frame<'g>>,
     header: Header,
     pdu: &[u8],
-) -> Result<Flight<Frame<'g>>, Event> {
-    let flight = flights.find(header.transaction).ok_or(Event::Stray)?;
+) -> Result<Flight<Frame<'g>>, (Option<u8>, Event)> {
+    let flight = flights.find(header.transaction).ok_or((None, Event::Stray))?;
+    let asked = Some(flight.unit);
     if flight.unit != header.unit {
-        return Err(Event::WrongUnit);
+        return Err((asked, Event::WrongUnit));
     }
     let mut request = [0; PDU_BYTES_MAX];
     let length = flight.order.copy_pdu(&mut request);
-    fits(request.get(..length).unwrap_or(&[]), pdu).map_err(|_| Event::Misfit)?;
-    flights.finish(header.transaction).ok_or(Event::Stray)
+    fits(request.get(..length).unwrap_or(&[]), pdu).map_err(|_| (asked, Event::Misfit))?;
+    flights.finish(header.transaction).ok_or((None, Event::Stray))
 }
 
 /// Sends the order home with `pdu` as its answer.

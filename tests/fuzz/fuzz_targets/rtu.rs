@@ -87,7 +87,7 @@ fn search(unit: u8, request: &[u8], line: &[u8]) {
         (AtSilence::Complete(pdu), _) => genuine(pdu),
         (AtSilence::WrongUnit(from), whole) => assert!(whole.is_ok_and(|(unit, _)| unit == from)),
         (AtSilence::Misfit(_), whole) => assert!(whole.is_ok_and(|(from, _)| unit == from)),
-        (AtSilence::Damaged | AtSilence::Noise, whole) => {
+        (AtSilence::Damaged | AtSilence::Short | AtSilence::Noise, whole) => {
             assert!(whole.is_err());
             assert_eq!(found, None);
         }

@@ -5,7 +5,7 @@ use std::net::{IpAddr, Ipv4Addr};
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::Write;
-use mobgate_simulator::{Random, World, fault::babble};
+use mobgate_simulator::{Random, World, console, fault::babble};
 
 use super::Stage;
 use crate::faults::faults;
@@ -28,6 +28,12 @@ impl Stage<'_, '_, '_> {
                     _ => {}
                 }
                 world.run_for(MOMENT);
+            }
+            Step::Shows { command, phrase } => {
+                let shown = world.run_until(console::typed(self.rig.gateway, command));
+                if !shown.split_whitespace().collect::<Vec<_>>().join(" ").contains(phrase.as_str()) {
+                    return Err(format!("it shows\n{shown}"));
+                }
             }
             Step::Times(count, step) => return (0..*count).try_for_each(|_| self.act(world, step)),
             Step::Counted { port, count, event } => {
@@ -82,6 +88,7 @@ impl Stage<'_, '_, '_> {
         match what {
             OfWire::Unplugged => end.unplug(),
             OfWire::PluggedIn => end.replug(),
+            OfWire::Swapped(swapped) => end.set_swapped(*swapped),
             OfWire::Noise(noise) => {
                 let sent = world.run_until(stranger()?.write_all(noise));
                 sent.map_err(|error| error.to_string())?;

@@ -177,7 +177,10 @@ impl Device {
         let frame = |unit, pdu: &[u8], _| framing::frame(framing, unit, pdu);
         for piece in faults.transmission(framing, unit, &pdu, answer, frame) {
             at += piece.pause;
-            let length = if let Sent::Bytes(bytes) = &piece.what { bytes.len() } else { 0 };
+            let length = match &piece.what {
+                Sent::Bytes(bytes) | Sent::Flawed(bytes, _) => bytes.len(),
+                Sent::Close | Sent::Reset => 0,
+            };
             outbox.push(Outgoing { at, what: piece.what });
             at += line.line().chars(length);
         }
@@ -252,6 +255,7 @@ pub async fn serve_in(framing: Framing, mut line: LineEnd, devices: Vec<Device>)
                 // The bus has nobody to tell: an unplugged device just is not heard.
                 let _ = line.write_all(&bytes).await;
             }
+            Either::Second(Sent::Flawed(bytes, flaw)) => line.write_flawed(&bytes, flaw),
             // A bus has no connections.
             Either::Second(Sent::Close | Sent::Reset) => {}
         }

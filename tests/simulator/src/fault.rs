@@ -7,7 +7,7 @@ use embedded_io_async::Write;
 use mobgate::config::Framing;
 
 use crate::random::Random;
-use crate::wire::LineEnd;
+use crate::wire::{Flaw, LineEnd};
 
 /// Something that happens to an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,6 +24,10 @@ pub enum Fault {
     LostByte,
     /// The end is missing: at least the last byte, at most all but the first.
     Truncated,
+    /// All behind so many bytes is missing.
+    CutTo(usize),
+    /// A character in the middle comes with another bit, and the receiver notices in this way.
+    Flawed(Flaw),
     /// A good frame with another unit's id.
     WrongUnit,
     /// A good frame of another function.
@@ -89,6 +93,8 @@ pub(crate) struct Piece {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Sent {
     Bytes(Vec<u8>),
+    /// A character in the middle of them spoiled.
+    Flawed(Vec<u8>, Flaw),
     Close,
     Reset,
 }
@@ -168,6 +174,10 @@ impl Faults {
             _ => {}
         }
         let Sent::Bytes(bytes) = what else { return };
+        if let Fault::Flawed(flaw) = fault {
+            *what = Sent::Flawed(std::mem::take(bytes), flaw);
+            return;
+        }
         let place = self.random.index(bytes.len());
         match fault {
             Fault::Late(least, most) => {
@@ -182,6 +192,7 @@ impl Faults {
             Fault::FlippedBit => bytes[place] ^= 1 << self.random.index(8),
             Fault::LostByte => drop(bytes.remove(place)),
             Fault::Truncated => bytes.truncate(place.max(1)),
+            Fault::CutTo(length) => bytes.truncate(length),
             Fault::Half => {
                 bytes.truncate(place.max(1));
                 pieces.push(Piece { pause: Duration::from_ticks(0), what: Sent::Close });
@@ -200,7 +211,7 @@ impl Faults {
                 pieces.push(Piece { pause, what: Sent::Bytes(bytes) });
             }
             // Done by `forge` or above, or no answer at all.
-            Fault::Close | Fault::Reset | Fault::WrongTransaction => {}
+            Fault::Close | Fault::Reset | Fault::WrongTransaction | Fault::Flawed(_) => {}
             Fault::Dead | Fault::WrongUnit | Fault::WrongFunction | Fault::WrongLength => {}
             Fault::WrongEcho | Fault::Exception(_) => {}
         }

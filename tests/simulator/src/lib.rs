@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 pub mod client;
+pub mod console;
 pub mod device;
 pub mod esc;
 pub mod fault;

@@ -3,7 +3,7 @@
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
-use mobgate::hal::{OpenError, OpenErrorKind, SerialHost, SerialLine};
+use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
 
 use crate::wire::LineEnd;
 
@@ -74,6 +74,10 @@ impl SerialLine for SimLine {
     async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
         self.end.drive(on);
         Ok(())
+    }
+
+    fn take_flaws(&mut self) -> Flaws {
+        self.end.take_flaws()
     }
 }
 

@@ -11,7 +11,8 @@ use std::rc::Rc;
 use std::task::{Context, Waker};
 
 use embassy_time::{Duration, Instant};
-use mobgate::config::LineSettings;
+use mobgate::config::{LineSettings, Parity};
+use mobgate::hal::Flaws;
 
 use crate::random::mix;
 
@@ -39,6 +40,18 @@ struct Character {
     from: usize,
     byte: u8,
     damaged: bool,
+    flaw: Option<Flaw>,
+    /// Only the sender hears it: what a receiver with swapped wires makes of a line that falls idle.
+    own: bool,
+}
+
+/// What a receiver notices of a bad character.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flaw {
+    /// The parity bit is wrong.
+    Parity,
+    /// There is no stop bit where one should be.
+    Framing,
 }
 
 /// The bus. Clones are the same bus.
@@ -57,6 +70,10 @@ struct Bus {
 struct End {
     line: LineSettings,
     echo: bool,
+    /// Its two wires are swapped: it takes ones for zeros, and the idle line for a break.
+    swapped: bool,
+    /// What its receiver has noticed.
+    flaws: Flaws,
     plugged: bool,
     opened: bool,
     /// Handles of an earlier number are dead: their adapter was unplugged.
@@ -104,6 +121,8 @@ impl Wire {
         bus.ends.push(End {
             line,
             echo: false,
+            swapped: false,
+            flaws: Flaws::default(),
             plugged: true,
             opened: false,
             generation: 0,
@@ -146,32 +165,39 @@ impl Bus {
 
     /// The characters that `end` hears from its place on, future ones included, with their numbers.
     fn audible_from(&self, end: usize) -> impl Iterator<Item = (u64, &Character)> {
-        let End { next, echo, .. } = self.ends[end];
+        let End { next, echo, .. } = &self.ends[end];
+        let (next, echo) = (*next, *echo);
         let skipped = usize::try_from(next.saturating_sub(self.first)).unwrap_or(usize::MAX);
         let numbered = self.characters.iter().enumerate().skip(skipped);
         let numbered = numbered.map(|(index, character)| (self.first + index as u64, character));
-        numbered.filter(move |(_, character)| echo || character.from != end)
+        numbered.filter(move |(_, character)| match character.own {
+            true => character.from == end,
+            false => echo || character.from != end,
+        })
     }
 
     /// Moves what `end` has heard by now to `into`, and says how much that was.
     fn read(&mut self, end: usize, into: &mut [u8]) -> usize {
         let now = now_ns();
-        let line = self.ends[end].line;
         let mut next = self.ends[end].next;
+        let mut flaws = self.ends[end].flaws;
         let mut count = 0;
         let heard = self.audible_from(end).take_while(|(_, character)| character.end_ns <= now);
         for ((number, character), place) in heard.zip(into) {
-            *place = self.heard_as(character, &line);
+            let (byte, flaw) = self.heard_as(character, end);
+            *place = byte;
+            flaws.parity += u32::from(flaw == Some(Flaw::Parity));
+            flaws.framing += u32::from(flaw == Some(Flaw::Framing));
             count += 1;
             next = number + 1;
         }
         self.ends[end].next = next;
+        self.ends[end].flaws = flaws;
         count
     }
 
     /// What `end` hears until the next silence, and the number of the character after it.
     fn frame_from(&self, end: usize, silence: Silence) -> (Heard, u64) {
-        let line = self.ends[end].line;
         let mut heard = Heard { bytes: Vec::new(), gap_inside: false, end_ns: 0 };
         let mut next = self.ends[end].next;
         for (number, character) in self.audible_from(end) {
@@ -182,15 +208,15 @@ impl Bus {
                 }
                 heard.gap_inside |= gap_ns > silence.inside_ns;
             }
-            heard.bytes.push(self.heard_as(character, &line));
+            heard.bytes.push(self.heard_as(character, end).0);
             heard.end_ns = heard.end_ns.max(character.end_ns);
             next = number + 1;
         }
         (heard, next)
     }
 
-    /// Lets `from` send `bytes` as soon as its transmitter is free.
-    fn transmit(&mut self, from: usize, bytes: &[u8]) {
+    /// Lets `from` send `bytes` as soon as its transmitter is free; the one in the middle has the `flaw`.
+    fn transmit(&mut self, from: usize, bytes: &[u8], flaw: Option<Flaw>) {
         let now = now_ns();
         let Bus { ends, record, characters, .. } = self;
         let Some(end) = ends.get_mut(from) else { return };
@@ -200,15 +226,23 @@ impl Bus {
         }
         let line = end.line;
         let mut run = end.run;
-        for &byte in bytes {
+        for (at, &byte) in bytes.iter().enumerate() {
             let start_ns = run.end_ns;
             run.characters += 1;
             run.end_ns = run.start_ns + chars_ns(&line, run.characters);
-            let character = Character { start_ns, end_ns: run.end_ns, from, byte, damaged: false };
+            let flaw = flaw.filter(|_| at == bytes.len() / 2);
+            let character =
+                Character { start_ns, end_ns: run.end_ns, from, byte, damaged: false, flaw, own: false };
             record.add(&character, chars_ns(&line, 1));
             place(characters, record, character);
         }
         end.run = run;
+        if end.swapped {
+            let (start_ns, end_ns) = (run.end_ns, run.end_ns + chars_ns(&line, 1));
+            let flaw = Some(Flaw::Framing);
+            let idle = Character { start_ns, end_ns, from, byte: 0xff, damaged: false, flaw, own: true };
+            place(characters, record, idle);
+        }
         self.drop_unread();
         let waiting: Vec<Waker> = self.ends.iter_mut().flat_map(|end| end.waiting.drain(..)).collect();
         waiting.into_iter().for_each(Waker::wake);
@@ -230,19 +264,27 @@ impl Bus {
         self.first += forgotten as u64;
     }
 
-    /// The byte that an end set to `line` takes `character` for.
-    fn heard_as(&self, character: &Character, line: &LineSettings) -> u8 {
-        let sent_as = &self.ends[character.from].line;
+    /// The byte that `end` takes `character` for, and what its receiver notices.
+    fn heard_as(&self, character: &Character, end: usize) -> (u8, Option<Flaw>) {
+        let (sender, hearer) = (&self.ends[character.from], &self.ends[end]);
+        let (sent_as, line) = (&sender.line, &hearer.line);
         let same = sent_as.baud == line.baud
             && sent_as.data_bits == line.data_bits
             && sent_as.parity == line.parity
-            && sent_as.bits_per_char() == line.bits_per_char();
-        if same && !character.damaged {
-            return character.byte;
+            && sent_as.bits_per_char() == line.bits_per_char()
+            && sender.swapped == hearer.swapped;
+        if same && !character.damaged && character.flaw.is_none() {
+            return (character.byte, None);
         }
+        let same_bits = sent_as.baud == line.baud && sent_as.bits_per_char() == line.bits_per_char();
+        let flaw = match character.flaw {
+            _ if same => character.flaw,
+            _ if !same_bits || sender.swapped != hearer.swapped => Some(Flaw::Framing),
+            _ => Some(Flaw::Parity).filter(|_| line.parity != Parity::None),
+        };
         // Some byte that is never the right one, and the same in every run.
         let garbage = mix(character.start_ns ^ u64::from(line.baud)) as u8;
-        if garbage == character.byte { !garbage } else { garbage }
+        (if garbage == character.byte { !garbage } else { garbage }, flaw)
     }
 }
 
@@ -271,7 +313,8 @@ fn place(characters: &mut VecDeque<Character>, record: &mut Record, mut characte
         if other.end_ns > character.end_ns {
             at = index;
         }
-        if other.from != character.from && other.start_ns < character.end_ns {
+        let on_wire = !other.own && !character.own;
+        if on_wire && other.from != character.from && other.start_ns < character.end_ns {
             record.collisions += u64::from(!other.damaged) + u64::from(!character.damaged);
             other.damaged = true;
             character.damaged = true;

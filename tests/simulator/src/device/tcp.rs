@@ -41,7 +41,8 @@ async fn converse(mut stream: ClientStream, framing: Stream, devices: Vec<Device
                 received.extend_from_slice(&buffer[..count]);
                 hear(framing, &mut received, &devices, &mut outbox);
             }
-            Either::Second(Sent::Bytes(bytes)) => {
+            // Streams have neither parity nor stop bits.
+            Either::Second(Sent::Bytes(bytes) | Sent::Flawed(bytes, _)) => {
                 if stream.write_all(&bytes).await.is_err() {
                     return;
                 }

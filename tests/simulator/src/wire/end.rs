@@ -6,8 +6,9 @@ use std::task::{Context, Poll};
 use embassy_time_driver::schedule_wake;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
+use mobgate::hal::Flaws;
 
-use super::{Bus, TRANSMIT_CHARS_MAX, Wire, chars_ns, now_ns, tick_after};
+use super::{Bus, Flaw, TRANSMIT_CHARS_MAX, Wire, chars_ns, now_ns, tick_after};
 
 /// A participant's handle. Clones are the same participant; what one clone reads, the others do not.
 #[derive(Clone)]
@@ -72,6 +73,21 @@ impl LineEnd {
     /// Whether the participant hears itself, like an adapter whose receiver stays on.
     pub fn set_echo(&self, echo: bool) {
         self.wire.0.borrow_mut().ends[self.number].echo = echo;
+    }
+
+    /// Swaps the participant's two wires, or puts them right.
+    pub fn set_swapped(&self, swapped: bool) {
+        self.wire.0.borrow_mut().ends[self.number].swapped = swapped;
+    }
+
+    /// What the participant's receiver has noticed since the last call.
+    pub(crate) fn take_flaws(&self) -> Flaws {
+        std::mem::take(&mut self.wire.0.borrow_mut().ends[self.number].flaws)
+    }
+
+    /// Sends `bytes`, of which the one in the middle has the `flaw`.
+    pub(crate) fn write_flawed(&self, bytes: &[u8], flaw: Flaw) {
+        self.wire.0.borrow_mut().transmit(self.number, bytes, Some(flaw));
     }
 
     /// Switches the transceiver's driver; the record notes when.
@@ -218,7 +234,7 @@ impl Read for LineEnd {
 impl Write for LineEnd {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
         poll_fn(|context| self.poll_room(context, TRANSMIT_CHARS_MAX)).await?;
-        self.wire.0.borrow_mut().transmit(self.number, bytes);
+        self.wire.0.borrow_mut().transmit(self.number, bytes, None);
         Ok(bytes.len())
     }
 

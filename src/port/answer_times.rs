@@ -1,0 +1,53 @@
+//! How long answers take: a small histogram with logarithmic steps, from which percentiles are read.
+//!
+//! A class is a factor of 2^(2/3) wide, and a percentile is interpolated in it, so it is right within a quarter or so. When
+//! a class is full all are halved: old answers fade. It takes 20 bytes, so that every unit has one.
+
+/// Upper ends of the classes in microseconds, the last one's excepted, which has none: half a millisecond to two seconds.
+const ENDS_US: [u32; CLASSES - 1] = [
+    500, 794, 1_260, 2_000, 3_175, 5_040, 8_000, 12_699, 20_159, 32_000, 50_797, 80_635, 128_000, 203_187,
+    322_540, 512_000, 812_749, 1_290_159, 2_048_000,
+];
+const CLASSES: usize = 20;
+
+/// How long answers take.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct AnswerTimes([u8; CLASSES]);
+
+impl AnswerTimes {
+    /// No answer yet.
+    pub const fn new() -> Self {
+        Self([0; CLASSES])
+    }
+
+    /// An answer took so many microseconds.
+    pub fn add(&mut self, took_us: u32) {
+        let class = ENDS_US.partition_point(|end| *end < took_us);
+        if self.0.get(class) == Some(&u8::MAX) {
+            // What was there once is not forgotten at once.
+            self.0.iter_mut().for_each(|count| *count = count.div_ceil(2));
+        }
+        if let Some(count) = self.0.get_mut(class) {
+            *count += 1;
+        }
+    }
+
+    /// The time in microseconds within which so many `percent` of the answers came; `None` without answers. Beyond two seconds
+    /// it says two seconds.
+    pub fn percentile(&self, percent: u32) -> Option<u32> {
+        let total: u32 = self.0.iter().map(|count| u32::from(*count)).sum();
+        let wanted = (total * percent).div_ceil(100).max(1);
+        let mut below = 0;
+        let mut start = 0;
+        for (count, end) in self.0.iter().zip(ENDS_US.into_iter().chain([2_048_000])) {
+            let count = u32::from(*count);
+            if below + count >= wanted && count > 0 {
+                let into = u64::from(end - start) * u64::from(wanted - below) / u64::from(count);
+                return Some(start + into as u32);
+            }
+            below += count;
+            start = end;
+        }
+        None
+    }
+}

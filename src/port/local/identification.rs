@@ -1,0 +1,43 @@
+//! Read device identification (FC 2Bh, MEI type 0Eh), Application Protocol 6.21.
+
+use super::pdu_of;
+use crate::modbus::Exception;
+use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION};
+use crate::scanner::Pdu;
+
+/// The objects by their ids: vendor, product code, revision; vendor's address, product name.
+const OBJECTS: [&str; 5] = [
+    env!("CARGO_PKG_NAME"),
+    env!("CARGO_PKG_NAME"),
+    env!("CARGO_PKG_VERSION"),
+    env!("CARGO_PKG_REPOSITORY"),
+    "mobgate Modbus gateway",
+];
+/// How many of them are the basic ones.
+const BASIC: usize = 3;
+/// Regular identification, as a stream and object by object.
+const CONFORMITY: u8 = 0x82;
+
+/// The objects from `first` on that `code` asks for: 1 the basic ones, 2 and 3 all there are, 4 this one. They fit into one answer.
+pub(super) fn answer(code: u8, first: u8) -> Result<Pdu, Exception> {
+    let end = match code {
+        1 => BASIC,
+        2 | 3 => OBJECTS.len(),
+        4 => usize::from(first) + 1,
+        _ => return Err(Exception::ILLEGAL_VALUE),
+    };
+    let first = usize::from(first);
+    // A stream that begins with an unknown object begins with the first one (6.21).
+    let start = if first < end { first } else { 0 };
+    let objects = OBJECTS.get(start..end).ok_or(Exception::ILLEGAL_ADDRESS)?;
+    let count = objects.len() as u8;
+    let (more_follows, next) = (0, 0);
+    let header =
+        [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, code, CONFORMITY, more_follows, next, count];
+    let mut answer = pdu_of(&[&header])?;
+    for (id, object) in objects.iter().enumerate() {
+        let part = pdu_of(&[&[(start + id) as u8, object.len() as u8], object.as_bytes()])?;
+        answer.extend_from_slice(&part).map_err(|_| Exception::DEVICE_FAILURE)?;
+    }
+    Ok(answer)
+}

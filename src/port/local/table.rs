@@ -1,0 +1,162 @@
+//! The gateway's state as input registers of its own unit. README.md has the table; its addresses stay.
+//!
+//! From [`BASE`] on: a block for the gateway, one for each port place, and one for each unit remembered at each port. Numbers of 32
+//! bits stand with their big end first. What a block does not use reads as zero.
+
+use embassy_time::Instant;
+
+use super::pdu_of;
+use crate::config::PORTS_MAX;
+use crate::gateway::{Gateway, PortPlace, Status};
+use crate::modbus::Exception;
+use crate::modbus::pdu::function::READ_INPUT_REGISTERS;
+use crate::port::units::{TROUBLES, UNITS_MAX, Unit};
+use crate::scanner::Pdu;
+use crate::stats::Event;
+
+/// The first register of the gateway's block.
+pub const BASE: u16 = 0x8000;
+/// The first register of port place 0, and the length of a port's block.
+pub const PORTS: u16 = 0x8100;
+/// See [`PORTS`].
+pub const PORT_LENGTH: u16 = 0x40;
+/// The first register of the first unit of port place 0, and the length of a unit's block; each port has [`UNITS_MAX`].
+pub const UNITS: u16 = 0x9000;
+/// See [`UNITS`].
+pub const UNIT_LENGTH: u16 = 0x20;
+
+/// The version of this table.
+const VERSION: u16 = 1;
+const PORTS_END: u16 = PORTS + PORTS_MAX as u16 * PORT_LENGTH;
+const UNITS_END: u16 = UNITS + (PORTS_MAX * UNITS_MAX) as u16 * UNIT_LENGTH;
+/// Most registers that one answer holds (Application Protocol 6.4).
+const REGISTERS_MAX: u16 = 125;
+
+/// The counters of a port's block, two registers each, from its register 4 on.
+pub const COUNTERS: [Event; 28] = [
+    Event::Request,
+    Event::Answer,
+    Event::Exception,
+    Event::Timeout,
+    Event::Silent,
+    Event::Damaged,
+    Event::BadCheck,
+    Event::Short,
+    Event::Parity,
+    Event::Framing,
+    Event::Overrun,
+    Event::WrongUnit,
+    Event::Misfit,
+    Event::Late,
+    Event::Echo,
+    Event::Noise,
+    Event::Retry,
+    Event::UnitDown,
+    Event::Expired,
+    Event::AskerGone,
+    Event::QueueFull,
+    Event::Refused,
+    Event::NoPath,
+    Event::BackPressure,
+    Event::Busy,
+    Event::Foreign,
+    Event::LineLost,
+    Event::Collision,
+];
+
+/// The answer to `request`, if it is a read of this table.
+pub(super) fn answer(gateway: &Gateway<'_>, request: &[u8]) -> Option<Result<Pdu, Exception>> {
+    let &[READ_INPUT_REGISTERS, a, b, c, d] = request else { return None };
+    let (first, count) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
+    if first < BASE {
+        return None;
+    }
+    if !(1..=REGISTERS_MAX).contains(&count) {
+        return Some(Err(Exception::ILLEGAL_VALUE));
+    }
+    let mut answer = pdu_of(&[&[READ_INPUT_REGISTERS, 2 * count as u8]]).ok()?;
+    for offset in 0..count {
+        let value = first.checked_add(offset).and_then(|address| register(gateway, address));
+        let Some(value) = value else { return Some(Err(Exception::ILLEGAL_ADDRESS)) };
+        // There is room, see above.
+        let _ = answer.extend_from_slice(&value.to_be_bytes());
+    }
+    Some(Ok(answer))
+}
+
+/// What stands at `address`.
+fn register(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
+    match address {
+        BASE..PORTS => Some(of_gateway(gateway, address - BASE)),
+        PORTS..PORTS_END => {
+            let place = gateway.ports().get(usize::from((address - PORTS) / PORT_LENGTH));
+            Some(place.map_or(0, |place| of_port(place, (address - PORTS) % PORT_LENGTH)))
+        }
+        UNITS..UNITS_END => {
+            let (block, at) = (usize::from((address - UNITS) / UNIT_LENGTH), (address - UNITS) % UNIT_LENGTH);
+            let place = gateway.ports().get(block / UNITS_MAX);
+            let unit =
+                place.and_then(|place| place.units(|units| units.iter().nth(block % UNITS_MAX).copied()));
+            Some(unit.map_or(0, |unit| of_unit(&unit, at)))
+        }
+        _ => None,
+    }
+}
+
+fn of_gateway(gateway: &Gateway<'_>, at: u16) -> u16 {
+    let uptime = Instant::now().as_secs() as u32;
+    match at {
+        0 => VERSION,
+        1 => gateway.ports().len() as u16,
+        2 => UNITS_MAX as u16,
+        3 => gateway.pool().capacity() as u16,
+        4 => gateway.pool().free() as u16,
+        5 => gateway.seats().iter().filter(|seat| seat.state().peer.is_some()).count() as u16,
+        6 | 7 => half(uptime, at - 6),
+        _ => 0,
+    }
+}
+
+fn of_port(place: &PortPlace, at: u16) -> u16 {
+    match at {
+        0 => match place.status() {
+            Status::Off => 0,
+            Status::Open => 1,
+            Status::Idle => 2,
+            Status::Lost => 3,
+            Status::Failed(_) => 4,
+        },
+        1 => place.stats.last_error() as u16,
+        2 => place.waiting(),
+        3 => place.units(|units| units.iter().count()) as u16,
+        at => {
+            let counter = COUNTERS.get(usize::from((at - 4) / 2));
+            counter.map_or(0, |event| half(place.stats.get(*event), at % 2))
+        }
+    }
+}
+
+fn of_unit(unit: &Unit, at: u16) -> u16 {
+    let percentile = |percent| unit.times.percentile(percent).unwrap_or(0);
+    let wide = [
+        unit.requests,
+        unit.answers,
+        unit.exceptions,
+        unit.timeouts,
+        unit.took_us,
+        percentile(50),
+        percentile(99),
+    ];
+    match usize::from(at) {
+        0 => unit.id.into(),
+        1 if unit.down => 2,
+        1 => u16::from(unit.held_until > Instant::now()),
+        at @ 2..16 => wide.get(at / 2 - 1).map_or(0, |value| half(*value, at as u16 % 2)),
+        at => TROUBLES.get(at - 16).map_or(0, |trouble| unit.trouble(*trouble)),
+    }
+}
+
+/// The high (0) or low (1) half of `value`.
+fn half(value: u32, which: u16) -> u16 {
+    if which == 0 { (value >> 16) as u16 } else { value as u16 }
+}

@@ -14,12 +14,15 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
-use crate::config::{OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, load_points};
+use crate::config::{
+    LineSettings, OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, SerialSettings, Settings, Side,
+    load_points,
+};
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
-use crate::port::ethercat::EthercatPlace;
+use crate::port::ethercat::{EthercatPlace, Speed};
 use crate::port::local::Events;
 use crate::port::sockets::Socket;
 use crate::port::units::Units;
@@ -124,6 +127,13 @@ impl PortPlace {
 
     pub(crate) fn generation(&self) -> u16 {
         self.generation.load(Ordering::Relaxed)
+    }
+
+    /// The port's settings are others: it begins anew.
+    fn restart(&self) {
+        self.set_status(Status::Off);
+        self.units(Units::clear);
+        self.changed.signal(());
     }
 
     /// Notes how the port is doing; says whether that is news.
@@ -370,7 +380,7 @@ impl<'g> Gateway<'g> {
         if has_points && self.scanner.is_none() {
             return Err(ApplyError::NoPoints);
         }
-        if new.ports.iter().flatten().any(is_ethercat) && self.ethercat.is_none() {
+        if new.ethercat().is_some() && self.ethercat.is_none() {
             return Err(ApplyError::NoEthercat);
         }
         let mut points = Reloaded::Nothing;
@@ -392,15 +402,16 @@ impl<'g> Gateway<'g> {
             }
             settings.clone_from(new);
         });
+        if let Some(ethercat) = self.ethercat {
+            ethercat.follow(new);
+        }
         for (index, place) in
             self.ports.iter().enumerate().filter(|(index, _)| changed.get(*index) == Some(&true))
         {
             let id = PortId(index as u8);
             let old = self.seats.iter().filter(|seat| seat.state().port == Some(id));
             old.for_each(|seat| seat.give_to(None));
-            place.set_status(Status::Off);
-            place.units(Units::clear);
-            place.changed.signal(());
+            place.restart();
         }
         for (index, port) in new.ports.iter().enumerate() {
             if let (Some(port), Some(true)) = (port, changed.get(index)) {
@@ -447,19 +458,16 @@ impl<'g> Gateway<'g> {
                     select(place.changed.wait(), port.run()).await;
                     port.close();
                 }
-                Some(PortKind::Ethercat(settings)) => {
+                Some(PortKind::Ethercat(_)) => {
                     let Some(ethercat) = self.ethercat else {
                         place.changed.wait().await;
                         continue;
                     };
-                    ethercat.set_port(Some(*settings));
+                    ethercat.take_speed().into_iter().for_each(|speed| self.set_speed(speed));
                     let port = scanner::Port { gateway: self, place, id, scanner: ethercat.scanner() };
                     // First of all: answers that come now may be for devices of before.
                     select(place.changed.wait(), select(ethercat.renewed(), port.run())).await;
                     port.close();
-                    if !self.settings(|settings| settings.ports.iter().flatten().any(is_ethercat)) {
-                        ethercat.set_port(None);
-                    }
                 }
                 kind => {
                     let unit = match kind {
@@ -494,6 +502,22 @@ impl<'g> Gateway<'g> {
             let server = tcp_server::Server { gateway: self, id, place, settings: &settings, seat, index };
             select(seat.changed.wait(), server.run(host)).await;
             server.left();
+        }
+    }
+
+    /// Sets the line of the EtherCAT port, if it has one, as the MainDevice wants it.
+    fn set_speed(&self, speed: Speed) {
+        let changed = self.settings.lock(|settings| {
+            let mut settings = settings.borrow_mut();
+            let id = settings.ethercat_line()?;
+            let port = settings.ports.get_mut(id.index())?.as_mut()?;
+            let PortKind::Serial(SerialSettings { line, .. }) = &mut port.kind else { return None };
+            let Speed { baud, parity, stop_bits } = speed;
+            let new = LineSettings { baud, parity, stop_bits, ..*line };
+            (core::mem::replace(line, new) != new).then_some(id)
+        });
+        if let Some(place) = changed.and_then(|id| self.ports.get(id.index())) {
+            place.restart();
         }
     }
 
@@ -554,10 +578,6 @@ impl Seat {
         self.update(|seat| seat.port = port);
         self.changed.signal(());
     }
-}
-
-fn is_ethercat(port: &Port) -> bool {
-    matches!(port.kind, PortKind::Ethercat(_))
 }
 
 fn is_scanner(port: &Port) -> bool {

@@ -1,34 +1,58 @@
-//! The port that asks Modbus devices for an EtherCAT MainDevice: `ethercat on-loss clear`.
+//! The port that asks Modbus devices for an EtherCAT MainDevice: `ethercat line bus on-loss clear`.
 
 use core::fmt::{self, Display};
 
 use super::port_keys::Key;
 use super::print::option;
 use super::problem::LineError;
+use super::values::name;
 use super::words::Words;
+use super::{Framing, Name, PortId, PortKind, SerialSettings, Settings, Side};
 
 /// How the process image meets the Modbus devices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct EthercatSettings {
     /// What becomes of outputs when the MainDevice sends none any more.
     pub on_loss: OnLoss,
+    /// The RTU client whose speed and format the MainDevice sets; none: it sets none.
+    pub line: Option<Name>,
+}
+
+impl Settings {
+    /// How the EtherCAT port is set, if there is one.
+    pub fn ethercat(&self) -> Option<&EthercatSettings> {
+        self.ports.iter().flatten().find_map(|port| match &port.kind {
+            PortKind::Ethercat(settings) => Some(settings),
+            _ => None,
+        })
+    }
+
+    /// The line whose speed and format the MainDevice sets, if it is there.
+    pub fn ethercat_line(&self) -> Option<PortId> {
+        let id = self.find(self.ethercat()?.line.as_ref()?)?;
+        let is_rtu_client = matches!(
+            self.port(id)?.kind,
+            PortKind::Serial(SerialSettings { framing: Framing::Rtu, side: Side::Client, .. })
+        );
+        is_rtu_client.then_some(id)
+    }
 }
 
 /// What becomes of the devices' outputs when the MainDevice leaves Op, or its watchdog runs out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum OnLoss {
+    /// Nothing is written any more.
+    #[default]
+    Stop,
     /// The last ones stay in force: a device that has others gets them again.
     Hold,
     /// All become 0.
     Clear,
-    /// Nothing is written any more.
-    #[default]
-    Stop,
 }
 
-pub(super) const ETHERCAT_KEYS: &[(&str, Key)] = &[("on-loss", Key::OnLoss)];
+pub(super) const ETHERCAT_KEYS: &[(&str, Key)] = &[("line", Key::Line), ("on-loss", Key::OnLoss)];
 
-pub(super) const ETHERCAT_EXPECTED: &str = "on-loss";
+pub(super) const ETHERCAT_EXPECTED: &str = "line or on-loss";
 
 const ON_LOSS: &[(&str, OnLoss)] =
     &[("hold", OnLoss::Hold), ("clear", OnLoss::Clear), ("stop", OnLoss::Stop)];
@@ -41,6 +65,8 @@ pub(super) fn set_ethercat(
 ) -> Result<(), LineError> {
     let value = words.take();
     match key {
+        Key::Line if value.is("none") => settings.line = None,
+        Key::Line => settings.line = Some(name(value)?),
         Key::OnLoss => settings.on_loss = value.keyword(ON_LOSS, "hold, clear or stop")?,
         _ => return Err(value.expected(ETHERCAT_EXPECTED)),
     }
@@ -50,6 +76,9 @@ pub(super) fn set_ethercat(
 impl Display for EthercatSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("ethercat")?;
+        if let Some(line) = &self.line {
+            option(f, "line", line, true)?;
+        }
         option(f, "on-loss", self.on_loss, self.on_loss != OnLoss::default())
     }
 }

@@ -73,6 +73,7 @@ pub(super) enum Key {
     RequestDelay,
     Requests,
     OnLoss,
+    Line,
 }
 
 impl Key {
@@ -114,6 +115,7 @@ impl Key {
             Self::Requests => 32,
             Self::Allow => 33,
             Self::OnLoss => 34,
+            Self::Line => 35,
         }
     }
 }

@@ -210,7 +210,11 @@ fn any_stream() -> impl Strategy<Value = StreamFraming> {
 /// There can be one.
 fn any_ethercat() -> impl Strategy<Value = PortKind> {
     let on_loss = prop_oneof![Just(OnLoss::Hold), Just(OnLoss::Clear), Just(OnLoss::Stop)];
-    on_loss.prop_map(|on_loss| PortKind::Ethercat(EthercatSettings { on_loss }))
+    let line = prop::option::of("[A-Za-z][A-Za-z0-9.-]{0,9}_1");
+    (on_loss, line).prop_map(|(on_loss, line)| {
+        let line = line.map(|name| Name::try_from(name.as_str()).unwrap());
+        PortKind::Ethercat(EthercatSettings { on_loss, line })
+    })
 }
 
 fn any_port(n: usize) -> impl Strategy<Value = Port> {

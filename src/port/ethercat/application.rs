@@ -90,7 +90,7 @@ impl<'p> GatewayObjects<'p> {
         self.refused = self.place.check(&self.configuration).err();
         match self.refused {
             None => Ok(()),
-            Some(ConfigError::NoPort) => Err(Abort::LocalControl),
+            Some(ConfigError::NoPort | ConfigError::NoLine) => Err(Abort::LocalControl),
             Some(_) => Err(Abort::Incompatible),
         }
     }

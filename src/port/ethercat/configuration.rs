@@ -40,6 +40,9 @@ pub enum ConfigError {
     /// No port asks Modbus devices for the MainDevice.
     #[error("no ethercat port is set")]
     NoPort,
+    /// The port's line is not there, or is none whose format can be set.
+    #[error("the ethercat port's line is no RTU client")]
+    NoLine,
 }
 
 /// How the serial line is to be set (2020h).

@@ -10,10 +10,10 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
-use super::configuration::{ConfigError, Configuration};
+use super::configuration::{ConfigError, Configuration, Plan, Speed};
 use super::layout::{DeviceLayout, DeviceSettings};
 use super::objects::{IMAGE_BYTES, MODBUS_DEVICES_MAX};
-use crate::config::{EthercatSettings, OnLoss};
+use crate::config::{OnLoss, Parity, Settings};
 use crate::scanner::{
     ByteOrder, Device, DeviceId, DeviceStatus, Full, Reading, Row, Scanner, ScannerPlace, Writing,
 };
@@ -33,10 +33,29 @@ pub struct EthercatPlace {
 
 #[derive(Clone, Copy)]
 struct State {
-    /// How the port is set that asks the devices, if there is one.
-    port: Option<EthercatSettings>,
+    /// Whether a port asks the devices.
+    has_port: bool,
+    /// Whether the line is there that the port is to set.
+    has_line: bool,
+    on_loss: OnLoss,
     /// Whether a configuration is in use.
     running: bool,
+    /// How the serial line is to be set.
+    speed: Speed,
+    /// The port has not done it yet.
+    speed_is_new: bool,
+}
+
+impl State {
+    /// All zeros, as the rest.
+    const NEW: Self = Self {
+        has_port: false,
+        has_line: false,
+        on_loss: OnLoss::Stop,
+        running: false,
+        speed: Speed { baud: 0, parity: Parity::None, stop_bits: 0 },
+        speed_is_new: false,
+    };
 }
 
 impl EthercatPlace {
@@ -44,7 +63,7 @@ impl EthercatPlace {
     pub const fn new() -> Self {
         Self {
             scanner: ScannerPlace::new(),
-            state: Mutex::new(Cell::new(State { port: None, running: false })),
+            state: Mutex::new(Cell::new(State::NEW)),
             renewed: Signal::new(),
         }
     }
@@ -86,16 +105,19 @@ impl EthercatPlace {
             });
             debug_assert_eq!(fits, Ok(()));
         });
-        self.update(|state| state.running = true);
+        self.update(|state| (state.running, state.speed, state.speed_is_new) = (true, plan.speed, true));
         self.renewed.signal(());
         Ok(plan.layouts)
     }
 
     /// Whether `configuration` can be used now.
-    pub(super) fn check(&self, configuration: &Configuration) -> Result<super::Plan, ConfigError> {
+    pub(super) fn check(&self, configuration: &Configuration) -> Result<Plan, ConfigError> {
         let plan = configuration.plan()?;
-        self.state.lock(Cell::get).port.ok_or(ConfigError::NoPort)?;
-        Ok(plan)
+        match self.state.lock(Cell::get) {
+            State { has_port: false, .. } => Err(ConfigError::NoPort),
+            State { has_line: false, .. } => Err(ConfigError::NoLine),
+            _ => Ok(plan),
+        }
     }
 
     /// The devices are not asked any more; the buffers stay as they are.
@@ -117,8 +139,8 @@ impl EthercatPlace {
 
     /// No outputs come any more.
     pub(super) fn outputs_stopped(&self) {
-        let on_loss = self.state.lock(Cell::get).port.map(|port| port.on_loss);
-        self.scanner.with(|scanner| match on_loss.unwrap_or_default() {
+        let on_loss = self.state.lock(Cell::get).on_loss;
+        self.scanner.with(|scanner| match on_loss {
             OnLoss::Hold => {}
             OnLoss::Clear => scanner.image_mut(OUTPUTS, BYTES).fill(0),
             OnLoss::Stop => scanner.set_outputs(false),
@@ -135,9 +157,22 @@ impl EthercatPlace {
         self.renewed.wait().await;
     }
 
-    /// A port asks the devices from now on; or none does, and no configuration can be in use.
-    pub fn set_port(&self, port: Option<EthercatSettings>) {
-        self.update(|state| state.port = port);
+    /// How the serial line is to be set, once for each configuration that is taken over.
+    pub(crate) fn take_speed(&self) -> Option<Speed> {
+        let State { speed, speed_is_new, .. } = self.state.lock(Cell::get);
+        self.update(|state| state.speed_is_new = false);
+        speed_is_new.then_some(speed)
+    }
+
+    /// Follows `settings`: without a port that asks the devices, no configuration can be in use.
+    pub fn follow(&self, settings: &Settings) {
+        let port = settings.ethercat();
+        let sets_none = port.is_some_and(|port| port.line.is_none());
+        self.update(|state| {
+            state.has_port = port.is_some();
+            state.has_line = sets_none || settings.ethercat_line().is_some();
+            state.on_loss = port.map(|port| port.on_loss).unwrap_or_default();
+        });
         if port.is_none() && self.is_running() {
             self.stop();
         }

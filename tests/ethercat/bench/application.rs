@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use mobgate::config::EthercatSettings;
+use mobgate::config::{Settings, apply};
 use mobgate::ethercat::al_state::{AlState, AlStatusCode};
 use mobgate::ethercat::application::{Address, Application};
 use mobgate::ethercat::coe::abort::Abort;
@@ -23,7 +23,9 @@ impl<A> Shared<A> {
 pub(crate) fn gateway_objects() -> GatewayObjects<'static> {
     // A place is there for as long as the gateway runs: here, as long as the test.
     let place = Box::leak(Box::new(EthercatPlace::new()));
-    place.set_port(Some(EthercatSettings::default()));
+    let mut settings = Settings::new();
+    apply(&mut settings, "port ecat ethercat").unwrap();
+    place.follow(&settings);
     GatewayObjects::new(place)
 }
 

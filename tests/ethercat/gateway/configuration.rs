@@ -1,5 +1,6 @@
 //! The configuration flow: what is taken over, what follows from it, and that a bad configuration changes nothing.
 
+use mobgate::config::PortKind;
 use mobgate::ethercat::application::{Address, Application};
 use mobgate::ethercat::coe::abort::Abort;
 use mobgate::port::ethercat::{ConfigError, Configuration, EthercatPlace, GatewayObjects, REASON_BYTES};
@@ -145,12 +146,51 @@ fn when_its_port_is_deleted_a_configuration_is_not_in_use_any_more() {
 }
 
 #[test]
+fn the_line_of_the_port_is_set_as_the_master_wants_it_until_somebody_sets_it_otherwise() {
+    let settings = SETTINGS.replace("port ecat ethercat", "port ecat ethercat line bus");
+    with_gateway(1, &settings, |world, rig| {
+        let mut objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
+        let mut run = || world.run_for(embassy_time::Duration::from_millis(1));
+        let speed = || {
+            rig.gateway.settings(|settings| {
+                let Some(PortKind::Serial(serial)) = settings.ports[0].as_ref().map(|port| &port.kind) else {
+                    panic!("the first port is the line")
+                };
+                serial.line.speed().to_string()
+            })
+        };
+        for (sub, value) in [(1, 38_400), (2, 0), (3, 0), (4, 1)] {
+            write(&mut objects, 0x2020, sub, value).unwrap();
+        }
+        run();
+        assert_eq!(speed(), "19200 8E1", "it has not been taken over yet");
+        write(&mut objects, 0x2005, 1, 1).unwrap();
+        run();
+        assert_eq!(speed(), "38400 8N2");
+        rig.console("edit port bus 9600 8O1").unwrap();
+        rig.console("edit port ecat on-loss hold").unwrap();
+        run();
+        assert_eq!(speed(), "9600 8O1");
+        write(&mut objects, 0x2005, 2, 0).unwrap();
+        write(&mut objects, 0x2005, 1, 1).unwrap();
+        run();
+        assert_eq!(speed(), "38400 8N2");
+
+        write(&mut objects, 0x2005, 2, 0).unwrap();
+        rig.console("edit port ecat line other").unwrap();
+        assert_eq!(write(&mut objects, 0x2005, 1, 1), Err(Abort::LocalControl));
+        assert_eq!(reason(&mut objects), "the ethercat port's line is no RTU client");
+    });
+}
+
+#[test]
 fn every_reason_fits_into_its_object() {
     let longest = [
         ConfigError::InputsFull { device: 3 },
         ConfigError::OutputsFull { device: 3 },
         ConfigError::Character { bits: 9, parity: 3 },
         ConfigError::NoPort,
+        ConfigError::NoLine,
     ];
     let addresses = Kind::ALL.map(|kind| ConfigError::PastLastAddress { device: 3, kind });
     for error in longest.into_iter().chain(addresses) {

@@ -1,0 +1,136 @@
+//! The virtual devices on a wire, the gateway between, and ethercrab as its MainDevice, all in virtual time.
+
+use embassy_time::{Duration, Instant, Timer};
+use ethercrab::subdevice_group::{Op, PreOp};
+use mobgate::config::LineSettings;
+use mobgate::ethercat::device::Device as Description;
+use mobgate::ethercat::sub_device::SubDevice;
+use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate_simulator::Device;
+use mobgate_simulator::device::serve;
+use mobgate_simulator::rig::with_gateway;
+use mobgate_simulator::sub_device::{Desk, Group, cable, direct, line_of, spawn, with_master};
+
+use super::virtual_devices::{Virtual, virtual_devices};
+
+static GATEWAY: Description = DEVICE;
+
+/// What is set at the gateway and at the MainDevice.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Setup {
+    pub(crate) baud: u32,
+    pub(crate) polling_ms: u32,
+    pub(crate) cycle_ms: u64,
+    pub(crate) on_loss: &'static str,
+}
+
+pub(crate) const MS: Duration = Duration::from_millis(1);
+/// Of the simulated devices.
+pub(crate) const TURNAROUND: Duration = MS;
+pub(crate) const SETUP: Setup = Setup { baud: 115_200, polling_ms: 100, cycle_ms: 2, on_loss: "stop" };
+
+/// What a script works with.
+pub(crate) struct Bench<'m> {
+    pub(crate) desk: Desk<'m>,
+    pub(crate) setup: Setup,
+    pub(crate) virtuals: Vec<Virtual>,
+    pub(crate) devices: Vec<Device>,
+}
+
+/// The virtual devices on a wire, the gateway, and a MainDevice that does as `script` says.
+pub(crate) fn with_devices(setup: Setup, script: impl AsyncFnOnce(Bench<'_>)) {
+    let Setup { baud, on_loss, .. } = setup;
+    let settings = format!(
+        "port bus serial uart1 rtu client 9600 8N1 timeout 1s
+        port ecat ethercat line bus on-loss {on_loss}
+        route ecat 1-247 * * bus"
+    );
+    with_gateway(1, &settings, |world, rig| {
+        let virtuals = virtual_devices();
+        let devices: Vec<Device> = virtuals.iter().map(Virtual::device).collect();
+        // The line has another speed and format until the MainDevice sets it.
+        let line = LineSettings { baud, ..LineSettings::DEFAULT };
+        world.spawn(serve(rig.wire("uart1").tap(line), devices.clone()));
+        let line = line_of(&GATEWAY);
+        let (esc, interrupt) = direct(line.borrow().chip(0));
+        let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
+        spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
+        with_master(world, cable(line), async |desk| script(Bench { desk, setup, virtuals, devices }).await);
+    });
+}
+
+impl Bench<'_> {
+    /// Writes the configuration of all devices, and has it taken over.
+    pub(crate) async fn configure(&self, group: &Group<PreOp>) {
+        let gateway = group.subdevice(self.desk.master, 0).unwrap();
+        for (device, index) in self.virtuals.iter().zip(0x2001..) {
+            for (value, sub) in device.settings().into_iter().zip(1..) {
+                gateway.sdo_write(index, sub, value).await.unwrap();
+            }
+            gateway.sdo_write(index, 10, self.setup.polling_ms).await.unwrap();
+        }
+        gateway.sdo_write(0x2020, 1, self.setup.baud).await.unwrap();
+        gateway.sdo_write(0x2020, 2, 1_u16).await.unwrap();
+        gateway.sdo_write(0x2020, 3, 2_u16).await.unwrap();
+        gateway.sdo_write(0x2005, 1, 1_u16).await.unwrap();
+    }
+
+    /// To Op, with `outputs`.
+    pub(crate) async fn to_op(&self, group: Group<PreOp>, outputs: &[u8]) -> Group<Op> {
+        let group = group.into_safe_op(self.desk.master).await.unwrap();
+        let gateway = group.subdevice(self.desk.master, 0).unwrap();
+        gateway.outputs_raw_mut()[..outputs.len()].copy_from_slice(outputs);
+        group.tx_rx(self.desk.master).await.unwrap();
+        let group = group.request_into_op(self.desk.master).await.unwrap();
+        while !group.tx_rx(self.desk.master).await.unwrap().all_op() {
+            Timer::after_millis(self.setup.cycle_ms).await;
+        }
+        group
+    }
+
+    /// Exchanges process data for `time`.
+    pub(crate) async fn cycle_for(&self, group: &Group<Op>, time: Duration) {
+        self.cycle_until(group, time, |_| false).await;
+    }
+
+    /// Exchanges process data until the inputs are `good`, at most for `limit`; how long that took.
+    pub(crate) async fn cycle_until(
+        &self,
+        group: &Group<Op>,
+        limit: Duration,
+        good: impl Fn(&[u8]) -> bool,
+    ) -> Option<Duration> {
+        let begin = Instant::now();
+        while begin.elapsed() <= limit {
+            group.tx_rx(self.desk.master).await.unwrap();
+            if good(&group.subdevice(self.desk.master, 0).unwrap().inputs_raw()) {
+                return Some(begin.elapsed());
+            }
+            Timer::after_millis(self.setup.cycle_ms).await;
+        }
+        None
+    }
+
+    pub(crate) fn put(&self, group: &Group<Op>, outputs: &[u8]) {
+        let gateway = group.subdevice(self.desk.master, 0).unwrap();
+        gateway.outputs_raw_mut()[..outputs.len()].copy_from_slice(outputs);
+    }
+
+    pub(crate) fn input_image(&self) -> Vec<u8> {
+        self.virtuals.iter().flat_map(|device| device.input_image.clone()).collect()
+    }
+
+    pub(crate) fn output_image(&self) -> Vec<u8> {
+        self.virtuals.iter().flat_map(|device| device.output_image.clone()).collect()
+    }
+
+    /// Requests that any device has seen.
+    pub(crate) fn requests(&self) -> u64 {
+        self.devices.iter().map(|device| device.counters().all_requests()).sum()
+    }
+
+    /// Requests by which any device was written to.
+    pub(crate) fn writes(&self) -> usize {
+        self.devices.iter().map(|device| device.writes().len()).sum()
+    }
+}

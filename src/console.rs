@@ -7,6 +7,7 @@
 mod command;
 mod complete;
 mod editor;
+mod frames;
 mod help;
 mod history;
 mod keys;

@@ -14,6 +14,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
+use crate::capture::Capture;
 use crate::config::{OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, load_points};
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
@@ -257,6 +258,7 @@ pub struct Gateway<'g> {
     /// What the own unit has done.
     events: Shared<Events>,
     scanner: Option<&'g ScannerPlace>,
+    capture: Option<&'g Capture>,
 }
 
 impl<'g> Gateway<'g> {
@@ -274,6 +276,7 @@ impl<'g> Gateway<'g> {
             log: Log::new(),
             events: Mutex::new(RefCell::new(Events::new())),
             scanner: None,
+            capture: None,
         }
     }
 
@@ -282,6 +285,18 @@ impl<'g> Gateway<'g> {
     pub const fn with_scanner(mut self, scanner: &'g ScannerPlace) -> Self {
         self.scanner = Some(scanner);
         self
+    }
+
+    /// The gateway with a ring of the last frames, which takes memory of its own.
+    #[must_use]
+    pub const fn with_capture(mut self, capture: &'g Capture) -> Self {
+        self.capture = Some(capture);
+        self
+    }
+
+    /// The last frames of the serial lines, if the board has memory for them.
+    pub fn capture(&self) -> Option<&'g Capture> {
+        self.capture
     }
 
     /// The data points, if the board has memory for them. Point N of the settings is row N, device N is device N.

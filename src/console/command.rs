@@ -22,6 +22,7 @@ pub(super) enum Command {
     Settings,
     Show,
     Clear,
+    Watch,
     Save,
     Load,
     Reboot,
@@ -49,6 +50,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("begin", Command::Point(PointCommand::Begin)),
     ("finish", Command::Point(PointCommand::Finish)),
     ("clear", Command::Clear),
+    ("watch", Command::Watch),
     ("save", Command::Save),
     ("load", Command::Load),
     ("reboot", Command::Reboot),
@@ -66,6 +68,7 @@ pub(super) const TOPICS_SHOW: &[(&str, Show)] = &[
     ("config", Show::Config),
     ("network", Show::Network),
     ("log", Show::Log),
+    ("frames", Show::Frames),
     ("version", Show::Version),
 ];
 
@@ -141,6 +144,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// The commands without words of their own.
     async fn act(&mut self, command: Command) -> Result<Next, IO::Error> {
         match command {
+            Command::Watch => self.watch().await?,
             Command::Save => self.save().await?,
             Command::Load => self.load().await?,
             Command::Exit => return Ok(Next::Exit),
@@ -199,7 +203,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
 }
 
 const SHOW_EXPECTED: &str =
-    "ports, routes, units, clients, stats, points, devices, config, network, log or version";
+    "ports, routes, units, clients, stats, points, devices, config, network, log, frames or version";
 
 /// The last word of a line as a topic of `table`.
 fn topic<T: Copy>(

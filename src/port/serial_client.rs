@@ -27,7 +27,7 @@ pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSetting
         let jitter = host.read_jitter();
         if let Some(line) = opening.opened(host.open(&settings.device, &settings.line).await, jitter) {
             desk.open();
-            serve(desk, Bus::new(line, desk.place(), settings), &settings.client).await;
+            serve(desk, Bus::new(line, desk, settings), &settings.client).await;
             opening.lost();
         }
         desk.close();
@@ -87,6 +87,9 @@ async fn carry_out<'g, L: SerialLine>(
     let mut request = [0; PDU_BYTES_MAX];
     let length = frame.copy_pdu(&mut request);
     let request = request.get(..length).unwrap_or(&[]);
+    if arriving {
+        bus.note_copied(unit, request);
+    }
     if unit == 0 {
         bus.broadcast(request).await?;
         desk.done_silently(&frame);

@@ -4,6 +4,7 @@
 //! answered without prompt or echo, with line numbers in errors. A line is run as a command; one of the settings'
 //! language changes a copy of the settings, which the gateway then takes over.
 
+mod ask;
 mod command;
 mod complete;
 mod editor;

@@ -14,6 +14,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
+use crate::asking::Asking;
 use crate::capture::Capture;
 use crate::config::{OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, load_points};
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
@@ -255,6 +256,8 @@ pub struct Gateway<'g> {
     owns_network: bool,
     network_changed: Signal<CriticalSectionRawMutex, ()>,
     log: Log,
+    /// What a console asks past the rules.
+    pub(crate) asking: Asking,
     /// What the own unit has done.
     events: Shared<Events>,
     scanner: Option<&'g ScannerPlace>,
@@ -274,6 +277,7 @@ impl<'g> Gateway<'g> {
             owns_network: false,
             network_changed: Signal::new(),
             log: Log::new(),
+            asking: Asking::new(),
             events: Mutex::new(RefCell::new(Events::new())),
             scanner: None,
             capture: None,
@@ -492,6 +496,7 @@ impl<'g> Gateway<'g> {
                 let place = self.ports.get(origin.port.index());
                 place.is_none_or(|place| place.generation() != origin.generation)
             }
+            Way::Console => !self.asking.waits_for(origin.generation),
             // Nobody waits, so nobody can have gone.
             Way::Nobody => false,
         }

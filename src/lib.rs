@@ -62,6 +62,7 @@
 #[macro_use]
 mod fmt;
 
+mod asking;
 pub mod capture;
 pub mod config;
 pub mod console;

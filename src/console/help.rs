@@ -101,12 +101,25 @@ const TOPICS: &[(&str, &[&str])] = &[
             "show version                     what runs here, and for how long",
         ],
     ),
-    ("read", &["read POINT                       reads it at once, and shows its values"]),
+    (
+        "ping",
+        &[
+            "ping UNIT via PORT               asks a unit for a sign of life (function 8), and says how long that took",
+        ],
+    ),
+    (
+        "read",
+        &[
+            "read POINT                       reads it at once, and shows its values",
+            "read UNIT coil|discrete|input|holding ADDRESS [count N] [as u16|i16|u32|i32|f32] [order 0123|...] via PORT",
+        ],
+    ),
     (
         "write",
         &[
             "write POINT [[at N] VALUE...]    sets its values, from value N on, and writes it at once",
             "  Between begin and finish the values are only set.",
+            "write UNIT coil|holding ADDRESS [as TYPE] [order 0123|...] VALUE... via PORT",
         ],
     ),
     (
@@ -151,6 +164,7 @@ const OVERVIEW: &[&str] = &[
     "delete port|route|device|point   takes away                   help delete",
     "network dhcp|address ...         the board's own address       help network",
     "show TOPIC                       ports, routes, units, clients, stats, points, devices, config, network, log, frames, version",
+    "ping, read, write UNIT ... via PORT  asks a unit at once     help read",
     "watch                            frames of the serial lines as they come",
     "clear stats|log                  forgets",
     "save, load                       settings of the next start",

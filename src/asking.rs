@@ -2,7 +2,7 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU16, Ordering};
 
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, with_deadline};
 
 use crate::config::{PortId, Side};
 use crate::frame::{Channel, Envelope, Frame, Origin, Stage, Way};
@@ -12,6 +12,9 @@ use crate::scanner::Pdu;
 
 /// A request that has not been sent by then is not sent any more.
 const LIFETIME: Duration = Duration::from_secs(10);
+
+/// Longest wait: the port may become another one just then, and its slowest unit is not slower.
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// The way back to the console that asks.
 pub(crate) struct Asking {
@@ -29,6 +32,8 @@ pub(crate) enum NotAsked {
     NoFrame,
     #[error("the port is a server: ask via a client's port")]
     Server,
+    #[error("nothing came back")]
+    Lost,
     #[error("sent to everybody; nobody answers")]
     Broadcast,
 }
@@ -78,7 +83,8 @@ impl Gateway<'_> {
         frame.address(Envelope { destination: Some(port), paced: true, ..asked });
         self.inbox.send(frame);
         loop {
-            let answer = turn.0.answers.receive(self.pool()).await;
+            let answer = turn.0.answers.receive(self.pool());
+            let answer = with_deadline(now + PATIENCE, answer).await.map_err(|_| NotAsked::Lost)?;
             let envelope = answer.envelope();
             if envelope.origin.generation != generation {
                 continue;

@@ -5,6 +5,7 @@
 //! print the one language in which all of that is written.
 
 mod address;
+mod ethercat;
 mod line;
 mod loader;
 mod network;
@@ -31,6 +32,7 @@ mod tests;
 use heapless::{String, Vec};
 
 pub use self::address::{Allowed, IpPrefix};
+pub use self::ethercat::{EthercatSettings, OnLoss};
 pub(crate) use self::line::LineBuffer;
 pub use self::loader::{LoadError, Loader};
 pub use self::network::{
@@ -229,6 +231,8 @@ pub enum PortKind {
     UdpServer(UdpServerSettings),
     /// Asks the devices of data points.
     Scanner,
+    /// Asks the devices of the EtherCAT process image.
+    Ethercat(EthercatSettings),
 }
 
 impl PortKind {
@@ -236,14 +240,19 @@ impl PortKind {
     pub const fn side(&self) -> Side {
         match self {
             Self::Serial(settings) => settings.side,
-            Self::TcpServer(_) | Self::UdpServer(_) | Self::Scanner => Side::Server,
+            Self::TcpServer(_) | Self::UdpServer(_) | Self::Scanner | Self::Ethercat(_) => Side::Server,
             Self::TcpClient(_) => Side::Client,
         }
     }
 
+    /// Whether the port asks by itself, for nobody outside.
+    pub const fn asks_by_itself(&self) -> bool {
+        matches!(self, Self::Scanner | Self::Ethercat(_))
+    }
+
     /// Whether whoever asks by this port has an IP address.
     pub const fn has_peers(&self) -> bool {
-        !matches!(self, Self::Serial(_) | Self::Scanner)
+        !matches!(self, Self::Serial(_) | Self::Scanner | Self::Ethercat(_))
     }
 }
 

@@ -87,10 +87,12 @@ pub struct Origin {
 }
 
 /// The way back to whoever asked.
+// From 1 on: then no envelope at all is the 0, and a free slot is all zeros, which take no place in a board's flash.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u16)]
 pub enum Way {
     /// To the TCP connection at this place.
-    Seat(u16),
+    Seat(u16) = 1,
     /// To the port itself: the master on its serial line.
     Line,
     /// To the port itself, which tells what it has open by `transaction`.

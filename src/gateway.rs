@@ -21,6 +21,7 @@ use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
+use crate::port::ethercat::EthercatPlace;
 use crate::port::local::Events;
 use crate::port::sockets::Socket;
 use crate::port::units::Units;
@@ -50,7 +51,9 @@ pub struct PortPlace {
 }
 
 /// How a port is doing.
+// `Off` is the 0: then a port's place is all zeros at the start, which take no place in a board's flash.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Status {
     /// Nothing is set here, or the port has just been set.
     Off,
@@ -239,6 +242,9 @@ pub enum ApplyError {
     /// The board has no memory for data points.
     #[error("this board has no data points")]
     NoPoints,
+    /// The board has no EtherCAT controller.
+    #[error("this board has no EtherCAT controller: it cannot have an ethercat port")]
+    NoEthercat,
     /// The data points take more than there is.
     #[error(transparent)]
     Points(#[from] Full),
@@ -262,6 +268,7 @@ pub struct Gateway<'g> {
     events: Shared<Events>,
     scanner: Option<&'g ScannerPlace>,
     capture: Option<&'g Capture>,
+    ethercat: Option<&'g EthercatPlace>,
 }
 
 impl<'g> Gateway<'g> {
@@ -281,6 +288,7 @@ impl<'g> Gateway<'g> {
             events: Mutex::new(RefCell::new(Events::new())),
             scanner: None,
             capture: None,
+            ethercat: None,
         }
     }
 
@@ -306,6 +314,18 @@ impl<'g> Gateway<'g> {
     /// The data points, if the board has memory for them. Point N of the settings is row N, device N is device N.
     pub fn scanner(&self) -> Option<&'g ScannerPlace> {
         self.scanner
+    }
+
+    /// The gateway of a board with an EtherCAT controller, whose SubDevice has the objects of `place`.
+    #[must_use]
+    pub const fn with_ethercat(mut self, place: &'g EthercatPlace) -> Self {
+        self.ethercat = Some(place);
+        self
+    }
+
+    /// What the SubDevice shares, if the board has one.
+    pub fn ethercat(&self) -> Option<&'g EthercatPlace> {
+        self.ethercat
     }
 
     /// For a board whose Ethernet is the gateway's own: the settings say its address, and the board follows them by
@@ -368,6 +388,9 @@ impl<'g> Gateway<'g> {
         let has_points = !new.points.is_empty() || new.ports.iter().flatten().any(is_scanner);
         if has_points && self.scanner.is_none() {
             return Err(ApplyError::NoPoints);
+        }
+        if new.ports.iter().flatten().any(is_ethercat) && self.ethercat.is_none() {
+            return Err(ApplyError::NoEthercat);
         }
         let mut points = Reloaded::Nothing;
         if let Some(place) = self.scanner {
@@ -442,6 +465,20 @@ impl<'g> Gateway<'g> {
                     let port = scanner::Port { gateway: self, place, id, scanner };
                     select(place.changed.wait(), port.run()).await;
                     port.close();
+                }
+                Some(PortKind::Ethercat(settings)) => {
+                    let Some(ethercat) = self.ethercat else {
+                        place.changed.wait().await;
+                        continue;
+                    };
+                    ethercat.set_port(Some(*settings));
+                    let port = scanner::Port { gateway: self, place, id, scanner: ethercat.scanner() };
+                    // First of all: answers that come now may be for devices of before.
+                    select(place.changed.wait(), select(ethercat.renewed(), port.run())).await;
+                    port.close();
+                    if !self.settings(|settings| settings.ports.iter().flatten().any(is_ethercat)) {
+                        ethercat.set_port(None);
+                    }
                 }
                 kind => {
                     let unit = match kind {
@@ -539,6 +576,10 @@ impl Seat {
     }
 }
 
+fn is_ethercat(port: &Port) -> bool {
+    matches!(port.kind, PortKind::Ethercat(_))
+}
+
 fn is_scanner(port: &Port) -> bool {
     port.kind == PortKind::Scanner
 }
@@ -547,7 +588,8 @@ fn is_scanner(port: &Port) -> bool {
 fn seats_of(kind: &PortKind) -> usize {
     match kind {
         PortKind::TcpServer(server) => usize::from(server.clients) + 1,
-        PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) | PortKind::Scanner => 0,
+        PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) => 0,
+        PortKind::Scanner | PortKind::Ethercat(_) => 0,
     }
 }
 
@@ -561,7 +603,8 @@ async fn play<H: SerialHost, C: TcpConnect>(
     match kind {
         Some(PortKind::Serial(settings)) => serial_client::run(desk, settings, lines).await,
         Some(PortKind::TcpClient(settings)) => tcp_client::run(desk, settings, connector).await,
-        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_) | PortKind::Scanner) | None => {
+        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_))
+        | None => {
             desk.close();
             core::future::pending().await
         }

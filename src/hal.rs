@@ -237,6 +237,12 @@ pub trait System {
         None
     }
 
+    /// Writes what the board itself has to report, line `n` (from 0) without its line end: why it started, what its last run
+    /// died of. `None` behind the last line.
+    fn write_event(&self, _n: usize, _out: &mut dyn fmt::Write) -> Option<fmt::Result> {
+        None
+    }
+
     /// Starts the gateway again with the saved settings; may return when that takes a moment.
     fn reboot(&self);
 }

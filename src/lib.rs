@@ -36,17 +36,22 @@
 //! # EtherCAT
 //!
 //! [`ethercat`] is a SubDevice that knows nothing of the rest; [`port::ethercat`] says what the gateway is as one: its objects,
-//! its buffers and where the values of Modbus devices lie in them. Nothing joins it to the router yet.
+//! its buffers and where the values of Modbus devices lie in them. The buffers are the memory of a [`scanner`] of their own,
+//! whose requests go through the router by the rules for the `ethercat` port. A board with a controller keeps an
+//! [`port::ethercat::EthercatPlace`] in a static, gives it to [`gateway::Gateway::with_ethercat`], and runs an
+//! [`ethercat::sub_device::SubDevice`] with [`port::ethercat::GatewayObjects`] over it.
 //!
 //! # Limits
+//!
+//! With the feature `small` some are lower, for boards with little memory.
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
 //! | [`config::PORTS_MAX`] | 16 | a cabinet's worth of lines and listeners |
 //! | [`config::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
-//! | [`port::queue::WAITING_MAX`] | 64 | orders that wait at a port; one more is answered 06h |
-//! | [`port::cache::ANSWERS_MAX`] | 16 | answers that a port keeps where a rule says `cache`, in [`port::cache::ANSWER_BYTES_MAX`] bytes |
-//! | [`port::units::UNITS_MAX`] | 32 | loads of an RS-485 segment; the quietest healthy unit is forgotten first |
+//! | [`port::queue::WAITING_MAX`] | 64, small: 24 | orders that wait at a port; one more is answered 06h |
+//! | [`port::cache::ANSWERS_MAX`] | 16, small: 8 | answers that a port keeps where a rule says `cache`, in [`port::cache::ANSWER_BYTES_MAX`] bytes |
+//! | [`port::units::UNITS_MAX`] | 32, small: 16 | loads of an RS-485 segment; the quietest healthy unit is forgotten first |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
 //! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
 //! | [`config::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |

@@ -101,13 +101,18 @@ impl Scanner {
 
     /// Forgets everything; the raster of the scans begins at `now`.
     pub fn restart(&mut self, now: Instant) {
-        self.stations.clear();
-        self.entries.clear();
+        self.forget_devices();
         self.values.clear();
         self.started = now;
         self.turn = 0;
         self.first = 0;
         self.outputs = false;
+    }
+
+    /// Forgets devices and rows; the values stay.
+    pub fn forget_devices(&mut self) {
+        self.stations.clear();
+        self.entries.clear();
     }
 
     /// Room for `bytes` of values, as the first one's place; all of them are 0.

@@ -5,6 +5,7 @@ use core::ops::RangeInclusive;
 use embassy_time::Duration;
 use heapless::{String, Vec};
 
+use super::ethercat::ETHERCAT_KEYS;
 use super::network_words::{TCP_CLIENT_KEYS, UDP_SERVER_KEYS};
 use super::problem::LineError;
 use super::values::{listen, medium, number, prefix, small, time};
@@ -71,6 +72,7 @@ pub(super) enum Key {
     ConnectDelay,
     RequestDelay,
     Requests,
+    OnLoss,
 }
 
 impl Key {
@@ -111,6 +113,7 @@ impl Key {
             Self::RequestDelay => 31,
             Self::Requests => 32,
             Self::Allow => 33,
+            Self::OnLoss => 34,
         }
     }
 }
@@ -158,7 +161,7 @@ pub(super) const TCP_SERVER_KEYS: &[(&str, Key)] = &[
 
 /// The words that set something.
 pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
-    let tables = [SERIAL_KEYS, TCP_SERVER_KEYS, TCP_CLIENT_KEYS, UDP_SERVER_KEYS];
+    let tables = [SERIAL_KEYS, TCP_SERVER_KEYS, TCP_CLIENT_KEYS, UDP_SERVER_KEYS, ETHERCAT_KEYS];
     // Several ports have a `timeout`: it is one word.
     tables.into_iter().enumerate().flat_map(move |(nth, table)| {
         let new = move |keyword: &str| {

@@ -3,6 +3,7 @@
 //! A [`Draft`] starts from the defaults or from the port as it is, takes word by word in any order, and is checked
 //! as a whole at the end of the line. What a port cannot use is refused, so that no setting is taken and ignored.
 
+use super::ethercat::{ETHERCAT_EXPECTED, ETHERCAT_KEYS, set_ethercat};
 use super::network_words::{
     TCP_CLIENT_EXPECTED, TCP_CLIENT_KEYS, UDP_SERVER_EXPECTED, UDP_SERVER_KEYS, server, set_tcp_client,
     set_udp_server,
@@ -16,8 +17,9 @@ use super::unit_words::UnitDraft;
 use super::values::{listen, parse_number};
 use super::words::{Word, Words};
 use super::{
-    Driver, Framing, LineSettings, Port, PortKind, SerialClientSettings, SerialServerSettings,
-    SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
+    Driver, EthercatSettings, Framing, LineSettings, Port, PortKind, SerialClientSettings,
+    SerialServerSettings, SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings,
+    UdpServerSettings,
 };
 
 /// A port's settings while a line is read.
@@ -44,10 +46,16 @@ enum Medium {
     Tcp,
     Udp,
     Scanner,
+    Ethercat,
 }
 
-const MEDIA: [(&str, Medium); 4] =
-    [("serial", Medium::Serial), ("tcp", Medium::Tcp), ("udp", Medium::Udp), ("scanner", Medium::Scanner)];
+const MEDIA: [(&str, Medium); 5] = [
+    ("serial", Medium::Serial),
+    ("tcp", Medium::Tcp),
+    ("udp", Medium::Udp),
+    ("scanner", Medium::Scanner),
+    ("ethercat", Medium::Ethercat),
+];
 
 impl<'a> Draft<'a> {
     fn new(kind: PortKind, place: Word<'a>) -> Self {
@@ -68,13 +76,18 @@ impl<'a> Draft<'a> {
     /// Reads a new port up to the end of the line.
     pub(super) fn create(words: &mut Words<'a>) -> Result<Self, LineError> {
         let kind = words.take();
-        match kind.keyword(&MEDIA, "serial, tcp, udp or scanner")? {
+        match kind.keyword(&MEDIA, "serial, tcp, udp, scanner or ethercat")? {
             Medium::Serial => Self::create_serial(words),
             Medium::Tcp => Self::create_tcp(words),
             Medium::Udp => Self::create_udp_server(words),
             Medium::Scanner => {
                 words.end()?;
                 Ok(Self::new(PortKind::Scanner, kind))
+            }
+            Medium::Ethercat => {
+                let mut draft = Self::new(PortKind::Ethercat(EthercatSettings::default()), kind);
+                draft.read(words)?;
+                draft.check()
             }
         }
     }
@@ -202,6 +215,7 @@ impl<'a> Draft<'a> {
             PortKind::TcpServer(_) => word.keyword(TCP_SERVER_KEYS, TCP_SERVER_EXPECTED)?,
             PortKind::TcpClient(_) => word.keyword(TCP_CLIENT_KEYS, TCP_CLIENT_EXPECTED)?,
             PortKind::UdpServer(_) => word.keyword(UDP_SERVER_KEYS, UDP_SERVER_EXPECTED)?,
+            PortKind::Ethercat(_) => word.keyword(ETHERCAT_KEYS, ETHERCAT_EXPECTED)?,
             PortKind::Scanner => return Err(word.error(Problem::NothingToSet)),
         };
         self.once(key, word)?;
@@ -231,6 +245,7 @@ impl<'a> Draft<'a> {
             }
             PortKind::TcpClient(settings) => set_tcp_client(settings, key, words),
             PortKind::UdpServer(settings) => set_udp_server(settings, key, words),
+            PortKind::Ethercat(settings) => set_ethercat(settings, key, words),
             PortKind::Scanner => Ok(()),
         }
     }
@@ -279,7 +294,7 @@ impl<'a> Draft<'a> {
             PortKind::TcpClient(settings) => {
                 one_at_a_time(settings.framing, self.several, &mut settings.in_flight, 1)?;
             }
-            PortKind::UdpServer(_) | PortKind::Scanner => {}
+            PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_) => {}
         }
         Ok(self)
     }

@@ -146,6 +146,7 @@ impl Display for PortKind {
             Self::TcpClient(settings) => settings.fmt(f),
             Self::UdpServer(settings) => settings.fmt(f),
             Self::Scanner => f.write_str("scanner"),
+            Self::Ethercat(settings) => settings.fmt(f),
         }
     }
 }

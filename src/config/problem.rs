@@ -97,6 +97,9 @@ pub enum Problem {
     /// Another port asks devices.
     #[error("another port is the scanner")]
     ScannerTaken,
+    /// Another port asks for the MainDevice.
+    #[error("another port is that of EtherCAT")]
+    EthercatTaken,
     /// The port asks devices.
     #[error("this port asks the devices: delete those first")]
     ScannerInUse,

@@ -91,7 +91,7 @@ pub fn is_implied(settings: &Settings, route: &Route) -> bool {
 
 /// The words that stand in rows and behind port names, besides names, numbers and addresses.
 pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
-    let ports = ["serial", "tcp", "udp", "scanner"]
+    let ports = ["serial", "tcp", "udp", "scanner", "ethercat"]
         .into_iter()
         .chain(port_keys::keywords())
         .chain(unit_words::keywords());
@@ -138,6 +138,9 @@ fn put_port(
             }
             (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
                 return Err(place.error(Problem::ListenTaken));
+            }
+            (PortKind::Ethercat(_), PortKind::Ethercat(_)) => {
+                return Err(place.error(Problem::EthercatTaken));
             }
             (PortKind::Scanner, PortKind::Scanner) => return Err(place.error(Problem::ScannerTaken)),
             _ => {}

@@ -13,6 +13,7 @@ const TOPICS: &[(&str, &[&str])] = &[
             "port NAME tcp client ADDRESS:PORT [OPTION VALUE]...",
             "port NAME udp server [ADDRESS:]PORT [OPTION VALUE]...",
             "port NAME scanner                asks the devices of data points, by the rules for its name",
+            "port NAME ethercat [on-loss hold|clear|stop]   asks the devices of the EtherCAT process image",
             "  A new port, or another one in place of the port of that name.",
             "  serial: 19200 8E1 (ascii 7E1), gap T|auto, char-timeout T|auto, echo|no-echo, rs232|rs485|rts;",
             "          with rs485 or rts: driver-before T, driver-after T",

@@ -74,6 +74,7 @@ pub(super) fn describe(kind: &PortKind) -> (String<12>, String<DEVICE_BYTES_MAX>
         PortKind::UdpServer(server) => {
             (text(format_args!("udp server")), text(format_args!("{}", server.listen)), String::new())
         }
+        PortKind::Ethercat(_) => (text(format_args!("ethercat")), String::new(), String::new()),
         PortKind::Scanner => (text(format_args!("scanner")), String::new(), String::new()),
     }
 }

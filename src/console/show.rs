@@ -160,7 +160,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         }
         for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
             let (Some(port), error) = (port, place.stats.last_error()) else { continue };
-            let listens = port.kind.side() == Side::Server && port.kind != PortKind::Scanner;
+            let listens = port.kind.side() == Side::Server && !port.kind.asks_by_itself();
             if (listens || matches!(port.kind, PortKind::Serial(_))) && error != LastError::None {
                 let (code, name) = (error as u8, error.name());
                 self.out.line(format_args!("{:15} {:13} {code:>10} {name}", port.name, "last-error")).await?;
@@ -202,6 +202,15 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn log(&mut self) -> Result<(), IO::Error> {
+        let mut event = String::<LINE_BYTES_MAX>::new();
+        // A longer event is cut off.
+        for n in 0.. {
+            if self.system.write_event(n, &mut event).is_none() {
+                break;
+            }
+            self.out.line(format_args!("{event}")).await?;
+            event.clear();
+        }
         self.out
             .line(format_args!(
                 "{:>9} {:15} {:>4} {:15} {:>6} {:>8} {:>10} OUTCOME",

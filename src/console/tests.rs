@@ -87,6 +87,7 @@ impl Store for Memory {
 struct Bench {
     reboots: Cell<u32>,
     network: Option<NetworkState>,
+    events: &'static [&'static str],
 }
 
 impl System for Bench {
@@ -96,6 +97,10 @@ impl System for Bench {
 
     fn network(&self) -> Option<NetworkState> {
         self.network
+    }
+
+    fn write_event(&self, n: usize, out: &mut dyn std::fmt::Write) -> Option<std::fmt::Result> {
+        self.events.get(n).map(|event| out.write_str(event))
     }
 
     fn reboot(&self) {
@@ -256,6 +261,18 @@ fn counters_units_and_transactions_are_shown_and_cleared() {
         assert_eq!(pipe(gateway, "show log").lines().count(), 1);
         assert!(!pipe(gateway, "show stats").contains("timeouts"));
         assert!(!pipe(gateway, "show units").contains("silent"));
+    });
+}
+
+#[test]
+fn what_the_board_has_to_report_stands_above_the_transactions() {
+    with_gateway(|gateway| {
+        let mut stream = Stream { typed: b"show log", piece: 50, printed: Vec::new() };
+        let board =
+            Bench { events: &["reset by the watchdog", "before: it stood still"], ..Bench::default() };
+        block_on(run(gateway, &mut stream, &mut Memory::default(), &board, Mode::Plain)).unwrap();
+        let printed = String::from_utf8(stream.printed).unwrap();
+        assert!(printed.starts_with("reset by the watchdog\nbefore: it stood still\n      AGE"), "{printed}");
     });
 }
 

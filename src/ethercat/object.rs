@@ -110,6 +110,12 @@ impl Entry {
         Self { access, ..self }
     }
 
+    /// A value of the application that is another number than 0 after power-on.
+    #[must_use]
+    pub const fn with_default(self, value: u64) -> Self {
+        Self { value: Value::Application(value), ..self }
+    }
+
     /// The value after power-on, if it is a number.
     pub const fn default_number(&self) -> Option<u64> {
         match self.value {

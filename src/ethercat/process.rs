@@ -12,7 +12,7 @@ pub const IMAGE_BYTES_MAX: usize = 512;
 /// The images of both directions.
 #[derive(Debug)]
 pub struct Images {
-    /// The last outputs.
+    /// The last outputs; good only if they are valid.
     pub outputs: [u8; IMAGE_BYTES_MAX],
     /// Whether outputs have come since SafeOp was entered and the watchdog ran out.
     pub outputs_valid: bool,

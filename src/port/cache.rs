@@ -11,10 +11,10 @@ use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::Block;
 use crate::port::queue::BROADCAST;
 
-/// Answers that one port keeps.
-pub const ANSWERS_MAX: usize = 16;
-/// Bytes of them all: three of the longest, or sixteen of 22 registers.
-pub const ANSWER_BYTES_MAX: usize = 3 * PDU_BYTES_MAX;
+/// Answers that one port keeps. The feature `small` saves memory here.
+pub const ANSWERS_MAX: usize = if cfg!(feature = "small") { 8 } else { 16 };
+/// Bytes of them all: three of the longest, or sixteen of 22 registers; `small`: one, or eight of 15.
+pub const ANSWER_BYTES_MAX: usize = if cfg!(feature = "small") { PDU_BYTES_MAX } else { 3 * PDU_BYTES_MAX };
 
 /// A read of coils, inputs or registers, of a unit: functions 1 to 4. Answers to others are not kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

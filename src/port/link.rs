@@ -81,22 +81,25 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
     ///
     /// What was open when the connection broke may have been carried out: it is answered 0Bh, but for reads that may be
     /// repeated. What has not been sent stays with the desk.
-    pub(crate) async fn run(mut self) -> bool {
+    pub(crate) async fn run(&mut self) -> bool {
         let end = self.serve().await;
         let cut = !self.flights.is_empty();
         while let Some(flight) = self.flights.pop() {
             flight.order.blame(Cause::Connection);
             self.desk.failed(&flight.order, self.settings.retries);
         }
-        let well = match end {
+        match end {
             End::Unused => true,
             End::Lost => {
                 self.desk.place().stats.count(if cut { Event::LineLost } else { Event::Left });
                 self.proven || (!cut && self.opened.elapsed() >= SETTLED)
             }
-        };
-        self.stream.close().await;
-        well
+        }
+    }
+
+    /// The stream, to be closed.
+    pub(crate) fn into_stream(self) -> S {
+        self.stream
     }
 
     async fn serve(&mut self) -> End {

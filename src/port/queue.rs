@@ -22,10 +22,10 @@ use heapless::Vec;
 
 use crate::route::Priority;
 
-/// Orders that may wait at one port.
-pub const WAITING_MAX: usize = 64;
+/// Orders that may wait at one port. With the feature `small` a port does not hold more than a small board has frames.
+pub const WAITING_MAX: usize = if cfg!(feature = "small") { 24 } else { 64 };
 /// Askers whose last turn is remembered.
-const ASKERS_MAX: usize = 64;
+const ASKERS_MAX: usize = WAITING_MAX;
 /// How often in a row a lower class is passed over while it has orders waiting.
 pub const PASSED_OVER_MAX: u8 = 16;
 

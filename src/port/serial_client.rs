@@ -25,24 +25,29 @@ pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSetting
     let mut opening = Opening::new(desk.place(), settings);
     loop {
         let jitter = host.read_jitter();
-        if let Some(line) = opening.opened(host.open(&settings.device, &settings.line).await, jitter) {
+        let opened = opening.opened(host.open(&settings.device, &settings.line).await, jitter);
+        // Lent and not moved: what a future is given it keeps twice.
+        let mut bus = opened.map(|line| Bus::new(line, desk, settings));
+        if let Some(bus) = &mut bus {
             desk.open();
-            serve(desk, Bus::new(line, desk, settings), &settings.client).await;
+            serve(desk, bus, &settings.client).await;
             opening.lost();
         }
+        // The line is closed before it is opened again.
+        drop(bus);
         desk.close();
         opening.pause().await;
     }
 }
 
 /// Carries orders out until the line is lost.
-async fn serve<L: SerialLine>(desk: &Desk<'_>, mut bus: Bus<'_, L>, client: &SerialClientSettings) {
+async fn serve<L: SerialLine>(desk: &Desk<'_>, bus: &mut Bus<'_, L>, client: &SerialClientSettings) {
     loop {
         if bus.silence().await.is_err() {
             return;
         }
         let done = match desk.next() {
-            Next::Serve(frame, ticket) => carry_out(desk, &mut bus, client, frame, ticket.unit).await,
+            Next::Serve(frame, ticket) => carry_out(desk, bus, client, frame, ticket.unit).await,
             Next::Wait(until) => bus.idle(select(desk.changed(), Timer::at(until))).await,
             Next::Empty => bus.idle(desk.changed()).await,
         };

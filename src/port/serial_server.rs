@@ -37,8 +37,12 @@ impl<'g> Server<'_, 'g> {
         loop {
             let jitter = host.read_jitter();
             let opened = host.open(&self.settings.device, &self.settings.line).await;
-            if let Some(line) = opening.opened(opened, jitter) {
-                let Err(LineLost) = Session::new(self, line).serve().await;
+            // Lent and not moved: what a future is given it keeps twice.
+            let mut session = opening.opened(opened, jitter).map(|line| Session::new(self, line));
+            if let Some(session) = &mut session {
+                let Err(LineLost) = session.serve().await;
+            }
+            if session.take().is_some() {
                 self.close();
                 opening.lost();
             }

@@ -12,7 +12,7 @@ use embassy_time::{Duration, Instant, with_deadline, with_timeout};
 
 use crate::config::TcpClientSettings;
 use crate::gateway::Status;
-use crate::hal::{OpenError, OpenErrorKind, TcpConnect};
+use crate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream};
 use crate::port::desk::Desk;
 use crate::port::link::Link;
 use crate::port::sockets;
@@ -55,7 +55,10 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
                     place.stats.count(Event::Connected);
                     place.socket.opened();
                     desk.open();
-                    well = Link::new(desk, settings, stream, first_id).run().await;
+                    // Lent and not moved: what a future is given it keeps twice.
+                    let mut link = Link::new(desk, settings, stream, first_id);
+                    well = link.run().await;
+                    link.into_stream().close().await;
                     place.socket.closed(places);
                     first_id = first_id.wrapping_add(ID_STRIDE);
                     break CLOSED_AT_ONCE;

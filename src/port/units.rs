@@ -13,8 +13,8 @@ use crate::port::queue::Ready;
 use crate::stats::Event;
 
 /// Units remembered at one port: the loads that an RS-485 segment carries. The quietest healthy one is forgotten
-/// when another one comes.
-pub const UNITS_MAX: usize = 32;
+/// when another one comes. The feature `small` remembers half as many.
+pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 32 };
 /// First and longest pause between probes of a unit that is down.
 pub const PROBE_FIRST: Duration = Duration::from_secs(1);
 /// See [`PROBE_FIRST`].
@@ -76,7 +76,7 @@ pub struct Unit {
     pub held_until: Instant,
     /// The late answer may come until then, whatever is due.
     late_until: Instant,
-    probe_after: Duration,
+    probe_after_ms: u32,
     /// Reads are not joined before this time.
     join_after: Instant,
 }
@@ -97,7 +97,7 @@ impl Unit {
             down: false,
             held_until: Instant::MIN,
             late_until: Instant::MIN,
-            probe_after: PROBE_FIRST,
+            probe_after_ms: PROBE_FIRST.as_millis() as u32,
             join_after: Instant::MIN,
         }
     }
@@ -192,9 +192,16 @@ impl Units {
     /// Sets what was counted to zero; the units' health stays.
     pub fn clear_counters(&mut self) {
         for unit in &mut self.0 {
-            let Unit { silent, down, held_until, late_until, probe_after, join_after, .. } = *unit;
-            let health =
-                Unit { silent, down, held_until, late_until, probe_after, join_after, ..Unit::new(unit.id) };
+            let Unit { silent, down, held_until, late_until, probe_after_ms, join_after, .. } = *unit;
+            let health = Unit {
+                silent,
+                down,
+                held_until,
+                late_until,
+                probe_after_ms,
+                join_after,
+                ..Unit::new(unit.id)
+            };
             *unit = health;
         }
     }
@@ -228,8 +235,9 @@ impl Units {
             unit.held_until = now + window;
             if down_after != 0 && unit.silent >= down_after {
                 unit.down = true;
-                unit.held_until = now + window.max(unit.probe_after);
-                unit.probe_after = (unit.probe_after * 2).min(PROBE_LONGEST);
+                let probe_after = Duration::from_millis(unit.probe_after_ms.into());
+                unit.held_until = now + window.max(probe_after);
+                unit.probe_after_ms = (probe_after * 2).min(PROBE_LONGEST).as_millis() as u32;
             }
         });
         silent
@@ -285,6 +293,6 @@ impl Unit {
         self.down = false;
         // It need not wait for a probe any more.
         self.held_until = self.held_until.min(self.late_until);
-        self.probe_after = PROBE_FIRST;
+        self.probe_after_ms = PROBE_FIRST.as_millis() as u32;
     }
 }

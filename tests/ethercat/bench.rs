@@ -3,8 +3,7 @@
 mod application;
 mod devices;
 
-use std::cell::{RefCell, RefMut};
-use std::rc::Rc;
+use std::cell::RefMut;
 
 use embassy_time::Duration;
 use mobgate::ethercat::application::Application;
@@ -16,7 +15,7 @@ use mobgate::ethercat::sync_manager::Channel;
 use mobgate_simulator::esc::{Command, Interrupt, Segment, SharedChip};
 use mobgate_simulator::{World, sub_device};
 
-pub(crate) use application::{Bench, Shared};
+pub(crate) use application::{Bench, Shared, gateway_objects};
 pub(crate) use devices::{LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128};
 
 /// Requested states, as AL control has them.
@@ -74,7 +73,7 @@ impl<A: Application + 'static> Rig<A> {
         let world = World::new(1);
         let line = sub_device::line_of(device);
         let chip = line.borrow().chip(0);
-        let application = Shared(Rc::new(RefCell::new(application)));
+        let application = Shared::new(application);
         let (esc, interrupt) = reach(chip);
         sub_device::spawn(&world, SubDevice::new(device, esc, application.clone()), interrupt);
         let segment = line.replace(Segment::new([]));

@@ -3,11 +3,11 @@
 use mobgate::ethercat::device::Device;
 use mobgate::ethercat::object::Access;
 use mobgate::ethercat::{esi, sii};
-use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::Random;
 use roxmltree::{Document, Node};
 
-use crate::bench::{Bench, MAILBOX_34, MAILBOX_64, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP};
+use crate::bench::{Bench, MAILBOX_34, MAILBOX_64, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, gateway_objects};
 use crate::sdo::category;
 
 static GATEWAY: Device = DEVICE;
@@ -198,7 +198,7 @@ fn statement_41_eeprom_esi_file_and_dictionary_say_the_same() {
     let mut file = String::new();
     esi::write(&GATEWAY, &mut file).unwrap();
     let document = Document::parse(&file).unwrap();
-    let mut rig = Rig::with_application(&GATEWAY, GatewayObjects::default());
+    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
     rig.bring_to(PRE_OP);
 
     for (name, number) in [("TxPdo", 50), ("RxPdo", 51)] {
@@ -228,7 +228,7 @@ fn statement_41_the_files_objects_are_those_of_sdo_information() {
     let mut file = String::new();
     esi::write(&GATEWAY, &mut file).unwrap();
     let document = Document::parse(&file).unwrap();
-    let mut rig = Rig::with_application(&GATEWAY, GatewayObjects::default());
+    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
     rig.bring_to(PRE_OP);
     let types: std::collections::HashMap<_, _> = find(&document, "DataTypes")
         .flat_map(|types| types.children().filter(Node::is_element))
@@ -258,7 +258,7 @@ fn statement_41_defaults_in_the_file_are_what_is_read_after_power_on() {
     let mut file = String::new();
     esi::write(&GATEWAY, &mut file).unwrap();
     let document = Document::parse(&file).unwrap();
-    let mut rig = Rig::with_application(&GATEWAY, GatewayObjects::default());
+    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
     rig.bring_to(PRE_OP);
     let mut compared = 0;
     for object in find(&document, "Object") {

@@ -6,13 +6,14 @@ use mobgate::ethercat::application::Application;
 use mobgate::ethercat::device::Device;
 use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate::ethercat::sub_device::SubDevice;
-use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::lan9252::{Timing, over_spi};
 use mobgate_simulator::sub_device::{
     Desk, SharedEcho, cable, direct, exchange_images, line_of, spawn, start_up, with_master,
 };
 use mobgate_simulator::{Lan9252, World};
 
+use crate::bench::gateway_objects;
 use crate::esc_masters::Capture;
 
 static GATEWAY: Device = DEVICE;
@@ -59,7 +60,7 @@ fn ethercrab_exchanges_120_bytes_each_way_without_a_lost_or_torn_image() {
 
 #[test]
 fn ethercrab_reads_and_writes_objects() {
-    with_gateway(GatewayObjects::default(), async |desk| {
+    with_gateway(gateway_objects(), async |desk| {
         let group = desk.to_pre_op().await.unwrap();
         let device = group.subdevice(desk.master, 0).unwrap();
         assert_eq!(device.name(), "mobgate");
@@ -97,7 +98,7 @@ fn tshark_decodes_a_start_with_all_its_messages_without_malformed_packets() {
     let mut world = World::new(1);
     let line = line_of(&GATEWAY);
     let (esc, interrupt) = direct(line.borrow().chip(0));
-    spawn(&world, SubDevice::new(&GATEWAY, esc, GatewayObjects::default()), interrupt);
+    spawn(&world, SubDevice::new(&GATEWAY, esc, gateway_objects()), interrupt);
     let cable = cable(line).with_capture(capture.pcap());
     with_master(&mut world, cable, async |desk| {
         let group = desk.to_pre_op().await.unwrap();

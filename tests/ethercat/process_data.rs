@@ -5,12 +5,12 @@ use std::ops::RangeInclusive;
 use embassy_time::Duration;
 use mobgate::ethercat::device::Device;
 use mobgate::ethercat::sync_manager::Channel;
-use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::Random;
 use mobgate_simulator::esc::Command;
 use mobgate_simulator::sub_device::{Echo, SharedEcho, direct, image, sequence};
 
-use crate::bench::{ERROR, INIT, LOGICAL, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP};
+use crate::bench::{ERROR, INIT, LOGICAL, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, gateway_objects};
 
 static GATEWAY: Device = DEVICE;
 
@@ -65,8 +65,27 @@ fn statement_42_images_that_come_too_fast_are_left_out_but_never_torn() {
 }
 
 #[test]
+fn statement_42_outputs_are_not_taken_that_were_read_while_their_sync_manager_was_switched_off() {
+    let mut thrown_away = 0;
+    for after_us in (0..200).step_by(4) {
+        let (mut rig, echo) = slow_device(20);
+        rig.pause = Duration::from_micros(after_us);
+        rig.exchange(&image(2, 120));
+        rig.pause = Duration::from_micros(0);
+        rig.write(Channel::Outputs.registers() + 6, &[0]);
+        // Into memory that nobody guards any more.
+        rig.exchange(&image(3, 120));
+        rig.pass(10);
+        assert_eq!(rig.status(), (PRE_OP | ERROR, 0x001d));
+        assert_eq!(echo.0.borrow().torn, 0, "switched off after {after_us} us");
+        thrown_away += u64::from(echo.0.borrow().last == Some(1));
+    }
+    assert!(thrown_away > 5, "it was switched off while outputs were read");
+}
+
+#[test]
 fn statement_43_stale_inputs_can_be_told_by_a_counter() {
-    let mut rig = Rig::with_application(&GATEWAY, GatewayObjects::default());
+    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
     rig.set_up_mailboxes();
     assert_eq!(rig.request(PRE_OP), (PRE_OP, 0));
     rig.download_complete(0x1c13, 0, &[2, 0, 0x00, 0x1a, 0x02, 0x1a]).unwrap();

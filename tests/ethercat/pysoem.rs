@@ -4,7 +4,7 @@ use embassy_futures::select::{Either, select};
 use embedded_hal_async::digital::Wait;
 use mobgate::ethercat::device::Device;
 use mobgate::ethercat::sub_device::SubDevice;
-use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate::port::ethercat::{DEVICE, EthercatPlace, GatewayObjects};
 use mobgate_simulator::esc::packet::{PacketSocket, serve};
 use mobgate_simulator::sub_device::{direct, line_of};
 
@@ -18,7 +18,8 @@ fn pysoem_starts_the_gateway_reads_its_objects_and_meets_its_watchdog() {
     in_own_network("pysoem::pysoem_starts_the_gateway_reads_its_objects_and_meets_its_watchdog", || {
         let line = line_of(&GATEWAY);
         let (esc, mut interrupt) = direct(line.borrow().chip(0));
-        let objects = Shared::<GatewayObjects>::default();
+        let place = EthercatPlace::new();
+        let objects = Shared::new(GatewayObjects::new(&place));
         let mut sub_device = SubDevice::new(&GATEWAY, esc, objects.clone());
         let socket = PacketSocket::open(SEGMENT_END).unwrap();
         let identity = [GATEWAY.identity.vendor, GATEWAY.identity.product].map(|number| number.to_string());
@@ -29,7 +30,7 @@ fn pysoem_starts_the_gateway_reads_its_objects_and_meets_its_watchdog() {
             Either::Second(()) => {}
         }
         let last = (0..120).map(|byte: u32| (499 + byte) as u8).collect::<Vec<_>>();
-        assert_eq!(objects.0.borrow().outputs[..], last, "the outputs of its last cycle");
-        assert!(!objects.0.borrow().outputs_valid, "which are not valid any more");
+        place.outputs(|outputs| assert_eq!(outputs, last, "the outputs of its last cycle"));
+        assert!(!objects.0.borrow().outputs_valid(), "which are not valid any more");
     });
 }

@@ -6,7 +6,7 @@ use mobgate::ethercat::sii;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
 
 use crate::bench::{
-    Bench, ERROR, LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP,
+    Bench, ERROR, LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, gateway_objects,
 };
 
 static GATEWAY: Device = DEVICE;
@@ -17,8 +17,8 @@ fn rig() -> Rig<Bench> {
     Rig::in_state(&MAILBOX_128, PRE_OP)
 }
 
-fn gateway() -> Rig<GatewayObjects> {
-    let mut rig = Rig::with_application(&GATEWAY, GatewayObjects::default());
+fn gateway() -> Rig<GatewayObjects<'static>> {
+    let mut rig = Rig::with_application(&GATEWAY, gateway_objects());
     rig.bring_to(PRE_OP);
     rig
 }
@@ -244,7 +244,7 @@ fn statement_34_unknown_commands_are_aborted() {
 fn statement_35_settings_out_of_range_are_refused_and_change_nothing() {
     let mut rig = gateway();
     rig.download(0x2005, 1, &[1, 0]).unwrap();
-    let before = rig.application().devices().to_vec();
+    let before = rig.application().configuration().clone();
     rig.download(0x2005, 2, &[0, 0]).unwrap();
     for (index, sub, value, abort) in [
         (0x2000, 1, &[5, 0][..], 0x0609_0031),
@@ -262,7 +262,7 @@ fn statement_35_settings_out_of_range_are_refused_and_change_nothing() {
         assert_eq!(rig.download(index, sub, value), Err(abort), "{index:x}:{sub:x} {value:?}");
     }
     rig.download(0x2005, 1, &[1, 0]).unwrap();
-    assert_eq!(rig.application().devices(), before);
+    assert_eq!(*rig.application().configuration(), before);
 }
 
 #[test]

@@ -207,12 +207,19 @@ fn any_stream() -> impl Strategy<Value = StreamFraming> {
     prop_oneof![Just(StreamFraming::Mbap), Just(StreamFraming::Rtu)]
 }
 
+/// There can be one.
+fn any_ethercat() -> impl Strategy<Value = PortKind> {
+    let on_loss = prop_oneof![Just(OnLoss::Hold), Just(OnLoss::Clear), Just(OnLoss::Stop)];
+    on_loss.prop_map(|on_loss| PortKind::Ethercat(EthercatSettings { on_loss }))
+}
+
 fn any_port(n: usize) -> impl Strategy<Value = Port> {
     let kind = prop_oneof![
         any_serial(n).boxed(),
         any_tcp_server(n).boxed(),
         any_tcp_client().boxed(),
-        any_udp_server(n).boxed()
+        any_udp_server(n).boxed(),
+        if n == 0 { any_ethercat().boxed() } else { any_udp_server(n).boxed() }
     ];
     ("[A-Za-z][A-Za-z0-9.-]{0,11}", kind, any_units()).prop_map(move |(name, kind, units)| {
         // The number keeps names apart, also from the reserved ones.
@@ -269,11 +276,11 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
                 1 if shift != 0 => Tag::Shift(shift),
                 _ => Tag::Keep,
             };
-            let serial = matches!(ports[source as usize].kind, PortKind::Serial(_));
+            let has_peers = ports[source as usize].kind.has_peers();
             let source = PortId(source);
             let destination =
                 if destination == Destination::Port(source) { Destination::Local } else { destination };
-            Route { source, units, peer: peer.filter(|_| !serial), tag, destination, policy }
+            Route { source, units, peer: peer.filter(|_| has_peers), tag, destination, policy }
         },
     )
 }

@@ -145,7 +145,11 @@ fn write_default<W: Write>(xml: &mut Xml<'_, W>, entry: Entry) -> Result<(), Err
             xml.text("DefaultData", format_args!("{}", Hex(used)))
         }
         (None, Value::Text(text)) => xml.text("DefaultData", format_args!("{}", Hex(text.as_bytes()))),
-        (None, _) => Ok(()),
+        // All zeros.
+        (None, _) => {
+            let digits = 2 * entry.data_type.bytes();
+            xml.text("DefaultData", format_args!("{:0>digits$}", ""))
+        }
     }
 }
 

@@ -43,26 +43,30 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         }
     }
 
-    /// Some SyncManager's activation was written: it may be off now, or ask for a repetition.
-    pub(super) async fn sync_managers_changed(&mut self) -> Result<(), EscError> {
+    /// Some SyncManager's activation was written: it may be off now, or ask for a repetition; true if that was all.
+    pub(super) async fn sync_managers_changed(&mut self) -> Result<bool, EscError> {
         let found = self.read_sync_managers().await?;
         let state = self.al.state();
         if !state.has_mailbox() {
-            return Ok(());
+            return Ok(false);
         }
         if let Err(code) = self.check_mailboxes(&found) {
-            return self.fall(AlState::Init, code).await;
+            return self.fall(AlState::Init, code).await.map(|()| false);
         }
         if state.has_process_data()
             && let Err(code) = self.check_process_data(&found)
         {
-            return self.fall(AlState::PreOp, code).await;
+            return self.fall(AlState::PreOp, code).await.map(|()| false);
         }
         if !found.mailbox_full {
             self.mailbox.fetched();
         }
         let repeat = found.channels[Channel::MailboxIn as usize].repeat();
-        if self.mailbox.is_repeat(repeat) { self.repeat_message(repeat).await } else { Ok(()) }
+        let asked = self.mailbox.is_repeat(repeat);
+        if asked {
+            self.repeat_message(repeat).await?;
+        }
+        Ok(asked)
     }
 
     /// Tells the MainDevice that its repeat request was served.

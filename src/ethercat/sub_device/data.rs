@@ -18,6 +18,9 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         if events.any(Events::OUTPUTS_WRITTEN) {
             self.read_outputs().await?;
         }
+        if !self.al.state().has_process_data() {
+            return Ok(());
+        }
         let due = match self.runs_free() {
             true => Instant::now() >= self.images.inputs_due,
             false => events.any(Events(Events::OUTPUTS_WRITTEN.0 | Events::INPUTS_FETCHED.0)),
@@ -40,9 +43,16 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             return Ok(());
         }
         let start = self.device.memory.start(Channel::Outputs);
+        self.images.outputs_valid = false;
         match self.proves_outputs {
             true => read_agreed(&mut self.esc, start, image).await?,
             false => self.esc.read(start, image).await?,
+        }
+        // A SyncManager that was switched off under the reading did not keep its buffer from being written.
+        if Events(self.esc.events().await?).any(Events::SYNC_MANAGER_CHANGED)
+            && !self.sync_managers_changed().await?
+        {
+            return Ok(());
         }
         self.images.outputs_valid = true;
         match self.al.state() {

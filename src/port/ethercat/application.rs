@@ -1,128 +1,158 @@
 //! The values behind the gateway's objects.
 
-use super::layout::{DeviceLayout, DeviceSettings, KindSettings, layout};
-use super::objects::{IMAGE_BYTES, MODBUS_DEVICES_MAX};
+use core::fmt::Write;
+
+use embassy_time::Instant;
+use heapless::String;
+
+use super::configuration::{ConfigError, Configuration};
+use super::layout::DeviceLayout;
+use super::objects::{MODBUS_DEVICES_MAX, REASON_BYTES};
+use super::place::EthercatPlace;
 use crate::ethercat::application::{Address, Application};
 use crate::ethercat::coe::abort::Abort;
 use crate::ethercat::dictionary::number;
+use crate::scanner::DeviceStatus;
 
 /// Reads and writes of configuration, layout and buffers.
-#[derive(Debug)]
-pub struct GatewayObjects {
-    /// How many of `devices` there are (2000h).
-    device_count: u16,
-    devices: [DeviceSettings; MODBUS_DEVICES_MAX],
-    uart: [u32; 4],
-    /// Whether the configuration is in use (2005h:02).
-    running: bool,
+pub struct GatewayObjects<'p> {
+    place: &'p EthercatPlace,
+    configuration: Configuration,
     layouts: [DeviceLayout; MODBUS_DEVICES_MAX],
-    /// From the Modbus devices to the MainDevice.
-    pub inputs: [u8; IMAGE_BYTES],
-    /// From the MainDevice to the Modbus devices.
-    pub outputs: [u8; IMAGE_BYTES],
-    /// Whether `outputs` come from a MainDevice that is in Op now.
-    pub outputs_valid: bool,
+    /// Why the configuration was refused that was to be used last.
+    refused: Option<ConfigError>,
+    /// Whether the outputs come from a MainDevice that is in Op now.
+    outputs_valid: bool,
     /// Advances when inputs are renewed, so that a MainDevice can tell stale ones.
     input_counter: u8,
 }
 
-impl Default for GatewayObjects {
-    fn default() -> Self {
-        let device = |id| DeviceSettings { id, kinds: [KindSettings::default(); 4], polling_ms: 1_000 };
+impl<'p> GatewayObjects<'p> {
+    /// The objects after power-on.
+    pub fn new(place: &'p EthercatPlace) -> Self {
         Self {
-            device_count: MODBUS_DEVICES_MAX as u16,
-            devices: [1, 2, 3, 4].map(device),
-            uart: [115_200, 0, 0, 0],
-            running: false,
+            place,
+            configuration: Configuration::default(),
             layouts: [DeviceLayout::default(); MODBUS_DEVICES_MAX],
-            inputs: [0; IMAGE_BYTES],
-            outputs: [0; IMAGE_BYTES],
+            refused: None,
             outputs_valid: false,
             input_counter: 0,
         }
     }
-}
 
-impl GatewayObjects {
-    /// The devices in use; none while the configuration is being changed.
-    pub fn devices(&self) -> &[DeviceSettings] {
-        if self.running { self.configured() } else { &[] }
+    /// The configuration as it was written last.
+    pub fn configuration(&self) -> &Configuration {
+        &self.configuration
     }
 
-    fn configured(&self) -> &[DeviceSettings] {
-        self.devices.get(..self.device_count.into()).unwrap_or_default()
+    /// Whether the outputs come from a MainDevice that is in Op now.
+    pub fn outputs_valid(&self) -> bool {
+        self.outputs_valid
     }
 
-    /// The number at `at`, of all but the buffers.
+    /// The number at `at`, of all but buffers and texts.
     fn number(&self, at: Address) -> Option<u32> {
         let sub = usize::from(at.sub.checked_sub(1)?);
         Some(match at.index {
-            0x2000 => self.device_count.into(),
-            0x2001..=0x2004 => {
-                let device = self.devices.get(usize::from(at.index - 0x2001))?;
-                match sub {
-                    0 => device.id.into(),
-                    9 => device.polling_ms,
-                    _ => {
-                        let kind = device.kinds.get((sub - 1) / 2)?;
-                        u32::from(if sub % 2 == 1 { kind.count } else { kind.address })
-                    }
-                }
-            }
             // The request to take the configuration over is served at once, so it never reads as set.
-            0x2005 => u32::from(sub == 1 && self.running),
+            0x2005 => u32::from(sub == 1 && self.place.is_running()),
             0x2011..=0x2014 => (*self.layouts.get(usize::from(at.index - 0x2011))?.0.get(sub)?).into(),
-            0x2020 => *self.uart.get(sub)?,
             0x2030 => self.input_counter.into(),
-            _ => return None,
+            0x2031 => health(self.place.device_status(sub as u8).as_ref()).into(),
+            0x2180..=0x2183 => {
+                let status = self.place.device_status((at.index - 0x2180) as u8);
+                status_number(status.as_ref(), sub)?
+            }
+            _ => return self.configuration.number(at),
         })
     }
 
     fn set(&mut self, at: Address, value: u32) -> Option<()> {
-        let sub = usize::from(at.sub.checked_sub(1)?);
-        match at.index {
-            0x2000 => self.device_count = value as u16,
-            0x2001..=0x2004 => {
-                let device = self.devices.get_mut(usize::from(at.index - 0x2001))?;
-                match sub {
-                    0 => device.id = value as u16,
-                    9 => device.polling_ms = value,
-                    _ => {
-                        let kind = device.kinds.get_mut((sub - 1) / 2)?;
-                        *(if sub % 2 == 1 { &mut kind.count } else { &mut kind.address }) = value as u16;
-                    }
-                }
-            }
-            0x2005 if sub == 0 && value == 1 => self.take_over(),
-            0x2005 if sub == 1 => self.running = false,
-            0x2020 => *self.uart.get_mut(sub)? = value,
-            _ => {}
+        match (at.index, at.sub) {
+            (0x2005, 1) if value == 1 => self.take_over(),
+            (0x2005, 2) => self.place.stop(),
+            (0x2005, _) => {}
+            _ => return self.configuration.set(at, value),
         }
         Some(())
     }
 
-    /// Uses the configuration, which was checked, with empty buffers.
+    /// Uses the configuration as a whole; one that cannot be used leaves everything as it is.
     fn take_over(&mut self) {
-        let Ok(layouts) = layout(self.configured()) else { return };
-        self.layouts = layouts;
-        self.inputs.fill(0);
-        self.outputs.fill(0);
-        self.running = true;
+        match self.place.start(&self.configuration) {
+            Ok(layouts) => self.layouts = layouts,
+            Err(error) => self.refused = Some(error),
+        }
+    }
+
+    /// Whether the configuration can be used; notes why not.
+    fn check_configuration(&mut self) -> Result<(), Abort> {
+        self.refused = self.place.check(&self.configuration).err();
+        match self.refused {
+            None => Ok(()),
+            Some(ConfigError::NoPort) => Err(Abort::LocalControl),
+            Some(_) => Err(Abort::Incompatible),
+        }
+    }
+
+    /// Why a configuration was refused, in words (2006h).
+    fn reason(&self) -> String<{ REASON_BYTES as usize }> {
+        let mut text = String::new();
+        if let Some(error) = self.refused {
+            // Every reason fits; see the test.
+            let _ = write!(text, "{error}");
+        }
+        text
     }
 }
 
-/// The bytes of an entry of a buffer.
-fn part(sub: u8, bytes: usize) -> core::ops::Range<usize> {
-    let start = usize::from(sub).saturating_sub(1) * bytes;
-    start..start + bytes
+/// 0: not asked yet; 1: well; 2: not normal.
+fn health(status: Option<&DeviceStatus>) -> u8 {
+    match status.and_then(|status| status.alive) {
+        None => 0,
+        Some(true) => 1,
+        Some(false) => 2,
+    }
 }
 
-impl Application for GatewayObjects {
+/// The entries of 2180h and following.
+fn status_number(status: Option<&DeviceStatus>, sub: usize) -> Option<u32> {
+    if sub > 7 {
+        return None;
+    }
+    // A device that there is not has never been heard of.
+    let never = if sub == 1 { u32::MAX } else { 0 };
+    let Some(status) = status else { return Some(never) };
+    Some(match sub {
+        0 => health(Some(status)).into(),
+        1 if status.heard == Instant::MIN => never,
+        1 => u32::try_from(status.heard.elapsed().as_millis()).unwrap_or(u32::MAX),
+        2 => status.exception.into(),
+        3 => status.error.map_or(0, |error| error as u32),
+        4 => status.requests,
+        5 => status.answers,
+        6 => status.exceptions,
+        _ => status.failures,
+    })
+}
+
+/// Copies the entry `sub` of `buffer` into `into`.
+fn copy_entry(buffer: &[u8], sub: u8, into: &mut [u8]) -> Result<(), Abort> {
+    let start = usize::from(sub).saturating_sub(1) * into.len();
+    into.copy_from_slice(buffer.get(start..start + into.len()).ok_or(Abort::General)?);
+    Ok(())
+}
+
+impl Application for GatewayObjects<'_> {
     fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort> {
-        let place = part(at.sub, into.len());
         match at.index {
-            0x2021 | 0x2023 => into.copy_from_slice(self.inputs.get(place).ok_or(Abort::General)?),
-            0x2022 | 0x2024 => into.copy_from_slice(self.outputs.get(place).ok_or(Abort::General)?),
+            0x2021 | 0x2023 => self.place.inputs(|buffer| copy_entry(buffer, at.sub, into))?,
+            0x2022 | 0x2024 => self.place.outputs(|buffer| copy_entry(buffer, at.sub, into))?,
+            0x2006 => {
+                let reason = self.reason();
+                into.fill(0);
+                into.iter_mut().zip(reason.bytes()).for_each(|(place, byte)| *place = byte);
+            }
             _ => {
                 let number = self.number(at).ok_or(Abort::General)?;
                 into.iter_mut().zip(number.to_le_bytes()).for_each(|(place, byte)| *place = byte);
@@ -135,10 +165,8 @@ impl Application for GatewayObjects {
         let number = number(value);
         match at.index {
             // A configuration in use is not changed under its devices.
-            0x2000..=0x2004 | 0x2020 if self.running => Err(Abort::State),
-            0x2005 if at.sub == 1 && number == 1 => {
-                layout(self.configured()).map(|_| ()).map_err(|_| Abort::Incompatible)
-            }
+            0x2000..=0x2004 | 0x2007 | 0x2020 if self.place.is_running() => Err(Abort::State),
+            0x2005 if at.sub == 1 && number == 1 => self.check_configuration(),
             // 1 would be mark parity, which no line here can do.
             0x2020 if at.sub == 3 && number == 1 => Err(Abort::Range),
             _ => Ok(()),
@@ -151,15 +179,21 @@ impl Application for GatewayObjects {
     }
 
     fn outputs(&mut self, pdo: u16, bytes: &[u8]) {
-        if let (0x1600 | 0x1601, Some(place)) = (pdo, self.outputs.get_mut(..bytes.len())) {
-            place.copy_from_slice(bytes);
+        if let 0x1600 | 0x1601 = pdo {
+            self.place.put_outputs(bytes);
             self.outputs_valid = true;
         }
     }
 
     fn inputs(&mut self, pdo: u16, into: &mut [u8]) {
-        match (pdo, self.inputs.get(..into.len())) {
-            (0x1a00 | 0x1a01, Some(inputs)) => into.copy_from_slice(inputs),
+        match pdo {
+            0x1a00 | 0x1a01 => self.place.inputs(|buffer| {
+                into.iter_mut().zip(buffer).for_each(|(place, byte)| *place = *byte);
+            }),
+            0x1a03 => {
+                let devices = into.iter_mut().zip(0..);
+                devices.for_each(|(byte, nth)| *byte = health(self.place.device_status(nth).as_ref()));
+            }
             _ => {
                 self.input_counter = self.input_counter.wrapping_add(1);
                 into.fill(self.input_counter);
@@ -169,5 +203,6 @@ impl Application for GatewayObjects {
 
     fn outputs_stopped(&mut self) {
         self.outputs_valid = false;
+        self.place.outputs_stopped();
     }
 }

@@ -13,6 +13,8 @@ use crate::ethercat::sync_manager::MemoryPlan;
 pub const MODBUS_DEVICES_MAX: usize = 4;
 /// Bytes of the input buffer and of the output buffer.
 pub const IMAGE_BYTES: usize = 120;
+/// Bytes of the reason for which a configuration is refused (2006h).
+pub const REASON_BYTES: u16 = 48;
 /// Entries of the buffers when they are taken eight bytes at a time.
 const IMAGE_WORDS: u8 = (IMAGE_BYTES / 8) as u8;
 
@@ -96,6 +98,23 @@ const UART: &[Entry] = &[
 const STATUS: &[Entry] =
     &[Entry::reading("InputCounter", DataType::U8).with_access(Access::READ.and(Access::TX_PDO))];
 
+const CHECK: Entry = Entry::setting("CheckBeforePoll", DataType::U8, 0, (0, 1));
+
+/// 0: not asked yet; 1: well; 2: not normal.
+const HEALTH: Entry = Entry::reading("Health", DataType::U8).with_access(Access::READ.and(Access::TX_PDO));
+
+const DEVICE_STATUS: &[Entry] = &[
+    HEALTH,
+    // Never, until it does.
+    Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX as u64),
+    Entry::reading("ExceptionCode", DataType::U8),
+    Entry::reading("LastError", DataType::U8),
+    Entry::reading("Requests", DataType::U32),
+    Entry::reading("Answers", DataType::U32),
+    Entry::reading("Exceptions", DataType::U32),
+    Entry::reading("Failures", DataType::U32),
+];
+
 const fn inputs(data_type: DataType) -> Entry {
     Entry::reading("Input", data_type).with_access(Access::READ.and(Access::TX_PDO))
 }
@@ -121,6 +140,7 @@ const OBJECTS: &[Object] = &[
     Object::mapping(0x1a00, "Inputs by byte", &[all_of(0x2021, IMAGE_BYTES as u8, 8)]),
     Object::mapping(0x1a01, "Inputs by eight bytes", &[all_of(0x2023, IMAGE_WORDS, 64)]),
     Object::mapping(0x1a02, "Status", &[all_of(0x2030, 1, 8)]),
+    Object::mapping(0x1a03, "Health of the devices", &[all_of(0x2031, MODBUS_DEVICES_MAX as u8, 8)]),
     standard::SYNC_MANAGER_TYPES,
     standard::rx_assignment(&[0x1600], standard::SELECTABLE),
     standard::tx_assignment(&[0x1a00], standard::SELECTABLE),
@@ -132,6 +152,8 @@ const OBJECTS: &[Object] = &[
     Object::record(0x2003, "ModbusConfigSlave2", MODBUS_DEVICE_2),
     Object::record(0x2004, "ModbusConfigSlave3", MODBUS_DEVICE_3),
     Object::record(0x2005, "ConfigUpdateAndCompletedFlag", FLAGS),
+    Object::variable(0x2006, Entry::reading("ConfigRefusedBecause", DataType::Text(REASON_BYTES))),
+    Object::array(0x2007, "CheckBeforePollSlaves", MODBUS_DEVICES_MAX as u8, CHECK),
     Object::record(0x2011, "PhyAddressRegistersModbusSlave0", LAYOUT),
     Object::record(0x2012, "PhyAddressRegistersModbusSlave1", LAYOUT),
     Object::record(0x2013, "PhyAddressRegistersModbusSlave2", LAYOUT),
@@ -142,6 +164,11 @@ const OBJECTS: &[Object] = &[
     Object::array(0x2023, "InputBufferByEight", IMAGE_WORDS, inputs(DataType::U64)),
     Object::array(0x2024, "OutputBufferByEight", IMAGE_WORDS, outputs(DataType::U64)),
     Object::record(0x2030, "Status", STATUS),
+    Object::array(0x2031, "HealthOfSlaves", MODBUS_DEVICES_MAX as u8, HEALTH),
+    Object::record(0x2180, "StatusModbusSlave0", DEVICE_STATUS),
+    Object::record(0x2181, "StatusModbusSlave1", DEVICE_STATUS),
+    Object::record(0x2182, "StatusModbusSlave2", DEVICE_STATUS),
+    Object::record(0x2183, "StatusModbusSlave3", DEVICE_STATUS),
 ];
 
 /// A number from the build's environment.

@@ -4,13 +4,28 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
+use mobgate::config::EthercatSettings;
 use mobgate::ethercat::al_state::{AlState, AlStatusCode};
 use mobgate::ethercat::application::{Address, Application};
 use mobgate::ethercat::coe::abort::Abort;
+use mobgate::port::ethercat::{EthercatPlace, GatewayObjects};
 
 /// An application that a test looks into while the SubDevice has it.
-#[derive(Default)]
 pub(crate) struct Shared<A>(pub(crate) Rc<RefCell<A>>);
+
+impl<A> Shared<A> {
+    pub(crate) fn new(application: A) -> Self {
+        Self(Rc::new(RefCell::new(application)))
+    }
+}
+
+/// The gateway's objects, with a port that never asks.
+pub(crate) fn gateway_objects() -> GatewayObjects<'static> {
+    // A place is there for as long as the gateway runs: here, as long as the test.
+    let place = Box::leak(Box::new(EthercatPlace::new()));
+    place.set_port(Some(EthercatSettings::default()));
+    GatewayObjects::new(place)
+}
 
 impl<A> Clone for Shared<A> {
     fn clone(&self) -> Self {

@@ -11,6 +11,7 @@ use mobgate::capture::Capture;
 use mobgate::config::{Framing, Loader, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, apply};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
+use mobgate::port::ethercat::EthercatPlace;
 use mobgate::scanner::ScannerPlace;
 use mobgate::stats::Event;
 
@@ -88,7 +89,9 @@ pub fn with_gateway_of<T>(
     let pool = FramePool::new(&slots, size.seats + PORTS_MAX);
     let scanner = ScannerPlace::new();
     let capture = Capture::new();
-    let gateway = Gateway::new(&pool, &places, &seats).with_scanner(&scanner).with_capture(&capture);
+    let ethercat = EthercatPlace::new();
+    let gateway = Gateway::new(&pool, &places, &seats);
+    let gateway = gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat);
     let mut world = World::new(seed);
     let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };
     rig.gateway.apply(&settings).expect("settings that the gateway takes");

@@ -1,0 +1,116 @@
+//! Whether every task still makes progress, so that the watchdog is fed only then.
+//!
+//! A task that waits for a request may wait for days, so progress is asked for: each task is woken now and then, and being
+//! polled is its answer. What does not answer is stuck behind another task that never returns, has ended, or was
+//! never started. A task's `watch` is dropped or finished only when it has ended.
+
+use core::future::{Future, poll_fn};
+use core::pin::Pin;
+use core::sync::atomic::{AtomicBool, Ordering};
+
+use embassy_sync::waitqueue::AtomicWaker;
+
+/// The tasks of a board, `N` of them.
+pub struct Liveness<const N: usize>([Watched; N]);
+
+struct Watched {
+    waker: AtomicWaker,
+    answered: AtomicBool,
+}
+
+impl<const N: usize> Liveness<N> {
+    /// Nobody has answered yet.
+    pub const fn new() -> Self {
+        Self([const { Watched { waker: AtomicWaker::new(), answered: AtomicBool::new(false) } }; N])
+    }
+
+    /// Runs `future` as task number `task`. A number that there is not is never missed.
+    ///
+    /// The future is pinned by the caller: it would take its memory twice if it were moved in.
+    pub async fn watch<F: Future>(&self, task: usize, mut future: Pin<&mut F>) -> F::Output {
+        poll_fn(|context| {
+            if let Some(watched) = self.0.get(task) {
+                watched.waker.register(context.waker());
+                let output = future.as_mut().poll(context);
+                // Behind the poll: one that never comes back is no answer, nor is the last one.
+                watched.answered.store(output.is_pending(), Ordering::Relaxed);
+                output
+            } else {
+                future.as_mut().poll(context)
+            }
+        })
+        .await
+    }
+
+    /// Asks every task; the answers are there when each has had its turn.
+    pub fn ask(&self) {
+        for watched in &self.0 {
+            watched.answered.store(false, Ordering::Relaxed);
+            watched.waker.wake();
+        }
+    }
+
+    /// The first task that has not answered since it was asked.
+    pub fn silent(&self) -> Option<usize> {
+        self.0.iter().position(|watched| !watched.answered.load(Ordering::Relaxed))
+    }
+}
+
+impl<const N: usize> Default for Liveness<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::future::{Future, pending, ready};
+    use core::pin::pin;
+    use core::task::{Context, Waker};
+
+    use super::Liveness;
+
+    fn poll(future: core::pin::Pin<&mut impl Future>) {
+        let _ = future.poll(&mut Context::from_waker(Waker::noop()));
+    }
+
+    #[test]
+    fn tasks_that_only_wait_answer_each_time_they_are_polled() {
+        let tasks = Liveness::<2>::new();
+        let (first, second) = (pin!(pending::<()>()), pin!(pending::<()>()));
+        let (mut one, mut two) = (pin!(tasks.watch(0, first)), pin!(tasks.watch(1, second)));
+        for _ in 0..3 {
+            tasks.ask();
+            poll(one.as_mut());
+            assert_eq!(tasks.silent(), Some(1));
+            poll(two.as_mut());
+            assert_eq!(tasks.silent(), None);
+        }
+    }
+
+    #[test]
+    fn a_task_that_was_never_started_or_has_ended_is_missed() {
+        let tasks = Liveness::<2>::new();
+        let (first, second) = (pin!(pending::<()>()), pin!(ready(())));
+        let mut one = pin!(tasks.watch(0, first));
+        poll(one.as_mut());
+        assert_eq!(tasks.silent(), Some(1), "never started");
+        let mut two = pin!(tasks.watch(1, second));
+        poll(two.as_mut());
+        assert_eq!(tasks.silent(), Some(1), "ended");
+    }
+
+    #[test]
+    fn a_sleeping_task_is_woken_by_the_question() {
+        use embassy_futures::block_on;
+        use embassy_futures::select::select;
+        let tasks = Liveness::<1>::new();
+        let asked = async {
+            tasks.ask();
+            // The other one has its turn, because it was woken.
+            embassy_futures::yield_now().await;
+            assert_eq!(tasks.silent(), None);
+        };
+        block_on(select(tasks.watch(0, pin!(pending::<()>())), asked));
+    }
+}

@@ -1,0 +1,79 @@
+//! The board as the console sees it, and the settings that it begins with.
+
+use cortex_m::peripheral::SCB;
+use embassy_futures::block_on;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::Mutex;
+use mobgate::config::{Loader, Settings, read_store};
+use mobgate::console::{self, Mode};
+use mobgate::gateway::Gateway;
+use mobgate::hal::{NetworkState, System};
+use mobgate_flash::{FlashStore, SharedStore};
+use mobgate_net::{Sockets, address};
+use static_cell::StaticCell;
+
+use crate::flash::FileFlash;
+use crate::lines::CONSOLE;
+use crate::uart::{DIVISOR_MIN, Line};
+
+/// Settings as long as nothing is saved: each line has units of its own.
+const FIRST_SETTINGS: &str = "\
+port P1   serial uart1 rtu client 115200 8N1 timeout 300ms
+port P2   serial uart2 rtu client 115200 8N1 timeout 300ms
+port P3   serial uart3 rtu client 115200 8N1 timeout 300ms
+port P502 tcp server 502
+route P502 1-64    * * P1
+route P502 65-128  * * P2
+route P502 129-247 * * P3
+";
+
+/// Where settings are kept.
+pub(crate) type Store = SharedStore<'static, NoopRawMutex, FileFlash>;
+
+/// Opens the store and lets the gateway take over what is saved there, or the first settings.
+pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
+    static STORE: StaticCell<Mutex<NoopRawMutex, FlashStore<FileFlash>>> = StaticCell::new();
+    let flash = FileFlash::open().expect("a file for the flash: see boards/qemu_mps2/emulate");
+    let store = block_on(FlashStore::open(flash, 0)).expect("a flash that can be read and written");
+    let mut store = SharedStore::new(STORE.init(Mutex::new(store)));
+    let mut settings = Settings::new();
+    let saved = block_on(read_store(&mut store, &mut settings));
+    if !matches!(saved, Ok(1..)) {
+        if let Err(error) = saved {
+            log::error!("saved settings: {error}");
+        }
+        let mut loader = Loader::new(&mut settings);
+        let loaded = loader.feed(FIRST_SETTINGS.as_bytes()).and_then(|()| loader.finish());
+        loaded.expect("lines of the language");
+    }
+    if let Err(error) = gateway.apply(&settings) {
+        log::error!("saved settings: {error}");
+    }
+    store
+}
+
+/// This board.
+pub(crate) struct Board(pub(crate) &'static Sockets);
+
+impl System for Board {
+    fn name(&self) -> &str {
+        "QEMU mps2-an386"
+    }
+
+    fn network(&self) -> Option<NetworkState> {
+        Some(address::state(self.0.stack()))
+    }
+
+    fn reboot(&self) {
+        SCB::sys_reset();
+    }
+}
+
+/// Serves the terminal on UART 0, for ever.
+pub(crate) async fn console(gateway: &Gateway<'_>, mut store: Store, board: Board) {
+    let mut line = Line::open(CONSOLE, DIVISOR_MIN);
+    loop {
+        // After `exit` the next session begins: there is nowhere else to go.
+        let Ok(()) = console::run(gateway, &mut line, &mut store, &board, Mode::Echo).await;
+    }
+}

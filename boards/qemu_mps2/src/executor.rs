@@ -1,0 +1,42 @@
+//! Embassy's executor, which waits for interrupts by WFI.
+//!
+//! embassy-executor's own for Cortex-M waits by WFE, which QEMU takes for a yield: it would keep a processor of the host busy.
+
+use core::ptr::null_mut;
+use core::sync::atomic::{AtomicBool, Ordering};
+
+use cortex_m::asm::wfi;
+use cortex_m::interrupt;
+use embassy_executor::{Spawner, raw};
+use static_cell::StaticCell;
+
+use crate::measure;
+
+/// A task has been woken.
+static WORK: AtomicBool = AtomicBool::new(false);
+
+/// Called by the executor when its run queue is no longer empty.
+#[unsafe(export_name = "__pender")]
+fn pender(_context: *mut ()) {
+    WORK.store(true, Ordering::Relaxed);
+}
+
+/// Runs what `init` spawns, for ever.
+pub(crate) fn run(init: impl FnOnce(Spawner)) -> ! {
+    static EXECUTOR: StaticCell<raw::Executor> = StaticCell::new();
+    let executor = EXECUTOR.init(raw::Executor::new(null_mut()));
+    init(executor.spawner());
+    loop {
+        // SAFETY: here alone, in the thread that made it, and never from within a task.
+        unsafe { executor.poll() };
+        // With interrupts masked nothing can be woken between the look and the sleep; a pending one ends WFI all the same.
+        interrupt::disable();
+        if !WORK.swap(false, Ordering::Relaxed) {
+            measure::fall_asleep();
+            wfi();
+            measure::wake_up();
+        }
+        // SAFETY: no critical section is open: this is the outermost loop.
+        unsafe { interrupt::enable() };
+    }
+}

@@ -1,0 +1,44 @@
+//! The Modbus lines: `uart1` to `uart3`. UART 0 is the console, UART 4 tells figures.
+
+use embassy_time::Duration;
+use mobgate::config::{Driver, LineSettings};
+use mobgate::hal::{OpenError, OpenErrorKind, SerialHost};
+
+use crate::uart::{CLOCK_HZ, DIVISOR_MIN, Line};
+
+/// The UART that the console is on.
+pub(crate) const CONSOLE: usize = 0;
+/// The UART that tells figures.
+pub(crate) const FIGURES: usize = 4;
+const NAMES: [(&str, usize); 3] = [("uart1", 1), ("uart2", 2), ("uart3", 3)];
+/// QEMU does not pace bytes: what comes from the host may pause at any byte for as long as the host is busy.
+const READ_JITTER: Duration = Duration::from_millis(50);
+
+/// Opens lines.
+pub(crate) struct Lines;
+
+impl SerialHost for Lines {
+    type Line<'a> = Line;
+
+    async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Line, OpenError> {
+        let refused = |kind, hint| Err(OpenError::new(kind, hint));
+        let Some((_, number)) = NAMES.iter().find(|(name, _)| *name == device) else {
+            return refused(OpenErrorKind::NotFound, "this board has uart1, uart2 and uart3");
+        };
+        if line.driver != Driver::Automatic {
+            return refused(
+                OpenErrorKind::Unsupported,
+                "its lines have no transceivers: remove rs485 or rts",
+            );
+        }
+        // Parity and stop bits make characters longer, which the core computes with; the emulator carries bytes.
+        match CLOCK_HZ / line.baud {
+            divisor @ DIVISOR_MIN.. => Ok(Line::open(*number, divisor)),
+            _ => refused(OpenErrorKind::Unsupported, "at most 1562500 baud"),
+        }
+    }
+
+    fn read_jitter(&self) -> Duration {
+        READ_JITTER
+    }
+}

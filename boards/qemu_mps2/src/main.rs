@@ -1,0 +1,99 @@
+//! The gateway on QEMU's mps2-an386: hardware, gateway, tasks.
+#![no_std]
+#![no_main]
+
+mod board;
+mod clock;
+mod ethernet;
+mod executor;
+mod faults;
+mod flash;
+mod interrupts;
+mod lines;
+mod measure;
+mod network;
+mod register;
+mod semihosting;
+mod uart;
+
+use embassy_net::Runner;
+use mobgate::config::PortId;
+use mobgate::frame::{FramePool, Slot};
+use mobgate::gateway::{Gateway, PortPlace, Seat};
+use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets};
+
+use crate::board::{Board, Store};
+use crate::ethernet::Ethernet;
+use crate::lines::{FIGURES, Lines};
+use crate::uart::{DIVISOR_MIN, Line};
+
+const PORTS: usize = 8;
+/// TCP connections of all servers together: 16 clients, the one that is accepted to decide who goes, and a small server more.
+const SEATS: usize = 22;
+const RESERVED: usize = SEATS + PORTS;
+const FRAMES: usize = 2 * RESERVED;
+
+static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
+static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
+static PORT_PLACES: [PortPlace; PORTS] = [const { PortPlace::new() }; PORTS];
+static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
+static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network();
+
+#[embassy_executor::task]
+async fn router() {
+    GATEWAY.route().await
+}
+
+#[embassy_executor::task(pool_size = PORTS)]
+async fn port(id: PortId, sockets: &'static Sockets) {
+    GATEWAY.run_port(id, &mut Lines, &mut Connector::new(sockets), &mut Datagrams::new(sockets)).await
+}
+
+#[embassy_executor::task(pool_size = SEATS)]
+async fn seat(index: usize, sockets: &'static Sockets) {
+    GATEWAY.run_seat(index, &mut TcpSockets::new(sockets)).await
+}
+
+#[embassy_executor::task]
+async fn network(mut runner: Runner<'static, Ethernet>) {
+    runner.run().await
+}
+
+#[embassy_executor::task]
+async fn network_care(sockets: &'static Sockets) {
+    network::care(&GATEWAY, sockets).await
+}
+
+#[embassy_executor::task]
+async fn console(store: Store, board: Board) {
+    board::console(&GATEWAY, store, board).await
+}
+
+#[embassy_executor::task]
+async fn figures(sockets: &'static Sockets) {
+    measure::report(Line::open(FIGURES, DIVISOR_MIN), sockets).await
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let core = cortex_m::Peripherals::take().unwrap();
+    semihosting::start_log();
+    clock::start();
+    measure::start(core.SYST);
+    uart::start();
+    let store = board::load(&GATEWAY);
+    let (sockets, runner) = GATEWAY.settings(|settings| network::start(&settings.network));
+    executor::run(|spawner| {
+        // Each pool has room for what is spawned here, and this runs once.
+        spawner.spawn(router().unwrap());
+        (0..PORTS).for_each(|index| spawner.spawn(port(PortId(index as u8), sockets).unwrap()));
+        (0..SEATS).for_each(|index| spawner.spawn(seat(index, sockets).unwrap()));
+        spawner.spawn(network(runner).unwrap());
+        spawner.spawn(network_care(sockets).unwrap());
+        spawner.spawn(console(store, Board(sockets)).unwrap());
+        spawner.spawn(figures(sockets).unwrap());
+    })
+}
+
+/// A changed map is a changed program, or it would not be linked anew.
+const _: (&[u8], &[u8]) = (include_bytes!("../../../memory.x"), include_bytes!("../regions.x"));

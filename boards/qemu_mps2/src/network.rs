@@ -1,0 +1,48 @@
+//! The network: embassy-net over the Ethernet controller, and the gateway's sockets over that.
+
+use embassy_futures::join::join3;
+use embassy_net::{Runner, StackResources};
+use mobgate::config::OwnNetwork;
+use mobgate::gateway::Gateway;
+use mobgate_net::{Sockets, address};
+use static_cell::{ConstStaticCell, StaticCell};
+
+use crate::ethernet::Ethernet;
+use crate::{SEATS, semihosting};
+
+/// Connections to outside servers and UDP servers at a time, all together.
+const CLIENTS: usize = 4;
+const SOCKETS: usize = SEATS + CLIENTS;
+/// Two frames of Modbus TCP for each direction, and some.
+const SOCKET_BYTES: usize = 2 * 640;
+
+/// Starts the network with this setting. The runner is to be run.
+pub(crate) fn start(setting: &OwnNetwork) -> (&'static Sockets, Runner<'static, Ethernet>) {
+    static RESOURCES: StaticCell<StackResources<{ SOCKETS + 1 }>> = StaticCell::new();
+    static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
+        ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
+    static POOL: StaticCell<Sockets> = StaticCell::new();
+    // Else connections after a restart would have the ports and numbers of those before.
+    let seed = semihosting::host_time() as u64;
+    let config = address::stack_config(setting);
+    let (stack, runner) =
+        embassy_net::new(Ethernet::start(), config, RESOURCES.init(StackResources::new()), seed);
+    let buffers = BUFFERS.take().iter_mut().map(|buffer| &mut buffer[..]);
+    (POOL.init(Sockets::new(stack, buffers)), runner)
+}
+
+/// What the network needs besides the runner: connections' ends, the settings' changes, and word that it is up.
+pub(crate) async fn care(gateway: &Gateway<'_>, sockets: &'static Sockets) {
+    let stack = sockets.stack();
+    let announce = async {
+        loop {
+            stack.wait_config_up().await;
+            if let Some(own) = address::state(stack).address {
+                log::info!("network up, address {own}");
+            }
+            stack.wait_config_down().await;
+            log::info!("network down");
+        }
+    };
+    join3(sockets.run(), address::follow(gateway, stack), announce).await;
+}

@@ -1,0 +1,97 @@
+//! The gateway's statics and tasks, the same on every STM32 board.
+
+use core::fmt;
+use core::pin::pin;
+
+use embassy_executor::Spawner;
+use embassy_sync::once_lock::OnceLock;
+use mobgate::config::PortId;
+use mobgate::frame::{FramePool, Slot};
+use mobgate::gateway::{Gateway, PortPlace, Seat};
+use mobgate_board::liveness::Liveness;
+use mobgate_net::{Connector, Datagrams, TcpSockets};
+
+use crate::lines::Lines;
+use crate::network::Network;
+
+/// Ports of any kind. The F4 has the least memory.
+pub const PORTS: usize = if cfg!(feature = "f4") { 6 } else { 8 };
+/// TCP connections of all servers together: sixteen clients (eight on the F4), and one more that is accepted to decide who
+/// goes.
+pub const SEATS: usize = if cfg!(feature = "f4") { 9 } else { 17 };
+/// Connections to outside servers and UDP servers at a time.
+pub const CONNECTIONS_OUT: usize = 4;
+/// One frame for each seat and each port.
+const RESERVED: usize = SEATS + PORTS;
+/// And some for those who ask several things at a time.
+const FRAMES: usize = RESERVED + 15;
+
+static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
+static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
+static PORT_PLACES: [PortPlace; PORTS] = [const { PortPlace::new() }; PORTS];
+static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
+/// Made at the start: a static with one pointer in it would have a copy of its whole memory in the flash.
+static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
+
+/// The gateway.
+pub(crate) fn gateway() -> &'static Gateway<'static> {
+    GATEWAY.get_or_init(|| Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network())
+}
+
+/// The tasks that must answer for the watchdog to be fed.
+pub static LIVENESS: Liveness<{ Task::Port as usize + PORTS + SEATS }> = Liveness::new();
+
+/// Numbers of tasks. The ports and then the seats follow the first port.
+#[derive(Clone, Copy)]
+pub(crate) enum Task {
+    Stack,
+    Sockets,
+    Console,
+    Router,
+    Port,
+}
+
+/// A task by its number, for people.
+pub(crate) struct TaskName(pub(crate) usize);
+
+impl fmt::Display for TaskName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const NAMES: [&str; Task::Port as usize] = ["network", "sockets", "console", "router"];
+        match (NAMES.get(self.0), self.0.checked_sub(Task::Port as usize)) {
+            (Some(name), _) => f.write_str(name),
+            (None, Some(port @ 0..PORTS)) => write!(f, "port task {}", port + 1),
+            (None, other) => write!(f, "connection task {}", other.unwrap_or(0) + 1 - PORTS),
+        }
+    }
+}
+
+/// Starts routing, the ports and the seats.
+pub fn start(spawner: Spawner, lines: Lines, network: Network) {
+    // Each pool has room for what is spawned here, and this runs once: no `unwrap` can fail.
+    spawner.spawn(router().unwrap());
+    for index in 0..PORTS {
+        spawner.spawn(port(index, lines, network).unwrap());
+    }
+    for index in 0..SEATS {
+        spawner.spawn(seat(index, network).unwrap());
+    }
+}
+
+#[embassy_executor::task]
+async fn router() {
+    LIVENESS.watch(Task::Router as usize, pin!(gateway().route())).await
+}
+
+#[embassy_executor::task(pool_size = PORTS)]
+async fn port(index: usize, mut lines: Lines, network: Network) {
+    let (mut connector, mut datagrams) = (Connector::new(network.0), Datagrams::new(network.0));
+    let run = pin!(gateway().run_port(PortId(index as u8), &mut lines, &mut connector, &mut datagrams));
+    LIVENESS.watch(Task::Port as usize + index, run).await
+}
+
+#[embassy_executor::task(pool_size = SEATS)]
+async fn seat(index: usize, network: Network) {
+    let mut sockets = TcpSockets::new(network.0);
+    let run = pin!(gateway().run_seat(index, &mut sockets));
+    LIVENESS.watch(Task::Port as usize + PORTS + index, run).await
+}

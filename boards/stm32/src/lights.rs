@@ -1,0 +1,63 @@
+//! The three lights and the button of a NUCLEO-144.
+//!
+//! * Green: blinks once a second while every task is well; it stands still when one is not.
+//! * Blue (yellow on the H743ZI2): the network has an address.
+//! * Red: a port is lost or failed to open.
+//! * All three blink fast: the user button is being held at the start; all three on: the settings are forgotten.
+
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::{AnyPin, Input, Level, Output, Speed};
+use embassy_time::{Duration, Timer};
+use mobgate::gateway::{Gateway, Status};
+
+/// Half a period of the fast blinking.
+const BLINK: Duration = Duration::from_millis(100);
+/// For so long the button is held for a factory reset: 5 s.
+const HELD_BLINKS: u32 = 50;
+
+/// The lights.
+pub struct Lights {
+    green: Output<'static>,
+    blue: Output<'static>,
+    red: Output<'static>,
+}
+
+impl Lights {
+    /// Lights on these pins, off.
+    pub fn new(
+        green: Peri<'static, AnyPin>,
+        blue: Peri<'static, AnyPin>,
+        red: Peri<'static, AnyPin>,
+    ) -> Self {
+        let light = |pin| Output::new(pin, Level::Low, Speed::Low);
+        Self { green: light(green), blue: light(blue), red: light(red) }
+    }
+
+    fn all(&mut self, on: bool) {
+        for light in [&mut self.green, &mut self.blue, &mut self.red] {
+            light.set_level(on.into());
+        }
+    }
+
+    /// Shows how the gateway does.
+    pub(crate) fn show(&mut self, gateway: &Gateway<'_>, has_address: bool) {
+        let broken = |status| matches!(status, Status::Lost | Status::Failed(_));
+        self.green.toggle();
+        self.blue.set_level(has_address.into());
+        self.red.set_level(gateway.ports().iter().any(|place| broken(place.status())).into());
+    }
+
+    /// Whether the button is held down from now on for 5 s, which the lights show. It connects the pin to 3.3 V.
+    pub async fn button_is_held(&mut self, button: &Input<'static>) -> bool {
+        for nth in 0..HELD_BLINKS {
+            if button.is_low() {
+                self.all(false);
+                return false;
+            }
+            self.all(nth % 2 == 0);
+            Timer::after(BLINK).await;
+        }
+        self.all(true);
+        true
+    }
+}

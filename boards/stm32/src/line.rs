@@ -1,0 +1,247 @@
+//! An RS-485 line on a UART: DMA receives into a ring and transmits from the caller's buffer.
+//!
+//! Receiving. Every character raises an interrupt that wakes the port's task, and DMA has stored it by then. embassy-stm32
+//! has two receive paths of its own; neither is used. Its `BufferedUart` takes characters by interrupt, which loses
+//! them while the chip stands still for an erase of its flash, and on the F4 clears flags in a way that can lose one. Its ring
+//! buffer stops at a framing error and forgets what was not read, and framing errors are common where a
+//! driver lets go of the bus. Here a damaged character stays in its place and the frame's CRC tells.
+//!
+//! Transmitting. On the F7 and H7 the UART itself switches the transceiver's driver. On the F4 a pin does: on before the
+//! first character, off by the interrupt that says that the last stop bit has left (TC, not TXE).
+
+use core::cell::{Cell, RefCell};
+use core::future::poll_fn;
+use core::task::Poll;
+
+use embassy_embedded_hal::SetConfig;
+use embassy_stm32::Peri;
+use embassy_stm32::dma::{Channel, InterruptHandler, ReadableRingBuffer, Request};
+use embassy_stm32::gpio::Output;
+use embassy_stm32::interrupt::typelevel::{Binding, Handler, Interrupt};
+use embassy_stm32::mode::Blocking;
+use embassy_stm32::pac::usart::Usart;
+use embassy_stm32::usart::{Config, DataBits, Instance, Parity, RxDma, StopBits, TxDma, Uart};
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::waitqueue::AtomicWaker;
+use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+use mobgate::config::{Driver, LineSettings, Parity as WireParity};
+use mobgate::hal::{OpenError, OpenErrorKind, SerialLine};
+
+use crate::registers;
+
+/// Lines of a board, and its console.
+pub const LINES_MAX: usize = 5;
+/// Characters that wait to be read: a tenth of a second at 115200 baud.
+pub const RING_BYTES: usize = 1024;
+/// The hardware's longest time from driver to character and back, in sixteenths of a bit.
+const DRIVER_SIXTEENTHS_MAX: u64 = 31;
+
+type Shared<T> = Mutex<CriticalSectionRawMutex, T>;
+
+/// What a line shares with its interrupt.
+struct Shift {
+    uart: Shared<Cell<Option<Usart>>>,
+    waker: AtomicWaker,
+    /// The pin that switches the transceiver's driver, where the UART cannot.
+    driver: Shared<RefCell<Option<Output<'static>>>>,
+}
+
+static SHIFTS: [Shift; LINES_MAX] = [const {
+    Shift {
+        uart: Mutex::new(Cell::new(None)),
+        waker: AtomicWaker::new(),
+        driver: Mutex::new(RefCell::new(None)),
+    }
+}; LINES_MAX];
+
+/// Serves the interrupt of line number `N`'s UART.
+pub struct LineInterrupt<const N: usize>;
+
+impl<const N: usize, I: Interrupt> Handler<I> for LineInterrupt<N> {
+    unsafe fn on_interrupt() {
+        SHIFTS[N].on_interrupt();
+    }
+}
+
+impl Shift {
+    fn on_interrupt(&self) {
+        let Some(uart) = self.uart.lock(Cell::get) else { return };
+        registers::clear_overrun(uart);
+        if uart.cr1().read().tcie() && registers::transmitted(uart) {
+            uart.cr1().modify(|control| control.set_tcie(false));
+            self.drive(false);
+        }
+        self.waker.wake();
+    }
+
+    fn drive(&self, on: bool) {
+        self.driver.lock(|driver| {
+            if let Some(pin) = driver.borrow_mut().as_mut() {
+                pin.set_level(on.into());
+            }
+        });
+    }
+
+    fn has_pin(&self) -> bool {
+        self.driver.lock(|driver| driver.borrow().is_some())
+    }
+}
+
+/// Switches the driver off as soon as what was begun has left, also when the write is given up.
+struct Release(Usart);
+
+impl Drop for Release {
+    fn drop(&mut self) {
+        // The interrupt changes the same register.
+        critical_section::with(|_| self.0.cr1().modify(|control| control.set_tcie(true)));
+    }
+}
+
+/// A line.
+pub struct Line {
+    setup: Uart<'static, Blocking>,
+    uart: Usart,
+    shift: &'static Shift,
+    ring: ReadableRingBuffer<'static, u8>,
+    transmit: Channel<'static>,
+    request: Request,
+    /// The bits of a character that are data: with parity the UART stores the parity bit with seven of them.
+    mask: u8,
+}
+
+/// The DMA channels of a line and the requests that they serve.
+pub struct Dma {
+    receive: (Channel<'static>, Request),
+    transmit: (Channel<'static>, Request),
+}
+
+impl Dma {
+    /// The channels of UART `T`. `interrupts` is what `bind_interrupts!` made.
+    pub fn new<T: Instance, R: RxDma<T>, W: TxDma<T>>(
+        receive: Peri<'static, R>,
+        transmit: Peri<'static, W>,
+        interrupts: impl Binding<R::Interrupt, InterruptHandler<R>>
+        + Binding<W::Interrupt, InterruptHandler<W>>
+        + Copy
+        + 'static,
+    ) -> Self {
+        let (receives, transmits) = (receive.request(), transmit.request());
+        Self {
+            receive: (Channel::new(receive, interrupts), receives),
+            transmit: (Channel::new(transmit, interrupts), transmits),
+        }
+    }
+}
+
+impl Line {
+    /// Line number `number`, whose interrupt is bound to [`LineInterrupt`] of the same number. `driver` is the pin that
+    /// switches the transceiver, where `setup` has none.
+    pub fn new(
+        number: usize,
+        setup: Uart<'static, Blocking>,
+        uart: Usart,
+        dma: Dma,
+        driver: Option<Output<'static>>,
+        ring: &'static mut [u8; RING_BYTES],
+    ) -> Self {
+        let shift = &SHIFTS[number];
+        shift.uart.lock(|cell| cell.set(Some(uart)));
+        shift.driver.lock(|cell| cell.replace(driver));
+        let ((channel, request), from) = (dma.receive, registers::receive_address(uart));
+        // SAFETY: the channel is this line's, and so is the buffer; the UART's register is valid for ever.
+        let mut ring = unsafe { ReadableRingBuffer::new(channel, request, from, ring, Default::default()) };
+        ring.start();
+        let (transmit, request) = dma.transmit;
+        Self { setup, uart, shift, ring, transmit, request, mask: u8::MAX }
+    }
+
+    /// Sets speed, character format and the driver's times, and forgets what was received before.
+    pub fn configure(&mut self, line: &LineSettings) -> Result<(), OpenError> {
+        let unsupported = |hint| OpenError::new(OpenErrorKind::Unsupported, hint);
+        if line.driver == Driver::Rts {
+            return Err(unsupported("the board switches the driver by itself: remove the word rts"));
+        }
+        let (before, after) = (sixteenths(line, line.driver_before), sixteenths(line, line.driver_after));
+        let most = if self.shift.has_pin() { 0 } else { DRIVER_SIXTEENTHS_MAX };
+        if before.max(after) > most {
+            return Err(unsupported("driver-before and driver-after: less than two bits, and none on an F4"));
+        }
+        self.mask = if line.data_bits == 7 { 0x7f } else { u8::MAX };
+        self.setup.set_config(&config(line)).map_err(|_| unsupported("speed or character format"))?;
+        registers::complete_setup(self.uart, before as u8, after as u8);
+        self.ring.clear();
+        Ok(())
+    }
+}
+
+/// `time` in sixteenths of a bit, rounded up.
+fn sixteenths(line: &LineSettings, time: embassy_time::Duration) -> u64 {
+    (time.as_micros() * 16 * u64::from(line.baud)).div_ceil(1_000_000)
+}
+
+fn config(line: &LineSettings) -> Config {
+    let mut config = Config::default();
+    config.baudrate = line.baud;
+    config.data_bits = if line.data_bits == 7 { DataBits::DataBits7 } else { DataBits::DataBits8 };
+    config.stop_bits = if line.stop_bits == 2 { StopBits::STOP2 } else { StopBits::STOP1 };
+    config.parity = match line.parity {
+        WireParity::None => Parity::ParityNone,
+        WireParity::Even => Parity::ParityEven,
+        WireParity::Odd => Parity::ParityOdd,
+    };
+    // A transceiver that hears nothing lets go of the pin.
+    config.rx_pull = embassy_stm32::gpio::Pull::Up;
+    config
+}
+
+impl SerialLine for Line {}
+
+impl ErrorType for Line {
+    type Error = ErrorKind;
+}
+
+impl Read for Line {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
+        let count = poll_fn(|context| {
+            self.shift.waker.register(context.waker());
+            loop {
+                match self.ring.read(into) {
+                    Ok((0, _)) => return Poll::Pending,
+                    Ok((count, _)) => return Poll::Ready(count),
+                    // Nobody has read for the length of the ring: what is there has no beginning and no end.
+                    Err(_) => {
+                        defmt::warn!("a line's characters were not read in time");
+                        self.ring.clear();
+                    }
+                }
+            }
+        })
+        .await;
+        into.iter_mut().take(count).for_each(|byte| *byte &= self.mask);
+        Ok(count)
+    }
+}
+
+impl Write for Line {
+    async fn write(&mut self, from: &[u8]) -> Result<usize, ErrorKind> {
+        if from.is_empty() {
+            return Ok(0);
+        }
+        let release = self.shift.has_pin().then(|| {
+            critical_section::with(|_| self.uart.cr1().modify(|control| control.set_tcie(false)));
+            registers::forget_transmitted(self.uart);
+            self.shift.drive(true);
+            Release(self.uart)
+        });
+        let to = registers::transmit_address(self.uart);
+        // SAFETY: the channel is this line's; dropping the transfer stops it, so it does not outlive `from`.
+        unsafe { self.transmit.write(self.request, from, to, Default::default()) }.await;
+        drop(release);
+        Ok(from.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), ErrorKind> {
+        Ok(())
+    }
+}

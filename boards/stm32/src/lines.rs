@@ -1,0 +1,66 @@
+//! The board's lines, which ports open by their names.
+
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::{Mutex, MutexGuard};
+use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+use mobgate::config::LineSettings;
+use mobgate::hal::{OpenError, OpenErrorKind, SerialHost, SerialLine};
+
+use crate::line::Line;
+
+/// RS-485 lines of each STM32 board.
+pub const LINES: usize = 4;
+
+/// A line that no port, or one port, has open.
+pub type Place = Mutex<NoopRawMutex, Line>;
+
+/// The board's lines, `uart1` to `uart4`.
+#[derive(Clone, Copy)]
+pub struct Lines(pub &'static [Place; LINES]);
+
+/// An open line.
+pub struct OpenLine(MutexGuard<'static, NoopRawMutex, Line>);
+
+impl SerialHost for Lines {
+    type Line<'a> = OpenLine;
+
+    async fn open(&mut self, device: &str, line: &LineSettings) -> Result<OpenLine, OpenError> {
+        let hint = "this board's lines are uart1 to uart4";
+        let number = device.strip_prefix("uart").and_then(|number| number.parse::<usize>().ok());
+        let place = number.and_then(|number| self.0.get(number.checked_sub(1)?));
+        let place = place.ok_or(OpenError::new(OpenErrorKind::NotFound, hint))?;
+        let mut open = place
+            .try_lock()
+            .map_err(|_| OpenError::new(OpenErrorKind::InUse, "by another port of the gateway"))?;
+        open.configure(line)?;
+        Ok(OpenLine(open))
+    }
+
+    /// DMA feeds the transmitter, and a character's time is far longer than what any task takes. But an F7 stands still
+    /// while its flash is erased, and a frame that is being passed on would be torn.
+    fn never_underruns(&self) -> bool {
+        !cfg!(feature = "f7")
+    }
+}
+
+impl SerialLine for OpenLine {}
+
+impl ErrorType for OpenLine {
+    type Error = ErrorKind;
+}
+
+impl Read for OpenLine {
+    async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
+        self.0.read(into).await
+    }
+}
+
+impl Write for OpenLine {
+    async fn write(&mut self, from: &[u8]) -> Result<usize, ErrorKind> {
+        self.0.write(from).await
+    }
+
+    async fn flush(&mut self) -> Result<(), ErrorKind> {
+        self.0.flush().await
+    }
+}

@@ -1,0 +1,77 @@
+//! The Ethernet: driver, stack, sockets. The cable may come and go; the stack notices within half a second.
+
+use core::pin::pin;
+
+use embassy_executor::Spawner;
+use embassy_futures::join::join;
+use embassy_net::{Runner, Stack, StackResources};
+use embassy_stm32::eth::{Ethernet, GenericPhy, PacketQueue, Sma};
+use embassy_stm32::peripherals::{ETH, ETH_SMA};
+use embassy_stm32::uid::uid;
+use mobgate::config::OwnNetwork;
+use mobgate_net::{Sockets, address};
+use static_cell::{ConstStaticCell, StaticCell};
+
+use crate::gateway::{CONNECTIONS_OUT, LIVENESS, SEATS, Task, gateway};
+
+/// The chip's Ethernet with any PHY, which the boards have as RMII.
+pub type Driver = Ethernet<'static, ETH, GenericPhy<Sma<'static, ETH_SMA>>>;
+
+/// Packets that the Ethernet's DMA holds of each direction.
+const PACKETS: usize = 4;
+/// What the driver's packets are kept in.
+pub type Packets = PacketQueue<PACKETS, PACKETS>;
+
+/// Sockets at a time: accepted connections, made ones and UDP.
+const SOCKETS: usize = SEATS + CONNECTIONS_OUT;
+/// Half for each direction. A Modbus TCP frame has 260 bytes at most.
+const SOCKET_BYTES: usize = 768;
+
+static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
+    ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
+// One more socket is DHCP's.
+static RESOURCES: StaticCell<StackResources<{ SOCKETS + 1 }>> = StaticCell::new();
+static POOL: StaticCell<Sockets> = StaticCell::new();
+
+/// The place of the driver's packets.
+pub static PACKET_QUEUE: ConstStaticCell<Packets> = ConstStaticCell::new(Packets::new());
+
+/// The board's network.
+#[derive(Clone, Copy)]
+pub struct Network(pub(crate) &'static Sockets);
+
+impl Network {
+    pub(crate) fn stack(&self) -> Stack<'static> {
+        self.0.stack()
+    }
+}
+
+/// The board's Ethernet address, made of the chip's unique number.
+pub fn ethernet_address() -> [u8; 6] {
+    mobgate_board::ethernet_address(&uid())
+}
+
+/// Starts the stack over `driver`, at first with DHCP; the settings follow.
+pub fn start(spawner: Spawner, driver: Driver) -> Network {
+    // Different boards do not ask in step, nor begin with the same TCP port. It is no secret.
+    let seed = uid().iter().fold(0, |seed: u64, &byte| seed.rotate_left(5) ^ u64::from(byte));
+    let config = address::stack_config(&OwnNetwork::DEFAULT);
+    let (stack, runner) = embassy_net::new(driver, config, RESOURCES.init_with(StackResources::new), seed);
+    let buffers = BUFFERS.take().iter_mut().map(|buffer| buffer.as_mut_slice());
+    let sockets: &'static Sockets = POOL.init(Sockets::new(stack, buffers));
+    // Each is spawned once: its place is free.
+    spawner.spawn(run_stack(runner).unwrap());
+    spawner.spawn(run_sockets(sockets).unwrap());
+    Network(sockets)
+}
+
+#[embassy_executor::task]
+async fn run_stack(mut runner: Runner<'static, Driver>) -> ! {
+    LIVENESS.watch(Task::Stack as usize, pin!(runner.run())).await
+}
+
+#[embassy_executor::task]
+async fn run_sockets(sockets: &'static Sockets) {
+    let both = pin!(join(sockets.run(), address::follow(gateway(), sockets.stack())));
+    LIVENESS.watch(Task::Sockets as usize, both).await;
+}

@@ -1,0 +1,120 @@
+//! The registers that differ between the families: the USARTs of the F4 are of an older generation, and the H7 counts its
+//! resets elsewhere. The only file that asks for the family, besides `flash`.
+
+use embassy_stm32::pac::usart::Usart;
+
+/// The register that DMA reads received characters from.
+pub(crate) fn receive_address(uart: Usart) -> *mut u8 {
+    // One register for both directions on the F4.
+    #[cfg(feature = "f4")]
+    return uart.dr().as_ptr().cast();
+    #[cfg(not(feature = "f4"))]
+    return uart.rdr().as_ptr().cast();
+}
+
+/// The register that DMA writes characters to.
+pub(crate) fn transmit_address(uart: Usart) -> *mut u8 {
+    // One register for both directions on the F4.
+    #[cfg(feature = "f4")]
+    return uart.dr().as_ptr().cast();
+    #[cfg(not(feature = "f4"))]
+    return uart.tdr().as_ptr().cast();
+}
+
+/// Whether the last character has left, stop bits and all.
+pub(crate) fn transmitted(uart: Usart) -> bool {
+    // The status register's name.
+    #[cfg(feature = "f4")]
+    return uart.sr().read().tc();
+    #[cfg(not(feature = "f4"))]
+    return uart.isr().read().tc();
+}
+
+/// Forgets that an earlier transmission is complete, without touching a flag that may rise meanwhile.
+pub(crate) fn forget_transmitted(uart: Usart) {
+    // Flags of the F4 are cleared by writing zero and kept by writing one. Reading the register, clearing the bit and
+    // writing the rest back would clear RXNE of a character that arrives in between.
+    #[cfg(feature = "f4")]
+    uart.sr().write(|flags| {
+        flags.0 = u32::MAX;
+        flags.set_tc(false);
+    });
+    #[cfg(not(feature = "f4"))]
+    uart.icr().write(|flags| flags.set_tc(true));
+}
+
+/// Clears an overrun, which would interrupt for ever. The character is lost already: the frame's check will tell.
+pub(crate) fn clear_overrun(uart: Usart) {
+    // The F4 clears it by reading the status and then the character; newer USARTs do not detect overruns here.
+    #[cfg(feature = "f4")]
+    if uart.sr().read().ore() {
+        let _ = uart.dr().read();
+    }
+    #[cfg(not(feature = "f4"))]
+    let _ = uart;
+}
+
+/// What embassy-stm32 leaves as it is: reception that an overrun does not stop, and the driver's times in sixteenths of
+/// a bit, of which it writes the first one into both places.
+pub(crate) fn complete_setup(uart: Usart, before: u8, after: u8) {
+    uart.cr1().modify(|control| control.set_ue(false));
+    // The F4 has neither.
+    #[cfg(not(feature = "f4"))]
+    {
+        uart.cr3().modify(|control| control.set_ovrdis(true));
+        uart.cr1().modify(|control| {
+            control.set_deat(before);
+            control.set_dedt(after);
+        });
+    }
+    #[cfg(feature = "f4")]
+    let _ = (before, after);
+    uart.cr3().modify(|control| {
+        control.set_dmar(true);
+        control.set_dmat(true);
+    });
+    uart.cr1().modify(|control| {
+        control.set_ue(true);
+        control.set_rxneie(true);
+    });
+}
+
+/// Why the chip started, once: it is forgotten.
+pub(crate) fn reset_cause() -> &'static str {
+    use embassy_stm32::pac::RCC;
+    // A register of its own on the H7, with a bit for each power domain's watchdog.
+    #[cfg(feature = "h7")]
+    let (watchdog, software, power, pin) = {
+        let flags = RCC.rsr().read();
+        RCC.rsr().modify(|flags| flags.set_rmvf(true));
+        (
+            flags.iwdg1rstf() || flags.wwdg1rstf(),
+            flags.sftrstf(),
+            flags.borrstf() || flags.porrstf(),
+            flags.pinrstf(),
+        )
+    };
+    #[cfg(not(feature = "h7"))]
+    let (watchdog, software, power, pin) = {
+        let flags = RCC.csr().read();
+        RCC.csr().modify(|flags| flags.set_rmvf(true));
+        let power = flags.borrstf() || flags.porrstf();
+        (flags.wdgrstf() || flags.wwdgrstf(), flags.sftrstf(), power, flags.padrstf())
+    };
+    // Every reset pulls the pin as well, so the pin comes last.
+    match (watchdog, software, power, pin) {
+        (true, ..) => "started by the watchdog",
+        (_, true, ..) => "started by reboot or after a fault",
+        (_, _, true, _) => "started by power",
+        (_, _, _, true) => "started by the reset button or a debugger",
+        _ => "started for a reason unknown",
+    }
+}
+
+/// Switches the instruction cache on.
+pub(crate) fn enable_instruction_cache() {
+    // The Cortex-M4 of the F4 has none; its flash has one of its own, which is on.
+    #[cfg(not(feature = "f4"))]
+    // SAFETY: nobody else has the SCB: embassy-stm32 keeps nothing of it, and this runs once, at the start.
+    unsafe { cortex_m::Peripherals::steal() }.SCB.enable_icache();
+}

@@ -1,0 +1,53 @@
+//! The board as the console sees it.
+
+use core::fmt::Write;
+
+use cortex_m::peripheral::SCB;
+use heapless::String;
+use mobgate::hal::{NetworkState, System};
+use mobgate_board::last_words::WORDS_BYTES_MAX;
+
+use crate::network::Network;
+use crate::start::Problem;
+use crate::{faults, registers};
+
+/// A board and what it has to report of its start.
+pub struct Board {
+    name: &'static str,
+    network: Network,
+    cause: &'static str,
+    last_words: Option<String<WORDS_BYTES_MAX>>,
+    pub(crate) settings: Option<Problem>,
+}
+
+impl Board {
+    /// Board `name`; asks the chip why it started, and lets it run at full speed.
+    pub fn new(name: &'static str, network: Network) -> Self {
+        registers::enable_instruction_cache();
+        Self { name, network, cause: registers::reset_cause(), last_words: faults::take(), settings: None }
+    }
+}
+
+impl System for Board {
+    fn name(&self) -> &str {
+        self.name
+    }
+
+    fn network(&self) -> Option<NetworkState> {
+        Some(mobgate_net::address::state(self.network.stack()))
+    }
+
+    fn write_event(&self, n: usize, out: &mut dyn Write) -> Option<core::fmt::Result> {
+        let last_words =
+            self.last_words.as_ref().map(|words| ("the last run ended: ", words as &dyn core::fmt::Display));
+        let settings =
+            self.settings.as_ref().map(|problem| ("settings: ", problem as &dyn core::fmt::Display));
+        let cause = Some(("board: ", &self.cause as &dyn core::fmt::Display));
+        let (what, text) = [cause, last_words, settings].into_iter().flatten().nth(n)?;
+        Some(write!(out, "{what}{text}"))
+    }
+
+    fn reboot(&self) {
+        SCB::sys_reset()
+    }
+}

@@ -1,0 +1,39 @@
+//! The watchdog is fed as long as every task answers.
+
+use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_time::{Duration, Timer};
+
+use crate::gateway::{LIVENESS, TaskName, gateway};
+use crate::lights::Lights;
+use crate::{faults, network};
+
+/// The chip starts again when it was not fed for so long. Erasing a sector of an F7 takes 2 s (4 s at worst), and everything
+/// stands still meanwhile. The chip's own oscillator counts, which may be a third faster than it says.
+pub const TIMEOUT_US: u32 = 10_000_000;
+/// Tasks have so long to answer.
+const PERIOD: Duration = Duration::from_millis(500);
+
+/// Asks the tasks, feeds the watchdog while all answer, and shows it. The first silent task is written down.
+pub async fn watch<T: embassy_stm32::wdg::Instance>(
+    mut watchdog: IndependentWatchdog<'static, T>,
+    mut lights: Lights,
+    network: network::Network,
+) -> ! {
+    watchdog.unleash();
+    let mut noted = false;
+    loop {
+        LIVENESS.ask();
+        Timer::after(PERIOD).await;
+        match LIVENESS.silent() {
+            None => {
+                watchdog.pet();
+                lights.show(gateway(), network.stack().is_config_up());
+            }
+            Some(task) if !noted => {
+                noted = true;
+                faults::note(format_args!("the {} stood still", TaskName(task)));
+            }
+            Some(_) => {}
+        }
+    }
+}

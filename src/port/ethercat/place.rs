@@ -1,0 +1,191 @@
+//! What the SubDevice and the port share: a scanner whose memory is the process image, and whether it has anything to ask.
+//!
+//! The input buffer is the first part of the scanner's values, the output buffer the second: what a device answers is in the
+//! next TxPDO, and what an RxPDO brings is compared with what is read next.
+
+use core::cell::Cell;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::Instant;
+
+use super::configuration::{ConfigError, Configuration};
+use super::layout::{DeviceLayout, DeviceSettings};
+use super::objects::{IMAGE_BYTES, MODBUS_DEVICES_MAX};
+use crate::config::{EthercatSettings, OnLoss};
+use crate::scanner::{
+    ByteOrder, Device, DeviceId, DeviceStatus, Full, Reading, Row, Scanner, ScannerPlace, Writing,
+};
+
+const BYTES: u16 = IMAGE_BYTES as u16;
+/// Where the buffers lie in the scanner's memory.
+const INPUTS: u16 = 0;
+const OUTPUTS: u16 = BYTES;
+
+/// A gateway's EtherCAT side. Boards keep it in a static; it is all zeros at start.
+pub struct EthercatPlace {
+    scanner: ScannerPlace,
+    state: Mutex<CriticalSectionRawMutex, Cell<State>>,
+    /// The devices are others: what was asked before is nobody's question any more.
+    renewed: Signal<CriticalSectionRawMutex, ()>,
+}
+
+#[derive(Clone, Copy)]
+struct State {
+    /// How the port is set that asks the devices, if there is one.
+    port: Option<EthercatSettings>,
+    /// Whether a configuration is in use.
+    running: bool,
+}
+
+impl EthercatPlace {
+    /// Without a configuration.
+    pub const fn new() -> Self {
+        Self {
+            scanner: ScannerPlace::new(),
+            state: Mutex::new(Cell::new(State { port: None, running: false })),
+            renewed: Signal::new(),
+        }
+    }
+
+    /// Whether a configuration is in use (2005h:02).
+    pub fn is_running(&self) -> bool {
+        self.state.lock(Cell::get).running
+    }
+
+    /// How the Modbus device `nth` is doing, if there is one.
+    pub fn device_status(&self, nth: u8) -> Option<DeviceStatus> {
+        self.scanner.with(|scanner| scanner.device_status(DeviceId(nth), Instant::now()))
+    }
+
+    /// Calls `f` with what was read last.
+    pub fn inputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
+        self.scanner.with(|scanner| f(scanner.image(INPUTS, BYTES)))
+    }
+
+    /// Calls `f` with what is to be written.
+    pub fn outputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
+        self.scanner.with(|scanner| f(scanner.image(OUTPUTS, BYTES)))
+    }
+
+    /// Uses `configuration` as a whole, with empty buffers, or changes nothing; the devices' layouts.
+    pub(super) fn start(
+        &self,
+        configuration: &Configuration,
+    ) -> Result<[DeviceLayout; MODBUS_DEVICES_MAX], ConfigError> {
+        let plan = self.check(configuration)?;
+        let now = Instant::now();
+        self.scanner.change(|scanner| {
+            scanner.restart(now);
+            let devices = configuration.devices().iter().zip(&plan.layouts);
+            // Four devices with one row of each kind, which two buffers have bytes for, are far from every limit.
+            let fits = scanner.allocate(2 * BYTES).map(|_| ());
+            let fits = fits.and_then(|()| {
+                devices.into_iter().try_for_each(|(device, layout)| add(scanner, device, layout, now))
+            });
+            debug_assert_eq!(fits, Ok(()));
+        });
+        self.update(|state| state.running = true);
+        self.renewed.signal(());
+        Ok(plan.layouts)
+    }
+
+    /// Whether `configuration` can be used now.
+    pub(super) fn check(&self, configuration: &Configuration) -> Result<super::Plan, ConfigError> {
+        let plan = configuration.plan()?;
+        self.state.lock(Cell::get).port.ok_or(ConfigError::NoPort)?;
+        Ok(plan)
+    }
+
+    /// The devices are not asked any more; the buffers stay as they are.
+    pub(super) fn stop(&self) {
+        self.scanner.change(Scanner::forget_devices);
+        self.update(|state| state.running = false);
+        self.renewed.signal(());
+    }
+
+    /// Takes the outputs of a MainDevice in Op.
+    pub(super) fn put_outputs(&self, bytes: &[u8]) {
+        self.scanner.with(|scanner| {
+            if let Some(place) = scanner.image_mut(OUTPUTS, BYTES).get_mut(..bytes.len()) {
+                place.copy_from_slice(bytes);
+            }
+            scanner.set_outputs(true);
+        });
+    }
+
+    /// No outputs come any more.
+    pub(super) fn outputs_stopped(&self) {
+        let on_loss = self.state.lock(Cell::get).port.map(|port| port.on_loss);
+        self.scanner.with(|scanner| match on_loss.unwrap_or_default() {
+            OnLoss::Hold => {}
+            OnLoss::Clear => scanner.image_mut(OUTPUTS, BYTES).fill(0),
+            OnLoss::Stop => scanner.set_outputs(false),
+        });
+    }
+
+    /// The scanner, for the port.
+    pub(crate) fn scanner(&self) -> &ScannerPlace {
+        &self.scanner
+    }
+
+    /// Waits until the devices are others.
+    pub(crate) async fn renewed(&self) {
+        self.renewed.wait().await;
+    }
+
+    /// A port asks the devices from now on; or none does, and no configuration can be in use.
+    pub fn set_port(&self, port: Option<EthercatSettings>) {
+        self.update(|state| state.port = port);
+        if port.is_none() && self.is_running() {
+            self.stop();
+        }
+    }
+
+    fn update(&self, change: impl FnOnce(&mut State)) {
+        self.state.lock(|cell| {
+            let mut state = cell.get();
+            change(&mut state);
+            cell.set(state);
+        });
+    }
+}
+
+impl Default for EthercatPlace {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Lets `scanner` read `device` into its part of the input buffer, and write from its part of the output buffer.
+fn add(
+    scanner: &mut Scanner,
+    device: &DeviceSettings,
+    layout: &DeviceLayout,
+    now: Instant,
+) -> Result<(), Full> {
+    // The table allows no id that is not a byte.
+    let unit = device.id as u8;
+    let id = scanner.add_device(Device { unit, order: ByteOrder::default(), check: device.check })?;
+    for (kind, settings) in device.kinds().filter(|(_, settings)| settings.count > 0) {
+        let input = INPUTS + layout.input(kind);
+        let output = layout.output(kind);
+        let range = Row {
+            device: Some(id),
+            kind,
+            first: settings.address,
+            count: settings.count,
+            input,
+            output: output.map_or(input, |output| OUTPUTS + output),
+            read: Reading::Every(device.polling_ms),
+            write: if output.is_some() { Writing::OnChange } else { Writing::Never },
+            multiple: false,
+            wide: false,
+            of: None,
+            quality: None,
+        };
+        scanner.add_range(range, now)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,5 @@
+//! The gateway between EtherCAT and Modbus: its configuration by objects, and its process image against devices on a wire.
+
+mod configuration;
+mod exchange;
+mod virtual_devices;

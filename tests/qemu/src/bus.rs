@@ -1,0 +1,110 @@
+//! An RTU line with devices on it, served by a thread.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{Read, Write};
+use std::os::unix::net::UnixStream;
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::Duration;
+
+use mobgate_simulator::device::{Memory, rtu};
+
+/// Longest frame.
+const FRAME_BYTES_MAX: usize = 256;
+
+/// The devices on a line. Clones are the same.
+#[derive(Clone)]
+pub struct Bus(Arc<Mutex<Devices>>);
+
+struct Devices {
+    memories: BTreeMap<u8, Memory>,
+    silent: BTreeSet<u8>,
+    requests: u64,
+    answer_after: Duration,
+}
+
+impl Bus {
+    /// Devices of these unit ids.
+    pub fn new(units: impl IntoIterator<Item = u8>) -> Self {
+        let memories = units.into_iter().map(|unit| (unit, Memory::new(unit))).collect();
+        Self(Arc::new(Mutex::new(Devices {
+            memories,
+            silent: BTreeSet::new(),
+            requests: 0,
+            answer_after: Duration::ZERO,
+        })))
+    }
+
+    /// Lets `unit` hear and not answer, or answer again.
+    pub fn set_silent(&self, unit: u8, silent: bool) {
+        let silent_units = &mut self.0.lock().unwrap().silent;
+        if silent {
+            silent_units.insert(unit)
+        } else {
+            silent_units.remove(&unit)
+        };
+    }
+
+    /// Lets the devices answer so long after a request. The emulator carries bytes faster than a line would, and no answer may
+    /// come while the board must think that it still sends.
+    pub fn answer_after(&self, time: Duration) {
+        self.0.lock().unwrap().answer_after = time;
+    }
+
+    /// A holding register of `unit`.
+    pub fn holding(&self, unit: u8, address: usize) -> u16 {
+        self.0.lock().unwrap().memories[&unit].holding[address]
+    }
+
+    /// Requests for devices of this line that were heard.
+    pub fn requests(&self) -> u64 {
+        self.0.lock().unwrap().requests
+    }
+
+    /// Answers what comes by `line`, in a thread that ends with it.
+    pub(crate) fn serve(&self, mut line: UnixStream) {
+        let devices = self.0.clone();
+        line.set_read_timeout(None).unwrap();
+        thread::spawn(move || {
+            let mut heard = Vec::new();
+            let mut chunk = [0; FRAME_BYTES_MAX];
+            while let Ok(count @ 1..) = line.read(&mut chunk) {
+                heard.extend_from_slice(&chunk[..count]);
+                // No silence ends a frame here, as the host paces nothing.
+                if heard.len() < request_bytes(&heard) {
+                    continue;
+                }
+                let answer =
+                    rtu::open(&heard).and_then(|(unit, pdu)| devices.lock().unwrap().answer(unit, pdu));
+                heard.clear();
+                let pause = devices.lock().unwrap().answer_after;
+                thread::sleep(pause);
+                if answer.is_some_and(|answer| line.write_all(&answer).is_err()) {
+                    return;
+                }
+            }
+        });
+    }
+}
+
+/// How long a request is that begins like this: reads and writes of one thing, or writes of several. (A CRC that fits is no
+/// end: it does so one byte early in one of 256 requests for few registers.)
+fn request_bytes(begun: &[u8]) -> usize {
+    match begun {
+        [_, 15 | 16, _, _, _, _, bytes, ..] => 9 + usize::from(*bytes),
+        [_, 15 | 16, ..] => 9,
+        _ => 8,
+    }
+}
+
+impl Devices {
+    fn answer(&mut self, unit: u8, pdu: &[u8]) -> Option<Vec<u8>> {
+        let memory = self.memories.get_mut(&unit)?;
+        self.requests += 1;
+        if self.silent.contains(&unit) {
+            return None;
+        }
+        let answer = memory.execute(pdu).unwrap_or_else(|exception| vec![pdu[0] | 0x80, exception]);
+        Some(rtu::frame(unit, &answer))
+    }
+}

@@ -1,0 +1,96 @@
+//! The board's terminal, and the line on which it tells figures.
+
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::os::unix::net::UnixStream;
+use std::thread;
+
+const PROMPT: &str = "mobgate> ";
+
+/// A session at the terminal.
+pub struct Console(UnixStream);
+
+impl Console {
+    pub(crate) fn new(line: UnixStream) -> Self {
+        Self(line)
+    }
+
+    /// Types `keys`.
+    pub fn type_keys(&mut self, keys: &str) {
+        self.0.write_all(keys.as_bytes()).unwrap();
+    }
+
+    /// What is printed up to `end`.
+    pub fn read_until(&mut self, end: &str) -> String {
+        let mut printed = Vec::new();
+        let mut byte = [0];
+        while !printed.ends_with(end.as_bytes()) {
+            let read = self.0.read_exact(&mut byte);
+            assert!(read.is_ok(), "no {end:?} in {:?}", String::from_utf8_lossy(&printed));
+            printed.push(byte[0]);
+        }
+        String::from_utf8(printed).unwrap()
+    }
+
+    /// Types `command` and gives what is printed behind it, up to the next prompt.
+    pub fn run(&mut self, command: &str) -> String {
+        self.type_keys(&format!("{command}\r"));
+        self.read_until(&format!("{command}\r\n"));
+        let mut printed = self.read_until(PROMPT);
+        printed.truncate(printed.len() - PROMPT.len());
+        printed.trim_matches(['\r', '\n']).to_owned()
+    }
+
+    /// Lets this process's standard input and output be the terminal, until the input ends.
+    pub fn join_terminal(self) {
+        let mut output = self.0.try_clone().unwrap();
+        output.set_read_timeout(None).unwrap();
+        thread::spawn(move || io::copy(&mut output, &mut io::stdout()));
+        let mut board = self.0;
+        for line in io::stdin().lines().map_while(Result::ok) {
+            if board.write_all(format!("{line}\r").as_bytes()).is_err() {
+                return;
+            }
+        }
+    }
+
+    /// A counter of `show stats`; 0 when it is not printed.
+    pub fn count(&mut self, port: &str, event: &str) -> u64 {
+        let stats = self.run("show stats");
+        let wanted = |line: &&str| line.split_whitespace().take(2).eq([port, event]);
+        let line = stats.lines().find(wanted);
+        line.and_then(|line| line.split_whitespace().nth(2)?.parse().ok()).unwrap_or(0)
+    }
+}
+
+/// What the board tells about itself.
+pub struct Figures(BufReader<UnixStream>);
+
+impl Figures {
+    pub(crate) fn new(line: UnixStream) -> Self {
+        Self(BufReader::new(line))
+    }
+
+    /// Ticks of 40 ns that the board has been awake, modulo 2^32, and those of them that it moved bytes of UARTs.
+    pub fn busy(&mut self) -> (u32, u32) {
+        let told = self.ask(b'b');
+        (told[1], told[3])
+    }
+
+    /// The most bytes that the stack has held.
+    pub fn stack_bytes(&mut self) -> u32 {
+        self.ask(b'm')[1]
+    }
+
+    /// Sockets that could be opened.
+    pub fn sockets_free(&mut self) -> u32 {
+        self.ask(b'm')[3]
+    }
+
+    /// The words of an answer; those that are no numbers are 0.
+    fn ask(&mut self, what: u8) -> Vec<u32> {
+        self.0.get_mut().write_all(&[what]).unwrap();
+        let mut line = String::new();
+        self.0.read_line(&mut line).unwrap();
+        line.split_whitespace().map(|word| word.parse().unwrap_or(0)).collect()
+    }
+}

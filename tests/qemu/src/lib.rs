@@ -1,0 +1,41 @@
+//! The gateway on QEMU's mps2-an386, with simulated devices at its UARTs and clients in its network, on the wall clock.
+//!
+//! [`Machine`] starts the emulator. [`Bus`] is an RTU line with devices on it, served by a thread; [`Client`] a Modbus TCP client;
+//! [`Console`] a session at the board's terminal; [`Figures`] what the board tells about itself.
+
+pub mod bus;
+pub mod client;
+pub mod console;
+pub mod cost;
+pub mod image;
+pub mod machine;
+pub mod soak;
+
+#[path = "../../../benches/figures/figure.rs"]
+mod figure;
+
+pub use bus::Bus;
+pub use client::Client;
+pub use console::{Console, Figures};
+pub use machine::{Machine, Options};
+
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// Longest wait for anything that is expected.
+pub const PATIENCE: Duration = Duration::from_secs(15);
+
+/// Waits until `done` gives something.
+///
+/// # Panics
+/// When that takes longer than [`PATIENCE`].
+pub fn wait_for<T>(what: &str, mut done: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(value) = done() {
+            return value;
+        }
+        assert!(start.elapsed() < PATIENCE, "waited in vain for {what}");
+        sleep(Duration::from_millis(10)); // between two looks
+    }
+}

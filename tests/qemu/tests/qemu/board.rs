@@ -1,0 +1,79 @@
+//! The board itself: its console, its memory, its network, its end.
+
+use mobgate_qemu::{Machine, wait_for};
+
+use crate::{Bench, registers};
+
+#[test]
+fn a_session_at_the_console_edits_completes_shows_and_says_what_is_wrong() {
+    let bench = Bench::new();
+    let mut console = bench.machine.console();
+    let ports = console.run("show ports");
+    for port in ["P1", "P2", "P3", "P502"] {
+        assert!(ports.lines().any(|line| line.starts_with(port) && line.ends_with("open")), "{ports}");
+    }
+    assert!(console.run("show version").contains("on QEMU mps2-an386"));
+    assert!(console.run("prot P9").contains("did you mean port?"));
+    assert!(console.run("port P9 serial uart9 rtu client 81E").contains("expected a format"));
+    // Left arrow, a letter put in, and Tab.
+    console.type_keys("show vrsion\x1b[D\x1b[D\x1b[D\x1b[D\x1b[De\r");
+    assert!(console.read_until("up ").contains("mobgate"));
+    console.read_until("> ");
+    console.type_keys("show conf\t\r");
+    assert!(console.read_until("route P502 129-247 * * P3").contains("port P502 tcp server 502"));
+    console.read_until("> ");
+    assert_eq!(console.run("port P4 serial uart9 rtu client"), "");
+    wait_for("the fault", || {
+        console.run("show ports").contains("this board has uart1, uart2 and uart3").then_some(())
+    });
+}
+
+#[test]
+fn saved_settings_outlive_the_board_and_unsaved_ones_do_not() {
+    let mut bench = Bench::new();
+    let mut console = bench.machine.console();
+    assert_eq!(console.run("route P502 248 * =3 P1"), "");
+    assert_eq!(console.run("save").trim_end(), "saved");
+    assert_eq!(console.run("delete routes"), "");
+    drop(console);
+    bench.restart();
+    let mut client = bench.machine.client();
+    assert_eq!(client.read(248, 0, 1), registers(3, 0, 1));
+    assert_eq!(client.read(65, 0, 1), registers(65, 0, 1));
+
+    // By the command, too: the same processor begins anew.
+    let mut console = bench.machine.console();
+    assert_eq!(console.run("delete route 4"), "");
+    console.type_keys("reboot\r");
+    bench.machine.logs_times("network up", 2);
+    assert_eq!(bench.machine.client().read(248, 0, 1), registers(3, 0, 1));
+}
+
+#[test]
+fn the_address_is_given_or_set_and_the_cable_may_come_and_go() {
+    let bench = Bench::new();
+    let mut console = bench.machine.console();
+    let shown = console.run("show network");
+    assert!(
+        shown.contains("up   10.0.2.15/24       10.0.2.2") && shown.trim_end().ends_with("dhcp"),
+        "{shown}"
+    );
+    assert_eq!(console.run("network address 10.0.2.15/24 gateway 10.0.2.2"), "");
+    assert_eq!(bench.machine.client().read(1, 0, 1), registers(1, 0, 1));
+    assert!(console.run("show config").starts_with("network address 10.0.2.15/24 gateway 10.0.2.2"));
+
+    bench.machine.monitor("set_link net off");
+    wait_for("the link to go", || console.run("show network").contains("down 10.0.2.15/24").then_some(()));
+    bench.machine.monitor("set_link net on");
+    wait_for("the link to come", || console.run("show network").contains("up   10.0.2.15/24").then_some(()));
+    assert_eq!(bench.machine.client().read(1, 0, 1), registers(1, 0, 1));
+
+    assert_eq!(console.run("network dhcp name cabinet-7"), "");
+    bench.machine.logs_times("network up", 2);
+    assert_eq!(bench.machine.client().read(1, 0, 1), registers(1, 0, 1));
+}
+
+#[test]
+fn a_panic_ends_the_emulator_with_a_status_that_is_not_0() {
+    assert_eq!(Machine::status_without_flash().code(), Some(1));
+}

@@ -41,6 +41,7 @@ pub use self::network::{
 };
 pub(crate) use self::own_network::keywords as network_words;
 pub use self::own_network::{HOST_NAME_BYTES_MAX, HostName, OwnNetwork, StaticAddress};
+pub(crate) use self::point_words::{KINDS, ORDERS, TYPES};
 pub use self::points::{
     DeviceSettings, LABEL_BYTES_MAX, Label, POINTS_MAX, PointAt, PointName, PointSettings,
 };
@@ -55,7 +56,7 @@ pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
 pub(crate) use self::values::parse_number;
-pub(crate) use self::words::Words;
+pub(crate) use self::words::{Word, Words};
 use crate::route::{Destination, Route};
 use crate::scanner::DEVICES_MAX;
 

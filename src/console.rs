@@ -4,9 +4,11 @@
 //! answered without prompt or echo, with line numbers in errors. A line is run as a command; one of the settings'
 //! language changes a copy of the settings, which the gateway then takes over.
 
+mod ask;
 mod command;
 mod complete;
 mod editor;
+mod frames;
 mod help;
 mod history;
 mod keys;

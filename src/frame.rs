@@ -97,6 +97,8 @@ pub enum Way {
     Line,
     /// To the port itself, which tells what it has open by `transaction`.
     Port,
+    /// To the console that asks past the rules.
+    Console,
     /// None: a broadcast on a serial line, for whose answer nobody waits.
     Nobody,
 }

@@ -14,6 +14,8 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
+use crate::asking::Asking;
+use crate::capture::Capture;
 use crate::config::{
     LineSettings, OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, SerialSettings, Settings, Side,
     load_points,
@@ -270,9 +272,12 @@ pub struct Gateway<'g> {
     owns_network: bool,
     network_changed: Signal<CriticalSectionRawMutex, ()>,
     log: Log,
+    /// What a console asks past the rules.
+    pub(crate) asking: Asking,
     /// What the own unit has done.
     events: Shared<Events>,
     scanner: Option<&'g ScannerPlace>,
+    capture: Option<&'g Capture>,
     ethercat: Option<&'g EthercatPlace>,
 }
 
@@ -289,8 +294,10 @@ impl<'g> Gateway<'g> {
             owns_network: false,
             network_changed: Signal::new(),
             log: Log::new(),
+            asking: Asking::new(),
             events: Mutex::new(RefCell::new(Events::new())),
             scanner: None,
+            capture: None,
             ethercat: None,
         }
     }
@@ -300,6 +307,18 @@ impl<'g> Gateway<'g> {
     pub const fn with_scanner(mut self, scanner: &'g ScannerPlace) -> Self {
         self.scanner = Some(scanner);
         self
+    }
+
+    /// The gateway with a ring of the last frames, which takes memory of its own.
+    #[must_use]
+    pub const fn with_capture(mut self, capture: &'g Capture) -> Self {
+        self.capture = Some(capture);
+        self
+    }
+
+    /// The last frames of the serial lines, if the board has memory for them.
+    pub fn capture(&self) -> Option<&'g Capture> {
+        self.capture
     }
 
     /// The data points, if the board has memory for them. Point N of the settings is row N, device N is device N.
@@ -538,6 +557,7 @@ impl<'g> Gateway<'g> {
                 let place = self.ports.get(origin.port.index());
                 place.is_none_or(|place| place.generation() != origin.generation)
             }
+            Way::Console => !self.asking.waits_for(origin.generation),
             // Nobody waits, so nobody can have gone.
             Way::Nobody => false,
         }

@@ -34,6 +34,9 @@ impl Gateway<'_> {
     /// Sends a request to where the routing table says.
     fn forward(&self, frame: Frame<'_>) {
         let envelope = frame.envelope();
+        if envelope.origin.way == Way::Console {
+            return self.forward_asked(frame);
+        }
         let port = envelope.origin.port;
         let decision = frame.pdu(|request| {
             let decide = |settings: &_| route::decide(settings, port, envelope.unit, envelope.peer, request);
@@ -66,7 +69,9 @@ impl Gateway<'_> {
             Decision::NoRule => {
                 count(Event::NoPath);
                 match envelope.origin.way {
-                    Way::Seat(_) | Way::Port => self.refuse(frame, Exception::GATEWAY_NO_PATH),
+                    Way::Seat(_) | Way::Port | Way::Console => {
+                        self.refuse(frame, Exception::GATEWAY_NO_PATH);
+                    }
                     // On a shared bus the unit may be somebody else's.
                     Way::Line | Way::Nobody => self.unanswered(frame),
                 }
@@ -164,6 +169,7 @@ impl Gateway<'_> {
         match origin.way {
             Way::Seat(seat) => self.seats().get(usize::from(seat)).map(|seat| &seat.answers),
             Way::Line | Way::Port => self.ports().get(origin.port.index()).map(|place| &place.queue),
+            Way::Console => Some(&self.asking.answers),
             Way::Nobody => None,
         }
     }

@@ -19,15 +19,15 @@ use crate::scanner::{ByteOrder, Device, Kind, Modicon, Reading, ValueType, Writi
 
 const PERIOD: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
 
-const KINDS: &[(&str, Kind)] =
+pub(crate) const KINDS: &[(&str, Kind)] =
     &[("coil", Kind::Coil), ("discrete", Kind::Discrete), ("input", Kind::Input), ("holding", Kind::Holding)];
-const ORDERS: &[(&str, ByteOrder)] = &[
+pub(crate) const ORDERS: &[(&str, ByteOrder)] = &[
     ("0123", ByteOrder::Order0123),
     ("2301", ByteOrder::Order2301),
     ("1032", ByteOrder::Order1032),
     ("3210", ByteOrder::Order3210),
 ];
-const TYPES: &[(&str, ValueType)] = &[
+pub(crate) const TYPES: &[(&str, ValueType)] = &[
     ("u16", ValueType::U16),
     ("i16", ValueType::I16),
     ("u32", ValueType::U32),

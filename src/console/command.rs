@@ -5,6 +5,7 @@ use core::fmt;
 use embassy_time::Instant;
 use embedded_io_async::{Read, Write};
 
+use super::ask::Ask;
 use super::help;
 use super::output::Output;
 use super::points::PointCommand;
@@ -22,6 +23,9 @@ pub(super) enum Command {
     Settings,
     Show,
     Clear,
+    /// `ping`
+    Ping,
+    Watch,
     Save,
     Load,
     Reboot,
@@ -49,6 +53,8 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("begin", Command::Point(PointCommand::Begin)),
     ("finish", Command::Point(PointCommand::Finish)),
     ("clear", Command::Clear),
+    ("ping", Command::Ping),
+    ("watch", Command::Watch),
     ("save", Command::Save),
     ("load", Command::Load),
     ("reboot", Command::Reboot),
@@ -66,6 +72,7 @@ pub(super) const TOPICS_SHOW: &[(&str, Show)] = &[
     ("config", Show::Config),
     ("network", Show::Network),
     ("log", Show::Log),
+    ("frames", Show::Frames),
     ("version", Show::Version),
 ];
 
@@ -111,6 +118,14 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 Ok(show) => self.show(show).await?,
                 Err(error) => self.fail(format_args!("{error}")).await?,
             },
+            Ok(Command::Ping) => self.ask(Ask::Ping, &mut words).await?,
+            // Names begin with a letter.
+            Ok(Command::Point(PointCommand::Read)) if begins_with_digit(&words) => {
+                self.ask(Ask::Read, &mut words).await?;
+            }
+            Ok(Command::Point(PointCommand::Write)) if begins_with_digit(&words) => {
+                self.ask(Ask::Write, &mut words).await?;
+            }
             Ok(Command::Point(command)) => self.point(command, &mut words).await?,
             Ok(Command::Clear) => match topic(&mut words, TOPICS_CLEAR, "stats or log") {
                 Ok(Clear::Stats) => {
@@ -141,6 +156,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// The commands without words of their own.
     async fn act(&mut self, command: Command) -> Result<Next, IO::Error> {
         match command {
+            Command::Watch => self.watch().await?,
             Command::Save => self.save().await?,
             Command::Load => self.load().await?,
             Command::Exit => return Ok(Next::Exit),
@@ -149,7 +165,12 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 self.out.flush().await?;
                 self.system.reboot();
             }
-            Command::Help | Command::Settings | Command::Show | Command::Clear | Command::Point(_) => {}
+            Command::Help
+            | Command::Settings
+            | Command::Show
+            | Command::Clear
+            | Command::Point(_)
+            | Command::Ping => {}
         }
         Ok(Next::Line)
     }
@@ -199,7 +220,11 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
 }
 
 const SHOW_EXPECTED: &str =
-    "ports, routes, units, clients, stats, points, devices, config, network, log or version";
+    "ports, routes, units, clients, stats, points, devices, config, network, log, frames or version";
+
+fn begins_with_digit(words: &Words) -> bool {
+    words.peek().text.starts_with(|first: char| first.is_ascii_digit())
+}
 
 /// The last word of a line as a topic of `table`.
 fn topic<T: Copy>(

@@ -95,6 +95,7 @@ const TOPICS: &[(&str, &[&str])] = &[
             "show clients                     who is connected",
             "show stats                       what the ports counted, and how often in a minute since clear stats",
             "show log                         the last transactions",
+            "show frames                      the last frames of the serial lines, as they were on the wire",
             "show points                      the data points: how they are doing, and their values",
             "show devices                     the devices that the scanner asks",
             "show config                      the settings as lines that make them",
@@ -102,12 +103,25 @@ const TOPICS: &[(&str, &[&str])] = &[
             "show version                     what runs here, and for how long",
         ],
     ),
-    ("read", &["read POINT                       reads it at once, and shows its values"]),
+    (
+        "ping",
+        &[
+            "ping UNIT via PORT               asks a unit for a sign of life (function 8), and says how long that took",
+        ],
+    ),
+    (
+        "read",
+        &[
+            "read POINT                       reads it at once, and shows its values",
+            "read UNIT coil|discrete|input|holding ADDRESS [count N] [as u16|i16|u32|i32|f32] [order 0123|...] via PORT",
+        ],
+    ),
     (
         "write",
         &[
             "write POINT [[at N] VALUE...]    sets its values, from value N on, and writes it at once",
             "  Between begin and finish the values are only set.",
+            "write UNIT coil|holding ADDRESS [as TYPE] [order 0123|...] VALUE... via PORT",
         ],
     ),
     (
@@ -130,6 +144,12 @@ const TOPICS: &[(&str, &[&str])] = &[
             "clear log                        forgets the transactions",
         ],
     ),
+    (
+        "watch",
+        &[
+            "watch                            shows frames of the serial lines as they come, until a key or a line",
+        ],
+    ),
     ("save", &["save                             keeps the settings for the next start"]),
     ("load", &["load                             takes the saved settings back"]),
     ("reboot", &["reboot                           starts again with the saved settings"]),
@@ -145,7 +165,9 @@ const OVERVIEW: &[&str] = &[
     "insert route, move route         order of rules               help insert",
     "delete port|route|device|point   takes away                   help delete",
     "network dhcp|address ...         the board's own address       help network",
-    "show TOPIC                       ports, routes, units, clients, stats, points, devices, config, network, log, version",
+    "show TOPIC                       ports, routes, units, clients, stats, points, devices, config, network, log, frames, version",
+    "ping, read, write UNIT ... via PORT  asks a unit at once     help read",
+    "watch                            frames of the serial lines as they come",
     "clear stats|log                  forgets",
     "save, load                       settings of the next start",
     "reboot, exit                     the gateway's end, the session's end",

@@ -32,6 +32,14 @@ impl<IO: Read + Write> Output<IO> {
         self.stream.write_all(self.line_end.as_bytes()).await
     }
 
+    /// Writes `text`, and does not end the line.
+    pub(super) async fn text_only(&mut self, text: fmt::Arguments<'_>) -> Result<(), IO::Error> {
+        self.line.clear();
+        // See `line`.
+        let _ = self.line.write_fmt(text);
+        self.stream.write_all(self.line.as_bytes()).await
+    }
+
     /// Writes `text` as it is.
     pub(super) async fn text(&mut self, text: &str) -> Result<(), IO::Error> {
         self.stream.write_all(text.as_bytes()).await

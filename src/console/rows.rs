@@ -6,7 +6,7 @@ use embassy_time::{Duration, Instant};
 use heapless::String;
 
 use crate::config::{
-    DEVICE_BYTES_MAX, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time, is_implied,
+    DEVICE_BYTES_MAX, Framing, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time, is_implied,
 };
 use crate::gateway::Status;
 use crate::port::units::Unit;
@@ -94,6 +94,21 @@ impl fmt::Display for StatusText {
             Status::Lost => f.write_str("lost, is opened again"),
             Status::Failed(error) => write!(f, "{error}"),
         }
+    }
+}
+
+/// The bytes of a frame: hexadecimal, or the characters themselves.
+pub(super) struct Bytes<'b> {
+    pub(super) framing: Framing,
+    pub(super) bytes: &'b [u8],
+}
+
+impl fmt::Display for Bytes<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.bytes.iter().try_for_each(|&byte| match self.framing {
+            Framing::Rtu => write!(f, "{byte:02X} "),
+            Framing::Ascii => write!(f, "{}", byte.escape_ascii()),
+        })
     }
 }
 

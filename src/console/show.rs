@@ -24,6 +24,7 @@ pub(super) enum Show {
     Config,
     Network,
     Log,
+    Frames,
     Version,
 }
 
@@ -42,6 +43,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Show::Config => self.config().await,
             Show::Network => self.network().await,
             Show::Log => self.log().await,
+            Show::Frames => self.frames(&mut 0).await,
             Show::Version => self.version().await,
         }
     }

@@ -10,6 +10,7 @@
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
 
+use crate::capture::Tap;
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
 use crate::gateway::PortPlace;
@@ -17,6 +18,7 @@ use crate::hal::SerialLine;
 use crate::modbus::ascii::{Decoder, LINE_FEED};
 use crate::modbus::rtu;
 use crate::port::copy::{Copied, Form, copy};
+use crate::port::desk::Desk;
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::{Collision, Line, LineLost};
 use crate::port::reply::Reply;
@@ -43,6 +45,7 @@ pub(crate) struct Bus<'s, L> {
     line: Line<'s, L>,
     /// The units of the line.
     place: &'s PortPlace,
+    tap: Tap<'s>,
     client: SerialClientSettings,
     framing: Framing,
     /// What has come of an ASCII response, judged character by character; an RTU response is judged as a whole.
@@ -57,12 +60,14 @@ pub(crate) struct Bus<'s, L> {
 
 impl<'s, L: SerialLine> Bus<'s, L> {
     /// A line that was just opened; nothing is sent during the start delay.
-    pub(crate) fn new(mut line: Line<'s, L>, place: &'s PortPlace, settings: &SerialSettings) -> Self {
+    pub(crate) fn new(mut line: Line<'s, L>, desk: &'s Desk<'_>, settings: &SerialSettings) -> Self {
         line.active += settings.client.start_delay;
         let silence = settings.framing.silence(&line.settings) + line.jitter;
         let SerialSettings { client, framing, .. } = *settings;
+        let place = desk.place();
+        let tap = Tap { capture: desk.gateway().capture(), port: desk.id(), framing };
         let (begun, decoder) = (line.active, Decoder::default());
-        Self { line, place, client, framing, decoder, begun, pauses: false, silence }
+        Self { line, place, tap, client, framing, decoder, begun, pauses: false, silence }
     }
 
     /// Waits until the line has been silent for the gap; what comes meanwhile is counted and dropped.
@@ -131,10 +136,19 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         let frame = self.framing.encode(unit, request, LINE_FEED, &mut frame).map_err(|_| LineLost)?;
         let sent = self.line.send(frame).await;
         self.line.stats.count(Event::Request);
+        self.tap.sent(self.line.active, Event::Request, frame);
         if sent == Ok(Err(Collision)) {
             self.line.clear();
         }
         sent
+    }
+
+    /// Notes a request that was sent while it arrived.
+    pub(crate) fn note_copied(&self, unit: u8, request: &[u8]) {
+        let mut frame = [0; FRAME_CHARS_MAX];
+        if let Ok(frame) = self.framing.encode(unit, request, LINE_FEED, &mut frame) {
+            self.tap.sent(self.line.active, Event::Request, frame);
+        }
     }
 
     async fn response(

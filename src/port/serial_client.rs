@@ -27,7 +27,7 @@ pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSetting
         let jitter = host.read_jitter();
         let opened = opening.opened(host.open(&settings.device, &settings.line).await, jitter);
         // Lent and not moved: what a future is given it keeps twice.
-        let mut bus = opened.map(|line| Bus::new(line, desk.place(), settings));
+        let mut bus = opened.map(|line| Bus::new(line, desk, settings));
         if let Some(bus) = &mut bus {
             desk.open();
             serve(desk, bus, &settings.client).await;
@@ -92,6 +92,9 @@ async fn carry_out<'g, L: SerialLine>(
     let mut request = [0; PDU_BYTES_MAX];
     let length = frame.copy_pdu(&mut request);
     let request = request.get(..length).unwrap_or(&[]);
+    if arriving {
+        bus.note_copied(unit, request);
+    }
     if unit == 0 {
         bus.broadcast(request).await?;
         desk.done_silently(&frame);

@@ -5,6 +5,7 @@ use mobgate_clock as _;
 
 mod answer_times;
 mod cache;
+mod capture;
 mod cut_ascii;
 mod cut_pairs;
 mod cut_sharing;

@@ -52,8 +52,12 @@ pub struct Options {
     pub listen: Option<TcpListen>,
 
     /// Say whether the settings in FILE are good, and end
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "demo", "listen", "console"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "demo", "listen", "console", "capture"])]
     pub check: Option<PathBuf>,
+
+    /// Write the frames of the serial lines into FILE (PCAPNG), for Wireshark
+    #[arg(long, value_name = "FILE")]
+    pub capture: Option<PathBuf>,
 
     /// Offer the console on a TCP port, to whoever can reach it and without a password [default: 127.0.0.1:5026]
     #[arg(long, value_name = "[ADDR:]PORT|off")]

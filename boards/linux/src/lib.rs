@@ -5,6 +5,7 @@
 //! [`tcp::TcpStream`].
 
 mod bind;
+pub mod capture;
 pub mod cli;
 pub mod console;
 pub mod demo;

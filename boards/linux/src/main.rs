@@ -1,5 +1,6 @@
 //! mobgate as a Linux program: the gateway's statics and tasks, and what happens at the start, at signals and at the end.
 
+use std::fs::File;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -8,6 +9,7 @@ use clap::Parser;
 use embassy_executor::Spawner;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
+use mobgate::capture::Capture;
 use mobgate::config::{PORTS_MAX, PortId, TcpListen};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
@@ -22,7 +24,7 @@ use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
 use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
-use mobgate_linux::{console, describe, executor, logging, settings};
+use mobgate_linux::{capture, console, describe, executor, logging, settings};
 
 /// TCP connections of all servers together. Each takes a descriptor, of which a process has 1024 by default.
 const SEATS: usize = 256;
@@ -38,7 +40,9 @@ static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
 static PORT_PLACES: [PortPlace; PORTS_MAX] = [const { PortPlace::new() }; PORTS_MAX];
 static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
 static POINTS: ScannerPlace = ScannerPlace::new();
-static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_scanner(&POINTS);
+static CAPTURE: Capture = Capture::new();
+static GATEWAY: Gateway<'static> =
+    Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_scanner(&POINTS).with_capture(&CAPTURE);
 
 /// How the program ends.
 static END: Signal<CriticalSectionRawMutex, End> = Signal::new();
@@ -68,6 +72,11 @@ async fn seat(index: usize, mut sockets: TcpSockets) {
 #[embassy_executor::task]
 async fn demo_devices(demo: Demo) {
     demo.run().await
+}
+
+#[embassy_executor::task]
+async fn capture_into(file: File) {
+    capture::run(&CAPTURE, file).await
 }
 
 #[embassy_executor::task]
@@ -138,12 +147,13 @@ fn run(options: Options) -> Result<End, String> {
     let sockets = TcpSockets::default();
     let start = prepare(&options, &sockets)?;
     let console = console::open(options.console, &sockets)?;
+    let capture = options.capture.as_deref().map(capture::create).transpose()?;
     GATEWAY.apply(&start.settings).map_err(|error| error.to_string())?;
     start.settings.warnings().for_each(|warning| log::warn!("{warning}"));
 
     let _raw_until_the_end = RawMode::enter();
     let listen = console.as_ref().map(|(listen, _)| *listen);
-    let spawn = |spawner| spawn(spawner, options, sockets, caught, listen);
+    let spawn = |spawner| spawn(spawner, options, sockets, caught, listen, capture);
     Ok(executor::run(spawn, async {
         // The tasks have been polled once, so they hold their listeners by themselves.
         drop((start, console));
@@ -157,6 +167,7 @@ fn spawn(
     sockets: TcpSockets,
     caught: Signals,
     console: Option<TcpListen>,
+    capture: Option<File>,
 ) {
     let demo = options.runs_demo().then(Demo::default);
     let lines = demo.as_ref().map(|demo| Lines::with_demo(demo.serial())).unwrap_or_default();
@@ -172,6 +183,9 @@ fn spawn(
     }
     if let Some(demo) = demo {
         spawner.spawn(demo_devices(demo).unwrap());
+    }
+    if let Some(file) = capture {
+        spawner.spawn(capture_into(file).unwrap());
     }
     if let Some(listen) = console {
         for _ in 0..CONSOLES {

@@ -37,13 +37,15 @@ impl<L: SerialLine> Bus<'_, L> {
         }
         self.begun = self.line.begun();
         if self.is_own(reply) {
+            let found = self.other(reply.unit(), Event::Echo);
             self.line.consume(reply.request().len() + rtu::OVERHEAD_BYTES);
-            return self.other(reply.unit(), Event::Echo);
+            return found;
         }
         self.pass_on(reply);
         match rtu::response(reply.unit(), reply.request(), self.line.heard()) {
             Received::Complete(pdu) => {
                 reply.whole(self.line.heard(), pdu);
+                self.note(Event::Answer);
                 Found::Response
             }
             Received::Partial => {
@@ -69,6 +71,7 @@ impl<L: SerialLine> Bus<'_, L> {
                     if *from == unit && pdu::fits(request, response).is_ok() =>
                 {
                     reply.whole(self.decoder.bytes(), response);
+                    self.note(Event::Answer);
                     Found::Response
                 }
                 (Ok(()), [from, ..]) if *from != unit => self.other(unit, self.foreign(*from)),
@@ -93,10 +96,11 @@ impl<L: SerialLine> Bus<'_, L> {
             Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
                 AtSilence::Complete(pdu) => {
                     reply.whole(self.line.heard(), pdu);
+                    self.note(Event::Answer);
                     Found::Response
                 }
-                AtSilence::Damaged => Found::Damaged(self.line.flaw().unwrap_or(Event::BadCheck)),
-                AtSilence::Short => Found::Damaged(self.line.flaw().unwrap_or(Event::Short)),
+                AtSilence::Damaged => self.damaged(Event::BadCheck),
+                AtSilence::Short => self.damaged(Event::Short),
                 AtSilence::WrongUnit(from) => self.other(unit, self.foreign(from)),
                 AtSilence::Misfit(_) => self.other(unit, Event::Misfit),
                 AtSilence::Noise => self.other(unit, Event::Noise),
@@ -160,7 +164,7 @@ impl<L: SerialLine> Bus<'_, L> {
             ([from, answered, ..], [function, ..])
                 if *from == unit && answered & !EXCEPTION_BIT == *function =>
             {
-                Found::Damaged(self.line.flaw().unwrap_or(reason))
+                self.damaged(reason)
             }
             _ => self.other(unit, Event::Noise),
         }

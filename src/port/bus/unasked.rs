@@ -16,7 +16,20 @@ impl<L: SerialLine> Bus<'_, L> {
         // What the receiver says of noise is nearer to its cause.
         let trouble = if event == Event::Noise { self.line.flaw().unwrap_or(event) } else { event };
         self.place.units(|units| units.trouble(unit, trouble));
+        self.note(trouble);
         Found::Other
+    }
+
+    /// The response came damaged, for this `reason` unless the receiver knows better.
+    pub(super) fn damaged(&self, reason: Event) -> Found {
+        let trouble = self.line.flaw().unwrap_or(reason);
+        self.note(trouble);
+        Found::Damaged(trouble)
+    }
+
+    /// Records what has been heard, and what it is.
+    pub(super) fn note(&self, verdict: Event) {
+        self.tap.heard(self.line.active, verdict, self.line.heard());
     }
 
     /// Counts what was heard while no response was awaited, and drops it: the late answer of a unit that timed out, or noise.
@@ -30,6 +43,7 @@ impl<L: SerialLine> Bus<'_, L> {
             Some(unit) => self.place.disturbed(unit, Event::Late),
             None => self.line.stats.count(Event::Noise),
         }
+        self.note(if from.is_some() { Event::Late } else { Event::Noise });
         self.line.clear();
     }
 

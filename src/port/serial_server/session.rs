@@ -10,6 +10,7 @@ use embassy_futures::select::{Either3, select3};
 use embassy_time::{Instant, Timer};
 
 use super::Server;
+use crate::capture::Tap;
 use crate::config::Framing;
 use crate::frame::{Frame, Stage};
 use crate::hal::SerialLine;
@@ -41,6 +42,7 @@ enum Open<'g> {
 pub(super) struct Session<'s, 'g, L> {
     server: &'s Server<'s, 'g>,
     line: Line<'s, L>,
+    tap: Tap<'g>,
     ear: Ear,
     open: Open<'g>,
     /// When the frame that is being heard began, and how far it has been passed on.
@@ -75,8 +77,11 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             Framing::Rtu => Ear::Rtu(RtuEar::new()),
             Framing::Ascii => Ear::Ascii(AsciiEar::new()),
         };
+        let tap =
+            Tap { capture: server.gateway.capture(), port: server.id, framing: server.settings.framing };
         Self {
             server,
+            tap,
             begun: line.active,
             line,
             ear,

@@ -7,6 +7,7 @@
 use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::Duration;
+use mobgate::capture::Capture;
 use mobgate::config::{Framing, Loader, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, apply};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
@@ -87,8 +88,10 @@ pub fn with_gateway_of<T>(
     let seats: Vec<Seat> = (0..size.seats).map(|_| Seat::new()).collect();
     let pool = FramePool::new(&slots, size.seats + PORTS_MAX);
     let scanner = ScannerPlace::new();
+    let capture = Capture::new();
     let ethercat = EthercatPlace::new();
-    let gateway = Gateway::new(&pool, &places, &seats).with_scanner(&scanner).with_ethercat(&ethercat);
+    let gateway = Gateway::new(&pool, &places, &seats);
+    let gateway = gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat);
     let mut world = World::new(seed);
     let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };
     rig.gateway.apply(&settings).expect("settings that the gateway takes");

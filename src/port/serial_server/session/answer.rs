@@ -36,6 +36,11 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let pdu = pdu.get(..length).unwrap_or(&[]);
         if !arriving {
             self.send(&envelope, pdu).await?;
+        } else {
+            let mut frame = [0; FRAME_CHARS_MAX];
+            let encoded =
+                self.server.settings.framing.encode(envelope.unit, pdu, self.delimiter(), &mut frame);
+            self.tap.sent(self.line.active, Event::Answer, encoded.unwrap_or(&[]));
         }
         self.answered(&envelope, pdu);
         Ok(())
@@ -50,6 +55,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         };
         // After a collision the master has heard no good answer, and asks again.
         let _ = self.line.send(frame).await?;
+        self.tap.sent(self.line.active, Event::Answer, frame);
         if envelope.destination.is_some() {
             self.server.place.stats.count(Event::Stored);
         }

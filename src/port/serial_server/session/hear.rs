@@ -121,7 +121,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
 
     /// The next thing that was heard, how many bytes that were, and its PDU if it is a request for us.
     fn judge<'b>(&mut self, silent: bool, request: &'b mut [u8; PDU_BYTES_MAX]) -> (Judged, usize, &'b [u8]) {
-        let Self { server, line, ear, .. } = self;
+        let Self { server, line, tap, ear, .. } = self;
         let is_ours = |unit| server.is_ours(unit);
         let (heard, count) = match ear {
             Ear::Rtu(ear) => ear.hear(line.heard(), silent, is_ours),
@@ -139,6 +139,16 @@ impl<L: SerialLine> Session<'_, '_, L> {
             Heard::Garbage(error) => Judged::Garbage(error),
             Heard::Nothing => Judged::Nothing,
         };
+        let verdict = match judged {
+            Judged::Nothing => None,
+            Judged::Request(_) => Some(Event::Request),
+            Judged::Foreign => Some(Event::Foreign),
+            Judged::Garbage(LastError::Checksum) => Some(Event::Damaged),
+            Judged::Garbage(_) => Some(Event::Noise),
+        };
+        if let Some(verdict) = verdict {
+            tap.heard(line.active, verdict, line.heard().get(..count).unwrap_or(&[]));
+        }
         line.consume(count);
         (judged, count, request.get(..length).unwrap_or_default())
     }

@@ -1,0 +1,149 @@
+//! Frames as a PCAPNG file that Wireshark decodes without settings: exported PDUs (link type 252) that name their dissector.
+//!
+//! RTU frames go to the dissector `mbrtu`; what is no frame, and ASCII, is shown as bytes. Clauses are those of
+//! draft-ietf-opsawg-pcapng; numbers are little-endian, in the order of the section's magic.
+
+use heapless::Vec;
+
+use super::Captured;
+use crate::config::Framing;
+use crate::port::framing::FRAME_CHARS_MAX;
+use crate::stats::Event;
+
+/// Room for the longest block.
+pub const BLOCK_BYTES_MAX: usize = FRAME_CHARS_MAX + 187;
+/// A block.
+pub type Block = Vec<u8, BLOCK_BYTES_MAX>;
+
+const SECTION_HEADER: u32 = 0x0a0d_0d0a;
+const INTERFACE: u32 = 1;
+const ENHANCED_PACKET: u32 = 6;
+/// `LINKTYPE_WIRESHARK_UPPER_PDU`: tags in front of each packet.
+const UPPER_PDU: u16 = 252;
+const TAG_END: u16 = 0;
+const TAG_DISSECTOR: u16 = 12;
+const TAG_PORT_TYPE: u16 = 24;
+const TAG_SOURCE_PORT: u16 = 25;
+const TAG_DESTINATION_PORT: u16 = 26;
+const PORT_TYPE_TCP: u32 = 2;
+/// The port by which `mbrtu` tells requests from answers.
+const MODBUS_PORT: u32 = 502;
+const OPTION_COMMENT: u16 = 1;
+const OPTION_FLAGS: u16 = 2;
+const OPTION_NAME: u16 = 2;
+const INBOUND: u32 = 1;
+const OUTBOUND: u32 = 2;
+const CRC_ERROR: u32 = 1 << 24;
+const TOO_SHORT: u32 = 1 << 26;
+
+/// The blocks at a file's beginning, but for the interfaces: the section's header.
+pub fn header() -> Block {
+    block(SECTION_HEADER, |block| {
+        put(block, &0x1a2b_3c4d_u32.to_le_bytes());
+        // Version 1.0; the section's length is not known.
+        put(block, &[1, 0, 0, 0]);
+        put(block, &u64::MAX.to_le_bytes());
+    })
+}
+
+/// The next interface: a line called `name`.
+pub fn interface(name: &str) -> Block {
+    block(INTERFACE, |block| {
+        put(block, &UPPER_PDU.to_le_bytes());
+        // Reserved, and no limit of length.
+        put(block, &[0; 6]);
+        option(block, OPTION_NAME, name.as_bytes());
+        option(block, 0, &[]);
+    })
+}
+
+/// A frame on interface `interface`; the gateway's clock began `epoch_us` microseconds after the year 1970 did.
+pub fn packet(frame: &Captured, interface: u32, epoch_us: u64) -> Block {
+    let tags = tags(frame);
+    let at = epoch_us.wrapping_add(frame.head.at.as_micros());
+    let length = (tags.len() + frame.bytes.len()) as u32;
+    block(ENHANCED_PACKET, |block| {
+        for field in [interface, (at >> 32) as u32, at as u32, length, length] {
+            put(block, &field.to_le_bytes());
+        }
+        put(block, &tags);
+        put(block, &frame.bytes);
+        pad(block);
+        option(block, OPTION_COMMENT, frame.head.verdict.name().as_bytes());
+        option(block, OPTION_FLAGS, &flags(frame).to_le_bytes());
+        option(block, 0, &[]);
+    })
+}
+
+fn flags(frame: &Captured) -> u32 {
+    let direction = if frame.head.sent { OUTBOUND } else { INBOUND };
+    direction
+        | match frame.head.verdict {
+            Event::BadCheck => CRC_ERROR,
+            Event::Short => TOO_SHORT,
+            _ => 0,
+        }
+}
+
+/// The tags that tell what a packet is, big-endian.
+fn tags(frame: &Captured) -> Vec<u8, 64> {
+    let is_frame = match frame.head.verdict {
+        Event::Short | Event::Parity | Event::Framing | Event::Noise | Event::Damaged => false,
+        _ => frame.head.framing == Framing::Rtu,
+    };
+    let mut tags = Vec::new();
+    let mut tag = |tag: u16, value: &[u8]| {
+        // There is room: all of them take 44 bytes.
+        let _ = tags.extend_from_slice(&tag.to_be_bytes());
+        let _ = tags.extend_from_slice(&(value.len() as u16).to_be_bytes());
+        let _ = tags.extend_from_slice(value);
+    };
+    if is_frame {
+        tag(TAG_DISSECTOR, b"mbrtu\0\0\0");
+        let ports = match frame.head.verdict {
+            Event::Request | Event::Echo => [0, MODBUS_PORT],
+            // Of others on a shared bus: the dissector guesses.
+            Event::Foreign => [0, 0],
+            _ => [MODBUS_PORT, 0],
+        };
+        tag(TAG_PORT_TYPE, &PORT_TYPE_TCP.to_be_bytes());
+        tag(TAG_SOURCE_PORT, &ports[0].to_be_bytes());
+        tag(TAG_DESTINATION_PORT, &ports[1].to_be_bytes());
+    } else {
+        tag(TAG_DISSECTOR, b"data");
+    }
+    tag(TAG_END, &[]);
+    tags
+}
+
+/// A block of `kind` with its length before and behind `body`.
+fn block(kind: u32, body: impl FnOnce(&mut Block)) -> Block {
+    let mut block = Block::new();
+    put(&mut block, &kind.to_le_bytes());
+    put(&mut block, &[0; 4]);
+    body(&mut block);
+    let length = (block.len() as u32 + 4).to_le_bytes();
+    put(&mut block, &length);
+    if let Some(field) = block.get_mut(4..8) {
+        field.copy_from_slice(&length);
+    }
+    block
+}
+
+fn option(block: &mut Block, code: u16, value: &[u8]) {
+    put(block, &code.to_le_bytes());
+    put(block, &(value.len() as u16).to_le_bytes());
+    put(block, value);
+    pad(block);
+}
+
+fn pad(block: &mut Block) {
+    while !block.len().is_multiple_of(4) {
+        put(block, &[0]);
+    }
+}
+
+fn put(block: &mut Block, bytes: &[u8]) {
+    // There is room, see BLOCK_BYTES_MAX: frames and names have their limits.
+    let _ = block.extend_from_slice(bytes);
+}

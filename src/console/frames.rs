@@ -1,0 +1,61 @@
+//! The last frames of the serial lines, and those that come: a line of text each.
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Timer};
+use embedded_io_async::{Read, Write};
+
+use super::command::Session;
+use super::rows::{Bytes, text};
+use crate::capture::{Captured, Head};
+use crate::hal::{Store, System};
+
+/// How often a watcher looks.
+const PAUSE: Duration = Duration::from_millis(50);
+
+impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
+    /// Shows the frames from number `cursor` on.
+    pub(super) async fn frames(&mut self, cursor: &mut u32) -> Result<(), IO::Error> {
+        let Some(capture) = self.gateway.capture() else {
+            return self.fail(format_args!("this board keeps no frames")).await;
+        };
+        // Those that come meanwhile are for the next call.
+        let end = capture.end();
+        while *cursor != end {
+            let Some(frame) = capture.next(cursor) else { break };
+            self.frame(&frame, *cursor > frame.missed + 1).await?;
+        }
+        Ok(())
+    }
+
+    async fn frame(&mut self, frame: &Captured, follows: bool) -> Result<(), IO::Error> {
+        let Captured { head: Head { at, port, framing, sent, verdict, .. }, bytes, missed } = frame;
+        if *missed > 0 && follows {
+            self.out.line(format_args!("({missed} frames more)")).await?;
+        }
+        let time = text::<24>(format_args!("{}.{:06}", at.as_secs(), at.as_micros() % 1_000_000));
+        let name = self.gateway.settings(|settings| text::<15>(format_args!("{}", settings.name(*port))));
+        let direction = if *sent { ">" } else { "<" };
+        let verdict = verdict.name();
+        self.out.text_only(format_args!("{time:>14} {name:15} {direction} {verdict:10} ")).await?;
+        // A frame is longer than a line of output may be.
+        for part in bytes.chunks(32) {
+            self.out.text_only(format_args!("{}", Bytes { framing: *framing, bytes: part })).await?;
+        }
+        self.out.line(format_args!("")).await
+    }
+
+    /// Shows frames as they come, until something is typed.
+    pub(super) async fn watch(&mut self) -> Result<(), IO::Error> {
+        let mut cursor = self.gateway.capture().map_or(0, |capture| capture.end());
+        loop {
+            self.frames(&mut cursor).await?;
+            self.out.flush().await?;
+            let mut typed = [0; 16];
+            match select(self.out.read(&mut typed), Timer::after(PAUSE)).await {
+                Either::First(read) => return read.map(|_| ()),
+                Either::Second(()) if self.gateway.capture().is_none() => return Ok(()),
+                Either::Second(()) => {}
+            }
+        }
+    }
+}

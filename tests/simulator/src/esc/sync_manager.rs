@@ -32,6 +32,8 @@ pub(crate) struct Setup {
     length: u16,
     control: u8,
     enabled: bool,
+    /// The processor has switched it off, which the MainDevice switched on.
+    held: bool,
     /// Behind the last of its buffers.
     end: u16,
 }
@@ -43,9 +45,11 @@ impl Setup {
             memory.bytes(base);
         let start = u16::from_le_bytes([start_low, start_high]);
         let length = u16::from_le_bytes([length_low, length_high]);
-        let enabled = activate & 1 != 0 && pdi_control & 1 == 0 && length > 0;
-        let mut setup = Self { start, length, control, enabled, end: start };
-        if enabled {
+        let activated = activate & 1 != 0 && length > 0;
+        let held = activated && pdi_control & 1 != 0;
+        let enabled = activated && !held;
+        let mut setup = Self { start, length, control, enabled, held, end: start };
+        if activated {
             let buffers = if setup.is_mailbox() || setup.is_direct() { 1 } else { 3 };
             setup.end = start.saturating_add(length.saturating_mul(buffers));
         }
@@ -188,6 +192,10 @@ impl SyncManagers {
                 continue;
             }
             let offset = address - setup.start;
+            if setup.held {
+                // The MainDevice sees by the working counter that nobody is at home.
+                return (side == Side::Pdi).then_some(address);
+            }
             return match write {
                 // The second and third buffer are reached only through the first one's addresses.
                 _ if offset >= setup.length => None,

@@ -15,6 +15,15 @@ const FREE: u16 = 0x1800;
 /// Longer than any single access may take, whatever the chip does.
 const ACCESS_LIMIT: Duration = Duration::from_secs(2);
 
+/// What the chip was told before is gone; told again, it carries outputs.
+async fn starts_anew(driver: &mut Driver<Spi>, bench: &Bench) {
+    bench.set_up();
+    bench.segment.borrow_mut().send_logical(Command::Lwr, 0, &[5; 120]);
+    let mut outputs = [0; 120];
+    driver.read(OUTPUTS, &mut outputs).await.unwrap();
+    assert_eq!(outputs, [5; 120]);
+}
+
 #[test]
 fn statement_54_a_chip_that_shows_garbage_for_a_while_and_is_ready_late_is_waited_for() {
     let timing = Timing { test_nanos: 50_000_000, ready_nanos: 400_000_000, ..Timing::USUAL };
@@ -83,11 +92,7 @@ fn a_chip_that_was_reset_behind_the_drivers_back_is_noticed_and_set_up_again() {
         Timer::after_millis(30).await;
         assert_eq!(driver.events().await, Err(EscError::Restarted));
         bench.chip.forgive();
-        bench.set_up();
-        bench.segment.borrow_mut().send_logical(Command::Lwr, 0, &[5; 120]);
-        let mut outputs = [0; 120];
-        driver.read(OUTPUTS, &mut outputs).await.unwrap();
-        assert_eq!(outputs, [5; 120]);
+        starts_anew(driver, bench).await;
     });
 }
 
@@ -178,11 +183,7 @@ fn statement_55_bit_errors_never_make_a_wrong_output_image_when_it_is_read_twice
             // What a damaged access has left behind ends with the next.
             let _ = driver.events().await;
             bench.chip.forgive();
-            bench.set_up();
-            bench.segment.borrow_mut().send_logical(Command::Lwr, 0, &[5; 120]);
-            let mut outputs = [0; 120];
-            driver.read(OUTPUTS, &mut outputs).await.unwrap();
-            assert_eq!(outputs, [5; 120]);
+            starts_anew(driver, bench).await;
         });
     }
 }

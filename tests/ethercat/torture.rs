@@ -19,6 +19,7 @@ use mobgate_simulator::esc::cable::{Cable, FrameFaults, SharedSegment};
 use mobgate_simulator::esc::frame::{Builder, datagrams};
 use mobgate_simulator::esc::{Command, DirectPdi, Interrupt};
 use mobgate_simulator::lan9252::{SpiFaults, Timing};
+use mobgate_simulator::random::chosen;
 use mobgate_simulator::sub_device::{
     BusFaults, Faulty, SharedEcho, cable, image, line_of, spawn, with_master,
 };
@@ -35,12 +36,11 @@ const LOGICAL: u32 = 0;
 
 #[test]
 fn random_worlds_never_show_a_wrong_image_and_always_come_back_to_op() {
-    let number = |name| std::env::var(name).ok().map(|text| text.parse::<u64>().expect("a number"));
-    if let Some(seed) = number("MOBGATE_SEED") {
+    if let Some(seed) = chosen("MOBGATE_SEED") {
         return live(seed);
     }
     let end = std::time::Instant::now()
-        + std::time::Duration::from_secs(number("MOBGATE_SECONDS").unwrap_or(SECONDS));
+        + std::time::Duration::from_secs(chosen("MOBGATE_SECONDS").unwrap_or(SECONDS));
     let mut worlds = 0;
     while std::time::Instant::now() < end {
         live(worlds);

@@ -12,6 +12,7 @@ use mobgate_simulator::client::NoReply;
 use mobgate_simulator::device::Fresh;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::net::Path;
+use mobgate_simulator::random::each_seed;
 use mobgate_simulator::rig::{machine, with_gateway};
 use mobgate_simulator::{Client, Device, Fault, Faults, Random};
 
@@ -22,11 +23,7 @@ const DEVICES: u8 = 4;
 
 #[test]
 fn random_tcp_devices_keep_no_answer_from_its_asker() {
-    let number = |name| std::env::var(name).ok().map(|text| text.parse::<u64>().expect("a number"));
-    match number("MOBGATE_SEED") {
-        Some(seed) => live(seed),
-        None => (0..number("MOBGATE_SEEDS").unwrap_or(SEEDS)).for_each(live),
-    }
+    each_seed(SEEDS, live);
 }
 
 fn live(seed: u64) {

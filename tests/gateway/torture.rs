@@ -13,6 +13,7 @@ use mobgate_simulator::client::{Answer, NoReply};
 use mobgate_simulator::device::Fresh;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::net::Path;
+use mobgate_simulator::random::each_seed;
 use mobgate_simulator::rig::{Rig, machine, with_gateway};
 use mobgate_simulator::{Client, Device, Fault, Faults, Random, World};
 
@@ -28,11 +29,7 @@ const CACHE_MS: u64 = 200;
 
 #[test]
 fn random_worlds_keep_the_promises() {
-    let number = |name| std::env::var(name).ok().map(|text| text.parse::<u64>().expect("a number"));
-    match number("MOBGATE_SEED") {
-        Some(seed) => live(seed),
-        None => (0..number("MOBGATE_SEEDS").unwrap_or(SEEDS)).for_each(live),
-    }
+    each_seed(SEEDS, live);
 }
 
 fn live(seed: u64) {

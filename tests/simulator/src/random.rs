@@ -2,6 +2,20 @@
 
 use std::ops::RangeInclusive;
 
+/// The number that the environment gives for a run of random worlds (`MOBGATE_SEED`), if any.
+pub fn chosen(name: &str) -> Option<u64> {
+    std::env::var(name).ok().map(|text| text.parse().expect("a number"))
+}
+
+/// Lets the worlds of the first `count` seeds `live`; of as many as `MOBGATE_SEEDS` says, or of `MOBGATE_SEED` alone.
+pub fn each_seed(count: u64, live: impl FnMut(u64)) {
+    let seeds = match chosen("MOBGATE_SEED") {
+        Some(seed) => seed..seed + 1,
+        None => 0..chosen("MOBGATE_SEEDS").unwrap_or(count),
+    };
+    seeds.for_each(live);
+}
+
 /// A generator; equal seeds give equal sequences.
 #[derive(Debug, Clone)]
 pub struct Random(u64);

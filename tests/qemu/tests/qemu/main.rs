@@ -5,6 +5,7 @@ use mobgate_qemu::{Bus, Machine, Options};
 mod board;
 mod clients;
 mod ethercat;
+mod points;
 mod routing;
 
 /// A board with its first settings and units 1 to 3, 65 to 67 and 129 to 131 on its three lines.

@@ -473,7 +473,7 @@ impl<'g> Gateway<'g> {
                         place.changed.wait().await;
                         continue;
                     };
-                    let port = scanner::Port { gateway: self, place, id, scanner };
+                    let port = scanner::Port { gateway: self, place, id, scanner, status: Status::Open };
                     select(place.changed.wait(), port.run()).await;
                     port.close();
                 }
@@ -483,7 +483,8 @@ impl<'g> Gateway<'g> {
                         continue;
                     };
                     ethercat.take_speed().into_iter().for_each(|speed| self.set_speed(speed));
-                    let port = scanner::Port { gateway: self, place, id, scanner: ethercat.scanner() };
+                    let (scanner, status) = (ethercat.scanner(), ethercat.controller().status());
+                    let port = scanner::Port { gateway: self, place, id, scanner, status };
                     // First of all: answers that come now may be for devices of before.
                     select(place.changed.wait(), select(ethercat.renewed(), port.run())).await;
                     port.close();

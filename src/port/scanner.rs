@@ -26,12 +26,14 @@ pub(crate) struct Port<'s, 'g> {
     pub(crate) place: &'s PortPlace,
     pub(crate) id: PortId,
     pub(crate) scanner: &'s ScannerPlace,
+    /// What it shows while it runs.
+    pub(crate) status: Status,
 }
 
 impl Port<'_, '_> {
     /// Asks the devices, for ever.
     pub(crate) async fn run(&self) {
-        self.place.set_status(Status::Open);
+        self.place.set_status(self.status);
         loop {
             let due = if self.send() {
                 self.scanner.with(|scanner| scanner.due())

@@ -88,7 +88,7 @@ impl PortId {
 }
 
 /// Everything that `save` keeps and `show config` prints.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, PartialEq, Eq, Default)]
 pub struct Settings {
     /// How the board comes by its own address, where that is the gateway's business.
     pub network: OwnNetwork,
@@ -112,6 +112,15 @@ impl Settings {
             devices: Vec::new(),
             points: Vec::new(),
         }
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.network = OwnNetwork::DEFAULT;
+        self.ports.iter_mut().for_each(|port| *port = None);
+        self.routes.clear();
+        self.devices.clear();
+        self.points.clear();
     }
 
     /// The port at `id`.
@@ -154,6 +163,30 @@ impl Settings {
     pub fn warnings(&self) -> impl Iterator<Item = Warning> {
         self.ports.iter().flatten().filter_map(gap_warning)
     }
+}
+
+impl Clone for Settings {
+    fn clone(&self) -> Self {
+        let mut clone = Self::new();
+        clone.clone_from(self);
+        clone
+    }
+
+    /// Copies part by part: the whole is too big for the stack of a small board.
+    fn clone_from(&mut self, source: &Self) {
+        let Self { network, ports, routes, devices, points } = source;
+        self.network.clone_from(network);
+        self.ports.clone_from_slice(ports);
+        copy_list(&mut self.routes, routes);
+        copy_list(&mut self.devices, devices);
+        copy_list(&mut self.points, points);
+    }
+}
+
+fn copy_list<T: Clone, const N: usize>(list: &mut Vec<T, N>, source: &Vec<T, N>) {
+    list.clear();
+    // The same number fits.
+    let _ = list.extend_from_slice(source);
 }
 
 /// A warning when `port` keeps less silence between RTU frames than the specification asks for.

@@ -16,9 +16,9 @@ use crate::config::{PortId, StreamFraming, TcpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
 use crate::hal::{TcpHost, TcpStream};
+use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
-use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::stream::{Input, encode};
 use crate::stats::{Event, LastError};
 
@@ -191,7 +191,9 @@ impl Server<'_, '_> {
                     Taken::Sent => consumed,
                     Taken::Refused(exception) => {
                         let answer = exception.response(pdu.first().copied().unwrap_or(0));
-                        self.write(stream, header, &answer).await?;
+                        let mut out = [0; ADU_BYTES_MAX];
+                        let framing = self.settings.framing;
+                        self.write(stream, encode(framing, header, &answer, &mut out).unwrap_or(&[])).await?;
                         consumed
                     }
                     Taken::Starved => {
@@ -246,25 +248,25 @@ impl Server<'_, '_> {
         if envelope.stage == Stage::Silence {
             return Ok(());
         }
-        let mut answer = [0; PDU_BYTES_MAX];
-        let length = frame.copy_pdu(&mut answer);
-        drop(frame);
-        let answer = answer.get(..length).unwrap_or(&[]);
         self.place.stats.count(Event::Answer);
-        if let [function, code] = *answer
-            && function & EXCEPTION_BIT != 0
-        {
-            self.place.stats.count(Event::Exception);
-            self.place.stats.note_exception(Exception(code), envelope.cause);
-        }
-        self.write(stream, Header { transaction: envelope.transaction, unit: envelope.unit }, answer).await
+        let header = Header { transaction: envelope.transaction, unit: envelope.unit };
+        let mut out = [0; ADU_BYTES_MAX];
+        let length = frame.pdu(|answer| {
+            if let [function, code] = *answer
+                && function & EXCEPTION_BIT != 0
+            {
+                self.place.stats.count(Event::Exception);
+                self.place.stats.note_exception(Exception(code), envelope.cause);
+            }
+            encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
+        });
+        drop(frame);
+        self.write(stream, out.get(..length).unwrap_or(&[])).await
     }
 
     /// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, header: Header, answer: &[u8]) -> Result<(), End> {
-        let mut out = [0; ADU_BYTES_MAX];
-        let Ok(out) = encode(self.settings.framing, header, answer, &mut out) else { return Ok(()) };
-        match with_timeout(WRITE_PATIENCE, stream.write_all(out)).await {
+    async fn write<S: TcpStream>(&self, stream: &mut S, answer: &[u8]) -> Result<(), End> {
+        match with_timeout(WRITE_PATIENCE, stream.write_all(answer)).await {
             Ok(Ok(())) => Ok(()),
             Ok(Err(_)) => Err(End::Client),
             Err(_) => Err(End::Stalled),

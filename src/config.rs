@@ -62,14 +62,14 @@ use crate::scanner::DEVICES_MAX;
 
 /// Longest line of the line language in bytes. Settings at their limits print lines of about 600: what is printed can be read.
 pub const LINE_BYTES_MAX: usize = 640;
-/// Ports that settings can hold.
-pub const PORTS_MAX: usize = 16;
+/// Ports that settings can hold. With the feature `small`: as many as small boards run.
+pub const PORTS_MAX: usize = if cfg!(feature = "small") { 8 } else { 16 };
 /// Routing rules that settings can hold.
 pub const ROUTES_MAX: usize = 64;
 /// Longest port name in bytes.
 pub const NAME_BYTES_MAX: usize = 15;
-/// Longest device name in bytes: names under `/dev/serial/by-id` come near it.
-pub const DEVICE_BYTES_MAX: usize = 96;
+/// Longest device name in bytes: names under `/dev/serial/by-id` come near it. Boards with the feature `small` name UARTs.
+pub const DEVICE_BYTES_MAX: usize = if cfg!(feature = "small") { 15 } else { 96 };
 /// Address prefixes in one list of a TCP server.
 pub const RESERVED_MAX: usize = 4;
 
@@ -142,6 +142,14 @@ impl Settings {
             named(&|other| other.strip_prefix(['P', 'p']) == Some(name))
         })?;
         Some(PortId(found as u8))
+    }
+
+    /// The TCP server at `id`, if the port is one.
+    pub fn tcp_server(&self, id: PortId) -> Option<&TcpServerSettings> {
+        match &self.port(id)?.kind {
+            PortKind::TcpServer(settings) => Some(settings),
+            _ => None,
+        }
     }
 
     /// The name of the port at `id`; `?` when there is none any more.

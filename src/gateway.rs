@@ -28,6 +28,7 @@ use crate::port::desk::Desk;
 use crate::port::ethercat::{EthercatPlace, Speed};
 use crate::port::local::Events;
 use crate::port::sockets::Socket;
+use crate::port::tcp_server::Terms;
 use crate::port::units::Units;
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
 use crate::scanner::{Full, POINTS, ScannerPlace};
@@ -496,17 +497,15 @@ impl<'g> Gateway<'g> {
         let Some(seat) = self.seats.get(index) else { return };
         loop {
             let served = seat.state().port.and_then(|id| {
-                let settings = self.settings(|settings| match &settings.port(id)?.kind {
-                    PortKind::TcpServer(settings) => Some(settings.clone()),
-                    _ => None,
-                })?;
-                Some((id, self.ports.get(id.index())?, settings))
+                let terms = self.settings(|settings| settings.tcp_server(id).map(Terms::of))?;
+                Some((id, self.ports.get(id.index())?, terms))
             });
-            let Some((id, place, settings)) = served else {
+            let Some((id, place, terms)) = &served else {
                 seat.changed.wait().await;
                 continue;
             };
-            let server = tcp_server::Server { gateway: self, id, place, settings: &settings, seat, index };
+            let (id, settings) = (*id, terms);
+            let server = tcp_server::Server { gateway: self, id, place, settings, seat, index };
             select(seat.changed.wait(), server.run(host)).await;
             server.left();
         }

@@ -14,10 +14,13 @@ mod history;
 mod keys;
 mod output;
 mod points;
+mod probe;
 mod rows;
+mod scan;
 mod show;
 #[cfg(test)]
 mod tests;
+mod tune;
 
 use embedded_io_async::{Read, Write};
 

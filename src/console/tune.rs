@@ -164,7 +164,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             if some.lost <= GAP_LOST_MAX {
                 break;
             }
-            gap = gap * 2;
+            gap *= 2;
             if gap > GAP_LONGEST {
                 self.out
                     .line(format_args!("unit {unit}: no gap helps: see its troubles in show units"))

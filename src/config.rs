@@ -48,6 +48,7 @@ pub use self::points::{
 pub(crate) use self::points::{Reloaded, load as load_points};
 pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
+pub(crate) use self::route_words::units as parse_units;
 pub use self::saved::{ReadError, read_store, write_store};
 pub use self::serial::{
     Driver, Framing, LineSettings, Parity, SerialClientSettings, SerialServerSettings, SerialSettings,
@@ -55,7 +56,7 @@ pub use self::serial::{
 pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
-pub(crate) use self::values::parse_number;
+pub(crate) use self::values::{number, parse_number, time};
 pub(crate) use self::words::{Word, Words};
 use crate::route::{Destination, Route};
 use crate::scanner::DEVICES_MAX;

@@ -16,10 +16,13 @@ mod output;
 // One of two: what an `async` function awaits stays in it, also behind a constant.
 #[cfg_attr(not(feature = "points"), path = "console/no_points.rs")]
 mod points;
+mod probe;
 mod rows;
+mod scan;
 mod show;
 #[cfg(test)]
 mod tests;
+mod tune;
 
 use embedded_io_async::{Read, Write};
 

@@ -458,7 +458,9 @@ impl<'g> Gateway<'g> {
     ) {
         let Some(place) = self.ports.get(id.index()) else { return };
         loop {
-            let kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
+            let mut kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
+            let alone = self.asking.try_on(id, kind.as_mut());
+            place.units(|units| units.freeze(alone));
             place.renew();
             match &kind {
                 Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
@@ -482,7 +484,7 @@ impl<'g> Gateway<'g> {
                         Some(PortKind::TcpClient(settings)) => settings.unit,
                         _ => None,
                     };
-                    let desk = Desk::new(self, place, id, unit);
+                    let desk = Desk::new(self, place, id, unit, alone);
                     let part = play(&desk, kind.as_ref(), lines, connector);
                     select(place.changed.wait(), select(desk.take_in(), part)).await;
                     desk.close();

@@ -25,6 +25,8 @@ pub(super) enum Command {
     Clear,
     /// `ping`
     Ping,
+    Scan,
+    Tune,
     Watch,
     Save,
     Load,
@@ -54,6 +56,8 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("finish", Command::Point(PointCommand::Finish)),
     ("clear", Command::Clear),
     ("ping", Command::Ping),
+    ("scan", Command::Scan),
+    ("tune", Command::Tune),
     ("watch", Command::Watch),
     ("save", Command::Save),
     ("load", Command::Load),
@@ -117,6 +121,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 Err(error) => self.fail(format_args!("{error}")).await?,
             },
             Ok(Command::Ping) => self.ask(Ask::Ping, &mut words).await?,
+            Ok(Command::Scan) => self.scan(&mut words).await?,
+            Ok(Command::Tune) => self.tune(&mut words).await?,
             // Names begin with a letter.
             Ok(Command::Point(PointCommand::Read)) if begins_with_digit(&words) => {
                 self.ask(Ask::Read, &mut words).await?;
@@ -168,7 +174,9 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             | Command::Show
             | Command::Clear
             | Command::Point(_)
-            | Command::Ping => {}
+            | Command::Ping
+            | Command::Scan
+            | Command::Tune => {}
         }
         Ok(Next::Line)
     }

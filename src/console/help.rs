@@ -116,6 +116,24 @@ const TOPICS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "scan",
+        &[
+            "scan PORT [BAUD]... [units A-B] [timeout T] [function N]",
+            "  Finds the units on a serial client's line, at each speed in 8E1, 8N1, 8O1 and 8N2 (ascii: 7E1, 7N2, 7O1, 8N1).",
+            "  Without words: 9600 19200 38400 57600 115200 4800 2400 1200, units 1-247, 60ms and some characters, function 3.",
+            "  A key or a line stops it. Meanwhile others who ask by the port get 0A; behind it the port is as before.",
+            "  scan P1 9600 19200 units 1-32",
+        ],
+    ),
+    (
+        "tune",
+        &[
+            "tune PORT [units A-B] [count N]   measures how long units take to answer, and proposes time-out and gap",
+            "  Asks each unit N times (2000), those that have answered so far unless some are named, with a time-out of 3s.",
+            "  Other traffic goes on. A key or a line stops it; behind it the port is as before.",
+        ],
+    ),
+    (
         "read",
         &[
             "read POINT                       reads it at once, and shows its values",
@@ -173,6 +191,7 @@ const OVERVIEW: &[&str] = &[
     "network dhcp|address ...         the board's own address       help network",
     "show TOPIC                       ports, routes, units, clients, stats, points, devices, config, network, log, frames, version",
     "ping, read, write UNIT ... via PORT  asks a unit at once     help read",
+    "scan PORT, tune PORT             finds units, speed, format   help scan; a time-out   help tune",
     "watch                            frames of the serial lines as they come",
     "clear stats|log                  forgets",
     "save, load                       settings of the next start",

@@ -21,6 +21,7 @@ mod problem;
 mod route_words;
 mod saved;
 mod serial;
+mod slaves;
 mod text;
 mod unit_words;
 mod values;
@@ -48,10 +49,12 @@ pub use self::points::{
 pub(crate) use self::points::{Reloaded, load as load_points};
 pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
+pub(crate) use self::saved::write_lines;
 pub use self::saved::{ReadError, read_store, write_store};
 pub use self::serial::{
     Driver, Framing, LineSettings, Parity, SerialClientSettings, SerialServerSettings, SerialSettings,
 };
+pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
 pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
@@ -100,6 +103,8 @@ pub struct Settings {
     pub devices: Vec<DeviceSettings, DEVICES_MAX>,
     /// The points, in devices and in the gateway's own unit.
     pub points: Vec<PointSettings, POINTS_MAX>,
+    /// The devices behind the EtherCAT process image, in the order of their values.
+    pub slaves: Vec<SlaveSettings, SLAVES_MAX>,
 }
 
 impl Settings {
@@ -111,6 +116,7 @@ impl Settings {
             routes: Vec::new(),
             devices: Vec::new(),
             points: Vec::new(),
+            slaves: Vec::new(),
         }
     }
 

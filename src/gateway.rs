@@ -6,7 +6,7 @@
 
 use core::cell::{Cell, RefCell};
 use core::net::SocketAddr;
-use core::sync::atomic::{AtomicU16, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU16, Ordering};
 
 use embassy_futures::select::select;
 use embassy_sync::blocking_mutex::Mutex;
@@ -17,14 +17,13 @@ use embassy_time::Instant;
 use crate::asking::Asking;
 use crate::capture::Capture;
 use crate::config::{
-    LineSettings, OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, SerialSettings, Settings, Side,
-    load_points,
+    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, load_points,
 };
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
-use crate::port::ethercat::{EthercatPlace, Speed};
+use crate::port::ethercat::{ConfigError, EthercatPlace};
 use crate::port::local::Events;
 use crate::port::sockets::Socket;
 use crate::port::units::Units;
@@ -132,7 +131,7 @@ impl PortPlace {
     }
 
     /// The port's settings are others: it begins anew.
-    fn restart(&self) {
+    pub(crate) fn restart(&self) {
         self.set_status(Status::Off);
         self.units(Units::clear);
         self.changed.signal(());
@@ -258,6 +257,12 @@ pub enum ApplyError {
     /// The data points take more than there is.
     #[error(transparent)]
     Points(#[from] Full),
+    /// The slaves of the EtherCAT port cannot be asked.
+    #[error(transparent)]
+    Slaves(#[from] ConfigError),
+    /// The settings are being saved for a MainDevice.
+    #[error("the settings are being saved for EtherCAT: try again")]
+    Saving,
 }
 
 /// All that the tasks share.
@@ -279,6 +284,8 @@ pub struct Gateway<'g> {
     scanner: Option<&'g ScannerPlace>,
     capture: Option<&'g Capture>,
     ethercat: Option<&'g EthercatPlace>,
+    /// The settings are being saved line by line.
+    saving: AtomicBool,
 }
 
 impl<'g> Gateway<'g> {
@@ -299,6 +306,7 @@ impl<'g> Gateway<'g> {
             scanner: None,
             capture: None,
             ethercat: None,
+            saving: AtomicBool::new(false),
         }
     }
 
@@ -381,6 +389,21 @@ impl<'g> Gateway<'g> {
         self.settings.lock(|settings| f(&settings.borrow()))
     }
 
+    /// Changes the settings in force. Who changes more than what is looked up for each request tells the ports of it.
+    pub(crate) fn change_settings<R>(&self, f: impl FnOnce(&mut Settings) -> R) -> R {
+        self.settings.lock(|settings| f(&mut settings.borrow_mut()))
+    }
+
+    /// Begins to save the settings, or ends: they cannot be changed meanwhile.
+    pub(crate) fn set_saving(&self, saving: bool) {
+        self.saving.store(saving, Ordering::Relaxed);
+    }
+
+    /// Whether the settings are being saved line by line.
+    pub(crate) fn is_saving(&self) -> bool {
+        self.saving.load(Ordering::Relaxed)
+    }
+
     /// Takes `new` over: rules and what special units mean from the next request on; ports that differ in kind or its
     /// settings are started again, the others go on.
     pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
@@ -402,12 +425,19 @@ impl<'g> Gateway<'g> {
         if new.ethercat().is_some() && self.ethercat.is_none() {
             return Err(ApplyError::NoEthercat);
         }
+        if self.is_saving() {
+            return Err(ApplyError::Saving);
+        }
+        if let Some(ethercat) = self.ethercat {
+            ethercat.check_settings(new)?;
+        }
         let mut points = Reloaded::Nothing;
         if let Some(place) = self.scanner {
             let load = |scanner: &mut _| self.settings(|old| load_points(scanner, old, new, Instant::now()));
             points = place.change(load)?;
         }
         let mut changed = [false; PORTS_MAX];
+        let other_slaves = self.settings(|settings| settings.slaves != new.slaves);
         self.settings.lock(|settings| {
             let mut settings = settings.borrow_mut();
             for (changed, (old, new)) in changed.iter_mut().zip(settings.ports.iter().zip(&new.ports)) {
@@ -422,7 +452,7 @@ impl<'g> Gateway<'g> {
             settings.clone_from(new);
         });
         if let Some(ethercat) = self.ethercat {
-            ethercat.follow(new);
+            ethercat.follow(new, other_slaves);
         }
         for (index, place) in
             self.ports.iter().enumerate().filter(|(index, _)| changed.get(*index) == Some(&true))
@@ -473,7 +503,7 @@ impl<'g> Gateway<'g> {
                         place.changed.wait().await;
                         continue;
                     };
-                    let port = scanner::Port { gateway: self, place, id, scanner };
+                    let port = scanner::Port { gateway: self, place, id, scanner, requests: None };
                     select(place.changed.wait(), port.run()).await;
                     port.close();
                 }
@@ -482,8 +512,9 @@ impl<'g> Gateway<'g> {
                         place.changed.wait().await;
                         continue;
                     };
-                    ethercat.take_speed().into_iter().for_each(|speed| self.set_speed(speed));
-                    let port = scanner::Port { gateway: self, place, id, scanner: ethercat.scanner() };
+                    self.adopt(ethercat).await;
+                    let (scanner, requests) = (ethercat.scanner(), Some(ethercat.requests()));
+                    let port = scanner::Port { gateway: self, place, id, scanner, requests };
                     // First of all: answers that come now may be for devices of before.
                     select(place.changed.wait(), select(ethercat.renewed(), port.run())).await;
                     port.close();
@@ -521,22 +552,6 @@ impl<'g> Gateway<'g> {
             let server = tcp_server::Server { gateway: self, id, place, settings: &settings, seat, index };
             select(seat.changed.wait(), server.run(host)).await;
             server.left();
-        }
-    }
-
-    /// Sets the line of the EtherCAT port, if it has one, as the MainDevice wants it.
-    fn set_speed(&self, speed: Speed) {
-        let changed = self.settings.lock(|settings| {
-            let mut settings = settings.borrow_mut();
-            let id = settings.ethercat_line()?;
-            let port = settings.ports.get_mut(id.index())?.as_mut()?;
-            let PortKind::Serial(SerialSettings { line, .. }) = &mut port.kind else { return None };
-            let Speed { baud, parity, stop_bits } = speed;
-            let new = LineSettings { baud, parity, stop_bits, ..*line };
-            (core::mem::replace(line, new) != new).then_some(id)
-        });
-        if let Some(place) = changed.and_then(|id| self.ports.get(id.index())) {
-            place.restart();
         }
     }
 

@@ -4,4 +4,6 @@ mod bench;
 mod conduct;
 mod configuration;
 mod exchange;
+mod objects;
+mod random;
 mod virtual_devices;

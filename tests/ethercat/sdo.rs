@@ -57,7 +57,7 @@ fn statement_30_assignments_change_in_pre_op_only_and_with_their_count_at_0() {
     assert_eq!(rig.download(0x1c12, 1, &[0x01, 0x16]), Ok(()));
     assert_eq!(rig.download(0x1c12, 2, &[0x00, 0x16]), Ok(()));
     assert_eq!(rig.download(0x1c12, 0, &[2]), Err(0x0604_0042), "124 bytes");
-    assert_eq!(rig.download(0x1c12, 0, &[5]), Err(0x0604_0042), "five PDOs");
+    assert_eq!(rig.download(0x1c12, 0, &[9]), Err(0x0604_0042), "nine PDOs");
     assert_eq!(rig.download(0x1c12, 0, &[1]), Ok(()));
     assert_eq!(rig.upload(0x1c12, 1), Ok(vec![0x01, 0x16]));
     drop(rig);
@@ -244,10 +244,11 @@ fn statement_34_unknown_commands_are_aborted() {
 fn statement_35_settings_out_of_range_are_refused_and_change_nothing() {
     let mut rig = gateway();
     rig.download(0x2005, 1, &[1, 0]).unwrap();
-    let before = rig.application().configuration().clone();
+    let place = rig.application().place();
+    let before = place.configuration(|now| now.clone());
     rig.download(0x2005, 2, &[0, 0]).unwrap();
     for (index, sub, value, abort) in [
-        (0x2000, 1, &[5, 0][..], 0x0609_0031),
+        (0x2000, 1, &[33, 0][..], 0x0609_0031),
         (0x2001, 1, &[0, 0], 0x0609_0032),
         (0x2001, 1, &[248, 0], 0x0609_0031),
         (0x2001, 10, &[0, 0, 0, 0], 0x0609_0032),
@@ -262,7 +263,7 @@ fn statement_35_settings_out_of_range_are_refused_and_change_nothing() {
         assert_eq!(rig.download(index, sub, value), Err(abort), "{index:x}:{sub:x} {value:?}");
     }
     rig.download(0x2005, 1, &[1, 0]).unwrap();
-    assert_eq!(*rig.application().configuration(), before);
+    assert_eq!(place.configuration(|now| now.clone()), before);
 }
 
 #[test]

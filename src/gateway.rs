@@ -16,14 +16,12 @@ use embassy_time::Instant;
 
 use crate::asking::Asking;
 use crate::capture::Capture;
-use crate::config::{
-    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, load_points,
-};
+use crate::config::{OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, load_points};
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
-use crate::port::ethercat::{ConfigError, EthercatPlace};
+use crate::port::ethercat::{ConfigError, EthercatPlace, LineWriter};
 use crate::port::local::Events;
 use crate::port::sockets::Socket;
 use crate::port::units::Units;
@@ -452,7 +450,14 @@ impl<'g> Gateway<'g> {
             settings.clone_from(new);
         });
         if let Some(ethercat) = self.ethercat {
+            let before = ethercat.line_writer();
             ethercat.follow(new, other_slaves);
+            let writer = ethercat.line_writer();
+            if let (true, LineWriter::SettingsOver(_), Some(line)) =
+                (writer != before, writer, new.ethercat_line())
+            {
+                log_warn!("line {}: {writer}", new.name(line));
+            }
         }
         for (index, place) in
             self.ports.iter().enumerate().filter(|(index, _)| changed.get(*index) == Some(&true))

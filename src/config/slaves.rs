@@ -43,6 +43,17 @@ pub enum OnSilence {
     Substitute = 2,
 }
 
+impl OnSilence {
+    /// What then stands in the inputs, behind a comma.
+    pub(crate) const fn of_inputs(self) -> &'static str {
+        match self {
+            Self::Hold => ", inputs held",
+            Self::Clear => ", inputs cleared",
+            Self::Substitute => ", inputs substituted",
+        }
+    }
+}
+
 /// One device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SlaveSettings {

@@ -267,8 +267,7 @@ fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineErr
             if scans && !settings.devices.is_empty() {
                 return Err(word.error(Problem::ScannerInUse));
             }
-            let exchanges =
-                settings.port(id).is_some_and(|port| matches!(port.kind, PortKind::Ethercat(_)));
+            let exchanges = settings.port(id).is_some_and(|port| matches!(port.kind, PortKind::Ethercat(_)));
             if exchanges && !settings.slaves.is_empty() {
                 return Err(word.error(Problem::EthercatInUse));
             }

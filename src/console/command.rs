@@ -13,6 +13,7 @@ use super::show::Show;
 use crate::config::{self, LineError, ReadError, Settings, Words};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
+use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::port::units::Units;
 
 /// What a command's first word asks for.
@@ -41,6 +42,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("route", Command::Settings),
     ("device", Command::Settings),
     ("point", Command::Settings),
+    ("slave", Command::Settings),
     ("edit", Command::Settings),
     ("insert", Command::Settings),
     ("move", Command::Settings),
@@ -181,8 +183,15 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(applied) => applied.warning,
             Err(error) => return self.fail(format_args!("{error}")).await,
         };
+        let writer = || self.gateway.ethercat().map(EthercatPlace::line_writer);
+        let writer_before = writer();
         if let Err(error) = self.gateway.apply(&self.draft) {
             return self.fail(format_args!("{error}")).await;
+        }
+        if let (Some(writer @ LineWriter::SettingsOver(_)), Some(line)) =
+            (writer().filter(|writer| Some(*writer) != writer_before), self.draft.ethercat_line())
+        {
+            self.out.line(format_args!("warning: port {}: {writer}", self.draft.name(line))).await?;
         }
         match warning {
             Some(warning) => self.out.line(format_args!("warning: {warning}")).await,

@@ -7,7 +7,7 @@ use embedded_io_async::{Read, Write};
 use heapless::{String, Vec};
 
 use super::command::Session;
-use super::rows::{age, text};
+use super::rows::{DeviceRow, text};
 use crate::config::{LineError, PointAt, PointSettings, Problem, Settings, Words, parse_number};
 use crate::hal::{Store, System};
 use crate::scanner::{DeviceId, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing};
@@ -145,37 +145,24 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 "DEVICE", "UNIT", "REQUESTS", "ANSWERS", "EXCEPTIONS", "FAILURES", "HEARD"
             ))
             .await?;
-        let Some(place) = self.gateway.scanner() else { return Ok(()) };
         let now = Instant::now();
         for (at, device) in self.draft.devices.iter().enumerate() {
-            let status = place.with(|scanner| scanner.device_status(DeviceId(at as u8), now));
+            let place = self.gateway.scanner();
+            let status =
+                place.and_then(|place| place.with(|scanner| scanner.device_status(DeviceId(at as u8), now)));
             let Some(status) = status else { continue };
-            let state = match status.alive {
-                None => "not asked yet",
-                Some(true) => "alive",
-                Some(false) => "silent",
-            };
-            let heard =
-                if status.answers == 0 { text(format_args!("never")) } else { age(status.heard, now) };
-            let mut more = String::<64>::new();
-            // What does not fit is missing at the end of the line.
-            if let Some(until) = status.backs_off_until {
-                let _ = write!(more, ", tried again in {}s", (until - now).as_secs() + 1);
-            }
-            if let Some(error) = status.error {
-                let _ = write!(more, ", last error: {}", error.name());
-            }
-            self.out
-                .line(format_args!(
-                    "{:15} {:>4} {:>10} {:>10} {:>10} {:>10} {heard:>9} {state}{more}",
-                    device.name,
-                    device.device.unit,
-                    status.requests,
-                    status.answers,
-                    status.exceptions,
-                    status.failures
-                ))
-                .await?;
+            let row =
+                DeviceRow { name: &device.name, unit: device.device.unit, status: &status, inputs: "", now };
+            self.out.line(format_args!("{row}")).await?;
+        }
+        // They are asked for the EtherCAT process image.
+        for (nth, slave) in self.draft.slaves.iter().enumerate() {
+            let status = self.gateway.ethercat().and_then(|place| place.slave_status(nth));
+            let Some(status) = status else { continue };
+            let inputs = if status.alive == Some(false) { slave.on_silence.of_inputs() } else { "" };
+            let name = text::<15>(format_args!("slave {nth}"));
+            let row = DeviceRow { name: &name, unit: slave.unit, status: &status, inputs, now };
+            self.out.line(format_args!("{row}")).await?;
         }
         Ok(())
     }

@@ -6,8 +6,9 @@ use heapless::String;
 
 use super::command::Session;
 use super::rows::{LogRow, Row, StatusText, Troubles, age, describe, state, text, took};
-use crate::config::{LINE_BYTES_MAX, PortKind, Side, write_line};
+use crate::config::{LINE_BYTES_MAX, PortId, PortKind, Side, write_line};
 use crate::hal::{NetworkState, Store, System};
+use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::port::units::Unit;
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
@@ -55,12 +56,21 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         self.out
             .line(format_args!("{:15} {:12} {:width$} {:12} STATUS", "PORT", "ROLE", "WHERE", "LINE"))
             .await?;
-        for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
+        for (at, (port, place)) in self.draft.ports.iter().zip(self.gateway.ports()).enumerate() {
             let Some(port) = port else { continue };
             let (role, place_name, line) = describe(&port.kind);
             let status = StatusText(place.status());
+            // Who had the last word about the line of the EtherCAT port.
+            let writer = self.gateway.ethercat().map(EthercatPlace::line_writer);
+            let writer = writer.filter(|writer| {
+                *writer != LineWriter::Settings && self.draft.ethercat_line() == Some(PortId(at as u8))
+            });
+            let writer = writer.map_or(String::new(), |writer| text::<48>(format_args!(", {writer}")));
             self.out
-                .line(format_args!("{:15} {role:12} {place_name:width$} {line:12} {status}", port.name))
+                .line(format_args!(
+                    "{:15} {role:12} {place_name:width$} {line:12} {status}{writer}",
+                    port.name
+                ))
                 .await?;
         }
         Ok(())

@@ -11,8 +11,8 @@ use super::coe::abort::Abort;
 use super::device::Device;
 use super::object::{Access, Entries, Entry, Object, Value};
 
-/// Bytes of an object at most, also when it is accessed completely: 120 mapped entries of four bytes and a count.
-pub const OBJECT_BYTES_MAX: usize = 512;
+/// Bytes of an object at most, also when it is accessed completely: 512 bytes of a buffer, and a count.
+pub const OBJECT_BYTES_MAX: usize = 520;
 
 /// An object's value or values.
 pub type Bytes = Vec<u8, OBJECT_BYTES_MAX>;

@@ -162,7 +162,9 @@ impl core::fmt::Display for TypeName {
             DataType::U32 => f.write_str("UDINT"),
             DataType::U64 => f.write_str("ULINT"),
             DataType::Text(bytes) => write!(f, "STRING({bytes})"),
-            DataType::Octets(bytes) | DataType::OctetsUpTo(bytes) => write!(f, "ARRAY [0..{}] OF BYTE", bytes.saturating_sub(1)),
+            DataType::Octets(bytes) | DataType::OctetsUpTo(bytes) => {
+                write!(f, "ARRAY [0..{}] OF BYTE", bytes.saturating_sub(1))
+            }
         }
     }
 }

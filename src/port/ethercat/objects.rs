@@ -82,7 +82,10 @@ const STATE: Entry = Entry::reading("State", DataType::U16).with_access(Access::
 /// The state reads as in 1023h of CiA 301: 0: ended, nothing to fetch; 1: answered; 2: ended in an error; 3: answered by an
 /// exception; 255: under way.
 const REQUEST: &[Entry] = &[
-    Entry { access: Access::WRITE, ..Entry::reading("UnitAndPdu", DataType::OctetsUpTo(REQUEST_BYTES_MAX as u16)) },
+    Entry {
+        access: Access::WRITE,
+        ..Entry::reading("UnitAndPdu", DataType::OctetsUpTo(REQUEST_BYTES_MAX as u16))
+    },
     Entry::reading("State", DataType::U8),
     Entry::reading("AnswerPdu", DataType::OctetsUpTo(PDU_BYTES_MAX as u16)),
     Entry::reading("Error", DataType::U8),

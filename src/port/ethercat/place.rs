@@ -269,8 +269,8 @@ impl EthercatPlace {
         layouts(&settings.slaves, room).try_for_each(|layout| layout.map(|_| ()))
     }
 
-    /// Follows `settings`, which were checked: slaves that are others are asked from now on; without a port that asks the
-    /// devices, no configuration can be in use.
+    /// Follows `settings`, which were checked: slaves that are others are asked from now on; without a port that asks them,
+    /// no configuration can be in use.
     pub fn follow(&self, settings: &Settings, other_slaves: bool) {
         let port = settings.ethercat();
         let sets_none = port.is_some_and(|port| port.line.is_none());
@@ -283,7 +283,8 @@ impl EthercatPlace {
             state.line = line;
             state.wanted |= other_slaves && !settings.slaves.is_empty();
         });
-        if line != before.line && line != Speed::NONE {
+        // Until a MainDevice says otherwise, the line is as it should be.
+        if line != before.line && line != Speed::NONE && before.speed == Speed::NONE {
             self.configuration(|configuration| configuration.set_speed(line));
         }
         if other_slaves {

@@ -124,7 +124,8 @@ impl Requests {
     /// Takes the one that is to be sent: its unit and PDU.
     pub(crate) fn take(&self) -> Option<(u8, Pdu)> {
         self.with(|current| {
-            let (&unit, pdu) = current.bytes.split_first().filter(|_| current.state == RequestState::Waiting)?;
+            let (&unit, pdu) =
+                current.bytes.split_first().filter(|_| current.state == RequestState::Waiting)?;
             let pdu = Pdu::from_slice(pdu).ok()?;
             current.state = RequestState::Open;
             // Whom an answer comes from matters no more; that there was a broadcast does.

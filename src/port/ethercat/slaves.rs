@@ -120,13 +120,17 @@ macro_rules! records {
     };
 }
 
-pub(super) const CONFIGURATIONS: [Object; SLAVES_MAX] = records!(0x2100, "ModbusConfigSlave", configuration_of);
+pub(super) const CONFIGURATIONS: [Object; SLAVES_MAX] =
+    records!(0x2100, "ModbusConfigSlave", configuration_of);
 pub(super) const LAYOUTS: [Object; SLAVES_MAX] =
     records!(0x2140, "PhyAddressRegistersModbusSlave", layout_of);
 pub(super) const STATUSES: [Object; SLAVES_MAX] = records!(0x2180, "StatusModbusSlave", status_of);
 
 /// The first four of `objects`, from another index on.
-pub(super) const fn first_four(objects: &[Object; SLAVES_MAX], index: u16) -> [Object; SLAVES_FIRST as usize] {
+pub(super) const fn first_four(
+    objects: &[Object; SLAVES_MAX],
+    index: u16,
+) -> [Object; SLAVES_FIRST as usize] {
     let [a, b, c, d, ..] = *objects;
     [
         Object { index, ..a },

@@ -29,10 +29,12 @@ impl EthercatPlace {
         if health(status) != 2 {
             return 0;
         }
-        self.configuration(|configuration| match configuration.slaves().get(nth).map(|slave| slave.on_silence) {
-            None | Some(OnSilence::Hold) => 1,
-            Some(OnSilence::Clear) => 2,
-            Some(OnSilence::Substitute) => 3,
+        self.configuration(|configuration| {
+            match configuration.slaves().get(nth).map(|slave| slave.on_silence) {
+                None | Some(OnSilence::Hold) => 1,
+                Some(OnSilence::Clear) => 2,
+                Some(OnSilence::Substitute) => 3,
+            }
         })
     }
 

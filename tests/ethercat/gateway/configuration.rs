@@ -3,7 +3,9 @@
 use mobgate::config::PortKind;
 use mobgate::ethercat::application::Application;
 use mobgate::ethercat::coe::abort::Abort;
-use mobgate::port::ethercat::{ConfigError, Configuration, EthercatPlace, GatewayObjects, REASON_BYTES, Room};
+use mobgate::port::ethercat::{
+    ConfigError, Configuration, EthercatPlace, GatewayObjects, REASON_BYTES, Room,
+};
 use mobgate::scanner::Kind;
 use mobgate_simulator::rig::with_gateway;
 

@@ -82,7 +82,10 @@ fn random_configurations_are_taken_over_as_a_model_says_or_not_at_all() {
             let before = place.outputs(<[u8]>::to_vec);
             let taken = write(&mut objects, 0x2005, 1, 1);
             let layouts: Vec<_> = (0..SLAVES as u16).map(|slave| layout(&mut objects, slave)).collect();
-            assert_eq!((place.is_running(), read(&mut objects, 0x2005, 2)), (taken.is_ok(), taken.is_ok().into()));
+            assert_eq!(
+                (place.is_running(), read(&mut objects, 0x2005, 2)),
+                (taken.is_ok(), taken.is_ok().into())
+            );
             match model(&slaves, room) {
                 Some(mut expected) => {
                     assert_eq!(taken, Ok(()), "{room:?} {slaves:?}");
@@ -103,5 +106,8 @@ fn random_configurations_are_taken_over_as_a_model_says_or_not_at_all() {
             }
         }
     });
-    assert!(good > 300 && bad > 300 && long > 50 && many > 10, "{good} good, {bad} bad, {long} long, {many} many");
+    assert!(
+        good > 300 && bad > 300 && long > 50 && many > 10,
+        "{good} good, {bad} bad, {long} long, {many} many"
+    );
 }

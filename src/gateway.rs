@@ -508,7 +508,8 @@ impl<'g> Gateway<'g> {
                         place.changed.wait().await;
                         continue;
                     };
-                    let port = scanner::Port { gateway: self, place, id, scanner, requests: None };
+                    let status = Status::Open;
+                    let port = scanner::Port { gateway: self, place, id, scanner, status, requests: None };
                     select(place.changed.wait(), port.run()).await;
                     port.close();
                 }
@@ -519,7 +520,8 @@ impl<'g> Gateway<'g> {
                     };
                     self.adopt(ethercat).await;
                     let (scanner, requests) = (ethercat.scanner(), Some(ethercat.requests()));
-                    let port = scanner::Port { gateway: self, place, id, scanner, requests };
+                    let status = ethercat.controller().status();
+                    let port = scanner::Port { gateway: self, place, id, scanner, status, requests };
                     // First of all: answers that come now may be for devices of before.
                     select(place.changed.wait(), select(ethercat.renewed(), port.run())).await;
                     port.close();

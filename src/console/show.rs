@@ -221,6 +221,9 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             self.out.line(format_args!("{event}")).await?;
             event.clear();
         }
+        if let Some(fault) = self.gateway.ethercat().and_then(|place| place.controller().fault()) {
+            self.out.line(format_args!("EtherCAT: {fault}")).await?;
+        }
         self.out
             .line(format_args!(
                 "{:>9} {:15} {:>4} {:15} {:>6} {:>8} {:>10} OUTCOME",
@@ -239,6 +242,10 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     async fn version(&mut self) -> Result<(), IO::Error> {
         let (version, board) = (env!("CARGO_PKG_VERSION"), self.system.name());
         let up = age(Instant::from_ticks(0), Instant::now());
-        self.out.line(format_args!("mobgate {version} on {board}, up {up}")).await
+        let running = format_args!("mobgate {version} on {board}, up {up}");
+        match self.gateway.ethercat() {
+            Some(place) => self.out.line(format_args!("{running}, {}", place.controller())).await,
+            None => self.out.line(running).await,
+        }
     }
 }

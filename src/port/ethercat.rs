@@ -7,6 +7,7 @@
 
 mod application;
 mod configuration;
+mod controller;
 mod image;
 mod keeping;
 mod layout;
@@ -20,6 +21,7 @@ mod status;
 
 pub use application::GatewayObjects;
 pub use configuration::{ConfigError, Configuration};
+pub use controller::{Controller, serve};
 pub use image::Room;
 pub use keeping::Keep;
 pub use layout::DeviceLayout;

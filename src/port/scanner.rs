@@ -32,12 +32,14 @@ pub(crate) struct Port<'s, 'g> {
     pub(crate) scanner: &'s ScannerPlace,
     /// What a MainDevice asks besides, at the EtherCAT port.
     pub(crate) requests: Option<&'s Requests>,
+    /// What it shows while it runs.
+    pub(crate) status: Status,
 }
 
 impl Port<'_, '_> {
     /// Asks the devices, for ever.
     pub(crate) async fn run(&self) {
-        self.place.set_status(Status::Open);
+        self.place.set_status(self.status);
         loop {
             let due = if self.send() {
                 self.scanner.with(|scanner| scanner.due())

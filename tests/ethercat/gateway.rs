@@ -3,6 +3,7 @@
 mod bench;
 mod conduct;
 mod configuration;
+mod controller;
 mod exchange;
 mod keeping;
 mod line;

@@ -11,6 +11,7 @@ use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
 use super::configuration::{ConfigError, Configuration};
+use super::controller::Controller;
 use super::image::{IMAGE_BYTES, Room};
 use super::keeping::{Keep, Keeping};
 use super::layout::{DeviceLayout, layouts};
@@ -32,7 +33,7 @@ pub struct EthercatPlace {
     /// As it was written last; while one is in use, this is the one.
     configuration: Mutex<CriticalSectionRawMutex, RefCell<Configuration>>,
     state: Mutex<CriticalSectionRawMutex, Cell<State>>,
-    /// The devices are others: what was asked before is nobody's question any more.
+    /// The devices are others: what was asked before is nobody's question any more. Or the controller has come or gone.
     renewed: Signal<CriticalSectionRawMutex, ()>,
     requests: Requests,
     pub(super) keeping: Keeping,
@@ -59,6 +60,7 @@ struct State {
     speed: Speed,
     /// How the line was set when it was looked at last.
     line: Speed,
+    controller: Controller,
 }
 
 impl State {
@@ -74,6 +76,7 @@ impl State {
         exchanging: false,
         speed: Speed::NONE,
         line: Speed::NONE,
+        controller: Controller::Present,
     };
 }
 
@@ -227,7 +230,18 @@ impl EthercatPlace {
         &self.requests
     }
 
-    /// Waits until the devices are others.
+    /// Whether the board's controller answers.
+    pub fn controller(&self) -> Controller {
+        self.state.lock(Cell::get).controller
+    }
+
+    /// Notes whether the controller answers, for the port and whoever asks.
+    pub(super) fn set_controller(&self, controller: Controller) {
+        self.update(|state| state.controller = controller);
+        self.renewed.signal(());
+    }
+
+    /// Waits until the devices are others, or the controller is.
     pub(crate) async fn renewed(&self) {
         self.renewed.wait().await;
     }

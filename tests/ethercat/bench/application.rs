@@ -93,6 +93,9 @@ pub(crate) struct Bench {
     pub(crate) stops: usize,
     /// With what inputs are filled; it counts up.
     pub(crate) fill: u8,
+    /// Writes go on as long as this is set, and end in an error if there is one.
+    pub(crate) writing: bool,
+    pub(crate) write_error: Option<Abort>,
     /// A state that the application refuses, and why.
     pub(crate) refuses: Option<(AlState, AlStatusCode)>,
 }
@@ -115,6 +118,11 @@ impl Application for Bench {
     fn write(&mut self, at: Address, value: &[u8]) {
         self.writes += 1;
         self.values.insert((at.index, at.sub), value.to_vec());
+    }
+
+    fn written(&mut self) -> Option<Result<(), Abort>> {
+        let outcome = self.write_error.map_or(Ok(()), Err);
+        (!self.writing).then_some(outcome)
     }
 
     fn outputs(&mut self, _pdo: u16, bytes: &[u8]) {

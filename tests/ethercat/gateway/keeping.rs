@@ -69,7 +69,7 @@ async fn with_store(gateway: &Gateway<'_>, store: &SlowStore, script: impl Futur
 }
 
 #[test]
-fn a_configuration_is_saved_on_command_while_process_data_go_on_and_is_in_use_after_a_restart() {
+fn statement_56_a_configuration_is_saved_on_command_while_process_data_go_on_and_is_in_use_after_a_restart() {
     let store = SlowStore::default();
     let virtuals = virtual_devices();
     let devices: Vec<_> = virtuals.iter().map(Virtual::device).collect();
@@ -127,7 +127,7 @@ async fn save_in_op(bench: &Bench<'_>) {
 }
 
 #[test]
-fn what_cannot_be_saved_is_aborted() {
+fn statement_56_what_cannot_be_saved_is_aborted() {
     with_devices(SETUP, async |bench| {
         let group = bench.desk.to_pre_op().await.unwrap();
         let gateway = group.subdevice(bench.desk.master, 0).unwrap();

@@ -9,10 +9,12 @@ use super::ask::Ask;
 use super::help;
 use super::output::Output;
 use super::points::PointCommand;
+use super::rows::port_name;
 use super::show::Show;
 use crate::config::{LineError, Words};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
+use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::port::units::Units;
 
 /// What a command's first word asks for.
@@ -43,6 +45,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("route", Command::Settings),
     ("device", Command::Settings),
     ("point", Command::Settings),
+    ("slave", Command::Settings),
     ("edit", Command::Settings),
     ("insert", Command::Settings),
     ("move", Command::Settings),
@@ -182,10 +185,22 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
-        match self.gateway.change(line).await {
-            Ok(Some(warning)) => self.out.line(format_args!("warning: {warning}")).await,
-            Ok(None) => Ok(()),
-            Err(error) => self.fail(format_args!("{error}")).await,
+        let writer = || self.gateway.ethercat().map(EthercatPlace::line_writer);
+        let before = writer();
+        let warning = match self.gateway.change(line).await {
+            Ok(warning) => warning,
+            Err(error) => return self.fail(format_args!("{error}")).await,
+        };
+        if let Some(writer @ LineWriter::SettingsOver(_)) = writer().filter(|writer| Some(*writer) != before)
+        {
+            let port = self.gateway.settings(|settings| Some(port_name(settings, settings.ethercat_line()?)));
+            if let Some(port) = port {
+                self.out.line(format_args!("warning: port {port}: {writer}")).await?;
+            }
+        }
+        match warning {
+            Some(warning) => self.out.line(format_args!("warning: {warning}")).await,
+            None => Ok(()),
         }
     }
 

@@ -7,7 +7,7 @@ use embedded_io_async::{Read, Write};
 use heapless::{String, Vec};
 
 use super::command::Session;
-use super::rows::{age, text};
+use super::rows::{DeviceRow, text};
 use super::show::Written;
 use crate::config::{LineError, PointAt, PointSettings, Problem, Settings, Words, parse_number};
 use crate::gateway::Gateway;
@@ -167,7 +167,7 @@ fn head(
     )
 }
 
-/// `show devices`
+/// `show devices`: those of the data points, then those that are asked for the EtherCAT process image.
 pub(super) fn device(
     gateway: &Gateway<'_>,
     settings: &Settings,
@@ -179,27 +179,26 @@ pub(super) fn device(
         let heading = "DEVICE          UNIT   REQUESTS    ANSWERS EXCEPTIONS   FAILURES     HEARD STATE";
         return Some(out.write_str(heading));
     };
-    let device = settings.devices.get(row)?;
-    let status = gateway.scanner()?.with(|scanner| scanner.device_status(DeviceId(row as u8), now))?;
-    let state = match status.alive {
-        None => "not asked yet",
-        Some(true) => "alive",
-        Some(false) => "silent",
+    if let Some(device) = settings.devices.get(row) {
+        let place = gateway.scanner();
+        let status =
+            place.and_then(|place| place.with(|scanner| scanner.device_status(DeviceId(row as u8), now)));
+        let Some(status) = status else { return Some(Ok(())) };
+        let unit = device.device.unit;
+        return Some(write!(
+            out,
+            "{}",
+            DeviceRow { name: &device.name, unit, status: &status, inputs: "", now }
+        ));
+    }
+    let nth = row - settings.devices.len();
+    let slave = settings.slaves.get(nth)?;
+    let Some(status) = gateway.ethercat().and_then(|place| place.slave_status(nth)) else {
+        return Some(Ok(()));
     };
-    let heard = if status.answers == 0 { text(format_args!("never")) } else { age(status.heard, now) };
-    let mut more = String::<64>::new();
-    // What does not fit is missing at the end of the line.
-    if let Some(until) = status.backs_off_until {
-        let _ = write!(more, ", tried again in {}s", (until - now).as_secs() + 1);
-    }
-    if let Some(error) = status.error {
-        let _ = write!(more, ", last error: {}", error.name());
-    }
-    Some(write!(
-        out,
-        "{:15} {:>4} {:>10} {:>10} {:>10} {:>10} {heard:>9} {state}{more}",
-        device.name, device.device.unit, status.requests, status.answers, status.exceptions, status.failures
-    ))
+    let inputs = if status.alive == Some(false) { slave.on_silence.of_inputs() } else { "" };
+    let name = text::<15>(format_args!("slave {nth}"));
+    Some(write!(out, "{}", DeviceRow { name: &name, unit: slave.unit, status: &status, inputs, now }))
 }
 
 /// Waits until nothing is on its way for the row, or nothing can be for some time; says whether.

@@ -13,8 +13,9 @@ use self::identity::Identity;
 use self::plan::Plan;
 use super::command::Session;
 use super::probe::{About, Watch, request, to_first_char};
+use super::rows::{port_name, text};
 use crate::asking::Turn;
-use crate::config::{LineSettings, PortId, PortKind, Side, Time, Words};
+use crate::config::{LineSettings, Name, Port, PortId, Settings, Side, Time, Words};
 use crate::hal::{Store, System};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
@@ -162,8 +163,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         let units = search.at.iter().filter(|at| **at > 0).count();
         let took = search.begun.elapsed().as_secs();
         self.out.line(format_args!("{units} units found in {took}s")).await?;
-        self.gateway.settings(|settings| self.draft.clone_from(settings));
-        let name = self.draft.name(plan.port);
+        let name = self.gateway.settings(|settings| port_name(settings, plan.port));
         for (nth, line) in plan.lines().enumerate() {
             let at = nth as u8 + 1;
             if search.at.contains(&at) {
@@ -171,14 +171,11 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 self.out.line(format_args!("edit port {name} {:12} # units {units}", line.speed())).await?;
             }
         }
-        let is_routed =
-            |port| self.draft.routes.iter().any(|route| route.destination == Destination::Port(port));
         let first = search.at.iter().position(|at| *at > 0);
         let last = search.at.iter().rposition(|at| *at > 0);
-        if let (Some(first), Some(last), false) = (first, last, is_routed(plan.port)) {
-            let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
-            let server = self.draft.ports.iter().flatten().find(|port| is_server(&port.kind));
-            let source = server.map_or("SOURCE", |port| port.name.as_str());
+        if let (Some(first), Some(last)) = (first, last)
+            && let Some(source) = self.gateway.settings(|settings| source_for(settings, plan.port))
+        {
             self.out.line(format_args!("route {source} {first}-{last} * * {name}")).await?;
         }
         Ok(())
@@ -189,6 +186,14 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         let place = self.gateway.ports().get(port.index());
         place.map_or(0, |place| events.iter().fold(0, |sum, event| sum.wrapping_add(place.stats.get(*event))))
     }
+}
+
+/// The source of the rule that leads to `port`, if there is no such rule yet.
+fn source_for(settings: &Settings, port: PortId) -> Option<Name> {
+    let is_server = |port: &&Port| port.kind.side() == Side::Server && !port.kind.asks_by_itself();
+    let is_routed = settings.routes.iter().any(|route| route.destination == Destination::Port(port));
+    let server = settings.ports.iter().flatten().find(is_server);
+    (!is_routed).then(|| text(format_args!("{}", server.map_or("SOURCE", |port| port.name.as_str()))))
 }
 
 /// The units that were found at one speed and format.

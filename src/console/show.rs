@@ -4,13 +4,15 @@ use core::fmt;
 
 use embassy_time::Instant;
 use embedded_io_async::{Read, Write};
+use heapless::String;
 
 use super::command::Session;
 use super::points;
 use super::rows::{LogRow, Row, StatusText, Troubles, age, describe, state, text, took};
-use crate::config::{Port, PortKind, Settings, Side, write_line};
+use crate::config::{Port, PortId, PortKind, Settings, Side, write_line};
 use crate::gateway::{Gateway, PortPlace};
 use crate::hal::{NetworkState, Store, System};
+use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::port::units::{UNITS_MAX, Unit};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
@@ -106,7 +108,11 @@ fn port(gateway: &Gateway<'_>, settings: &Settings, place: usize, out: &mut dyn 
     let Some((port, place)) = port_at(gateway, settings, row)? else { return NO_ROW };
     let (role, place_name, line) = describe(&port.kind);
     let status = StatusText(place.status());
-    Some(write!(out, "{:15} {role:12} {place_name:width$} {line:12} {status}", port.name))
+    // Who had the last word about the line of the EtherCAT port.
+    let line_of = gateway.ethercat().filter(|_| settings.ethercat_line() == Some(PortId(row as u8)));
+    let writer = line_of.map(EthercatPlace::line_writer).filter(|writer| *writer != LineWriter::Settings);
+    let writer = writer.map_or(String::new(), |writer| text::<48>(format_args!(", {writer}")));
+    Some(write!(out, "{:15} {role:12} {place_name:width$} {line:12} {status}{writer}", port.name))
 }
 
 fn route(settings: &Settings, place: usize, out: &mut dyn fmt::Write) -> Written {

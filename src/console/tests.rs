@@ -417,7 +417,7 @@ fn a_person_types_edits_completes_and_leaves() {
 fn tab_lists_the_words_that_a_word_could_become() {
     with_gateway(|gateway| {
         let printed = typed(gateway, "s\t\x15help move\r");
-        assert!(printed.contains("\r\nshow  save\r\n\rmobgate> s"), "{printed:?}");
+        assert!(printed.contains("\r\nslave  show  scan  save\r\n\rmobgate> s"), "{printed:?}");
         assert!(printed.contains("move route N M"), "{printed:?}");
     });
 }
@@ -465,14 +465,14 @@ proptest::proptest! {
 }
 
 #[test]
-fn a_session_fits_into_twenty_four_kilobytes() {
+fn a_session_fits_into_twenty_five_kilobytes() {
     with_gateway(|gateway| {
         let mut stream = Stream { typed: b"", piece: 1, printed: Vec::new() };
         let mut store = Memory::default();
         let system = Bench::default();
         let future = run(gateway, &mut stream, &mut store, &system, Mode::Echo);
         let bytes = size_of_val(&future);
-        assert!(bytes < 24 * 1024, "{bytes}");
+        assert!(bytes < 25 * 1024, "{bytes}");
     });
 }
 

@@ -151,7 +151,7 @@ impl EthercatPlace {
     }
 
     /// The scanner, for the port.
-    pub(crate) fn scanner(&self) -> &ScannerPlace {
+    pub fn scanner(&self) -> &ScannerPlace {
         &self.scanner
     }
 
@@ -167,12 +167,12 @@ impl EthercatPlace {
     }
 
     /// Waits until the devices are others, or the controller is.
-    pub(crate) async fn renewed(&self) {
+    pub async fn renewed(&self) {
         self.renewed.wait().await;
     }
 
     /// How the serial line is to be set, once for each configuration that is taken over.
-    pub(crate) fn take_speed(&self) -> Option<Speed> {
+    pub fn take_speed(&self) -> Option<Speed> {
         let State { speed, speed_is_new, .. } = self.state.lock(Cell::get);
         self.update(|state| state.speed_is_new = false);
         speed_is_new.then_some(speed)

@@ -14,12 +14,12 @@ use self::plan::Plan;
 use super::command::Session;
 use super::probe::{About, Watch, request, to_first_char};
 use crate::asking::Turn;
-use crate::config::{LineSettings, PortId, PortKind, Side, Time, Words};
+use crate::config::{LineSettings, Name, PortId, PortKind, Side, Time, Words};
 use crate::hal::{Store, System};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, REPORT_SERVER_ID};
-use crate::route::Destination;
+use crate::route::{Destination, Route};
 use crate::scanner::Pdu;
 use crate::stats::Event;
 
@@ -162,8 +162,14 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         let units = search.at.iter().filter(|at| **at > 0).count();
         let took = search.begun.elapsed().as_secs();
         self.out.line(format_args!("{units} units found in {took}s")).await?;
-        self.gateway.settings(|settings| self.draft.clone_from(settings));
-        let name = self.draft.name(plan.port);
+        // The lines take their time, and the settings may be others meanwhile.
+        let (name, server, is_routed) = self.gateway.settings(|settings| {
+            let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
+            let server = settings.ports.iter().flatten().find(|port| is_server(&port.kind));
+            let is_routed = |route: &Route| route.destination == Destination::Port(plan.port);
+            let name = Name::try_from(settings.name(plan.port)).unwrap_or_default();
+            (name, server.map(|port| port.name.clone()), settings.routes.iter().any(is_routed))
+        });
         for (nth, line) in plan.lines().enumerate() {
             let at = nth as u8 + 1;
             if search.at.contains(&at) {
@@ -171,14 +177,10 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 self.out.line(format_args!("edit port {name} {:12} # units {units}", line.speed())).await?;
             }
         }
-        let is_routed =
-            |port| self.draft.routes.iter().any(|route| route.destination == Destination::Port(port));
         let first = search.at.iter().position(|at| *at > 0);
         let last = search.at.iter().rposition(|at| *at > 0);
-        if let (Some(first), Some(last), false) = (first, last, is_routed(plan.port)) {
-            let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
-            let server = self.draft.ports.iter().flatten().find(|port| is_server(&port.kind));
-            let source = server.map_or("SOURCE", |port| port.name.as_str());
+        if let (Some(first), Some(last), false) = (first, last, is_routed) {
+            let source = server.as_deref().unwrap_or("SOURCE");
             self.out.line(format_args!("route {source} {first}-{last} * * {name}")).await?;
         }
         Ok(())

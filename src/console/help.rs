@@ -117,7 +117,7 @@ const TOPICS: &[(&str, &[&str])] = &[
             "show devices                     the devices that the scanner asks",
             "show config                      the settings as lines that make them",
             "show network                     the board's own address",
-            "show version                     what runs here, and for how long",
+            "show version                     what runs here, for how long, and whether an EtherCAT controller answers",
         ],
     ),
     (

@@ -6,7 +6,7 @@
 
 use core::cell::{Cell, RefCell};
 use core::net::SocketAddr;
-use core::sync::atomic::{AtomicBool, AtomicU16, Ordering};
+use core::sync::atomic::{AtomicU16, Ordering};
 
 use embassy_futures::select::select;
 use embassy_sync::blocking_mutex::Mutex;
@@ -17,6 +17,7 @@ use embassy_time::Instant;
 use crate::asking::Asking;
 use crate::capture::Capture;
 use crate::config::{OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, load_points};
+use crate::drafting::Draft;
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
@@ -24,9 +25,10 @@ use crate::port::desk::Desk;
 use crate::port::ethercat::{ConfigError, EthercatPlace, LineWriter};
 use crate::port::local::Events;
 use crate::port::sockets::Socket;
+use crate::port::tcp_server::Terms;
 use crate::port::units::Units;
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
-use crate::scanner::{Full, ScannerPlace};
+use crate::scanner::{Full, POINTS, ScannerPlace};
 use crate::stats::{Counters, Event, Log};
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
@@ -258,9 +260,6 @@ pub enum ApplyError {
     /// The slaves of the EtherCAT port cannot be asked.
     #[error(transparent)]
     Slaves(#[from] ConfigError),
-    /// The settings are being saved for a MainDevice.
-    #[error("the settings are being saved for EtherCAT: try again")]
-    Saving,
 }
 
 /// All that the tasks share.
@@ -271,6 +270,8 @@ pub struct Gateway<'g> {
     /// The global queue: every port sends, only the router receives.
     pub(crate) inbox: Channel,
     settings: Shared<Settings>,
+    /// Settings that are being changed, loaded or saved.
+    pub(crate) draft: Draft,
     /// Whether the settings say the board's own address.
     owns_network: bool,
     network_changed: Signal<CriticalSectionRawMutex, ()>,
@@ -282,8 +283,6 @@ pub struct Gateway<'g> {
     scanner: Option<&'g ScannerPlace>,
     capture: Option<&'g Capture>,
     ethercat: Option<&'g EthercatPlace>,
-    /// The settings are being saved line by line.
-    saving: AtomicBool,
 }
 
 impl<'g> Gateway<'g> {
@@ -296,6 +295,7 @@ impl<'g> Gateway<'g> {
             seats,
             inbox: Channel::new(),
             settings: Mutex::new(RefCell::new(Settings::new())),
+            draft: Draft::new(Settings::new()),
             owns_network: false,
             network_changed: Signal::new(),
             log: Log::new(),
@@ -304,7 +304,6 @@ impl<'g> Gateway<'g> {
             scanner: None,
             capture: None,
             ethercat: None,
-            saving: AtomicBool::new(false),
         }
     }
 
@@ -329,7 +328,7 @@ impl<'g> Gateway<'g> {
 
     /// The data points, if the board has memory for them. Point N of the settings is row N, device N is device N.
     pub fn scanner(&self) -> Option<&'g ScannerPlace> {
-        self.scanner
+        if POINTS { self.scanner } else { None }
     }
 
     /// The gateway of a board with an EtherCAT controller, whose SubDevice has the objects of `place`.
@@ -341,7 +340,7 @@ impl<'g> Gateway<'g> {
 
     /// What the SubDevice shares, if the board has one.
     pub fn ethercat(&self) -> Option<&'g EthercatPlace> {
-        self.ethercat
+        if POINTS { self.ethercat } else { None }
     }
 
     /// For a board whose Ethernet is the gateway's own: the settings say its address, and the board follows them by
@@ -392,16 +391,6 @@ impl<'g> Gateway<'g> {
         self.settings.lock(|settings| f(&mut settings.borrow_mut()))
     }
 
-    /// Begins to save the settings, or ends: they cannot be changed meanwhile.
-    pub(crate) fn set_saving(&self, saving: bool) {
-        self.saving.store(saving, Ordering::Relaxed);
-    }
-
-    /// Whether the settings are being saved line by line.
-    pub(crate) fn is_saving(&self) -> bool {
-        self.saving.load(Ordering::Relaxed)
-    }
-
     /// Takes `new` over: rules and what special units mean from the next request on; ports that differ in kind or its
     /// settings are started again, the others go on.
     pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
@@ -417,20 +406,17 @@ impl<'g> Gateway<'g> {
             return Err(ApplyError::Network);
         }
         let has_points = !new.points.is_empty() || new.ports.iter().flatten().any(is_scanner);
-        if has_points && self.scanner.is_none() {
+        if has_points && self.scanner().is_none() {
             return Err(ApplyError::NoPoints);
         }
-        if new.ethercat().is_some() && self.ethercat.is_none() {
+        if new.ethercat().is_some() && self.ethercat().is_none() {
             return Err(ApplyError::NoEthercat);
         }
-        if self.is_saving() {
-            return Err(ApplyError::Saving);
-        }
-        if let Some(ethercat) = self.ethercat {
+        if let Some(ethercat) = self.ethercat() {
             ethercat.check_settings(new)?;
         }
         let mut points = Reloaded::Nothing;
-        if let Some(place) = self.scanner {
+        if let Some(place) = self.scanner() {
             let load = |scanner: &mut _| self.settings(|old| load_points(scanner, old, new, Instant::now()));
             points = place.change(load)?;
         }
@@ -449,7 +435,7 @@ impl<'g> Gateway<'g> {
             }
             settings.clone_from(new);
         });
-        if let Some(ethercat) = self.ethercat {
+        if let Some(ethercat) = self.ethercat() {
             let before = ethercat.line_writer();
             ethercat.follow(new, other_slaves);
             let writer = ethercat.line_writer();
@@ -488,7 +474,9 @@ impl<'g> Gateway<'g> {
     ) {
         let Some(place) = self.ports.get(id.index()) else { return };
         loop {
-            let kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
+            let mut kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
+            let alone = self.asking.try_on(id, kind.as_mut());
+            place.units(|units| units.freeze(alone));
             place.renew();
             match &kind {
                 Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
@@ -503,35 +491,16 @@ impl<'g> Gateway<'g> {
                     select(place.changed.wait(), server.run(datagrams)).await;
                     server.close();
                 }
-                Some(PortKind::Scanner) => {
-                    let Some(scanner) = self.scanner else {
-                        place.changed.wait().await;
-                        continue;
-                    };
-                    let status = Status::Open;
-                    let port = scanner::Port { gateway: self, place, id, scanner, status, requests: None };
-                    select(place.changed.wait(), port.run()).await;
-                    port.close();
-                }
-                Some(PortKind::Ethercat(_)) => {
-                    let Some(ethercat) = self.ethercat else {
-                        place.changed.wait().await;
-                        continue;
-                    };
-                    self.adopt(ethercat).await;
-                    let (scanner, requests) = (ethercat.scanner(), Some(ethercat.requests()));
-                    let status = ethercat.controller().status();
-                    let port = scanner::Port { gateway: self, place, id, scanner, status, requests };
-                    // First of all: answers that come now may be for devices of before.
-                    select(place.changed.wait(), select(ethercat.renewed(), port.run())).await;
-                    port.close();
+                Some(PortKind::Scanner | PortKind::Ethercat(_)) => {
+                    let ethercat = self.ethercat().filter(|_| kind != Some(PortKind::Scanner));
+                    scanner::run(self, place, id, ethercat).await;
                 }
                 kind => {
                     let unit = match kind {
                         Some(PortKind::TcpClient(settings)) => settings.unit,
                         _ => None,
                     };
-                    let desk = Desk::new(self, place, id, unit);
+                    let desk = Desk::new(self, place, id, unit, alone);
                     let part = play(&desk, kind.as_ref(), lines, connector);
                     select(place.changed.wait(), select(desk.take_in(), part)).await;
                     desk.close();
@@ -546,17 +515,15 @@ impl<'g> Gateway<'g> {
         let Some(seat) = self.seats.get(index) else { return };
         loop {
             let served = seat.state().port.and_then(|id| {
-                let settings = self.settings(|settings| match &settings.port(id)?.kind {
-                    PortKind::TcpServer(settings) => Some(settings.clone()),
-                    _ => None,
-                })?;
-                Some((id, self.ports.get(id.index())?, settings))
+                let terms = self.settings(|settings| settings.tcp_server(id).map(Terms::of))?;
+                Some((id, self.ports.get(id.index())?, terms))
             });
-            let Some((id, place, settings)) = served else {
+            let Some((id, place, terms)) = &served else {
                 seat.changed.wait().await;
                 continue;
             };
-            let server = tcp_server::Server { gateway: self, id, place, settings: &settings, seat, index };
+            let (id, settings) = (*id, terms);
+            let server = tcp_server::Server { gateway: self, id, place, settings, seat, index };
             select(seat.changed.wait(), server.run(host)).await;
             server.left();
         }

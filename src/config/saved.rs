@@ -1,7 +1,5 @@
 //! Settings in a store: written as the lines that recreate them, read back line by line.
 
-use core::fmt;
-
 use heapless::String;
 use thiserror::Error;
 
@@ -44,22 +42,11 @@ pub async fn read_store(store: &mut impl Store, settings: &mut Settings) -> Resu
 
 /// Makes `settings` the text in `store`.
 pub async fn write_store(settings: &Settings, store: &mut impl Store) -> Result<(), StoreError> {
-    write_lines(|n, line| write_line(settings, n, line), store).await
-}
-
-/// A line of settings with its end.
-pub(crate) type SavedLine = String<{ LINE_BYTES_MAX + 1 }>;
-
-/// Makes the lines that `write` writes the text in `store`; all of them come from the same settings.
-pub(crate) async fn write_lines(
-    mut write: impl FnMut(usize, &mut SavedLine) -> Option<fmt::Result>,
-    store: &mut impl Store,
-) -> Result<(), StoreError> {
-    let mut line = SavedLine::new();
+    let mut line = String::<{ LINE_BYTES_MAX + 1 }>::new();
     let mut n = 0;
     // With settings that are empty the text is one empty line, so that it is not taken for none.
     loop {
-        let more = write(n, &mut line).is_some();
+        let more = write_line(settings, n, &mut line).is_some();
         if more || n == 0 {
             // Lines of settings fit, see LINE_BYTES_MAX.
             let _ = line.push('\n');

@@ -11,7 +11,6 @@ use crate::config::{
 use crate::gateway::Status;
 use crate::port::units::Unit;
 use crate::route::{Policy, Route};
-use crate::scanner::DeviceStatus;
 use crate::stats::{LogEntry, Outcome};
 
 /// Text that is padded as a whole when it is printed.
@@ -55,12 +54,15 @@ pub(super) fn state(unit: &Unit, now: Instant) -> &'static str {
     }
 }
 
+/// A device, or an IPv6 address with its port.
+const WHERE_BYTES_MAX: usize = if DEVICE_BYTES_MAX > 56 { DEVICE_BYTES_MAX } else { 56 };
+
 /// A port's role, the place where it is, and how its line is set.
-pub(super) fn describe(kind: &PortKind) -> (String<12>, String<DEVICE_BYTES_MAX>, String<SPEED_BYTES_MAX>) {
+pub(super) fn describe(kind: &PortKind) -> (String<12>, String<WHERE_BYTES_MAX>, String<SPEED_BYTES_MAX>) {
     match kind {
         PortKind::Serial(serial) => {
             let role = text(format_args!("{} {}", serial.framing, serial.side));
-            (role, serial.device.clone(), serial.line.speed())
+            (role, text(format_args!("{}", serial.device)), serial.line.speed())
         }
         PortKind::TcpServer(server) => (
             text(format_args!("tcp server")),
@@ -130,41 +132,6 @@ impl fmt::Display for Row<'_> {
         write!(f, "{source:15} {:7} {peer:18} {:4} {destination:15} ", route.units, route.tag)?;
         let everything = if route.policy == Policy::default() { " all" } else { "" };
         write!(f, "{kind:7}{everything}{}", route.policy)
-    }
-}
-
-/// A device that is asked, and how it is doing.
-pub(super) struct DeviceRow<'s> {
-    pub(super) name: &'s str,
-    pub(super) unit: u8,
-    pub(super) status: &'s DeviceStatus,
-    /// What stands in its inputs, if that is not what was read.
-    pub(super) inputs: &'static str,
-    pub(super) now: Instant,
-}
-
-impl fmt::Display for DeviceRow<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { name, unit, status, inputs, now } = self;
-        let DeviceStatus { requests, answers, exceptions, failures, .. } = status;
-        let heard = if *answers == 0 { text(format_args!("never")) } else { age(status.heard, *now) };
-        write!(
-            f,
-            "{name:15} {unit:>4} {requests:>10} {answers:>10} {exceptions:>10} {failures:>10} {heard:>9} "
-        )?;
-        f.write_str(match status.alive {
-            None => "not asked yet",
-            Some(true) => "alive",
-            Some(false) => "silent",
-        })?;
-        f.write_str(inputs)?;
-        if let Some(until) = status.backs_off_until {
-            write!(f, ", tried again in {}s", (until - *now).as_secs() + 1)?;
-        }
-        match status.error {
-            Some(error) => write!(f, ", last error: {}", error.name()),
-            None => Ok(()),
-        }
     }
 }
 

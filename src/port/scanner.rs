@@ -4,7 +4,9 @@
 //! One request is open for each device at most, and its place among the devices is its transaction id. The scanner repeats
 //! and backs off by itself: no port repeats its requests, and its attempt at a unit that is down is the unit's probe.
 
-use embassy_futures::select::{Either4, select4};
+use core::future::pending;
+
+use embassy_futures::select::{Either4, select, select4};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::config::PortId;
@@ -12,7 +14,7 @@ use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Status};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
-use crate::port::ethercat::Requests;
+use crate::port::ethercat::{EthercatPlace, Requests};
 use crate::scanner::{DEVICES_MAX, DeviceId, ErrorCode, Pdu, ScannerPlace};
 use crate::stats::Event;
 
@@ -25,20 +27,44 @@ const STARVED: Duration = Duration::from_millis(10);
 const REQUEST: u16 = DEVICES_MAX as u16;
 
 /// A scanner's port.
-pub(crate) struct Port<'s, 'g> {
-    pub(crate) gateway: &'s Gateway<'g>,
-    pub(crate) place: &'s PortPlace,
-    pub(crate) id: PortId,
-    pub(crate) scanner: &'s ScannerPlace,
+struct Port<'s, 'g> {
+    gateway: &'s Gateway<'g>,
+    place: &'s PortPlace,
+    id: PortId,
+    scanner: &'s ScannerPlace,
     /// What a MainDevice asks besides, at the EtherCAT port.
-    pub(crate) requests: Option<&'s Requests>,
+    requests: Option<&'s Requests>,
     /// What it shows while it runs.
-    pub(crate) status: Status,
+    status: Status,
+}
+
+/// Asks for what the data points want, or the MainDevice behind `ethercat`, until the port is set anew.
+pub(crate) async fn run(
+    gateway: &Gateway<'_>,
+    place: &PortPlace,
+    id: PortId,
+    ethercat: Option<&EthercatPlace>,
+) {
+    let scanner = ethercat.map(EthercatPlace::scanner).or(gateway.scanner());
+    let Some(scanner) = scanner else { return place.changed.wait().await };
+    ethercat.into_iter().for_each(|ethercat| gateway.adopt(ethercat));
+    let status = ethercat.map_or(Status::Open, |ethercat| ethercat.controller().status());
+    let requests = ethercat.map(EthercatPlace::requests);
+    let port = Port { gateway, place, id, scanner, status, requests };
+    let renewed = async {
+        match ethercat {
+            Some(ethercat) => ethercat.renewed().await,
+            None => pending().await,
+        }
+    };
+    // First of all: answers that come now may be for devices of before.
+    select(place.changed.wait(), select(renewed, port.run())).await;
+    port.close();
 }
 
 impl Port<'_, '_> {
     /// Asks the devices, for ever.
-    pub(crate) async fn run(&self) {
+    async fn run(&self) {
         self.place.set_status(self.status);
         loop {
             let due = if self.send() {
@@ -56,7 +82,7 @@ impl Port<'_, '_> {
     }
 
     /// Answers that are there or still come are of no use: what was open is asked again.
-    pub(crate) fn close(&self) {
+    fn close(&self) {
         self.place.renew();
         while self.place.queue.try_receive(self.gateway.pool()).is_some() {}
         self.scanner.with(|scanner| scanner.forget_open());
@@ -67,7 +93,7 @@ impl Port<'_, '_> {
     async fn asked(&self) {
         match self.requests {
             Some(requests) => requests.asked().await,
-            None => core::future::pending().await,
+            None => pending().await,
         }
     }
 

@@ -8,7 +8,7 @@ use embassy_futures::join::join;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use heapless::String;
-use mobgate::config::{Loader, Settings, read_store};
+use mobgate::config::Loader;
 use mobgate::console::{self, Mode};
 use mobgate::gateway::Gateway;
 use mobgate::hal::{NetworkState, System};
@@ -43,19 +43,16 @@ pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
     let flash = FileFlash::open().expect("a file for the flash: see boards/qemu_mps2/emulate");
     let store = block_on(FlashStore::open(flash, 0)).expect("a flash that can be read and written");
     let mut store = SharedStore::new(STORE.init(Mutex::new(store)));
-    let mut settings = Settings::new();
-    let saved = block_on(read_store(&mut store, &mut settings));
-    if !matches!(saved, Ok(1..)) {
-        if let Err(error) = saved {
-            log::error!("saved settings: {error}");
-        }
-        let mut loader = Loader::new(&mut settings);
-        let loaded = loader.feed(FIRST_SETTINGS.as_bytes()).and_then(|()| loader.finish());
-        loaded.expect("lines of the language");
+    match block_on(gateway.load(&mut store)) {
+        Ok(1..) => return store,
+        Ok(0) => {}
+        Err(error) => log::error!("{error}"),
     }
-    if let Err(error) = gateway.apply(&settings) {
-        log::error!("saved settings: {error}");
-    }
+    let mut draft = block_on(gateway.draft());
+    let mut loader = Loader::new(&mut draft);
+    let loaded = loader.feed(FIRST_SETTINGS.as_bytes()).and_then(|()| loader.finish());
+    loaded.expect("lines of the language");
+    gateway.apply(&draft).expect("ports that this board has");
     store
 }
 

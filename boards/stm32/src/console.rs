@@ -26,11 +26,12 @@ pub fn start(spawner: Spawner, board: Board, line: Line, flash: SettingsFlash, f
 }
 
 #[embassy_executor::task]
-async fn run(board: Board, line: Line, flash: SettingsFlash, forget: bool) {
-    LIVENESS.watch(Task::Console as usize, pin!(serve(board, line, flash, forget))).await
+async fn run(mut board: Board, mut line: Line, flash: SettingsFlash, forget: bool) {
+    // Lent and not moved: what a future is given it keeps twice.
+    LIVENESS.watch(Task::Console as usize, pin!(serve(&mut board, &mut line, flash, forget))).await
 }
 
-async fn serve(mut board: Board, mut line: Line, flash: SettingsFlash, forget: bool) {
+async fn serve(board: &mut Board, line: &mut Line, flash: SettingsFlash, forget: bool) {
     // It is a format that every chip has.
     line.configure(&LINE).unwrap();
     let flash = FlashStore::open(flash, SETTINGS_START).await.map(Mutex::new);
@@ -44,7 +45,7 @@ async fn serve(mut board: Board, mut line: Line, flash: SettingsFlash, forget: b
     let sessions = async {
         loop {
             // A line never ends; `exit` begins a new session.
-            let _ = console::run(gateway(), &mut line, &mut store, &board, Mode::Echo).await;
+            let _ = console::run(gateway(), &mut *line, &mut store, &*board, Mode::Echo).await;
             store = Settings::of(&flash);
         }
     };

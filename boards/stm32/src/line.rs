@@ -32,8 +32,9 @@ use crate::registers;
 
 /// Lines of a board, and its console.
 pub const LINES_MAX: usize = 5;
-/// Characters that wait to be read: a tenth of a second at 115200 baud.
-pub const RING_BYTES: usize = 1024;
+/// Characters that wait to be read: half a tenth of a second at 115200 baud, and twice that where the program stands still while
+/// settings are saved.
+pub const RING_BYTES: usize = if cfg!(feature = "f7") { 1024 } else { 512 };
 /// The hardware's longest time from driver to character and back, in sixteenths of a bit.
 const DRIVER_SIXTEENTHS_MAX: u64 = 31;
 

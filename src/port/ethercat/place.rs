@@ -221,12 +221,12 @@ impl EthercatPlace {
     }
 
     /// The scanner, for the port.
-    pub(crate) fn scanner(&self) -> &ScannerPlace {
+    pub fn scanner(&self) -> &ScannerPlace {
         &self.scanner
     }
 
     /// The MainDevice's own requests.
-    pub(crate) fn requests(&self) -> &Requests {
+    pub fn requests(&self) -> &Requests {
         &self.requests
     }
 
@@ -242,7 +242,7 @@ impl EthercatPlace {
     }
 
     /// Waits until the devices are others, or the controller is.
-    pub(crate) async fn renewed(&self) {
+    pub async fn renewed(&self) {
         self.renewed.wait().await;
     }
 

@@ -91,7 +91,7 @@ impl SpiDevice for Spi<'_> {
             match operation {
                 Operation::Write(from) => bytes.extend_from_slice(from),
                 Operation::TransferInPlace(both) => bytes.extend_from_slice(both),
-                Operation::Read(into) => bytes.resize(bytes.len() + into.len(), 0).map_err(Into::into),
+                Operation::Read(into) => bytes.resize(bytes.len() + into.len(), 0),
                 // The driver of the controller has no use for these.
                 Operation::Transfer(..) | Operation::DelayNs(_) => return Err(HostError),
             }

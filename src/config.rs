@@ -127,6 +127,7 @@ impl Settings {
         self.routes.clear();
         self.devices.clear();
         self.points.clear();
+        self.slaves.clear();
     }
 
     /// The port at `id`.

@@ -14,10 +14,10 @@ use super::text::{Applied, CHANGED};
 use super::values::{Time, medium, number, small};
 use super::words::{Word, Words};
 use super::{PortKind, Settings};
-use crate::scanner::{DEVICES_MAX, Kind};
+use crate::scanner::{Kind, POINTS};
 
 /// Devices behind the process image.
-pub const SLAVES_MAX: usize = DEVICES_MAX;
+pub const SLAVES_MAX: usize = if POINTS { 32 } else { 0 };
 /// How often a device is read if nothing else is said.
 const POLLING_MS: u32 = 1_000;
 
@@ -45,7 +45,7 @@ pub enum OnSilence {
 
 impl OnSilence {
     /// What then stands in the inputs, behind a comma.
-    pub(crate) const fn of_inputs(self) -> &'static str {
+    pub const fn of_inputs(self) -> &'static str {
         match self {
             Self::Hold => ", inputs held",
             Self::Clear => ", inputs cleared",
@@ -127,7 +127,7 @@ pub(super) fn slave(settings: &mut Settings, words: &mut Words) -> Result<Applie
         return Err(word.error(Problem::NoEthercat));
     }
     // One more than there are: it comes behind the others.
-    let most = settings.slaves.len().min(SLAVES_MAX - 1);
+    let most = settings.slaves.len().min(SLAVES_MAX.saturating_sub(1));
     let place = number(word, "the next slave's number, or that of one there is,", 0..=most as u32)?;
     words.take().keyword(&[("unit", ())], "unit and the slave's unit id")?;
     let mut slave = SlaveSettings::new(small(words.take(), "a unit id", 1..=247)?);

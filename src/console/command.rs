@@ -9,7 +9,6 @@ use super::ask::Ask;
 use super::help;
 use super::output::Output;
 use super::points::PointCommand;
-use super::rows::port_name;
 use super::show::Show;
 use crate::config::{LineError, Words};
 use crate::gateway::Gateway;
@@ -187,20 +186,14 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
         let writer = || self.gateway.ethercat().map(EthercatPlace::line_writer);
         let before = writer();
-        let warning = match self.gateway.change(line).await {
-            Ok(warning) => warning,
-            Err(error) => return self.fail(format_args!("{error}")).await,
-        };
-        if let Some(writer @ LineWriter::SettingsOver(_)) = writer().filter(|writer| Some(*writer) != before)
-        {
-            let port = self.gateway.settings(|settings| Some(port_name(settings, settings.ethercat_line()?)));
-            if let Some(port) = port {
-                self.out.line(format_args!("warning: port {port}: {writer}")).await?;
-            }
+        let changed = self.gateway.change(line).await;
+        if let Some(writer @ LineWriter::SettingsOver(_)) = writer().filter(|_| writer() != before) {
+            self.out.line(format_args!("warning: the line of the ethercat port: {writer}")).await?;
         }
-        match warning {
-            Some(warning) => self.out.line(format_args!("warning: {warning}")).await,
-            None => Ok(()),
+        match changed {
+            Ok(Some(warning)) => self.out.line(format_args!("warning: {warning}")).await,
+            Ok(None) => Ok(()),
+            Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 

@@ -7,12 +7,14 @@ use embedded_io_async::{Read, Write};
 use heapless::{String, Vec};
 
 use super::command::Session;
-use super::rows::{DeviceRow, text};
+use super::rows::{age, text};
 use super::show::Written;
 use crate::config::{LineError, PointAt, PointSettings, Problem, Settings, Words, parse_number};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
-use crate::scanner::{DeviceId, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing};
+use crate::scanner::{
+    DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing,
+};
 
 /// What is done with a point at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -180,25 +182,52 @@ pub(super) fn device(
         return Some(out.write_str(heading));
     };
     if let Some(device) = settings.devices.get(row) {
-        let place = gateway.scanner();
-        let status =
-            place.and_then(|place| place.with(|scanner| scanner.device_status(DeviceId(row as u8), now)));
-        let Some(status) = status else { return Some(Ok(())) };
-        let unit = device.device.unit;
-        return Some(write!(
-            out,
-            "{}",
-            DeviceRow { name: &device.name, unit, status: &status, inputs: "", now }
-        ));
+        let status = gateway.scanner()?.with(|scanner| scanner.device_status(DeviceId(row as u8), now))?;
+        let (name, unit) = (&device.name, device.device.unit);
+        return Some(write!(out, "{}", DeviceRow { name, unit, status: &status, inputs: "", now }));
     }
+    // Behind them those that are asked for the EtherCAT process image.
     let nth = row - settings.devices.len();
     let slave = settings.slaves.get(nth)?;
-    let Some(status) = gateway.ethercat().and_then(|place| place.slave_status(nth)) else {
-        return Some(Ok(()));
-    };
+    let status = gateway.ethercat()?.slave_status(nth)?;
     let inputs = if status.alive == Some(false) { slave.on_silence.of_inputs() } else { "" };
     let name = text::<15>(format_args!("slave {nth}"));
     Some(write!(out, "{}", DeviceRow { name: &name, unit: slave.unit, status: &status, inputs, now }))
+}
+
+/// A device that is asked, and how it is doing.
+struct DeviceRow<'s> {
+    name: &'s str,
+    unit: u8,
+    status: &'s DeviceStatus,
+    /// What stands in its inputs, if that is not what was read.
+    inputs: &'static str,
+    now: Instant,
+}
+
+impl fmt::Display for DeviceRow<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, unit, status, inputs, now } = self;
+        let DeviceStatus { requests, answers, exceptions, failures, .. } = status;
+        let heard = if *answers == 0 { text(format_args!("never")) } else { age(status.heard, *now) };
+        write!(
+            f,
+            "{name:15} {unit:>4} {requests:>10} {answers:>10} {exceptions:>10} {failures:>10} {heard:>9} "
+        )?;
+        f.write_str(match status.alive {
+            None => "not asked yet",
+            Some(true) => "alive",
+            Some(false) => "silent",
+        })?;
+        f.write_str(inputs)?;
+        if let Some(until) = status.backs_off_until {
+            write!(f, ", tried again in {}s", (until - *now).as_secs() + 1)?;
+        }
+        match status.error {
+            Some(error) => write!(f, ", last error: {}", error.name()),
+            None => Ok(()),
+        }
+    }
 }
 
 /// Waits until nothing is on its way for the row, or nothing can be for some time; says whether.

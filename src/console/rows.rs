@@ -12,7 +12,6 @@ use crate::config::{
 use crate::gateway::Status;
 use crate::port::units::Unit;
 use crate::route::{Policy, Route};
-use crate::scanner::DeviceStatus;
 use crate::stats::{LogEntry, Outcome};
 
 /// A port's name, for when the settings are not at hand any more.
@@ -139,41 +138,6 @@ impl fmt::Display for Row<'_> {
         write!(f, "{source:15} {:7} {peer:18} {:4} {destination:15} ", route.units, route.tag)?;
         let everything = if route.policy == Policy::default() { " all" } else { "" };
         write!(f, "{kind:7}{everything}{}", route.policy)
-    }
-}
-
-/// A device that is asked, and how it is doing.
-pub(super) struct DeviceRow<'s> {
-    pub(super) name: &'s str,
-    pub(super) unit: u8,
-    pub(super) status: &'s DeviceStatus,
-    /// What stands in its inputs, if that is not what was read.
-    pub(super) inputs: &'static str,
-    pub(super) now: Instant,
-}
-
-impl fmt::Display for DeviceRow<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { name, unit, status, inputs, now } = self;
-        let DeviceStatus { requests, answers, exceptions, failures, .. } = status;
-        let heard = if *answers == 0 { text(format_args!("never")) } else { age(status.heard, *now) };
-        write!(
-            f,
-            "{name:15} {unit:>4} {requests:>10} {answers:>10} {exceptions:>10} {failures:>10} {heard:>9} "
-        )?;
-        f.write_str(match status.alive {
-            None => "not asked yet",
-            Some(true) => "alive",
-            Some(false) => "silent",
-        })?;
-        f.write_str(inputs)?;
-        if let Some(until) = status.backs_off_until {
-            write!(f, ", tried again in {}s", (until - *now).as_secs() + 1)?;
-        }
-        match status.error {
-            Some(error) => write!(f, ", last error: {}", error.name()),
-            None => Ok(()),
-        }
     }
 }
 

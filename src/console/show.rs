@@ -9,7 +9,7 @@ use heapless::String;
 use super::command::Session;
 use super::points;
 use super::rows::{LogRow, Row, StatusText, Troubles, age, describe, state, text, took};
-use crate::config::{Port, PortId, PortKind, Settings, Side, write_line};
+use crate::config::{Port, PortKind, Settings, Side, write_line};
 use crate::gateway::{Gateway, PortPlace};
 use crate::hal::{NetworkState, Store, System};
 use crate::port::ethercat::{EthercatPlace, LineWriter};
@@ -109,10 +109,11 @@ fn port(gateway: &Gateway<'_>, settings: &Settings, place: usize, out: &mut dyn 
     let (role, place_name, line) = describe(&port.kind);
     let status = StatusText(place.status());
     // Who had the last word about the line of the EtherCAT port.
-    let line_of = gateway.ethercat().filter(|_| settings.ethercat_line() == Some(PortId(row as u8)));
-    let writer = line_of.map(EthercatPlace::line_writer).filter(|writer| *writer != LineWriter::Settings);
-    let writer = writer.map_or(String::new(), |writer| text::<48>(format_args!(", {writer}")));
-    Some(write!(out, "{:15} {role:12} {place_name:width$} {line:12} {status}{writer}", port.name))
+    let is_ethercat_line = settings.ethercat_line().is_some_and(|id| id.index() == row);
+    let writer = gateway.ethercat().filter(|_| is_ethercat_line).map(EthercatPlace::line_writer);
+    let writer = writer.filter(|writer| *writer != LineWriter::Settings);
+    let written = write!(out, "{:15} {role:12} {place_name:width$} {line:12} {status}", port.name);
+    Some(written.and_then(|()| writer.map_or(Ok(()), |writer| write!(out, ", {writer}"))))
 }
 
 fn route(settings: &Settings, place: usize, out: &mut dyn fmt::Write) -> Written {

@@ -28,5 +28,4 @@ pub use layout::DeviceLayout;
 pub use line::{LineWriter, Speed};
 pub use objects::{DEVICE, REASON_BYTES};
 pub use place::EthercatPlace;
-pub(crate) use request::Requests;
-pub use request::{REQUEST_BYTES_MAX, RequestState};
+pub use request::{REQUEST_BYTES_MAX, RequestState, Requests};

@@ -93,7 +93,7 @@ impl Port<'_, '_> {
     async fn asked(&self) {
         match self.requests {
             Some(requests) => requests.asked().await,
-            None => core::future::pending().await,
+            None => pending().await,
         }
     }
 

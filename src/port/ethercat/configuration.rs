@@ -5,8 +5,8 @@ use heapless::Vec;
 use super::image::Room;
 use super::layout::layouts;
 use super::line::Speed;
-use super::slaves::{ModbusSlave, SLAVES_FIRST, default_unit};
-use crate::config::{OnSilence, SLAVES_MAX, SlaveSettings};
+use super::slaves::{ModbusSlave, SLAVES_FIRST, SLAVES_MAX, default_unit};
+use crate::config::{OnSilence, SlaveSettings};
 use crate::ethercat::application::Address;
 use crate::scanner::Kind;
 

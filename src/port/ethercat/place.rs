@@ -226,7 +226,7 @@ impl EthercatPlace {
     }
 
     /// The MainDevice's own requests.
-    pub(crate) fn requests(&self) -> &Requests {
+    pub fn requests(&self) -> &Requests {
         &self.requests
     }
 

@@ -47,7 +47,7 @@ impl RequestState {
 }
 
 /// Where requests and answers change hands.
-pub(crate) struct Requests {
+pub struct Requests {
     current: Mutex<CriticalSectionRawMutex, RefCell<Current>>,
     asked: Signal<CriticalSectionRawMutex, ()>,
 }
@@ -112,17 +112,17 @@ impl Requests {
     }
 
     /// Waits until one is to be sent.
-    pub(crate) async fn asked(&self) {
+    pub async fn asked(&self) {
         self.asked.wait().await;
     }
 
     /// Whether one is to be sent.
-    pub(crate) fn waits(&self) -> bool {
+    pub fn waits(&self) -> bool {
         self.state() == RequestState::Waiting
     }
 
     /// Takes the one that is to be sent: its unit and PDU.
-    pub(crate) fn take(&self) -> Option<(u8, Pdu)> {
+    pub fn take(&self) -> Option<(u8, Pdu)> {
         self.with(|current| {
             let (&unit, pdu) =
                 current.bytes.split_first().filter(|_| current.state == RequestState::Waiting)?;
@@ -135,7 +135,7 @@ impl Requests {
     }
 
     /// What came of it: the answer's PDU, or why there is none.
-    pub(crate) fn ended(&self, outcome: Result<&[u8], ErrorCode>) {
+    pub fn ended(&self, outcome: Result<&[u8], ErrorCode>) {
         self.with(|current| {
             let broadcast = current.bytes.first() == Some(&0);
             current.bytes.clear();
@@ -154,7 +154,7 @@ impl Requests {
     }
 
     /// The answer to what was sent will not come any more.
-    pub(crate) fn lost(&self) {
+    pub fn lost(&self) {
         if self.state() == RequestState::Open {
             self.ended(Err(ErrorCode::Unknown));
         }

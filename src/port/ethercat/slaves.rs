@@ -3,9 +3,11 @@
 //! All slaves have them from 2100h, 2140h and 2180h on. The configuration and the layout of the first four stand at 2001h and
 //! 2011h too: the same values, at two places.
 
-use crate::config::SLAVES_MAX;
 use crate::ethercat::object::{DataType, Entry, Object};
+use crate::scanner::POINTS;
 
+/// Slaves that can be configured. The table has all of them also in an image that cannot ask any.
+pub(super) const SLAVES_MAX: usize = 32;
 /// Slaves that have a second place for configuration and layout; as many are configured after power-on.
 pub(super) const SLAVES_FIRST: u8 = 4;
 /// Entries of an array with a value for each slave.
@@ -14,6 +16,8 @@ pub(super) const SLAVES: u8 = SLAVES_MAX as u8;
 const CONFIGURATIONS_END: u16 = 0x2100 + SLAVES_MAX as u16 - 1;
 const LAYOUTS_END: u16 = 0x2140 + SLAVES_MAX as u16 - 1;
 const STATUS_END: u16 = 0x2180 + SLAVES_MAX as u16 - 1;
+
+const _: () = assert!(crate::config::SLAVES_MAX == if POINTS { SLAVES_MAX } else { 0 });
 
 /// What an object tells about which slave, counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

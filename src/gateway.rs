@@ -18,7 +18,7 @@ use crate::asking::Asking;
 use crate::capture::Capture;
 use crate::config::{
     LineSettings, OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, SerialSettings, Settings, Side,
-    load_points,
+    StreamFraming, load_points,
 };
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
@@ -255,6 +255,9 @@ pub enum ApplyError {
     /// The board has no EtherCAT controller.
     #[error("this board has no EtherCAT controller: it cannot have an ethercat port")]
     NoEthercat,
+    /// The board has no memory for frames.
+    #[error("this board keeps no frames")]
+    NoCapture,
     /// The data points take more than there is.
     #[error(transparent)]
     Points(#[from] Full),
@@ -401,6 +404,10 @@ impl<'g> Gateway<'g> {
         }
         if new.ethercat().is_some() && self.ethercat.is_none() {
             return Err(ApplyError::NoEthercat);
+        }
+        let captures = |port: &Port| matches!(&port.kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture);
+        if new.ports.iter().flatten().any(captures) && self.capture.is_none() {
+            return Err(ApplyError::NoCapture);
         }
         let mut points = Reloaded::Nothing;
         if let Some(place) = self.scanner {

@@ -38,6 +38,8 @@ struct Search {
     at: [u8; 256],
     begun: Instant,
     watch: Watch,
+    /// The last one.
+    answer: Pdu,
 }
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
@@ -58,7 +60,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 "about {about}; a key stops it. Others who ask by this port get 0A meanwhile."
             ))
             .await?;
-        let mut search = Search { at: [0; 256], begun: Instant::now(), watch: Watch::new() };
+        let mut search =
+            Search { at: [0; 256], begun: Instant::now(), watch: Watch::new(), answer: Pdu::new() };
         for (nth, line) in plan.lines().enumerate() {
             self.out
                 .line(format_args!("{:12} about {} left", line.speed(), About(plan.time_from(nth))))
@@ -94,15 +97,16 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 self.out.flush().await?;
             }
             let flaws = self.heard(plan.port, &[Event::Parity, Event::Framing]);
-            let asked = self.unless_typed(&mut search.watch, turn.ask(unit, &request(plan.function))).await?;
-            let Some(answer) = asked else { return Ok(false) };
-            match (answer, turn.outcome()) {
-                (Ok((answer, _)), Some(Ok(took))) => {
+            let request = request(plan.function);
+            let ask = turn.ask(unit, &request, &mut search.answer);
+            let Some(asked) = self.unless_typed(&mut search.watch, ask).await? else { return Ok(false) };
+            match (asked, turn.outcome()) {
+                (Ok(_), Some(Ok(took))) => {
                     // With a faulty character it was sent in another format, whatever its CRC says.
                     if self.heard(plan.port, &[Event::Parity, Event::Framing]) == flaws {
                         search.at.iter_mut().skip(unit.into()).take(1).for_each(|at| *at = nth as u8 + 1);
-                        let took = to_first_char(took, plan.framing, &line, answer.len());
-                        self.tell_unit(turn, unit, &line, &answer, took).await?;
+                        let took = to_first_char(took, plan.framing, &line, search.answer.len());
+                        self.tell_unit(turn, unit, &line, &mut search.answer, took).await?;
                     }
                 }
                 (_, Some(_)) => {}
@@ -128,32 +132,20 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         turn: &Turn<'_, '_>,
         unit: u8,
         line: &LineSettings,
-        answer: &Pdu,
+        answer: &mut Pdu,
         took: Duration,
     ) -> Result<(), IO::Error> {
-        let (speed, took) = (line.speed(), Time(took));
-        match **answer {
-            [function, code] if function & EXCEPTION_BIT != 0 => {
-                let (function, exception) = (function & !EXCEPTION_BIT, Exception(code));
-                self.out
-                    .text_only(format_args!(
-                        "unit {unit:>3} {speed:12} {took} function {function}: {exception}"
-                    ))
-                    .await?;
-            }
-            _ => {
-                let function = answer.first().copied().unwrap_or(0);
-                self.out
-                    .text_only(format_args!("unit {unit:>3} {speed:12} {took} function {function}"))
-                    .await?;
+        let (speed, took, how) = (line.speed(), Time(took), Answered(answer));
+        self.out.text_only(format_args!("unit {unit:>3} {speed:12} {took} {how}")).await?;
+        for question in [&IDENTIFY[..], &[REPORT_SERVER_ID]] {
+            let asked = turn.ask(unit, question, answer).await;
+            // An exception has another function code.
+            if asked.is_ok() && answer.first() == question.first() {
+                self.out.text_only(format_args!("{}", Identity(answer))).await?;
+                break;
             }
         }
-        let mut said = turn.ask(unit, &IDENTIFY).await;
-        if !said.as_ref().is_ok_and(|(pdu, _)| pdu.first() == Some(&ENCAPSULATED_INTERFACE)) {
-            said = turn.ask(unit, &[REPORT_SERVER_ID]).await;
-        }
-        let said = said.map(|(pdu, _)| pdu).unwrap_or_default();
-        self.out.line(format_args!("{}", Identity(&said))).await?;
+        self.out.line(format_args!("")).await?;
         self.out.flush().await
     }
 
@@ -188,6 +180,21 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     pub(super) fn heard(&self, port: PortId, events: &[Event]) -> u32 {
         let place = self.gateway.ports().get(port.index());
         place.map_or(0, |place| events.iter().fold(0, |sum, event| sum.wrapping_add(place.stats.get(*event))))
+    }
+}
+
+/// The function that was answered, and with which exception if it was one.
+struct Answered<'p>(&'p [u8]);
+
+impl fmt::Display for Answered<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self.0 {
+            [function, code] if function & EXCEPTION_BIT != 0 => {
+                write!(f, "function {}: {}", function & !EXCEPTION_BIT, Exception(code))
+            }
+            [function, ..] => write!(f, "function {function}"),
+            [] => Ok(()),
+        }
     }
 }
 

@@ -417,7 +417,7 @@ fn a_person_types_edits_completes_and_leaves() {
 fn tab_lists_the_words_that_a_word_could_become() {
     with_gateway(|gateway| {
         let printed = typed(gateway, "s\t\x15help move\r");
-        assert!(printed.contains("\r\nshow  save\r\n\rmobgate> s"), "{printed:?}");
+        assert!(printed.contains("\r\nshow  scan  save\r\n\rmobgate> s"), "{printed:?}");
         assert!(printed.contains("move route N M"), "{printed:?}");
     });
 }

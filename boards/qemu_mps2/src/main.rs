@@ -17,6 +17,7 @@ mod semihosting;
 mod uart;
 
 use embassy_net::Runner;
+use mobgate::capture::Capture;
 use mobgate::config::PortId;
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
@@ -37,7 +38,9 @@ static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
 static PORT_PLACES: [PortPlace; PORTS] = [const { PortPlace::new() }; PORTS];
 static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
-static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network();
+static CAPTURE: Capture = Capture::new();
+static GATEWAY: Gateway<'static> =
+    Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network().with_capture(&CAPTURE);
 
 #[embassy_executor::task]
 async fn router() {

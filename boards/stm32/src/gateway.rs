@@ -5,6 +5,7 @@ use core::pin::pin;
 
 use embassy_executor::Spawner;
 use embassy_sync::once_lock::OnceLock;
+use mobgate::capture::Capture;
 use mobgate::config::PortId;
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
@@ -30,12 +31,15 @@ static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
 static PORT_PLACES: [PortPlace; PORTS] = [const { PortPlace::new() }; PORTS];
 static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
+static CAPTURE: Capture = Capture::new();
 /// Made at the start: a static with one pointer in it would have a copy of its whole memory in the flash.
 static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
 
 /// The gateway.
 pub(crate) fn gateway() -> &'static Gateway<'static> {
-    GATEWAY.get_or_init(|| Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network())
+    GATEWAY.get_or_init(|| {
+        Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network().with_capture(&CAPTURE)
+    })
 }
 
 /// The tasks that must answer for the watchdog to be fed.

@@ -10,7 +10,7 @@ use super::help;
 use super::output::Output;
 use super::points::PointCommand;
 use super::show::Show;
-use crate::config::{self, LineError, ReadError, Settings, Words};
+use crate::config::{LineError, Words};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
 use crate::port::units::Units;
@@ -103,8 +103,6 @@ pub(super) struct Session<'s, 'g, IO, S, Y> {
     pub(super) out: Output<IO>,
     pub(super) store: &'s mut S,
     pub(super) system: &'s Y,
-    /// Settings that are being changed, loaded or saved: too big for the stack of a small board.
-    pub(super) draft: Settings,
     /// The number of the line for error texts, where input has lines and not a person before it.
     pub(super) line_number: Option<u32>,
 }
@@ -188,37 +186,25 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
-        self.gateway.settings(|settings| self.draft.clone_from(settings));
-        let warning = match config::apply(&mut self.draft, line) {
-            Ok(applied) => applied.warning,
-            Err(error) => return self.fail(format_args!("{error}")).await,
-        };
-        if let Err(error) = self.gateway.apply(&self.draft) {
-            return self.fail(format_args!("{error}")).await;
-        }
-        match warning {
-            Some(warning) => self.out.line(format_args!("warning: {warning}")).await,
-            None => Ok(()),
+        match self.gateway.change(line).await {
+            Ok(Some(warning)) => self.out.line(format_args!("warning: {warning}")).await,
+            Ok(None) => Ok(()),
+            Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 
     async fn save(&mut self) -> Result<(), IO::Error> {
-        self.gateway.settings(|settings| self.draft.clone_from(settings));
-        match config::write_store(&self.draft, self.store).await {
+        match self.gateway.save(self.store).await {
             Ok(()) => self.out.line(format_args!("saved")).await,
             Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 
     async fn load(&mut self) -> Result<(), IO::Error> {
-        match config::read_store(self.store, &mut self.draft).await {
+        match self.gateway.load(self.store).await {
             Ok(0) => self.fail(format_args!("nothing is saved")).await,
-            Ok(_) => match self.gateway.apply(&self.draft) {
-                Ok(()) => self.out.line(format_args!("loaded")).await,
-                Err(error) => self.fail(format_args!("{error}")).await,
-            },
-            Err(ReadError::Text(error)) => self.fail(format_args!("saved settings: {error}")).await,
-            Err(ReadError::Store(error)) => self.fail(format_args!("{error}")).await,
+            Ok(_) => self.out.line(format_args!("loaded")).await,
+            Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 

@@ -1,6 +1,12 @@
 //! What `help` says.
 
 use crate::config::{LineError, Words};
+use crate::scanner::POINTS;
+
+/// What a command of data points has to say, where there are any.
+const fn of_points(lines: &'static [&'static str]) -> &'static [&'static str] {
+    if POINTS { lines } else { &["this board has no data points"] }
+}
 
 /// The texts of `help WORD`.
 const TOPICS: &[(&str, &[&str])] = &[
@@ -43,14 +49,14 @@ const TOPICS: &[(&str, &[&str])] = &[
     ),
     (
         "device",
-        &[
+        of_points(&[
             "device NAME unit N [order 0123|2301|1032|3210] [check] [label \"TEXT\"]",
             "  A device that the scanner asks; order: of the bytes of values of 32 bits; check: asks for a sign of life first.",
-        ],
+        ]),
     ),
     (
         "point",
-        &[
+        of_points(&[
             "point NAME DEVICE coil|discrete|input|holding ADDRESS [count N] [as u16|i16|u32|i32|f32] [label \"TEXT\"]",
             "      [read low|normal|high|manual|T] [write auto|manual] [multiple]",
             "point NAME local coil|discrete|input|holding ADDRESS [count N] [as TYPE] | [of POINT]  [quality ADDRESS]",
@@ -59,7 +65,7 @@ const TOPICS: &[(&str, &[&str])] = &[
             "  read: every 5s, 1s, 200ms, or T; write auto: whenever the variable is written",
             "  of: shows the variable of another point; quality: input registers with its status word and age in 0.1s",
             "  point power meter holding 0 count 2 as f32 read high label \"Active power\"",
-        ],
+        ]),
     ),
     (
         "edit",
@@ -146,17 +152,17 @@ const TOPICS: &[(&str, &[&str])] = &[
     ),
     (
         "mark",
-        &[
+        of_points(&[
             "mark DEVICE FUNCTION FROM-TO     reads (1 to 4) or writes (5, 6, 15, 16) all points there at once",
-        ],
+        ]),
     ),
     (
         "begin",
-        &[
+        of_points(&[
             "begin POINT                      begins a safe write: it is neither read nor written until finish",
-        ],
+        ]),
     ),
-    ("finish", &["finish POINT                     ends a safe write: the point is written"]),
+    ("finish", of_points(&["finish POINT                     ends a safe write: the point is written"])),
     (
         "clear",
         &[

@@ -55,12 +55,15 @@ pub(super) fn state(unit: &Unit, now: Instant) -> &'static str {
     }
 }
 
+/// A device, or an IPv6 address with its port.
+const WHERE_BYTES_MAX: usize = if DEVICE_BYTES_MAX > 56 { DEVICE_BYTES_MAX } else { 56 };
+
 /// A port's role, the place where it is, and how its line is set.
-pub(super) fn describe(kind: &PortKind) -> (String<12>, String<DEVICE_BYTES_MAX>, String<SPEED_BYTES_MAX>) {
+pub(super) fn describe(kind: &PortKind) -> (String<12>, String<WHERE_BYTES_MAX>, String<SPEED_BYTES_MAX>) {
     match kind {
         PortKind::Serial(serial) => {
             let role = text(format_args!("{} {}", serial.framing, serial.side));
-            (role, serial.device.clone(), serial.line.speed())
+            (role, text(format_args!("{}", serial.device)), serial.line.speed())
         }
         PortKind::TcpServer(server) => (
             text(format_args!("tcp server")),

@@ -13,8 +13,9 @@ use self::identity::Identity;
 use self::plan::Plan;
 use super::command::Session;
 use super::probe::{About, Watch, request, to_first_char};
+use super::show::{NO_ROW, Written};
 use crate::asking::Turn;
-use crate::config::{LineSettings, PortId, PortKind, Side, Time, Words};
+use crate::config::{LineSettings, PortId, PortKind, Settings, Side, Time, Words};
 use crate::hal::{Store, System};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
@@ -40,6 +41,37 @@ struct Search {
     watch: Watch,
     /// The last one.
     answer: Pdu,
+}
+
+impl Search {
+    /// Writes what has been found in all, and the lines to type for it.
+    fn write(&self, plan: &Plan, settings: &Settings, place: usize, out: &mut dyn fmt::Write) -> Written {
+        let found = || self.at.iter().enumerate().filter(|(_, at)| **at > 0).map(|(unit, _)| unit);
+        let name = settings.name(plan.port);
+        let Some(nth) = place.checked_sub(1) else {
+            let (units, took) = (found().count(), self.begun.elapsed().as_secs());
+            return Some(write!(out, "{units} units found in {took}s"));
+        };
+        if let Some(line) = plan.lines().nth(nth) {
+            let at = nth as u8 + 1;
+            let units = UnitList { search: self, at };
+            let is_there = self.at.contains(&at);
+            return if is_there {
+                Some(write!(out, "edit port {name} {:12} # units {units}", line.speed()))
+            } else {
+                NO_ROW
+            };
+        }
+        let is_routed = settings.routes.iter().any(|route| route.destination == Destination::Port(plan.port));
+        let (first, last) = (found().next()?, found().last()?);
+        if is_routed || nth > plan.lines().count() {
+            return None;
+        }
+        let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
+        let server = settings.ports.iter().flatten().find(|port| is_server(&port.kind));
+        let source = server.map_or("SOURCE", |port| port.name.as_str());
+        Some(write!(out, "route {source} {first}-{last} * * {name}"))
+    }
 }
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
@@ -72,7 +104,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             }
         }
         drop(turn);
-        self.found(&plan, &search).await
+        let gateway = self.gateway;
+        self.rows(|place, out| gateway.settings(|settings| search.write(&plan, settings, place, out))).await
     }
 
     /// Asks every unit that is still missing at one speed and format; says whether to go on.
@@ -147,33 +180,6 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         }
         self.out.line(format_args!("")).await?;
         self.out.flush().await
-    }
-
-    /// Shows what has been found in all, and the lines to type for it.
-    async fn found(&mut self, plan: &Plan, search: &Search) -> Result<(), IO::Error> {
-        let units = search.at.iter().filter(|at| **at > 0).count();
-        let took = search.begun.elapsed().as_secs();
-        self.out.line(format_args!("{units} units found in {took}s")).await?;
-        self.gateway.settings(|settings| self.draft.clone_from(settings));
-        let name = self.draft.name(plan.port);
-        for (nth, line) in plan.lines().enumerate() {
-            let at = nth as u8 + 1;
-            if search.at.contains(&at) {
-                let units = UnitList { search, at };
-                self.out.line(format_args!("edit port {name} {:12} # units {units}", line.speed())).await?;
-            }
-        }
-        let is_routed =
-            |port| self.draft.routes.iter().any(|route| route.destination == Destination::Port(port));
-        let first = search.at.iter().position(|at| *at > 0);
-        let last = search.at.iter().rposition(|at| *at > 0);
-        if let (Some(first), Some(last), false) = (first, last, is_routed(plan.port)) {
-            let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
-            let server = self.draft.ports.iter().flatten().find(|port| is_server(&port.kind));
-            let source = server.map_or("SOURCE", |port| port.name.as_str());
-            self.out.line(format_args!("route {source} {first}-{last} * * {name}")).await?;
-        }
-        Ok(())
     }
 
     /// How often `events` were counted at `port`, all together.

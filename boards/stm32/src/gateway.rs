@@ -38,7 +38,12 @@ static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
 /// The gateway.
 pub(crate) fn gateway() -> &'static Gateway<'static> {
     GATEWAY.get_or_init(|| {
-        Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network().with_capture(&CAPTURE)
+        let gateway =
+            Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network().with_capture(&CAPTURE);
+        // Images without it are smaller, see Cargo.toml.
+        #[cfg(feature = "ethercat")]
+        let gateway = crate::ethercat::join(gateway);
+        gateway
     })
 }
 
@@ -52,6 +57,9 @@ pub(crate) enum Task {
     Sockets,
     Console,
     Router,
+    // Images without it are smaller, see Cargo.toml.
+    #[cfg(feature = "ethercat")]
+    Ethercat,
     Port,
 }
 
@@ -60,11 +68,12 @@ pub(crate) struct TaskName(pub(crate) usize);
 
 impl fmt::Display for TaskName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const NAMES: [&str; Task::Port as usize] = ["network", "sockets", "console", "router"];
-        match (NAMES.get(self.0), self.0.checked_sub(Task::Port as usize)) {
-            (Some(name), _) => f.write_str(name),
-            (None, Some(port @ 0..PORTS)) => write!(f, "port task {}", port + 1),
-            (None, other) => write!(f, "connection task {}", other.unwrap_or(0) + 1 - PORTS),
+        const NAMES: &[&str] = &["network", "sockets", "console", "router", "EtherCAT"];
+        const { assert!(Task::Port as usize <= NAMES.len()) };
+        match self.0.checked_sub(Task::Port as usize) {
+            None => f.write_str(NAMES.get(self.0).unwrap_or(&"")),
+            Some(port @ 0..PORTS) => write!(f, "port task {}", port + 1),
+            Some(other) => write!(f, "connection task {}", other + 1 - PORTS),
         }
     }
 }

@@ -16,7 +16,9 @@ use embassy_time::Instant;
 
 use crate::asking::Asking;
 use crate::capture::Capture;
-use crate::config::{OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, load_points};
+use crate::config::{
+    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, StreamFraming, load_points,
+};
 use crate::drafting::Draft;
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
@@ -254,6 +256,9 @@ pub enum ApplyError {
     /// The board has no EtherCAT controller.
     #[error("this board has no EtherCAT controller: it cannot have an ethercat port")]
     NoEthercat,
+    /// The board has no memory for frames.
+    #[error("this board keeps no frames")]
+    NoCapture,
     /// The data points take more than there is.
     #[error(transparent)]
     Points(#[from] Full),
@@ -414,6 +419,10 @@ impl<'g> Gateway<'g> {
         }
         if let Some(ethercat) = self.ethercat() {
             ethercat.check_settings(new)?;
+        }
+        let captures = |port: &Port| matches!(&port.kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture);
+        if new.ports.iter().flatten().any(captures) && self.capture.is_none() {
+            return Err(ApplyError::NoCapture);
         }
         let mut points = Reloaded::Nothing;
         if let Some(place) = self.scanner() {

@@ -215,7 +215,8 @@ impl LineSettings {
 
 impl Display for TcpServerSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let default = Self::new(self.listen.port);
+        let mut default = Self::new(self.listen.port);
+        default.clients = default.clients_of(self.framing);
         write!(f, "tcp server {}{}", self.listen, self.framing)?;
         option(f, "clients", self.clients, self.clients != default.clients)?;
         option(f, "idle", Time(self.idle), self.idle != default.idle)?;

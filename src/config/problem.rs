@@ -169,6 +169,9 @@ pub enum Problem {
     /// A number of open requests where there can be one.
     #[error("cannot be set with rtu, which carries one request at a time")]
     OneAtATime,
+    /// A setting for requests where there are none.
+    #[error("cannot be set with capture, which takes no requests")]
+    NoRequests,
     /// A setting that only means something when requests are answered.
     #[error("is for the server side only")]
     ServerOnly,

@@ -90,6 +90,25 @@ fn a_tcp_client_is_read_by_value_and_changed_by_words() {
 }
 
 #[test]
+fn a_capture_has_one_client_unless_told_otherwise_and_nothing_to_set_for_requests() {
+    let mut settings = load("port wire tcp server 5029 capture allow 10.0.0.0/8");
+    let server = |settings: &Settings| match settings.ports[0].as_ref().map(|port| port.kind.clone()) {
+        Some(PortKind::TcpServer(server)) => (server.framing, server.clients),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(server(&settings), (StreamFraming::Capture, 1));
+    assert_eq!(print(&settings), "port wire tcp server 5029 capture allow 10.0.0.0/8\n");
+    apply_all(&mut settings, &["edit port wire clients 16"]);
+    assert_eq!(print(&settings), "port wire tcp server 5029 capture clients 16 allow 10.0.0.0/8\n");
+    for word in ["idle 5s", "pipeline 4", "lifetime 1s", "broadcast off"] {
+        let error =
+            apply(&mut Settings::new(), &format!("port wire tcp server 5029 capture {word}")).unwrap_err();
+        assert_eq!(error.problem, Problem::NoRequests, "{word}");
+    }
+    assert!(apply(&mut Settings::new(), "port wire tcp client 10.0.0.1 capture").is_err());
+}
+
+#[test]
 fn options_come_in_any_order_and_case_with_commas_and_tabs() {
     let one = load("port P1 serial uart1 rtu client 9600 8N2 timeout 300ms gap 5ms retries 2");
     let two = load("PORT P1\tSerial uart1, 8n2,9600, Retries 2, GAP 5ms Master RTU timeout 0.3s # done");

@@ -28,6 +28,7 @@ pub(super) enum Command {
     Ping,
     Scan,
     Tune,
+    Capture,
     Watch,
     Save,
     Load,
@@ -60,6 +61,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("ping", Command::Ping),
     ("scan", Command::Scan),
     ("tune", Command::Tune),
+    ("capture", Command::Capture),
     ("watch", Command::Watch),
     ("save", Command::Save),
     ("load", Command::Load),
@@ -125,6 +127,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(Command::Ping) => self.ask(Ask::Ping, &mut words).await?,
             Ok(Command::Scan) => self.scan(&mut words).await?,
             Ok(Command::Tune) => self.tune(&mut words).await?,
+            Ok(Command::Capture) => self.capture(&mut words).await?,
             // Names begin with a letter.
             Ok(Command::Point(PointCommand::Read)) if begins_with_digit(&words) => {
                 self.ask(Ask::Read, &mut words).await?;
@@ -178,7 +181,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             | Command::Point(_)
             | Command::Ping
             | Command::Scan
-            | Command::Tune => {}
+            | Command::Tune
+            | Command::Capture => {}
         }
         Ok(Next::Line)
     }

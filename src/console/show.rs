@@ -37,7 +37,7 @@ pub(super) enum Show {
 /// the moment writes nothing.
 pub(super) type Written = Option<fmt::Result>;
 
-const NO_ROW: Written = Some(Ok(()));
+pub(super) const NO_ROW: Written = Some(Ok(()));
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// Prints one table. What it shows may change while the stream takes its time.
@@ -46,10 +46,18 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             return self.frames(&mut 0).await;
         }
         let tables = Tables { gateway: self.gateway, system: self.system, now: Instant::now() };
+        self.rows(|place, out| tables.write(what, place, out)).await
+    }
+
+    /// Prints what is written at each place, from 0.
+    pub(super) async fn rows(
+        &mut self,
+        write: impl Fn(usize, &mut dyn fmt::Write) -> Written,
+    ) -> Result<(), IO::Error> {
         for place in 0.. {
             let line = self.out.begin();
             // A line has room for every row; of a longer event the end is missing.
-            if tables.write(what, place, line).is_none() {
+            if write(place, line).is_none() {
                 break;
             }
             if !line.is_empty() {

@@ -109,7 +109,7 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
     let reserved_for = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
     let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
     (
-        (address, any_stream()),
+        (address, prop_oneof![any_stream(), Just(StreamFraming::Capture)]),
         1..=1_000_u16,
         idle,
         1..=16_u8,
@@ -131,7 +131,11 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
                 let reserved = if reserved_for.is_empty() { 0 } else { reserved.min(clients) };
                 let reserved_for = reserved_for.into_iter().collect();
                 let listen = TcpListen { address, port: 502 + n as u16 };
-                let pipeline = if framing == StreamFraming::Rtu { 16 } else { pipeline };
+                let pipeline = if framing == StreamFraming::Mbap { pipeline } else { 16 };
+                let (idle, lifetime) = match framing {
+                    StreamFraming::Capture => (Duration::from_secs(60), Duration::from_secs(5)),
+                    StreamFraming::Mbap | StreamFraming::Rtu => (idle, lifetime),
+                };
                 PortKind::TcpServer(TcpServerSettings {
                     listen,
                     framing,
@@ -227,7 +231,10 @@ fn any_port(n: usize) -> impl Strategy<Value = Port> {
     ];
     ("[A-Za-z][A-Za-z0-9.-]{0,11}", kind, any_units()).prop_map(move |(name, kind, units)| {
         // The number keeps names apart, also from the reserved ones.
-        let units = if kind.side() == Side::Server { units } else { UnitPolicy::default() };
+        let captures =
+            matches!(&kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture);
+        let asked = kind.side() == Side::Server && !captures;
+        let units = if asked { units } else { UnitPolicy::default() };
         Port { name: Name::try_from(format!("{name}_{n}").as_str()).unwrap(), kind, units }
     })
 }

@@ -13,6 +13,7 @@ use self::identity::Identity;
 use self::plan::Plan;
 use super::command::Session;
 use super::probe::{About, Watch, request, to_first_char};
+use super::rows::text;
 use crate::asking::Turn;
 use crate::config::{LineSettings, PortId, PortKind, Side, Time, Words};
 use crate::hal::{Store, System};
@@ -162,8 +163,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         let units = search.at.iter().filter(|at| **at > 0).count();
         let took = search.begun.elapsed().as_secs();
         self.out.line(format_args!("{units} units found in {took}s")).await?;
-        self.gateway.settings(|settings| self.draft.clone_from(settings));
-        let name = self.draft.name(plan.port);
+        let gateway = self.gateway;
+        let name = gateway.settings(|settings| text::<15>(format_args!("{}", settings.name(plan.port))));
         for (nth, line) in plan.lines().enumerate() {
             let at = nth as u8 + 1;
             if search.at.contains(&at) {
@@ -171,14 +172,17 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 self.out.line(format_args!("edit port {name} {:12} # units {units}", line.speed())).await?;
             }
         }
-        let is_routed =
-            |port| self.draft.routes.iter().any(|route| route.destination == Destination::Port(port));
+        let is_routed = gateway.settings(|settings| {
+            settings.routes.iter().any(|route| route.destination == Destination::Port(plan.port))
+        });
         let first = search.at.iter().position(|at| *at > 0);
         let last = search.at.iter().rposition(|at| *at > 0);
-        if let (Some(first), Some(last), false) = (first, last, is_routed(plan.port)) {
+        if let (Some(first), Some(last), false) = (first, last, is_routed) {
             let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
-            let server = self.draft.ports.iter().flatten().find(|port| is_server(&port.kind));
-            let source = server.map_or("SOURCE", |port| port.name.as_str());
+            let source = gateway.settings(|settings| {
+                let server = settings.ports.iter().flatten().find(|port| is_server(&port.kind));
+                text::<15>(format_args!("{}", server.map_or("SOURCE", |port| port.name.as_str())))
+            });
             self.out.line(format_args!("route {source} {first}-{last} * * {name}")).await?;
         }
         Ok(())

@@ -137,6 +137,6 @@ mod tests {
         assert_eq!(complete("xyz", &settings()), Completion::None);
         let mut all = Vec::new();
         candidates("s", &settings(), &mut |word| all.push(word.to_string()));
-        assert_eq!(all, ["show", "save"]);
+        assert_eq!(all, ["show", "scan", "save"]);
     }
 }

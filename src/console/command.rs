@@ -10,11 +10,10 @@ use super::help;
 use super::output::Output;
 use super::points::PointCommand;
 use super::show::Show;
-use crate::config::{LineError, Words};
+use crate::config::{LineError, PortId, Words};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
 use crate::port::ethercat::{EthercatPlace, LineWriter};
-use crate::port::units::Units;
 
 /// What a command's first word asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -138,9 +137,10 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(Command::Point(command)) => self.point(command, &mut words).await?,
             Ok(Command::Clear) => match topic(&mut words, TOPICS_CLEAR, "stats or log") {
                 Ok(Clear::Stats) => {
-                    for place in self.gateway.ports() {
+                    let ids = (0..self.gateway.ports().len()).map(|index| PortId(index as u8));
+                    for place in ids.filter_map(|id| self.gateway.place(id)) {
                         place.stats.clear(Instant::now());
-                        place.units(Units::clear_counters);
+                        place.units(|units| units.clear_counters());
                     }
                 }
                 Ok(Clear::Log) => self.gateway.log().clear(),

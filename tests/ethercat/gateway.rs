@@ -1,7 +1,8 @@
 //! The gateway between EtherCAT and Modbus: its configuration by objects, and its process image against devices on a wire.
 
-mod bench;
+pub(crate) mod bench;
 mod conduct;
 mod configuration;
-mod exchange;
-mod virtual_devices;
+mod drive;
+pub(crate) mod exchange;
+pub(crate) mod virtual_devices;

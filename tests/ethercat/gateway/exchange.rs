@@ -52,21 +52,35 @@ fn sum(times: &[Duration]) -> Duration {
     times.iter().fold(Duration::from_ticks(0), |sum, time| sum + *time)
 }
 
+/// Within what time a MainDevice must see changes.
+pub(crate) struct Limits {
+    /// What changes at a device.
+    pub(crate) input: Duration,
+    /// What it sends itself, until it is read back.
+    pub(crate) back: Duration,
+}
+
+impl Limits {
+    pub(crate) fn of(setup: Setup) -> Self {
+        let (reads, writes) = exchanges(setup);
+        let most = Duration::from_millis(setup.polling_ms.into()).max(sum(&reads));
+        // What changes while it is read is in the answer of the next poll.
+        let answer = *reads.iter().max().unwrap();
+        // Until the MainDevice sends or fetches, and until the SubDevice has put inputs there: two cycles.
+        let slack = Duration::from_millis(2 * setup.cycle_ms);
+        // A round to read, the writes that follow it, and a round to read back.
+        Self { input: most + answer + slack, back: 2 * most + sum(&writes) + slack }
+    }
+}
+
 /// Changes values on both sides at random times; every change is seen in time.
 fn exchange(setup: Setup) {
-    let (reads, writes) = exchanges(setup);
-    let most = Duration::from_millis(setup.polling_ms.into()).max(sum(&reads));
-    // What changes while it is read is in the answer of the next poll.
-    let answer = *reads.iter().max().unwrap();
-    // Until the MainDevice sends or fetches, and until the SubDevice has put inputs there: two cycles.
-    let slack = Duration::from_millis(2 * setup.cycle_ms);
+    let Limits { input: limit, back } = Limits::of(setup);
     with_devices(setup, async |bench| {
         let group = bench.desk.to_pre_op().await.unwrap();
         bench.configure(&group).await;
         let group = bench.to_op(group, &bench.output_image()).await;
         let image = bench.input_image();
-        // A round to read, the writes that follow it, and a round to read back.
-        let back = 2 * most + sum(&writes) + slack;
         let seen = bench.cycle_until(&group, back, |inputs| inputs[..image.len()] == image).await;
         assert!(seen.is_some(), "{setup:?}: what is written is read back within {} ms", back.as_millis());
 
@@ -79,7 +93,6 @@ fn exchange(setup: Setup) {
             bench.devices[nth].memory().input[register] = 0x1200 + value;
             let place = usize::from(layout[3]);
             let expected = (0x1200 + value).to_be_bytes();
-            let limit = most + answer + slack;
             let seen = bench.cycle_until(&group, limit, |inputs| inputs[place..place + 2] == expected).await;
             assert!(seen.is_some(), "{setup:?}: an input within {} ms", limit.as_millis());
 

@@ -25,6 +25,12 @@ impl Memory {
         std::array::from_fn(|nth| self.0[usize::from(address) + nth])
     }
 
+    /// Up to `count` bytes: as many as there are.
+    pub(crate) fn span(&self, address: u16, count: u16) -> &[u8] {
+        let start = usize::from(address).min(self.0.len());
+        &self.0[start..(start + usize::from(count)).min(self.0.len())]
+    }
+
     pub(crate) fn word(&self, address: u16) -> u16 {
         u16::from_le_bytes(self.bytes(address))
     }

@@ -55,6 +55,15 @@ impl PacketSocket {
         }
     }
 
+    /// Passes a frame through `segment` that has come, or waits for one until a time.
+    pub fn pass(&self, segment: &SharedSegment, until: Option<Instant>) -> io::Result<()> {
+        let Some(mut frame) = self.receive()? else { return self.wait(until) };
+        if segment.borrow_mut().pass(now(), &mut frame, Fate::Intact) {
+            send(self.0.as_raw_fd(), &frame, MsgFlags::empty())?;
+        }
+        Ok(())
+    }
+
     fn wait(&self, until: Option<Instant>) -> io::Result<()> {
         let timeout = until.map(|until| {
             let left = until.saturating_duration_since(Instant::now());
@@ -91,12 +100,6 @@ pub fn serve<T>(
                 return Ok(value);
             }
         }
-        if let Some(mut frame) = socket.receive()? {
-            if segment.borrow_mut().pass(now(), &mut frame, Fate::Intact) {
-                send(socket.0.as_raw_fd(), &frame, MsgFlags::empty())?;
-            }
-        } else {
-            socket.wait(mobgate_clock::next_alarm().map(Instant::from_ticks))?;
-        }
+        socket.pass(segment, mobgate_clock::next_alarm().map(Instant::from_ticks))?;
     }
 }

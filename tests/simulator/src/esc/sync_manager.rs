@@ -107,8 +107,8 @@ impl State {
         enabled && if setup.producer() == side { self.read_event } else { self.write_event }
     }
 
-    /// Steps for a byte that `side` writes; where it goes, or `None` if it must not be written.
-    pub(crate) fn write(&mut self, setup: Setup, side: Side, offset: u16) -> Option<u16> {
+    /// Steps for `count` bytes that `side` writes; where the first one goes, or `None` if they must not be written.
+    pub(crate) fn write(&mut self, setup: Setup, side: Side, offset: u16, count: u16) -> Option<u16> {
         if side != setup.producer() || setup.is_mailbox() && self.full {
             return None;
         }
@@ -120,7 +120,7 @@ impl State {
         if !self.writing {
             return None;
         }
-        if offset == setup.length - 1 {
+        if offset + count == setup.length {
             self.writing = false;
             self.write_event = true;
             self.completed = true;
@@ -130,8 +130,8 @@ impl State {
         Some(setup.start + self.write_buffer * setup.length + offset)
     }
 
-    /// Steps for a byte that `side` reads; where it comes from, or `None` if there is nothing for it to read.
-    pub(crate) fn read(&mut self, setup: Setup, side: Side, offset: u16) -> Option<u16> {
+    /// Steps for `count` bytes that `side` reads; where the first one comes from, or `None` if there is nothing for it to read.
+    pub(crate) fn read(&mut self, setup: Setup, side: Side, offset: u16, count: u16) -> Option<u16> {
         if setup.is_direct() {
             self.write_event &= side == setup.producer();
             return Some(setup.start);
@@ -147,7 +147,7 @@ impl State {
         if !self.reading {
             return None;
         }
-        if offset == setup.length - 1 {
+        if offset + count == setup.length {
             self.reading = false;
             self.read_event = true;
             self.full = false;
@@ -187,23 +187,37 @@ impl SyncManagers {
 
     /// Where the byte at `address` of the process data memory really lies for `side`, after the step that the access means.
     pub(crate) fn step(&mut self, side: Side, write: bool, address: u16) -> Option<u16> {
+        self.steps(side, write, address, 1).0
+    }
+
+    /// The same for up to `most` bytes from `address` on that lie one behind the other: where the first one does, and how many they
+    /// are.
+    pub(crate) fn steps(&mut self, side: Side, write: bool, address: u16, most: u16) -> (Option<u16>, u16) {
+        let mut most = most;
         for (setup, state) in &mut self.0 {
             if address < setup.start || address >= setup.end {
+                if setup.start > address && setup.end > setup.start {
+                    most = most.min(setup.start - address);
+                }
                 continue;
             }
             let offset = address - setup.start;
             if setup.held {
                 // The MainDevice sees by the working counter that nobody is at home.
-                return (side == Side::Pdi).then_some(address);
+                return ((side == Side::Pdi).then_some(address), most.min(setup.end - address));
             }
-            return match write {
-                // The second and third buffer are reached only through the first one's addresses.
-                _ if offset >= setup.length => None,
-                true => state.write(*setup, side, offset),
-                false => state.read(*setup, side, offset),
+            // The second and third buffer are reached only through the first one's addresses.
+            if offset >= setup.length {
+                return (None, most.min(setup.end - address));
+            }
+            let count = most.min(setup.length - offset);
+            let place = match write {
+                true => state.write(*setup, side, offset, count),
+                false => state.read(*setup, side, offset, count),
             };
+            return (place, count);
         }
-        Some(address)
+        (Some(address), most)
     }
 
     /// Whether a buffer that feeds the watchdog was completely written since this was last asked.

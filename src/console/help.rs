@@ -148,6 +148,7 @@ const TOPICS: &[(&str, &[&str])] = &[
         "watch",
         &[
             "watch                            shows frames of the serial lines as they come, until a key or a line",
+            "watch points                     shows data points whose status or values change, likewise",
         ],
     ),
     ("save", &["save                             keeps the settings for the next start"]),
@@ -167,7 +168,7 @@ const OVERVIEW: &[&str] = &[
     "network dhcp|address ...         the board's own address       help network",
     "show TOPIC                       ports, routes, units, clients, stats, points, devices, config, network, log, frames, version",
     "ping, read, write UNIT ... via PORT  asks a unit at once     help read",
-    "watch                            frames of the serial lines as they come",
+    "watch [points]                   frames of the serial lines as they come, or points as they change",
     "clear stats|log                  forgets",
     "save, load                       settings of the next start",
     "reboot, exit                     the gateway's end, the session's end",

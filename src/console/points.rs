@@ -8,8 +8,9 @@ use heapless::{String, Vec};
 
 use super::command::Session;
 use super::rows::{age, text};
-use crate::config::{LineError, PointAt, PointSettings, Problem, Settings, Words, parse_number};
+use crate::config::{LineError, POINTS_MAX, PointAt, PointSettings, Problem, Settings, Words, parse_number};
 use crate::hal::{Store, System};
+use crate::modbus::crc::crc16;
 use crate::scanner::{DeviceId, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing};
 
 /// What is done with a point at once.
@@ -26,6 +27,8 @@ pub(super) enum PointCommand {
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How often it looks.
 const LOOK: Duration = Duration::from_millis(10);
+/// How often a watcher looks.
+const WATCH: Duration = Duration::from_millis(100);
 /// Values in a line of output.
 const LINE_VALUES_MAX: usize = 8;
 /// Bytes of the values of one point: as many as a frame holds.
@@ -97,6 +100,31 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             self.point_line(place, RowId(at as u8), LINE_VALUES_MAX).await?;
         }
         Ok(())
+    }
+
+    /// `watch points`: the points, and from then on those whose status or values change, until something is typed.
+    pub(super) async fn watch_points(&mut self) -> Result<(), IO::Error> {
+        let Some(place) = self.gateway.scanner() else {
+            return self.fail(format_args!("this board has no data points")).await;
+        };
+        let mut shown = [None; POINTS_MAX];
+        loop {
+            self.gateway.settings(|settings| self.draft.clone_from(settings));
+            for (at, shown) in (0..self.draft.points.len()).zip(&mut shown) {
+                let id = RowId(at as u8);
+                let now =
+                    Some(place.with(|scanner| {
+                        (scanner.status(id, Instant::now()).bits(), crc16(scanner.input(id)))
+                    }));
+                if *shown != now {
+                    *shown = now;
+                    self.point_line(place, id, LINE_VALUES_MAX).await?;
+                }
+            }
+            if self.stops(WATCH).await? {
+                return Ok(());
+            }
+        }
     }
 
     /// A point of the draft, with as many as `most` of its values.

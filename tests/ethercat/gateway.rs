@@ -4,5 +4,6 @@ pub(crate) mod bench;
 mod conduct;
 mod configuration;
 mod drive;
-pub(crate) mod exchange;
+mod exchange;
+pub(crate) mod matrix;
 pub(crate) mod virtual_devices;

@@ -13,7 +13,7 @@ use mobgate_simulator::world::Clock;
 
 use crate::bench::Shared;
 use crate::gateway::bench::{SETUP, Setup, with_gateway_and_devices};
-use crate::gateway::exchange::Limits;
+use crate::gateway::matrix::Limits;
 use crate::gateway::virtual_devices::Virtual;
 use crate::outside::{SEGMENT_END, ends_well, in_own_network, start_master};
 

@@ -1,11 +1,13 @@
-"""The gateway's four virtual Modbus devices, configured and exchanged with by SOEM: virtual_devices.py INTERFACE VECTORS BAUD
-POLLING CYCLE INPUTS OUTPUTS
+"""The gateway's four virtual Modbus devices, configured and exchanged with by SOEM: virtual_devices.py INTERFACE VECTORS LATE
+BAUD POLLING CYCLE INPUTS OUTPUTS
 
-VECTORS is a file; polling time and cycle are in ms. So are INPUTS, within which a value that changes at a device must be seen, and
+VECTORS is a file, and LATE one that says how late the simulated line was, in all, as eight bytes of microseconds, the little end
+first. Polling time and cycle are in ms. So are INPUTS, within which a value that changes at a device must be seen, and
 OUTPUTS, within which one that is sent must be read back. When the first register of the first device has become MIRROR, the
 devices begin to change the first of their input registers, to the time of that by this machine's clock.
 """
 
+import os
 import random
 import sys
 import time
@@ -13,7 +15,7 @@ import tomllib
 
 import pysoem
 
-INTERFACE, VECTORS, *NUMBERS = sys.argv[1:]
+INTERFACE, VECTORS, LATE, *NUMBERS = sys.argv[1:]
 BAUD, POLLING, CYCLE, INPUTS, OUTPUTS = map(int, NUMBERS)
 MIRROR = 0xBEEF
 CHANGES = 12
@@ -29,19 +31,24 @@ def milliseconds():
 
 
 class Exchange:
-    """Cycles, and how much later than they should the machine lets them come: what it takes from us, it takes from the gateway."""
+    """Cycles, and how much later than it should the machine lets them and the line come: nobody else answers for that."""
 
     def __init__(self):
         self.last = milliseconds()
+        self.line = os.open(LATE, os.O_RDONLY)
+        self.line_late = self.line_now()
         self.late = []
+
+    def line_now(self):
+        return int.from_bytes(os.pread(self.line, 8, 0), "little") / 1_000
 
     def cycle(self):
         master.send_processdata()
         assert master.receive_processdata(1_000_000) == 3
         time.sleep(CYCLE / 1_000)
-        now = milliseconds()
-        self.late.append((now, max(0, now - self.last - CYCLE - 1)))
-        self.last = now
+        now, line_late = milliseconds(), self.line_now()
+        self.late.append((now, max(0, now - self.last - CYCLE - 1) + line_late - self.line_late))
+        self.last, self.line_late = now, line_late
 
     def stalled(self, since):
         self.late = self.late[-20_000:]

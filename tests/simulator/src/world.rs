@@ -221,6 +221,9 @@ impl<'w> World<'w> {
     }
 
     fn admit_newborn(&mut self) {
+        if self.newborn.0.borrow().is_empty() {
+            return;
+        }
         for future in self.newborn.0.take() {
             let waker = self.waker(self.tasks.len());
             waker.wake_by_ref();

@@ -22,7 +22,7 @@ impl Memory {
     }
 
     pub(crate) fn bytes<const N: usize>(&self, address: u16) -> [u8; N] {
-        std::array::from_fn(|nth| self.0[usize::from(address) + nth])
+        *self.0[usize::from(address)..].first_chunk().expect("registers are within the memory")
     }
 
     /// Up to `count` bytes: as many as there are.

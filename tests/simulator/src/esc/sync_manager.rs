@@ -36,19 +36,21 @@ pub(crate) struct Setup {
     held: bool,
     /// Behind the last of its buffers.
     end: u16,
+    /// All of this as the registers say it.
+    registers: [u8; 8],
 }
 
 impl Setup {
     fn of(memory: &Memory, nth: usize) -> Self {
         let base = SYNC_MANAGER + BYTES * nth as u16;
-        let [start_low, start_high, length_low, length_high, control, _, activate, pdi_control] =
-            memory.bytes(base);
+        let registers = memory.bytes(base);
+        let [start_low, start_high, length_low, length_high, control, _, activate, pdi_control] = registers;
         let start = u16::from_le_bytes([start_low, start_high]);
         let length = u16::from_le_bytes([length_low, length_high]);
         let activated = activate & 1 != 0 && length > 0;
         let held = activated && pdi_control & 1 != 0;
         let enabled = activated && !held;
-        let mut setup = Self { start, length, control, enabled, held, end: start };
+        let mut setup = Self { start, length, control, enabled, held, end: start, registers };
         if activated {
             let buffers = if setup.is_mailbox() || setup.is_direct() { 1 } else { 3 };
             setup.end = start.saturating_add(length.saturating_mul(buffers));
@@ -177,11 +179,17 @@ impl SyncManagers {
     /// Takes over what the registers say, and shows the states in them. One that is off forgets what it held.
     pub(crate) fn refresh(&mut self, memory: &mut Memory) {
         for (nth, (setup, state)) in self.0.iter_mut().enumerate() {
-            *setup = Setup::of(memory, nth);
+            let base = SYNC_MANAGER + BYTES * nth as u16;
+            // Its own writing of the status is no news.
+            if memory.bytes(base) != setup.registers {
+                *setup = Setup::of(memory, nth);
+            }
             if !setup.enabled {
                 *state = State::default();
             }
-            memory.set_byte(SYNC_MANAGER + BYTES * nth as u16 + STATUS, state.status());
+            let status = state.status();
+            memory.set_byte(base + STATUS, status);
+            setup.registers[usize::from(STATUS)] = status;
         }
     }
 

@@ -65,6 +65,23 @@ fn bits_and_error_codes_are_those_of_the_vectors() {
 }
 
 #[test]
+fn every_status_bit_and_every_error_code_has_a_scenario() {
+    let scenarios = include_str!("../../scenarios/points.toml");
+    let seen = |word: &str| {
+        let states = scenarios.lines().filter_map(|line| line.strip_prefix("point ")?.split_once(" is "));
+        states.map(|(_, status)| status).any(|status| {
+            status.split(' ').any(|flag| flag == word) || status.ends_with(&format!("({word})"))
+        })
+    };
+    for (_, name) in Status::NAMES {
+        assert!(seen(name), "{name}");
+    }
+    for code in ErrorCode::ALL {
+        assert!(seen(code.name()), "{}", code.name());
+    }
+}
+
+#[test]
 fn times_are_those_of_the_vectors() {
     let backoff = &vectors()["backoff"];
     assert_eq!(u64::from(REPEATS), number(backoff, "repeats"));

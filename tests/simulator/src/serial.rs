@@ -12,6 +12,7 @@ use crate::wire::LineEnd;
 pub struct SimSerial {
     devices: Vec<(String, LineEnd)>,
     late_reads: Option<Duration>,
+    rests: bool,
 }
 
 impl SimSerial {
@@ -24,6 +25,13 @@ impl SimSerial {
     #[must_use]
     pub fn with_late_reads(mut self, late: Duration) -> Self {
         self.late_reads = (late > Duration::from_ticks(0)).then_some(late);
+        self
+    }
+
+    /// The board as one that is not woken by each character, where the core knows that none is needed earlier.
+    #[must_use]
+    pub fn with_rests(mut self, rests: bool) -> Self {
+        self.rests = rests;
         self
     }
 
@@ -42,8 +50,8 @@ impl SerialHost for SimSerial {
         let error = |kind| OpenError::new(kind, "");
         let (_, end) =
             self.devices.iter().find(|(name, _)| name == device).ok_or(error(OpenErrorKind::NotFound))?;
-        let late_reads = self.late_reads;
-        end.open(*line).map(|end| SimLine { end, late_reads }).map_err(|kind| match kind {
+        let Self { late_reads, rests, .. } = *self;
+        end.open(*line).map(|end| SimLine { end, late_reads, rests }).map_err(|kind| match kind {
             ErrorKind::AddrInUse => error(OpenErrorKind::InUse),
             _ => error(OpenErrorKind::NotFound),
         })
@@ -62,6 +70,7 @@ impl SerialHost for SimSerial {
 pub struct SimLine {
     end: LineEnd,
     late_reads: Option<Duration>,
+    rests: bool,
 }
 
 impl Drop for SimLine {
@@ -74,6 +83,13 @@ impl SerialLine for SimLine {
     async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
         self.end.drive(on);
         Ok(())
+    }
+
+    async fn rest(&mut self, until: Instant) -> bool {
+        if self.rests {
+            Timer::at(until).await;
+        }
+        self.rests
     }
 
     fn take_flaws(&mut self) -> Flaws {

@@ -74,13 +74,11 @@ impl Gateway<'_> {
         }
         let turn = Turn(&self.asking);
         let generation = turn.0.generation.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
-        let (mut writer, frame) = self.pool().take(usize::MAX).ok_or(NotAsked::NoFrame)?;
-        // A request is no longer than a PDU may be.
-        let _ = writer.push(request);
-        writer.finish();
         let (origin, now) = (Origin { port, way: Way::Console, generation }, Instant::now());
         let asked = Envelope::request(origin, unit, now, now + LIFETIME);
-        frame.address(Envelope { destination: Some(port), paced: true, ..asked });
+        let asked = Envelope { destination: Some(port), paced: true, ..asked };
+        // A request is no longer than a PDU may be.
+        let frame = self.pool().fill(usize::MAX, request, asked).ok_or(NotAsked::NoFrame)?;
         self.inbox.send(frame);
         loop {
             let answer = turn.0.answers.receive(self.pool());

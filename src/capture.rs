@@ -53,7 +53,11 @@ pub struct Capture(Mutex<CriticalSectionRawMutex, RefCell<Ring>>);
 
 struct Ring {
     heads: Deque<Head, FRAMES_MAX>,
-    bytes: Deque<u8, BYTES_MAX>,
+    /// Their bytes, one frame's behind the other's, round the end.
+    bytes: [u8; BYTES_MAX],
+    /// Where those of the oldest one are, and how many there are of all.
+    start: usize,
+    used: usize,
     /// The number of the oldest one.
     first: u32,
 }
@@ -61,7 +65,7 @@ struct Ring {
 impl Capture {
     /// An empty ring.
     pub const fn new() -> Self {
-        Self(Mutex::new(RefCell::new(Ring { heads: Deque::new(), bytes: Deque::new(), first: 0 })))
+        Self(Mutex::new(RefCell::new(Ring::new())))
     }
 
     /// The number of the frame that comes next.
@@ -86,21 +90,31 @@ impl Default for Capture {
 }
 
 impl Ring {
+    const fn new() -> Self {
+        Self { heads: Deque::new(), bytes: [0; BYTES_MAX], start: 0, used: 0, first: 0 }
+    }
+
     fn end(&self) -> u32 {
         self.first.wrapping_add(self.heads.len() as u32)
     }
 
     fn push(&mut self, head: Head, bytes: &[u8]) {
-        while self.heads.is_full() || self.bytes.capacity() - self.bytes.len() < bytes.len() {
+        while self.heads.is_full() || BYTES_MAX - self.used < bytes.len() {
             let Some(oldest) = self.heads.pop_front() else { return };
-            for _ in 0..oldest.length {
-                self.bytes.pop_front();
-            }
+            self.start = (self.start + oldest.length) % BYTES_MAX;
+            self.used -= oldest.length;
             self.first = self.first.wrapping_add(1);
         }
         // There is room now.
         let _ = self.heads.push_back(head);
-        self.bytes.extend(bytes.iter().copied());
+        let at = (self.start + self.used) % BYTES_MAX;
+        let (behind, beyond) = bytes.split_at_checked(BYTES_MAX - at).unwrap_or((bytes, &[]));
+        for (at, part) in [(at, behind), (0, beyond)] {
+            if let Some(place) = self.bytes.get_mut(at..at + part.len()) {
+                place.copy_from_slice(part);
+            }
+        }
+        self.used += bytes.len();
     }
 
     fn get(&self, cursor: &mut u32) -> Option<Captured> {
@@ -111,7 +125,8 @@ impl Ring {
         }
         let head = *self.heads.iter().nth(at)?;
         let start: usize = self.heads.iter().take(at).map(|head| head.length).sum();
-        let bytes = self.bytes.iter().skip(start).take(head.length).copied().collect();
+        let round = self.bytes.iter().cycle().skip((self.start + start) % BYTES_MAX);
+        let bytes = round.take(head.length).copied().collect();
         let number = self.first.wrapping_add(at as u32);
         let missed = number.wrapping_sub(*cursor);
         *cursor = number.wrapping_add(1);

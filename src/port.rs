@@ -23,6 +23,7 @@ pub(crate) mod desk;
 pub(crate) mod framing;
 pub(crate) mod line;
 pub(crate) mod link;
+pub(crate) mod moment;
 pub(crate) mod reply;
 pub(crate) mod scanner;
 pub(crate) mod serial_client;

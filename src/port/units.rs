@@ -105,27 +105,31 @@ impl Unit {
 
 /// The units of one port.
 #[derive(Default)]
-pub struct Units(Vec<Unit, UNITS_MAX>);
+pub struct Units {
+    known: Vec<Unit, UNITS_MAX>,
+    /// One of them may be held or down.
+    troubled: bool,
+}
 
 impl Units {
     /// None known.
     pub const fn new() -> Self {
-        Self(Vec::new())
+        Self { known: Vec::new(), troubled: false }
     }
 
     /// The known units in the order of their first request.
     pub fn iter(&self) -> impl Iterator<Item = &Unit> {
-        self.0.iter()
+        self.known.iter()
     }
 
     /// Forgets all.
     pub fn clear(&mut self) {
-        self.0.clear();
+        self.known.clear();
     }
 
     /// Whether `id` may be asked at `now`.
     pub fn gate(&self, id: u8, now: Instant) -> Gate {
-        match self.0.iter().find(|unit| unit.id == id) {
+        match self.known.iter().find(|unit| unit.id == id) {
             Some(unit) if unit.held_until > now && unit.down => Gate::Down,
             Some(unit) if unit.held_until > now => Gate::Open(Ready::At(unit.held_until)),
             _ => Gate::Open(Ready::Now),
@@ -134,25 +138,31 @@ impl Units {
 
     /// When `id` may be asked by somebody who spares units that are down by himself: as soon as no late answer can come.
     pub fn attempt(&self, id: u8, now: Instant) -> Ready {
-        match self.0.iter().find(|unit| unit.id == id) {
+        match self.known.iter().find(|unit| unit.id == id) {
             Some(unit) if unit.late_until > now => Ready::At(unit.late_until),
             _ => Ready::Now,
         }
     }
 
-    /// Whether every unit may be asked at `now`, and none counts as down: mostly none has to be looked at by itself.
-    pub fn all_well(&self, now: Instant) -> bool {
-        self.0.iter().all(|unit| unit.held_until <= now && !unit.down)
+    /// Whether a unit may be held or down: mostly none is, and none has to be looked at by itself.
+    pub fn troubled(&self) -> bool {
+        self.troubled
+    }
+
+    /// Whether every unit may be asked at `now`, and none counts as down.
+    pub fn all_well(&mut self, now: Instant) -> bool {
+        self.troubled = self.troubled && self.known.iter().any(|unit| unit.held_until > now || unit.down);
+        !self.troubled
     }
 
     /// Whether `id` counts as down, whatever is due.
     pub fn is_down(&self, id: u8) -> bool {
-        self.0.iter().any(|unit| unit.id == id && unit.down)
+        self.known.iter().any(|unit| unit.id == id && unit.down)
     }
 
     /// Whether reads of `id` may be joined at `now`.
     pub fn joins(&self, id: u8, now: Instant) -> bool {
-        !self.0.iter().any(|unit| unit.id == id && unit.join_after > now)
+        !self.known.iter().any(|unit| unit.id == id && unit.join_after > now)
     }
 
     /// `id` refused a joined read.
@@ -186,12 +196,12 @@ impl Units {
 
     /// Whether an answer of `id` would be a late one at `now`.
     pub fn is_late(&self, id: u8, now: Instant) -> bool {
-        self.0.iter().any(|unit| unit.id == id && unit.late_until > now)
+        self.known.iter().any(|unit| unit.id == id && unit.late_until > now)
     }
 
     /// Sets what was counted to zero; the units' health stays.
     pub fn clear_counters(&mut self) {
-        for unit in &mut self.0 {
+        for unit in &mut self.known {
             let Unit { silent, down, held_until, late_until, probe_after_ms, join_after, .. } = *unit;
             let health = Unit {
                 silent,
@@ -218,6 +228,7 @@ impl Units {
     /// nothing at all was heard.
     pub fn timed_out(&mut self, id: u8, now: Instant, window: Duration, down_after: u8) -> bool {
         let mut silent = false;
+        self.troubled = true;
         self.entry(id, |unit| {
             silent = !unit.disturbed;
             if silent {
@@ -245,6 +256,7 @@ impl Units {
 
     /// `id` is held for `window`: an answer that nobody waits for may come.
     pub fn hold(&mut self, id: u8, now: Instant, window: Duration) {
+        self.troubled = true;
         self.entry(id, |unit| {
             unit.held_until = unit.held_until.max(now + window);
             unit.late_until = unit.late_until.max(now + window);
@@ -252,18 +264,19 @@ impl Units {
     }
 
     fn entry(&mut self, id: u8, change: impl FnOnce(&mut Unit)) {
-        let known = self.0.iter().position(|unit| unit.id == id);
+        let known = self.known.iter().position(|unit| unit.id == id);
         let index = known.unwrap_or_else(|| {
-            if self.0.is_full() {
+            if self.known.is_full() {
                 let quietest = |(_, unit): &(usize, &Unit)| (unit.down, unit.held_until, unit.requests);
-                let forgotten = self.0.iter().enumerate().min_by_key(quietest).map_or(0, |(index, _)| index);
-                self.0.remove(forgotten);
+                let forgotten =
+                    self.known.iter().enumerate().min_by_key(quietest).map_or(0, |(index, _)| index);
+                self.known.remove(forgotten);
             }
             // There is room now.
-            let _ = self.0.push(Unit::new(id));
-            self.0.len() - 1
+            let _ = self.known.push(Unit::new(id));
+            self.known.len() - 1
         });
-        if let Some(unit) = self.0.get_mut(index) {
+        if let Some(unit) = self.known.get_mut(index) {
             change(unit);
         }
     }

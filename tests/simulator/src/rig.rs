@@ -33,12 +33,14 @@ pub struct Size {
     pub seats: usize,
     /// How late what is heard on serial lines may be read: not before the next multiple of this time.
     pub late_reads: Duration,
+    /// How late it reads at most because it leaves its lines alone while characters gather.
+    pub rests: Duration,
 }
 
 impl Default for Size {
     /// 80 seats, 128 frames, reads in time.
     fn default() -> Self {
-        Self { frames: 128, seats: 80, late_reads: Duration::from_ticks(0) }
+        Self { frames: 128, seats: 80, late_reads: Duration::from_ticks(0), rests: Duration::from_ticks(0) }
     }
 }
 
@@ -138,10 +140,8 @@ impl<'g> Rig<'g> {
     fn start(&self, world: &World<'g>, size: Size) {
         let gateway = self.gateway;
         world.spawn(gateway.route());
-        let board =
-            self.lines.iter().fold(SimSerial::new().with_late_reads(size.late_reads), |board, line| {
-                board.with(&line.device, &line.end)
-            });
+        let board = SimSerial::new().with_late_reads(size.late_reads).with_rests(size.rests);
+        let board = self.lines.iter().fold(board, |board, line| board.with(&line.device, &line.end));
         for port in 0..PORTS_MAX {
             let mut host = board.clone();
             let (mut connector, mut datagrams) = (self.network.connector(), self.network.udp_host());

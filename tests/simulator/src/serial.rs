@@ -12,7 +12,7 @@ use crate::wire::LineEnd;
 pub struct SimSerial {
     devices: Vec<(String, LineEnd)>,
     late_reads: Option<Duration>,
-    rests: bool,
+    rests: Duration,
 }
 
 impl SimSerial {
@@ -28,9 +28,10 @@ impl SimSerial {
         self
     }
 
-    /// The board as one that is not woken by each character, where the core knows that none is needed earlier.
+    /// The board that sleeps while characters gather of which it needs none alone, and so may read this late. Without such a
+    /// time it never sleeps.
     #[must_use]
-    pub fn with_rests(mut self, rests: bool) -> Self {
+    pub fn with_rests(mut self, rests: Duration) -> Self {
         self.rests = rests;
         self
     }
@@ -58,11 +59,11 @@ impl SerialHost for SimSerial {
     }
 
     fn read_jitter(&self) -> Duration {
-        self.late_reads.unwrap_or(Duration::from_ticks(0))
+        self.late_reads.unwrap_or_default().max(self.rests)
     }
 
     fn never_underruns(&self) -> bool {
-        self.late_reads.is_none()
+        self.read_jitter() == Duration::default()
     }
 }
 
@@ -70,7 +71,7 @@ impl SerialHost for SimSerial {
 pub struct SimLine {
     end: LineEnd,
     late_reads: Option<Duration>,
-    rests: bool,
+    rests: Duration,
 }
 
 impl Drop for SimLine {
@@ -80,16 +81,19 @@ impl Drop for SimLine {
 }
 
 impl SerialLine for SimLine {
+    const RESTS: bool = true;
+
     async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
         self.end.drive(on);
         Ok(())
     }
 
     async fn rest(&mut self, until: Instant) -> bool {
-        if self.rests {
+        let sleeps = self.rests > Duration::default() && until > Instant::now();
+        if sleeps {
             Timer::at(until).await;
         }
-        self.rests
+        sleeps
     }
 
     fn take_flaws(&mut self) -> Flaws {

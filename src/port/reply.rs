@@ -66,10 +66,11 @@ impl<'r, 'g> Reply<'r, 'g> {
                 }
                 return;
             }
-            Passing::Open | Passing::From(_) if unit != self.unit || is_answering(self.order) => {
+            Passing::Open | Passing::From(_) | Passing::At(_) if unit != self.unit || is_answering(self.order) => {
                 self.passing = Passing::Whole;
             }
             Passing::Open | Passing::From(_) => self.passing = Passing::plan(begun, line, &asker, end),
+            Passing::At(_) => {}
         }
         if self.passing.is_due() {
             let mut arriving = Arriving::new(self.order.rewrite(), line.framing);

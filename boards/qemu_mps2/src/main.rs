@@ -13,6 +13,7 @@ mod lines;
 mod measure;
 mod network;
 mod register;
+mod relay;
 mod semihosting;
 mod uart;
 

@@ -13,14 +13,13 @@ use mobgate_net::Sockets;
 
 use crate::uart::Line;
 
-/// SysTick has 24 bits; no stretch of work takes the 0.6 s in which it comes round.
+/// SysTick has 24 bits. It counts down, and sums of its differences are right modulo 2^24 without a look at each.
 const ROUND: u32 = 0x00ff_ffff;
 
-/// Ticks spent awake, modulo 2^32.
+/// Ticks spent awake.
 static BUSY: AtomicU32 = AtomicU32::new(0);
 /// Of those, ticks spent on moving bytes from and to UARTs, which DMA does on a chip.
 static DRIVER: AtomicU32 = AtomicU32::new(0);
-static WOKEN_AT: AtomicU32 = AtomicU32::new(0);
 
 /// Lets SysTick count the processor's cycles down. With QEMU's `-icount` it counts instructions.
 pub(crate) fn start(mut systick: SYST) {
@@ -28,26 +27,40 @@ pub(crate) fn start(mut systick: SYST) {
     systick.set_reload(ROUND);
     systick.clear_current();
     systick.enable_counter();
-    wake_up();
 }
 
-/// The processor is about to sleep.
-pub(crate) fn fall_asleep() {
-    let spent = WOKEN_AT.load(Ordering::Relaxed).wrapping_sub(SYST::get_current()) & ROUND;
-    BUSY.store(BUSY.load(Ordering::Relaxed).wrapping_add(spent), Ordering::Relaxed);
-}
+/// Adds up the ticks spent awake; in a register, as each byte of a line that is relayed ends a sleep.
+pub(crate) struct Busy(u32);
 
-/// The processor has slept.
-pub(crate) fn wake_up() {
-    WOKEN_AT.store(SYST::get_current(), Ordering::Relaxed);
+impl Busy {
+    /// The processor is awake.
+    pub(crate) fn begin() -> Self {
+        Self(SYST::get_current())
+    }
+
+    /// It is about to sleep.
+    pub(crate) fn fall_asleep(&mut self) {
+        self.0 = self.0.wrapping_sub(SYST::get_current());
+    }
+
+    /// It has slept.
+    pub(crate) fn wake_up(&mut self) {
+        self.0 = self.0.wrapping_add(SYST::get_current());
+    }
+
+    /// Tasks are about to run, one of which may want to know.
+    pub(crate) fn tell(&self) {
+        BUSY.store(self.0, Ordering::Relaxed);
+    }
 }
 
 /// Counts `work` as a UART driver's.
-pub(crate) fn in_driver(work: impl FnOnce()) {
+pub(crate) fn in_driver<T>(work: impl FnOnce() -> T) -> T {
     let start = SYST::get_current();
-    work();
-    let spent = start.wrapping_sub(SYST::get_current()) & ROUND;
+    let done = work();
+    let spent = start.wrapping_sub(SYST::get_current());
     DRIVER.store(DRIVER.load(Ordering::Relaxed).wrapping_add(spent), Ordering::Relaxed);
+    done
 }
 
 /// The most that the stack has ever held, in bytes.
@@ -74,7 +87,9 @@ pub(crate) async fn report(mut line: Line, sockets: &'static Sockets) {
         // It has room for two numbers.
         let _ = match asked {
             [b'b'] => {
-                let (busy, driver) = (BUSY.load(Ordering::Relaxed), DRIVER.load(Ordering::Relaxed));
+                // Up to this moment, in which the processor is awake.
+                let busy = BUSY.load(Ordering::Relaxed).wrapping_sub(SYST::get_current()) & ROUND;
+                let driver = DRIVER.load(Ordering::Relaxed) & ROUND;
                 writeln!(text, "busy {busy} driver {driver}")
             }
             _ => writeln!(text, "stack {} sockets {}", stack_bytes(), sockets.free()),

@@ -2,21 +2,27 @@
 //!
 //! QEMU holds back what a full receiver cannot take, so no byte is ever lost: when the buffer is full, the receiver's interrupt
 //! is off until the task has read. As with a DMA channel and an idle line's interrupt, a task is not woken for each byte but for
-//! a piece, or when nothing has come for a while.
+//! a piece, or when nothing has come for a while. While another UART sends what comes, it is woken when the frame is there.
 
 use core::convert::Infallible;
 use core::future::poll_fn;
+use core::sync::atomic::{AtomicU32, Ordering};
 use core::task::Poll;
 
+use critical_section::CriticalSection;
 use embassy_hal_internal::atomic_ring_buffer::RingBuffer;
 use embassy_sync::waitqueue::AtomicWaker;
+use embassy_time::{Duration, TICK_HZ};
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::hal::SerialLine;
+use mobgate::port::relay::Relay;
 use static_cell::ConstStaticCell;
 
 use crate::interrupts::{self, Interrupt};
+use crate::lines;
 use crate::measure;
 use crate::register::Register;
+use crate::relay::{self, Step};
 
 /// UARTs of the machine.
 pub(crate) const COUNT: usize = 5;
@@ -63,6 +69,10 @@ struct Uart {
     to_send: RingBuffer,
     arrived: AtomicWaker,
     room: AtomicWaker,
+    /// The longest pause in a frame that is being relayed, in cycles of the timer.
+    pause: AtomicU32,
+    /// The pause after which the idle timer tells, or 0: it is another UART's now.
+    idle: AtomicU32,
 }
 
 /// Starts all UARTs.
@@ -79,7 +89,7 @@ pub(crate) fn start() {
             uart.to_send.init(to_send.as_mut_ptr(), to_send.len());
         }
         uart.divisor.write(DIVISOR_MIN);
-        uart.control.write(TRANSMIT | RECEIVE | TRANSMIT_INTERRUPT | RECEIVE_INTERRUPT);
+        uart.control.write(TRANSMIT | RECEIVE | RECEIVE_INTERRUPT);
         interrupts::enable(Interrupt(interrupt));
         interrupts::enable(Interrupt(interrupt + 1));
     }
@@ -91,7 +101,28 @@ pub(crate) fn start() {
 pub(crate) extern "C" fn on_idle() {
     IDLE_CONTROL.write(0);
     IDLE_CLEAR.write(1);
+    relay::break_off();
+    share_timer();
     wake_readers();
+}
+
+/// All interrupts have one priority: a handler is not interrupted.
+fn in_interrupt<'a>() -> CriticalSection<'a> {
+    // SAFETY: this is called by handlers only.
+    unsafe { CriticalSection::new() }
+}
+
+/// Lets UART `number` have the idle timer for itself.
+fn own_timer(number: usize) {
+    UARTS.iter().for_each(|uart| uart.idle.store(0, Ordering::Relaxed));
+    let uart = &UARTS[number];
+    uart.idle.store(uart.pause.load(Ordering::Relaxed), Ordering::Relaxed);
+    uart.restart_timer();
+}
+
+/// Lets all UARTs have it again.
+fn share_timer() {
+    UARTS.iter().for_each(|uart| uart.idle.store(IDLE_CYCLES, Ordering::Relaxed));
 }
 
 /// Wakes all at once, so that a busy line does not keep the end of another's frame waiting.
@@ -100,8 +131,22 @@ fn wake_readers() {
 }
 
 pub(crate) extern "C" fn on_receive<const N: usize>() {
-    UARTS[N].interrupts.write(RECEIVE);
-    UARTS[N].receive();
+    let uart = &UARTS[N];
+    let received = measure::in_driver(|| {
+        uart.interrupts.write(RECEIVE);
+        uart.take_received()
+    });
+    let Some(byte) = received else { return };
+    match relay::step(in_interrupt(), N, byte) {
+        Step::Sent(to, byte) => UARTS[to].send(byte),
+        Step::Over => {
+            share_timer();
+            uart.arrived.wake();
+        }
+        Step::None if uart.idle.load(Ordering::Relaxed) == 0 => uart.arrived.wake(),
+        Step::None if uart.received.available() >= PIECE_BYTES => wake_readers(),
+        Step::None => {}
+    }
 }
 
 pub(crate) extern "C" fn on_transmit<const N: usize>() {
@@ -121,48 +166,78 @@ impl Uart {
             to_send: RingBuffer::new(),
             arrived: AtomicWaker::new(),
             room: AtomicWaker::new(),
+            pause: AtomicU32::new(0),
+            idle: AtomicU32::new(IDLE_CYCLES),
         }
     }
 
-    /// Takes what the receiver has, as far as there is room. By the interrupt, or with interrupts masked.
-    fn receive(&self) {
-        measure::in_driver(|| self.move_received());
-        if self.received.available() >= PIECE_BYTES {
-            wake_readers();
+    /// Moves the byte that the receiver has into the buffer, if there is room.
+    fn take_received(&self) -> Option<u8> {
+        if self.state.read() & RECEIVER_FULL == 0 {
+            return None;
         }
-    }
-
-    fn move_received(&self) {
-        // SAFETY: there is one writer at a time, see above.
+        // SAFETY: there is one writer at a time: the receive interrupt, or who masks interrupts.
         let mut ring = unsafe { self.received.writer() };
-        while self.state.read() & RECEIVER_FULL != 0 {
-            let count = ring.push(|room| match room.first_mut() {
-                Some(place) => {
-                    *place = self.data.read() as u8;
-                    1
-                }
-                None => 0,
-            });
-            if count == 0 {
-                self.control.write(self.control.read() & !RECEIVE_INTERRUPT);
-                break;
+        let mut byte = None;
+        ring.push(|room| match room.first_mut() {
+            Some(place) => {
+                *place = self.data.read() as u8;
+                byte = Some(*place);
+                1
             }
+            None => 0,
+        });
+        if byte.is_none() {
+            self.control.write(self.control.read() & !RECEIVE_INTERRUPT);
         }
-        IDLE_VALUE.write(IDLE_CYCLES);
-        IDLE_CONTROL.write(IDLE_START);
+        self.restart_timer();
+        byte
+    }
+
+    /// Lets the idle timer run from now on.
+    fn restart_timer(&self) {
+        let idle = self.idle.load(Ordering::Relaxed);
+        if idle > 0 {
+            IDLE_VALUE.write(idle);
+            IDLE_CONTROL.write(IDLE_START);
+        }
     }
 
     /// Gives the transmitter what it takes. By the interrupt, or with interrupts masked.
     fn transmit(&self) {
-        measure::in_driver(|| {
+        let is_empty = measure::in_driver(|| {
             // SAFETY: there is one reader at a time, see above.
             let mut ring = unsafe { self.to_send.reader() };
             while self.state.read() & TRANSMITTER_FULL == 0 {
                 let Some(byte) = ring.pop_one() else { break };
                 self.data.write(byte.into());
             }
+            let is_empty = self.to_send.is_empty();
+            let interrupt = if is_empty { 0 } else { TRANSMIT_INTERRUPT };
+            self.control.write(self.control.read() & !TRANSMIT_INTERRUPT | interrupt);
+            is_empty
         });
-        self.room.wake();
+        if is_empty {
+            self.room.wake();
+        }
+    }
+
+    /// Sends a byte behind those that wait. With interrupts masked.
+    #[inline(always)] // one less call for each byte that is relayed
+    fn send(&self, byte: u8) {
+        if self.to_send.is_empty() && self.state.read() & TRANSMITTER_FULL == 0 {
+            self.data.write(byte.into());
+        } else {
+            self.send_later(byte);
+        }
+    }
+
+    #[cold]
+    fn send_later(&self, byte: u8) {
+        // SAFETY: there is one writer at a time: while a relay sends here, the line's owner does not.
+        // There is room: it is longer than any frame.
+        unsafe { self.to_send.writer() }.push_one(byte);
+        self.transmit();
     }
 
     /// Moves received bytes to `into`.
@@ -182,8 +257,8 @@ impl Uart {
         if count > 0 && self.control.read() & RECEIVE_INTERRUPT == 0 {
             critical_section::with(|_| {
                 self.control.write(self.control.read() | RECEIVE_INTERRUPT);
-                // What came while it was off has made no interrupt.
-                self.receive();
+                // What came while it was off has made no interrupt. It is not relayed: a frame has more room.
+                self.take_received();
             });
         }
         count
@@ -205,19 +280,66 @@ impl Uart {
 }
 
 /// A UART in use. Each has one owner at a time: settings name a line once, and the board keeps the others for itself.
-pub(crate) struct Line(&'static Uart);
+pub(crate) struct Line(usize);
 
 impl Line {
     /// The UART of this number, at the speed of 25 MHz over `divisor`. What arrived before is forgotten.
     pub(crate) fn open(number: usize, divisor: u32) -> Self {
-        let uart = &UARTS[number];
-        uart.divisor.write(divisor);
-        while uart.take(&mut [0; BUFFER_BYTES]) > 0 {}
-        Self(uart)
+        UARTS[number].divisor.write(divisor);
+        while UARTS[number].take(&mut [0; BUFFER_BYTES]) > 0 {}
+        Self(number)
+    }
+
+    /// The line, whose frames may have pauses up to `pause`.
+    pub(crate) fn pausing(self, pause: Duration) -> Self {
+        let cycles = pause.as_ticks() * u64::from(CLOCK_HZ) / TICK_HZ;
+        self.uart().pause.store(cycles as u32, Ordering::Relaxed);
+        self
+    }
+
+    fn uart(&self) -> &'static Uart {
+        &UARTS[self.0]
     }
 }
 
-impl SerialLine for Line {}
+impl Drop for Line {
+    fn drop(&mut self) {
+        self.end_relay();
+    }
+}
+
+impl SerialLine for Line {
+    fn relay(&mut self, from: &str, mut relay: Relay) -> bool {
+        let Some(from) = lines::number(from) else { return false };
+        critical_section::with(|section| {
+            // SAFETY: nobody reads meanwhile, with interrupts masked and in no task of that line.
+            let mut heard = unsafe { UARTS[from].received.reader() };
+            // What has come and was not read goes first, unless the ring's end parts it.
+            let unread = heard.pop_slice();
+            if unread.len() < UARTS[from].received.available() || !relay::is_free() {
+                return false;
+            }
+            unread.iter().filter_map(|&byte| relay.step(byte)).for_each(|byte| self.uart().send(byte));
+            relay::begin(section, relay, from, self.0);
+            own_timer(from);
+            true
+        })
+    }
+
+    fn end_relay(&mut self) -> Option<Relay> {
+        share_timer();
+        relay::end(self.0)
+    }
+
+    fn is_relayed(&self) -> bool {
+        relay::is_running(self.0)
+    }
+
+    fn silence(&self) -> Duration {
+        let cycles = if relay::is_broken(self.0) { self.uart().pause.load(Ordering::Relaxed) } else { 0 };
+        Duration::from_ticks(u64::from(cycles) * TICK_HZ / u64::from(CLOCK_HZ))
+    }
+}
 
 impl ErrorType for Line {
     type Error = Infallible;
@@ -226,8 +348,11 @@ impl ErrorType for Line {
 impl Read for Line {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, Infallible> {
         poll_fn(|context| {
-            self.0.arrived.register(context.waker());
-            match self.0.take(into) {
+            self.uart().arrived.register(context.waker());
+            if self.is_relayed() {
+                return Poll::Pending;
+            }
+            match self.uart().take(into) {
                 0 if !into.is_empty() => Poll::Pending,
                 count => Poll::Ready(Ok(count)),
             }
@@ -239,8 +364,8 @@ impl Read for Line {
 impl Write for Line {
     async fn write(&mut self, from: &[u8]) -> Result<usize, Infallible> {
         poll_fn(|context| {
-            self.0.room.register(context.waker());
-            match self.0.put(from) {
+            self.uart().room.register(context.waker());
+            match self.uart().put(from) {
                 0 if !from.is_empty() => Poll::Pending,
                 count => Poll::Ready(Ok(count)),
             }
@@ -250,8 +375,8 @@ impl Write for Line {
 
     async fn flush(&mut self) -> Result<(), Infallible> {
         poll_fn(|context| {
-            self.0.room.register(context.waker());
-            if self.0.to_send.is_empty() { Poll::Ready(Ok(())) } else { Poll::Pending }
+            self.uart().room.register(context.waker());
+            if self.uart().to_send.is_empty() { Poll::Ready(Ok(())) } else { Poll::Pending }
         })
         .await
     }

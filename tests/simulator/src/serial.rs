@@ -4,6 +4,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
+use mobgate::port::relay::Relay;
 
 use crate::wire::LineEnd;
 
@@ -43,7 +44,8 @@ impl SerialHost for SimSerial {
         let (_, end) =
             self.devices.iter().find(|(name, _)| name == device).ok_or(error(OpenErrorKind::NotFound))?;
         let late_reads = self.late_reads;
-        end.open(*line).map(|end| SimLine { end, late_reads }).map_err(|kind| match kind {
+        let board = self.clone();
+        end.open(*line).map(|end| SimLine { end, late_reads, board, source: None }).map_err(|kind| match kind {
             ErrorKind::AddrInUse => error(OpenErrorKind::InUse),
             _ => error(OpenErrorKind::NotFound),
         })
@@ -62,10 +64,14 @@ impl SerialHost for SimSerial {
 pub struct SimLine {
     end: LineEnd,
     late_reads: Option<Duration>,
+    board: SimSerial,
+    /// Whose characters are sent here.
+    source: Option<LineEnd>,
 }
 
 impl Drop for SimLine {
     fn drop(&mut self) {
+        self.end_relay();
         self.end.close();
     }
 }
@@ -74,6 +80,25 @@ impl SerialLine for SimLine {
     async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
         self.end.drive(on);
         Ok(())
+    }
+
+    fn relay(&mut self, from: &str, relay: Relay) -> bool {
+        let source = self.board.devices.iter().find(|(name, _)| name == from);
+        self.source = source.map(|(_, end)| end.clone());
+        self.source.iter().for_each(|source| source.begin_relay(relay, &self.end));
+        self.source.is_some()
+    }
+
+    fn end_relay(&mut self) -> Option<Relay> {
+        self.source.take()?.end_relay()
+    }
+
+    fn is_relayed(&self) -> bool {
+        self.end.is_relayed()
+    }
+
+    fn silence(&self) -> Duration {
+        self.end.silence()
     }
 
     fn take_flaws(&mut self) -> Flaws {

@@ -26,7 +26,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let arriving = fill == Fill::Filling;
         if arriving {
             let form = self.form(&envelope);
-            if copy(&mut self.line, &answer, form).await? != Copied::Whole {
+            if copy(self.server.gateway, &mut self.line, &answer, form).await? != Copied::Whole {
                 return Ok(());
             }
         }
@@ -36,7 +36,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let pdu = pdu.get(..length).unwrap_or(&[]);
         if !arriving {
             self.send(&envelope, pdu).await?;
-        } else {
+        } else if self.tap.capture.is_some() {
             let mut frame = [0; FRAME_CHARS_MAX];
             let encoded =
                 self.server.settings.framing.encode(envelope.unit, pdu, self.delimiter(), &mut frame);
@@ -76,7 +76,14 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let lane = self.server.gateway.settings(|settings| Lane::at(settings, envelope.destination?));
         // Nobody else waits for this line, and what has begun cannot be sent again.
         let may_wait = framing == Framing::Ascii || lane.is_some_and(|lane| lane.framing == Framing::Rtu);
-        Form { framing, may_wait, delimiter: self.delimiter(), from: envelope.target, to: envelope.unit }
+        Form {
+            framing,
+            may_wait,
+            delimiter: self.delimiter(),
+            source: envelope.destination,
+            from: envelope.target,
+            to: envelope.unit,
+        }
     }
 
     /// Notes what has been answered.

@@ -53,7 +53,10 @@ pub struct Capture(Mutex<CriticalSectionRawMutex, RefCell<Ring>>);
 
 struct Ring {
     heads: Deque<Head, FRAMES_MAX>,
-    bytes: Deque<u8, BYTES_MAX>,
+    bytes: [u8; BYTES_MAX],
+    /// Where the oldest one's bytes are, and how many there are of all.
+    start: usize,
+    length: usize,
     /// The number of the oldest one.
     first: u32,
 }
@@ -61,7 +64,13 @@ struct Ring {
 impl Capture {
     /// An empty ring.
     pub const fn new() -> Self {
-        Self(Mutex::new(RefCell::new(Ring { heads: Deque::new(), bytes: Deque::new(), first: 0 })))
+        Self(Mutex::new(RefCell::new(Ring {
+            heads: Deque::new(),
+            bytes: [0; BYTES_MAX],
+            start: 0,
+            length: 0,
+            first: 0,
+        })))
     }
 
     /// The number of the frame that comes next.
@@ -74,8 +83,8 @@ impl Capture {
         self.0.lock(|ring| ring.borrow().get(cursor))
     }
 
-    fn record(&self, head: Head, bytes: &[u8]) {
-        self.0.lock(|ring| ring.borrow_mut().push(head, bytes));
+    fn record(&self, head: Head, parts: &[&[u8]]) {
+        self.0.lock(|ring| ring.borrow_mut().push(head, parts));
     }
 }
 
@@ -90,17 +99,27 @@ impl Ring {
         self.first.wrapping_add(self.heads.len() as u32)
     }
 
-    fn push(&mut self, head: Head, bytes: &[u8]) {
-        while self.heads.is_full() || self.bytes.capacity() - self.bytes.len() < bytes.len() {
+    fn push(&mut self, head: Head, parts: &[&[u8]]) {
+        while self.heads.is_full() || BYTES_MAX - self.length < head.length {
             let Some(oldest) = self.heads.pop_front() else { return };
-            for _ in 0..oldest.length {
-                self.bytes.pop_front();
-            }
+            self.start = (self.start + oldest.length) % BYTES_MAX;
+            self.length -= oldest.length;
             self.first = self.first.wrapping_add(1);
         }
         // There is room now.
         let _ = self.heads.push_back(head);
-        self.bytes.extend(bytes.iter().copied());
+        parts.iter().for_each(|part| self.append(part));
+    }
+
+    fn append(&mut self, bytes: &[u8]) {
+        let end = (self.start + self.length) % BYTES_MAX;
+        let (before, behind) = bytes.split_at(bytes.len().min(BYTES_MAX - end));
+        for (place, part) in [(end, before), (0, behind)] {
+            if let Some(room) = self.bytes.get_mut(place..place + part.len()) {
+                room.copy_from_slice(part);
+            }
+        }
+        self.length += bytes.len();
     }
 
     fn get(&self, cursor: &mut u32) -> Option<Captured> {
@@ -110,8 +129,9 @@ impl Ring {
             return None;
         }
         let head = *self.heads.iter().nth(at)?;
-        let start: usize = self.heads.iter().take(at).map(|head| head.length).sum();
-        let bytes = self.bytes.iter().skip(start).take(head.length).copied().collect();
+        let before: usize = self.heads.iter().take(at).map(|head| head.length).sum();
+        let bytes = self.bytes.iter().cycle().skip((self.start + before) % BYTES_MAX);
+        let bytes = bytes.take(head.length).copied().collect();
         let number = self.first.wrapping_add(at as u32);
         let missed = number.wrapping_sub(*cursor);
         *cursor = number.wrapping_add(1);
@@ -133,15 +153,41 @@ impl Tap<'_> {
         self.record(at, true, verdict, bytes);
     }
 
+    /// Records a frame that the gateway has sent under `unit` while it arrived: with the CRC that came, if there is one.
+    pub(crate) fn copied(
+        &self,
+        at: Instant,
+        verdict: Event,
+        unit: u8,
+        pdu: &[u8],
+        (crc, delimiter): (Option<u16>, u8),
+    ) {
+        match crc {
+            _ if self.capture.is_none() => {}
+            Some(crc) if self.framing == Framing::Rtu => {
+                self.record_parts(at, true, verdict, &[&[unit], pdu, &crc.to_le_bytes()]);
+            }
+            _ => {
+                let mut frame = [0; FRAME_CHARS_MAX];
+                let frame = self.framing.encode(unit, pdu, delimiter, &mut frame);
+                self.sent(at, verdict, frame.unwrap_or(&[]));
+            }
+        }
+    }
+
     /// Records what was heard until `at`.
     pub(crate) fn heard(&self, at: Instant, verdict: Event, bytes: &[u8]) {
         self.record(at, false, verdict, bytes);
     }
 
     fn record(&self, at: Instant, sent: bool, verdict: Event, bytes: &[u8]) {
-        let Some(capture) = self.capture.filter(|_| !bytes.is_empty()) else { return };
-        let bytes = bytes.get(..FRAME_CHARS_MAX).unwrap_or(bytes);
+        self.record_parts(at, sent, verdict, &[bytes.get(..FRAME_CHARS_MAX).unwrap_or(bytes)]);
+    }
+
+    fn record_parts(&self, at: Instant, sent: bool, verdict: Event, parts: &[&[u8]]) {
+        let length = parts.iter().map(|part| part.len()).sum();
+        let Some(capture) = self.capture.filter(|_| length > 0) else { return };
         let Self { port, framing, .. } = *self;
-        capture.record(Head { at, port, framing, sent, verdict, length: bytes.len() }, bytes);
+        capture.record(Head { at, port, framing, sent, verdict, length }, parts);
     }
 }

@@ -356,6 +356,13 @@ impl<'p> Frame<'p> {
         self.with(|slot| (slot.crc, usize::from(slot.crc_bytes))).unwrap_or_default()
     }
 
+    /// The CRC with which the frame came while it was passed on, if it goes on under the same unit id.
+    pub(crate) fn own_crc(&self) -> Option<u16> {
+        let Envelope { unit, target, .. } = self.envelope();
+        let (crc, there) = self.crc();
+        (there == crc.len() && unit == target).then(|| u16::from_le_bytes(crc))
+    }
+
     /// Breaks the frame if it is still being filled: nobody here wants it that way. Says whether it was.
     pub fn abandon(&self) -> bool {
         let abandoned = self.with(|slot| {
@@ -416,6 +423,11 @@ impl<'p> Frame<'p> {
         rider.with(|slot| slot.next = behind.unwrap_or(0));
         // This frame holds the handle from here on, as an index.
         mem::forget(rider);
+    }
+
+    /// Whether frames ride on this one.
+    pub fn is_loaded(&self) -> bool {
+        self.with(|slot| slot.rider > 0) == Some(true)
     }
 
     /// Takes the first of the frames that ride on this one.

@@ -71,6 +71,7 @@ mod asking;
 pub mod capture;
 pub mod config;
 pub mod console;
+pub mod drafting;
 pub mod ethercat;
 pub mod frame;
 pub mod gateway;

@@ -12,6 +12,7 @@
 
 mod commands;
 mod exchange;
+mod fraction;
 mod gather;
 mod kind;
 mod place;
@@ -40,8 +41,12 @@ pub use self::status::{ErrorCode, Status};
 pub use self::typed::{TypedValue, ValueType};
 pub use self::values::{ByteOrder, VALUE_BYTES_MAX};
 
+/// Whether the gateway can ask devices by itself, for data points or as an EtherCAT SubDevice: the feature `points`. An image
+/// without it holds nothing of what stands behind this constant.
+pub const POINTS: bool = cfg!(feature = "points");
+
 /// Devices that a scanner asks.
-pub const DEVICES_MAX: usize = 32;
+pub const DEVICES_MAX: usize = if POINTS { 32 } else { 0 };
 /// Rows of a scanner: the four tables of every device, and some that take two frames.
 pub const ROWS_MAX: usize = 136;
 

@@ -20,6 +20,7 @@ mod ports;
 mod power_cuts;
 mod shared_bus;
 mod sharing;
+mod tools;
 
 use figure::{Target, figure};
 
@@ -34,6 +35,7 @@ fn main() {
         ("points", points::figures),
         ("ports", ports::figures),
         ("goodput", goodput::figures),
+        ("tools", tools::figures),
         ("power_cuts", power_cuts::figures),
         ("ethercat", ethercat::figures),
     ];

@@ -290,14 +290,19 @@ pub(super) fn auto_or_time(
     if word.is("auto") { Ok(None) } else { time(word, range).map(Some) }
 }
 
+/// Names the limit as a number.
+const DEVICE_EXPECTED: &str = match super::DEVICE_BYTES_MAX {
+    96 => "a serial device such as uart1 or /dev/ttyUSB0, at most 96 characters",
+    15 => "a serial device such as uart1, at most 15 characters",
+    _ => panic!("another text is needed"),
+};
+
 /// The device name that `word` is.
 pub(super) fn device<const N: usize>(word: Word) -> Result<String<N>, LineError> {
     let good = !word.is_end() && word.text.bytes().all(|byte| byte.is_ascii_graphic());
     let name = if good { String::try_from(word.text).ok() } else { None };
-    name.ok_or_else(|| word.expected("a serial device such as uart1 or /dev/ttyUSB0, at most 96 characters"))
+    name.ok_or_else(|| word.expected(DEVICE_EXPECTED))
 }
-
-const _: () = assert!(super::DEVICE_BYTES_MAX == 96, "the error text of `device` names the number");
 
 /// Data bits, parity, stop bits: `8E1`.
 fn format(word: Word) -> Result<(u8, Parity, u8), LineError> {

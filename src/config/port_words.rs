@@ -21,6 +21,7 @@ use super::{
     SerialServerSettings, SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings,
     UdpServerSettings,
 };
+use crate::scanner::POINTS;
 
 /// A port's settings while a line is read.
 pub(super) struct Draft<'a> {
@@ -80,6 +81,7 @@ impl<'a> Draft<'a> {
             Medium::Serial => Self::create_serial(words),
             Medium::Tcp => Self::create_tcp(words),
             Medium::Udp => Self::create_udp_server(words),
+            Medium::Scanner | Medium::Ethercat if !POINTS => Err(kind.error(Problem::NoPoints)),
             Medium::Scanner => {
                 words.end()?;
                 Ok(Self::new(PortKind::Scanner, kind))

@@ -19,7 +19,7 @@ pub const SPEED_BYTES_MAX: usize = 16;
 /// Writes line `n` (from 0) of the settings without its line end; `None` behind the last line.
 ///
 /// A line has every value that differs from the default, and always the baud rate and format.
-pub fn write_line(settings: &Settings, n: usize, out: &mut impl Write) -> Option<fmt::Result> {
+pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
     let own_network = usize::from(settings.network != OwnNetwork::DEFAULT);
     let Some(n) = n.checked_sub(own_network) else {
         return Some(write!(out, "network {}", settings.network));
@@ -39,7 +39,7 @@ pub fn write_line(settings: &Settings, n: usize, out: &mut impl Write) -> Option
 }
 
 /// Devices, then points.
-fn write_points(settings: &Settings, n: usize, out: &mut impl Write) -> Option<fmt::Result> {
+fn write_points(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
     if let Some(device) = settings.devices.get(n) {
         return Some(write!(out, "{device}"));
     }
@@ -48,7 +48,7 @@ fn write_points(settings: &Settings, n: usize, out: &mut impl Write) -> Option<f
     Some(write!(out, "point {:width$} {}", point.name, PointWords { settings, point }))
 }
 
-fn write_port(port: &Port, width: usize, out: &mut impl Write) -> fmt::Result {
+fn write_port(port: &Port, width: usize, out: &mut dyn Write) -> fmt::Result {
     write!(out, "port {:width$} {}{}", port.name, port.kind, port.units)
 }
 
@@ -77,7 +77,7 @@ impl Display for Special {
     }
 }
 
-fn write_route(settings: &Settings, route: &Route, width: usize, out: &mut impl Write) -> fmt::Result {
+fn write_route(settings: &Settings, route: &Route, width: usize, out: &mut dyn Write) -> fmt::Result {
     write!(out, "route {:width$} {:7} ", settings.name(route.source), route.units)?;
     match route.peer {
         Some(peer) => write!(out, "{peer} ")?,

@@ -88,6 +88,9 @@ pub enum Problem {
     /// [`ROUTES_MAX`] rules exist.
     #[error("there are {ROUTES_MAX} rules already, the most there can be")]
     RoutesFull,
+    /// The gateway asks nothing by itself.
+    #[error("this board has no data points")]
+    NoPoints,
     /// There is no port that asks devices.
     #[error("no port asks devices: type port NAME scanner first")]
     NoScanner,

@@ -17,6 +17,7 @@ use super::values::{name, number};
 use super::words::{Word, Words};
 use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side, gap_warning};
 use crate::route::{Destination, Route};
+use crate::scanner::POINTS;
 
 /// What a good line did.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -66,6 +67,7 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
         return Ok(Applied { changed: false, warning: None });
     }
     match verb.keyword(VERBS, "port, route, device, point, edit, insert, move, delete or network")? {
+        Verb::Device | Verb::Point if !POINTS => Err(verb.error(Problem::NoPoints)),
         Verb::Port => port(settings, words),
         Verb::Route => add_route(settings, words),
         Verb::Device => point_words::device(settings, words),
@@ -95,7 +97,9 @@ pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
         .into_iter()
         .chain(port_keys::keywords())
         .chain(unit_words::keywords());
-    ports.chain(route_words::keywords()).chain(point_words::keywords())
+    // No word of a line that is refused.
+    let points = POINTS.then(point_words::keywords).into_iter().flatten();
+    ports.chain(route_words::keywords()).chain(points)
 }
 
 fn port(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
@@ -268,6 +272,7 @@ fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineErr
             words.end()?;
             settings.routes.clear();
         }
+        Thing::Device | Thing::Point if !POINTS => return Err(words.take().error(Problem::NoPoints)),
         Thing::Device => {
             let word = words.take();
             words.end()?;

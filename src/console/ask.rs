@@ -45,7 +45,10 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(question) => question,
             Err(error) => return self.fail(format_args!("{error}")).await,
         };
-        let asked = self.gateway.ask(question.port, question.unit, &question.request).await;
+        let asked = match self.gateway.turn(question.port) {
+            Ok(turn) => turn.ask(question.unit, &question.request).await,
+            Err(error) => Err(error),
+        };
         let (answer, took) = match asked {
             Ok(answered) => answered,
             Err(error) => return self.fail(format_args!("{error}")).await,

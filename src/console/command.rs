@@ -10,7 +10,7 @@ use super::help;
 use super::output::Output;
 use super::points::PointCommand;
 use super::show::Show;
-use crate::config::{self, LineError, ReadError, Settings, Words};
+use crate::config::{LineError, Words};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
 use crate::port::units::Units;
@@ -25,6 +25,8 @@ pub(super) enum Command {
     Clear,
     /// `ping`
     Ping,
+    Scan,
+    Tune,
     Watch,
     Save,
     Load,
@@ -54,6 +56,8 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("finish", Command::Point(PointCommand::Finish)),
     ("clear", Command::Clear),
     ("ping", Command::Ping),
+    ("scan", Command::Scan),
+    ("tune", Command::Tune),
     ("watch", Command::Watch),
     ("save", Command::Save),
     ("load", Command::Load),
@@ -97,8 +101,6 @@ pub(super) struct Session<'s, 'g, IO, S, Y> {
     pub(super) out: Output<IO>,
     pub(super) store: &'s mut S,
     pub(super) system: &'s Y,
-    /// Settings that are being changed, loaded or saved: too big for the stack of a small board.
-    pub(super) draft: Settings,
     /// The number of the line for error texts, where input has lines and not a person before it.
     pub(super) line_number: Option<u32>,
 }
@@ -119,6 +121,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 Err(error) => self.fail(format_args!("{error}")).await?,
             },
             Ok(Command::Ping) => self.ask(Ask::Ping, &mut words).await?,
+            Ok(Command::Scan) => self.scan(&mut words).await?,
+            Ok(Command::Tune) => self.tune(&mut words).await?,
             // Names begin with a letter.
             Ok(Command::Point(PointCommand::Read)) if begins_with_digit(&words) => {
                 self.ask(Ask::Read, &mut words).await?;
@@ -170,43 +174,33 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             | Command::Show
             | Command::Clear
             | Command::Point(_)
-            | Command::Ping => {}
+            | Command::Ping
+            | Command::Scan
+            | Command::Tune => {}
         }
         Ok(Next::Line)
     }
 
     async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
-        self.gateway.settings(|settings| self.draft.clone_from(settings));
-        let warning = match config::apply(&mut self.draft, line) {
-            Ok(applied) => applied.warning,
-            Err(error) => return self.fail(format_args!("{error}")).await,
-        };
-        if let Err(error) = self.gateway.apply(&self.draft) {
-            return self.fail(format_args!("{error}")).await;
-        }
-        match warning {
-            Some(warning) => self.out.line(format_args!("warning: {warning}")).await,
-            None => Ok(()),
+        match self.gateway.change(line).await {
+            Ok(Some(warning)) => self.out.line(format_args!("warning: {warning}")).await,
+            Ok(None) => Ok(()),
+            Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 
     async fn save(&mut self) -> Result<(), IO::Error> {
-        self.gateway.settings(|settings| self.draft.clone_from(settings));
-        match config::write_store(&self.draft, self.store).await {
+        match self.gateway.save(self.store).await {
             Ok(()) => self.out.line(format_args!("saved")).await,
             Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 
     async fn load(&mut self) -> Result<(), IO::Error> {
-        match config::read_store(self.store, &mut self.draft).await {
+        match self.gateway.load(self.store).await {
             Ok(0) => self.fail(format_args!("nothing is saved")).await,
-            Ok(_) => match self.gateway.apply(&self.draft) {
-                Ok(()) => self.out.line(format_args!("loaded")).await,
-                Err(error) => self.fail(format_args!("{error}")).await,
-            },
-            Err(ReadError::Text(error)) => self.fail(format_args!("saved settings: {error}")).await,
-            Err(ReadError::Store(error)) => self.fail(format_args!("{error}")).await,
+            Ok(_) => self.out.line(format_args!("loaded")).await,
+            Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 

@@ -1,6 +1,12 @@
 //! What `help` says.
 
 use crate::config::{LineError, Words};
+use crate::scanner::POINTS;
+
+/// What a command of data points has to say, where there are any.
+const fn of_points(lines: &'static [&'static str]) -> &'static [&'static str] {
+    if POINTS { lines } else { &["this board has no data points"] }
+}
 
 /// The texts of `help WORD`.
 const TOPICS: &[(&str, &[&str])] = &[
@@ -42,14 +48,14 @@ const TOPICS: &[(&str, &[&str])] = &[
     ),
     (
         "device",
-        &[
+        of_points(&[
             "device NAME unit N [order 0123|2301|1032|3210] [check] [label \"TEXT\"]",
             "  A device that the scanner asks; order: of the bytes of values of 32 bits; check: asks for a sign of life first.",
-        ],
+        ]),
     ),
     (
         "point",
-        &[
+        of_points(&[
             "point NAME DEVICE coil|discrete|input|holding ADDRESS [count N] [as u16|i16|u32|i32|f32] [label \"TEXT\"]",
             "      [read low|normal|high|manual|T] [write auto|manual] [multiple]",
             "point NAME local coil|discrete|input|holding ADDRESS [count N] [as TYPE] | [of POINT]  [quality ADDRESS]",
@@ -58,7 +64,7 @@ const TOPICS: &[(&str, &[&str])] = &[
             "  read: every 5s, 1s, 200ms, or T; write auto: whenever the variable is written",
             "  of: shows the variable of another point; quality: input registers with its status word and age in 0.1s",
             "  point power meter holding 0 count 2 as f32 read high label \"Active power\"",
-        ],
+        ]),
     ),
     (
         "edit",
@@ -110,6 +116,24 @@ const TOPICS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "scan",
+        &[
+            "scan PORT [BAUD]... [units A-B] [timeout T] [function N]",
+            "  Finds the units on a serial client's line, at each speed in 8E1, 8N1, 8O1 and 8N2 (ascii: 7E1, 7N2, 7O1, 8N1).",
+            "  Without words: 9600 19200 38400 57600 115200 4800 2400 1200, units 1-247, 60ms and some characters, function 3.",
+            "  A key or a line stops it. Meanwhile others who ask by the port get 0A; behind it the port is as before.",
+            "  scan P1 9600 19200 units 1-32",
+        ],
+    ),
+    (
+        "tune",
+        &[
+            "tune PORT [units A-B] [count N]   measures how long units take to answer, and proposes time-out and gap",
+            "  Asks each unit N times (2000), those that have answered so far unless some are named, with a time-out of 3s.",
+            "  Other traffic goes on. A key or a line stops it; behind it the port is as before.",
+        ],
+    ),
+    (
         "read",
         &[
             "read POINT                       reads it at once, and shows its values",
@@ -126,17 +150,17 @@ const TOPICS: &[(&str, &[&str])] = &[
     ),
     (
         "mark",
-        &[
+        of_points(&[
             "mark DEVICE FUNCTION FROM-TO     reads (1 to 4) or writes (5, 6, 15, 16) all points there at once",
-        ],
+        ]),
     ),
     (
         "begin",
-        &[
+        of_points(&[
             "begin POINT                      begins a safe write: it is neither read nor written until finish",
-        ],
+        ]),
     ),
-    ("finish", &["finish POINT                     ends a safe write: the point is written"]),
+    ("finish", of_points(&["finish POINT                     ends a safe write: the point is written"])),
     (
         "clear",
         &[
@@ -167,6 +191,7 @@ const OVERVIEW: &[&str] = &[
     "network dhcp|address ...         the board's own address       help network",
     "show TOPIC                       ports, routes, units, clients, stats, points, devices, config, network, log, frames, version",
     "ping, read, write UNIT ... via PORT  asks a unit at once     help read",
+    "scan PORT, tune PORT             finds units, speed, format   help scan; a time-out   help tune",
     "watch                            frames of the serial lines as they come",
     "clear stats|log                  forgets",
     "save, load                       settings of the next start",

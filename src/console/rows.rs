@@ -6,12 +6,18 @@ use embassy_time::{Duration, Instant};
 use heapless::String;
 
 use crate::config::{
-    DEVICE_BYTES_MAX, Framing, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time, is_implied,
+    DEVICE_BYTES_MAX, Framing, Name, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time,
+    is_implied,
 };
 use crate::gateway::Status;
 use crate::port::units::Unit;
 use crate::route::{Policy, Route};
 use crate::stats::{LogEntry, Outcome};
+
+/// A port's name, for when the settings are not at hand any more.
+pub(super) fn port_name(settings: &Settings, port: PortId) -> Name {
+    text(format_args!("{}", settings.name(port)))
+}
 
 /// Text that is padded as a whole when it is printed.
 pub(super) fn text<const N: usize>(content: fmt::Arguments<'_>) -> String<N> {
@@ -54,12 +60,15 @@ pub(super) fn state(unit: &Unit, now: Instant) -> &'static str {
     }
 }
 
+/// A device, or an IPv6 address with its port.
+const WHERE_BYTES_MAX: usize = if DEVICE_BYTES_MAX > 56 { DEVICE_BYTES_MAX } else { 56 };
+
 /// A port's role, the place where it is, and how its line is set.
-pub(super) fn describe(kind: &PortKind) -> (String<12>, String<DEVICE_BYTES_MAX>, String<SPEED_BYTES_MAX>) {
+pub(super) fn describe(kind: &PortKind) -> (String<12>, String<WHERE_BYTES_MAX>, String<SPEED_BYTES_MAX>) {
     match kind {
         PortKind::Serial(serial) => {
             let role = text(format_args!("{} {}", serial.framing, serial.side));
-            (role, serial.device.clone(), serial.line.speed())
+            (role, text(format_args!("{}", serial.device)), serial.line.speed())
         }
         PortKind::TcpServer(server) => (
             text(format_args!("tcp server")),

@@ -147,14 +147,8 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     }
 
     /// Notes a request that was sent while it arrived.
-    pub(crate) fn note_copied(&self, unit: u8, request: &[u8]) {
-        if self.tap.capture.is_none() {
-            return;
-        }
-        let mut frame = [0; FRAME_CHARS_MAX];
-        if let Ok(frame) = self.framing.encode(unit, request, LINE_FEED, &mut frame) {
-            self.tap.sent(self.line.active, Event::Request, frame);
-        }
+    pub(crate) fn note_copied(&self, unit: u8, request: &[u8], crc: Option<u16>) {
+        self.tap.copied(self.line.active, Event::Request, unit, request, (crc, LINE_FEED));
     }
 
     async fn response(

@@ -24,7 +24,7 @@ use embassy_time::{Duration, Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
-use crate::frame::{Envelope, Frame, Stage};
+use crate::frame::{Envelope, Frame, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
@@ -45,6 +45,8 @@ pub(crate) struct Desk<'g> {
     queue: RefCell<PortQueue<Frame<'g>>>,
     /// The unit that is asked whatever the rule says.
     unit: Option<u8>,
+    /// A console has the port for itself: all others are refused.
+    alone: bool,
     /// The orders that are being carried out.
     current: RefCell<Vec<Current<'g>, FLIGHTS_MAX>>,
     cache: RefCell<Cache>,
@@ -58,13 +60,20 @@ pub(crate) struct Desk<'g> {
 
 impl<'g> Desk<'g> {
     /// An empty desk. It takes orders in while its line is being opened for the first time; they wait for that.
-    pub(crate) fn new(gateway: &'g Gateway<'g>, place: &'g PortPlace, id: PortId, unit: Option<u8>) -> Self {
+    pub(crate) fn new(
+        gateway: &'g Gateway<'g>,
+        place: &'g PortPlace,
+        id: PortId,
+        unit: Option<u8>,
+        alone: bool,
+    ) -> Self {
         Self {
             gateway,
             place,
             id,
             queue: RefCell::new(PortQueue::new()),
             unit,
+            alone,
             current: RefCell::new(Vec::new()),
             cache: RefCell::new(Cache::new()),
             writes_ended: Cell::new(0),
@@ -107,7 +116,8 @@ impl<'g> Desk<'g> {
             frame.address(envelope);
         }
         let attempt = envelope.paced && self.pausing.get();
-        if !self.open.get() && !attempt {
+        let is_others = self.alone && envelope.origin.way != Way::Console;
+        if is_others || (!self.open.get() && !attempt) {
             return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
         let Some(frame) = self.answer_from_memory(frame) else { return };
@@ -237,6 +247,10 @@ impl<'g> Desk<'g> {
     /// Sends `order` home with what it holds by now as its answer.
     pub(crate) fn done(&self, order: &Frame<'g>) {
         let Some(current) = self.take(order) else { return };
+        if current.joined.is_none() && !order.is_loaded() && order.envelope().sharing.cache_ms == 0 {
+            // The answer is for this one alone, and there already.
+            return self.give(order.share());
+        }
         let mut answer = [0; PDU_BYTES_MAX];
         let length = order.copy_pdu(&mut answer);
         let answer = answer.get(..length).unwrap_or(&[]);
@@ -247,18 +261,26 @@ impl<'g> Desk<'g> {
             let mut part = [0; PDU_BYTES_MAX];
             let answer = current.answer_to(asked, answer, &mut part);
             self.keep(&current, &frame.envelope(), asked, answer);
-            if is_answering(&frame) {
-                return self.gateway.note(&frame);
+            if !is_answering(&frame) {
+                // It fitted into a frame of the same size.
+                let _ = frame.replace(answer);
             }
-            // It fitted into a frame of the same size.
-            let _ = frame.replace(answer);
-            self.gateway.answered(frame);
+            self.give(frame);
         };
         give(order.share(), current.asked);
         while let Some(rider) = order.unload() {
             self.place.stats.count(Event::Merged);
             let asked = block(&rider);
             give(rider, asked);
+        }
+    }
+
+    /// Sends `frame` home with its answer, if it is not on its way already.
+    fn give(&self, frame: Frame<'g>) {
+        if is_answering(&frame) {
+            self.gateway.note(&frame);
+        } else {
+            self.gateway.answered(frame);
         }
     }
 

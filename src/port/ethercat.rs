@@ -6,12 +6,14 @@
 
 mod application;
 mod configuration;
+mod controller;
 mod layout;
 mod objects;
 mod place;
 
 pub use application::GatewayObjects;
 pub use configuration::{ConfigError, Configuration, Plan, Speed};
+pub use controller::{Controller, serve};
 pub use layout::{DeviceLayout, DeviceSettings, KindSettings};
 pub use objects::{DEVICE, IMAGE_BYTES, MODBUS_DEVICES_MAX, REASON_BYTES};
 pub use place::EthercatPlace;

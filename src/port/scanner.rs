@@ -4,7 +4,9 @@
 //! One request is open for each device at most, and its place among the devices is its transaction id. The scanner repeats
 //! and backs off by itself: no port repeats its requests, and its attempt at a unit that is down is the unit's probe.
 
-use embassy_futures::select::{Either3, select3};
+use core::future::pending;
+
+use embassy_futures::select::{Either3, select, select3};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::config::PortId;
@@ -12,6 +14,7 @@ use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Status};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
+use crate::port::ethercat::EthercatPlace;
 use crate::scanner::{DeviceId, ErrorCode, ScannerPlace};
 use crate::stats::Event;
 
@@ -21,17 +24,43 @@ const LIFETIME: Duration = Duration::from_secs(10);
 const STARVED: Duration = Duration::from_millis(10);
 
 /// A scanner's port.
-pub(crate) struct Port<'s, 'g> {
-    pub(crate) gateway: &'s Gateway<'g>,
-    pub(crate) place: &'s PortPlace,
-    pub(crate) id: PortId,
-    pub(crate) scanner: &'s ScannerPlace,
+struct Port<'s, 'g> {
+    gateway: &'s Gateway<'g>,
+    place: &'s PortPlace,
+    id: PortId,
+    scanner: &'s ScannerPlace,
+    /// What it shows while it runs.
+    status: Status,
+}
+
+/// Asks for what the data points want, or the MainDevice behind `ethercat`, until the port is set anew.
+pub(crate) async fn run(
+    gateway: &Gateway<'_>,
+    place: &PortPlace,
+    id: PortId,
+    ethercat: Option<&EthercatPlace>,
+) {
+    let scanner = ethercat.map(EthercatPlace::scanner).or(gateway.scanner());
+    let Some(scanner) = scanner else { return place.changed.wait().await };
+    let speed = ethercat.and_then(EthercatPlace::take_speed);
+    speed.into_iter().for_each(|speed| gateway.set_speed(speed));
+    let status = ethercat.map_or(Status::Open, |ethercat| ethercat.controller().status());
+    let port = Port { gateway, place, id, scanner, status };
+    let renewed = async {
+        match ethercat {
+            Some(ethercat) => ethercat.renewed().await,
+            None => pending().await,
+        }
+    };
+    // First of all: answers that come now may be for devices of before.
+    select(place.changed.wait(), select(renewed, port.run())).await;
+    port.close();
 }
 
 impl Port<'_, '_> {
     /// Asks the devices, for ever.
-    pub(crate) async fn run(&self) {
-        self.place.set_status(Status::Open);
+    async fn run(&self) {
+        self.place.set_status(self.status);
         loop {
             let due = if self.send() {
                 self.scanner.with(|scanner| scanner.due())
@@ -48,7 +77,7 @@ impl Port<'_, '_> {
     }
 
     /// Answers that are there or still come are of no use: what was open is asked again.
-    pub(crate) fn close(&self) {
+    fn close(&self) {
         self.place.renew();
         while self.place.queue.try_receive(self.gateway.pool()).is_some() {}
         self.scanner.with(|scanner| scanner.forget_open());

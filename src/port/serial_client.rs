@@ -93,7 +93,7 @@ async fn carry_out<'g, L: SerialLine>(
     let length = frame.copy_pdu(&mut request);
     let request = request.get(..length).unwrap_or(&[]);
     if arriving {
-        bus.note_copied(unit, request);
+        bus.note_copied(unit, request, frame.own_crc());
     }
     if unit == 0 {
         bus.broadcast(request).await?;
@@ -101,13 +101,17 @@ async fn carry_out<'g, L: SerialLine>(
         return Ok(());
     }
     place.units(|units| units.asked(unit));
-    if !arriving && frame.envelope().origin.way == Way::Line {
+    let way = frame.origin().way;
+    if !arriving && way == Way::Line {
         place.stats.count(Event::Stored);
     }
     let outcome = match if arriving { Ok(()) } else { bus.send(unit, request).await? } {
         Ok(()) => bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?,
         Err(Collision) => Err(Failure::Collision),
     };
+    if way == Way::Console {
+        desk.gateway().asking.note(outcome);
+    }
     match outcome {
         Ok(took) => {
             let exception = frame.function() & EXCEPTION_BIT != 0;

@@ -12,13 +12,13 @@ use core::net::SocketAddr;
 use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
-use crate::config::{PortId, StreamFraming, TcpServerSettings};
+use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
 use crate::hal::{TcpHost, TcpStream};
+use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
-use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::stream::{Input, encode};
 use crate::stats::{Event, LastError};
 
@@ -32,9 +32,27 @@ pub(crate) struct Server<'s, 'g> {
     pub(crate) gateway: &'s Gateway<'g>,
     pub(crate) id: PortId,
     pub(crate) place: &'s PortPlace,
-    pub(crate) settings: &'s TcpServerSettings,
+    pub(crate) settings: &'s Terms,
     pub(crate) seat: &'s Seat,
     pub(crate) index: usize,
+}
+
+/// What a seat keeps of its server's settings. The lists of addresses it looks up when a client comes: each seat has a copy of
+/// this for ever.
+#[derive(Clone, Copy)]
+pub(crate) struct Terms {
+    listen: TcpListen,
+    framing: StreamFraming,
+    idle: Duration,
+    pipeline: u8,
+    lifetime: Duration,
+}
+
+impl Terms {
+    pub(crate) fn of(settings: &TcpServerSettings) -> Self {
+        let TcpServerSettings { listen, framing, idle, pipeline, lifetime, .. } = *settings;
+        Self { listen, framing, idle, pipeline, lifetime }
+    }
 }
 
 /// Why a connection ends.
@@ -73,7 +91,7 @@ impl Server<'_, '_> {
         }
         let (mut stream, peer) = host.accept(&self.settings.listen).await?;
         self.place.stats.count(Event::Connected);
-        let end = if self.settings.allowed.admits(peer.ip()) {
+        let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
                 Some(origin) => self.serve(&mut stream, origin, peer).await,
                 None => End::Crowded,
@@ -93,6 +111,11 @@ impl Server<'_, '_> {
         Ok(())
     }
 
+    /// What `of` takes from the server's settings; none when it is no server any more.
+    fn all_settings<R>(&self, of: impl FnOnce(&TcpServerSettings) -> R) -> Option<R> {
+        self.gateway.settings(|settings| settings.tcp_server(self.id).map(of))
+    }
+
     /// The seat is empty: answers that still come find nobody.
     pub(crate) fn left(&self) {
         self.seat.update(|seat| seat.peer = None);
@@ -103,8 +126,11 @@ impl Server<'_, '_> {
     fn seat_down(&self, peer: SocketAddr) -> Option<Origin> {
         let now = Instant::now();
         self.seat.leave.reset();
+        let (marked, clients, reserved) = self.all_settings(|settings| {
+            let marked = settings.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
+            (marked, usize::from(settings.clients), usize::from(settings.reserved))
+        })?;
         let own = self.seat.update(|seat| {
-            let marked = self.settings.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
             let generation = seat.generation.wrapping_add(1);
             let (port, peer) = (seat.port, Some(peer));
             *seat = SeatState {
@@ -126,8 +152,7 @@ impl Server<'_, '_> {
                 .map(|seat| (seat, seat.state()))
                 .filter(move |(_, seat)| of_port(seat))
         };
-        let clients = usize::from(self.settings.clients);
-        let ordinary_max = clients.saturating_sub(usize::from(self.settings.reserved));
+        let ordinary_max = clients.saturating_sub(reserved);
         let ordinary = seated().filter(|(_, seat)| !seat.marked).count();
         if seated().count() > clients || (!own.marked && ordinary > ordinary_max) {
             let idle = seated().filter(|(seat, state)| {
@@ -191,7 +216,9 @@ impl Server<'_, '_> {
                     Taken::Sent => consumed,
                     Taken::Refused(exception) => {
                         let answer = exception.response(pdu.first().copied().unwrap_or(0));
-                        self.write(stream, header, &answer).await?;
+                        let mut out = [0; ADU_BYTES_MAX];
+                        let framing = self.settings.framing;
+                        self.write(stream, encode(framing, header, &answer, &mut out).unwrap_or(&[])).await?;
                         consumed
                     }
                     Taken::Starved => {
@@ -246,25 +273,25 @@ impl Server<'_, '_> {
         if envelope.stage == Stage::Silence {
             return Ok(());
         }
-        let mut answer = [0; PDU_BYTES_MAX];
-        let length = frame.copy_pdu(&mut answer);
-        drop(frame);
-        let answer = answer.get(..length).unwrap_or(&[]);
         self.place.stats.count(Event::Answer);
-        if let [function, code] = *answer
-            && function & EXCEPTION_BIT != 0
-        {
-            self.place.stats.count(Event::Exception);
-            self.place.stats.note_exception(Exception(code), envelope.cause);
-        }
-        self.write(stream, Header { transaction: envelope.transaction, unit: envelope.unit }, answer).await
+        let header = Header { transaction: envelope.transaction, unit: envelope.unit };
+        let mut out = [0; ADU_BYTES_MAX];
+        let length = frame.pdu(|answer| {
+            if let [function, code] = *answer
+                && function & EXCEPTION_BIT != 0
+            {
+                self.place.stats.count(Event::Exception);
+                self.place.stats.note_exception(Exception(code), envelope.cause);
+            }
+            encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
+        });
+        drop(frame);
+        self.write(stream, out.get(..length).unwrap_or(&[])).await
     }
 
     /// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, header: Header, answer: &[u8]) -> Result<(), End> {
-        let mut out = [0; ADU_BYTES_MAX];
-        let Ok(out) = encode(self.settings.framing, header, answer, &mut out) else { return Ok(()) };
-        match with_timeout(WRITE_PATIENCE, stream.write_all(out)).await {
+    async fn write<S: TcpStream>(&self, stream: &mut S, answer: &[u8]) -> Result<(), End> {
+        match with_timeout(WRITE_PATIENCE, stream.write_all(answer)).await {
             Ok(Ok(())) => Ok(()),
             Ok(Err(_)) => Err(End::Client),
             Err(_) => Err(End::Stalled),

@@ -105,27 +105,35 @@ impl Unit {
 
 /// The units of one port.
 #[derive(Default)]
-pub struct Units(Vec<Unit, UNITS_MAX>);
+pub struct Units {
+    known: Vec<Unit, UNITS_MAX>,
+    frozen: bool,
+}
 
 impl Units {
     /// None known.
     pub const fn new() -> Self {
-        Self(Vec::new())
+        Self { known: Vec::new(), frozen: false }
     }
 
     /// The known units in the order of their first request.
     pub fn iter(&self) -> impl Iterator<Item = &Unit> {
-        self.0.iter()
+        self.known.iter()
     }
 
     /// Forgets all.
     pub fn clear(&mut self) {
-        self.0.clear();
+        self.known.clear();
+    }
+
+    /// While `frozen`, nothing is learned: who looks for units asks many that are not there.
+    pub fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
     }
 
     /// Whether `id` may be asked at `now`.
     pub fn gate(&self, id: u8, now: Instant) -> Gate {
-        match self.0.iter().find(|unit| unit.id == id) {
+        match self.known.iter().find(|unit| unit.id == id) {
             Some(unit) if unit.held_until > now && unit.down => Gate::Down,
             Some(unit) if unit.held_until > now => Gate::Open(Ready::At(unit.held_until)),
             _ => Gate::Open(Ready::Now),
@@ -134,7 +142,7 @@ impl Units {
 
     /// When `id` may be asked by somebody who spares units that are down by himself: as soon as no late answer can come.
     pub fn attempt(&self, id: u8, now: Instant) -> Ready {
-        match self.0.iter().find(|unit| unit.id == id) {
+        match self.known.iter().find(|unit| unit.id == id) {
             Some(unit) if unit.late_until > now => Ready::At(unit.late_until),
             _ => Ready::Now,
         }
@@ -142,17 +150,17 @@ impl Units {
 
     /// Whether every unit may be asked at `now`, and none counts as down: mostly none has to be looked at by itself.
     pub fn all_well(&self, now: Instant) -> bool {
-        self.0.iter().all(|unit| unit.held_until <= now && !unit.down)
+        self.known.iter().all(|unit| unit.held_until <= now && !unit.down)
     }
 
     /// Whether `id` counts as down, whatever is due.
     pub fn is_down(&self, id: u8) -> bool {
-        self.0.iter().any(|unit| unit.id == id && unit.down)
+        self.known.iter().any(|unit| unit.id == id && unit.down)
     }
 
     /// Whether reads of `id` may be joined at `now`.
     pub fn joins(&self, id: u8, now: Instant) -> bool {
-        !self.0.iter().any(|unit| unit.id == id && unit.join_after > now)
+        !self.known.iter().any(|unit| unit.id == id && unit.join_after > now)
     }
 
     /// `id` refused a joined read.
@@ -186,12 +194,12 @@ impl Units {
 
     /// Whether an answer of `id` would be a late one at `now`.
     pub fn is_late(&self, id: u8, now: Instant) -> bool {
-        self.0.iter().any(|unit| unit.id == id && unit.late_until > now)
+        self.known.iter().any(|unit| unit.id == id && unit.late_until > now)
     }
 
     /// Sets what was counted to zero; the units' health stays.
     pub fn clear_counters(&mut self) {
-        for unit in &mut self.0 {
+        for unit in &mut self.known {
             let Unit { silent, down, held_until, late_until, probe_after_ms, join_after, .. } = *unit;
             let health = Unit {
                 silent,
@@ -252,18 +260,22 @@ impl Units {
     }
 
     fn entry(&mut self, id: u8, change: impl FnOnce(&mut Unit)) {
-        let known = self.0.iter().position(|unit| unit.id == id);
+        if self.frozen {
+            return;
+        }
+        let known = self.known.iter().position(|unit| unit.id == id);
         let index = known.unwrap_or_else(|| {
-            if self.0.is_full() {
+            if self.known.is_full() {
                 let quietest = |(_, unit): &(usize, &Unit)| (unit.down, unit.held_until, unit.requests);
-                let forgotten = self.0.iter().enumerate().min_by_key(quietest).map_or(0, |(index, _)| index);
-                self.0.remove(forgotten);
+                let forgotten =
+                    self.known.iter().enumerate().min_by_key(quietest).map_or(0, |(index, _)| index);
+                self.known.remove(forgotten);
             }
             // There is room now.
-            let _ = self.0.push(Unit::new(id));
-            self.0.len() - 1
+            let _ = self.known.push(Unit::new(id));
+            self.known.len() - 1
         });
-        if let Some(unit) = self.0.get_mut(index) {
+        if let Some(unit) = self.known.get_mut(index) {
             change(unit);
         }
     }

@@ -3,5 +3,6 @@
 mod bench;
 mod conduct;
 mod configuration;
+mod controller;
 mod exchange;
 mod virtual_devices;

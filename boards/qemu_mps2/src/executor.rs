@@ -41,9 +41,8 @@ pub(crate) fn run(init: impl FnOnce(Spawner)) -> ! {
         // SAFETY: no critical section is open: this is the outermost loop.
         unsafe { interrupt::enable() };
         if has_work {
-            busy.tell();
             // SAFETY: here alone, in the thread that made it, and never from within a task.
-            unsafe { executor.poll() };
+            busy.in_tasks(|| unsafe { executor.poll() });
         }
     }
 }

@@ -14,7 +14,7 @@ use embassy_hal_internal::atomic_ring_buffer::RingBuffer;
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::{Duration, TICK_HZ};
 use embedded_io_async::{ErrorType, Read, Write};
-use mobgate::hal::SerialLine;
+use mobgate::hal::{Flaws, SerialLine};
 use mobgate::port::relay::Relay;
 use static_cell::ConstStaticCell;
 
@@ -46,6 +46,8 @@ const IDLE_START: u32 = 1 | 1 << 3;
 
 const TRANSMITTER_FULL: u32 = 1;
 const RECEIVER_FULL: u32 = 1 << 1;
+/// Cleared by writing it.
+const RECEIVER_OVERRUN: u32 = 1 << 3;
 const TRANSMIT: u32 = 1;
 const RECEIVE: u32 = 1 << 1;
 const TRANSMIT_INTERRUPT: u32 = 1 << 2;
@@ -131,27 +133,28 @@ fn wake_readers() {
 }
 
 pub(crate) extern "C" fn on_receive<const N: usize>() {
-    let uart = &UARTS[N];
-    let received = measure::in_driver(|| {
+    measure::in_driver(|| {
+        let uart = &UARTS[N];
         uart.interrupts.write(RECEIVE);
-        uart.take_received()
-    });
-    let Some(byte) = received else { return };
-    match relay::step(in_interrupt(), N, byte) {
-        Step::Sent(to, byte) => UARTS[to].send(byte),
-        Step::Over => {
-            share_timer();
-            uart.arrived.wake();
+        let Some(byte) = uart.take_received() else { return };
+        match measure::in_relay(|| relay::step(in_interrupt(), N, byte)) {
+            Step::Sent(to, byte) => UARTS[to].send(byte),
+            Step::Over => {
+                share_timer();
+                uart.arrived.wake();
+            }
+            Step::None if uart.idle.load(Ordering::Relaxed) == 0 => uart.arrived.wake(),
+            Step::None if uart.received.available() >= PIECE_BYTES => wake_readers(),
+            Step::None => {}
         }
-        Step::None if uart.idle.load(Ordering::Relaxed) == 0 => uart.arrived.wake(),
-        Step::None if uart.received.available() >= PIECE_BYTES => wake_readers(),
-        Step::None => {}
-    }
+    });
 }
 
 pub(crate) extern "C" fn on_transmit<const N: usize>() {
-    UARTS[N].interrupts.write(TRANSMIT);
-    UARTS[N].transmit();
+    measure::in_driver(|| {
+        UARTS[N].interrupts.write(TRANSMIT);
+        UARTS[N].transmit();
+    });
 }
 
 impl Uart {
@@ -205,18 +208,15 @@ impl Uart {
 
     /// Gives the transmitter what it takes. By the interrupt, or with interrupts masked.
     fn transmit(&self) {
-        let is_empty = measure::in_driver(|| {
-            // SAFETY: there is one reader at a time, see above.
-            let mut ring = unsafe { self.to_send.reader() };
-            while self.state.read() & TRANSMITTER_FULL == 0 {
-                let Some(byte) = ring.pop_one() else { break };
-                self.data.write(byte.into());
-            }
-            let is_empty = self.to_send.is_empty();
-            let interrupt = if is_empty { 0 } else { TRANSMIT_INTERRUPT };
-            self.control.write(self.control.read() & !TRANSMIT_INTERRUPT | interrupt);
-            is_empty
-        });
+        // SAFETY: there is one reader at a time, see above.
+        let mut ring = unsafe { self.to_send.reader() };
+        while self.state.read() & TRANSMITTER_FULL == 0 {
+            let Some(byte) = ring.pop_one() else { break };
+            self.data.write(byte.into());
+        }
+        let is_empty = self.to_send.is_empty();
+        let interrupt = if is_empty { 0 } else { TRANSMIT_INTERRUPT };
+        self.control.write(self.control.read() & !TRANSMIT_INTERRUPT | interrupt);
         if is_empty {
             self.room.wake();
         }
@@ -274,7 +274,7 @@ impl Uart {
             length
         });
         // A transmitter that stands still makes no interrupt.
-        critical_section::with(|_| self.transmit());
+        critical_section::with(|_| measure::in_driver(|| self.transmit()));
         count
     }
 }
@@ -338,6 +338,16 @@ impl SerialLine for Line {
     fn silence(&self) -> Duration {
         let cycles = if relay::is_broken(self.0) { self.uart().pause.load(Ordering::Relaxed) } else { 0 };
         Duration::from_ticks(u64::from(cycles) * TICK_HZ / u64::from(CLOCK_HZ))
+    }
+
+    /// The emulator's characters have no parity and no stop bit.
+    fn take_flaws(&mut self) -> Flaws {
+        let uart = self.uart();
+        let overrun = uart.state.read() & RECEIVER_OVERRUN;
+        if overrun != 0 {
+            uart.state.write(overrun);
+        }
+        Flaws { overruns: u32::from(overrun != 0), ..Flaws::default() }
     }
 }
 

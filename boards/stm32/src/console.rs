@@ -23,11 +23,12 @@ pub fn start(spawner: Spawner, board: Board, line: Line, flash: SettingsFlash, f
 }
 
 #[embassy_executor::task]
-async fn run(board: Board, line: Line, flash: SettingsFlash, forget: bool) {
-    LIVENESS.watch(Task::Console as usize, pin!(serve(board, line, flash, forget))).await
+async fn run(mut board: Board, mut line: Line, flash: SettingsFlash, forget: bool) {
+    // Lent and not moved: what a future is given it keeps twice.
+    LIVENESS.watch(Task::Console as usize, pin!(serve(&mut board, &mut line, flash, forget))).await
 }
 
-async fn serve(mut board: Board, mut line: Line, flash: SettingsFlash, forget: bool) {
+async fn serve(board: &mut Board, line: &mut Line, flash: SettingsFlash, forget: bool) {
     // It is a format that every chip has.
     line.configure(&LINE).unwrap();
     let mut store = Settings(FlashStore::open(flash, SETTINGS_START).await);
@@ -37,7 +38,7 @@ async fn serve(mut board: Board, mut line: Line, flash: SettingsFlash, forget: b
     }
     loop {
         // A line never ends; `exit` begins a new session.
-        let _ = console::run(gateway(), &mut line, &mut store, &board, Mode::Echo).await;
+        let _ = console::run(gateway(), &mut *line, &mut store, &*board, Mode::Echo).await;
         store.0.iter_mut().for_each(FlashStore::forget);
     }
 }

@@ -5,6 +5,7 @@ use core::pin::pin;
 
 use embassy_executor::Spawner;
 use embassy_sync::once_lock::OnceLock;
+use mobgate::capture::Capture;
 use mobgate::config::PortId;
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, PortPlace, Seat};
@@ -30,12 +31,20 @@ static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
 static PORT_PLACES: [PortPlace; PORTS] = [const { PortPlace::new() }; PORTS];
 static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
+static CAPTURE: Capture = Capture::new();
 /// Made at the start: a static with one pointer in it would have a copy of its whole memory in the flash.
 static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
 
 /// The gateway.
 pub(crate) fn gateway() -> &'static Gateway<'static> {
-    GATEWAY.get_or_init(|| Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network())
+    GATEWAY.get_or_init(|| {
+        let gateway =
+            Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network().with_capture(&CAPTURE);
+        // Images without it are smaller, see Cargo.toml.
+        #[cfg(feature = "ethercat")]
+        let gateway = crate::ethercat::join(gateway);
+        gateway
+    })
 }
 
 /// The tasks that must answer for the watchdog to be fed.
@@ -48,6 +57,9 @@ pub(crate) enum Task {
     Sockets,
     Console,
     Router,
+    // Images without it are smaller, see Cargo.toml.
+    #[cfg(feature = "ethercat")]
+    Ethercat,
     Port,
 }
 
@@ -56,11 +68,12 @@ pub(crate) struct TaskName(pub(crate) usize);
 
 impl fmt::Display for TaskName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const NAMES: [&str; Task::Port as usize] = ["network", "sockets", "console", "router"];
-        match (NAMES.get(self.0), self.0.checked_sub(Task::Port as usize)) {
-            (Some(name), _) => f.write_str(name),
-            (None, Some(port @ 0..PORTS)) => write!(f, "port task {}", port + 1),
-            (None, other) => write!(f, "connection task {}", other.unwrap_or(0) + 1 - PORTS),
+        const NAMES: &[&str] = &["network", "sockets", "console", "router", "EtherCAT"];
+        const { assert!(Task::Port as usize <= NAMES.len()) };
+        match self.0.checked_sub(Task::Port as usize) {
+            None => f.write_str(NAMES.get(self.0).unwrap_or(&"")),
+            Some(port @ 0..PORTS) => write!(f, "port task {}", port + 1),
+            Some(other) => write!(f, "connection task {}", other + 1 - PORTS),
         }
     }
 }

@@ -11,6 +11,7 @@ use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
 use super::configuration::{ConfigError, Configuration, Plan, Speed};
+use super::controller::Controller;
 use super::layout::{DeviceLayout, DeviceSettings};
 use super::objects::{IMAGE_BYTES, MODBUS_DEVICES_MAX};
 use crate::config::{OnLoss, Parity, Settings};
@@ -27,7 +28,7 @@ const OUTPUTS: u16 = BYTES;
 pub struct EthercatPlace {
     scanner: ScannerPlace,
     state: Mutex<CriticalSectionRawMutex, Cell<State>>,
-    /// The devices are others: what was asked before is nobody's question any more.
+    /// The devices are others: what was asked before is nobody's question any more. Or the controller has come or gone.
     renewed: Signal<CriticalSectionRawMutex, ()>,
 }
 
@@ -44,6 +45,7 @@ struct State {
     speed: Speed,
     /// The port has not done it yet.
     speed_is_new: bool,
+    controller: Controller,
 }
 
 impl State {
@@ -55,6 +57,7 @@ impl State {
         running: false,
         speed: Speed { baud: 0, parity: Parity::None, stop_bits: 0 },
         speed_is_new: false,
+        controller: Controller::Present,
     };
 }
 
@@ -148,17 +151,28 @@ impl EthercatPlace {
     }
 
     /// The scanner, for the port.
-    pub(crate) fn scanner(&self) -> &ScannerPlace {
+    pub fn scanner(&self) -> &ScannerPlace {
         &self.scanner
     }
 
-    /// Waits until the devices are others.
-    pub(crate) async fn renewed(&self) {
+    /// Whether the board's controller answers.
+    pub fn controller(&self) -> Controller {
+        self.state.lock(Cell::get).controller
+    }
+
+    /// Notes whether the controller answers, for the port and whoever asks.
+    pub(super) fn set_controller(&self, controller: Controller) {
+        self.update(|state| state.controller = controller);
+        self.renewed.signal(());
+    }
+
+    /// Waits until the devices are others, or the controller is.
+    pub async fn renewed(&self) {
         self.renewed.wait().await;
     }
 
     /// How the serial line is to be set, once for each configuration that is taken over.
-    pub(crate) fn take_speed(&self) -> Option<Speed> {
+    pub fn take_speed(&self) -> Option<Speed> {
         let State { speed, speed_is_new, .. } = self.state.lock(Cell::get);
         self.update(|state| state.speed_is_new = false);
         speed_is_new.then_some(speed)

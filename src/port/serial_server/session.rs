@@ -60,6 +60,7 @@ pub(super) struct Session<'s, 'g, L> {
 /// would otherwise have the gateway ask itself for ever, unless the settings say `echo`.
 struct Answered {
     unit: u8,
+    /// Of unit and PDU.
     crc: u16,
     /// Its echo is heard before.
     until: Instant,

@@ -5,7 +5,6 @@ use crate::config::Framing;
 use crate::frame::{Envelope, Fill, Frame};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::LINE_FEED;
-use crate::modbus::crc::crc16;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX, rtu};
 use crate::port::copy::{Copied, Form, copy};
@@ -30,19 +29,18 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
                 return Ok(());
             }
         }
+        let crc = answer.own_crc().filter(|_| arriving);
         let mut pdu = [0; PDU_BYTES_MAX];
         let length = answer.copy_pdu(&mut pdu);
         drop(answer);
         let pdu = pdu.get(..length).unwrap_or(&[]);
         if !arriving {
             self.send(&envelope, pdu).await?;
-        } else if self.tap.capture.is_some() {
-            let mut frame = [0; FRAME_CHARS_MAX];
-            let encoded =
-                self.server.settings.framing.encode(envelope.unit, pdu, self.delimiter(), &mut frame);
-            self.tap.sent(self.line.active, Event::Answer, encoded.unwrap_or(&[]));
+        } else {
+            let end = (crc, self.delimiter());
+            self.tap.copied(self.line.active, Event::Answer, envelope.unit, pdu, end);
         }
-        self.answered(&envelope, pdu);
+        self.answered(&envelope, pdu, crc.unwrap_or_else(|| rtu::check(envelope.unit, pdu)));
         Ok(())
     }
 
@@ -86,12 +84,12 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         }
     }
 
-    /// Notes what has been answered.
-    fn answered(&mut self, envelope: &Envelope, pdu: &[u8]) {
+    /// Notes what has been answered, with its CRC.
+    fn answered(&mut self, envelope: &Envelope, pdu: &[u8], crc: u16) {
         // No frame that begins behind the answer can have ended by then.
         let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);
         let until = self.line.active + shortest + self.line.jitter;
-        self.answered = Some(Answered { unit: envelope.unit, crc: crc16(pdu), until });
+        self.answered = Some(Answered { unit: envelope.unit, crc, until });
         let stats = &self.server.place.stats;
         stats.count(Event::Answer);
         if let [function, code] = *pdu

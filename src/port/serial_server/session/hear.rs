@@ -6,7 +6,6 @@ use heapless::Vec;
 use super::{Ear, Open, Session};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::COLON;
-use crate::modbus::crc::crc16;
 use crate::modbus::{PDU_BYTES_MAX, rtu};
 use crate::port::arriving::Passing;
 use crate::port::shared_bus::Heard;
@@ -120,7 +119,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
     /// Whether this is what the gateway itself has just sent.
     fn is_echo(&mut self, unit: u8, pdu: &[u8]) -> bool {
         let answered = self.answered.take();
-        answered.is_some_and(|own| own.unit == unit && self.line.active < own.until && own.crc == crc16(pdu))
+        answered.is_some_and(|own| own.unit == unit && self.line.active < own.until && own.crc == rtu::check(unit, pdu))
     }
 
     /// The next thing that was heard, and how many bytes that were. If it is a request for us, its PDU goes to `request`.

@@ -17,6 +17,7 @@ mod measure;
 mod network;
 mod register;
 mod relay;
+mod ring;
 mod semihosting;
 mod uart;
 

@@ -10,24 +10,21 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use core::task::Poll;
 
 use critical_section::CriticalSection;
-use embassy_hal_internal::atomic_ring_buffer::RingBuffer;
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::{Duration, TICK_HZ};
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::hal::{Flaws, SerialLine};
 use mobgate::port::relay::Relay;
-use static_cell::ConstStaticCell;
 
 use crate::interrupts::{self, Interrupt};
 use crate::lines;
 use crate::measure;
 use crate::register::Register;
 use crate::relay::{self, Step};
+use crate::ring::{RING_BYTES, Ring};
 
 /// UARTs of the machine.
 pub(crate) const COUNT: usize = 5;
-/// Bytes of each direction that a UART holds: two frames.
-const BUFFER_BYTES: usize = 512;
 /// The clock that baud rates are divided from.
 pub(crate) const CLOCK_HZ: u32 = 25_000_000;
 /// Least divisor that the hardware takes.
@@ -67,8 +64,8 @@ struct Uart {
     control: Register,
     interrupts: Register,
     divisor: Register,
-    received: RingBuffer,
-    to_send: RingBuffer,
+    received: Ring,
+    to_send: Ring,
     arrived: AtomicWaker,
     room: AtomicWaker,
     /// The longest pause in a frame that is being relayed, in cycles of the timer.
@@ -79,17 +76,7 @@ struct Uart {
 
 /// Starts all UARTs.
 pub(crate) fn start() {
-    static BUFFERS: ConstStaticCell<[[[u8; BUFFER_BYTES]; 2]; COUNT]> =
-        ConstStaticCell::new([[[0; BUFFER_BYTES]; 2]; COUNT]);
-    let buffers = BUFFERS.take();
-    for ((uart, [received, to_send]), Interrupt(interrupt)) in
-        UARTS.iter().zip(buffers).zip(interrupts::UARTS)
-    {
-        // SAFETY: the buffers live as long as the program and have no other owner; nothing uses the rings yet.
-        unsafe {
-            uart.received.init(received.as_mut_ptr(), received.len());
-            uart.to_send.init(to_send.as_mut_ptr(), to_send.len());
-        }
+    for (uart, Interrupt(interrupt)) in UARTS.iter().zip(interrupts::UARTS) {
         uart.divisor.write(DIVISOR_MIN);
         uart.control.write(TRANSMIT | RECEIVE | RECEIVE_INTERRUPT);
         interrupts::enable(Interrupt(interrupt));
@@ -144,7 +131,7 @@ pub(crate) extern "C" fn on_receive<const N: usize>() {
                 uart.arrived.wake();
             }
             Step::None if uart.idle.load(Ordering::Relaxed) == 0 => uart.arrived.wake(),
-            Step::None if uart.received.available() >= PIECE_BYTES => wake_readers(),
+            Step::None if uart.received.len() >= PIECE_BYTES => wake_readers(),
             Step::None => {}
         }
     });
@@ -165,8 +152,8 @@ impl Uart {
             control: Register::at(base, 0x8),
             interrupts: Register::at(base, 0xc),
             divisor: Register::at(base, 0x10),
-            received: RingBuffer::new(),
-            to_send: RingBuffer::new(),
+            received: Ring::new(),
+            to_send: Ring::new(),
             arrived: AtomicWaker::new(),
             room: AtomicWaker::new(),
             pause: AtomicU32::new(0),
@@ -179,22 +166,15 @@ impl Uart {
         if self.state.read() & RECEIVER_FULL == 0 {
             return None;
         }
-        // SAFETY: there is one writer at a time: the receive interrupt, or who masks interrupts.
-        let mut ring = unsafe { self.received.writer() };
-        let mut byte = None;
-        ring.push(|room| match room.first_mut() {
-            Some(place) => {
-                *place = self.data.read() as u8;
-                byte = Some(*place);
-                1
-            }
-            None => 0,
-        });
-        if byte.is_none() {
+        if self.received.is_full() {
             self.control.write(self.control.read() & !RECEIVE_INTERRUPT);
+            return None;
         }
+        let byte = self.data.read() as u8;
+        // SAFETY: there is one writer at a time: the receive interrupt, or who masks interrupts.
+        unsafe { self.received.push(byte) };
         self.restart_timer();
-        byte
+        Some(byte)
     }
 
     /// Lets the idle timer run from now on.
@@ -208,10 +188,9 @@ impl Uart {
 
     /// Gives the transmitter what it takes. By the interrupt, or with interrupts masked.
     fn transmit(&self) {
-        // SAFETY: there is one reader at a time, see above.
-        let mut ring = unsafe { self.to_send.reader() };
         while self.state.read() & TRANSMITTER_FULL == 0 {
-            let Some(byte) = ring.pop_one() else { break };
+            // SAFETY: there is one reader at a time: the transmit interrupt, or who masks interrupts.
+            let Some(byte) = (unsafe { self.to_send.pop() }) else { break };
             self.data.write(byte.into());
         }
         let is_empty = self.to_send.is_empty();
@@ -236,24 +215,14 @@ impl Uart {
     fn send_later(&self, byte: u8) {
         // SAFETY: there is one writer at a time: while a relay sends here, the line's owner does not.
         // There is room: it is longer than any frame.
-        unsafe { self.to_send.writer() }.push_one(byte);
+        unsafe { self.to_send.push(byte) };
         self.transmit();
     }
 
     /// Moves received bytes to `into`.
     fn take(&self, into: &mut [u8]) -> usize {
         // SAFETY: the line's one owner calls this.
-        let mut ring = unsafe { self.received.reader() };
-        let mut count = 0;
-        // Twice, as the ring's end may part what there is.
-        for _ in 0..2 {
-            count += ring.pop(|bytes| {
-                let rest = into.get_mut(count..).unwrap_or_default();
-                let length = bytes.len().min(rest.len());
-                rest[..length].copy_from_slice(&bytes[..length]);
-                length
-            });
-        }
+        let count = unsafe { self.received.pop_into(into) };
         if count > 0 && self.control.read() & RECEIVE_INTERRUPT == 0 {
             critical_section::with(|_| {
                 self.control.write(self.control.read() | RECEIVE_INTERRUPT);
@@ -267,12 +236,7 @@ impl Uart {
     /// Moves bytes of `from` to the transmitter's buffer.
     fn put(&self, from: &[u8]) -> usize {
         // SAFETY: the line's one owner calls this.
-        let mut ring = unsafe { self.to_send.writer() };
-        let count = ring.push(|room| {
-            let length = room.len().min(from.len());
-            room[..length].copy_from_slice(&from[..length]);
-            length
-        });
+        let count = from.iter().take_while(|byte| unsafe { self.to_send.push(**byte) }).count();
         // A transmitter that stands still makes no interrupt.
         critical_section::with(|_| measure::in_driver(|| self.transmit()));
         count
@@ -286,7 +250,7 @@ impl Line {
     /// The UART of this number, at the speed of 25 MHz over `divisor`. What arrived before is forgotten.
     pub(crate) fn open(number: usize, divisor: u32) -> Self {
         UARTS[number].divisor.write(divisor);
-        while UARTS[number].take(&mut [0; BUFFER_BYTES]) > 0 {}
+        while UARTS[number].take(&mut [0; RING_BYTES]) > 0 {}
         Self(number)
     }
 
@@ -312,14 +276,15 @@ impl SerialLine for Line {
     fn relay(&mut self, from: &str, mut relay: Relay) -> bool {
         let Some(from) = lines::number(from) else { return false };
         critical_section::with(|section| {
-            // SAFETY: nobody reads meanwhile, with interrupts masked and in no task of that line.
-            let mut heard = unsafe { UARTS[from].received.reader() };
-            // What has come and was not read goes first, unless the ring's end parts it.
-            let unread = heard.pop_slice();
-            if unread.len() < UARTS[from].received.available() || !relay::is_free() {
+            if !relay::is_free() {
                 return false;
             }
-            unread.iter().filter_map(|&byte| relay.step(byte)).for_each(|byte| self.uart().send(byte));
+            // What has come and was not read goes first.
+            for nth in 0..UARTS[from].received.len() {
+                // SAFETY: nobody reads meanwhile, with interrupts masked and in no task of that line.
+                let byte = unsafe { UARTS[from].received.peek(nth) };
+                byte.and_then(|byte| relay.step(byte)).into_iter().for_each(|byte| self.uart().send(byte));
+            }
             relay::begin(section, relay, from, self.0);
             own_timer(from);
             true

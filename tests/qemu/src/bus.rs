@@ -82,20 +82,21 @@ impl Bus {
             let mut chunk = [0; FRAME_BYTES_MAX];
             while let Ok(count @ 1..) = line.read(&mut chunk) {
                 heard.extend_from_slice(&chunk[..count]);
-                // No silence ends a frame here, as the host paces nothing.
-                if heard.len() < request_bytes(&heard) {
-                    continue;
-                }
-                let answer =
-                    rtu::open(&heard).and_then(|(unit, pdu)| devices.lock().unwrap().answer(unit, pdu));
-                heard.clear();
-                let (pause, character) = {
-                    let devices = devices.lock().unwrap();
-                    (devices.answer_after, devices.character)
-                };
-                thread::sleep(pause);
-                if answer.is_some_and(|answer| send(&mut line, &answer, character).is_err()) {
-                    return;
+                // No silence ends a frame here, as the host paces nothing; when it is busy, the board may have given a device up
+                // and asked another one by now.
+                while heard.len() >= request_bytes(&heard) {
+                    let rest = heard.split_off(request_bytes(&heard));
+                    let answer =
+                        rtu::open(&heard).and_then(|(unit, pdu)| devices.lock().unwrap().answer(unit, pdu));
+                    heard = rest;
+                    let (pause, character) = {
+                        let devices = devices.lock().unwrap();
+                        (devices.answer_after, devices.character)
+                    };
+                    thread::sleep(pause);
+                    if answer.is_some_and(|answer| send(&mut line, &answer, character).is_err()) {
+                        return;
+                    }
                 }
             }
         });

@@ -1,4 +1,4 @@
-//! A TCP server: one seat's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP.
+//! A TCP server: one seat's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP, or with a capture.
 //!
 //! Each of the listener's clients has a seat; one seat more is always there to accept a newcomer and to decide who goes
 //! when all places are taken: the ordinary client that has been idle longest. Requests are cut out of the stream, put
@@ -8,10 +8,12 @@
 
 use core::future::pending;
 use core::net::SocketAddr;
+use core::pin::pin;
 
-use embassy_futures::select::{Either4, select4};
+use embassy_futures::select::{Either, Either4, select, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
+use crate::capture::{Export, Tap};
 use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
@@ -24,6 +26,8 @@ use crate::stats::{Event, LastError};
 
 /// A client that does not take an answer for so long is closed.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
+/// How often it is looked whether there are frames for a capture: what a busy line brings meanwhile fits into the ring.
+const EXPORT_PAUSE: Duration = Duration::from_millis(5);
 /// Pause after the listener failed.
 const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
@@ -93,6 +97,7 @@ impl Server<'_, '_> {
         self.place.stats.count(Event::Connected);
         let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
+                Some(_) if self.settings.framing == StreamFraming::Capture => self.export(&mut stream).await,
                 Some(origin) => self.serve(&mut stream, origin, peer).await,
                 None => End::Crowded,
             }
@@ -182,7 +187,7 @@ impl Server<'_, '_> {
                 Either4::First(Ok(0) | Err(_)) => return End::Client,
                 Either4::First(Ok(count)) => input.grew(count),
                 Either4::Second(frame) => {
-                    if let Err(end) = self.give(stream, frame).await {
+                    if let Err(end) = self.give(stream, peer, frame).await {
                         return end;
                     }
                 }
@@ -210,15 +215,21 @@ impl Server<'_, '_> {
                 Ok(Parsed::Incomplete) => return Ok(Waits::No),
                 Ok(Parsed::Skip { consumed }) => {
                     self.place.stats.count(input.skip_event());
+                    self.tap(peer, false, input.skip_event(), input.first(consumed));
                     consumed
                 }
                 Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, peer, header, pdu) {
-                    Taken::Sent => consumed,
+                    Taken::Sent => {
+                        self.tap(peer, false, Event::Request, input.first(consumed));
+                        consumed
+                    }
                     Taken::Refused(exception) => {
                         let answer = exception.response(pdu.first().copied().unwrap_or(0));
+                        self.tap(peer, false, Event::Request, input.first(consumed));
                         let mut out = [0; ADU_BYTES_MAX];
                         let framing = self.settings.framing;
-                        self.write(stream, encode(framing, header, &answer, &mut out).unwrap_or(&[])).await?;
+                        let answer = encode(framing, header, &answer, &mut out).unwrap_or(&[]);
+                        self.write(stream, peer, answer).await?;
                         consumed
                     }
                     Taken::Starved => {
@@ -267,7 +278,12 @@ impl Server<'_, '_> {
     }
 
     /// Gives an answer to the client; a frame that came home without one is only counted off.
-    async fn give<S: TcpStream>(&self, stream: &mut S, frame: Frame<'_>) -> Result<(), End> {
+    async fn give<S: TcpStream>(
+        &self,
+        stream: &mut S,
+        peer: SocketAddr,
+        frame: Frame<'_>,
+    ) -> Result<(), End> {
         self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
         let envelope = frame.envelope();
         if envelope.stage == Stage::Silence {
@@ -286,15 +302,52 @@ impl Server<'_, '_> {
             encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
         });
         drop(frame);
-        self.write(stream, out.get(..length).unwrap_or(&[])).await
+        self.write(stream, peer, out.get(..length).unwrap_or(&[])).await
     }
 
     /// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, answer: &[u8]) -> Result<(), End> {
+    async fn write<S: TcpStream>(&self, stream: &mut S, peer: SocketAddr, answer: &[u8]) -> Result<(), End> {
+        self.tap(peer, true, Event::Answer, answer);
         match with_timeout(WRITE_PATIENCE, stream.write_all(answer)).await {
             Ok(Ok(())) => Ok(()),
             Ok(Err(_)) => Err(End::Client),
             Err(_) => Err(End::Stalled),
+        }
+    }
+
+    /// Shows a frame from or to `peer` to whoever follows.
+    fn tap(&self, peer: SocketAddr, sent: bool, verdict: Event, bytes: &[u8]) {
+        let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
+        tap.passed(peer.port(), sent, verdict, bytes);
+    }
+
+    /// Gives a client the frames of all ports as they come.
+    async fn export<S: TcpStream>(&self, stream: &mut S) -> End {
+        let leave = pin!(self.seat.leave.wait());
+        let export = pin!(async {
+            let mut export = match with_timeout(WRITE_PATIENCE, Export::begin(self.gateway, stream)).await {
+                Ok(Ok(Some(export))) => export,
+                Ok(_) => return End::Client,
+                Err(_) => return End::Stalled,
+            };
+            loop {
+                // Whoever takes no frame for so long takes none at all.
+                match with_timeout(WRITE_PATIENCE, export.write_next(stream)).await {
+                    Ok(Ok(true)) => continue,
+                    Ok(Ok(false)) => {}
+                    Ok(Err(_)) => return End::Client,
+                    Err(_) => return End::Stalled,
+                }
+                let mut said = [0; 16];
+                match select(stream.read(&mut said), Timer::after(EXPORT_PAUSE)).await {
+                    Either::First(Ok(0) | Err(_)) => return End::Client,
+                    Either::First(Ok(_)) | Either::Second(()) => {}
+                }
+            }
+        });
+        match select(leave, export).await {
+            Either::First(()) => End::Crowded,
+            Either::Second(end) => end,
         }
     }
 

@@ -38,7 +38,8 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             self.send(&envelope, pdu).await?;
         } else {
             let end = (crc, self.delimiter());
-            self.tap.copied(self.line.active, Event::Answer, envelope.unit, pdu, end);
+            let framing = self.server.settings.framing;
+            self.tap.copied(self.line.active, Event::Answer, framing, (envelope.unit, pdu), end);
         }
         self.answered(&envelope, pdu, crc.unwrap_or_else(|| rtu::check(envelope.unit, pdu)));
         Ok(())

@@ -212,6 +212,17 @@ fn a_client_that_does_not_read_misses_frames_and_is_told_how_many_and_nobody_wai
 }
 
 #[test]
+fn a_board_without_files_says_how_else_frames_can_be_had() {
+    rig::with_gateway(1, SETTINGS, |world, rig| {
+        let shown = world.run_until(typed(rig.gateway, "capture x.pcapng"));
+        assert!(shown.ends_with(
+            "x.pcapng: settings not supported (no files here: port NAME tcp server 5029 capture)\n"
+        ));
+        assert!(world.run_until(typed(rig.gateway, "capture")).contains("expected a file, or off"));
+    });
+}
+
+#[test]
 fn a_newcomer_takes_the_place_of_who_captures_and_whoever_leaves_is_noticed() {
     rig::with_gateway(1, SETTINGS, |world, rig| {
         let connect = |host| rig.network.connect(machine(host), 5029).unwrap();

@@ -63,7 +63,7 @@ impl Search {
             };
         }
         let is_routed = settings.routes.iter().any(|route| route.destination == Destination::Port(plan.port));
-        let (first, last) = (found().next()?, found().last()?);
+        let (first, last) = (found().next()?, found().next_back()?);
         if is_routed || nth > plan.lines().count() {
             return None;
         }

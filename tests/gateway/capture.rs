@@ -198,11 +198,11 @@ fn a_client_that_does_not_read_misses_frames_and_is_told_how_many_and_nobody_wai
         let blocks = blocks(&file);
         let packets = blocks.iter().filter(|(kind, _)| *kind == 6).count();
         // Behind an interface and a time: the number of what was dropped, as option 5.
-        let told = blocks.iter().filter(|(kind, _)| *kind == 5).map(|(_, block)| {
+        let mut told = blocks.iter().filter(|(kind, _)| *kind == 5).map(|(_, block)| {
             assert_eq!(block[12..16], [5, 0, 8, 0]);
             u64::from_le_bytes(block[16..24].try_into().unwrap())
         });
-        let dropped = told.last().unwrap() as usize;
+        let dropped = told.next_back().unwrap() as usize;
         assert!(dropped > 100, "{dropped}");
         assert_eq!(packets + dropped, 400, "frames of the line and by TCP");
         let file = PcapFile::new(&file);

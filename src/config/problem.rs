@@ -106,6 +106,15 @@ pub enum Problem {
     /// The port asks devices.
     #[error("this port asks the devices: delete those first")]
     ScannerInUse,
+    /// There is no port that asks for the MainDevice.
+    #[error("no port asks for EtherCAT: type port NAME ethercat first")]
+    NoEthercat,
+    /// The port asks the slaves of the process image.
+    #[error("this port asks the slaves: delete those first")]
+    EthercatInUse,
+    /// There is no slave at all.
+    #[error("there are no slaves")]
+    NoSlaves,
     /// No device has this name.
     #[error("there is no device of this name")]
     NoSuchDevice,

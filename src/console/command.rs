@@ -10,10 +10,10 @@ use super::help;
 use super::output::Output;
 use super::points::PointCommand;
 use super::show::Show;
-use crate::config::{LineError, Words};
+use crate::config::{LineError, PortId, Words};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
-use crate::port::units::Units;
+use crate::port::ethercat::{EthercatPlace, LineWriter};
 
 /// What a command's first word asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +44,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("route", Command::Settings),
     ("device", Command::Settings),
     ("point", Command::Settings),
+    ("slave", Command::Settings),
     ("edit", Command::Settings),
     ("insert", Command::Settings),
     ("move", Command::Settings),
@@ -136,9 +137,10 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(Command::Point(command)) => self.point(command, &mut words).await?,
             Ok(Command::Clear) => match topic(&mut words, TOPICS_CLEAR, "stats or log") {
                 Ok(Clear::Stats) => {
-                    for place in self.gateway.ports() {
+                    let ids = (0..self.gateway.ports().len()).map(|index| PortId(index as u8));
+                    for place in ids.filter_map(|id| self.gateway.place(id)) {
                         place.stats.clear(Instant::now());
-                        place.units(Units::clear_counters);
+                        place.units(|units| units.clear_counters());
                     }
                 }
                 Ok(Clear::Log) => self.gateway.log().clear(),
@@ -186,7 +188,13 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
-        match self.gateway.change(line).await {
+        let writer = || self.gateway.ethercat().map(EthercatPlace::line_writer);
+        let before = writer();
+        let changed = self.gateway.change(line).await;
+        if let Some(writer @ LineWriter::SettingsOver(_)) = writer().filter(|_| writer() != before) {
+            self.out.line(format_args!("warning: the line of the ethercat port: {writer}")).await?;
+        }
+        match changed {
             Ok(Some(warning)) => self.out.line(format_args!("warning: {warning}")).await,
             Ok(None) => Ok(()),
             Err(error) => self.fail(format_args!("{error}")).await,

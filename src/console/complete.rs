@@ -71,7 +71,7 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
     } else if is("network") {
         network_words().for_each(offer);
     } else if is("delete") && second {
-        ["port", "route", "routes", "device", "point"].into_iter().for_each(offer);
+        ["port", "route", "routes", "device", "point", "slave", "slaves"].into_iter().for_each(offer);
     } else if ["read", "write", "begin", "finish"].into_iter().any(is) {
         settings.points.iter().for_each(|point| offer(&point.name));
     } else if is("mark") {
@@ -140,6 +140,6 @@ mod tests {
         assert_eq!(complete("xyz", &settings()), Completion::None);
         let mut all = Vec::new();
         candidates("s", &settings(), &mut |word| all.push(word.to_string()));
-        assert_eq!(all, ["show", "scan", "save"]);
+        assert_eq!(all, ["slave", "show", "scan", "save"]);
     }
 }

@@ -68,6 +68,17 @@ const TOPICS: &[(&str, &[&str])] = &[
         ]),
     ),
     (
+        "slave",
+        &[
+            "slave N unit U [coil|discrete|input|holding ADDRESS [count N]]... [read T] [check]",
+            "      [on-silence hold|clear|substitute VALUE]",
+            "  A device behind the EtherCAT process image, as a MainDevice configures it too; N from 0, in the order of their values.",
+            "  read: every T, else every 1s; check: asks for a sign of life first; on-silence: what its inputs become when it",
+            "  does not answer any more: they stay, are 0, or each register is VALUE and each bit its lowest one",
+            "  slave 0 unit 232 coil 10 count 18 holding 40010 count 4 read 100ms on-silence clear",
+        ],
+    ),
+    (
         "edit",
         &[
             "edit port NAME WORD...           changes what the words name, as in port; the rest stays",
@@ -82,7 +93,7 @@ const TOPICS: &[(&str, &[&str])] = &[
             "delete port NAME                 takes a port away that no rule names",
             "delete route N                   takes rule N away",
             "delete routes                    takes all rules away",
-            "delete device NAME, delete point NAME",
+            "delete device NAME, delete point NAME, delete slave N, delete slaves",
         ],
     ),
     (
@@ -108,7 +119,7 @@ const TOPICS: &[(&str, &[&str])] = &[
             "show devices                     the devices that the scanner asks",
             "show config                      the settings as lines that make them",
             "show network                     the board's own address",
-            "show version                     what runs here, and for how long",
+            "show version                     what runs here, for how long, and whether an EtherCAT controller answers",
         ],
     ),
     (
@@ -192,10 +203,11 @@ const OVERVIEW: &[&str] = &[
     "port NAME serial|tcp ...         sets a port                  help port",
     "route SOURCE UNITS IP TAG DEST   adds a rule                  help route",
     "device, point                    sets data points             help device, help point",
+    "slave                            sets the EtherCAT image      help slave",
     "read, write, mark, begin, finish data points at once",
     "edit port|route ...              changes a port or a rule     help edit",
     "insert route, move route         order of rules               help insert",
-    "delete port|route|device|point   takes away                   help delete",
+    "delete port|route|device|point|slave  takes away              help delete",
     "network dhcp|address ...         the board's own address       help network",
     "show TOPIC                       ports, routes, units, clients, stats, points, devices, config, network, log, frames, version",
     "ping, read, write UNIT ... via PORT  asks a unit at once     help read",

@@ -13,7 +13,7 @@ use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
 use crate::capture::Tap;
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
-use crate::gateway::PortPlace;
+use crate::gateway::PortAt;
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{Decoder, LINE_FEED};
 use crate::modbus::rtu;
@@ -44,7 +44,7 @@ pub(crate) enum Failure {
 pub(crate) struct Bus<'s, L> {
     line: Line<'s, L>,
     /// The units of the line.
-    place: &'s PortPlace,
+    place: PortAt<'s>,
     tap: Tap<'s>,
     client: SerialClientSettings,
     framing: Framing,

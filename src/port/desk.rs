@@ -25,7 +25,7 @@ use heapless::Vec;
 
 use crate::config::PortId;
 use crate::frame::{Envelope, Frame, Stage, Way};
-use crate::gateway::{Gateway, PortPlace};
+use crate::gateway::{Gateway, PortAt};
 use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::cache::{Cache, Question};
@@ -40,7 +40,7 @@ use crate::stats::Event;
 /// Orders of one client-side port, shared by the future that takes them in and the one that carries them out.
 pub(crate) struct Desk<'g> {
     gateway: &'g Gateway<'g>,
-    place: &'g PortPlace,
+    place: PortAt<'g>,
     id: PortId,
     queue: RefCell<PortQueue<Frame<'g>>>,
     /// The unit that is asked whatever the rule says.
@@ -62,7 +62,7 @@ impl<'g> Desk<'g> {
     /// An empty desk. It takes orders in while its line is being opened for the first time; they wait for that.
     pub(crate) fn new(
         gateway: &'g Gateway<'g>,
-        place: &'g PortPlace,
+        place: PortAt<'g>,
         id: PortId,
         unit: Option<u8>,
         alone: bool,
@@ -94,7 +94,7 @@ impl<'g> Desk<'g> {
     }
 
     /// The port's counters, units and channel.
-    pub(crate) fn place(&self) -> &'g PortPlace {
+    pub(crate) fn place(&self) -> PortAt<'g> {
         self.place
     }
 

@@ -22,7 +22,7 @@ use crate::stats::Event;
 
 /// Keeps the line open and carries out the desk's orders, for ever.
 pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSettings, host: &mut H) {
-    let mut opening = Opening::new(desk.place(), settings);
+    let mut opening = Opening::new(desk.place().place(), settings);
     loop {
         let jitter = host.read_jitter();
         let opened = opening.opened(host.open(&settings.device, &settings.line).await, jitter);

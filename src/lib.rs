@@ -63,7 +63,7 @@
 //! | [`scanner::ROWS_MAX`] | 136 | the four tables of each device, and some ranges that take two frames |
 //! | [`scanner::VALUE_BYTES_MAX`] | 2048 | values of all rows: an image of 512 bytes each way, and as much again |
 //! | [`config::POINTS_MAX`] | 128 | data points in the settings, of which every console keeps a copy |
-//! | [`capture::FRAMES_MAX`], [`capture::BYTES_MAX`] | 64, 2048 | frames of serial lines that `show frames` remembers |
+//! | [`capture::FRAMES_MAX`], [`capture::BYTES_MAX`] | 64, 2048, small: half | frames that `show frames` remembers |
 //! | frames, TCP connections | the board's | memory; a connection always has one frame of its own |
 #![no_std]
 #![forbid(unsafe_code)]

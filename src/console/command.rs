@@ -10,10 +10,10 @@ use super::help;
 use super::output::Output;
 use super::points::PointCommand;
 use super::show::Show;
-use crate::config::{LineError, Words};
+use crate::config::{LineError, PortId, Words};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
-use crate::port::units::Units;
+use crate::port::ethercat::{EthercatPlace, LineWriter};
 
 /// What a command's first word asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,6 +27,7 @@ pub(super) enum Command {
     Ping,
     Scan,
     Tune,
+    Capture,
     Watch,
     Save,
     Load,
@@ -43,6 +44,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("route", Command::Settings),
     ("device", Command::Settings),
     ("point", Command::Settings),
+    ("slave", Command::Settings),
     ("edit", Command::Settings),
     ("insert", Command::Settings),
     ("move", Command::Settings),
@@ -58,6 +60,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("ping", Command::Ping),
     ("scan", Command::Scan),
     ("tune", Command::Tune),
+    ("capture", Command::Capture),
     ("watch", Command::Watch),
     ("save", Command::Save),
     ("load", Command::Load),
@@ -87,6 +90,14 @@ pub(super) enum Clear {
 }
 
 pub(super) const TOPICS_CLEAR: &[(&str, Clear)] = &[("stats", Clear::Stats), ("log", Clear::Log)];
+
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Watch {
+    Points,
+}
+
+/// What is watched besides frames.
+pub(super) const TOPICS_WATCH: &[(&str, Watch)] = &[("points", Watch::Points)];
 
 /// Whether the session goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -123,6 +134,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(Command::Ping) => self.ask(Ask::Ping, &mut words).await?,
             Ok(Command::Scan) => self.scan(&mut words).await?,
             Ok(Command::Tune) => self.tune(&mut words).await?,
+            Ok(Command::Capture) => self.capture(&mut words).await?,
             // Names begin with a letter.
             Ok(Command::Point(PointCommand::Read)) if begins_with_digit(&words) => {
                 self.ask(Ask::Read, &mut words).await?;
@@ -133,12 +145,17 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(Command::Point(command)) => self.point(command, &mut words).await?,
             Ok(Command::Clear) => match topic(&mut words, TOPICS_CLEAR, "stats or log") {
                 Ok(Clear::Stats) => {
-                    for place in self.gateway.ports() {
+                    let ids = (0..self.gateway.ports().len()).map(|index| PortId(index as u8));
+                    for place in ids.filter_map(|id| self.gateway.place(id)) {
                         place.stats.clear(Instant::now());
-                        place.units(Units::clear_counters);
+                        place.units(|units| units.clear_counters());
                     }
                 }
                 Ok(Clear::Log) => self.gateway.log().clear(),
+                Err(error) => self.fail(format_args!("{error}")).await?,
+            },
+            Ok(Command::Watch) if !words.peek().is_end() => match topic(&mut words, TOPICS_WATCH, "points") {
+                Ok(Watch::Points) => self.watch_points().await?,
                 Err(error) => self.fail(format_args!("{error}")).await?,
             },
             Ok(Command::Help) => match help::topic(&mut words) {
@@ -176,13 +193,20 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             | Command::Point(_)
             | Command::Ping
             | Command::Scan
-            | Command::Tune => {}
+            | Command::Tune
+            | Command::Capture => {}
         }
         Ok(Next::Line)
     }
 
     async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
-        match self.gateway.change(line).await {
+        let writer = || self.gateway.ethercat().map(EthercatPlace::line_writer);
+        let before = writer();
+        let changed = self.gateway.change(line).await;
+        if let Some(writer @ LineWriter::SettingsOver(_)) = writer().filter(|_| writer() != before) {
+            self.out.line(format_args!("warning: the line of the ethercat port: {writer}")).await?;
+        }
+        match changed {
             Ok(Some(warning)) => self.out.line(format_args!("warning: {warning}")).await,
             Ok(None) => Ok(()),
             Err(error) => self.fail(format_args!("{error}")).await,

@@ -9,10 +9,13 @@ use heapless::{String, Vec};
 use super::command::Session;
 use super::rows::{age, text};
 use super::show::Written;
-use crate::config::{LineError, PointAt, PointSettings, Problem, Settings, Words, parse_number};
+use crate::config::{LineError, POINTS_MAX, PointAt, PointSettings, Problem, Settings, Words, parse_number};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
-use crate::scanner::{DeviceId, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing};
+use crate::modbus::crc::crc16;
+use crate::scanner::{
+    DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing,
+};
 
 /// What is done with a point at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,6 +31,8 @@ pub(super) enum PointCommand {
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How often it looks.
 const LOOK: Duration = Duration::from_millis(10);
+/// How often a watcher looks.
+const WATCH: Duration = Duration::from_millis(100);
 /// Values in a line of output.
 const LINE_VALUES_MAX: usize = 8;
 /// Bytes of the values of one point: as many as a frame holds.
@@ -80,17 +85,38 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 if !settled(place, row).await {
                     self.out.line(format_args!("it is not done yet: see show points")).await?;
                 }
-                self.all_of(place, row).await
+                self.lines_of(place, row, usize::MAX).await
             }
         }
     }
 
-    /// A point and all of its values.
-    async fn all_of(&mut self, place: &ScannerPlace, id: RowId) -> Result<(), IO::Error> {
+    /// `watch points`: the points, and from then on those whose status or values change, until something is typed.
+    pub(super) async fn watch_points(&mut self) -> Result<(), IO::Error> {
+        let Some(place) = self.gateway.scanner() else {
+            return self.fail(format_args!("this board has no data points")).await;
+        };
+        let mut shown = [None; POINTS_MAX];
+        loop {
+            let points = self.gateway.settings(|settings| settings.points.len());
+            for (id, shown) in (0..points).map(|at| RowId(at as u8)).zip(&mut shown) {
+                let now = place
+                    .with(|scanner| (scanner.status(id, Instant::now()).bits(), crc16(scanner.input(id))));
+                if shown.replace(now) != Some(now) {
+                    self.lines_of(place, id, LINE_VALUES_MAX).await?;
+                }
+            }
+            if self.stops(WATCH).await? {
+                return Ok(());
+            }
+        }
+    }
+
+    /// A point and as many as `most` of its values.
+    async fn lines_of(&mut self, place: &ScannerPlace, id: RowId, most: usize) -> Result<(), IO::Error> {
         let (gateway, now) = (self.gateway, Instant::now());
         for line in 0.. {
             let out = self.out.begin();
-            let write = |settings: &Settings| point(settings, place, id, (line, usize::MAX), now, out);
+            let write = |settings: &Settings| point(settings, place, id, (line, most), now, out);
             if gateway.settings(write).is_none() {
                 break;
             }
@@ -167,7 +193,7 @@ fn head(
     )
 }
 
-/// `show devices`
+/// `show devices`: those of the data points, then those that are asked for the EtherCAT process image.
 pub(super) fn device(
     gateway: &Gateway<'_>,
     settings: &Settings,
@@ -179,27 +205,53 @@ pub(super) fn device(
         let heading = "DEVICE          UNIT   REQUESTS    ANSWERS EXCEPTIONS   FAILURES     HEARD STATE";
         return Some(out.write_str(heading));
     };
-    let device = settings.devices.get(row)?;
-    let status = gateway.scanner()?.with(|scanner| scanner.device_status(DeviceId(row as u8), now))?;
-    let state = match status.alive {
-        None => "not asked yet",
-        Some(true) => "alive",
-        Some(false) => "silent",
-    };
-    let heard = if status.answers == 0 { text(format_args!("never")) } else { age(status.heard, now) };
-    let mut more = String::<64>::new();
-    // What does not fit is missing at the end of the line.
-    if let Some(until) = status.backs_off_until {
-        let _ = write!(more, ", tried again in {}s", (until - now).as_secs() + 1);
+    if let Some(device) = settings.devices.get(row) {
+        let status = gateway.scanner()?.with(|scanner| scanner.device_status(DeviceId(row as u8), now))?;
+        let (name, unit) = (&device.name, device.device.unit);
+        return Some(write!(out, "{}", DeviceRow { name, unit, status: &status, inputs: "", now }));
     }
-    if let Some(error) = status.error {
-        let _ = write!(more, ", last error: {}", error.name());
+    // Behind them those that are asked for the EtherCAT process image.
+    let nth = row - settings.devices.len();
+    let slave = settings.slaves.get(nth)?;
+    let status = gateway.ethercat()?.slave_status(nth)?;
+    let inputs = if status.alive == Some(false) { slave.on_silence.of_inputs() } else { "" };
+    let name = text::<15>(format_args!("slave {nth}"));
+    Some(write!(out, "{}", DeviceRow { name: &name, unit: slave.unit, status: &status, inputs, now }))
+}
+
+/// A device that is asked, and how it is doing.
+struct DeviceRow<'s> {
+    name: &'s str,
+    unit: u8,
+    status: &'s DeviceStatus,
+    /// What stands in its inputs, if that is not what was read.
+    inputs: &'static str,
+    now: Instant,
+}
+
+impl fmt::Display for DeviceRow<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, unit, status, inputs, now } = self;
+        let DeviceStatus { requests, answers, exceptions, failures, .. } = status;
+        let heard = if *answers == 0 { text(format_args!("never")) } else { age(status.heard, *now) };
+        write!(
+            f,
+            "{name:15} {unit:>4} {requests:>10} {answers:>10} {exceptions:>10} {failures:>10} {heard:>9} "
+        )?;
+        f.write_str(match status.alive {
+            None => "not asked yet",
+            Some(true) => "alive",
+            Some(false) => "silent",
+        })?;
+        f.write_str(inputs)?;
+        if let Some(until) = status.backs_off_until {
+            write!(f, ", tried again in {}s", (until - *now).as_secs() + 1)?;
+        }
+        match status.error {
+            Some(error) => write!(f, ", last error: {}", error.name()),
+            None => Ok(()),
+        }
     }
-    Some(write!(
-        out,
-        "{:15} {:>4} {:>10} {:>10} {:>10} {:>10} {heard:>9} {state}{more}",
-        device.name, device.device.unit, status.requests, status.answers, status.exceptions, status.failures
-    ))
 }
 
 /// Waits until nothing is on its way for the row, or nothing can be for some time; says whether.

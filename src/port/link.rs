@@ -5,15 +5,19 @@
 //! leave the response timers running. By RTU over TCP one request is open at a time, and its answer is found by its length
 //! and CRC, or by the pause behind it.
 
-use embassy_futures::select::{Either4, select4};
-use embassy_time::{Duration, Instant, Timer, with_timeout};
+use core::pin::pin;
 
+use embassy_futures::select::{Either4, select4};
+use embassy_time::{Duration, Instant};
+
+use crate::capture::Tap;
 use crate::config::{StreamFraming, TcpClientSettings};
 use crate::frame::{Cause, Frame};
 use crate::hal::TcpStream;
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header};
 use crate::port::desk::Desk;
 use crate::port::flights::Flights;
+use crate::port::moment::{until, within};
 use crate::port::queue::Next;
 use crate::port::stream::encode;
 use crate::stats::Event;
@@ -117,7 +121,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             let wake = due.min(deadline).min(self.pause_end());
             let space = self.input.get_mut(self.length..).unwrap_or(&mut []);
             let read = self.stream.read(space);
-            match select4(read, self.desk.changed(), Timer::at(wake), place.socket.leave.wait()).await {
+            match select4(read, self.desk.changed(), until(wake), place.socket.leave.wait()).await {
                 Either4::First(Ok(0) | Err(_)) => return End::Lost,
                 Either4::First(Ok(count)) => {
                     if let Err(end) = self.received(count) {
@@ -188,6 +192,13 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         Ok(())
     }
 
+    /// Shows a frame to whoever follows.
+    fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
+        let kind = self.settings.framing.into();
+        let tap = Tap { capture: self.desk.gateway().capture(), port: self.desk.id(), kind };
+        tap.passed(tap.asker(), sent, verdict, bytes);
+    }
+
     async fn write(&mut self, transaction: u16, unit: u8, order: &Frame<'g>) -> Result<(), End> {
         if self.settings.framing == StreamFraming::Rtu {
             // What came before the request is no answer to it.
@@ -198,9 +209,10 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         let framing = self.settings.framing;
         let length = order.pdu(|request| encode(framing, header, request, &mut frame).map_or(0, <[u8]>::len));
         let frame = frame.get(..length).unwrap_or(&[]);
+        self.tap(true, Event::Request, frame);
         // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-        match with_timeout(self.settings.timeout, self.stream.write_all(frame)).await {
-            Ok(Ok(())) => Ok(()),
+        match within(self.settings.timeout, pin!(self.stream.write_all(frame))).await {
+            Some(Ok(())) => Ok(()),
             _ => Err(End::Lost),
         }
     }

@@ -46,11 +46,16 @@ impl Input {
         })
     }
 
+    /// The first `count` bytes.
+    pub(crate) fn first(&self, count: usize) -> &[u8] {
+        self.bytes.get(..count.min(self.length)).unwrap_or(&[])
+    }
+
     /// What is counted for bytes that are skipped.
     pub(crate) fn skip_event(&self) -> Event {
         match self.framing {
             StreamFraming::Mbap => Event::Malformed,
-            StreamFraming::Rtu => Event::Noise,
+            StreamFraming::Rtu | StreamFraming::Capture => Event::Noise,
         }
     }
 
@@ -68,7 +73,9 @@ impl Input {
     /// So many bytes were put into the space.
     pub(crate) fn grew(&mut self, count: usize) {
         self.length += count;
-        self.heard = Instant::now();
+        if self.framing == StreamFraming::Rtu {
+            self.heard = Instant::now();
+        }
     }
 
     /// When what is there is to be looked at again if nothing else comes.
@@ -91,7 +98,7 @@ pub(crate) fn encode<'a>(
 ) -> Result<&'a [u8], PduLength> {
     match framing {
         StreamFraming::Mbap => tcp::encode(header, answer, out),
-        StreamFraming::Rtu => match out.first_chunk_mut() {
+        StreamFraming::Rtu | StreamFraming::Capture => match out.first_chunk_mut() {
             Some(out) => rtu::encode(header.unit, answer, out),
             // An RTU frame is shorter than a TCP frame can be.
             None => Ok(&[]),

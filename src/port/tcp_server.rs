@@ -1,4 +1,4 @@
-//! A TCP server: one seat's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP.
+//! A TCP server: one seat's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP, or with a capture.
 //!
 //! Each of the listener's clients has a seat; one seat more is always there to accept a newcomer and to decide who goes
 //! when all places are taken: the ordinary client that has been idle longest. Requests are cut out of the stream, put
@@ -8,22 +8,27 @@
 
 use core::future::pending;
 use core::net::SocketAddr;
+use core::pin::pin;
 
-use embassy_futures::select::{Either4, select4};
+use embassy_futures::select::{Either, Either4, select, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
+use crate::capture::{Export, Tap};
 use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
-use crate::frame::{Envelope, Frame, Origin, Stage, Way};
+use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
 use crate::hal::{TcpHost, TcpStream};
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
+use crate::port::moment::{until, within};
 use crate::port::stream::{Input, encode};
 use crate::stats::{Event, LastError};
 
 /// A client that does not take an answer for so long is closed.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
+/// How often it is looked whether there are frames for a capture: what a busy line brings meanwhile fits into the ring.
+const EXPORT_PAUSE: Duration = Duration::from_millis(5);
 /// Pause after the listener failed.
 const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
@@ -93,6 +98,7 @@ impl Server<'_, '_> {
         self.place.stats.count(Event::Connected);
         let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
+                Some(_) if self.settings.framing == StreamFraming::Capture => self.export(&mut stream).await,
                 Some(origin) => self.serve(&mut stream, origin, peer).await,
                 None => End::Crowded,
             }
@@ -142,6 +148,7 @@ impl Server<'_, '_> {
                 last_request: now,
                 ..SeatState::EMPTY
             };
+            *seat
         });
         let seated = || {
             let of_port =
@@ -177,17 +184,18 @@ impl Server<'_, '_> {
             let deaf = waits == Waits::ForFrame || space.is_empty();
             let read = async { if deaf { pending().await } else { stream.read(space).await } };
             let answers = self.seat.answers.receive(self.gateway.pool());
-            let wake = Timer::at(self.idle_until().min(pause_end));
+            let idle_until = self.idle_until();
+            let wake = until(idle_until.min(pause_end));
             match select4(read, answers, self.seat.leave.wait(), wake).await {
                 Either4::First(Ok(0) | Err(_)) => return End::Client,
                 Either4::First(Ok(count)) => input.grew(count),
                 Either4::Second(frame) => {
-                    if let Err(end) = self.give(stream, frame).await {
+                    if let Err(end) = self.give(stream, peer, frame).await {
                         return end;
                     }
                 }
                 Either4::Third(()) => return End::Crowded,
-                Either4::Fourth(()) if self.idle_until() <= Instant::now() => return End::Stalled,
+                Either4::Fourth(()) if idle_until <= Instant::now() => return End::Stalled,
                 Either4::Fourth(()) => {}
             }
         }
@@ -203,22 +211,27 @@ impl Server<'_, '_> {
     ) -> Result<Waits, End> {
         loop {
             // RTU answers do not say which request they belong to.
-            if self.settings.framing == StreamFraming::Rtu && self.seat.state().open_requests > 0 {
+            if self.settings.framing == StreamFraming::Rtu && self.open_requests() > 0 {
                 return Ok(Waits::ForAnswer);
             }
             let consumed = match input.front() {
                 Ok(Parsed::Incomplete) => return Ok(Waits::No),
                 Ok(Parsed::Skip { consumed }) => {
                     self.place.stats.count(input.skip_event());
+                    self.tap(peer, false, input.skip_event(), input.first(consumed));
                     consumed
                 }
                 Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, peer, header, pdu) {
-                    Taken::Sent => consumed,
+                    Taken::Sent => {
+                        self.tap(peer, false, Event::Request, input.first(consumed));
+                        consumed
+                    }
                     Taken::Refused(exception) => {
                         let answer = exception.response(pdu.first().copied().unwrap_or(0));
+                        self.tap(peer, false, Event::Request, input.first(consumed));
                         let mut out = [0; ADU_BYTES_MAX];
-                        let framing = self.settings.framing;
-                        self.write(stream, encode(framing, header, &answer, &mut out).unwrap_or(&[])).await?;
+                        let out = encode(self.settings.framing, header, &answer, &mut out);
+                        self.write(stream, peer, out.unwrap_or(&[])).await?;
                         consumed
                     }
                     Taken::Starved => {
@@ -239,23 +252,21 @@ impl Server<'_, '_> {
             self.place.stats.note_refused(request, exception);
             return Taken::Refused(exception);
         }
-        if self.seat.state().open_requests >= self.settings.pipeline {
+        if self.open_requests() >= self.settings.pipeline {
             self.place.stats.count(Event::QueueFull);
             return Taken::Refused(Exception::BUSY);
         }
-        let Some((mut writer, frame)) = self.gateway.pool().take(self.index) else {
-            return Taken::Starved;
-        };
-        // The parser gives no longer PDU than fits.
-        let _ = writer.push(request);
-        writer.finish();
         let received = Instant::now();
         let deadline = received + self.settings.lifetime;
-        frame.address(Envelope {
+        let envelope = Envelope {
             transaction: header.transaction,
             peer: Some(peer.ip().to_canonical()),
             ..Envelope::request(origin, header.unit, received, deadline)
-        });
+        };
+        // The parser gives no longer PDU than fits.
+        let Some(frame) = self.gateway.pool().fill(self.index, request, envelope) else {
+            return Taken::Starved;
+        };
         self.place.stats.count(Event::Request);
         self.seat.update(|seat| {
             seat.last_request = received;
@@ -267,42 +278,95 @@ impl Server<'_, '_> {
     }
 
     /// Gives an answer to the client; a frame that came home without one is only counted off.
-    async fn give<S: TcpStream>(&self, stream: &mut S, frame: Frame<'_>) -> Result<(), End> {
+    async fn give<S: TcpStream>(
+        &self,
+        stream: &mut S,
+        peer: SocketAddr,
+        frame: Frame<'_>,
+    ) -> Result<(), End> {
         self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
-        let envelope = frame.envelope();
-        if envelope.stage == Stage::Silence {
+        let (stage, cause, header) = frame.look(|envelope| {
+            let header = Header { transaction: envelope.transaction, unit: envelope.unit };
+            (envelope.stage, envelope.cause, header)
+        });
+        if stage == Stage::Silence {
             return Ok(());
         }
-        self.place.stats.count(Event::Answer);
-        let header = Header { transaction: envelope.transaction, unit: envelope.unit };
         let mut out = [0; ADU_BYTES_MAX];
         let length = frame.pdu(|answer| {
-            if let [function, code] = *answer
-                && function & EXCEPTION_BIT != 0
-            {
-                self.place.stats.count(Event::Exception);
-                self.place.stats.note_exception(Exception(code), envelope.cause);
-            }
+            self.count_answer(answer, cause);
             encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
         });
         drop(frame);
-        self.write(stream, out.get(..length).unwrap_or(&[])).await
+        self.write(stream, peer, out.get(..length).unwrap_or(&[])).await
     }
 
-    /// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, answer: &[u8]) -> Result<(), End> {
-        match with_timeout(WRITE_PATIENCE, stream.write_all(answer)).await {
-            Ok(Ok(())) => Ok(()),
-            Ok(Err(_)) => Err(End::Client),
-            Err(_) => Err(End::Stalled),
+    fn count_answer(&self, answer: &[u8], cause: Cause) {
+        self.place.stats.count(Event::Answer);
+        if let [function, code] = *answer
+            && function & EXCEPTION_BIT != 0
+        {
+            self.place.stats.count(Event::Exception);
+            self.place.stats.note_exception(Exception(code), cause);
+        }
+    }
+
+    /// Writes the frame of an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+    async fn write<S: TcpStream>(&self, stream: &mut S, peer: SocketAddr, frame: &[u8]) -> Result<(), End> {
+        self.tap(peer, true, Event::Answer, frame);
+        match within(WRITE_PATIENCE, pin!(stream.write_all(frame))).await {
+            Some(Ok(())) => Ok(()),
+            Some(Err(_)) => Err(End::Client),
+            None => Err(End::Stalled),
+        }
+    }
+
+    /// Shows a frame from or to `peer` to whoever follows.
+    fn tap(&self, peer: SocketAddr, sent: bool, verdict: Event, bytes: &[u8]) {
+        let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
+        tap.passed(peer.port(), sent, verdict, bytes);
+    }
+
+    /// Gives a client the frames of all ports as they come.
+    async fn export<S: TcpStream>(&self, stream: &mut S) -> End {
+        let leave = pin!(self.seat.leave.wait());
+        let export = pin!(async {
+            let mut export = match with_timeout(WRITE_PATIENCE, Export::begin(self.gateway, stream)).await {
+                Ok(Ok(Some(export))) => export,
+                Ok(_) => return End::Client,
+                Err(_) => return End::Stalled,
+            };
+            loop {
+                // Whoever takes no frame for so long takes none at all.
+                match with_timeout(WRITE_PATIENCE, export.write_next(stream)).await {
+                    Ok(Ok(true)) => continue,
+                    Ok(Ok(false)) => {}
+                    Ok(Err(_)) => return End::Client,
+                    Err(_) => return End::Stalled,
+                }
+                let mut said = [0; 16];
+                match select(stream.read(&mut said), Timer::after(EXPORT_PAUSE)).await {
+                    Either::First(Ok(0) | Err(_)) => return End::Client,
+                    Either::First(Ok(_)) | Either::Second(()) => {}
+                }
+            }
+        });
+        match select(leave, export).await {
+            Either::First(()) => End::Crowded,
+            Either::Second(end) => end,
         }
     }
 
     /// When the client will have been idle too long; never while it waits for an answer.
     fn idle_until(&self) -> Instant {
-        let seat = self.seat.state();
-        let never = self.settings.idle == Duration::from_ticks(0) || seat.open_requests > 0;
-        if never { Instant::MAX } else { seat.last_request + self.settings.idle }
+        let (open, last_request) = self.seat.update(|seat| (seat.open_requests, seat.last_request));
+        let never = self.settings.idle == Duration::from_ticks(0) || open > 0;
+        if never { Instant::MAX } else { last_request + self.settings.idle }
+    }
+
+    /// Requests of this connection that are not answered yet.
+    fn open_requests(&self) -> u8 {
+        self.seat.update(|seat| seat.open_requests)
     }
 }
 

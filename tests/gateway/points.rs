@@ -1,6 +1,7 @@
 //! Data points: the scanner by itself, with time as a value; its port, the local tables and the settings in virtual time.
 
 mod config;
+mod console;
 mod gathering;
 mod image;
 mod local;
@@ -30,7 +31,7 @@ fn scanner() -> (Scanner, DeviceId) {
 }
 
 fn device(unit: u8) -> Device {
-    Device { unit, order: ByteOrder::Order0123, check: false }
+    Device { unit, order: ByteOrder::Order0123, check: false, filling: None }
 }
 
 /// `count` cells of `device`, read every second and written automatically where that can be.

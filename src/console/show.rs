@@ -4,7 +4,6 @@ use core::fmt;
 
 use embassy_time::Instant;
 use embedded_io_async::{Read, Write};
-use heapless::String;
 
 use super::command::Session;
 use super::points;

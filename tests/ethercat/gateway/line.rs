@@ -34,7 +34,10 @@ fn whoever_set_the_line_last_wins_and_is_shown() {
         assert!(shown.contains("rtu client 38400 8N2\n"), "{shown}");
 
         let shown = world.run_until(typed(rig.gateway, "edit port bus 9600 8O1\nshow ports\n"));
-        assert!(shown.starts_with("warning: the line of the ethercat port: set here, EtherCAT had 38400 8N2\n"), "{shown}");
+        assert!(
+            shown.starts_with("warning: the line of the ethercat port: set here, EtherCAT had 38400 8N2\n"),
+            "{shown}"
+        );
         world.run_for(Duration::from_millis(1));
         let shown = world.run_until(typed(rig.gateway, "edit port ecat on-loss hold\nshow ports\n"));
         assert!(!shown.contains("warning"), "it has been said: {shown}");

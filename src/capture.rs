@@ -78,7 +78,11 @@ pub struct Capture {
 
 struct Ring {
     heads: Deque<Head, FRAMES_MAX>,
-    bytes: Deque<u8, BYTES_MAX>,
+    /// Their bytes, one frame's behind the other's, round the end.
+    bytes: [u8; BYTES_MAX],
+    /// Where those of the oldest one are, and how many there are of all.
+    start: usize,
+    used: usize,
     /// The number of the oldest one.
     first: u32,
 }
@@ -86,9 +90,8 @@ struct Ring {
 impl Capture {
     /// An empty ring.
     pub const fn new() -> Self {
-        let ring = Ring { heads: Deque::new(), bytes: Deque::new(), first: 0 };
         Self {
-            ring: Mutex::new(RefCell::new(ring)),
+            ring: Mutex::new(RefCell::new(Ring::new())),
             followers: AtomicU8::new(0),
             epoch_us: Mutex::new(Cell::new(0)),
         }
@@ -146,21 +149,31 @@ impl Default for Capture {
 }
 
 impl Ring {
+    const fn new() -> Self {
+        Self { heads: Deque::new(), bytes: [0; BYTES_MAX], start: 0, used: 0, first: 0 }
+    }
+
     fn end(&self) -> u32 {
         self.first.wrapping_add(self.heads.len() as u32)
     }
 
     fn push(&mut self, head: Head, bytes: &[u8]) {
-        while self.heads.is_full() || self.bytes.capacity() - self.bytes.len() < bytes.len() {
+        while self.heads.is_full() || BYTES_MAX - self.used < bytes.len() {
             let Some(oldest) = self.heads.pop_front() else { return };
-            for _ in 0..oldest.length {
-                self.bytes.pop_front();
-            }
+            self.start = (self.start + usize::from(oldest.length)) % BYTES_MAX;
+            self.used -= usize::from(oldest.length);
             self.first = self.first.wrapping_add(1);
         }
         // There is room now.
         let _ = self.heads.push_back(head);
-        self.bytes.extend(bytes.iter().copied());
+        let at = (self.start + self.used) % BYTES_MAX;
+        let (behind, beyond) = bytes.split_at_checked(BYTES_MAX - at).unwrap_or((bytes, &[]));
+        for (at, part) in [(at, behind), (0, beyond)] {
+            if let Some(place) = self.bytes.get_mut(at..at + part.len()) {
+                place.copy_from_slice(part);
+            }
+        }
+        self.used += bytes.len();
     }
 
     fn get(&self, cursor: &mut u32) -> Option<Captured> {
@@ -171,7 +184,8 @@ impl Ring {
         }
         let head = *self.heads.iter().nth(at)?;
         let start: usize = self.heads.iter().take(at).map(|head| usize::from(head.length)).sum();
-        let bytes = self.bytes.iter().skip(start).take(head.length.into()).copied().collect();
+        let round = self.bytes.iter().cycle().skip((self.start + start) % BYTES_MAX);
+        let bytes = round.take(head.length.into()).copied().collect();
         let number = self.first.wrapping_add(at as u32);
         let missed = number.wrapping_sub(*cursor);
         *cursor = number.wrapping_add(1);

@@ -6,6 +6,7 @@
 
 use core::cell::{Cell, RefCell};
 use core::net::SocketAddr;
+use core::ops::Deref;
 use core::sync::atomic::{AtomicU16, Ordering};
 
 use embassy_futures::select::select;
@@ -20,7 +21,7 @@ use crate::config::{
     OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, StreamFraming, load_points,
 };
 use crate::drafting::Draft;
-use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
+use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
@@ -28,7 +29,7 @@ use crate::port::ethercat::{ConfigError, EthercatPlace, LineWriter};
 use crate::port::local::Events;
 use crate::port::sockets::Socket;
 use crate::port::tcp_server::Terms;
-use crate::port::units::Units;
+use crate::port::units::{AllUnits, Units};
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
 use crate::scanner::{Full, POINTS, ScannerPlace};
 use crate::stats::{Counters, Event, Log};
@@ -48,7 +49,6 @@ pub struct PortPlace {
     pub stats: Counters,
     /// The port's connection to an outside server.
     pub(crate) socket: Socket,
-    units: Shared<Units>,
     /// Orders that wait at a client-side port.
     waiting: AtomicU16,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
@@ -80,15 +80,9 @@ impl PortPlace {
             changed: Signal::new(),
             stats: Counters::new(),
             socket: Socket::new(),
-            units: Mutex::new(RefCell::new(Units::new())),
             waiting: AtomicU16::new(0),
             status: Mutex::new(Cell::new(Status::Off)),
         }
-    }
-
-    /// Calls `f` with the units behind the port.
-    pub fn units<R>(&self, f: impl FnOnce(&mut Units) -> R) -> R {
-        self.units.lock(|units| f(&mut units.borrow_mut()))
     }
 
     /// Orders that wait at a client-side port.
@@ -98,22 +92,6 @@ impl PortPlace {
 
     pub(crate) fn set_waiting(&self, orders: usize) {
         self.waiting.store(orders as u16, Ordering::Relaxed);
-    }
-
-    /// Something else than the response of `unit` came while that was awaited.
-    pub(crate) fn disturbed(&self, unit: u8, event: Event) {
-        self.stats.count(event);
-        self.units(|units| units.trouble(unit, event));
-    }
-
-    /// The response of `unit` came damaged, by `trouble`.
-    pub(crate) fn damaged(&self, unit: u8, trouble: Event) {
-        self.stats.count(Event::Damaged);
-        // Faulty characters have been counted by the line.
-        if !matches!(trouble, Event::Parity | Event::Framing) {
-            self.stats.count(trouble);
-        }
-        self.units(|units| units.damaged(unit, trouble));
     }
 
     /// How the port is doing.
@@ -132,16 +110,79 @@ impl PortPlace {
         self.generation.load(Ordering::Relaxed)
     }
 
-    /// The port's settings are others: it begins anew.
-    pub(crate) fn restart(&self) {
-        self.set_status(Status::Off);
-        self.units(Units::clear);
-        self.changed.signal(());
-    }
-
     /// Notes how the port is doing; says whether that is news.
     pub(crate) fn set_status(&self, status: Status) -> bool {
         self.status.lock(|cell| cell.replace(status)) != status
+    }
+}
+
+/// What the tasks share of all ports. Boards keep it in a static; it is all zeros at start.
+pub struct Ports<const N: usize> {
+    places: [PortPlace; N],
+    units: Shared<AllUnits>,
+}
+
+impl<const N: usize> Ports<N> {
+    /// Places without ports.
+    pub const fn new() -> Self {
+        Self { places: [const { PortPlace::new() }; N], units: Mutex::new(RefCell::new(AllUnits::new())) }
+    }
+}
+
+impl<const N: usize> Default for Ports<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A port's place, and its units among those of all ports.
+#[derive(Clone, Copy)]
+pub struct PortAt<'g> {
+    place: &'g PortPlace,
+    units: &'g Shared<AllUnits>,
+    id: PortId,
+}
+
+impl Deref for PortAt<'_> {
+    type Target = PortPlace;
+
+    fn deref(&self) -> &PortPlace {
+        self.place
+    }
+}
+
+impl<'g> PortAt<'g> {
+    /// The place for as long as the gateway is there.
+    pub(crate) fn place(&self) -> &'g PortPlace {
+        self.place
+    }
+
+    /// Calls `f` with the units behind the port.
+    pub fn units<R>(&self, f: impl FnOnce(&mut Units) -> R) -> R {
+        self.units.lock(|units| f(&mut units.borrow_mut().of(self.id)))
+    }
+
+    /// Something else than the response of `unit` came while that was awaited.
+    pub(crate) fn disturbed(&self, unit: u8, event: Event) {
+        self.stats.count(event);
+        self.units(|units| units.trouble(unit, event));
+    }
+
+    /// The response of `unit` came damaged, by `trouble`.
+    pub(crate) fn damaged(&self, unit: u8, trouble: Event) {
+        self.stats.count(Event::Damaged);
+        // Faulty characters have been counted by the line.
+        if !matches!(trouble, Event::Parity | Event::Framing) {
+            self.stats.count(trouble);
+        }
+        self.units(|units| units.damaged(unit, trouble));
+    }
+
+    /// The port's settings are others: it begins anew.
+    pub(crate) fn restart(&self) {
+        self.set_status(Status::Off);
+        self.units(|units| units.clear());
+        self.changed.signal(());
     }
 }
 
@@ -159,7 +200,7 @@ pub struct Seat {
     pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
     /// The connection must go, to make room for another one.
     pub(crate) leave: Signal<CriticalSectionRawMutex, ()>,
-    state: Mutex<CriticalSectionRawMutex, Cell<SeatState>>,
+    state: Shared<SeatState>,
 }
 
 /// Who sits in a seat.
@@ -206,22 +247,18 @@ impl Seat {
             answers: Channel::new(),
             changed: Signal::new(),
             leave: Signal::new(),
-            state: Mutex::new(Cell::new(SeatState::EMPTY)),
+            state: Mutex::new(RefCell::new(SeatState::EMPTY)),
         }
     }
 
     /// Who sits here.
     pub fn state(&self) -> SeatState {
-        self.state.lock(Cell::get)
+        self.update(|state| *state)
     }
 
-    pub(crate) fn update(&self, change: impl FnOnce(&mut SeatState)) -> SeatState {
-        self.state.lock(|cell| {
-            let mut state = cell.get();
-            change(&mut state);
-            cell.set(state);
-            state
-        })
+    /// Calls `change` with who sits here, to look at or to change.
+    pub(crate) fn update<R>(&self, change: impl FnOnce(&mut SeatState) -> R) -> R {
+        self.state.lock(|state| change(&mut state.borrow_mut()))
     }
 }
 
@@ -271,6 +308,7 @@ pub enum ApplyError {
 pub struct Gateway<'g> {
     pool: &'g FramePool<'g>,
     ports: &'g [PortPlace],
+    units: &'g Shared<AllUnits>,
     seats: &'g [Seat],
     /// The global queue: every port sends, only the router receives.
     pub(crate) inbox: Channel,
@@ -293,10 +331,15 @@ pub struct Gateway<'g> {
 impl<'g> Gateway<'g> {
     /// A gateway without settings over a board's frames, port places and seats. The pool reserves a frame for each
     /// seat first, then for each port.
-    pub const fn new(pool: &'g FramePool<'g>, ports: &'g [PortPlace], seats: &'g [Seat]) -> Self {
+    pub const fn new<const N: usize>(
+        pool: &'g FramePool<'g>,
+        ports: &'g Ports<N>,
+        seats: &'g [Seat],
+    ) -> Self {
         Self {
             pool,
-            ports,
+            ports: &ports.places,
+            units: &ports.units,
             seats,
             inbox: Channel::new(),
             settings: Mutex::new(RefCell::new(Settings::new())),
@@ -369,6 +412,11 @@ impl<'g> Gateway<'g> {
     /// The port places; a port's id is its index.
     pub fn ports(&self) -> &'g [PortPlace] {
         self.ports
+    }
+
+    /// The port place `id`, if the board has it.
+    pub fn place(&self, id: PortId) -> Option<PortAt<'g>> {
+        Some(PortAt { place: self.ports.get(id.index())?, units: self.units, id })
     }
 
     /// The places for TCP connections.
@@ -454,10 +502,9 @@ impl<'g> Gateway<'g> {
                 log_warn!("line {}: {writer}", new.name(line));
             }
         }
-        for (index, place) in
-            self.ports.iter().enumerate().filter(|(index, _)| changed.get(*index) == Some(&true))
-        {
-            let id = PortId(index as u8);
+        let restarts = (0..PORTS_MAX).filter(|index| changed.get(*index) == Some(&true));
+        for place in restarts.filter_map(|index| self.place(PortId(index as u8))) {
+            let id = place.id;
             let old = self.seats.iter().filter(|seat| seat.state().port == Some(id));
             old.for_each(|seat| seat.give_to(None));
             place.restart();
@@ -481,11 +528,12 @@ impl<'g> Gateway<'g> {
         connector: &mut C,
         datagrams: &mut U,
     ) {
-        let Some(place) = self.ports.get(id.index()) else { return };
+        let Some(at) = self.place(id) else { return };
+        let place = at.place();
         loop {
             let mut kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
             let alone = self.asking.try_on(id, kind.as_mut());
-            place.units(|units| units.freeze(alone));
+            at.units(|units| units.freeze(alone));
             place.renew();
             match &kind {
                 Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
@@ -509,7 +557,7 @@ impl<'g> Gateway<'g> {
                         Some(PortKind::TcpClient(settings)) => settings.unit,
                         _ => None,
                     };
-                    let desk = Desk::new(self, place, id, unit, alone);
+                    let desk = Desk::new(self, at, id, unit, alone);
                     let part = play(&desk, kind.as_ref(), lines, connector);
                     select(place.changed.wait(), select(desk.take_in(), part)).await;
                     desk.close();
@@ -544,12 +592,18 @@ impl<'g> Gateway<'g> {
         self.pool.take(self.seats.len() + id.index())
     }
 
+    /// The same with all of what was heard.
+    pub(crate) fn fill_for_port(&self, id: PortId, pdu: &[u8], envelope: Envelope) -> Option<Frame<'g>> {
+        self.pool.fill(self.seats.len() + id.index(), pdu, envelope)
+    }
+
     /// Whether an answer to `origin` would find nobody.
     pub(crate) fn is_gone(&self, origin: Origin) -> bool {
         match origin.way {
             Way::Seat(seat) => {
-                let seat = self.seats.get(usize::from(seat)).map(Seat::state);
-                seat.is_none_or(|seat| seat.generation != origin.generation || seat.peer.is_none())
+                let is_gone =
+                    |seat: &mut SeatState| seat.generation != origin.generation || seat.peer.is_none();
+                self.seats.get(usize::from(seat)).is_none_or(|seat| seat.update(is_gone))
             }
             Way::Line | Way::Port => {
                 let place = self.ports.get(origin.port.index());
@@ -586,7 +640,7 @@ impl<'g> Gateway<'g> {
     }
 
     fn send_home(&self, frame: Frame<'_>, stage: Stage) {
-        frame.address(crate::frame::Envelope { stage, ..frame.envelope() });
+        frame.amend(|envelope| envelope.stage = stage);
         self.inbox.send(frame);
     }
 }

@@ -10,11 +10,10 @@ use super::help;
 use super::output::Output;
 use super::points::PointCommand;
 use super::show::Show;
-use crate::config::{LineError, Words};
+use crate::config::{LineError, PortId, Words};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
 use crate::port::ethercat::{EthercatPlace, LineWriter};
-use crate::port::units::Units;
 
 /// What a command's first word asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,6 +91,14 @@ pub(super) enum Clear {
 
 pub(super) const TOPICS_CLEAR: &[(&str, Clear)] = &[("stats", Clear::Stats), ("log", Clear::Log)];
 
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Watch {
+    Points,
+}
+
+/// What is watched besides frames.
+pub(super) const TOPICS_WATCH: &[(&str, Watch)] = &[("points", Watch::Points)];
+
 /// Whether the session goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Next {
@@ -138,12 +145,17 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(Command::Point(command)) => self.point(command, &mut words).await?,
             Ok(Command::Clear) => match topic(&mut words, TOPICS_CLEAR, "stats or log") {
                 Ok(Clear::Stats) => {
-                    for place in self.gateway.ports() {
+                    let ids = (0..self.gateway.ports().len()).map(|index| PortId(index as u8));
+                    for place in ids.filter_map(|id| self.gateway.place(id)) {
                         place.stats.clear(Instant::now());
-                        place.units(Units::clear_counters);
+                        place.units(|units| units.clear_counters());
                     }
                 }
                 Ok(Clear::Log) => self.gateway.log().clear(),
+                Err(error) => self.fail(format_args!("{error}")).await?,
+            },
+            Ok(Command::Watch) if !words.peek().is_end() => match topic(&mut words, TOPICS_WATCH, "points") {
+                Ok(Watch::Points) => self.watch_points().await?,
                 Err(error) => self.fail(format_args!("{error}")).await?,
             },
             Ok(Command::Help) => match help::topic(&mut words) {

@@ -49,7 +49,7 @@ impl fmt::Display for Troubles<'_> {
 
 pub(super) fn state(unit: &Unit, now: Instant) -> &'static str {
     match unit {
-        Unit { down: true, .. } => "down",
+        _ if unit.is_down() => "down",
         Unit { held_until, .. } if *held_until > now => "held",
         _ => "up",
     }

@@ -8,8 +8,8 @@ use embedded_io_async::{Read, Write};
 use super::command::Session;
 use super::points;
 use super::rows::{LogRow, Row, StatusText, Troubles, age, describe, state, text, took};
-use crate::config::{Port, PortKind, Settings, Side, write_line};
-use crate::gateway::{Gateway, PortPlace};
+use crate::config::{Port, PortId, PortKind, Settings, Side, write_line};
+use crate::gateway::{Gateway, PortAt};
 use crate::hal::{NetworkState, Store, System};
 use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::port::units::{UNITS_MAX, Unit};
@@ -100,8 +100,8 @@ fn port_at<'t>(
     gateway: &Gateway<'t>,
     settings: &'t Settings,
     at: usize,
-) -> Option<Option<(&'t Port, &'t PortPlace)>> {
-    let place = gateway.ports().get(at)?;
+) -> Option<Option<(&'t Port, PortAt<'t>)>> {
+    let place = gateway.place(PortId(u8::try_from(at).ok()?))?;
     Some(settings.ports.get(at)?.as_ref().map(|port| (port, place)))
 }
 

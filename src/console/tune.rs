@@ -106,7 +106,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(turn) => turn,
             Err(error) => return self.fail(format_args!("{error}")).await,
         };
-        let place = gateway.ports().get(course.port.index());
+        let place = gateway.place(course.port);
         let is_known = |unit| {
             let answered =
                 |units: &mut Units| units.iter().any(|known| known.id == unit && known.answers > 0);

@@ -15,12 +15,13 @@ use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use crate::capture::{Export, Tap};
 use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
-use crate::frame::{Envelope, Frame, Origin, Stage, Way};
+use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
 use crate::hal::{TcpHost, TcpStream};
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
+use crate::port::moment::{until, within};
 use crate::port::stream::{Input, encode};
 use crate::stats::{Event, LastError};
 
@@ -147,6 +148,7 @@ impl Server<'_, '_> {
                 last_request: now,
                 ..SeatState::EMPTY
             };
+            *seat
         });
         let seated = || {
             let of_port =
@@ -182,7 +184,8 @@ impl Server<'_, '_> {
             let deaf = waits == Waits::ForFrame || space.is_empty();
             let read = async { if deaf { pending().await } else { stream.read(space).await } };
             let answers = self.seat.answers.receive(self.gateway.pool());
-            let wake = Timer::at(self.idle_until().min(pause_end));
+            let idle_until = self.idle_until();
+            let wake = until(idle_until.min(pause_end));
             match select4(read, answers, self.seat.leave.wait(), wake).await {
                 Either4::First(Ok(0) | Err(_)) => return End::Client,
                 Either4::First(Ok(count)) => input.grew(count),
@@ -192,7 +195,7 @@ impl Server<'_, '_> {
                     }
                 }
                 Either4::Third(()) => return End::Crowded,
-                Either4::Fourth(()) if self.idle_until() <= Instant::now() => return End::Stalled,
+                Either4::Fourth(()) if idle_until <= Instant::now() => return End::Stalled,
                 Either4::Fourth(()) => {}
             }
         }
@@ -208,7 +211,7 @@ impl Server<'_, '_> {
     ) -> Result<Waits, End> {
         loop {
             // RTU answers do not say which request they belong to.
-            if self.settings.framing == StreamFraming::Rtu && self.seat.state().open_requests > 0 {
+            if self.settings.framing == StreamFraming::Rtu && self.open_requests() > 0 {
                 return Ok(Waits::ForAnswer);
             }
             let consumed = match input.front() {
@@ -227,9 +230,8 @@ impl Server<'_, '_> {
                         let answer = exception.response(pdu.first().copied().unwrap_or(0));
                         self.tap(peer, false, Event::Request, input.first(consumed));
                         let mut out = [0; ADU_BYTES_MAX];
-                        let framing = self.settings.framing;
-                        let answer = encode(framing, header, &answer, &mut out).unwrap_or(&[]);
-                        self.write(stream, peer, answer).await?;
+                        let out = encode(self.settings.framing, header, &answer, &mut out);
+                        self.write(stream, peer, out.unwrap_or(&[])).await?;
                         consumed
                     }
                     Taken::Starved => {
@@ -250,23 +252,21 @@ impl Server<'_, '_> {
             self.place.stats.note_refused(request, exception);
             return Taken::Refused(exception);
         }
-        if self.seat.state().open_requests >= self.settings.pipeline {
+        if self.open_requests() >= self.settings.pipeline {
             self.place.stats.count(Event::QueueFull);
             return Taken::Refused(Exception::BUSY);
         }
-        let Some((mut writer, frame)) = self.gateway.pool().take(self.index) else {
-            return Taken::Starved;
-        };
-        // The parser gives no longer PDU than fits.
-        let _ = writer.push(request);
-        writer.finish();
         let received = Instant::now();
         let deadline = received + self.settings.lifetime;
-        frame.address(Envelope {
+        let envelope = Envelope {
             transaction: header.transaction,
             peer: Some(peer.ip().to_canonical()),
             ..Envelope::request(origin, header.unit, received, deadline)
-        });
+        };
+        // The parser gives no longer PDU than fits.
+        let Some(frame) = self.gateway.pool().fill(self.index, request, envelope) else {
+            return Taken::Starved;
+        };
         self.place.stats.count(Event::Request);
         self.seat.update(|seat| {
             seat.last_request = received;
@@ -285,33 +285,39 @@ impl Server<'_, '_> {
         frame: Frame<'_>,
     ) -> Result<(), End> {
         self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
-        let envelope = frame.envelope();
-        if envelope.stage == Stage::Silence {
+        let (stage, cause, header) = frame.look(|envelope| {
+            let header = Header { transaction: envelope.transaction, unit: envelope.unit };
+            (envelope.stage, envelope.cause, header)
+        });
+        if stage == Stage::Silence {
             return Ok(());
         }
-        self.place.stats.count(Event::Answer);
-        let header = Header { transaction: envelope.transaction, unit: envelope.unit };
         let mut out = [0; ADU_BYTES_MAX];
         let length = frame.pdu(|answer| {
-            if let [function, code] = *answer
-                && function & EXCEPTION_BIT != 0
-            {
-                self.place.stats.count(Event::Exception);
-                self.place.stats.note_exception(Exception(code), envelope.cause);
-            }
+            self.count_answer(answer, cause);
             encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
         });
         drop(frame);
         self.write(stream, peer, out.get(..length).unwrap_or(&[])).await
     }
 
-    /// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, peer: SocketAddr, answer: &[u8]) -> Result<(), End> {
-        self.tap(peer, true, Event::Answer, answer);
-        match with_timeout(WRITE_PATIENCE, stream.write_all(answer)).await {
-            Ok(Ok(())) => Ok(()),
-            Ok(Err(_)) => Err(End::Client),
-            Err(_) => Err(End::Stalled),
+    fn count_answer(&self, answer: &[u8], cause: Cause) {
+        self.place.stats.count(Event::Answer);
+        if let [function, code] = *answer
+            && function & EXCEPTION_BIT != 0
+        {
+            self.place.stats.count(Event::Exception);
+            self.place.stats.note_exception(Exception(code), cause);
+        }
+    }
+
+    /// Writes the frame of an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+    async fn write<S: TcpStream>(&self, stream: &mut S, peer: SocketAddr, frame: &[u8]) -> Result<(), End> {
+        self.tap(peer, true, Event::Answer, frame);
+        match within(WRITE_PATIENCE, pin!(stream.write_all(frame))).await {
+            Some(Ok(())) => Ok(()),
+            Some(Err(_)) => Err(End::Client),
+            None => Err(End::Stalled),
         }
     }
 
@@ -353,9 +359,14 @@ impl Server<'_, '_> {
 
     /// When the client will have been idle too long; never while it waits for an answer.
     fn idle_until(&self) -> Instant {
-        let seat = self.seat.state();
-        let never = self.settings.idle == Duration::from_ticks(0) || seat.open_requests > 0;
-        if never { Instant::MAX } else { seat.last_request + self.settings.idle }
+        let (open, last_request) = self.seat.update(|seat| (seat.open_requests, seat.last_request));
+        let never = self.settings.idle == Duration::from_ticks(0) || open > 0;
+        if never { Instant::MAX } else { last_request + self.settings.idle }
+    }
+
+    /// Requests of this connection that are not answered yet.
+    fn open_requests(&self) -> u8 {
+        self.seat.update(|seat| seat.open_requests)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::config::{LineSettings, Parity};
+use mobgate::config::{LineSettings, Parity, PortId};
 use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::console::{typed, typed_slowly};
@@ -44,7 +44,7 @@ fn five_units_at_two_of_four_speeds_are_found_with_their_formats_and_nothing_els
         assert!(shown.contains("edit port bus 9600 8N1     # units 3,17,40\n"), "{shown}");
         assert!(shown.contains("edit port bus 38400 8E1    # units 5,9\n"), "{shown}");
         assert_eq!(
-            rig.gateway.ports()[0].units(|units| units.iter().count()),
+            rig.gateway.place(PortId(0)).unwrap().units(|units| units.iter().count()),
             0,
             "the port has learned nothing"
         );

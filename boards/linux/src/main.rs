@@ -11,7 +11,7 @@ use embassy_sync::signal::Signal;
 use mobgate::capture::Capture;
 use mobgate::config::{PORTS_MAX, PortId, TcpListen};
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Gateway, PortPlace, Seat};
+use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate::hal::{OpenError, System};
 use mobgate::scanner::ScannerPlace;
 use mobgate_linux::cli::Options;
@@ -36,7 +36,7 @@ const CONSOLES: usize = 4;
 
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
-static PORT_PLACES: [PortPlace; PORTS_MAX] = [const { PortPlace::new() }; PORTS_MAX];
+static PORT_PLACES: Ports<PORTS_MAX> = Ports::new();
 static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
 static POINTS: ScannerPlace = ScannerPlace::new();
 static CAPTURE: Capture = Capture::new();

@@ -5,10 +5,9 @@ use core::pin::pin;
 
 use embassy_executor::Spawner;
 use embassy_sync::once_lock::OnceLock;
-use mobgate::capture::Capture;
 use mobgate::config::PortId;
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Gateway, PortPlace, Seat};
+use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate_board::liveness::Liveness;
 use mobgate_net::{Connector, Datagrams, TcpSockets};
 
@@ -29,20 +28,21 @@ const FRAMES: usize = RESERVED + 15;
 
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
-static PORT_PLACES: [PortPlace; PORTS] = [const { PortPlace::new() }; PORTS];
+static PORT_PLACES: Ports<PORTS> = Ports::new();
 static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
-static CAPTURE: Capture = Capture::new();
+// Images without it are smaller, see Cargo.toml.
+#[cfg(feature = "ethercat")]
+static CAPTURE: mobgate::capture::Capture = mobgate::capture::Capture::new();
 /// Made at the start: a static with one pointer in it would have a copy of its whole memory in the flash.
 static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
 
 /// The gateway.
 pub(crate) fn gateway() -> &'static Gateway<'static> {
     GATEWAY.get_or_init(|| {
-        let gateway =
-            Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network().with_capture(&CAPTURE);
+        let gateway = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network();
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "ethercat")]
-        let gateway = crate::ethercat::join(gateway);
+        let gateway = crate::ethercat::join(gateway).with_capture(&CAPTURE);
         gateway
     })
 }

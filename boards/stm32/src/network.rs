@@ -27,7 +27,7 @@ pub type Packets = PacketQueue<PACKETS_OUT, PACKETS>;
 /// Sockets at a time: accepted connections, made ones and UDP.
 const SOCKETS: usize = SEATS + CONNECTIONS_OUT;
 /// Half for each direction. A Modbus TCP frame has 260 bytes at most.
-const SOCKET_BYTES: usize = 576;
+const SOCKET_BYTES: usize = 528;
 
 static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
     ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);

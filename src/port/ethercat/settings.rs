@@ -48,7 +48,7 @@ impl Gateway<'_> {
             *line = LineSettings { baud, parity, stop_bits, ..*line };
             Some(id)
         });
-        if let Some(place) = changed.and_then(|id| self.ports().get(id.index())) {
+        if let Some(place) = changed.and_then(|id| self.place(id)) {
             place.restart();
         }
     }

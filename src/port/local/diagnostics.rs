@@ -9,9 +9,10 @@ use heapless::Deque;
 
 use super::pdu_of;
 use crate::config::{PORTS_MAX, PortId};
-use crate::gateway::{Gateway, PortPlace, Status};
+use crate::gateway::{Gateway, PortAt, PortPlace, Status};
 use crate::modbus::Exception;
 use crate::modbus::pdu::function::{DIAGNOSTICS, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG};
+use crate::port::units::Unit;
 use crate::scanner::Pdu;
 use crate::stats::{Counters, Event};
 
@@ -67,10 +68,11 @@ pub(super) fn answer(gateway: &Gateway<'_>, port: PortId, sub: u16, data: &[u8])
 /// The state of all ports, as it is now: there is nothing to clear.
 fn register(gateway: &Gateway<'_>) -> u16 {
     let failed = |place: &PortPlace| matches!(place.status(), Status::Lost | Status::Failed(_));
-    let down = |place: &PortPlace| place.units(|units| units.iter().any(|unit| unit.down));
+    let down = |port: PortAt<'_>| port.units(|units| units.iter().any(Unit::is_down));
+    let mut ports = (0..gateway.ports().len()).filter_map(|index| gateway.place(PortId(index as u8)));
     let bit = |is, bit| if is { bit } else { 0 };
     bit(gateway.ports().iter().any(failed), PORT_FAILED)
-        | bit(gateway.ports().iter().any(down), UNIT_DOWN)
+        | bit(ports.any(down), UNIT_DOWN)
         | bit(gateway.pool().free() == 0, NO_FRAME)
 }
 

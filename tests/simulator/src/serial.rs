@@ -12,6 +12,7 @@ use crate::wire::LineEnd;
 pub struct SimSerial {
     devices: Vec<(String, LineEnd)>,
     late_reads: Option<Duration>,
+    rests: Duration,
 }
 
 impl SimSerial {
@@ -24,6 +25,14 @@ impl SimSerial {
     #[must_use]
     pub fn with_late_reads(mut self, late: Duration) -> Self {
         self.late_reads = (late > Duration::from_ticks(0)).then_some(late);
+        self
+    }
+
+    /// The board that sleeps while characters gather of which it needs none alone, and so may read this late. Without such a
+    /// time it never sleeps.
+    #[must_use]
+    pub fn with_rests(mut self, rests: Duration) -> Self {
+        self.rests = rests;
         self
     }
 
@@ -42,19 +51,19 @@ impl SerialHost for SimSerial {
         let error = |kind| OpenError::new(kind, "");
         let (_, end) =
             self.devices.iter().find(|(name, _)| name == device).ok_or(error(OpenErrorKind::NotFound))?;
-        let late_reads = self.late_reads;
-        end.open(*line).map(|end| SimLine { end, late_reads }).map_err(|kind| match kind {
+        let Self { late_reads, rests, .. } = *self;
+        end.open(*line).map(|end| SimLine { end, late_reads, rests }).map_err(|kind| match kind {
             ErrorKind::AddrInUse => error(OpenErrorKind::InUse),
             _ => error(OpenErrorKind::NotFound),
         })
     }
 
     fn read_jitter(&self) -> Duration {
-        self.late_reads.unwrap_or(Duration::from_ticks(0))
+        self.late_reads.unwrap_or_default().max(self.rests)
     }
 
     fn never_underruns(&self) -> bool {
-        self.late_reads.is_none()
+        self.read_jitter() == Duration::default()
     }
 }
 
@@ -62,6 +71,7 @@ impl SerialHost for SimSerial {
 pub struct SimLine {
     end: LineEnd,
     late_reads: Option<Duration>,
+    rests: Duration,
 }
 
 impl Drop for SimLine {
@@ -71,9 +81,19 @@ impl Drop for SimLine {
 }
 
 impl SerialLine for SimLine {
+    const RESTS: bool = true;
+
     async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
         self.end.drive(on);
         Ok(())
+    }
+
+    async fn rest(&mut self, until: Instant) -> bool {
+        let sleeps = self.rests > Duration::default() && until > Instant::now();
+        if sleeps {
+            Timer::at(until).await;
+        }
+        sleeps
     }
 
     fn take_flaws(&mut self) -> Flaws {

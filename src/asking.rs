@@ -1,13 +1,21 @@
 //! What a console asks a unit at a port, past the rules: one request at a time, answered as any other.
+//!
+//! A console may also try other settings at a serial client's line: the port is started again with them, in its own task, and
+//! again with its own as soon as the console has done, whatever ended it.
 
+use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU16, Ordering};
 
-use embassy_time::{Duration, Instant, with_deadline};
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_time::{Duration, Instant, Timer, with_deadline};
 
-use crate::config::{PortId, Side};
+use crate::config::{LineSettings, PortId, PortKind, SerialClientSettings, Side};
 use crate::frame::{Channel, Envelope, Frame, Origin, Stage, Way};
-use crate::gateway::Gateway;
+use crate::gateway::{Gateway, Status};
+use crate::hal::{OpenError, OpenErrorKind};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
+use crate::port::bus::Failure;
 use crate::scanner::Pdu;
 
 /// A request that has not been sent by then is not sent any more.
@@ -16,11 +24,38 @@ const LIFETIME: Duration = Duration::from_secs(10);
 /// Longest wait: the port may become another one just then, and its slowest unit is not slower.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// The way back to the console that asks.
+/// How often a console looks for a free frame, and how long.
+const FRAME_PAUSE: Duration = Duration::from_millis(10);
+const FRAME_PATIENCE: Duration = Duration::from_secs(1);
+
+/// How often a console looks whether a line is open with the settings that it tries, and how long.
+const OPENING_LOOK: Duration = Duration::from_millis(1);
+const OPENING_PATIENCE: Duration = Duration::from_secs(3);
+
+/// What a serial line brought for a request: the time from the request's end to the answer's, or what came instead.
+pub(crate) type Outcome = Result<Duration, Failure>;
+
+/// The way back to the console that asks, and what it tries.
 pub(crate) struct Asking {
     pub(crate) answers: Channel,
     generation: AtomicU16,
     taken: AtomicBool,
+    trial: Mutex<CriticalSectionRawMutex, Cell<Option<Trial>>>,
+    /// What came of the last request, if it went on a serial line.
+    outcome: Mutex<CriticalSectionRawMutex, Cell<Option<Outcome>>>,
+}
+
+/// Other settings of a serial client's line for a while.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Trial {
+    /// The port.
+    pub(crate) port: PortId,
+    /// Instead of the port's own.
+    pub(crate) line: LineSettings,
+    /// Instead of the port's own.
+    pub(crate) timeout: Duration,
+    /// Whether all others are refused at once, and the port forgets what it learns of its units.
+    pub(crate) alone: bool,
 }
 
 /// Why nothing was asked, or nothing came back.
@@ -40,63 +75,136 @@ pub(crate) enum NotAsked {
 
 impl Asking {
     pub(crate) const fn new() -> Self {
-        Self { answers: Channel::new(), generation: AtomicU16::new(0), taken: AtomicBool::new(false) }
+        Self {
+            answers: Channel::new(),
+            generation: AtomicU16::new(0),
+            taken: AtomicBool::new(false),
+            trial: Mutex::new(Cell::new(None)),
+            outcome: Mutex::new(Cell::new(None)),
+        }
     }
 
     /// Whether somebody waits for the answer to request number `generation`.
     pub(crate) fn waits_for(&self, generation: u16) -> bool {
         self.taken.load(Ordering::Relaxed) && self.generation.load(Ordering::Relaxed) == generation
     }
-}
 
-/// The console that asks; answers that come when it has gone find nobody.
-struct Turn<'a>(&'a Asking);
+    /// Notes what came of a request on a serial line.
+    pub(crate) fn note(&self, outcome: Outcome) {
+        self.outcome.lock(|last| last.set(Some(outcome)));
+    }
 
-impl Drop for Turn<'_> {
-    fn drop(&mut self) {
-        self.0.taken.store(false, Ordering::Relaxed);
+    /// Puts what is tried at the port `id` into its settings; says whether all others are refused meanwhile.
+    pub(crate) fn try_on(&self, id: PortId, kind: Option<&mut PortKind>) -> bool {
+        let trial = self.trial.lock(Cell::get).filter(|trial| trial.port == id);
+        let (Some(trial), Some(PortKind::Serial(serial))) = (trial, kind) else { return false };
+        serial.line = trial.line;
+        let start_delay = Duration::from_ticks(0);
+        serial.client = SerialClientSettings { timeout: trial.timeout, start_delay, ..serial.client };
+        trial.alone
     }
 }
 
-impl Gateway<'_> {
-    /// The answer of `unit` behind the client-side `port` to `request`, and how long it took. The port spares no unit that is down.
-    pub(crate) async fn ask(
+/// The console's turn to ask. When it ends, a port that it has tried something at gets its own settings back, and answers that
+/// still come find nobody.
+pub(crate) struct Turn<'t, 'g> {
+    gateway: &'t Gateway<'g>,
+    port: PortId,
+}
+
+impl Drop for Turn<'_, '_> {
+    fn drop(&mut self) {
+        let asking = &self.gateway.asking;
+        if asking.trial.lock(|trial| trial.take()).is_some()
+            && let Some(place) = self.gateway.ports().get(self.port.index())
+        {
+            place.changed.signal(());
+        }
+        asking.taken.store(false, Ordering::Relaxed);
+    }
+}
+
+impl Turn<'_, '_> {
+    /// Starts the port again with `line` and `timeout`, and waits until it is open.
+    pub(crate) async fn try_on(
         &self,
-        port: PortId,
-        unit: u8,
-        request: &[u8],
-    ) -> Result<(Pdu, Duration), NotAsked> {
-        if self.settings(|settings| settings.port(port).is_none_or(|port| port.kind.side() == Side::Server)) {
-            return Err(NotAsked::Server);
+        line: LineSettings,
+        timeout: Duration,
+        alone: bool,
+    ) -> Result<(), OpenError> {
+        let failed = OpenError::new(OpenErrorKind::Failed, "");
+        let place = self.gateway.ports().get(self.port.index()).ok_or(failed)?;
+        let trial = Trial { port: self.port, line, timeout, alone };
+        self.gateway.asking.trial.lock(|cell| cell.set(Some(trial)));
+        place.set_status(Status::Off);
+        place.changed.signal(());
+        let give_up = Instant::now() + OPENING_PATIENCE;
+        loop {
+            Timer::after(OPENING_LOOK).await;
+            match place.status() {
+                Status::Open => return Ok(()),
+                Status::Failed(error) => return Err(error),
+                _ if Instant::now() > give_up => return Err(failed),
+                _ => {}
+            }
         }
-        if self.asking.taken.swap(true, Ordering::Relaxed) {
-            return Err(NotAsked::Taken);
-        }
-        let turn = Turn(&self.asking);
-        let generation = turn.0.generation.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
-        let (mut writer, frame) = self.pool().take(usize::MAX).ok_or(NotAsked::NoFrame)?;
+    }
+
+    /// What came of the last request on a serial line; `None` when it was not sent.
+    pub(crate) fn outcome(&self) -> Option<Outcome> {
+        self.gateway.asking.outcome.lock(Cell::get)
+    }
+
+    /// Asks `unit` and says how long its answer took, which goes into `answer`. The port spares no unit that is down.
+    pub(crate) async fn ask(&self, unit: u8, request: &[u8], answer: &mut Pdu) -> Result<Duration, NotAsked> {
+        let Self { gateway, port } = *self;
+        let generation = gateway.asking.generation.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
+        gateway.asking.outcome.lock(|last| last.set(None));
+        let give_up = Instant::now() + FRAME_PATIENCE;
+        let (mut writer, frame) = loop {
+            match gateway.pool().take(usize::MAX) {
+                Some(taken) => break taken,
+                None if Instant::now() > give_up => return Err(NotAsked::NoFrame),
+                None => Timer::after(FRAME_PAUSE).await,
+            }
+        };
         // A request is no longer than a PDU may be.
         let _ = writer.push(request);
         writer.finish();
         let (origin, now) = (Origin { port, way: Way::Console, generation }, Instant::now());
         let asked = Envelope::request(origin, unit, now, now + LIFETIME);
         frame.address(Envelope { destination: Some(port), paced: true, ..asked });
-        self.inbox.send(frame);
+        gateway.inbox.send(frame);
         loop {
-            let answer = turn.0.answers.receive(self.pool());
-            let answer = with_deadline(now + PATIENCE, answer).await.map_err(|_| NotAsked::Lost)?;
-            let envelope = answer.envelope();
+            let answered = gateway.asking.answers.receive(gateway.pool());
+            let answered = with_deadline(now + PATIENCE, answered).await.map_err(|_| NotAsked::Lost)?;
+            let envelope = answered.envelope();
             if envelope.origin.generation != generation {
                 continue;
             }
             let mut pdu = [0; PDU_BYTES_MAX];
-            let length = answer.copy_pdu(&mut pdu);
-            let pdu = pdu.get(..length).and_then(|pdu| Pdu::from_slice(pdu).ok());
-            return match (envelope.stage, pdu) {
-                (Stage::Answer, Some(pdu)) => Ok((pdu, now.elapsed())),
+            let length = answered.copy_pdu(&mut pdu);
+            answer.clear();
+            // It has room for every PDU.
+            let _ = answer.extend_from_slice(pdu.get(..length).unwrap_or(&[]));
+            return match envelope.stage {
+                Stage::Answer => Ok(now.elapsed()),
                 _ => Err(NotAsked::Broadcast),
             };
         }
+    }
+}
+
+impl<'g> Gateway<'g> {
+    /// The turn to ask units behind the client-side `port`.
+    pub(crate) fn turn(&self, port: PortId) -> Result<Turn<'_, 'g>, NotAsked> {
+        if self.settings(|settings| settings.port(port).is_none_or(|port| port.kind.side() == Side::Server)) {
+            return Err(NotAsked::Server);
+        }
+        if self.asking.taken.swap(true, Ordering::Relaxed) {
+            return Err(NotAsked::Taken);
+        }
+        Ok(Turn { gateway: self, port })
     }
 
     /// Sends what a console asks to the port that it named.

@@ -21,6 +21,7 @@ mod problem;
 mod route_words;
 mod saved;
 mod serial;
+mod slaves;
 mod text;
 mod unit_words;
 mod values;
@@ -48,28 +49,30 @@ pub use self::points::{
 pub(crate) use self::points::{Reloaded, load as load_points};
 pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
+pub(crate) use self::route_words::units as parse_units;
 pub use self::saved::{ReadError, read_store, write_store};
 pub use self::serial::{
     Driver, Framing, LineSettings, Parity, SerialClientSettings, SerialServerSettings, SerialSettings,
 };
+pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
 pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
-pub(crate) use self::values::parse_number;
+pub(crate) use self::values::{number, parse_number, time};
 pub(crate) use self::words::{Word, Words};
 use crate::route::{Destination, Route};
 use crate::scanner::DEVICES_MAX;
 
 /// Longest line of the line language in bytes. Settings at their limits print lines of about 600: what is printed can be read.
 pub const LINE_BYTES_MAX: usize = 640;
-/// Ports that settings can hold.
-pub const PORTS_MAX: usize = 16;
+/// Ports that settings can hold. With the feature `small`: as many as small boards run.
+pub const PORTS_MAX: usize = if cfg!(feature = "small") { 8 } else { 16 };
 /// Routing rules that settings can hold.
 pub const ROUTES_MAX: usize = 64;
 /// Longest port name in bytes.
 pub const NAME_BYTES_MAX: usize = 15;
-/// Longest device name in bytes: names under `/dev/serial/by-id` come near it.
-pub const DEVICE_BYTES_MAX: usize = 96;
+/// Longest device name in bytes: names under `/dev/serial/by-id` come near it. Boards with the feature `small` name UARTs.
+pub const DEVICE_BYTES_MAX: usize = if cfg!(feature = "small") { 15 } else { 96 };
 /// Address prefixes in one list of a TCP server.
 pub const RESERVED_MAX: usize = 4;
 
@@ -88,7 +91,7 @@ impl PortId {
 }
 
 /// Everything that `save` keeps and `show config` prints.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, PartialEq, Eq, Default)]
 pub struct Settings {
     /// How the board comes by its own address, where that is the gateway's business.
     pub network: OwnNetwork,
@@ -100,6 +103,8 @@ pub struct Settings {
     pub devices: Vec<DeviceSettings, DEVICES_MAX>,
     /// The points, in devices and in the gateway's own unit.
     pub points: Vec<PointSettings, POINTS_MAX>,
+    /// The devices behind the EtherCAT process image, in the order of their values.
+    pub slaves: Vec<SlaveSettings, SLAVES_MAX>,
 }
 
 impl Settings {
@@ -111,7 +116,18 @@ impl Settings {
             routes: Vec::new(),
             devices: Vec::new(),
             points: Vec::new(),
+            slaves: Vec::new(),
         }
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.network = OwnNetwork::DEFAULT;
+        self.ports.iter_mut().for_each(|port| *port = None);
+        self.routes.clear();
+        self.devices.clear();
+        self.points.clear();
+        self.slaves.clear();
     }
 
     /// The port at `id`.
@@ -135,6 +151,14 @@ impl Settings {
         Some(PortId(found as u8))
     }
 
+    /// The TCP server at `id`, if the port is one.
+    pub fn tcp_server(&self, id: PortId) -> Option<&TcpServerSettings> {
+        match &self.port(id)?.kind {
+            PortKind::TcpServer(settings) => Some(settings),
+            _ => None,
+        }
+    }
+
     /// The name of the port at `id`; `?` when there is none any more.
     pub fn name(&self, id: PortId) -> &str {
         self.port(id).map_or("?", |port| &port.name)
@@ -154,6 +178,31 @@ impl Settings {
     pub fn warnings(&self) -> impl Iterator<Item = Warning> {
         self.ports.iter().flatten().filter_map(gap_warning)
     }
+}
+
+impl Clone for Settings {
+    fn clone(&self) -> Self {
+        let mut clone = Self::new();
+        clone.clone_from(self);
+        clone
+    }
+
+    /// Copies part by part: the whole is too big for the stack of a small board.
+    fn clone_from(&mut self, source: &Self) {
+        let Self { network, ports, routes, devices, points, slaves } = source;
+        self.network.clone_from(network);
+        self.ports.clone_from_slice(ports);
+        copy_list(&mut self.routes, routes);
+        copy_list(&mut self.devices, devices);
+        copy_list(&mut self.points, points);
+        copy_list(&mut self.slaves, slaves);
+    }
+}
+
+fn copy_list<T: Clone, const N: usize>(list: &mut Vec<T, N>, source: &Vec<T, N>) {
+    list.clear();
+    // The same number fits.
+    let _ = list.extend_from_slice(source);
 }
 
 /// A warning when `port` keeps less silence between RTU frames than the specification asks for.

@@ -2,7 +2,7 @@
 //!
 //! In [`Mode::Echo`] bytes go through the line editor, which echoes them; in [`Mode::Plain`] they are lines of text,
 //! answered without prompt or echo, with line numbers in errors. A line is run as a command; one of the settings'
-//! language changes a copy of the settings, which the gateway then takes over.
+//! language changes the gateway's draft of the settings, which it then takes over.
 
 mod ask;
 mod command;
@@ -13,11 +13,16 @@ mod help;
 mod history;
 mod keys;
 mod output;
+// One of two: what an `async` function awaits stays in it, also behind a constant.
+#[cfg_attr(not(feature = "points"), path = "console/no_points.rs")]
 mod points;
+mod probe;
 mod rows;
+mod scan;
 mod show;
 #[cfg(test)]
 mod tests;
+mod tune;
 
 use embedded_io_async::{Read, Write};
 
@@ -25,7 +30,7 @@ use self::command::{Next, Session};
 use self::complete::{Completion, candidates, complete};
 use self::editor::{Editor, Event};
 use self::output::Output;
-use crate::config::{LINE_BYTES_MAX, LineBuffer, LineError, Settings};
+use crate::config::{LINE_BYTES_MAX, LineBuffer, LineError};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
 
@@ -44,7 +49,7 @@ pub enum Mode {
 
 /// Runs a session until `exit`, the end of input, or an error of the stream.
 ///
-/// The future holds one copy of the settings and takes less than 24 kB. Dropping it while `save` runs leaves a
+/// The future holds one copy of the settings and takes less than 25 kB. Dropping it while `save` runs leaves a
 /// version begun in `store`: the next session needs another store, or one that has forgotten it.
 pub async fn run<IO, S, Y>(
     gateway: &Gateway<'_>,
@@ -63,7 +68,7 @@ where
         Mode::Plain => ("\n", Some(0)),
     };
     let out = Output::new(stream, line_end);
-    let mut session = Session { gateway, out, store, system, draft: Settings::new(), line_number };
+    let mut session = Session { gateway, out, store, system, line_number };
     match mode {
         Mode::Echo => edited(&mut session).await,
         Mode::Plain => piped(&mut session).await,

@@ -6,6 +6,7 @@
 
 use core::cell::{Cell, RefCell};
 use core::net::SocketAddr;
+use core::ops::Deref;
 use core::sync::atomic::{AtomicU16, Ordering};
 
 use embassy_futures::select::select;
@@ -17,19 +18,20 @@ use embassy_time::Instant;
 use crate::asking::Asking;
 use crate::capture::Capture;
 use crate::config::{
-    LineSettings, OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, SerialSettings, Settings, Side,
-    load_points,
+    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, StreamFraming, load_points,
 };
+use crate::drafting::Draft;
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
-use crate::port::ethercat::{EthercatPlace, Speed};
+use crate::port::ethercat::{ConfigError, EthercatPlace, LineWriter};
 use crate::port::local::Events;
 use crate::port::sockets::Socket;
-use crate::port::units::Units;
+use crate::port::tcp_server::Terms;
+use crate::port::units::{AllUnits, Units};
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
-use crate::scanner::{Full, ScannerPlace};
+use crate::scanner::{Full, POINTS, ScannerPlace};
 use crate::stats::{Counters, Event, Log};
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
@@ -47,7 +49,6 @@ pub struct PortPlace {
     pub stats: Counters,
     /// The port's connection to an outside server.
     pub(crate) socket: Socket,
-    units: Shared<Units>,
     /// Orders that wait at a client-side port.
     waiting: AtomicU16,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
@@ -79,15 +80,9 @@ impl PortPlace {
             changed: Signal::new(),
             stats: Counters::new(),
             socket: Socket::new(),
-            units: Mutex::new(RefCell::new(Units::new())),
             waiting: AtomicU16::new(0),
             status: Mutex::new(Cell::new(Status::Off)),
         }
-    }
-
-    /// Calls `f` with the units behind the port.
-    pub fn units<R>(&self, f: impl FnOnce(&mut Units) -> R) -> R {
-        self.units.lock(|units| f(&mut units.borrow_mut()))
     }
 
     /// Orders that wait at a client-side port.
@@ -97,22 +92,6 @@ impl PortPlace {
 
     pub(crate) fn set_waiting(&self, orders: usize) {
         self.waiting.store(orders as u16, Ordering::Relaxed);
-    }
-
-    /// Something else than the response of `unit` came while that was awaited.
-    pub(crate) fn disturbed(&self, unit: u8, event: Event) {
-        self.stats.count(event);
-        self.units(|units| units.trouble(unit, event));
-    }
-
-    /// The response of `unit` came damaged, by `trouble`.
-    pub(crate) fn damaged(&self, unit: u8, trouble: Event) {
-        self.stats.count(Event::Damaged);
-        // Faulty characters have been counted by the line.
-        if !matches!(trouble, Event::Parity | Event::Framing) {
-            self.stats.count(trouble);
-        }
-        self.units(|units| units.damaged(unit, trouble));
     }
 
     /// How the port is doing.
@@ -131,16 +110,79 @@ impl PortPlace {
         self.generation.load(Ordering::Relaxed)
     }
 
-    /// The port's settings are others: it begins anew.
-    fn restart(&self) {
-        self.set_status(Status::Off);
-        self.units(Units::clear);
-        self.changed.signal(());
-    }
-
     /// Notes how the port is doing; says whether that is news.
     pub(crate) fn set_status(&self, status: Status) -> bool {
         self.status.lock(|cell| cell.replace(status)) != status
+    }
+}
+
+/// What the tasks share of all ports. Boards keep it in a static; it is all zeros at start.
+pub struct Ports<const N: usize> {
+    places: [PortPlace; N],
+    units: Shared<AllUnits>,
+}
+
+impl<const N: usize> Ports<N> {
+    /// Places without ports.
+    pub const fn new() -> Self {
+        Self { places: [const { PortPlace::new() }; N], units: Mutex::new(RefCell::new(AllUnits::new())) }
+    }
+}
+
+impl<const N: usize> Default for Ports<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A port's place, and its units among those of all ports.
+#[derive(Clone, Copy)]
+pub struct PortAt<'g> {
+    place: &'g PortPlace,
+    units: &'g Shared<AllUnits>,
+    id: PortId,
+}
+
+impl Deref for PortAt<'_> {
+    type Target = PortPlace;
+
+    fn deref(&self) -> &PortPlace {
+        self.place
+    }
+}
+
+impl<'g> PortAt<'g> {
+    /// The place for as long as the gateway is there.
+    pub(crate) fn place(&self) -> &'g PortPlace {
+        self.place
+    }
+
+    /// Calls `f` with the units behind the port.
+    pub fn units<R>(&self, f: impl FnOnce(&mut Units) -> R) -> R {
+        self.units.lock(|units| f(&mut units.borrow_mut().of(self.id)))
+    }
+
+    /// Something else than the response of `unit` came while that was awaited.
+    pub(crate) fn disturbed(&self, unit: u8, event: Event) {
+        self.stats.count(event);
+        self.units(|units| units.trouble(unit, event));
+    }
+
+    /// The response of `unit` came damaged, by `trouble`.
+    pub(crate) fn damaged(&self, unit: u8, trouble: Event) {
+        self.stats.count(Event::Damaged);
+        // Faulty characters have been counted by the line.
+        if !matches!(trouble, Event::Parity | Event::Framing) {
+            self.stats.count(trouble);
+        }
+        self.units(|units| units.damaged(unit, trouble));
+    }
+
+    /// The port's settings are others: it begins anew.
+    pub(crate) fn restart(&self) {
+        self.set_status(Status::Off);
+        self.units(|units| units.clear());
+        self.changed.signal(());
     }
 }
 
@@ -255,19 +297,28 @@ pub enum ApplyError {
     /// The board has no EtherCAT controller.
     #[error("this board has no EtherCAT controller: it cannot have an ethercat port")]
     NoEthercat,
+    /// The board has no memory for frames.
+    #[error("this board keeps no frames")]
+    NoCapture,
     /// The data points take more than there is.
     #[error(transparent)]
     Points(#[from] Full),
+    /// The slaves of the EtherCAT port cannot be asked.
+    #[error(transparent)]
+    Slaves(#[from] ConfigError),
 }
 
 /// All that the tasks share.
 pub struct Gateway<'g> {
     pool: &'g FramePool<'g>,
     ports: &'g [PortPlace],
+    units: &'g Shared<AllUnits>,
     seats: &'g [Seat],
     /// The global queue: every port sends, only the router receives.
     pub(crate) inbox: Channel,
     settings: Shared<Settings>,
+    /// Settings that are being changed, loaded or saved.
+    pub(crate) draft: Draft,
     /// Whether the settings say the board's own address.
     owns_network: bool,
     network_changed: Signal<CriticalSectionRawMutex, ()>,
@@ -284,13 +335,19 @@ pub struct Gateway<'g> {
 impl<'g> Gateway<'g> {
     /// A gateway without settings over a board's frames, port places and seats. The pool reserves a frame for each
     /// seat first, then for each port.
-    pub const fn new(pool: &'g FramePool<'g>, ports: &'g [PortPlace], seats: &'g [Seat]) -> Self {
+    pub const fn new<const N: usize>(
+        pool: &'g FramePool<'g>,
+        ports: &'g Ports<N>,
+        seats: &'g [Seat],
+    ) -> Self {
         Self {
             pool,
-            ports,
+            ports: &ports.places,
+            units: &ports.units,
             seats,
             inbox: Channel::new(),
             settings: Mutex::new(RefCell::new(Settings::new())),
+            draft: Draft::new(Settings::new()),
             owns_network: false,
             network_changed: Signal::new(),
             log: Log::new(),
@@ -323,7 +380,7 @@ impl<'g> Gateway<'g> {
 
     /// The data points, if the board has memory for them. Point N of the settings is row N, device N is device N.
     pub fn scanner(&self) -> Option<&'g ScannerPlace> {
-        self.scanner
+        if POINTS { self.scanner } else { None }
     }
 
     /// The gateway of a board with an EtherCAT controller, whose SubDevice has the objects of `place`.
@@ -335,7 +392,7 @@ impl<'g> Gateway<'g> {
 
     /// What the SubDevice shares, if the board has one.
     pub fn ethercat(&self) -> Option<&'g EthercatPlace> {
-        self.ethercat
+        if POINTS { self.ethercat } else { None }
     }
 
     /// For a board whose Ethernet is the gateway's own: the settings say its address, and the board follows them by
@@ -361,6 +418,11 @@ impl<'g> Gateway<'g> {
         self.ports
     }
 
+    /// The port place `id`, if the board has it.
+    pub fn place(&self, id: PortId) -> Option<PortAt<'g>> {
+        Some(PortAt { place: self.ports.get(id.index())?, units: self.units, id })
+    }
+
     /// The places for TCP connections.
     pub fn seats(&self) -> &'g [Seat] {
         self.seats
@@ -381,6 +443,11 @@ impl<'g> Gateway<'g> {
         self.settings.lock(|settings| f(&settings.borrow()))
     }
 
+    /// Changes the settings in force. Who changes more than what is looked up for each request tells the ports of it.
+    pub(crate) fn change_settings<R>(&self, f: impl FnOnce(&mut Settings) -> R) -> R {
+        self.settings.lock(|settings| f(&mut settings.borrow_mut()))
+    }
+
     /// Takes `new` over: rules and what special units mean from the next request on; ports that differ in kind or its
     /// settings are started again, the others go on.
     pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
@@ -396,18 +463,26 @@ impl<'g> Gateway<'g> {
             return Err(ApplyError::Network);
         }
         let has_points = !new.points.is_empty() || new.ports.iter().flatten().any(is_scanner);
-        if has_points && self.scanner.is_none() {
+        if has_points && self.scanner().is_none() {
             return Err(ApplyError::NoPoints);
         }
-        if new.ethercat().is_some() && self.ethercat.is_none() {
+        if new.ethercat().is_some() && self.ethercat().is_none() {
             return Err(ApplyError::NoEthercat);
         }
+        if let Some(ethercat) = self.ethercat() {
+            ethercat.check_settings(new)?;
+        }
+        let captures = |port: &Port| matches!(&port.kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture);
+        if new.ports.iter().flatten().any(captures) && self.capture.is_none() {
+            return Err(ApplyError::NoCapture);
+        }
         let mut points = Reloaded::Nothing;
-        if let Some(place) = self.scanner {
+        if let Some(place) = self.scanner() {
             let load = |scanner: &mut _| self.settings(|old| load_points(scanner, old, new, Instant::now()));
             points = place.change(load)?;
         }
         let mut changed = [false; PORTS_MAX];
+        let other_slaves = self.settings(|settings| settings.slaves != new.slaves);
         self.settings.lock(|settings| {
             let mut settings = settings.borrow_mut();
             for (changed, (old, new)) in changed.iter_mut().zip(settings.ports.iter().zip(&new.ports)) {
@@ -421,13 +496,19 @@ impl<'g> Gateway<'g> {
             }
             settings.clone_from(new);
         });
-        if let Some(ethercat) = self.ethercat {
-            ethercat.follow(new);
+        if let Some(ethercat) = self.ethercat() {
+            let before = ethercat.line_writer();
+            ethercat.follow(new, other_slaves);
+            let writer = ethercat.line_writer();
+            if let (true, LineWriter::SettingsOver(_), Some(line)) =
+                (writer != before, writer, new.ethercat_line())
+            {
+                log_warn!("line {}: {writer}", new.name(line));
+            }
         }
-        for (index, place) in
-            self.ports.iter().enumerate().filter(|(index, _)| changed.get(*index) == Some(&true))
-        {
-            let id = PortId(index as u8);
+        let restarts = (0..PORTS_MAX).filter(|index| changed.get(*index) == Some(&true));
+        for place in restarts.filter_map(|index| self.place(PortId(index as u8))) {
+            let id = place.id;
             let old = self.seats.iter().filter(|seat| seat.state().port == Some(id));
             old.for_each(|seat| seat.give_to(None));
             place.restart();
@@ -451,9 +532,12 @@ impl<'g> Gateway<'g> {
         connector: &mut C,
         datagrams: &mut U,
     ) {
-        let Some(place) = self.ports.get(id.index()) else { return };
+        let Some(at) = self.place(id) else { return };
+        let place = at.place();
         loop {
-            let kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
+            let mut kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
+            let alone = self.asking.try_on(id, kind.as_mut());
+            at.units(|units| units.freeze(alone));
             place.renew();
             match &kind {
                 Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
@@ -468,32 +552,16 @@ impl<'g> Gateway<'g> {
                     select(place.changed.wait(), server.run(datagrams)).await;
                     server.close();
                 }
-                Some(PortKind::Scanner) => {
-                    let Some(scanner) = self.scanner else {
-                        place.changed.wait().await;
-                        continue;
-                    };
-                    let port = scanner::Port { gateway: self, place, id, scanner };
-                    select(place.changed.wait(), port.run()).await;
-                    port.close();
-                }
-                Some(PortKind::Ethercat(_)) => {
-                    let Some(ethercat) = self.ethercat else {
-                        place.changed.wait().await;
-                        continue;
-                    };
-                    ethercat.take_speed().into_iter().for_each(|speed| self.set_speed(speed));
-                    let port = scanner::Port { gateway: self, place, id, scanner: ethercat.scanner() };
-                    // First of all: answers that come now may be for devices of before.
-                    select(place.changed.wait(), select(ethercat.renewed(), port.run())).await;
-                    port.close();
+                Some(PortKind::Scanner | PortKind::Ethercat(_)) => {
+                    let ethercat = self.ethercat().filter(|_| kind != Some(PortKind::Scanner));
+                    scanner::run(self, place, id, ethercat).await;
                 }
                 kind => {
                     let unit = match kind {
                         Some(PortKind::TcpClient(settings)) => settings.unit,
                         _ => None,
                     };
-                    let desk = Desk::new(self, place, id, unit);
+                    let desk = Desk::new(self, at, id, unit, alone);
                     let part = play(&desk, kind.as_ref(), lines, connector);
                     select(place.changed.wait(), select(desk.take_in(), part)).await;
                     desk.close();
@@ -508,35 +576,17 @@ impl<'g> Gateway<'g> {
         let Some(seat) = self.seats.get(index) else { return };
         loop {
             let served = seat.state().port.and_then(|id| {
-                let settings = self.settings(|settings| match &settings.port(id)?.kind {
-                    PortKind::TcpServer(settings) => Some(settings.clone()),
-                    _ => None,
-                })?;
-                Some((id, self.ports.get(id.index())?, settings))
+                let terms = self.settings(|settings| settings.tcp_server(id).map(Terms::of))?;
+                Some((id, self.ports.get(id.index())?, terms))
             });
-            let Some((id, place, settings)) = served else {
+            let Some((id, place, terms)) = &served else {
                 seat.changed.wait().await;
                 continue;
             };
-            let server = tcp_server::Server { gateway: self, id, place, settings: &settings, seat, index };
+            let (id, settings) = (*id, terms);
+            let server = tcp_server::Server { gateway: self, id, place, settings, seat, index };
             select(seat.changed.wait(), server.run(host)).await;
             server.left();
-        }
-    }
-
-    /// Sets the line of the EtherCAT port, if it has one, as the MainDevice wants it.
-    fn set_speed(&self, speed: Speed) {
-        let changed = self.settings.lock(|settings| {
-            let mut settings = settings.borrow_mut();
-            let id = settings.ethercat_line()?;
-            let port = settings.ports.get_mut(id.index())?.as_mut()?;
-            let PortKind::Serial(SerialSettings { line, .. }) = &mut port.kind else { return None };
-            let Speed { baud, parity, stop_bits } = speed;
-            let new = LineSettings { baud, parity, stop_bits, ..*line };
-            (core::mem::replace(line, new) != new).then_some(id)
-        });
-        if let Some(place) = changed.and_then(|id| self.ports.get(id.index())) {
-            place.restart();
         }
     }
 

@@ -2,10 +2,11 @@
 //!
 //! A server-side port turns what an outside client sends into frames for the router and gives the answers back; a
 //! client-side port takes orders from its channel and asks outside servers. Ports know framing and timing, nothing of
-//! routes. `queue`, `cache`, `units`, `answer_times`, `flights` and `shared_bus` are the pure parts: who is served next, which answers are kept,
-//! which units are alive, which requests are open on a connection, and what a frame is that was heard on a bus with other
+//! routes. `queue`, `cache`, `units`, `answer_times`, `answer_tail`, `flights` and `shared_bus` are the pure parts: who is served next, which answers are kept,
+//! which units are alive, how long they take, which requests are open on a connection, and what a frame is that was heard on a bus with other
 //! devices.
 
+pub mod answer_tail;
 pub mod answer_times;
 pub mod cache;
 pub mod cut;
@@ -24,6 +25,8 @@ pub(crate) mod framing;
 pub(crate) mod line;
 pub(crate) mod link;
 pub(crate) mod reply;
+// One of two: what an `async` function awaits stays in it, also behind a constant.
+#[cfg_attr(not(feature = "points"), path = "port/no_scanner.rs")]
 pub(crate) mod scanner;
 pub(crate) mod serial_client;
 pub(crate) mod serial_server;

@@ -12,6 +12,8 @@
 
 mod commands;
 mod exchange;
+mod fill;
+mod fraction;
 mod gather;
 mod kind;
 mod place;
@@ -41,8 +43,12 @@ pub use self::status::{ErrorCode, Status};
 pub use self::typed::{TypedValue, ValueType};
 pub use self::values::{ByteOrder, VALUE_BYTES_MAX};
 
+/// Whether the gateway can ask devices by itself, for data points or as an EtherCAT SubDevice: the feature `points`. An image
+/// without it holds nothing of what stands behind this constant.
+pub const POINTS: bool = cfg!(feature = "points");
+
 /// Devices that a scanner asks.
-pub const DEVICES_MAX: usize = 32;
+pub const DEVICES_MAX: usize = if POINTS { 32 } else { 0 };
 /// Rows of a scanner: the four tables of every device, and some that take two frames.
 pub const ROWS_MAX: usize = 136;
 
@@ -207,6 +213,9 @@ impl Scanner {
             Err(error) => {
                 let again = station.failed(now, error);
                 self.unanswered(device, open, error, again);
+                if !again {
+                    self.fill(device);
+                }
             }
             Ok([function, exception, ..]) if function & EXCEPTION_BIT != 0 => {
                 station.answered(now, *exception);

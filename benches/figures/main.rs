@@ -21,6 +21,7 @@ mod ports;
 mod power_cuts;
 mod shared_bus;
 mod sharing;
+mod tools;
 
 use figure::{Target, figure};
 
@@ -35,6 +36,7 @@ fn main() {
         ("points", points::figures),
         ("ports", ports::figures),
         ("goodput", goodput::figures),
+        ("tools", tools::figures),
         ("power_cuts", power_cuts::figures),
         ("ethercat", ethercat::figures),
         ("drive", drive::figures),

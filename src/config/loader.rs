@@ -37,7 +37,7 @@ pub struct Loader<'s> {
 impl<'s> Loader<'s> {
     /// Empties `settings` and starts to fill them.
     pub fn new(settings: &'s mut Settings) -> Self {
-        *settings = Settings::new();
+        settings.clear();
         Self { settings, line: LineBuffer::default(), number: 1 }
     }
 

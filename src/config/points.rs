@@ -9,15 +9,16 @@ use super::print::option;
 use super::values::Time;
 use super::{NAME_BYTES_MAX, Settings};
 use crate::scanner::{
-    ByteOrder, Device, DeviceId, Full, Kind, ROWS_MAX, Reading, Row, RowId, Scanner, ValueType, Writing,
+    ByteOrder, Device, DeviceId, Full, Kind, POINTS, ROWS_MAX, Reading, Row, RowId, Scanner, ValueType,
+    Writing,
 };
 
 /// Points that settings can hold.
-pub const POINTS_MAX: usize = 128;
+pub const POINTS_MAX: usize = if POINTS { 128 } else { 0 };
 /// Longest label of a device or a point in bytes.
 pub const LABEL_BYTES_MAX: usize = 23;
 
-const _: () = assert!(POINTS_MAX <= ROWS_MAX);
+const _: () = assert!(ROWS_MAX >= 128 || !POINTS);
 
 /// The name of a device or a point. Settings have many of them, and every console a copy: they must be small.
 pub type PointName = String<NAME_BYTES_MAX, u8>;

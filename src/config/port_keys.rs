@@ -157,6 +157,7 @@ pub(super) const TCP_SERVER_KEYS: &[(&str, Key)] = &[
     ("reserve", Key::Reserve),
     ("allow", Key::Allow),
     ("rtu", Key::Stream(StreamFraming::Rtu)),
+    ("capture", Key::Stream(StreamFraming::Capture)),
     // For `edit`: the flag has no value that could say so.
     ("mbap", Key::Stream(StreamFraming::Mbap)),
 ];
@@ -177,7 +178,7 @@ pub(super) const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rat
      char-timeout, gap, rs485, rts, driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
      down-after, answer-within or reply-delay";
 pub(super) const TCP_SERVER_EXPECTED: &str =
-    "listen, rtu, clients, idle, pipeline, lifetime, reserve or allow";
+    "listen, rtu, capture, clients, idle, pipeline, lifetime, reserve or allow";
 
 /// Sets in a serial port what `key` says; its value is `word` itself or the next word.
 pub(super) fn set_serial(
@@ -290,14 +291,19 @@ pub(super) fn auto_or_time(
     if word.is("auto") { Ok(None) } else { time(word, range).map(Some) }
 }
 
+/// Names the limit as a number.
+const DEVICE_EXPECTED: &str = match super::DEVICE_BYTES_MAX {
+    96 => "a serial device such as uart1 or /dev/ttyUSB0, at most 96 characters",
+    15 => "a serial device such as uart1, at most 15 characters",
+    _ => panic!("another text is needed"),
+};
+
 /// The device name that `word` is.
 pub(super) fn device<const N: usize>(word: Word) -> Result<String<N>, LineError> {
     let good = !word.is_end() && word.text.bytes().all(|byte| byte.is_ascii_graphic());
     let name = if good { String::try_from(word.text).ok() } else { None };
-    name.ok_or_else(|| word.expected("a serial device such as uart1 or /dev/ttyUSB0, at most 96 characters"))
+    name.ok_or_else(|| word.expected(DEVICE_EXPECTED))
 }
-
-const _: () = assert!(super::DEVICE_BYTES_MAX == 96, "the error text of `device` names the number");
 
 /// Data bits, parity, stop bits: `8E1`.
 fn format(word: Word) -> Result<(u8, Parity, u8), LineError> {

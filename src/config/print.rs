@@ -1,4 +1,4 @@
-//! Settings as lines that recreate them: the board's network, then ports, rules in their order, devices and points.
+//! Settings as lines that recreate them: the board's network, then ports, rules in their order, devices, points and slaves.
 
 use core::fmt::{self, Display, Write};
 
@@ -19,7 +19,7 @@ pub const SPEED_BYTES_MAX: usize = 16;
 /// Writes line `n` (from 0) of the settings without its line end; `None` behind the last line.
 ///
 /// A line has every value that differs from the default, and always the baud rate and format.
-pub fn write_line(settings: &Settings, n: usize, out: &mut impl Write) -> Option<fmt::Result> {
+pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
     let own_network = usize::from(settings.network != OwnNetwork::DEFAULT);
     let Some(n) = n.checked_sub(own_network) else {
         return Some(write!(out, "network {}", settings.network));
@@ -38,17 +38,21 @@ pub fn write_line(settings: &Settings, n: usize, out: &mut impl Write) -> Option
     }
 }
 
-/// Devices, then points.
-fn write_points(settings: &Settings, n: usize, out: &mut impl Write) -> Option<fmt::Result> {
+/// Devices, then points, then slaves.
+fn write_points(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
     if let Some(device) = settings.devices.get(n) {
         return Some(write!(out, "{device}"));
     }
     let width = settings.points.iter().map(|point| point.name.len()).max().unwrap_or(0);
-    let point = settings.points.get(n.checked_sub(settings.devices.len())?)?;
-    Some(write!(out, "point {:width$} {}", point.name, PointWords { settings, point }))
+    let n = n.checked_sub(settings.devices.len())?;
+    if let Some(point) = settings.points.get(n) {
+        return Some(write!(out, "point {:width$} {}", point.name, PointWords { settings, point }));
+    }
+    let n = n.checked_sub(settings.points.len())?;
+    Some(write!(out, "slave {n} {}", settings.slaves.get(n)?))
 }
 
-fn write_port(port: &Port, width: usize, out: &mut impl Write) -> fmt::Result {
+fn write_port(port: &Port, width: usize, out: &mut dyn Write) -> fmt::Result {
     write!(out, "port {:width$} {}{}", port.name, port.kind, port.units)
 }
 
@@ -77,7 +81,7 @@ impl Display for Special {
     }
 }
 
-fn write_route(settings: &Settings, route: &Route, width: usize, out: &mut impl Write) -> fmt::Result {
+fn write_route(settings: &Settings, route: &Route, width: usize, out: &mut dyn Write) -> fmt::Result {
     write!(out, "route {:width$} {:7} ", settings.name(route.source), route.units)?;
     match route.peer {
         Some(peer) => write!(out, "{peer} ")?,
@@ -211,7 +215,8 @@ impl LineSettings {
 
 impl Display for TcpServerSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let default = Self::new(self.listen.port);
+        let mut default = Self::new(self.listen.port);
+        default.clients = default.clients_of(self.framing);
         write!(f, "tcp server {}{}", self.listen, self.framing)?;
         option(f, "clients", self.clients, self.clients != default.clients)?;
         option(f, "idle", Time(self.idle), self.idle != default.idle)?;

@@ -41,7 +41,8 @@ fn port(settings: &Settings, word: Word) -> Result<PortId, LineError> {
     settings.find(word.text).ok_or_else(|| word.error(Problem::NoSuchPort))
 }
 
-fn units(word: Word) -> Result<UnitRange, LineError> {
+/// The units that `word` names: `7`, `1-64` or `*`.
+pub(crate) fn units(word: Word) -> Result<UnitRange, LineError> {
     let expected = "a unit id from 0 to 255, a range such as 1-64, or *";
     if word.text == "*" {
         return Ok(UnitRange::ALL);

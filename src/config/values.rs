@@ -62,7 +62,7 @@ fn digits(text: &str) -> Option<u64> {
 }
 
 /// The time that `word` is, within `range`.
-pub(super) fn time(word: Word, range: RangeInclusive<Duration>) -> Result<Duration, LineError> {
+pub(crate) fn time(word: Word, range: RangeInclusive<Duration>) -> Result<Duration, LineError> {
     let time = Time::parse(word.text).ok_or_else(|| word.error(Problem::TimeUnit))?;
     if range.contains(&time) {
         return Ok(time);
@@ -71,7 +71,7 @@ pub(super) fn time(word: Word, range: RangeInclusive<Duration>) -> Result<Durati
 }
 
 /// The number that `word` is, within `range`; `what` it counts stands in the error.
-pub(super) fn number(word: Word, what: &'static str, range: RangeInclusive<u32>) -> Result<u32, LineError> {
+pub(crate) fn number(word: Word, what: &'static str, range: RangeInclusive<u32>) -> Result<u32, LineError> {
     parse_number(word.text)
         .filter(|number| range.contains(number))
         .ok_or_else(|| word.error(Problem::Number { what, low: *range.start(), high: *range.end() }))

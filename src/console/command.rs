@@ -10,10 +10,10 @@ use super::help;
 use super::output::Output;
 use super::points::PointCommand;
 use super::show::Show;
-use crate::config::{self, LineError, ReadError, Settings, Words};
+use crate::config::{LineError, PortId, Words};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
-use crate::port::units::Units;
+use crate::port::ethercat::{EthercatPlace, LineWriter};
 
 /// What a command's first word asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,6 +25,9 @@ pub(super) enum Command {
     Clear,
     /// `ping`
     Ping,
+    Scan,
+    Tune,
+    Capture,
     Watch,
     Save,
     Load,
@@ -41,6 +44,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("route", Command::Settings),
     ("device", Command::Settings),
     ("point", Command::Settings),
+    ("slave", Command::Settings),
     ("edit", Command::Settings),
     ("insert", Command::Settings),
     ("move", Command::Settings),
@@ -54,6 +58,9 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("finish", Command::Point(PointCommand::Finish)),
     ("clear", Command::Clear),
     ("ping", Command::Ping),
+    ("scan", Command::Scan),
+    ("tune", Command::Tune),
+    ("capture", Command::Capture),
     ("watch", Command::Watch),
     ("save", Command::Save),
     ("load", Command::Load),
@@ -105,8 +112,6 @@ pub(super) struct Session<'s, 'g, IO, S, Y> {
     pub(super) out: Output<IO>,
     pub(super) store: &'s mut S,
     pub(super) system: &'s Y,
-    /// Settings that are being changed, loaded or saved: too big for the stack of a small board.
-    pub(super) draft: Settings,
     /// The number of the line for error texts, where input has lines and not a person before it.
     pub(super) line_number: Option<u32>,
 }
@@ -127,6 +132,9 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 Err(error) => self.fail(format_args!("{error}")).await?,
             },
             Ok(Command::Ping) => self.ask(Ask::Ping, &mut words).await?,
+            Ok(Command::Scan) => self.scan(&mut words).await?,
+            Ok(Command::Tune) => self.tune(&mut words).await?,
+            Ok(Command::Capture) => self.capture(&mut words).await?,
             // Names begin with a letter.
             Ok(Command::Point(PointCommand::Read)) if begins_with_digit(&words) => {
                 self.ask(Ask::Read, &mut words).await?;
@@ -137,9 +145,10 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(Command::Point(command)) => self.point(command, &mut words).await?,
             Ok(Command::Clear) => match topic(&mut words, TOPICS_CLEAR, "stats or log") {
                 Ok(Clear::Stats) => {
-                    for place in self.gateway.ports() {
+                    let ids = (0..self.gateway.ports().len()).map(|index| PortId(index as u8));
+                    for place in ids.filter_map(|id| self.gateway.place(id)) {
                         place.stats.clear(Instant::now());
-                        place.units(Units::clear_counters);
+                        place.units(|units| units.clear_counters());
                     }
                 }
                 Ok(Clear::Log) => self.gateway.log().clear(),
@@ -182,43 +191,40 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             | Command::Show
             | Command::Clear
             | Command::Point(_)
-            | Command::Ping => {}
+            | Command::Ping
+            | Command::Scan
+            | Command::Tune
+            | Command::Capture => {}
         }
         Ok(Next::Line)
     }
 
     async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
-        self.gateway.settings(|settings| self.draft.clone_from(settings));
-        let warning = match config::apply(&mut self.draft, line) {
-            Ok(applied) => applied.warning,
-            Err(error) => return self.fail(format_args!("{error}")).await,
-        };
-        if let Err(error) = self.gateway.apply(&self.draft) {
-            return self.fail(format_args!("{error}")).await;
+        let writer = || self.gateway.ethercat().map(EthercatPlace::line_writer);
+        let before = writer();
+        let changed = self.gateway.change(line).await;
+        if let Some(writer @ LineWriter::SettingsOver(_)) = writer().filter(|_| writer() != before) {
+            self.out.line(format_args!("warning: the line of the ethercat port: {writer}")).await?;
         }
-        match warning {
-            Some(warning) => self.out.line(format_args!("warning: {warning}")).await,
-            None => Ok(()),
+        match changed {
+            Ok(Some(warning)) => self.out.line(format_args!("warning: {warning}")).await,
+            Ok(None) => Ok(()),
+            Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 
     async fn save(&mut self) -> Result<(), IO::Error> {
-        self.gateway.settings(|settings| self.draft.clone_from(settings));
-        match config::write_store(&self.draft, self.store).await {
+        match self.gateway.save(self.store).await {
             Ok(()) => self.out.line(format_args!("saved")).await,
             Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 
     async fn load(&mut self) -> Result<(), IO::Error> {
-        match config::read_store(self.store, &mut self.draft).await {
+        match self.gateway.load(self.store).await {
             Ok(0) => self.fail(format_args!("nothing is saved")).await,
-            Ok(_) => match self.gateway.apply(&self.draft) {
-                Ok(()) => self.out.line(format_args!("loaded")).await,
-                Err(error) => self.fail(format_args!("{error}")).await,
-            },
-            Err(ReadError::Text(error)) => self.fail(format_args!("saved settings: {error}")).await,
-            Err(ReadError::Store(error)) => self.fail(format_args!("{error}")).await,
+            Ok(_) => self.out.line(format_args!("loaded")).await,
+            Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 

@@ -24,9 +24,19 @@ impl<IO: Read + Write> Output<IO> {
 
     /// Writes `text` and ends the line.
     pub(super) async fn line(&mut self, text: fmt::Arguments<'_>) -> Result<(), IO::Error> {
-        self.line.clear();
         // No line is longer than the buffer; if one were, its end would be missing.
-        let _ = self.line.write_fmt(text);
+        let _ = self.begin().write_fmt(text);
+        self.end().await
+    }
+
+    /// Where the next line is put together.
+    pub(super) fn begin(&mut self) -> &mut String<OUTPUT_BYTES_MAX> {
+        self.line.clear();
+        &mut self.line
+    }
+
+    /// Writes that line and ends it.
+    pub(super) async fn end(&mut self) -> Result<(), IO::Error> {
         let text = self.line.trim_end();
         self.stream.write_all(text.as_bytes()).await?;
         self.stream.write_all(self.line_end.as_bytes()).await
@@ -34,9 +44,8 @@ impl<IO: Read + Write> Output<IO> {
 
     /// Writes `text`, and does not end the line.
     pub(super) async fn text_only(&mut self, text: fmt::Arguments<'_>) -> Result<(), IO::Error> {
-        self.line.clear();
         // See `line`.
-        let _ = self.line.write_fmt(text);
+        let _ = self.begin().write_fmt(text);
         self.stream.write_all(self.line.as_bytes()).await
     }
 

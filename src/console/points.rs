@@ -1,6 +1,6 @@
 //! Data points at the console: their values and how they are doing, and what is read and written at once.
 
-use core::fmt::Write as _;
+use core::fmt::{self, Write as _};
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
@@ -8,10 +8,14 @@ use heapless::{String, Vec};
 
 use super::command::Session;
 use super::rows::{age, text};
+use super::show::Written;
 use crate::config::{LineError, POINTS_MAX, PointAt, PointSettings, Problem, Settings, Words, parse_number};
+use crate::gateway::Gateway;
 use crate::hal::{Store, System};
 use crate::modbus::crc::crc16;
-use crate::scanner::{DeviceId, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing};
+use crate::scanner::{
+    DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing,
+};
 
 /// What is done with a point at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,25 +85,9 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 if !settled(place, row).await {
                     self.out.line(format_args!("it is not done yet: see show points")).await?;
                 }
-                self.gateway.settings(|settings| self.draft.clone_from(settings));
-                self.point_line(place, row, usize::MAX).await
+                self.lines_of(place, row, usize::MAX).await
             }
         }
-    }
-
-    /// `show points`
-    pub(super) async fn points(&mut self) -> Result<(), IO::Error> {
-        self.out
-            .line(format_args!(
-                "{:15} {:15} {:8} {:>6} {:>6} STATUS; VALUES",
-                "POINT", "WHERE", "TABLE", "WIRE", "MODICON"
-            ))
-            .await?;
-        let Some(place) = self.gateway.scanner() else { return Ok(()) };
-        for at in 0..self.draft.points.len() {
-            self.point_line(place, RowId(at as u8), LINE_VALUES_MAX).await?;
-        }
-        Ok(())
     }
 
     /// `watch points`: the points, and from then on those whose status or values change, until something is typed.
@@ -109,16 +97,12 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         };
         let mut shown = [None; POINTS_MAX];
         loop {
-            self.gateway.settings(|settings| self.draft.clone_from(settings));
-            for (at, shown) in (0..self.draft.points.len()).zip(&mut shown) {
-                let id = RowId(at as u8);
-                let now =
-                    Some(place.with(|scanner| {
-                        (scanner.status(id, Instant::now()).bits(), crc16(scanner.input(id)))
-                    }));
-                if *shown != now {
-                    *shown = now;
-                    self.point_line(place, id, LINE_VALUES_MAX).await?;
+            let points = self.gateway.settings(|settings| settings.points.len());
+            for (id, shown) in (0..points).map(|at| RowId(at as u8)).zip(&mut shown) {
+                let now = place
+                    .with(|scanner| (scanner.status(id, Instant::now()).bits(), crc16(scanner.input(id))));
+                if shown.replace(now) != Some(now) {
+                    self.lines_of(place, id, LINE_VALUES_MAX).await?;
                 }
             }
             if self.stops(WATCH).await? {
@@ -127,85 +111,146 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         }
     }
 
-    /// A point of the draft, with as many as `most` of its values.
-    async fn point_line(&mut self, place: &ScannerPlace, id: RowId, most: usize) -> Result<(), IO::Error> {
-        let Some(point) = self.draft.points.get(usize::from(id.0)) else { return Ok(()) };
-        let now = Instant::now();
-        let (status, fresh) = place.with(|scanner| (scanner.status(id, now), scanner.age(id, now)));
-        let whence = match point.at {
-            PointAt::Device { device, .. } => self.draft.device_name(device),
-            PointAt::Local { .. } => "local",
-        };
-        let modicon = text::<8>(format_args!("{}", Modicon(point.kind, point.first)));
-        let old = match fresh {
-            Some(fresh) => {
-                text::<16>(format_args!("{}.{}s old", fresh.as_secs(), fresh.as_millis() / 100 % 10))
+    /// A point and as many as `most` of its values.
+    async fn lines_of(&mut self, place: &ScannerPlace, id: RowId, most: usize) -> Result<(), IO::Error> {
+        let (gateway, now) = (self.gateway, Instant::now());
+        for line in 0.. {
+            let out = self.out.begin();
+            let write = |settings: &Settings| point(settings, place, id, (line, most), now, out);
+            if gateway.settings(write).is_none() {
+                break;
             }
-            None => text(format_args!("never read")),
-        };
-        let label = &point.label;
-        self.out
-            .line(format_args!(
-                "{:15} {whence:15} {:8} {:>6} {modicon:>7} {:04X}h {status}; {old}; {label}",
-                point.name,
-                point.kind,
-                point.first,
-                status.bits()
-            ))
-            .await?;
-        let count = usize::from(point.count).min(most);
-        let mut at = 0;
-        while at < count {
-            let shown = (count - at).min(LINE_VALUES_MAX);
-            let line = place.with(|scanner| values(point, scanner.input(id), at, shown));
-            let more = if at + shown < point.count.into() && at + shown == count { " ..." } else { "" };
-            self.out.line(format_args!("  [{at}]{line}{more}")).await?;
-            at += shown;
+            self.out.end().await?;
         }
         Ok(())
     }
+}
 
-    /// `show devices`
-    pub(super) async fn devices(&mut self) -> Result<(), IO::Error> {
-        self.out
-            .line(format_args!(
-                "{:15} {:>4} {:>10} {:>10} {:>10} {:>10} {:>9} STATE",
-                "DEVICE", "UNIT", "REQUESTS", "ANSWERS", "EXCEPTIONS", "FAILURES", "HEARD"
-            ))
-            .await?;
-        let Some(place) = self.gateway.scanner() else { return Ok(()) };
-        let now = Instant::now();
-        for (at, device) in self.draft.devices.iter().enumerate() {
-            let status = place.with(|scanner| scanner.device_status(DeviceId(at as u8), now));
-            let Some(status) = status else { continue };
-            let state = match status.alive {
-                None => "not asked yet",
-                Some(true) => "alive",
-                Some(false) => "silent",
-            };
-            let heard =
-                if status.answers == 0 { text(format_args!("never")) } else { age(status.heard, now) };
-            let mut more = String::<64>::new();
-            // What does not fit is missing at the end of the line.
-            if let Some(until) = status.backs_off_until {
-                let _ = write!(more, ", tried again in {}s", (until - now).as_secs() + 1);
-            }
-            if let Some(error) = status.error {
-                let _ = write!(more, ", last error: {}", error.name());
-            }
-            self.out
-                .line(format_args!(
-                    "{:15} {:>4} {:>10} {:>10} {:>10} {:>10} {heard:>9} {state}{more}",
-                    device.name,
-                    device.device.unit,
-                    status.requests,
-                    status.answers,
-                    status.exceptions,
-                    status.failures
-                ))
-                .await?;
+/// `show points`: each takes two lines, of which the second has as many values as fit.
+pub(super) fn row(
+    gateway: &Gateway<'_>,
+    settings: &Settings,
+    place: usize,
+    now: Instant,
+    out: &mut dyn fmt::Write,
+) -> Written {
+    let Some(row) = place.checked_sub(1) else {
+        return Some(out.write_str("POINT           WHERE           TABLE      WIRE MODICON STATUS; VALUES"));
+    };
+    let (scanner, id) = (gateway.scanner()?, RowId(u8::try_from(row / 2).ok()?));
+    settings.points.get(usize::from(id.0))?;
+    point(settings, scanner, id, (row % 2, LINE_VALUES_MAX), now, out).or(Some(Ok(())))
+}
+
+/// Line number `line` of a point of which as many as `most` values are shown.
+fn point(
+    settings: &Settings,
+    place: &ScannerPlace,
+    id: RowId,
+    (line, most): (usize, usize),
+    now: Instant,
+    out: &mut dyn fmt::Write,
+) -> Written {
+    let point = settings.points.get(usize::from(id.0))?;
+    let Some(row) = line.checked_sub(1) else {
+        return Some(head(settings, place, id, point, now, out));
+    };
+    let (all, at) = (usize::from(point.count), row * LINE_VALUES_MAX);
+    let count = all.min(most);
+    let shown = count.checked_sub(at).filter(|shown| *shown > 0)?.min(LINE_VALUES_MAX);
+    let line = place.with(|scanner| values(point, scanner.input(id), at, shown));
+    let more = if at + shown < all && at + shown == count { " ..." } else { "" };
+    Some(write!(out, "  [{at}]{line}{more}"))
+}
+
+/// What stands before a point's values.
+fn head(
+    settings: &Settings,
+    place: &ScannerPlace,
+    id: RowId,
+    point: &PointSettings,
+    now: Instant,
+    out: &mut dyn fmt::Write,
+) -> fmt::Result {
+    let (status, fresh) = place.with(|scanner| (scanner.status(id, now), scanner.age(id, now)));
+    let whence = match point.at {
+        PointAt::Device { device, .. } => settings.device_name(device),
+        PointAt::Local { .. } => "local",
+    };
+    let modicon = text::<8>(format_args!("{}", Modicon(point.kind, point.first)));
+    let old = match fresh {
+        Some(fresh) => text::<16>(format_args!("{}.{}s old", fresh.as_secs(), fresh.as_millis() / 100 % 10)),
+        None => text(format_args!("never read")),
+    };
+    let label = &point.label;
+    write!(
+        out,
+        "{:15} {whence:15} {:8} {:>6} {modicon:>7} {:04X}h {status}; {old}; {label}",
+        point.name,
+        point.kind,
+        point.first,
+        status.bits()
+    )
+}
+
+/// `show devices`: those of the data points, then those that are asked for the EtherCAT process image.
+pub(super) fn device(
+    gateway: &Gateway<'_>,
+    settings: &Settings,
+    place: usize,
+    now: Instant,
+    out: &mut dyn fmt::Write,
+) -> Written {
+    let Some(row) = place.checked_sub(1) else {
+        let heading = "DEVICE          UNIT   REQUESTS    ANSWERS EXCEPTIONS   FAILURES     HEARD STATE";
+        return Some(out.write_str(heading));
+    };
+    if let Some(device) = settings.devices.get(row) {
+        let status = gateway.scanner()?.with(|scanner| scanner.device_status(DeviceId(row as u8), now))?;
+        let (name, unit) = (&device.name, device.device.unit);
+        return Some(write!(out, "{}", DeviceRow { name, unit, status: &status, inputs: "", now }));
+    }
+    // Behind them those that are asked for the EtherCAT process image.
+    let nth = row - settings.devices.len();
+    let slave = settings.slaves.get(nth)?;
+    let status = gateway.ethercat()?.slave_status(nth)?;
+    let inputs = if status.alive == Some(false) { slave.on_silence.of_inputs() } else { "" };
+    let name = text::<15>(format_args!("slave {nth}"));
+    Some(write!(out, "{}", DeviceRow { name: &name, unit: slave.unit, status: &status, inputs, now }))
+}
+
+/// A device that is asked, and how it is doing.
+struct DeviceRow<'s> {
+    name: &'s str,
+    unit: u8,
+    status: &'s DeviceStatus,
+    /// What stands in its inputs, if that is not what was read.
+    inputs: &'static str,
+    now: Instant,
+}
+
+impl fmt::Display for DeviceRow<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, unit, status, inputs, now } = self;
+        let DeviceStatus { requests, answers, exceptions, failures, .. } = status;
+        let heard = if *answers == 0 { text(format_args!("never")) } else { age(status.heard, *now) };
+        write!(
+            f,
+            "{name:15} {unit:>4} {requests:>10} {answers:>10} {exceptions:>10} {failures:>10} {heard:>9} "
+        )?;
+        f.write_str(match status.alive {
+            None => "not asked yet",
+            Some(true) => "alive",
+            Some(false) => "silent",
+        })?;
+        f.write_str(inputs)?;
+        if let Some(until) = status.backs_off_until {
+            write!(f, ", tried again in {}s", (until - *now).as_secs() + 1)?;
         }
-        Ok(())
+        match status.error {
+            Some(error) => write!(f, ", last error: {}", error.name()),
+            None => Ok(()),
+        }
     }
 }
 

@@ -1,14 +1,18 @@
-//! The tables of `show`: a header line, then aligned rows.
+//! `show`: the tables, each row put together when the one before has been written.
+
+use core::fmt;
 
 use embassy_time::Instant;
 use embedded_io_async::{Read, Write};
-use heapless::String;
 
 use super::command::Session;
+use super::points;
 use super::rows::{LogRow, Row, StatusText, Troubles, age, describe, state, text, took};
-use crate::config::{LINE_BYTES_MAX, PortKind, Side, write_line};
+use crate::config::{Port, PortId, PortKind, Settings, Side, write_line};
+use crate::gateway::{Gateway, PortAt};
 use crate::hal::{NetworkState, Store, System};
-use crate::port::units::Unit;
+use crate::port::ethercat::{EthercatPlace, LineWriter};
+use crate::port::units::{UNITS_MAX, Unit};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
 /// What can be shown.
@@ -28,207 +32,270 @@ pub(super) enum Show {
     Version,
 }
 
+/// What came of a place in a table, of which the first one has the heading: nothing behind the last one. A place that has no row at
+/// the moment writes nothing.
+pub(super) type Written = Option<fmt::Result>;
+
+pub(super) const NO_ROW: Written = Some(Ok(()));
+
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
-    /// Prints one table. The settings are copied first: they may change while the stream takes its time.
+    /// Prints one table. What it shows may change while the stream takes its time.
     pub(super) async fn show(&mut self, what: Show) -> Result<(), IO::Error> {
-        self.gateway.settings(|settings| self.draft.clone_from(settings));
-        match what {
-            Show::Ports => self.ports().await,
-            Show::Routes => self.routes().await,
-            Show::Units => self.units().await,
-            Show::Clients => self.clients().await,
-            Show::Stats => self.stats().await,
-            Show::Points => self.points().await,
-            Show::Devices => self.devices().await,
-            Show::Config => self.config().await,
-            Show::Network => self.network().await,
-            Show::Log => self.log().await,
-            Show::Frames => self.frames(&mut 0).await,
-            Show::Version => self.version().await,
+        if what == Show::Frames {
+            return self.frames(&mut 0).await;
         }
+        let tables = Tables { gateway: self.gateway, system: self.system, now: Instant::now() };
+        self.rows(|place, out| tables.write(what, place, out)).await
     }
 
-    async fn ports(&mut self) -> Result<(), IO::Error> {
-        // Device names are 6 to 96 characters long.
-        let ports = || self.draft.ports.iter().flatten();
-        let width = ports().map(|port| describe(&port.kind).1.len()).fold("WHERE".len(), usize::max);
-        self.out
-            .line(format_args!("{:15} {:12} {:width$} {:12} STATUS", "PORT", "ROLE", "WHERE", "LINE"))
-            .await?;
-        for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
-            let Some(port) = port else { continue };
-            let (role, place_name, line) = describe(&port.kind);
-            let status = StatusText(place.status());
-            self.out
-                .line(format_args!("{:15} {role:12} {place_name:width$} {line:12} {status}", port.name))
-                .await?;
-        }
-        Ok(())
-    }
-
-    async fn routes(&mut self) -> Result<(), IO::Error> {
-        self.out
-            .line(format_args!(
-                "{:>3} {:15} {:7} {:18} {:4} {:15} {:7} POLICY",
-                "NO", "SOURCE", "UNITS", "IP", "TAG", "DESTINATION", "KIND"
-            ))
-            .await?;
-        for (at, route) in self.draft.routes.iter().enumerate() {
-            self.out.line(format_args!("{:>3} {}", at + 1, Row { settings: &self.draft, route })).await?;
-        }
-        Ok(())
-    }
-
-    async fn units(&mut self) -> Result<(), IO::Error> {
-        self.out
-            .line(format_args!(
-                "{:15} {:>4} {:5} {:>10} {:>10} {:>10} {:>10} {:>9} {:>9} {:>9} TROUBLES",
-                "PORT",
-                "UNIT",
-                "STATE",
-                "REQUESTS",
-                "ANSWERS",
-                "EXCEPTIONS",
-                "TIMEOUTS",
-                "LAST",
-                "P50",
-                "P99"
-            ))
-            .await?;
-        let now = Instant::now();
-        for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
-            let Some(port) = port else { continue };
-            let mut nth = 0;
-            while let Some(unit) = place.units(|units| units.iter().nth(nth).copied()) {
-                nth += 1;
-                let Unit { id, requests, answers, exceptions, timeouts, .. } = unit;
-                let last = took((answers > 0).then_some(unit.took_us));
-                let (half, most) = (took(unit.times.percentile(50)), took(unit.times.percentile(99)));
-                let (state, troubles) = (state(&unit, now), Troubles(&unit));
-                self.out
-                    .line(format_args!(
-                        "{:15} {id:>4} {state:5} {requests:>10} {answers:>10} {exceptions:>10} {timeouts:>10} \
-                         {last:>9} {half:>9} {most:>9} {troubles}",
-                        port.name
-                    ))
-                    .await?;
-            }
-        }
-        Ok(())
-    }
-
-    async fn clients(&mut self) -> Result<(), IO::Error> {
-        self.out
-            .line(format_args!(
-                "{:15} {:21} {:>9} {:>9} {:>4} {:>10} PLACE",
-                "PORT", "PEER", "SINCE", "QUIET", "OPEN", "REQUESTS"
-            ))
-            .await?;
-        let now = Instant::now();
-        for seat in self.gateway.seats() {
-            let state = seat.state();
-            let (Some(port), Some(peer)) = (state.port, state.peer) else { continue };
-            let port = self.draft.name(port);
-            let peer = text::<60>(format_args!("{peer}"));
-            let (since, quiet) = (age(state.since, now), age(state.last_request, now));
-            let (open, requests) = (state.open_requests, state.requests);
-            let place = if state.marked { "reserved" } else { "ordinary" };
-            self.out
-                .line(format_args!(
-                    "{port:15} {peer:21} {since:>9} {quiet:>9} {open:>4} {requests:>10} {place}"
-                ))
-                .await?;
-        }
-        Ok(())
-    }
-
-    async fn stats(&mut self) -> Result<(), IO::Error> {
-        let now = Instant::now();
-        self.out
-            .line(format_args!("{:15} {:13} {:>10} {:>10}", "PORT", "EVENT", "COUNT", "PER-MINUTE"))
-            .await?;
-        for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
-            let Some(port) = port else { continue };
-            for event in Event::ALL {
-                let count = place.stats.get(event);
-                // Most events never happen at most ports.
-                if count != 0 || matches!(event, Event::Request | Event::Answer) {
-                    let (event, rate) = (event.name(), place.stats.per_minute(event, now));
-                    self.out.line(format_args!("{:15} {event:13} {count:>10} {rate:>10}", port.name)).await?;
-                }
-            }
-        }
-        for (port, place) in self.draft.ports.iter().zip(self.gateway.ports()) {
-            let (Some(port), error) = (port, place.stats.last_error()) else { continue };
-            let listens = port.kind.side() == Side::Server && !port.kind.asks_by_itself();
-            if (listens || matches!(port.kind, PortKind::Serial(_))) && error != LastError::None {
-                let (code, name) = (error as u8, error.name());
-                self.out.line(format_args!("{:15} {:13} {code:>10} {name}", port.name, "last-error")).await?;
-            }
-        }
-        let pool = self.gateway.pool();
-        self.out.line(format_args!("{:15} {:13} {:>10}", "-", "frames-free", pool.free())).await?;
-        self.out.line(format_args!("{:15} {:13} {:>10}", "-", "frames", pool.capacity())).await
-    }
-
-    async fn config(&mut self) -> Result<(), IO::Error> {
-        let mut n = 0;
-        let mut line = String::<LINE_BYTES_MAX>::new();
-        // Lines of settings fit, see LINE_BYTES_MAX.
-        while let Some(Ok(())) = write_line(&self.draft, n, &mut line) {
-            self.out.line(format_args!("{line}")).await?;
-            line.clear();
-            n += 1;
-        }
-        Ok(())
-    }
-
-    async fn network(&mut self) -> Result<(), IO::Error> {
-        let Some(NetworkState { link, address, hardware }) = self.system.network() else {
-            return self.out.line(format_args!("the operating system has the network")).await;
-        };
-        self.out
-            .line(format_args!("{:4} {:18} {:15} {:17} SETTING", "LINK", "ADDRESS", "GATEWAY", "ETHERNET"))
-            .await?;
-        let link = if link { "up" } else { "down" };
-        let shown = address.map_or(text(format_args!("-")), |own| text::<18>(format_args!("{own}")));
-        let gateway = address.and_then(|own| own.gateway);
-        let gateway =
-            gateway.map_or(text(format_args!("-")), |gateway| text::<15>(format_args!("{gateway}")));
-        let [a, b, c, d, e, f] = hardware;
-        let hardware = text::<17>(format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}"));
-        let setting = &self.draft.network;
-        self.out.line(format_args!("{link:4} {shown:18} {gateway:15} {hardware} {setting}")).await
-    }
-
-    async fn log(&mut self) -> Result<(), IO::Error> {
-        let mut event = String::<LINE_BYTES_MAX>::new();
-        // A longer event is cut off.
-        for n in 0.. {
-            if self.system.write_event(n, &mut event).is_none() {
+    /// Prints what is written at each place, from 0.
+    pub(super) async fn rows(
+        &mut self,
+        write: impl Fn(usize, &mut dyn fmt::Write) -> Written,
+    ) -> Result<(), IO::Error> {
+        for place in 0.. {
+            let line = self.out.begin();
+            // A line has room for every row; of a longer event the end is missing.
+            if write(place, line).is_none() {
                 break;
             }
-            self.out.line(format_args!("{event}")).await?;
-            event.clear();
-        }
-        self.out
-            .line(format_args!(
-                "{:>9} {:15} {:>4} {:15} {:>6} {:>8} {:>10} OUTCOME",
-                "AGE", "SOURCE", "UNIT", "DESTINATION", "TARGET", "FUNCTION", "TOOK"
-            ))
-            .await?;
-        let now = Instant::now();
-        for back in (0..LOG_ENTRIES_MAX).rev() {
-            let Some(entry) = self.gateway.log().newest(back) else { continue };
-            let age = age(entry.at, now);
-            self.out.line(format_args!("{age:>9} {}", LogRow { settings: &self.draft, entry })).await?;
+            if !line.is_empty() {
+                self.out.end().await?;
+            }
         }
         Ok(())
     }
+}
 
-    async fn version(&mut self) -> Result<(), IO::Error> {
-        let (version, board) = (env!("CARGO_PKG_VERSION"), self.system.name());
-        let up = age(Instant::from_ticks(0), Instant::now());
-        self.out.line(format_args!("mobgate {version} on {board}, up {up}")).await
+/// What the tables are made of.
+struct Tables<'t, 'g, Y> {
+    gateway: &'t Gateway<'g>,
+    system: &'t Y,
+    now: Instant,
+}
+
+impl<Y: System> Tables<'_, '_, Y> {
+    /// Writes what stands at `place`, from 0, of a table.
+    fn write(&self, what: Show, place: usize, out: &mut dyn fmt::Write) -> Written {
+        let Self { gateway, system, now } = *self;
+        gateway.settings(|settings| match what {
+            Show::Ports => port(gateway, settings, place, out),
+            Show::Routes => route(settings, place, out),
+            Show::Units => unit(gateway, settings, place, now, out),
+            Show::Clients => client(gateway, settings, place, now, out),
+            Show::Stats => count(gateway, settings, place, now, out),
+            Show::Points => points::row(gateway, settings, place, now, out),
+            Show::Devices => points::device(gateway, settings, place, now, out),
+            Show::Config => write_line(settings, place, out),
+            Show::Network => network(settings, system.network(), place, out),
+            Show::Log => event(gateway, settings, system, place, now, out),
+            Show::Version => version(gateway, system, place, now, out),
+            Show::Frames => None,
+        })
     }
+}
+
+/// The port number `at` and what is known of it: none behind the last place, and perhaps none there.
+fn port_at<'t>(
+    gateway: &Gateway<'t>,
+    settings: &'t Settings,
+    at: usize,
+) -> Option<Option<(&'t Port, PortAt<'t>)>> {
+    let place = gateway.place(PortId(u8::try_from(at).ok()?))?;
+    Some(settings.ports.get(at)?.as_ref().map(|port| (port, place)))
+}
+
+fn port(gateway: &Gateway<'_>, settings: &Settings, place: usize, out: &mut dyn fmt::Write) -> Written {
+    // Device names are 6 to 96 characters long.
+    let ports = || settings.ports.iter().flatten();
+    let width = ports().map(|port| describe(&port.kind).1.len()).fold("WHERE".len(), usize::max);
+    let Some(row) = place.checked_sub(1) else {
+        return Some(write!(out, "PORT            ROLE         {:width$} LINE         STATUS", "WHERE"));
+    };
+    let Some((port, place)) = port_at(gateway, settings, row)? else { return NO_ROW };
+    let (role, place_name, line) = describe(&port.kind);
+    let status = StatusText(place.status());
+    // Who had the last word about the line of the EtherCAT port.
+    let is_ethercat_line = settings.ethercat_line().is_some_and(|id| id.index() == row);
+    let writer = gateway.ethercat().filter(|_| is_ethercat_line).map(EthercatPlace::line_writer);
+    let writer = writer.filter(|writer| *writer != LineWriter::Settings);
+    let written = write!(out, "{:15} {role:12} {place_name:width$} {line:12} {status}", port.name);
+    Some(written.and_then(|()| writer.map_or(Ok(()), |writer| write!(out, ", {writer}"))))
+}
+
+fn route(settings: &Settings, place: usize, out: &mut dyn fmt::Write) -> Written {
+    let Some(row) = place.checked_sub(1) else {
+        let heading = " NO SOURCE          UNITS   IP                 TAG  DESTINATION     KIND    POLICY";
+        return Some(out.write_str(heading));
+    };
+    let route = settings.routes.get(row)?;
+    Some(write!(out, "{place:>3} {}", Row { settings, route }))
+}
+
+fn unit(
+    gateway: &Gateway<'_>,
+    settings: &Settings,
+    place: usize,
+    now: Instant,
+    out: &mut dyn fmt::Write,
+) -> Written {
+    let Some(row) = place.checked_sub(1) else {
+        return Some(out.write_str(
+            "PORT            UNIT STATE   REQUESTS    ANSWERS EXCEPTIONS   TIMEOUTS      LAST       P50       P99 TROUBLES",
+        ));
+    };
+    let Some((port, place)) = port_at(gateway, settings, row / UNITS_MAX)? else { return NO_ROW };
+    let Some(unit) = place.units(|units| units.iter().nth(row % UNITS_MAX).copied()) else { return NO_ROW };
+    let Unit { id, requests, answers, exceptions, timeouts, .. } = unit;
+    let last = took((answers > 0).then_some(unit.took_us));
+    let (half, most) = (took(unit.times.percentile(50)), took(unit.times.percentile(99)));
+    let (state, troubles) = (state(&unit, now), Troubles(&unit));
+    Some(write!(
+        out,
+        "{:15} {id:>4} {state:5} {requests:>10} {answers:>10} {exceptions:>10} {timeouts:>10} \
+         {last:>9} {half:>9} {most:>9} {troubles}",
+        port.name
+    ))
+}
+
+fn client(
+    gateway: &Gateway<'_>,
+    settings: &Settings,
+    place: usize,
+    now: Instant,
+    out: &mut dyn fmt::Write,
+) -> Written {
+    let Some(row) = place.checked_sub(1) else {
+        let heading = "PORT            PEER                      SINCE     QUIET OPEN   REQUESTS PLACE";
+        return Some(out.write_str(heading));
+    };
+    let state = gateway.seats().get(row)?.state();
+    let (Some(port), Some(peer)) = (state.port, state.peer) else { return NO_ROW };
+    let port = settings.name(port);
+    let peer = text::<60>(format_args!("{peer}"));
+    let (since, quiet) = (age(state.since, now), age(state.last_request, now));
+    let (open, requests) = (state.open_requests, state.requests);
+    let place = if state.marked { "reserved" } else { "ordinary" };
+    Some(write!(out, "{port:15} {peer:21} {since:>9} {quiet:>9} {open:>4} {requests:>10} {place}"))
+}
+
+/// First the counters of all ports, then what went wrong at them last, then the frames.
+fn count(
+    gateway: &Gateway<'_>,
+    settings: &Settings,
+    place: usize,
+    now: Instant,
+    out: &mut dyn fmt::Write,
+) -> Written {
+    let Some(row) = place.checked_sub(1) else {
+        return Some(out.write_str("PORT            EVENT              COUNT PER-MINUTE"));
+    };
+    let counters = Event::ALL.len();
+    if let Some(port) = port_at(gateway, settings, row / counters) {
+        let (Some((port, place)), Some(event)) = (port, Event::ALL.get(row % counters)) else {
+            return NO_ROW;
+        };
+        let count = place.stats.get(*event);
+        // Most events never happen at most ports.
+        if count == 0 && !matches!(event, Event::Request | Event::Answer) {
+            return NO_ROW;
+        }
+        let (event, rate) = (event.name(), place.stats.per_minute(*event, now));
+        return Some(write!(out, "{:15} {event:13} {count:>10} {rate:>10}", port.name));
+    }
+    let ports = gateway.ports().len().min(settings.ports.len());
+    let row = row - ports * counters;
+    if let Some(port) = port_at(gateway, settings, row) {
+        let Some((port, place)) = port else { return NO_ROW };
+        let error = place.stats.last_error();
+        let listens = port.kind.side() == Side::Server && !port.kind.asks_by_itself();
+        if error == LastError::None || !(listens || matches!(port.kind, PortKind::Serial(_))) {
+            return NO_ROW;
+        }
+        let (code, name) = (error as u8, error.name());
+        return Some(write!(out, "{:15} {:13} {code:>10} {name}", port.name, "last-error"));
+    }
+    let pool = gateway.pool();
+    let (name, count) = match row - ports {
+        0 => ("frames-free", pool.free()),
+        1 => ("frames", pool.capacity()),
+        _ => return None,
+    };
+    Some(write!(out, "{:15} {name:13} {count:>10}", "-"))
+}
+
+fn network(
+    settings: &Settings,
+    state: Option<NetworkState>,
+    place: usize,
+    out: &mut dyn fmt::Write,
+) -> Written {
+    let Some(NetworkState { link, address, hardware }) = state else {
+        return (place == 0).then(|| out.write_str("the operating system has the network"));
+    };
+    match place {
+        0 => return Some(out.write_str("LINK ADDRESS            GATEWAY         ETHERNET          SETTING")),
+        1 => {}
+        _ => return None,
+    }
+    let link = if link { "up" } else { "down" };
+    let shown = address.map_or(text(format_args!("-")), |own| text::<18>(format_args!("{own}")));
+    let gateway = address.and_then(|own| own.gateway);
+    let gateway = gateway.map_or(text(format_args!("-")), |gateway| text::<15>(format_args!("{gateway}")));
+    let [a, b, c, d, e, f] = hardware;
+    let hardware = text::<17>(format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}"));
+    Some(write!(out, "{link:4} {shown:18} {gateway:15} {hardware} {}", settings.network))
+}
+
+/// First what the board and its controller have to tell, then the transactions, the oldest first.
+fn event(
+    gateway: &Gateway<'_>,
+    settings: &Settings,
+    system: &impl System,
+    place: usize,
+    now: Instant,
+    out: &mut dyn fmt::Write,
+) -> Written {
+    if let Some(event) = system.write_event(place, out) {
+        return Some(event);
+    }
+    let is_event = |n: &usize| system.write_event(*n, &mut Nowhere).is_some();
+    let mut row = place - (0..place).take_while(is_event).count();
+    if let Some(fault) = gateway.ethercat().and_then(|ethercat| ethercat.controller().fault()) {
+        if row == 0 {
+            return Some(write!(out, "EtherCAT: {fault}"));
+        }
+        row -= 1;
+    }
+    let Some(row) = row.checked_sub(1) else {
+        let heading = "      AGE SOURCE          UNIT DESTINATION     TARGET FUNCTION       TOOK OUTCOME";
+        return Some(out.write_str(heading));
+    };
+    let Some(entry) = gateway.log().newest(LOG_ENTRIES_MAX.checked_sub(row + 1)?) else { return NO_ROW };
+    let age = age(entry.at, now);
+    Some(write!(out, "{age:>9} {}", LogRow { settings, entry }))
+}
+
+/// Where a text goes that is not wanted.
+struct Nowhere;
+
+impl fmt::Write for Nowhere {
+    fn write_str(&mut self, _: &str) -> fmt::Result {
+        Ok(())
+    }
+}
+
+fn version(
+    gateway: &Gateway<'_>,
+    system: &impl System,
+    place: usize,
+    now: Instant,
+    out: &mut dyn fmt::Write,
+) -> Written {
+    let (version, board) = (env!("CARGO_PKG_VERSION"), system.name());
+    let up = age(Instant::from_ticks(0), now);
+    (place == 0).then(|| {
+        write!(out, "mobgate {version} on {board}, up {up}")?;
+        gateway.ethercat().map_or(Ok(()), |ethercat| write!(out, ", {}", ethercat.controller()))
+    })
 }

@@ -15,6 +15,11 @@ pub trait Esc {
 
     /// The AL event request (register 0220h): why the chip wants attention.
     async fn events(&mut self) -> Result<u32, EscError>;
+
+    /// Whether the chip answers at all, by a look that neither changes nor waits for anything.
+    async fn look(&mut self) -> Result<(), EscError> {
+        self.events().await.map(|_| ())
+    }
 }
 
 /// Why an access to the chip failed.

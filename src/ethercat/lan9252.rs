@@ -163,4 +163,8 @@ impl<SPI: SpiDevice> Esc for Lan9252<SPI> {
         let outcome = self.try_events().await;
         self.noted(outcome)
     }
+
+    async fn look(&mut self) -> Result<(), EscError> {
+        self.test_pattern().await
+    }
 }

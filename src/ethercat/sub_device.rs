@@ -27,8 +27,10 @@ use super::sync_manager::Channel;
 pub const OUTPUTS_WAIT: Duration = Duration::from_millis(1_000);
 /// How often inputs are renewed in free run.
 pub const FREE_RUN_CYCLE: Duration = Duration::from_millis(1);
+/// How often the application is asked whether a write has ended.
+const WRITING_PAUSE: Duration = Duration::from_millis(1);
 /// How long the controller is left alone when it did not answer.
-const RESTART_PAUSE: Duration = Duration::from_millis(10);
+pub const RESTART_PAUSE: Duration = Duration::from_millis(10);
 
 /// A SubDevice on a controller, for an application.
 pub struct SubDevice<E, A> {
@@ -78,6 +80,11 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         self.al.state()
     }
 
+    /// The controller.
+    pub fn esc(&mut self) -> &mut E {
+        &mut self.esc
+    }
+
     /// The application.
     pub fn application(&mut self) -> &mut A {
         &mut self.application
@@ -87,14 +94,20 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     /// between two looks where there is none. A controller that fails is started anew.
     pub async fn run(&mut self, mut attention: impl AsyncFnMut()) -> ! {
         loop {
-            let fault = match self.start().await {
-                Ok(()) => self.serve_until_fault(&mut attention).await,
-                Err(fault) => fault,
-            };
-            log_warn!("EtherCAT starts anew: {fault}");
-            self.application.outputs_stopped();
+            self.run_until_fault(&mut attention).await;
             Timer::after(RESTART_PAUSE).await;
         }
+    }
+
+    /// [`run`](Self::run) until the controller fails.
+    pub async fn run_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> EscError {
+        let fault = match self.start().await {
+            Ok(()) => self.serve_until_fault(attention).await,
+            Err(fault) => fault,
+        };
+        log_warn!("EtherCAT starts anew: {fault}");
+        self.application.outputs_stopped();
+        fault
     }
 
     async fn serve_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> EscError {
@@ -120,7 +133,9 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     /// When something is due without an event.
     pub fn due(&self) -> Option<Instant> {
         let inputs = self.runs_free().then_some(self.images.inputs_due);
-        [inputs, self.op_deadline].into_iter().flatten().min()
+        let writes = self.al.state().has_mailbox() && self.coe.is_writing();
+        let written = writes.then(|| Instant::now() + WRITING_PAUSE);
+        [inputs, self.op_deadline, written].into_iter().flatten().min()
     }
 
     /// Does what one look at the events asks for; true when it is worth another look, since that may have changed them.

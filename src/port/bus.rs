@@ -13,7 +13,7 @@ use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
 use crate::capture::Tap;
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
-use crate::gateway::PortPlace;
+use crate::gateway::PortAt;
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{Decoder, LINE_FEED};
 use crate::modbus::rtu;
@@ -44,7 +44,7 @@ pub(crate) enum Failure {
 pub(crate) struct Bus<'s, L> {
     line: Line<'s, L>,
     /// The units of the line.
-    place: &'s PortPlace,
+    place: PortAt<'s>,
     tap: Tap<'s>,
     client: SerialClientSettings,
     framing: Framing,
@@ -65,7 +65,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         let silence = settings.framing.silence(&line.settings) + line.jitter;
         let SerialSettings { client, framing, .. } = *settings;
         let place = desk.place();
-        let tap = Tap { capture: desk.gateway().capture(), port: desk.id(), framing };
+        let tap = Tap { capture: desk.gateway().capture(), port: desk.id(), kind: framing.into() };
         let (begun, decoder) = (line.active, Decoder::default());
         Self { line, place, tap, client, framing, decoder, begun, pauses: false, silence }
     }

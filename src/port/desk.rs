@@ -24,8 +24,8 @@ use embassy_time::{Duration, Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
-use crate::frame::{Cause, Envelope, Frame, Stage};
-use crate::gateway::{Gateway, PortPlace};
+use crate::frame::{Cause, Envelope, Frame, Stage, Way};
+use crate::gateway::{Gateway, PortAt};
 use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::cache::{Cache, Question};
@@ -40,11 +40,13 @@ use crate::stats::Event;
 /// Orders of one client-side port, shared by the future that takes them in and the one that carries them out.
 pub(crate) struct Desk<'g> {
     gateway: &'g Gateway<'g>,
-    place: &'g PortPlace,
+    place: PortAt<'g>,
     id: PortId,
     queue: RefCell<PortQueue<Frame<'g>>>,
     /// The unit that is asked whatever the rule says.
     unit: Option<u8>,
+    /// A console has the port for itself: all others are refused.
+    alone: bool,
     /// The orders that are being carried out.
     current: RefCell<Vec<Current<'g>, FLIGHTS_MAX>>,
     cache: RefCell<Cache>,
@@ -58,13 +60,20 @@ pub(crate) struct Desk<'g> {
 
 impl<'g> Desk<'g> {
     /// An empty desk. It takes orders in while its line is being opened for the first time; they wait for that.
-    pub(crate) fn new(gateway: &'g Gateway<'g>, place: &'g PortPlace, id: PortId, unit: Option<u8>) -> Self {
+    pub(crate) fn new(
+        gateway: &'g Gateway<'g>,
+        place: PortAt<'g>,
+        id: PortId,
+        unit: Option<u8>,
+        alone: bool,
+    ) -> Self {
         Self {
             gateway,
             place,
             id,
             queue: RefCell::new(PortQueue::new()),
             unit,
+            alone,
             current: RefCell::new(Vec::new()),
             cache: RefCell::new(Cache::new()),
             writes_ended: Cell::new(0),
@@ -85,7 +94,7 @@ impl<'g> Desk<'g> {
     }
 
     /// The port's counters, units and channel.
-    pub(crate) fn place(&self) -> &'g PortPlace {
+    pub(crate) fn place(&self) -> PortAt<'g> {
         self.place
     }
 
@@ -107,7 +116,8 @@ impl<'g> Desk<'g> {
             frame.address(envelope);
         }
         let attempt = envelope.paced && self.pausing.get();
-        if !self.open.get() && !attempt {
+        let is_others = self.alone && envelope.origin.way != Way::Console;
+        if is_others || (!self.open.get() && !attempt) {
             return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
         let Some(frame) = self.answer_from_memory(frame) else { return };

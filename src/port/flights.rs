@@ -10,7 +10,7 @@ use heapless::Vec;
 pub const FLIGHTS_MAX: usize = 16;
 /// Ids that can be lost at a time: with the default window there are no more than requests. When all are, no request is sent
 /// until the first one's window is over.
-const LOST_MAX: usize = 32;
+const LOST_MAX: usize = if cfg!(feature = "small") { FLIGHTS_MAX } else { 2 * FLIGHTS_MAX };
 
 /// A request that waits for its answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -26,6 +26,15 @@ impl Framing {
         }
     }
 
+    /// The characters of a frame around a PDU of so many bytes.
+    pub(crate) const fn chars_of(self, pdu_bytes: usize) -> usize {
+        match self {
+            Self::Rtu => pdu_bytes + rtu::OVERHEAD_BYTES,
+            // Unit, PDU and LRC are two digits a byte, between a colon and two characters of end.
+            Self::Ascii => 2 * (pdu_bytes + 2) + 3,
+        }
+    }
+
     /// The most characters that a frame has.
     pub(crate) const fn chars_max(self) -> usize {
         match self {

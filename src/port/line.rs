@@ -15,8 +15,9 @@ mod opening;
 
 pub(crate) use opening::Opening;
 
-/// Bytes that may be heard and not yet understood: a frame and as much noise again.
-const RECEIVE_BYTES_MAX: usize = 2 * rtu::FRAME_BYTES_MAX;
+/// Bytes that may be heard and not yet understood: a frame, and as much noise again, or half of it with the feature `small`.
+const RECEIVE_BYTES_MAX: usize =
+    if cfg!(feature = "small") { rtu::FRAME_BYTES_MAX * 3 / 2 } else { rtu::FRAME_BYTES_MAX * 2 };
 /// A line that takes no bytes for so long beyond their time on the wire is lost.
 const STUCK: Duration = Duration::from_secs(2);
 /// The line is gone and must be opened again.

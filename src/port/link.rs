@@ -8,10 +8,10 @@
 use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
+use crate::capture::Tap;
 use crate::config::{StreamFraming, TcpClientSettings};
 use crate::frame::{Cause, Frame};
 use crate::hal::TcpStream;
-use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header};
 use crate::port::desk::Desk;
 use crate::port::flights::Flights;
@@ -23,8 +23,8 @@ mod receive;
 
 /// Pause after a broadcast by RTU over TCP: the turnaround delay of the line behind it (Serial Line 2.4.1).
 const TURNAROUND: Duration = Duration::from_millis(100);
-/// Bytes that may come between a request and the end of its response: a frame and as much noise again.
-const INPUT_BYTES_MAX: usize = 2 * ADU_BYTES_MAX;
+/// Bytes that may come between a request and the end of its response: a frame, and half of one of noise.
+const INPUT_BYTES_MAX: usize = ADU_BYTES_MAX + ADU_BYTES_MAX / 2;
 /// A connection that lived for so long without a request was in order, though the server has closed it.
 const SETTLED: Duration = Duration::from_secs(1);
 
@@ -165,17 +165,14 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
 
     async fn send(&mut self, order: Frame<'g>, unit: u8, now: Instant) -> Result<(), End> {
         let place = self.desk.place();
-        let mut request = [0; PDU_BYTES_MAX];
-        let length = order.copy_pdu(&mut request);
-        let request = request.get(..length).unwrap_or(&[]);
         let broadcast = unit == 0 && self.settings.framing == StreamFraming::Rtu;
         if broadcast {
-            let sent = self.write(0, unit, request).await;
+            let sent = self.write(0, unit, &order).await;
             self.desk.done_silently(&order);
             sent?;
             self.active = now + TURNAROUND;
         } else {
-            let id = match self.flights.start(order, unit, now, self.settings.timeout) {
+            let id = match self.flights.start(order.share(), unit, now, self.settings.timeout) {
                 Ok(id) => id,
                 // There is room, it was looked for just now.
                 Err(order) => {
@@ -184,7 +181,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
                 }
             };
             place.units(|units| units.asked(unit));
-            self.write(id, unit, request).await?;
+            self.write(id, unit, &order).await?;
             self.active = now;
         }
         self.used = now;
@@ -192,14 +189,24 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         Ok(())
     }
 
-    async fn write(&mut self, transaction: u16, unit: u8, request: &[u8]) -> Result<(), End> {
+    /// Shows a frame to whoever follows.
+    fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
+        let kind = self.settings.framing.into();
+        let tap = Tap { capture: self.desk.gateway().capture(), port: self.desk.id(), kind };
+        tap.passed(tap.asker(), sent, verdict, bytes);
+    }
+
+    async fn write(&mut self, transaction: u16, unit: u8, order: &Frame<'g>) -> Result<(), End> {
         if self.settings.framing == StreamFraming::Rtu {
             // What came before the request is no answer to it.
             self.drop_noise();
         }
         let mut frame = [0; ADU_BYTES_MAX];
         let header = Header { transaction, unit };
-        let frame = encode(self.settings.framing, header, request, &mut frame).map_err(|_| End::Lost)?;
+        let framing = self.settings.framing;
+        let length = order.pdu(|request| encode(framing, header, request, &mut frame).map_or(0, <[u8]>::len));
+        let frame = frame.get(..length).unwrap_or(&[]);
+        self.tap(true, Event::Request, frame);
         // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
         match with_timeout(self.settings.timeout, self.stream.write_all(frame)).await {
             Ok(Ok(())) => Ok(()),

@@ -22,7 +22,7 @@ use crate::stats::Event;
 
 /// Keeps the line open and carries out the desk's orders, for ever.
 pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSettings, host: &mut H) {
-    let mut opening = Opening::new(desk.place(), settings);
+    let mut opening = Opening::new(desk.place().place(), settings);
     loop {
         let jitter = host.read_jitter();
         let opened = opening.opened(host.open(&settings.device, &settings.line).await, jitter);
@@ -101,13 +101,17 @@ async fn carry_out<'g, L: SerialLine>(
         return Ok(());
     }
     place.units(|units| units.asked(unit));
-    if !arriving && frame.envelope().origin.way == Way::Line {
+    let way = frame.origin().way;
+    if !arriving && way == Way::Line {
         place.stats.count(Event::Stored);
     }
     let outcome = match if arriving { Ok(()) } else { bus.send(unit, request).await? } {
         Ok(()) => bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?,
         Err(Collision) => Err(Failure::Collision),
     };
+    if way == Way::Console {
+        desk.gateway().asking.note(outcome);
+    }
     match outcome {
         Ok(took) => {
             let exception = frame.function() & EXCEPTION_BIT != 0;

@@ -1,4 +1,4 @@
-//! A TCP server: one seat's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP.
+//! A TCP server: one seat's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP, or with a capture.
 //!
 //! Each of the listener's clients has a seat; one seat more is always there to accept a newcomer and to decide who goes
 //! when all places are taken: the ordinary client that has been idle longest. Requests are cut out of the stream, put
@@ -8,22 +8,26 @@
 
 use core::future::pending;
 use core::net::SocketAddr;
+use core::pin::pin;
 
-use embassy_futures::select::{Either4, select4};
+use embassy_futures::select::{Either, Either4, select, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
-use crate::config::{PortId, StreamFraming, TcpServerSettings};
+use crate::capture::{Export, Tap};
+use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
 use crate::hal::{TcpHost, TcpStream};
+use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
-use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::stream::{Input, encode};
 use crate::stats::{Event, LastError};
 
 /// A client that does not take an answer for so long is closed.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
+/// How often it is looked whether there are frames for a capture: what a busy line brings meanwhile fits into the ring.
+const EXPORT_PAUSE: Duration = Duration::from_millis(5);
 /// Pause after the listener failed.
 const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
@@ -32,9 +36,27 @@ pub(crate) struct Server<'s, 'g> {
     pub(crate) gateway: &'s Gateway<'g>,
     pub(crate) id: PortId,
     pub(crate) place: &'s PortPlace,
-    pub(crate) settings: &'s TcpServerSettings,
+    pub(crate) settings: &'s Terms,
     pub(crate) seat: &'s Seat,
     pub(crate) index: usize,
+}
+
+/// What a seat keeps of its server's settings. The lists of addresses it looks up when a client comes: each seat has a copy of
+/// this for ever.
+#[derive(Clone, Copy)]
+pub(crate) struct Terms {
+    listen: TcpListen,
+    framing: StreamFraming,
+    idle: Duration,
+    pipeline: u8,
+    lifetime: Duration,
+}
+
+impl Terms {
+    pub(crate) fn of(settings: &TcpServerSettings) -> Self {
+        let TcpServerSettings { listen, framing, idle, pipeline, lifetime, .. } = *settings;
+        Self { listen, framing, idle, pipeline, lifetime }
+    }
 }
 
 /// Why a connection ends.
@@ -73,8 +95,9 @@ impl Server<'_, '_> {
         }
         let (mut stream, peer) = host.accept(&self.settings.listen).await?;
         self.place.stats.count(Event::Connected);
-        let end = if self.settings.allowed.admits(peer.ip()) {
+        let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
+                Some(_) if self.settings.framing == StreamFraming::Capture => self.export(&mut stream).await,
                 Some(origin) => self.serve(&mut stream, origin, peer).await,
                 None => End::Crowded,
             }
@@ -93,6 +116,11 @@ impl Server<'_, '_> {
         Ok(())
     }
 
+    /// What `of` takes from the server's settings; none when it is no server any more.
+    fn all_settings<R>(&self, of: impl FnOnce(&TcpServerSettings) -> R) -> Option<R> {
+        self.gateway.settings(|settings| settings.tcp_server(self.id).map(of))
+    }
+
     /// The seat is empty: answers that still come find nobody.
     pub(crate) fn left(&self) {
         self.seat.update(|seat| seat.peer = None);
@@ -103,8 +131,11 @@ impl Server<'_, '_> {
     fn seat_down(&self, peer: SocketAddr) -> Option<Origin> {
         let now = Instant::now();
         self.seat.leave.reset();
+        let (marked, clients, reserved) = self.all_settings(|settings| {
+            let marked = settings.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
+            (marked, usize::from(settings.clients), usize::from(settings.reserved))
+        })?;
         let own = self.seat.update(|seat| {
-            let marked = self.settings.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
             let generation = seat.generation.wrapping_add(1);
             let (port, peer) = (seat.port, Some(peer));
             *seat = SeatState {
@@ -126,8 +157,7 @@ impl Server<'_, '_> {
                 .map(|seat| (seat, seat.state()))
                 .filter(move |(_, seat)| of_port(seat))
         };
-        let clients = usize::from(self.settings.clients);
-        let ordinary_max = clients.saturating_sub(usize::from(self.settings.reserved));
+        let ordinary_max = clients.saturating_sub(reserved);
         let ordinary = seated().filter(|(_, seat)| !seat.marked).count();
         if seated().count() > clients || (!own.marked && ordinary > ordinary_max) {
             let idle = seated().filter(|(seat, state)| {
@@ -157,7 +187,7 @@ impl Server<'_, '_> {
                 Either4::First(Ok(0) | Err(_)) => return End::Client,
                 Either4::First(Ok(count)) => input.grew(count),
                 Either4::Second(frame) => {
-                    if let Err(end) = self.give(stream, frame).await {
+                    if let Err(end) = self.give(stream, peer, frame).await {
                         return end;
                     }
                 }
@@ -185,13 +215,21 @@ impl Server<'_, '_> {
                 Ok(Parsed::Incomplete) => return Ok(Waits::No),
                 Ok(Parsed::Skip { consumed }) => {
                     self.place.stats.count(input.skip_event());
+                    self.tap(peer, false, input.skip_event(), input.first(consumed));
                     consumed
                 }
                 Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, peer, header, pdu) {
-                    Taken::Sent => consumed,
+                    Taken::Sent => {
+                        self.tap(peer, false, Event::Request, input.first(consumed));
+                        consumed
+                    }
                     Taken::Refused(exception) => {
                         let answer = exception.response(pdu.first().copied().unwrap_or(0));
-                        self.write(stream, header, &answer).await?;
+                        self.tap(peer, false, Event::Request, input.first(consumed));
+                        let mut out = [0; ADU_BYTES_MAX];
+                        let framing = self.settings.framing;
+                        let answer = encode(framing, header, &answer, &mut out).unwrap_or(&[]);
+                        self.write(stream, peer, answer).await?;
                         consumed
                     }
                     Taken::Starved => {
@@ -240,34 +278,76 @@ impl Server<'_, '_> {
     }
 
     /// Gives an answer to the client; a frame that came home without one is only counted off.
-    async fn give<S: TcpStream>(&self, stream: &mut S, frame: Frame<'_>) -> Result<(), End> {
+    async fn give<S: TcpStream>(
+        &self,
+        stream: &mut S,
+        peer: SocketAddr,
+        frame: Frame<'_>,
+    ) -> Result<(), End> {
         self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
         let envelope = frame.envelope();
         if envelope.stage == Stage::Silence {
             return Ok(());
         }
-        let mut answer = [0; PDU_BYTES_MAX];
-        let length = frame.copy_pdu(&mut answer);
-        drop(frame);
-        let answer = answer.get(..length).unwrap_or(&[]);
         self.place.stats.count(Event::Answer);
-        if let [function, code] = *answer
-            && function & EXCEPTION_BIT != 0
-        {
-            self.place.stats.count(Event::Exception);
-            self.place.stats.note_exception(Exception(code), envelope.cause);
-        }
-        self.write(stream, Header { transaction: envelope.transaction, unit: envelope.unit }, answer).await
+        let header = Header { transaction: envelope.transaction, unit: envelope.unit };
+        let mut out = [0; ADU_BYTES_MAX];
+        let length = frame.pdu(|answer| {
+            if let [function, code] = *answer
+                && function & EXCEPTION_BIT != 0
+            {
+                self.place.stats.count(Event::Exception);
+                self.place.stats.note_exception(Exception(code), envelope.cause);
+            }
+            encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
+        });
+        drop(frame);
+        self.write(stream, peer, out.get(..length).unwrap_or(&[])).await
     }
 
     /// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, header: Header, answer: &[u8]) -> Result<(), End> {
-        let mut out = [0; ADU_BYTES_MAX];
-        let Ok(out) = encode(self.settings.framing, header, answer, &mut out) else { return Ok(()) };
-        match with_timeout(WRITE_PATIENCE, stream.write_all(out)).await {
+    async fn write<S: TcpStream>(&self, stream: &mut S, peer: SocketAddr, answer: &[u8]) -> Result<(), End> {
+        self.tap(peer, true, Event::Answer, answer);
+        match with_timeout(WRITE_PATIENCE, stream.write_all(answer)).await {
             Ok(Ok(())) => Ok(()),
             Ok(Err(_)) => Err(End::Client),
             Err(_) => Err(End::Stalled),
+        }
+    }
+
+    /// Shows a frame from or to `peer` to whoever follows.
+    fn tap(&self, peer: SocketAddr, sent: bool, verdict: Event, bytes: &[u8]) {
+        let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
+        tap.passed(peer.port(), sent, verdict, bytes);
+    }
+
+    /// Gives a client the frames of all ports as they come.
+    async fn export<S: TcpStream>(&self, stream: &mut S) -> End {
+        let leave = pin!(self.seat.leave.wait());
+        let export = pin!(async {
+            let mut export = match with_timeout(WRITE_PATIENCE, Export::begin(self.gateway, stream)).await {
+                Ok(Ok(Some(export))) => export,
+                Ok(_) => return End::Client,
+                Err(_) => return End::Stalled,
+            };
+            loop {
+                // Whoever takes no frame for so long takes none at all.
+                match with_timeout(WRITE_PATIENCE, export.write_next(stream)).await {
+                    Ok(Ok(true)) => continue,
+                    Ok(Ok(false)) => {}
+                    Ok(Err(_)) => return End::Client,
+                    Err(_) => return End::Stalled,
+                }
+                let mut said = [0; 16];
+                match select(stream.read(&mut said), Timer::after(EXPORT_PAUSE)).await {
+                    Either::First(Ok(0) | Err(_)) => return End::Client,
+                    Either::First(Ok(_)) | Either::Second(()) => {}
+                }
+            }
+        });
+        match select(leave, export).await {
+            Either::First(()) => End::Crowded,
+            Either::Second(end) => end,
         }
     }
 

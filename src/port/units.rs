@@ -5,9 +5,13 @@
 //! once, and one in a while goes through as a probe, 1, 2, 4 ... 30 s apart, so that a dead unit does not slow the
 //! living ones. A unit that refused a joined read, or gave no answer, is asked for less at a time for a while.
 
+use core::iter::successors;
+use core::mem;
+
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
+use crate::config::{PORTS_MAX, PortId};
 use crate::port::answer_times::AnswerTimes;
 use crate::port::queue::Ready;
 use crate::stats::Event;
@@ -15,6 +19,8 @@ use crate::stats::Event;
 /// Units remembered at one port: the loads that an RS-485 segment carries. The quietest healthy one is forgotten
 /// when another one comes. The feature `small` remembers half as many.
 pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 32 };
+/// Units remembered at all ports together, since few ports have as many as they may: see [`AllUnits`].
+pub const ALL_UNITS_MAX: usize = if cfg!(feature = "small") { 64 } else { 256 };
 /// First and longest pause between probes of a unit that is down.
 pub const PROBE_FIRST: Duration = Duration::from_secs(1);
 /// See [`PROBE_FIRST`].
@@ -70,13 +76,12 @@ pub struct Unit {
     pub took_us: u32,
     /// Time-outs since the last sign of life.
     pub silent: u8,
-    /// Whether requests fail at once.
-    pub down: bool,
+    /// How often it has been tried since it is down, and once more; 0: it is not.
+    tried: u8,
     /// No request before this time: a late answer may come, or the next probe is not due.
     pub held_until: Instant,
     /// The late answer may come until then, whatever is due.
     late_until: Instant,
-    probe_after_ms: u32,
     /// Reads are not joined before this time.
     join_after: Instant,
 }
@@ -94,39 +99,122 @@ impl Unit {
             disturbed: false,
             took_us: 0,
             silent: 0,
-            down: false,
+            tried: 0,
             held_until: Instant::MIN,
             late_until: Instant::MIN,
-            probe_after_ms: PROBE_FIRST.as_millis() as u32,
             join_after: Instant::MIN,
         }
     }
 }
 
-/// The units of one port.
-#[derive(Default)]
-pub struct Units(Vec<Unit, UNITS_MAX>);
+/// The units of all ports, in one memory: each port's are a list in it.
+///
+/// When all places are taken, the quietest healthy unit of the port that has most of them is forgotten, so no port can take the
+/// places of others that have few.
+pub struct AllUnits {
+    units: Vec<Unit, ALL_UNITS_MAX>,
+    /// The place behind each one in its list, counted from 1; 0: it is the last.
+    next: [u16; ALL_UNITS_MAX],
+    ports: [List; PORTS_MAX],
+    /// Places that were used before.
+    free: List,
+}
 
-impl Units {
+#[derive(Clone, Copy)]
+struct List {
+    /// The first place, counted from 1; 0: the list is empty.
+    first: u16,
+    frozen: bool,
+}
+
+impl List {
+    const EMPTY: Self = Self { first: 0, frozen: false };
+}
+
+impl AllUnits {
     /// None known.
     pub const fn new() -> Self {
-        Self(Vec::new())
+        Self {
+            units: Vec::new(),
+            next: [0; ALL_UNITS_MAX],
+            ports: [List::EMPTY; PORTS_MAX],
+            free: List::EMPTY,
+        }
     }
 
+    /// The units of `port`.
+    pub fn of(&mut self, port: PortId) -> Units<'_> {
+        Units { all: self, port: port.index() }
+    }
+
+    /// The places of a list, in their order.
+    fn places(&self, list: List) -> impl Iterator<Item = usize> {
+        let after = |place: &usize| usize::from(*self.next.get(*place)?).checked_sub(1);
+        successors(usize::from(list.first).checked_sub(1), after)
+    }
+
+    fn list(&self, port: usize) -> List {
+        self.ports.get(port).copied().unwrap_or(List::EMPTY)
+    }
+
+    /// Takes `place` out of the list of `port`.
+    fn release(&mut self, port: usize, place: usize) {
+        let before = self.places(self.list(port)).take_while(|other| *other != place).last();
+        let Some(next) = self.next.get_mut(place) else { return };
+        let after = mem::replace(next, self.free.first);
+        self.free.first = place as u16 + 1;
+        match before {
+            Some(before) => self.next.get_mut(before).into_iter().for_each(|next| *next = after),
+            None => self.ports.get_mut(port).into_iter().for_each(|list| list.first = after),
+        }
+    }
+
+    /// A place that no list has.
+    fn claim(&mut self, id: u8) -> Option<usize> {
+        let Some(place) = usize::from(self.free.first).checked_sub(1) else {
+            let place = self.units.len();
+            return self.units.push(Unit::new(id)).is_ok().then_some(place);
+        };
+        self.free.first = mem::take(self.next.get_mut(place)?);
+        *self.units.get_mut(place)? = Unit::new(id);
+        Some(place)
+    }
+}
+
+impl Default for AllUnits {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The units of one port.
+pub struct Units<'u> {
+    all: &'u mut AllUnits,
+    port: usize,
+}
+
+impl Units<'_> {
     /// The known units in the order of their first request.
     pub fn iter(&self) -> impl Iterator<Item = &Unit> {
-        self.0.iter()
+        self.all.places(self.all.list(self.port)).filter_map(|place| self.all.units.get(place))
     }
 
     /// Forgets all.
     pub fn clear(&mut self) {
-        self.0.clear();
+        while let Some(first) = usize::from(self.all.list(self.port).first).checked_sub(1) {
+            self.all.release(self.port, first);
+        }
+    }
+
+    /// While `frozen`, nothing is learned: who looks for units asks many that are not there.
+    pub fn freeze(&mut self, frozen: bool) {
+        self.all.ports.get_mut(self.port).into_iter().for_each(|list| list.frozen = frozen);
     }
 
     /// Whether `id` may be asked at `now`.
     pub fn gate(&self, id: u8, now: Instant) -> Gate {
-        match self.0.iter().find(|unit| unit.id == id) {
-            Some(unit) if unit.held_until > now && unit.down => Gate::Down,
+        match self.iter().find(|unit| unit.id == id) {
+            Some(unit) if unit.held_until > now && unit.is_down() => Gate::Down,
             Some(unit) if unit.held_until > now => Gate::Open(Ready::At(unit.held_until)),
             _ => Gate::Open(Ready::Now),
         }
@@ -134,7 +222,7 @@ impl Units {
 
     /// When `id` may be asked by somebody who spares units that are down by himself: as soon as no late answer can come.
     pub fn attempt(&self, id: u8, now: Instant) -> Ready {
-        match self.0.iter().find(|unit| unit.id == id) {
+        match self.iter().find(|unit| unit.id == id) {
             Some(unit) if unit.late_until > now => Ready::At(unit.late_until),
             _ => Ready::Now,
         }
@@ -142,129 +230,147 @@ impl Units {
 
     /// Whether every unit may be asked at `now`, and none counts as down: mostly none has to be looked at by itself.
     pub fn all_well(&self, now: Instant) -> bool {
-        self.0.iter().all(|unit| unit.held_until <= now && !unit.down)
+        self.iter().all(|unit| unit.held_until <= now && !unit.is_down())
     }
 
     /// Whether `id` counts as down, whatever is due.
     pub fn is_down(&self, id: u8) -> bool {
-        self.0.iter().any(|unit| unit.id == id && unit.down)
+        self.iter().any(|unit| unit.id == id && unit.is_down())
     }
 
     /// Whether reads of `id` may be joined at `now`.
     pub fn joins(&self, id: u8, now: Instant) -> bool {
-        !self.0.iter().any(|unit| unit.id == id && unit.join_after > now)
+        !self.iter().any(|unit| unit.id == id && unit.join_after > now)
     }
 
     /// `id` refused a joined read.
     pub fn refused_join(&mut self, id: u8, now: Instant) {
-        self.entry(id, |unit| unit.join_after = now + JOIN_PAUSE);
+        if let Some(unit) = self.entry(id) {
+            unit.join_after = now + JOIN_PAUSE;
+        }
     }
 
     /// A request to `id` is sent.
     pub fn asked(&mut self, id: u8) {
-        self.entry(id, |unit| {
+        if let Some(unit) = self.entry(id) {
             unit.requests = unit.requests.wrapping_add(1);
             unit.disturbed = false;
-        });
+        }
     }
 
     /// `id` answered `took` after the request's end.
     pub fn answered(&mut self, id: u8, took: Duration, exception: bool) {
-        self.entry(id, |unit| {
+        if let Some(unit) = self.entry(id) {
             unit.answers = unit.answers.wrapping_add(1);
             unit.exceptions = unit.exceptions.wrapping_add(u32::from(exception));
             unit.took_us = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
             unit.times.add(unit.took_us);
             unit.alive();
-        });
+        }
     }
 
     /// Counts `trouble` with `id`.
     pub fn trouble(&mut self, id: u8, trouble: Event) {
-        self.entry(id, |unit| unit.count(trouble));
+        if let Some(unit) = self.entry(id) {
+            unit.count(trouble);
+        }
     }
 
     /// Whether an answer of `id` would be a late one at `now`.
     pub fn is_late(&self, id: u8, now: Instant) -> bool {
-        self.0.iter().any(|unit| unit.id == id && unit.late_until > now)
+        self.iter().any(|unit| unit.id == id && unit.late_until > now)
     }
 
     /// Sets what was counted to zero; the units' health stays.
     pub fn clear_counters(&mut self) {
-        for unit in &mut self.0 {
-            let Unit { silent, down, held_until, late_until, probe_after_ms, join_after, .. } = *unit;
-            let health = Unit {
-                silent,
-                down,
-                held_until,
-                late_until,
-                probe_after_ms,
-                join_after,
-                ..Unit::new(unit.id)
-            };
-            *unit = health;
+        let mut place = self.all.list(self.port).first;
+        while let Some(at) = usize::from(place).checked_sub(1) {
+            if let Some(unit) = self.all.units.get_mut(at) {
+                let Unit { silent, tried, held_until, late_until, join_after, .. } = *unit;
+                *unit = Unit { silent, tried, held_until, late_until, join_after, ..Unit::new(unit.id) };
+            }
+            place = self.all.next.get(at).copied().unwrap_or(0);
         }
     }
 
     /// `id` answered, but the answer was damaged on its way, by `trouble`: it is alive.
     pub fn damaged(&mut self, id: u8, trouble: Event) {
-        self.entry(id, |unit| {
+        if let Some(unit) = self.entry(id) {
             unit.count(trouble);
             unit.alive();
-        });
+        }
     }
 
     /// `id` gave no answer. It is held for `window`; after `down_after` such in a row (0: never) it is down. Says whether
     /// nothing at all was heard.
     pub fn timed_out(&mut self, id: u8, now: Instant, window: Duration, down_after: u8) -> bool {
-        let mut silent = false;
-        self.entry(id, |unit| {
-            silent = !unit.disturbed;
-            if silent {
-                unit.count(Event::Silent);
-            }
-            unit.timeouts = unit.timeouts.wrapping_add(1);
-            unit.silent = unit.silent.saturating_add(1);
-            unit.late_until = now + window;
-            // There are devices that do not answer what is too much for them.
-            unit.join_after = now + JOIN_PAUSE;
-            if unit.down && unit.held_until > now {
-                // It was asked several things at a time, and the first time-out of them has said so already.
-                return;
-            }
-            unit.held_until = now + window;
-            if down_after != 0 && unit.silent >= down_after {
-                unit.down = true;
-                let probe_after = Duration::from_millis(unit.probe_after_ms.into());
-                unit.held_until = now + window.max(probe_after);
-                unit.probe_after_ms = (probe_after * 2).min(PROBE_LONGEST).as_millis() as u32;
-            }
-        });
+        let Some(unit) = self.entry(id) else { return false };
+        let silent = !unit.disturbed;
+        if silent {
+            unit.count(Event::Silent);
+        }
+        unit.timeouts = unit.timeouts.wrapping_add(1);
+        unit.silent = unit.silent.saturating_add(1);
+        unit.late_until = now + window;
+        // There are devices that do not answer what is too much for them.
+        unit.join_after = now + JOIN_PAUSE;
+        if unit.is_down() && unit.held_until > now {
+            // It was asked several things at a time, and the first time-out of them has said so already.
+            return silent;
+        }
+        unit.held_until = now + window;
+        if down_after != 0 && unit.silent >= down_after {
+            unit.tried = unit.tried.saturating_add(1);
+            unit.held_until = now + window.max(unit.probe_after());
+        }
         silent
     }
 
     /// `id` is held for `window`: an answer that nobody waits for may come.
     pub fn hold(&mut self, id: u8, now: Instant, window: Duration) {
-        self.entry(id, |unit| {
+        if let Some(unit) = self.entry(id) {
             unit.held_until = unit.held_until.max(now + window);
             unit.late_until = unit.late_until.max(now + window);
-        });
+        }
     }
 
-    fn entry(&mut self, id: u8, change: impl FnOnce(&mut Unit)) {
-        let known = self.0.iter().position(|unit| unit.id == id);
-        let index = known.unwrap_or_else(|| {
-            if self.0.is_full() {
-                let quietest = |(_, unit): &(usize, &Unit)| (unit.down, unit.held_until, unit.requests);
-                let forgotten = self.0.iter().enumerate().min_by_key(quietest).map_or(0, |(index, _)| index);
-                self.0.remove(forgotten);
-            }
-            // There is room now.
-            let _ = self.0.push(Unit::new(id));
-            self.0.len() - 1
-        });
-        if let Some(unit) = self.0.get_mut(index) {
-            change(unit);
+    /// The unit `id`, made if it is not known yet; none while nothing is learned.
+    fn entry(&mut self, id: u8) -> Option<&mut Unit> {
+        let list = self.all.list(self.port);
+        if list.frozen {
+            return None;
+        }
+        let is_known = |place: &usize| self.all.units.get(*place).is_some_and(|unit| unit.id == id);
+        let known = self.all.places(list).find(is_known);
+        let place = known.or_else(|| self.remember(id))?;
+        self.all.units.get_mut(place)
+    }
+
+    /// Makes a place for `id` at the end of the list.
+    fn remember(&mut self, id: u8) -> Option<usize> {
+        let units_of = |port| self.all.places(self.all.list(port)).count();
+        if units_of(self.port) >= UNITS_MAX {
+            self.forget_one(self.port);
+        } else if self.all.free.first == 0 && self.all.units.is_full() {
+            let most = (0..PORTS_MAX).max_by_key(|port| units_of(*port));
+            self.forget_one(most.unwrap_or(self.port));
+        }
+        let place = self.all.claim(id)?;
+        let link = place as u16 + 1;
+        match self.all.places(self.all.list(self.port)).last() {
+            Some(last) => *self.all.next.get_mut(last)? = link,
+            None => self.all.ports.get_mut(self.port)?.first = link,
+        }
+        Some(place)
+    }
+
+    /// Forgets the quietest healthy unit of `port`.
+    fn forget_one(&mut self, port: usize) {
+        let places = self.all.places(self.all.list(port));
+        let known = places.filter_map(|place| Some((place, self.all.units.get(place)?)));
+        let quietest = known.min_by_key(|(_, unit)| (unit.is_down(), unit.held_until, unit.requests));
+        if let Some((place, _)) = quietest {
+            self.all.release(port, place);
         }
     }
 }
@@ -288,11 +394,21 @@ impl Unit {
         }
     }
 
+    /// Whether requests fail at once.
+    pub fn is_down(&self) -> bool {
+        self.tried > 0
+    }
+
+    /// How long after the latest try it is tried again.
+    fn probe_after(&self) -> Duration {
+        let doubled = self.tried.saturating_sub(1).min(8);
+        (PROBE_FIRST * (1 << doubled)).min(PROBE_LONGEST)
+    }
+
     fn alive(&mut self) {
         self.silent = 0;
-        self.down = false;
+        self.tried = 0;
         // It need not wait for a probe any more.
         self.held_until = self.held_until.min(self.late_until);
-        self.probe_after_ms = PROBE_FIRST.as_millis() as u32;
     }
 }

@@ -34,7 +34,7 @@ impl ScannerPlace {
     }
 
     /// Waits until something may have been marked.
-    pub(crate) async fn changed(&self) {
+    pub async fn changed(&self) {
         self.changed.wait().await;
     }
 }

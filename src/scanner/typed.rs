@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use super::fraction;
+
 /// How the cells of a row are read as values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ValueType {
@@ -54,7 +56,7 @@ impl ValueType {
     /// The registers of the value that `text` is, of which those that it takes are the first; hexadecimal behind `0x`.
     pub fn parse(self, text: &str) -> Option<[u8; 4]> {
         if self == Self::F32 {
-            return text.parse::<f32>().ok().map(|value| value.to_bits().to_be_bytes());
+            return fraction::parse(text).map(|value| value.to_bits().to_be_bytes());
         }
         let whole: i64 = match text.strip_prefix("0x") {
             Some(digits) => u32::from_str_radix(digits, 16).ok()?.into(),
@@ -83,7 +85,7 @@ impl fmt::Display for TypedValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Whole(value) => value.fmt(f),
-            Self::Fraction(value) => value.fmt(f),
+            Self::Fraction(value) => fraction::write(*value, f),
         }
     }
 }

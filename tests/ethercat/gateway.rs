@@ -3,7 +3,15 @@
 pub(crate) mod bench;
 mod conduct;
 mod configuration;
+mod controller;
 mod drive;
 mod exchange;
+mod keeping;
+mod line;
+mod long_images;
 pub(crate) mod matrix;
+mod objects;
+mod random;
+mod requests;
+mod silence;
 pub(crate) mod virtual_devices;

@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
+use mobgate::config::PortId;
 use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::client::session::Session;
@@ -306,7 +307,7 @@ fn a_forced_unit_id_is_sent_and_the_asker_sees_its_own() {
         assert_eq!(ask(world, rig, 77, &READ).0, value(255));
         let units =
             |units: &mut mobgate::port::units::Units| units.iter().map(|unit| unit.id).collect::<Vec<_>>();
-        assert_eq!(rig.gateway.ports()[0].units(units), [255]);
+        assert_eq!(rig.gateway.place(PortId(0)).unwrap().units(units), [255]);
     });
 }
 

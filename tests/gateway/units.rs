@@ -1,8 +1,9 @@
 //! The health of units: late-reply window, down, probes.
 
 use embassy_time::{Duration, Instant};
+use mobgate::config::{PORTS_MAX, PortId};
 use mobgate::port::queue::Ready;
-use mobgate::port::units::{Gate, PROBE_LONGEST, UNITS_MAX, Units};
+use mobgate::port::units::{ALL_UNITS_MAX, AllUnits, Gate, PROBE_LONGEST, UNITS_MAX, Units};
 use mobgate::stats::Event;
 
 const WINDOW: Duration = Duration::from_secs(1);
@@ -15,7 +16,8 @@ fn time_out(units: &mut Units, id: u8, now: Instant) {
 
 #[test]
 fn after_a_time_out_a_unit_is_held_for_the_window() {
-    let mut units = Units::new();
+    let (mut all, port) = (AllUnits::new(), PortId(0));
+    let mut units = all.of(port);
     let now = Instant::from_secs(10);
     assert_eq!(units.gate(5, now), Gate::Open(Ready::Now));
     time_out(&mut units, 5, now);
@@ -26,7 +28,8 @@ fn after_a_time_out_a_unit_is_held_for_the_window() {
 
 #[test]
 fn a_silent_unit_is_down_and_probed_at_growing_intervals() {
-    let mut units = Units::new();
+    let (mut all, port) = (AllUnits::new(), PortId(0));
+    let mut units = all.of(port);
     let mut now = Instant::from_secs(0);
     for _ in 0..DOWN_AFTER {
         now += Duration::from_secs(2);
@@ -49,7 +52,8 @@ fn one_answer_makes_a_unit_well_again() {
         |units: &mut Units| units.answered(5, WINDOW, true),
         |units: &mut Units| units.damaged(5, Event::BadCheck),
     ] {
-        let mut units = Units::new();
+        let (mut all, port) = (AllUnits::new(), PortId(0));
+        let mut units = all.of(port);
         for second in 0..10 {
             time_out(&mut units, 5, Instant::from_secs(second * 100));
         }
@@ -62,7 +66,8 @@ fn one_answer_makes_a_unit_well_again() {
 
 #[test]
 fn with_zero_a_unit_is_never_down() {
-    let mut units = Units::new();
+    let (mut all, port) = (AllUnits::new(), PortId(0));
+    let mut units = all.of(port);
     for second in 0..100 {
         units.timed_out(5, Instant::from_secs(second), WINDOW, 0);
         assert_ne!(units.gate(5, Instant::from_secs(second)), Gate::Down);
@@ -71,7 +76,8 @@ fn with_zero_a_unit_is_never_down() {
 
 #[test]
 fn when_there_are_more_units_than_places_the_ones_in_trouble_are_remembered() {
-    let mut units = Units::new();
+    let (mut all, port) = (AllUnits::new(), PortId(0));
+    let mut units = all.of(port);
     for _ in 0..DOWN_AFTER {
         time_out(&mut units, 200, Instant::from_secs(1));
     }
@@ -81,4 +87,26 @@ fn when_there_are_more_units_than_places_the_ones_in_trouble_are_remembered() {
     }
     assert_eq!(units.iter().count(), UNITS_MAX);
     assert_eq!(units.gate(200, Instant::from_secs(1)), Gate::Down);
+}
+
+#[test]
+fn the_units_of_one_port_do_not_take_the_places_of_another() {
+    let mut all = AllUnits::new();
+    let now = Instant::from_secs(1);
+    let few = PortId(PORTS_MAX as u8 - 1);
+    for id in 1..=3 {
+        time_out(&mut all.of(few), id, now);
+    }
+    for port in (0..few.0).map(PortId) {
+        (1..=247).for_each(|id| all.of(port).asked(id));
+    }
+    let ids = |all: &mut AllUnits, port| all.of(port).iter().map(|unit| unit.id).collect::<Vec<_>>();
+    assert_eq!(ids(&mut all, few), [1, 2, 3]);
+    let all_units: usize = (0..PORTS_MAX).map(|port| all.of(PortId(port as u8)).iter().count()).sum();
+    assert_eq!(all_units, ALL_UNITS_MAX);
+    all.of(few).clear();
+    assert_eq!(ids(&mut all, few), []);
+    all.of(few).asked(9);
+    assert_eq!(ids(&mut all, few), [9]);
+    assert!(all.of(PortId(0)).iter().all(|unit| unit.id > 200), "the newest ones are known, and no more");
 }

@@ -13,7 +13,7 @@ use mobgate::hal::{OpenError, OpenErrorKind};
 use crate::tcp;
 
 /// Most sockets that a pool holds.
-pub const SOCKETS_MAX: usize = 64;
+pub const SOCKETS_MAX: usize = 32;
 
 /// The sockets that a board can have open at a time.
 ///

@@ -10,7 +10,7 @@ use crate::pool::{Lease, Sockets};
 use crate::tcp::{address, endpoint};
 
 /// Datagrams that a socket holds of each direction, as far as its buffer has room.
-const DATAGRAMS_MAX: usize = 8;
+const DATAGRAMS_MAX: usize = 4;
 
 /// Opens a UDP socket; every port has one of these.
 pub struct Datagrams {

@@ -8,7 +8,7 @@ use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 use mobgate::config::{Settings, TcpListen, apply};
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::Gateway;
+use mobgate::gateway::{Gateway, Ports};
 use mobgate::hal::{OpenErrorKind, TcpConnect, TcpHost, TcpStream as _, UdpHost, UdpSocket};
 use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets, TcpStream, address};
 use mobgate_simulator::World;
@@ -204,7 +204,8 @@ fn the_address_follows_the_settings() {
     let (near, far, _) = wired(&world, 1, 1);
     let slots = [const { Slot::new() }; 1];
     let pool = FramePool::new(&slots, 0);
-    let gateway = Gateway::new(&pool, &[], &[]).with_own_network();
+    let ports = Ports::<0>::new();
+    let gateway = Gateway::new(&pool, &ports, &[]).with_own_network();
     let mut settings = Settings::new();
     world.run_until(async {
         let reached = async {

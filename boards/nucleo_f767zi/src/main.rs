@@ -2,15 +2,16 @@
 #![no_std]
 #![no_main]
 
+mod clocks;
+
 use embassy_executor::Spawner;
 use embassy_stm32::eth::{self, Ethernet};
 use embassy_stm32::flash::Flash;
 use embassy_stm32::gpio::{Input, Pull};
-use embassy_stm32::rcc::{APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllSource, Sysclk};
-use embassy_stm32::time::Hertz;
+use embassy_stm32::interrupt::typelevel;
 use embassy_stm32::usart::{Config as Serial, Uart};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Config, bind_interrupts, dma, pac, peripherals as p};
+use embassy_stm32::{bind_interrupts, dma, exti, pac, peripherals as p};
 use mobgate_stm32::flash::SettingsFlash;
 use mobgate_stm32::lights::Lights;
 use mobgate_stm32::line::{Dma, Line, LineInterrupt, RING_BYTES};
@@ -38,27 +39,18 @@ bind_interrupts!(struct Interrupts {
     DMA1_STREAM7 => dma::InterruptHandler<p::DMA1_CH7>;
     DMA2_STREAM1 => dma::InterruptHandler<p::DMA2_CH1>;
     DMA2_STREAM6 => dma::InterruptHandler<p::DMA2_CH6>;
+    DMA2_STREAM0 => dma::InterruptHandler<p::DMA2_CH0>;
+    DMA2_STREAM3 => dma::InterruptHandler<p::DMA2_CH3>;
+    EXTI15_10 => exti::InterruptHandler<typelevel::EXTI15_10>;
     ETH => eth::InterruptHandler;
 });
 
 static RINGS: ConstStaticCell<[[u8; RING_BYTES]; 5]> = ConstStaticCell::new([[0; RING_BYTES]; 5]);
 static LINES: StaticCell<[Place; 4]> = StaticCell::new();
 
-/// 216 MHz, the chip's most, from the 8 MHz of the ST-LINK.
-fn clocks() -> Config {
-    let mut config = Config::default();
-    config.rcc.hse = Some(Hse { freq: Hertz(8_000_000), mode: HseMode::Bypass });
-    config.rcc.pll_src = PllSource::HSE;
-    let (prediv, mul, divp) = (PllPreDiv::DIV4, PllMul::MUL216, Some(PllPDiv::DIV2));
-    config.rcc.pll = Some(Pll { prediv, mul, divp, divq: None, divr: None });
-    config.rcc.sys = Sysclk::PLL1_P;
-    (config.rcc.apb1_pre, config.rcc.apb2_pre) = (APBPrescaler::DIV4, APBPrescaler::DIV2);
-    config
-}
-
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    let p = embassy_stm32::init(clocks());
+    let p = embassy_stm32::init(clocks::config());
     let mut lights = Lights::new(p.PB0.into(), p.PB7.into(), p.PB14.into());
     let forget = lights.button_is_held(&Input::new(p.PC13, Pull::Down)).await;
 
@@ -89,6 +81,14 @@ async fn main(spawner: Spawner) {
     let network = network::start(spawner, ethernet);
     let board = Board::new("NUCLEO-F767ZI", network);
     gateway::start(spawner, lines, network);
+    // Images without EtherCAT are smaller, see Cargo.toml.
+    #[cfg(feature = "ethercat")]
+    mobgate_stm32::ethercat::start(
+        spawner,
+        mobgate_stm32::ethercat::Wires::new(
+            p.SPI1, p.PA5, p.PB5, p.PA6, p.DMA2_CH3, p.DMA2_CH0, p.PD14, p.PD15, p.EXTI15, Interrupts,
+        ),
+    );
     console::start(spawner, board, terminal, SettingsFlash::new(Flash::new_blocking(p.FLASH)), forget);
     watchdog::watch(IndependentWatchdog::new(p.IWDG, watchdog::TIMEOUT_US), lights, network).await
 }

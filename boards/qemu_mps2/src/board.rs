@@ -1,19 +1,26 @@
 //! The board as the console sees it, and the settings that it begins with.
 
+use core::fmt::Write;
+
 use cortex_m::peripheral::SCB;
 use embassy_futures::block_on;
+use embassy_futures::join::join;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use mobgate::config::{Loader, Settings, read_store};
+use heapless::String;
+use mobgate::config::Loader;
 use mobgate::console::{self, Mode};
 use mobgate::gateway::Gateway;
 use mobgate::hal::{NetworkState, System};
+use mobgate_board::last_words::WORDS_BYTES_MAX;
 use mobgate_flash::{FlashStore, SharedStore};
 use mobgate_net::{Sockets, address};
 use static_cell::StaticCell;
 
+use crate::faults;
 use crate::flash::FileFlash;
 use crate::lines::CONSOLE;
+use crate::semihosting::CommandLine;
 use crate::uart::{DIVISOR_MIN, Line};
 
 /// Settings as long as nothing is saved: each line has units of its own.
@@ -36,24 +43,36 @@ pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
     let flash = FileFlash::open().expect("a file for the flash: see boards/qemu_mps2/emulate");
     let store = block_on(FlashStore::open(flash, 0)).expect("a flash that can be read and written");
     let mut store = SharedStore::new(STORE.init(Mutex::new(store)));
-    let mut settings = Settings::new();
-    let saved = block_on(read_store(&mut store, &mut settings));
-    if !matches!(saved, Ok(1..)) {
-        if let Err(error) = saved {
-            log::error!("saved settings: {error}");
-        }
-        let mut loader = Loader::new(&mut settings);
-        let loaded = loader.feed(FIRST_SETTINGS.as_bytes()).and_then(|()| loader.finish());
-        loaded.expect("lines of the language");
+    match block_on(gateway.load(&mut store)) {
+        Ok(1..) => return store,
+        Ok(0) => {}
+        Err(error) => log::error!("{error}"),
     }
-    if let Err(error) = gateway.apply(&settings) {
-        log::error!("saved settings: {error}");
-    }
+    let mut draft = block_on(gateway.draft());
+    let mut loader = Loader::new(&mut draft);
+    let loaded = loader.feed(FIRST_SETTINGS.as_bytes()).and_then(|()| loader.finish());
+    loaded.expect("lines of the language");
+    gateway.apply(&draft).expect("ports that this board has");
     store
 }
 
 /// This board.
-pub(crate) struct Board(pub(crate) &'static Sockets);
+pub(crate) struct Board {
+    sockets: &'static Sockets,
+    /// Why its last run has ended, if that was a fault.
+    last_words: Option<String<WORDS_BYTES_MAX>>,
+}
+
+impl Board {
+    /// The board as it has just started. The word `fault` on its command line makes it fail, once.
+    pub(crate) fn new(sockets: &'static Sockets) -> Self {
+        let last_words = mobgate_faults::take();
+        if last_words.is_none() && CommandLine::read().has("fault") {
+            faults::touch_nothing();
+        }
+        Self { sockets, last_words }
+    }
+}
 
 impl System for Board {
     fn name(&self) -> &str {
@@ -61,7 +80,12 @@ impl System for Board {
     }
 
     fn network(&self) -> Option<NetworkState> {
-        Some(address::state(self.0.stack()))
+        Some(address::state(self.sockets.stack()))
+    }
+
+    fn write_event(&self, n: usize, out: &mut dyn Write) -> Option<core::fmt::Result> {
+        let words = self.last_words.as_ref().filter(|_| n == 0)?;
+        Some(write!(out, "the last run ended: {words}"))
     }
 
     fn reboot(&self) {
@@ -69,11 +93,15 @@ impl System for Board {
     }
 }
 
-/// Serves the terminal on UART 0, for ever.
+/// Serves the terminal on UART 0, and saves the settings when an EtherCAT MainDevice wants that, for ever.
 pub(crate) async fn console(gateway: &Gateway<'_>, mut store: Store, board: Board) {
     let mut line = Line::open(CONSOLE, DIVISOR_MIN);
-    loop {
-        // After `exit` the next session begins: there is nowhere else to go.
-        let Ok(()) = console::run(gateway, &mut line, &mut store, &board, Mode::Echo).await;
-    }
+    let mut kept = store.another();
+    let sessions = async {
+        loop {
+            // After `exit` the next session begins: there is nowhere else to go.
+            let Ok(()) = console::run(gateway, &mut line, &mut store, &board, Mode::Echo).await;
+        }
+    };
+    join(gateway.keep_settings(&mut kept), sessions).await;
 }

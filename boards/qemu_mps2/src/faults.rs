@@ -1,20 +1,43 @@
-//! The end by a fault: it is told, and the emulator's status says so.
+//! The end by a panic or a fault: it is told, and the emulator's status says so. With the word `restart` on its command line the
+//! board starts again instead, as one with a chip does.
 
+use core::fmt;
 use core::panic::PanicInfo;
 
+use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
 use cortex_m_semihosting::hprintln;
+use mobgate_faults::{Fault, note};
 
-use crate::semihosting;
+use crate::semihosting::{self, CommandLine};
+
+/// Nothing is there on this machine.
+const NOWHERE: *const u32 = 0x9000_0000 as *const u32;
 
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {
-    hprintln!("{}", info);
-    semihosting::fail()
+    end(format_args!("{info}"))
 }
 
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    hprintln!("hard fault at {:#010x}, called from {:#010x}", frame.pc(), frame.lr());
+    end(format_args!("{}", Fault(frame)))
+}
+
+fn end(words: fmt::Arguments<'_>) -> ! {
+    cortex_m::interrupt::disable();
+    note(words);
+    hprintln!("{}", words);
+    if CommandLine::read().has("restart") {
+        SCB::sys_reset()
+    }
     semihosting::fail()
+}
+
+/// Touches an address where nothing is, for a test of what becomes of a fault.
+#[inline(never)]
+#[unsafe(no_mangle)]
+pub(crate) extern "C" fn touch_nothing() {
+    // SAFETY: it ends in the handler above, and has no other effect.
+    unsafe { NOWHERE.read_volatile() };
 }

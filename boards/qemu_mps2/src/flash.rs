@@ -4,7 +4,7 @@ use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-use crate::semihosting::{File, HostError};
+use crate::semihosting::{CommandLine, File, HostError};
 
 /// A sector and a flash word as on an STM32H7.
 const SECTOR_BYTES: usize = 128 * 1024;
@@ -19,7 +19,7 @@ pub(crate) struct FileFlash(File);
 impl FileFlash {
     /// The flash in the file that the command line names.
     pub(crate) fn open() -> Result<Self, HostError> {
-        let mut flash = Self(File::named_by_command_line()?);
+        let mut flash = Self(File::open(CommandLine::read().flash().ok_or(HostError)?)?);
         if flash.0.length() < SECTORS * SECTOR_BYTES {
             // A new one: as a chip comes from the factory.
             flash.fill(0, (SECTORS * SECTOR_BYTES) as u32)?;

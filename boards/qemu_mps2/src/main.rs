@@ -4,10 +4,13 @@
 
 mod board;
 mod clock;
+#[cfg(feature = "ethercat")] // The image without is smaller, see Cargo.toml.
+mod ethercat;
 mod ethernet;
 mod executor;
 mod faults;
 mod flash;
+mod gateway;
 mod interrupts;
 mod lines;
 mod measure;
@@ -18,26 +21,13 @@ mod uart;
 
 use embassy_net::Runner;
 use mobgate::config::PortId;
-use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Gateway, PortPlace, Seat};
 use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets};
 
 use crate::board::{Board, Store};
 use crate::ethernet::Ethernet;
+use crate::gateway::{GATEWAY, PORTS, SEATS};
 use crate::lines::{FIGURES, Lines};
 use crate::uart::{DIVISOR_MIN, Line};
-
-const PORTS: usize = 8;
-/// TCP connections of all servers together: 16 clients, the one that is accepted to decide who goes, and a small server more.
-const SEATS: usize = 22;
-const RESERVED: usize = SEATS + PORTS;
-const FRAMES: usize = 2 * RESERVED;
-
-static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
-static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
-static PORT_PLACES: [PortPlace; PORTS] = [const { PortPlace::new() }; PORTS];
-static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
-static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network();
 
 #[embassy_executor::task]
 async fn router() {
@@ -90,7 +80,9 @@ fn main() -> ! {
         (0..SEATS).for_each(|index| spawner.spawn(seat(index, sockets).unwrap()));
         spawner.spawn(network(runner).unwrap());
         spawner.spawn(network_care(sockets).unwrap());
-        spawner.spawn(console(store, Board(sockets)).unwrap());
+        spawner.spawn(console(store, Board::new(sockets)).unwrap());
+        #[cfg(feature = "ethercat")] // As above.
+        ethercat::start(spawner);
         spawner.spawn(figures(sockets).unwrap());
     })
 }

@@ -8,7 +8,8 @@ use mobgate_net::{Sockets, address};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::ethernet::Ethernet;
-use crate::{SEATS, semihosting};
+use crate::gateway::SEATS;
+use crate::semihosting;
 
 /// Connections to outside servers and UDP servers at a time, all together.
 const CLIENTS: usize = 4;

@@ -11,52 +11,75 @@ const FAILED: usize = usize::MAX;
 /// Longest command line.
 const COMMAND_LINE_BYTES_MAX: usize = 512;
 
+/// What the emulator was told: `mobgate FLASH [WORD]...`, where FLASH is the file that keeps the settings.
+pub(crate) struct CommandLine(String<COMMAND_LINE_BYTES_MAX>);
+
+impl CommandLine {
+    /// Asks for it; it is empty when it is too long.
+    pub(crate) fn read() -> Self {
+        let mut line = [0_u8; COMMAND_LINE_BYTES_MAX];
+        let mut block = [line.as_mut_ptr() as usize, line.len()];
+        // SAFETY: the host writes the line, and its length into the block, which is mutable for that.
+        let status = unsafe { cortex_m_semihosting::syscall1(nr::GET_CMDLINE, block.as_mut_ptr() as usize) };
+        let length = core::hint::black_box(block)[1];
+        let line = line.get(..length).filter(|_| status == 0).unwrap_or_default();
+        let words = core::str::from_utf8(line).unwrap_or_default().trim_end_matches('\0');
+        Self(words.try_into().unwrap_or_default())
+    }
+
+    /// The words behind the program's name.
+    pub(crate) fn words(&self) -> impl Iterator<Item = &str> {
+        self.0.split_whitespace().skip(1)
+    }
+
+    /// The file for the flash.
+    pub(crate) fn flash(&self) -> Option<&str> {
+        self.words().next()
+    }
+
+    /// Whether there is this word.
+    pub(crate) fn has(&self, word: &str) -> bool {
+        self.words().skip(1).any(|found| found == word)
+    }
+}
+
 /// A file of the host.
-pub(crate) struct File(usize);
+pub(crate) struct File(pub(crate) usize);
 
 /// A call that the host could not carry out.
 #[derive(Debug)]
 pub(crate) struct HostError;
 
 impl File {
-    /// Opens `path` (which ends in NUL) in a mode of `cortex_m_semihosting::nr::open`.
-    fn open(path: &[u8], mode: usize) -> Option<Self> {
-        // SAFETY: pointer and length are those of a slice that outlives the call; so in all calls here.
-        let handle = unsafe { syscall!(OPEN, path.as_ptr(), mode, path.len() - 1) };
-        (handle != FAILED).then_some(Self(handle))
+    /// Opens `path` with an end of its own, in a mode of `cortex_m_semihosting::nr::open`.
+    pub(crate) fn open_as(path: &str, end: &str, mode: usize) -> Result<Self, HostError> {
+        let mut name = String::<{ COMMAND_LINE_BYTES_MAX + 8 }>::new();
+        write!(name, "{path}{end}\0").map_err(|_| HostError)?;
+        // SAFETY: pointer and length are those of a text that outlives the call; so in all calls here.
+        let handle = unsafe { syscall!(OPEN, name.as_ptr(), mode, name.len() - 1) };
+        if handle == FAILED { Err(HostError) } else { Ok(Self(handle)) }
     }
 
-    /// The file that the command line's second word names, for reading and writing; made if there is none.
-    pub(crate) fn named_by_command_line() -> Result<Self, HostError> {
-        Self::second_word().ok_or(HostError)
-    }
-
-    fn second_word() -> Option<Self> {
-        let mut line = [0_u8; COMMAND_LINE_BYTES_MAX];
-        let mut block = [line.as_mut_ptr() as usize, line.len()];
-        // SAFETY: the host writes the line, and its length into the block, which is mutable for that.
-        let status = unsafe { cortex_m_semihosting::syscall1(nr::GET_CMDLINE, block.as_mut_ptr() as usize) };
-        let length = core::hint::black_box(block)[1];
-        let line = line.get_mut(..=length).filter(|_| status == 0)?;
-        let word = line.iter().position(|byte| *byte == b' ')? + 1;
-        let path = line.get(word..)?;
-        Self::open(path, nr::open::RW_BINARY).or_else(|| Self::open(path, nr::open::RW_TRUNC_BINARY))
+    /// Opens a file for reading and writing; it is made if there is none.
+    pub(crate) fn open(path: &str) -> Result<Self, HostError> {
+        Self::open_as(path, "", nr::open::RW_BINARY)
+            .or_else(|_| Self::open_as(path, "", nr::open::RW_TRUNC_BINARY))
     }
 
     pub(crate) fn length(&self) -> usize {
-        // SAFETY: as in `open`.
+        // SAFETY: as in `open_as`.
         unsafe { syscall!(FLEN, self.0) }
     }
 
     pub(crate) fn read(&mut self, offset: u32, into: &mut [u8]) -> Result<(), HostError> {
-        // SAFETY: as in `open`. Both calls give 0 when all went well.
+        // SAFETY: as in `open_as`. Both calls give 0 when all went well.
         let missing =
             unsafe { syscall!(SEEK, self.0, offset) | syscall!(READ, self.0, into.as_mut_ptr(), into.len()) };
         if missing == 0 { Ok(()) } else { Err(HostError) }
     }
 
     pub(crate) fn write(&mut self, offset: u32, from: &[u8]) -> Result<(), HostError> {
-        // SAFETY: as in `open`.
+        // SAFETY: as in `open_as`.
         let missing =
             unsafe { syscall!(SEEK, self.0, offset) | syscall!(WRITE, self.0, from.as_ptr(), from.len()) };
         if missing == 0 { Ok(()) } else { Err(HostError) }

@@ -11,7 +11,7 @@ use core::task::Poll;
 use embassy_hal_internal::atomic_ring_buffer::RingBuffer;
 use embassy_sync::waitqueue::AtomicWaker;
 use embedded_io_async::{ErrorType, Read, Write};
-use mobgate::hal::SerialLine;
+use mobgate::hal::{Flaws, SerialLine};
 use static_cell::ConstStaticCell;
 
 use crate::interrupts::{self, Interrupt};
@@ -40,6 +40,8 @@ const IDLE_START: u32 = 1 | 1 << 3;
 
 const TRANSMITTER_FULL: u32 = 1;
 const RECEIVER_FULL: u32 = 1 << 1;
+/// Cleared by writing it.
+const RECEIVER_OVERRUN: u32 = 1 << 3;
 const TRANSMIT: u32 = 1;
 const RECEIVE: u32 = 1 << 1;
 const TRANSMIT_INTERRUPT: u32 = 1 << 2;
@@ -217,7 +219,14 @@ impl Line {
     }
 }
 
-impl SerialLine for Line {}
+impl SerialLine for Line {
+    /// The emulator's characters have no parity and no stop bit.
+    fn take_flaws(&mut self) -> Flaws {
+        let overrun = self.0.state.read() & RECEIVER_OVERRUN;
+        self.0.state.write(overrun);
+        Flaws { overruns: u32::from(overrun != 0), ..Flaws::default() }
+    }
+}
 
 impl ErrorType for Line {
     type Error = Infallible;

@@ -1,48 +1,10 @@
-//! What the board says after a panic or a fault: written down, kept over the reset, shown by `show log`.
+//! A panic or a fault: its words are kept for `show log`, and the board starts again.
 
-use core::cell::UnsafeCell;
-use core::fmt;
-use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
-use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use mobgate_board::last_words::{LastWords, WORDS_BYTES_MAX};
-
-struct Kept(UnsafeCell<MaybeUninit<LastWords>>);
-
-// SAFETY: it is touched inside critical sections only, and in the fault handlers, behind which nothing comes.
-unsafe impl Sync for Kept {}
-
-/// In memory that neither a reset nor the start-up code clears.
-#[unsafe(link_section = ".uninit.LAST_WORDS")]
-static LAST_WORDS: Kept = Kept(UnsafeCell::new(MaybeUninit::uninit()));
-
-fn with_last_words<R>(f: impl FnOnce(&mut LastWords) -> R) -> R {
-    // SAFETY: any content is a valid `LastWords`; see `Kept` for why nobody else has it.
-    critical_section::with(|_| f(unsafe { (*LAST_WORDS.0.get()).assume_init_mut() }))
-}
-
-/// Pushes the last words into the memory cells, see [`note`].
-#[unsafe(link_section = ".uninit.PUSH")]
-static PUSH: AtomicU32 = AtomicU32::new(0);
-
-/// Writes down why the run ends, for the next start.
-pub fn note(words: fmt::Arguments<'_>) {
-    with_last_words(|last| last.write(words));
-    // The H7's memory corrects errors in words of 64 bits: half a word waits in a buffer for the next write to another one,
-    // and a reset would lose it (AN5342, 2.2).
-    for _ in 0..2 {
-        PUSH.store(0, Ordering::Relaxed);
-        cortex_m::asm::dsb();
-    }
-}
-
-/// What the last run wrote down, once.
-pub fn take() -> Option<heapless::String<WORDS_BYTES_MAX>> {
-    with_last_words(LastWords::take)
-}
+use mobgate_faults::{Fault, note};
 
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
@@ -54,8 +16,6 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    // SAFETY: reading the fault status has no effect.
-    let status = unsafe { (*SCB::PTR).cfsr.read() };
-    note(format_args!("fault {status:#010x} at {:#010x}, called from {:#010x}", frame.pc(), frame.lr()));
+    note(format_args!("{}", Fault(frame)));
     SCB::sys_reset()
 }

@@ -7,7 +7,7 @@ use embassy_executor::Spawner;
 use embassy_sync::once_lock::OnceLock;
 use mobgate::config::PortId;
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Gateway, PortPlace, Seat};
+use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate_board::liveness::Liveness;
 use mobgate_net::{Connector, Datagrams, TcpSockets};
 
@@ -28,14 +28,23 @@ const FRAMES: usize = RESERVED + 15;
 
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
-static PORT_PLACES: [PortPlace; PORTS] = [const { PortPlace::new() }; PORTS];
+static PORT_PLACES: Ports<PORTS> = Ports::new();
 static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
+// Images without it are smaller, see Cargo.toml.
+#[cfg(feature = "ethercat")]
+static CAPTURE: mobgate::capture::Capture = mobgate::capture::Capture::new();
 /// Made at the start: a static with one pointer in it would have a copy of its whole memory in the flash.
 static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
 
 /// The gateway.
 pub(crate) fn gateway() -> &'static Gateway<'static> {
-    GATEWAY.get_or_init(|| Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network())
+    GATEWAY.get_or_init(|| {
+        let gateway = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network();
+        // Images without it are smaller, see Cargo.toml.
+        #[cfg(feature = "ethercat")]
+        let gateway = crate::ethercat::join(gateway).with_capture(&CAPTURE);
+        gateway
+    })
 }
 
 /// The tasks that must answer for the watchdog to be fed.
@@ -48,6 +57,9 @@ pub(crate) enum Task {
     Sockets,
     Console,
     Router,
+    // Images without it are smaller, see Cargo.toml.
+    #[cfg(feature = "ethercat")]
+    Ethercat,
     Port,
 }
 
@@ -56,11 +68,12 @@ pub(crate) struct TaskName(pub(crate) usize);
 
 impl fmt::Display for TaskName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const NAMES: [&str; Task::Port as usize] = ["network", "sockets", "console", "router"];
-        match (NAMES.get(self.0), self.0.checked_sub(Task::Port as usize)) {
-            (Some(name), _) => f.write_str(name),
-            (None, Some(port @ 0..PORTS)) => write!(f, "port task {}", port + 1),
-            (None, other) => write!(f, "connection task {}", other.unwrap_or(0) + 1 - PORTS),
+        const NAMES: &[&str] = &["network", "sockets", "console", "router", "EtherCAT"];
+        const { assert!(Task::Port as usize <= NAMES.len()) };
+        match self.0.checked_sub(Task::Port as usize) {
+            None => f.write_str(NAMES.get(self.0).unwrap_or(&"")),
+            Some(port @ 0..PORTS) => write!(f, "port task {}", port + 1),
+            Some(other) => write!(f, "connection task {}", other + 1 - PORTS),
         }
     }
 }

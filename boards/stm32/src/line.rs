@@ -4,7 +4,7 @@
 //! has two receive paths of its own; neither is used. Its `BufferedUart` takes characters by interrupt, which loses
 //! them while the chip stands still for an erase of its flash, and on the F4 clears flags in a way that can lose one. Its ring
 //! buffer stops at a framing error and forgets what was not read, and framing errors are common where a
-//! driver lets go of the bus. Here a damaged character stays in its place and the frame's CRC tells.
+//! driver lets go of the bus. Here a damaged character stays in its place, is counted, and the frame's CRC tells.
 //!
 //! Transmitting. On the F7 and H7 the UART itself switches the transceiver's driver. On the F4 a pin does: on before the
 //! first character, off by the interrupt that says that the last stop bit has left (TC, not TXE).
@@ -26,16 +26,19 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::waitqueue::AtomicWaker;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::config::{Driver, LineSettings, Parity as WireParity};
-use mobgate::hal::{OpenError, OpenErrorKind, SerialLine};
+use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialLine};
 
 use crate::registers;
 
 /// Lines of a board, and its console.
 pub const LINES_MAX: usize = 5;
-/// Characters that wait to be read: a tenth of a second at 115200 baud.
-pub const RING_BYTES: usize = 1024;
+/// Characters that wait to be read: half a tenth of a second at 115200 baud, and twice that where the program stands still while
+/// settings are saved.
+pub const RING_BYTES: usize = if cfg!(feature = "f7") { 1024 } else { 512 };
 /// The hardware's longest time from driver to character and back, in sixteenths of a bit.
 const DRIVER_SIXTEENTHS_MAX: u64 = 31;
+
+const NO_FLAWS: Flaws = Flaws { parity: 0, framing: 0, overruns: 0 };
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, T>;
 
@@ -45,6 +48,8 @@ struct Shift {
     waker: AtomicWaker,
     /// The pin that switches the transceiver's driver, where the UART cannot.
     driver: Shared<RefCell<Option<Output<'static>>>>,
+    /// Of the characters received.
+    flaws: Shared<Cell<Flaws>>,
 }
 
 static SHIFTS: [Shift; LINES_MAX] = [const {
@@ -52,6 +57,7 @@ static SHIFTS: [Shift; LINES_MAX] = [const {
         uart: Mutex::new(Cell::new(None)),
         waker: AtomicWaker::new(),
         driver: Mutex::new(RefCell::new(None)),
+        flaws: Mutex::new(Cell::new(NO_FLAWS)),
     }
 }; LINES_MAX];
 
@@ -67,12 +73,24 @@ impl<const N: usize, I: Interrupt> Handler<I> for LineInterrupt<N> {
 impl Shift {
     fn on_interrupt(&self) {
         let Some(uart) = self.uart.lock(Cell::get) else { return };
-        registers::clear_overrun(uart);
         if uart.cr1().read().tcie() && registers::transmitted(uart) {
             uart.cr1().modify(|control| control.set_tcie(false));
             self.drive(false);
+        } else {
+            self.count(registers::take_flaws(uart));
         }
         self.waker.wake();
+    }
+
+    fn count(&self, new: Flaws) {
+        self.flaws.lock(|cell| {
+            let Flaws { parity, framing, overruns } = cell.get();
+            cell.set(Flaws {
+                parity: parity.saturating_add(new.parity),
+                framing: framing.saturating_add(new.framing),
+                overruns: overruns.saturating_add(new.overruns),
+            });
+        });
     }
 
     fn drive(&self, on: bool) {
@@ -171,6 +189,7 @@ impl Line {
         self.setup.set_config(&config(line)).map_err(|_| unsupported("speed or character format"))?;
         registers::complete_setup(self.uart, before as u8, after as u8);
         self.ring.clear();
+        self.take_flaws();
         Ok(())
     }
 }
@@ -195,7 +214,11 @@ fn config(line: &LineSettings) -> Config {
     config
 }
 
-impl SerialLine for Line {}
+impl SerialLine for Line {
+    fn take_flaws(&mut self) -> Flaws {
+        self.shift.flaws.lock(|cell| cell.replace(NO_FLAWS))
+    }
+}
 
 impl ErrorType for Line {
     type Error = ErrorKind;
@@ -212,6 +235,7 @@ impl Read for Line {
                     // Nobody has read for the length of the ring: what is there has no beginning and no end.
                     Err(_) => {
                         defmt::warn!("a line's characters were not read in time");
+                        self.shift.count(Flaws { overruns: 1, ..NO_FLAWS });
                         self.ring.clear();
                     }
                 }

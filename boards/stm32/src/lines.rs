@@ -4,7 +4,7 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
-use mobgate::hal::{OpenError, OpenErrorKind, SerialHost, SerialLine};
+use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
 
 use crate::line::Line;
 
@@ -43,7 +43,11 @@ impl SerialHost for Lines {
     }
 }
 
-impl SerialLine for OpenLine {}
+impl SerialLine for OpenLine {
+    fn take_flaws(&mut self) -> Flaws {
+        self.0.take_flaws()
+    }
+}
 
 impl ErrorType for OpenLine {
     type Error = ErrorKind;

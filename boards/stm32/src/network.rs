@@ -17,15 +17,17 @@ use crate::gateway::{CONNECTIONS_OUT, LIVENESS, SEATS, Task, gateway};
 /// The chip's Ethernet with any PHY, which the boards have as RMII.
 pub type Driver = Ethernet<'static, ETH, GenericPhy<Sma<'static, ETH_SMA>>>;
 
-/// Packets that the Ethernet's DMA holds of each direction.
+/// Packets that the Ethernet's DMA holds until they are read.
 const PACKETS: usize = 4;
+/// Those that go out are gone in microseconds.
+const PACKETS_OUT: usize = 2;
 /// What the driver's packets are kept in.
-pub type Packets = PacketQueue<PACKETS, PACKETS>;
+pub type Packets = PacketQueue<PACKETS_OUT, PACKETS>;
 
 /// Sockets at a time: accepted connections, made ones and UDP.
 const SOCKETS: usize = SEATS + CONNECTIONS_OUT;
 /// Half for each direction. A Modbus TCP frame has 260 bytes at most.
-const SOCKET_BYTES: usize = 768;
+const SOCKET_BYTES: usize = 528;
 
 static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
     ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);

@@ -2,6 +2,7 @@
 //! resets elsewhere. The only file that asks for the family, besides `flash`.
 
 use embassy_stm32::pac::usart::Usart;
+use mobgate::hal::Flaws;
 
 /// The register that DMA reads received characters from.
 pub(crate) fn receive_address(uart: Usart) -> *mut u8 {
@@ -43,15 +44,30 @@ pub(crate) fn forget_transmitted(uart: Usart) {
     uart.icr().write(|flags| flags.set_tc(true));
 }
 
-/// Clears an overrun, which would interrupt for ever. The character is lost already: the frame's check will tell.
-pub(crate) fn clear_overrun(uart: Usart) {
-    // The F4 clears it by reading the status and then the character; newer USARTs do not detect overruns here.
+/// What is wrong with the character that has just been received, which is forgotten.
+pub(crate) fn take_flaws(uart: Usart) -> Flaws {
+    // Flags of the F4 go when the status and then the character have been read. The latter is DMA's: the flags of a character
+    // go with the next one, so that of two bad ones in a row one is counted. An overrun would interrupt for ever, and
+    // the character is lost already: it is read here.
     #[cfg(feature = "f4")]
-    if uart.sr().read().ore() {
-        let _ = uart.dr().read();
-    }
+    let status = {
+        let status = uart.sr().read();
+        if status.ore() {
+            let _ = uart.dr().read();
+        }
+        status
+    };
+    // Newer USARTs do not detect overruns here, and have a register to clear flags by.
     #[cfg(not(feature = "f4"))]
-    let _ = uart;
+    let status = {
+        let status = uart.isr().read();
+        uart.icr().write(|flags| {
+            flags.set_pe(status.pe());
+            flags.set_fe(status.fe());
+        });
+        status
+    };
+    Flaws { parity: status.pe().into(), framing: status.fe().into(), overruns: status.ore().into() }
 }
 
 /// What embassy-stm32 leaves as it is: reception that an overrun does not stop, and the driver's times in sixteenths of

@@ -2,8 +2,7 @@
 
 use core::fmt;
 
-use mobgate::config::{LoadError, ReadError, Settings, read_store};
-use mobgate::gateway::ApplyError;
+use mobgate::drafting::Unchanged;
 use mobgate::hal::{Store, StoreError};
 
 use crate::gateway::gateway;
@@ -12,21 +11,18 @@ use crate::gateway::gateway;
 pub enum Problem {
     /// The button was held.
     Forgotten,
-    /// The flash gives nothing.
+    /// The flash cannot be made to forget them.
     Store(StoreError),
-    /// A line that this firmware does not understand.
-    Text(LoadError),
-    /// Something that this board does not have.
-    Apply(ApplyError),
+    /// The flash gives nothing, or what this firmware does not understand, or this board does not have.
+    Unchanged(Unchanged),
 }
 
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Forgotten => f.write_str("forgotten, because the button was held"),
-            Self::Store(error) => write!(f, "not read: {error}"),
-            Self::Text(error) => write!(f, "not read: {error}"),
-            Self::Apply(error) => write!(f, "not taken over: {error}"),
+            Self::Store(error) => write!(f, "not forgotten: {error}"),
+            Self::Unchanged(error) => write!(f, "not taken over: {error}"),
         }
     }
 }
@@ -39,10 +35,5 @@ pub(crate) async fn settings(store: &mut impl Store, forget: bool) -> Result<(),
         store.commit().await.map_err(Problem::Store)?;
         return Err(Problem::Forgotten);
     }
-    let mut settings = Settings::new();
-    read_store(store, &mut settings).await.map_err(|error| match error {
-        ReadError::Store(error) => Problem::Store(error),
-        ReadError::Text(error) => Problem::Text(error),
-    })?;
-    gateway().apply(&settings).map_err(Problem::Apply)
+    gateway().load(store).await.map(drop).map_err(Problem::Unchanged)
 }

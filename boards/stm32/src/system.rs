@@ -8,8 +8,8 @@ use mobgate::hal::{NetworkState, System};
 use mobgate_board::last_words::WORDS_BYTES_MAX;
 
 use crate::network::Network;
+use crate::registers;
 use crate::start::Problem;
-use crate::{faults, registers};
 
 /// A board and what it has to report of its start.
 pub struct Board {
@@ -24,7 +24,13 @@ impl Board {
     /// Board `name`; asks the chip why it started, and lets it run at full speed.
     pub fn new(name: &'static str, network: Network) -> Self {
         registers::enable_instruction_cache();
-        Self { name, network, cause: registers::reset_cause(), last_words: faults::take(), settings: None }
+        Self {
+            name,
+            network,
+            cause: registers::reset_cause(),
+            last_words: mobgate_faults::take(),
+            settings: None,
+        }
     }
 }
 

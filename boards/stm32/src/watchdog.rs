@@ -5,7 +5,7 @@ use embassy_time::{Duration, Timer};
 
 use crate::gateway::{LIVENESS, TaskName, gateway};
 use crate::lights::Lights;
-use crate::{faults, network};
+use crate::network;
 
 /// The chip starts again when it was not fed for so long. Erasing a sector of an F7 takes 2 s (4 s at worst), and everything
 /// stands still meanwhile. The chip's own oscillator counts, which may be a third faster than it says.
@@ -31,7 +31,7 @@ pub async fn watch<T: embassy_stm32::wdg::Instance>(
             }
             Some(task) if !noted => {
                 noted = true;
-                faults::note(format_args!("the {} stood still", TaskName(task)));
+                mobgate_faults::note(format_args!("the {} stood still", TaskName(task)));
             }
             Some(_) => {}
         }

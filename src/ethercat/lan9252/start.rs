@@ -43,6 +43,14 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         }
     }
 
+    /// Whether the chip shows its test pattern.
+    pub(super) async fn test_pattern(&mut self) -> Result<(), EscError> {
+        match self.bus.read(BYTE_TEST).await? {
+            TEST_PATTERN => Ok(()),
+            other => Err(EscError::Absent(other)),
+        }
+    }
+
     /// Whether the chip still is the one that was set up: a brown-out resets it without a word.
     pub(super) async fn check(&mut self) -> Result<(), EscError> {
         let mut pattern = 0;

@@ -6,8 +6,8 @@
 use embassy_time::Instant;
 
 use super::pdu_of;
-use crate::config::PORTS_MAX;
-use crate::gateway::{Gateway, PortPlace, Status};
+use crate::config::{PORTS_MAX, PortId};
+use crate::gateway::{Gateway, PortAt, Status};
 use crate::modbus::Exception;
 use crate::modbus::pdu::function::READ_INPUT_REGISTERS;
 use crate::port::units::{TROUBLES, UNITS_MAX, Unit};
@@ -89,12 +89,12 @@ fn register(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
     match address {
         BASE..PORTS => Some(of_gateway(gateway, address - BASE)),
         PORTS..PORTS_END => {
-            let place = gateway.ports().get(usize::from((address - PORTS) / PORT_LENGTH));
-            Some(place.map_or(0, |place| of_port(place, (address - PORTS) % PORT_LENGTH)))
+            let place = gateway.place(PortId(((address - PORTS) / PORT_LENGTH) as u8));
+            Some(place.map_or(0, |place| of_port(&place, (address - PORTS) % PORT_LENGTH)))
         }
         UNITS..UNITS_END => {
             let (block, at) = (usize::from((address - UNITS) / UNIT_LENGTH), (address - UNITS) % UNIT_LENGTH);
-            let place = gateway.ports().get(block / UNITS_MAX);
+            let place = gateway.place(PortId((block / UNITS_MAX) as u8));
             let unit =
                 place.and_then(|place| place.units(|units| units.iter().nth(block % UNITS_MAX).copied()));
             Some(unit.map_or(0, |unit| of_unit(&unit, at)))
@@ -117,7 +117,7 @@ fn of_gateway(gateway: &Gateway<'_>, at: u16) -> u16 {
     }
 }
 
-fn of_port(place: &PortPlace, at: u16) -> u16 {
+fn of_port(place: &PortAt<'_>, at: u16) -> u16 {
     match at {
         0 => match place.status() {
             Status::Off => 0,
@@ -149,7 +149,7 @@ fn of_unit(unit: &Unit, at: u16) -> u16 {
     ];
     match usize::from(at) {
         0 => unit.id.into(),
-        1 if unit.down => 2,
+        1 if unit.is_down() => 2,
         1 => u16::from(unit.held_until > Instant::now()),
         at @ 2..16 => wide.get(at / 2 - 1).map_or(0, |value| half(*value, at as u16 % 2)),
         at => TROUBLES.get(at - 16).map_or(0, |trouble| unit.trouble(*trouble)),

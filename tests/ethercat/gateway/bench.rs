@@ -5,6 +5,7 @@ use ethercrab::subdevice_group::{Op, PreOp};
 use mobgate::config::LineSettings;
 use mobgate::ethercat::device::Device as Description;
 use mobgate::ethercat::sub_device::SubDevice;
+use mobgate::gateway::Gateway;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
 use mobgate_simulator::device::serve;
 use mobgate_simulator::esc::SharedSegment;
@@ -55,22 +56,49 @@ pub(crate) fn with_gateway_and_devices(
     segment: &SharedSegment,
     scenario: impl FnOnce(&mut World<'_>, Vec<Virtual>, Vec<Device>),
 ) {
-    let Setup { baud, on_loss, .. } = setup;
+    let virtuals = virtual_devices();
+    let devices: Vec<Device> = virtuals.iter().map(Virtual::device).collect();
     let settings = format!(
         "port bus serial uart1 rtu client 9600 8N1 timeout 1s
-        port ecat ethercat line bus on-loss {on_loss}
-        route ecat 1-247 * * bus"
+        port ecat ethercat line bus on-loss {}
+        route ecat 1-247 * * bus",
+        setup.on_loss
     );
-    with_gateway_on(clock, Size { rests: true, ..Size::default() }, 1, &settings, |world, rig| {
-        let virtuals = virtual_devices();
-        let devices: Vec<Device> = virtuals.iter().map(Virtual::device).collect();
-        // The line has another speed and format until the MainDevice sets it.
+    with_gateway_of(clock, setup.baud, &settings, devices.clone(), segment, |world, _| {
+        scenario(world, virtuals, devices);
+    });
+}
+
+/// `devices` on the wire `uart1` of a gateway with `settings`, and a MainDevice that does as `script` says.
+pub(crate) fn with_wire(
+    baud: u32,
+    settings: &str,
+    devices: Vec<Device>,
+    script: impl AsyncFnOnce(Desk<'_>, &Gateway<'_>),
+) {
+    let segment = line_of(&GATEWAY);
+    with_gateway_of(Clock::Virtual, baud, settings, devices, &segment, |world, gateway| {
+        with_master(world, cable(segment.clone()), async |desk| script(desk, gateway).await);
+    });
+}
+
+/// `devices` on the wire `uart1` of a gateway with `settings`, the SubDevice of `segment`.
+fn with_gateway_of(
+    clock: Clock,
+    baud: u32,
+    settings: &str,
+    devices: Vec<Device>,
+    segment: &SharedSegment,
+    scenario: impl FnOnce(&mut World<'_>, &Gateway<'_>),
+) {
+    with_gateway_on(clock, Size { rests: true, ..Size::default() }, 1, settings, |world, rig| {
+        // The line may have another speed and format until the MainDevice sets it.
         let line = LineSettings { baud, ..LineSettings::DEFAULT };
-        world.spawn(serve(rig.wire("uart1").tap(line), devices.clone()));
+        world.spawn(serve(rig.wire("uart1").tap(line), devices));
         let (esc, interrupt) = direct(segment.borrow().chip(0));
         let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
         spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
-        scenario(world, virtuals, devices);
+        scenario(world, rig.gateway);
     });
 }
 

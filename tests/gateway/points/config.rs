@@ -2,7 +2,7 @@
 
 use mobgate::config::{Loader, Settings, apply, write_line};
 use mobgate::frame::FramePool;
-use mobgate::gateway::{Gateway, PortPlace};
+use mobgate::gateway::{Gateway, Ports};
 use mobgate::scanner::{DeviceId, RowId, ScannerPlace};
 use proptest::prelude::*;
 
@@ -271,7 +271,7 @@ proptest! {
     fn random_lines_are_applied_whole_or_not_at_all_and_the_scanner_has_what_the_settings_say(
         lines in prop::collection::vec(any_line(), 1..40),
     ) {
-        let places = [const { PortPlace::new() }; 2];
+        let places = Ports::<2>::new();
         let pool = FramePool::new(&[], 0);
         let scanner = ScannerPlace::new();
         let gateway = Gateway::new(&pool, &places, &[]).with_scanner(&scanner);

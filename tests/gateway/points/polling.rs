@@ -202,8 +202,8 @@ fn what_the_ports_full_queue_refuses_is_not_taken_for_the_devices_answer() {
 fn a_gateway_without_memory_for_points_refuses_them_and_changes_nothing() {
     use mobgate::config::{Settings, apply};
     use mobgate::frame::FramePool;
-    use mobgate::gateway::{ApplyError, Gateway};
-    let (slots, places) = ([], []);
+    use mobgate::gateway::{ApplyError, Gateway, Ports};
+    let (slots, places) = ([], Ports::<0>::new());
     let pool = FramePool::new(&slots, 0);
     let gateway = Gateway::new(&pool, &places, &[]);
     let mut settings = Settings::new();

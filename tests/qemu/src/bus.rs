@@ -56,6 +56,11 @@ impl Bus {
         self.0.lock().unwrap().memories[&unit].holding[address]
     }
 
+    /// Calls `change` with what `unit` holds.
+    pub fn with<T>(&self, unit: u8, change: impl FnOnce(&mut Memory) -> T) -> T {
+        change(self.0.lock().unwrap().memories.get_mut(&unit).unwrap())
+    }
+
     /// Requests for devices of this line that were heard.
     pub fn requests(&self) -> u64 {
         self.0.lock().unwrap().requests

@@ -46,7 +46,7 @@ pub fn sizes() {
 
 /// Prints the instructions of a transaction and of a byte that is passed on.
 pub fn instructions(folder: &Path) {
-    let machine = Machine::start(folder, Options { counts_instructions: true });
+    let machine = Machine::start(folder, Options { counts_instructions: true, ..Options::default() });
     let bus = Bus::new([1, 2]);
     machine.wire(1, &bus);
     let mut figures = machine.figures();

@@ -1,11 +1,13 @@
 //! The gateway on QEMU's mps2-an386, with simulated devices at its UARTs and clients in its network, on the wall clock.
 //!
 //! [`Machine`] starts the emulator. [`Bus`] is an RTU line with devices on it, served by a thread; [`Client`] a Modbus TCP client;
-//! [`Console`] a session at the board's terminal; [`Figures`] what the board tells about itself.
+//! [`Console`] a session at the board's terminal; [`Figures`] what the board tells about itself. [`Controller`] is an EtherCAT
+//! controller at the board's SPI, with MainDevices at its cable.
 
 pub mod bus;
 pub mod client;
 pub mod console;
+pub mod controller;
 pub mod cost;
 pub mod image;
 pub mod machine;
@@ -17,6 +19,7 @@ mod figure;
 pub use bus::Bus;
 pub use client::Client;
 pub use console::{Console, Figures};
+pub use controller::Controller;
 pub use machine::{Machine, Options};
 
 use std::thread::sleep;

@@ -15,10 +15,12 @@ const UARTS: usize = 5;
 const FIGURES: usize = 4;
 
 /// How the emulator runs.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Options {
     /// Each instruction takes the same time, so that the board can count them.
     pub counts_instructions: bool,
+    /// What the board is told, see boards/qemu_mps2/emulate.
+    pub words: String,
 }
 
 /// A running emulator.
@@ -43,7 +45,7 @@ impl Machine {
     fn start_only(folder: &Path, options: Options) -> Self {
         let port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap().port();
         let mut command = Command::new(image::root().join("boards/qemu_mps2/emulate"));
-        command.arg(image::build()).arg(folder.join("flash"));
+        command.arg(image::build()).arg(folder.join("flash")).env("MOBGATE_WORDS", &options.words);
         for uart in 0..UARTS {
             let path = socket(folder, uart);
             let _ = std::fs::remove_file(&path);

@@ -34,6 +34,9 @@ pub struct Device(Rc<RefCell<State>>);
 struct State {
     unit: u8,
     turnaround: Duration,
+    /// What comes so soon behind its own answer it does not hear.
+    rest: Duration,
+    deaf_until: Instant,
     memory: Memory,
     faults: Faults,
     /// What is answered instead of what the memory says.
@@ -79,6 +82,8 @@ impl Device {
         Self(Rc::new(RefCell::new(State {
             unit,
             turnaround: Duration::from_millis(1),
+            rest: Duration::from_ticks(0),
+            deaf_until: Instant::MIN,
             memory: Memory::new(unit),
             faults: Faults::none(),
             script: None,
@@ -92,6 +97,13 @@ impl Device {
     #[must_use]
     pub fn with_turnaround(self, turnaround: Duration) -> Self {
         self.0.borrow_mut().turnaround = turnaround;
+        self
+    }
+
+    /// The device with a pause that it needs behind its own answer: requests that begin earlier it does not hear.
+    #[must_use]
+    pub fn with_rest(self, rest: Duration) -> Self {
+        self.0.borrow_mut().rest = rest;
         self
     }
 
@@ -176,6 +188,10 @@ impl Device {
         if unit != state.unit && !broadcast {
             return;
         }
+        let begun_ns = heard.end_ns.saturating_sub(line.line().chars(heard.bytes.len()).as_nanos());
+        if begun_ns < state.deaf_until.as_nanos() {
+            return;
+        }
         let answer = state.execute(&pdu, broadcast);
         if broadcast {
             return;
@@ -194,6 +210,9 @@ impl Device {
             at += line.line().chars(length);
         }
         state.free = at;
+        if state.rest > Duration::from_ticks(0) {
+            state.deaf_until = at + state.rest;
+        }
     }
 
     /// Takes a request in that came by TCP; the pieces of the answer go to `outbox`.

@@ -16,6 +16,8 @@ pub enum Fault {
     Dead,
     /// The answer comes later, by a time between the two.
     Late(Duration, Duration),
+    /// The answer comes later, mostly by a little and now and then by much: an exponential distribution with this mean.
+    Lingers(Duration),
     /// The CRC, or in ASCII the LRC, is wrong.
     BadCrc,
     /// One bit of one byte is turned.
@@ -182,6 +184,10 @@ impl Faults {
         match fault {
             Fault::Late(least, most) => {
                 *pause += Duration::from_ticks(self.random.within(least.as_ticks()..=most.as_ticks()));
+            }
+            Fault::Lingers(mean) => {
+                let factor = self.random.exponential();
+                *pause += Duration::from_ticks((mean.as_ticks() as f64 * factor) as u64);
             }
             Fault::BadCrc => match (framing, &mut bytes[..]) {
                 // Another digit in the LRC, which stands before the line's end.

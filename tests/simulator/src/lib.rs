@@ -24,6 +24,8 @@ pub mod rig;
 pub mod serial;
 pub mod shared_bus;
 pub mod sub_device;
+#[cfg(feature = "masters")] // For MainDevices in other programs, and controllers of those.
+pub mod wall_clock;
 pub mod wire;
 pub mod world;
 

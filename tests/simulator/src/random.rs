@@ -51,6 +51,12 @@ impl Random {
         ((self.bits() >> 11) as f64) < probability * (1u64 << 53) as f64
     }
 
+    /// A number above 0 with the mean 1, exponentially distributed.
+    pub fn exponential(&mut self) -> f64 {
+        let above_zero = ((self.bits() >> 11) + 1) as f64 / (1u64 << 53) as f64;
+        -above_zero.ln()
+    }
+
     /// A byte.
     pub fn byte(&mut self) -> u8 {
         self.bits() as u8
@@ -87,6 +93,16 @@ mod tests {
         let mut seen = [0u32; 6];
         (0..600).for_each(|_| seen[random.within(0..=5) as usize] += 1);
         assert!(seen.iter().all(|&count| (60..140).contains(&count)), "{seen:?}");
+    }
+
+    #[test]
+    fn exponential_numbers_have_their_mean_and_their_tail() {
+        let mut random = Random::new(3);
+        let numbers: Vec<f64> = (0..10_000).map(|_| random.exponential()).collect();
+        let mean = numbers.iter().sum::<f64>() / 10_000.0;
+        assert!((0.97..1.03).contains(&mean), "{mean}");
+        let above = numbers.iter().filter(|number| **number > 3.0).count();
+        assert!((430..570).contains(&above), "{above} of about 498");
     }
 
     #[test]

@@ -10,7 +10,7 @@ use embassy_time::Duration;
 use mobgate::capture::Capture;
 use mobgate::config::{Framing, Loader, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, apply};
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Gateway, PortPlace, Seat};
+use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate::port::ethercat::EthercatPlace;
 use mobgate::scanner::ScannerPlace;
 use mobgate::stats::Event;
@@ -100,7 +100,7 @@ pub fn with_gateway_on<T>(
     let settings = parse(settings);
     let lines = lines(&settings);
     let slots: Vec<Slot> = (0..size.frames).map(|_| Slot::new()).collect();
-    let places: Vec<PortPlace> = (0..PORTS_MAX).map(|_| PortPlace::new()).collect();
+    let places = Ports::<PORTS_MAX>::new();
     let seats: Vec<Seat> = (0..size.seats).map(|_| Seat::new()).collect();
     let pool = FramePool::new(&slots, size.seats + PORTS_MAX);
     let scanner = ScannerPlace::new();

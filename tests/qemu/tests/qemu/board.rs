@@ -1,6 +1,8 @@
 //! The board itself: its console, its memory, its network, its end.
 
-use mobgate_qemu::{Machine, wait_for};
+use std::process::Command;
+
+use mobgate_qemu::{Machine, image, wait_for};
 
 use crate::{Bench, registers};
 
@@ -76,4 +78,31 @@ fn the_address_is_given_or_set_and_the_cable_may_come_and_go() {
 #[test]
 fn a_panic_ends_the_emulator_with_a_status_that_is_not_0() {
     assert_eq!(Machine::status_without_flash().code(), Some(1));
+}
+
+/// The addresses of a function of the image.
+fn function(name: &str) -> std::ops::Range<u32> {
+    let output =
+        Command::new("nm").arg("--print-size").arg(image::build()).output().expect("nm, of binutils");
+    let symbols = String::from_utf8(output.stdout).unwrap();
+    let symbol = symbols.lines().find(|line| line.ends_with(name)).expect("the function");
+    let numbers = symbol.split(' ').map_while(|word| u32::from_str_radix(word, 16).ok());
+    let [start, size] = numbers.take(2).collect::<Vec<_>>()[..] else { panic!("{symbol}") };
+    start..start + size
+}
+
+#[test]
+fn a_fault_restarts_the_board_and_its_log_says_where_it_was() {
+    let bench = Bench::told(tempfile::tempdir().unwrap(), "restart fault");
+    let shown = bench.machine.console().run("show log");
+    let (status, rest) =
+        shown.split_once("the last run ended: fault ").unwrap().1.split_once(" at 0x").unwrap();
+    assert_eq!(status, "0x00008200", "a precise data bus error");
+    let (address, rest) = rest.split_once(", called from").unwrap();
+    let address = u32::from_str_radix(address, 16).unwrap();
+    assert!(function("touch_nothing").contains(&address), "{shown}");
+    assert!(rest.lines().next().unwrap().ends_with("by access to 0x90000000"), "{shown}");
+    // The same processor has begun anew, and works.
+    bench.wire();
+    assert_eq!(bench.machine.client().read(1, 0, 1), registers(1, 0, 1));
 }

@@ -4,6 +4,8 @@ use mobgate_qemu::{Bus, Machine, Options};
 
 mod board;
 mod clients;
+mod ethercat;
+mod points;
 mod routing;
 
 /// A board with its first settings and units 1 to 3, 65 to 67 and 129 to 131 on its three lines.
@@ -23,8 +25,13 @@ impl Bench {
 
     /// The devices are there, and not connected.
     fn unwired() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let machine = Machine::start(folder.path(), Options::default());
+        Self::told(tempfile::tempdir().unwrap(), "")
+    }
+
+    /// The same in `folder`; the board is told `words`.
+    fn told(folder: tempfile::TempDir, words: &str) -> Self {
+        let machine =
+            Machine::start(folder.path(), Options { words: words.to_owned(), ..Options::default() });
         let buses = [1, 65, 129].map(|first| Bus::new(first..first + 3));
         Self { machine, buses, folder }
     }

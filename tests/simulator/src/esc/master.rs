@@ -20,6 +20,9 @@ pub type Storage = PduStorage<FRAMES, { PduStorage::element_size(DATA_BYTES) }>;
 /// A frame that is not back by then is lost; lower than usual, so that an EEPROM read outlives some lost ones.
 const FRAME_TIMEOUT: Duration = Duration::from_millis(3);
 const EEPROM_TIMEOUT: Duration = Duration::from_millis(100);
+/// On the wall clock.
+const PATIENCE: Duration = Duration::from_secs(15);
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
 /// A MainDevice that asks again up to `retries` times when no answer comes.
 pub fn main_device(pdu_loop: PduLoop<'_>, retries: usize) -> MainDevice<'_> {
@@ -28,6 +31,20 @@ pub fn main_device(pdu_loop: PduLoop<'_>, retries: usize) -> MainDevice<'_> {
         retry_behaviour: RetryBehaviour::Count(retries),
     };
     let timeouts = Timeouts { pdu: FRAME_TIMEOUT, eeprom: EEPROM_TIMEOUT, ..Timeouts::default() };
+    MainDevice::new(pdu_loop, timeouts, config)
+}
+
+/// A MainDevice on the wall clock, which waits as long as a busy host may let it wait.
+pub fn patient_main_device(pdu_loop: PduLoop<'_>) -> MainDevice<'_> {
+    let config = MainDeviceConfig { dc_static_sync_iterations: CLOCK_FRAMES, ..MainDeviceConfig::default() };
+    let timeouts = Timeouts {
+        state_transition: PATIENCE,
+        pdu: PATIENCE,
+        eeprom: PATIENCE,
+        wait_loop_delay: POLL_INTERVAL,
+        mailbox_echo: PATIENCE,
+        mailbox_response: PATIENCE,
+    };
     MainDevice::new(pdu_loop, timeouts, config)
 }
 

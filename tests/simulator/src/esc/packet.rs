@@ -2,23 +2,18 @@
 
 use std::future::Future;
 use std::io::{self, ErrorKind};
-use std::os::fd::{AsFd, AsRawFd, OwnedFd};
-use std::pin::pin;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::task::{Context, Poll, Wake, Waker};
+use std::os::fd::{AsRawFd, OwnedFd};
 
 use embassy_time::Instant;
 use nix::ifaddrs::getifaddrs;
-use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::socket::{
     AddressFamily, LinkAddr, MsgFlags, SockFlag, SockProtocol, SockType, bind, recvfrom, send, socket,
 };
-use nix::sys::time::TimeSpec;
 
 use super::cable::SharedSegment;
 use super::frame::FRAME_BYTES_MAX;
 use super::{Fate, now};
+use crate::wall_clock::{run_beside, wait};
 
 /// The kernel's mark of a frame that this machine sent on the interface.
 const PACKET_OUTGOING: u8 = 4;
@@ -57,30 +52,16 @@ impl PacketSocket {
 
     /// Passes a frame through `segment` that has come, or waits for one until a time.
     pub fn pass(&self, segment: &SharedSegment, until: Option<Instant>) -> io::Result<()> {
-        let Some(mut frame) = self.receive()? else { return self.wait(until) };
+        if self.pass_one(segment)? { Ok(()) } else { wait(&self.0, until) }
+    }
+
+    /// Passes a frame through `segment` that has come; says whether one had.
+    fn pass_one(&self, segment: &SharedSegment) -> io::Result<bool> {
+        let Some(mut frame) = self.receive()? else { return Ok(false) };
         if segment.borrow_mut().pass(now(), &mut frame, Fate::Intact) {
             send(self.0.as_raw_fd(), &frame, MsgFlags::empty())?;
         }
-        Ok(())
-    }
-
-    fn wait(&self, until: Option<Instant>) -> io::Result<()> {
-        let timeout = until.map(|until| {
-            let left = until.saturating_duration_since(Instant::now());
-            TimeSpec::from(std::time::Duration::from_micros(left.as_micros()))
-        });
-        match ppoll(&mut [PollFd::new(self.0.as_fd(), PollFlags::POLLIN)], timeout, None) {
-            Ok(_) | Err(nix::errno::Errno::EINTR) => Ok(()),
-            Err(error) => Err(error.into()),
-        }
-    }
-}
-
-struct Woken(AtomicBool);
-
-impl Wake for Woken {
-    fn wake(self: Arc<Self>) {
-        self.0.store(true, Ordering::Relaxed);
+        Ok(true)
     }
 }
 
@@ -90,16 +71,5 @@ pub fn serve<T>(
     segment: &SharedSegment,
     device: impl Future<Output = T>,
 ) -> io::Result<T> {
-    let mut device = pin!(device);
-    let woken = Arc::new(Woken(AtomicBool::new(true)));
-    let waker = Waker::from(woken.clone());
-    loop {
-        mobgate_clock::fire_due();
-        while woken.0.swap(false, Ordering::Relaxed) {
-            if let Poll::Ready(value) = device.as_mut().poll(&mut Context::from_waker(&waker)) {
-                return Ok(value);
-            }
-        }
-        socket.pass(segment, mobgate_clock::next_alarm().map(Instant::from_ticks))?;
-    }
+    run_beside(&socket.0, || socket.pass_one(segment), device)
 }

@@ -5,9 +5,9 @@ use std::rc::Rc;
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
-use ethercrab::MainDevice;
 use ethercrab::error::Error;
 use ethercrab::subdevice_group::{Op, PreOp, SubDeviceGroup};
+use ethercrab::{MainDevice, PduLoop};
 use mobgate::ethercat::device::Device;
 use mobgate::ethercat::esc::Esc;
 use mobgate::ethercat::sub_device::SubDevice;
@@ -26,8 +26,8 @@ const POWER_ON: Duration = Duration::from_millis(100);
 /// Between two exchanges of process data while Op is waited for.
 const CYCLE: Duration = Duration::from_millis(1);
 
-/// One device and 512 bytes of process data; ethercrab wants a power of two of devices, and more than one.
-pub type Group<S> = SubDeviceGroup<2, 512, ethercrab::DefaultLock, S>;
+/// One device and 2048 bytes of process data; ethercrab wants a power of two of devices, and more than one.
+pub type Group<S> = SubDeviceGroup<2, 2048, ethercrab::DefaultLock, S>;
 
 /// A MainDevice in front of one SubDevice.
 pub struct Desk<'m> {
@@ -86,16 +86,28 @@ pub fn cable(line: SharedSegment) -> Cable {
 /// # Panics
 /// When what the script waits for never comes.
 pub fn with_master<T>(world: &mut World<'_>, cable: Cable, script: impl AsyncFnOnce(Desk<'_>) -> T) -> T {
+    let script = async |desk: Desk<'_>| {
+        // The device starts its chip first.
+        Timer::after(POWER_ON).await;
+        script(desk).await
+    };
+    world.run_until(at_cable(cable, |pdu_loop| main_device(pdu_loop, 0), script))
+}
+
+/// A MainDevice that `make` makes, at the cable, does as `script` says.
+///
+/// # Panics
+/// Never: the memory for its frames is its own.
+pub async fn at_cable<T>(
+    cable: Cable,
+    make: impl FnOnce(PduLoop<'_>) -> MainDevice<'_>,
+    script: impl AsyncFnOnce(Desk<'_>) -> T,
+) -> T {
     let storage = Storage::new();
     let (tx, rx, pdu_loop) = storage.try_split().expect("it was not split before");
     let frames = cable.frames();
-    let master = main_device(pdu_loop, 0);
-    let script = async {
-        // The device starts its chip first.
-        Timer::after(POWER_ON).await;
-        script(Desk { master: &master, frames }).await
-    };
-    match world.run_until(select(pump(tx, rx, cable), script)) {
+    let master = make(pdu_loop);
+    match select(pump(tx, rx, cable), script(Desk { master: &master, frames })).await {
         Either::First(never) => match never {},
         Either::Second(outcome) => outcome,
     }

@@ -1,0 +1,116 @@
+//! The SPI and the interrupt pin of an EtherCAT controller, which is simulated by a program of the host: a transaction goes there
+//! and back by two pipes, `PATH.out` and `PATH.in`, when the command line has `spi=PATH`.
+//!
+//! What goes out is the number of bytes in two, the least significant first, and the bytes of the transaction; as many come back.
+//! No bytes at all ask for the interrupt pin, which is the one byte that comes back. Everything on the board stands still
+//! meanwhile.
+
+use core::cell::RefCell;
+
+use embassy_futures::yield_now;
+use embassy_time::{Duration, Timer};
+use embedded_hal::spi::{Error, ErrorKind, ErrorType, Operation};
+use embedded_hal_async::spi::SpiDevice;
+use heapless::Vec;
+
+use super::pipes::Pipes;
+use crate::semihosting::{CommandLine, HostError};
+
+/// Longest transaction: an image and what is around it.
+const TRANSACTION_BYTES_MAX: usize = 1024;
+const HEAD_BYTES: usize = 2;
+/// Between two looks at the pin, which makes no interrupt here.
+const PIN_INTERVAL: Duration = Duration::from_millis(1);
+/// What is read where nobody answers.
+const FLOATING: u8 = 0xff;
+
+/// A transaction with its head.
+type Transaction = Vec<u8, { HEAD_BYTES + TRANSACTION_BYTES_MAX }>;
+
+/// The wires to the controller.
+pub(super) struct Wires(RefCell<Option<Pipes>>);
+
+impl Wires {
+    /// The wires that the command line names; without, they lead nowhere.
+    ///
+    /// # Panics
+    /// When pipes that are named are not there.
+    pub(super) fn open() -> Self {
+        let line = CommandLine::read();
+        let path = line.words().find_map(|word| word.strip_prefix("spi="));
+        Self(RefCell::new(path.map(|path| Pipes::open(path).expect("pipes: see boards/qemu_mps2/emulate"))))
+    }
+
+    /// Puts into `back` what comes back for `bytes`.
+    fn exchange(&self, bytes: &mut Transaction, back: &mut Transaction) -> Result<(), HostError> {
+        let (head, data) = bytes.split_at_mut(HEAD_BYTES);
+        head.copy_from_slice(&(data.len() as u16).to_le_bytes());
+        // It has room for as much.
+        let _ = back.resize(data.len(), FLOATING);
+        match &mut *self.0.borrow_mut() {
+            Some(pipes) => pipes.ask(bytes, back),
+            None => Ok(()),
+        }
+    }
+
+    fn interrupt_is_high(&self) -> Result<bool, HostError> {
+        let Some(pipes) = &mut *self.0.borrow_mut() else { return Ok(false) };
+        let mut level = [0];
+        pipes.ask(&[0; HEAD_BYTES], &mut level)?;
+        Ok(level != [0])
+    }
+
+    /// Waits until the interrupt pin is high, or the host fails, as the next transaction will say.
+    pub(super) async fn interrupt(&self) {
+        while let Ok(false) = self.interrupt_is_high() {
+            Timer::after(PIN_INTERVAL).await;
+        }
+    }
+}
+
+/// The SPI, with the controller on its select line.
+pub(super) struct Spi<'w>(pub(super) &'w Wires);
+
+impl Error for HostError {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Other
+    }
+}
+
+impl ErrorType for Spi<'_> {
+    type Error = HostError;
+}
+
+impl SpiDevice for Spi<'_> {
+    async fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), HostError> {
+        let (mut bytes, mut back) = (Transaction::new(), Transaction::new());
+        // It has room for the head.
+        let _ = bytes.resize(HEAD_BYTES, 0);
+        for operation in &*operations {
+            match operation {
+                Operation::Write(from) => bytes.extend_from_slice(from),
+                Operation::TransferInPlace(both) => bytes.extend_from_slice(both),
+                Operation::Read(into) => bytes.resize(bytes.len() + into.len(), 0),
+                // The driver of the controller has no use for these.
+                Operation::Transfer(..) | Operation::DelayNs(_) => return Err(HostError),
+            }
+            .map_err(|_| HostError)?;
+        }
+        self.0.exchange(&mut bytes, &mut back)?;
+        let mut back = &back[..];
+        for operation in operations {
+            let length = match operation {
+                Operation::Read(into) | Operation::TransferInPlace(into) => {
+                    into.copy_from_slice(&back[..into.len()]);
+                    into.len()
+                }
+                Operation::Write(from) => from.len(),
+                Operation::Transfer(..) | Operation::DelayNs(_) => 0,
+            };
+            back = &back[length..];
+        }
+        // Others have their turn: on a chip they had it during the transaction.
+        yield_now().await;
+        Ok(())
+    }
+}

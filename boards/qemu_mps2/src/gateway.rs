@@ -1,0 +1,30 @@
+//! The gateway and what it is made of, in statics.
+
+use mobgate::capture::Capture;
+use mobgate::frame::{FramePool, Slot};
+use mobgate::gateway::{Gateway, PortPlace, Seat};
+
+/// Ports of any kind.
+pub(crate) const PORTS: usize = 8;
+/// TCP connections of all servers together: 16 clients, the one that is accepted to decide who goes, and a small server more.
+pub(crate) const SEATS: usize = 22;
+const RESERVED: usize = SEATS + PORTS;
+const FRAMES: usize = 2 * RESERVED;
+
+static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
+static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
+static PORT_PLACES: [PortPlace; PORTS] = [const { PortPlace::new() }; PORTS];
+static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
+static CAPTURE: Capture = Capture::new();
+
+/// The gateway.
+// The image without data points and EtherCAT is smaller, see Cargo.toml.
+#[cfg(feature = "ethercat")]
+pub(crate) static GATEWAY: Gateway<'static> = crate::ethercat::join(gateway());
+/// The gateway.
+#[cfg(not(feature = "ethercat"))] // As above.
+pub(crate) static GATEWAY: Gateway<'static> = gateway();
+
+const fn gateway() -> Gateway<'static> {
+    Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network().with_capture(&CAPTURE)
+}

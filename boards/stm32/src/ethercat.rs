@@ -1,0 +1,90 @@
+//! Data points, and EtherCAT as soon as a LAN9252 answers at SPI1.
+
+use core::pin::pin;
+
+use embassy_embedded_hal::shared_bus::asynch::spi::SpiDevice;
+use embassy_executor::Spawner;
+use embassy_stm32::exti::ExtiInput;
+use embassy_stm32::gpio::{Level, Output, Pull, Speed};
+use embassy_stm32::interrupt::typelevel::{Binding, DMA2_STREAM0, DMA2_STREAM3, EXTI15_10};
+use embassy_stm32::mode::Async;
+use embassy_stm32::peripherals::{DMA2_CH0, DMA2_CH3, EXTI15, PA5, PA6, PB5, PD14, PD15, SPI1};
+use embassy_stm32::spi::mode::Master;
+use embassy_stm32::spi::{Config, Spi};
+use embassy_stm32::time::Hertz;
+use embassy_stm32::{Peri, dma, exti};
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::Mutex;
+use mobgate::ethercat::lan9252::{Lan9252, Wiring};
+use mobgate::gateway::Gateway;
+use mobgate::port::ethercat::{EthercatPlace, serve};
+use mobgate::scanner::ScannerPlace;
+
+use crate::gateway::{LIVENESS, Task};
+
+/// The most at which the LAN9252 needs no pause in its reads: the H7 makes 25 MHz of it, the F7 27, the F4 21.
+const SPI_HZ: Hertz = Hertz(30_000_000);
+
+static SCANNER: ScannerPlace = ScannerPlace::new();
+static PLACE: EthercatPlace = EthercatPlace::new();
+
+/// The gateway with both.
+pub(crate) fn join(gateway: Gateway<'static>) -> Gateway<'static> {
+    gateway.with_scanner(&SCANNER).with_ethercat(&PLACE)
+}
+
+/// What the controller is wired to.
+pub struct Wires {
+    spi: Spi<'static, Async, Master>,
+    select: Output<'static>,
+    /// High when it asks.
+    interrupt: ExtiInput<'static, Async>,
+}
+
+impl Wires {
+    /// SPI1 with DMA in mode 0, a pin that selects the controller, and one that it interrupts by. `interrupts` is what
+    /// `bind_interrupts!` made. Where no controller drives its line, all bits are read as ones.
+    #[expect(clippy::too_many_arguments, reason = "pins and channels, each of its own type")]
+    pub fn new(
+        spi: Peri<'static, SPI1>,
+        clock: Peri<'static, PA5>,
+        output: Peri<'static, PB5>,
+        input: Peri<'static, PA6>,
+        transmit: Peri<'static, DMA2_CH3>,
+        receive: Peri<'static, DMA2_CH0>,
+        select: Peri<'static, PD14>,
+        interrupt: Peri<'static, PD15>,
+        channel: Peri<'static, EXTI15>,
+        interrupts: impl Binding<DMA2_STREAM3, dma::InterruptHandler<DMA2_CH3>>
+        + Binding<DMA2_STREAM0, dma::InterruptHandler<DMA2_CH0>>
+        + Binding<EXTI15_10, exti::InterruptHandler<EXTI15_10>>
+        + Copy
+        + 'static,
+    ) -> Self {
+        let mut config = Config::default();
+        config.frequency = SPI_HZ;
+        config.miso_pull = Pull::Up;
+        Self {
+            spi: Spi::new(spi, clock, output, input, transmit, receive, interrupts, config),
+            select: Output::new(select, Level::High, Speed::VeryHigh),
+            interrupt: ExtiInput::new(interrupt, channel, Pull::Down, interrupts),
+        }
+    }
+}
+
+/// Starts looking for the controller.
+pub fn start(spawner: Spawner, wires: Wires) {
+    // Spawned once: its place is free.
+    spawner.spawn(run(wires).unwrap());
+}
+
+#[embassy_executor::task]
+async fn run(wires: Wires) {
+    LIVENESS.watch(Task::Ethercat as usize, pin!(serve_controller(wires))).await
+}
+
+async fn serve_controller(Wires { spi, select, mut interrupt }: Wires) {
+    let bus = Mutex::<NoopRawMutex, _>::new(spi);
+    let controller = Lan9252::new(SpiDevice::new(&bus, select), Wiring::default());
+    serve(&PLACE, controller, async || interrupt.wait_for_high().await).await
+}

@@ -1,0 +1,44 @@
+//! What stands for the commands of data points in a gateway that has none: without the feature `points`.
+
+use core::fmt;
+
+use embassy_time::Instant;
+use embedded_io_async::{Read, Write};
+
+use super::command::Session;
+use super::show::Written;
+use crate::config::{Problem, Settings, Words};
+use crate::gateway::Gateway;
+use crate::hal::{Store, System};
+
+/// What would be done with a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PointCommand {
+    Read,
+    Write,
+    Mark,
+    Begin,
+    Finish,
+}
+
+impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
+    /// Says that there are none.
+    pub(super) async fn point(&mut self, _: PointCommand, words: &mut Words<'_>) -> Result<(), IO::Error> {
+        self.fail(format_args!("{}", words.take().error(Problem::NoPoints))).await
+    }
+
+    /// `watch points`
+    pub(super) async fn watch_points(&mut self) -> Result<(), IO::Error> {
+        self.fail(format_args!("{}", Problem::NoPoints)).await
+    }
+}
+
+/// `show points`
+pub(super) fn row(_: &Gateway<'_>, _: &Settings, _: usize, _: Instant, _: &mut dyn fmt::Write) -> Written {
+    None
+}
+
+/// `show devices`
+pub(super) fn device(_: &Gateway<'_>, _: &Settings, _: usize, _: Instant, _: &mut dyn fmt::Write) -> Written {
+    None
+}

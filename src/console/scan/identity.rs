@@ -1,0 +1,41 @@
+//! What a unit says of itself: the basic objects of its identification (FC 2Bh/0Eh), or its server id (FC 11h).
+
+use core::fmt::{self, Write};
+
+use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, REPORT_SERVER_ID};
+
+/// Fewer letters and digits are no text.
+const TEXT_CHARS_MIN: usize = 1;
+
+/// An answer's PDU as text: nothing when it is neither, with points for what cannot be printed.
+pub(super) struct Identity<'p>(pub(super) &'p [u8]);
+
+impl fmt::Display for Identity<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            // Type of access, conformity, whether more follows, the next object, how many there are (6.21).
+            [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, _, _, _, _, _, objects @ ..] => {
+                let mut rest = objects;
+                while let [_, length, behind @ ..] = rest {
+                    let (object, others) =
+                        behind.split_at_checked(usize::from(*length)).unwrap_or((behind, &[]));
+                    text(object, f)?;
+                    rest = others;
+                }
+                Ok(())
+            }
+            [REPORT_SERVER_ID, _, id @ ..] => text(id, f),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Bytes that are no text say nothing to people.
+fn text(bytes: &[u8], f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    if bytes.iter().filter(|byte| byte.is_ascii_alphanumeric()).count() < TEXT_CHARS_MIN {
+        return Ok(());
+    }
+    let shown = |byte: &u8| if byte.is_ascii_graphic() || *byte == b' ' { char::from(*byte) } else { '.' };
+    f.write_char(' ')?;
+    bytes.iter().try_for_each(|byte| f.write_char(shown(byte)))
+}

@@ -1,0 +1,109 @@
+//! What a scan tries: the words behind `scan`, the speeds and formats in their order, and the time that all of it takes.
+
+use core::iter::repeat_n;
+
+use embassy_time::Duration;
+use heapless::Vec;
+
+use crate::config::{
+    Framing, LineError, LineSettings, Parity, PortId, Settings, Words, number, parse_number, parse_units,
+    time,
+};
+use crate::console::probe::{request, serial_client};
+use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, REPORT_SERVER_ID};
+use crate::route::UnitRange;
+
+/// Speeds, unless others are named: the likely ones first.
+const BAUDS: [u32; 8] = [9_600, 19_200, 38_400, 57_600, 115_200, 4_800, 2_400, 1_200];
+/// Formats in RTU, the likely ones first, and two stop bits behind one: a receiver that wants one takes two as well.
+const RTU_FORMATS: [Format; 4] =
+    [(8, Parity::Even, 1), (8, Parity::None, 1), (8, Parity::Odd, 1), (8, Parity::None, 2)];
+/// Formats in ASCII.
+const ASCII_FORMATS: [Format; 4] =
+    [(7, Parity::Even, 1), (7, Parity::None, 2), (7, Parity::Odd, 1), (8, Parity::None, 1)];
+/// Data bits, parity, stop bits.
+type Format = (u8, Parity, u8);
+
+/// A unit has so long for the first character of its answer, and some characters more.
+const PATIENCE: Duration = Duration::from_millis(60);
+const PATIENCE_CHARS: usize = 6;
+/// What a unit may be given by a word.
+const TIMEOUT: core::ops::RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(10);
+const EXPECTED: &str = "a baud rate, units, timeout or function";
+
+/// What is tried.
+pub(super) struct Plan {
+    pub(super) port: PortId,
+    pub(super) units: UnitRange,
+    pub(super) framing: Framing,
+    own: LineSettings,
+    bauds: Vec<u32, { BAUDS.len() }>,
+    timeout: Option<Duration>,
+    pub(super) function: u8,
+}
+
+impl Plan {
+    /// Reads `P1 9600 19200 units 1-32 timeout 100ms function 4`.
+    pub(super) fn parse(settings: &Settings, words: &mut Words) -> Result<Self, LineError> {
+        let (port, serial) = serial_client(settings, words.take())?;
+        let mut plan = Self {
+            port,
+            units: UnitRange { first: 1, last: 247 },
+            framing: serial.framing,
+            own: serial.line,
+            bauds: Vec::new(),
+            timeout: None,
+            function: READ_HOLDING_REGISTERS,
+        };
+        while !words.peek().is_end() {
+            let word = words.take();
+            if parse_number(word.text).is_some() {
+                let baud = number(word, "a baud rate", 1..=10_000_000)?;
+                plan.bauds.push(baud).map_err(|_| word.expected("at most 8 baud rates"))?;
+            } else if word.is("units") {
+                plan.units = parse_units(words.take())?;
+                // To unit 0 nobody answers.
+                plan.units.first = plan.units.first.max(1);
+            } else if word.is("timeout") {
+                plan.timeout = Some(time(words.take(), TIMEOUT)?);
+            } else if word.is("function") {
+                let word = words.take();
+                let function = parse_number(word.text).and_then(|number| u8::try_from(number).ok());
+                let harmless = |function: &u8| matches!(function, 1..=4 | &DIAGNOSTICS | &REPORT_SERVER_ID);
+                plan.function = function
+                    .filter(harmless)
+                    .ok_or_else(|| word.expected("a function that changes nothing: 1 to 4, 8 or 17"))?;
+            } else {
+                return Err(word.expected(EXPECTED));
+            }
+        }
+        if plan.bauds.is_empty() {
+            plan.bauds.extend(BAUDS);
+        }
+        Ok(plan)
+    }
+
+    /// The line's settings, one after the other.
+    pub(super) fn lines(&self) -> impl Iterator<Item = LineSettings> {
+        let formats = if self.framing == Framing::Rtu { RTU_FORMATS } else { ASCII_FORMATS };
+        let each = self.bauds.iter().flat_map(move |baud| repeat_n(*baud, formats.len()).zip(formats));
+        each.map(|(baud, (data_bits, parity, stop_bits))| {
+            let line = LineSettings { baud, data_bits, parity, stop_bits, gap: None, ..self.own };
+            // What is set may be for another speed; less than the specification's is legal at none.
+            LineSettings { gap: self.own.gap.filter(|gap| *gap > line.t3_5()), ..line }
+        })
+    }
+
+    /// How long a unit has for the first character of its answer.
+    pub(super) fn patience(&self, line: &LineSettings) -> Duration {
+        self.timeout.unwrap_or_else(|| PATIENCE + line.gap() + line.chars(PATIENCE_CHARS))
+    }
+
+    /// How long it takes from line number `nth` on, if no unit is there.
+    pub(super) fn time_from(&self, nth: usize) -> Duration {
+        let units = u32::from(self.units.last.saturating_sub(self.units.first)) + 1;
+        let request = self.framing.chars_of(request(self.function).len());
+        let each = |line: LineSettings| line.chars(request) + self.patience(&line) + line.gap();
+        self.lines().skip(nth).fold(Duration::from_ticks(0), |sum, line| sum + each(line) * units)
+    }
+}

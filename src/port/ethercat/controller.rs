@@ -1,0 +1,91 @@
+//! The controller chip of the gateway's SubDevice: looked for until one answers, served until it is gone, and looked for again.
+
+use core::fmt;
+
+use embassy_time::{Duration, Timer};
+
+use super::application::GatewayObjects;
+use super::objects::DEVICE;
+use super::place::EthercatPlace;
+use crate::ethercat::device::Device;
+use crate::ethercat::esc::{Esc, EscError};
+use crate::ethercat::sub_device::{RESTART_PAUSE, SubDevice};
+use crate::gateway::Status;
+use crate::hal::{OpenError, OpenErrorKind};
+
+/// Between two looks for a controller that does not answer. A look is a few bytes on the bus.
+const LOOK_INTERVAL: Duration = Duration::from_secs(1);
+
+static GATEWAY: Device = DEVICE;
+
+/// Whether the board's controller answers.
+// `Present` is the 0: a place is all zeros at start. It is also what holds where nobody looks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(u8)]
+pub enum Controller {
+    /// It does.
+    #[default]
+    Present,
+    /// It has not yet.
+    Missing(EscError),
+    /// It has, and does not any more.
+    Lost(EscError),
+}
+
+impl Controller {
+    /// The status of the port whose controller this is.
+    pub(crate) fn status(self) -> Status {
+        match self {
+            Self::Present => Status::Open,
+            Self::Missing(_) => {
+                Status::Failed(OpenError::new(OpenErrorKind::NotFound, "no EtherCAT controller answers"))
+            }
+            Self::Lost(_) => Status::Lost,
+        }
+    }
+
+    /// What is wrong with it.
+    pub fn fault(self) -> Option<EscError> {
+        match self {
+            Self::Present => None,
+            Self::Missing(fault) | Self::Lost(fault) => Some(fault),
+        }
+    }
+}
+
+impl fmt::Display for Controller {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Present => "EtherCAT controller present",
+            Self::Missing(_) => "EtherCAT controller missing",
+            Self::Lost(_) => "EtherCAT controller lost",
+        })
+    }
+}
+
+/// The gateway's EtherCAT task: serves the controller behind `esc`, for ever, whenever there is one. `attention` as for
+/// [`SubDevice::run`].
+pub async fn serve(place: &EthercatPlace, esc: impl Esc, mut attention: impl AsyncFnMut()) -> ! {
+    let mut sub_device = SubDevice::new(&GATEWAY, esc, GatewayObjects::new(place));
+    let mut known = None;
+    loop {
+        let controller = match (sub_device.esc().look().await, known) {
+            (Ok(()), _) => Controller::Present,
+            (Err(fault), None | Some(Controller::Missing(_))) => Controller::Missing(fault),
+            (Err(fault), _) => Controller::Lost(fault),
+        };
+        if known != Some(controller) {
+            log_info!("{controller}");
+            place.set_controller(controller);
+            known = Some(controller);
+        }
+        let pause = match controller {
+            Controller::Present => {
+                sub_device.run_until_fault(&mut attention).await;
+                RESTART_PAUSE
+            }
+            Controller::Missing(_) | Controller::Lost(_) => LOOK_INTERVAL,
+        };
+        Timer::after(pause).await;
+    }
+}

@@ -1,0 +1,11 @@
+//! What stands for the scanner's port in a gateway that asks nothing by itself: without the feature `points`.
+
+use crate::config::PortId;
+use crate::gateway::{Gateway, PortPlace};
+use crate::port::ethercat::EthercatPlace;
+
+/// There is nothing to ask for. Settings with such a port are refused before.
+pub(crate) async fn run(_: &Gateway<'_>, place: &PortPlace, _: PortId, ethercat: Option<&EthercatPlace>) {
+    ethercat.into_iter().for_each(|ethercat| _ = place.set_status(ethercat.controller().status()));
+    place.changed.wait().await
+}

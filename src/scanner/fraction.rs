@@ -1,0 +1,316 @@
+//! Numbers with a fraction as text: the nearest one to a text, and the shortest text that gives it back. Both are exact.
+//!
+//! What `core` has for this is made for speed, and takes 20 kB of tables and code. Here a number is a row of decimal digits,
+//! which is doubled and halved as by hand: a console has the time.
+
+use core::fmt::{self, Write};
+
+use heapless::Vec;
+
+/// The most digits that a number, or the middle between two, can have; those of a longer text are cut off.
+const DIGITS_MAX: usize = 128;
+/// Bits of a mantissa, the one that is implied included.
+const MANTISSA_BITS: u32 = 24;
+const IMPLIED: u32 = 1 << (MANTISSA_BITS - 1);
+/// The exponent of the last bit of the smallest numbers.
+const EXPONENT_MIN: i32 = -149;
+const INFINITE: u32 = 0x7f80_0000;
+const SIGN: u32 = 1 << 31;
+
+/// A number that is not 0 and has no sign: `0.DIGITS` times ten to the power of `point`, without zeros at either end. So
+/// the greater one is the one that comes later in the order of the fields.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+struct Decimal {
+    point: i32,
+    digits: Vec<u8, DIGITS_MAX>,
+}
+
+impl Decimal {
+    /// `whole` times two to the power of `exponent`.
+    fn new(mut whole: u32, exponent: i32) -> Self {
+        let mut number = Self { point: 0, digits: Vec::new() };
+        while whole > 0 {
+            // Ten digits fit.
+            let _ = number.digits.insert(0, (whole % 10) as u8);
+            whole /= 10;
+            number.point += 1;
+        }
+        number.trim();
+        for _ in 0..exponent.unsigned_abs() {
+            if exponent > 0 { number.double() } else { number.halve() }
+        }
+        number
+    }
+
+    /// The text as a number, without its sign; `None` if it is none, and an empty number for 0.
+    fn parse(text: &str) -> Option<Self> {
+        let (digits, exponent) = match text.split_once(['e', 'E']) {
+            Some((digits, exponent)) => {
+                (digits, exponent.parse().ok().filter(|ten| (-999..=999).contains(ten))?)
+            }
+            None => (text, 0),
+        };
+        let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+        let mut all = whole.bytes().chain(fraction.bytes());
+        if whole.len() + fraction.len() == 0 || !all.all(|digit| digit.is_ascii_digit()) {
+            return None;
+        }
+        let zeros = whole.bytes().chain(fraction.bytes()).take_while(|digit| *digit == b'0').count();
+        let point = i32::try_from(whole.len()).ok()? - i32::try_from(zeros).ok()? + exponent;
+        let digits = whole.bytes().chain(fraction.bytes()).skip(zeros).map(|digit| digit - b'0');
+        let mut number = Self { point, digits: digits.take(DIGITS_MAX).collect() };
+        number.trim();
+        Some(number)
+    }
+
+    fn trim(&mut self) {
+        while self.digits.last() == Some(&0) {
+            self.digits.pop();
+        }
+    }
+
+    fn double(&mut self) {
+        let mut carry = 0;
+        for digit in self.digits.iter_mut().rev() {
+            let twice = 2 * *digit + carry;
+            (*digit, carry) = (twice % 10, twice / 10);
+        }
+        if carry > 0 {
+            if self.digits.is_full() {
+                self.digits.pop();
+            }
+            // There is room now.
+            let _ = self.digits.insert(0, carry);
+            self.point += 1;
+        }
+        self.trim();
+    }
+
+    fn halve(&mut self) {
+        let mut rest = 0;
+        for digit in &mut self.digits {
+            let value = 10 * rest + *digit;
+            (*digit, rest) = (value / 2, value % 2);
+        }
+        if rest > 0 {
+            // Where it is cut off, more digits came than any number needs.
+            let _ = self.digits.push(5);
+        }
+        if self.digits.first() == Some(&0) {
+            self.digits.remove(0);
+            self.point -= 1;
+        }
+    }
+
+    /// The nearest whole number, of two the even one.
+    fn round(&self) -> u32 {
+        let digit =
+            |at: i32| usize::try_from(at).ok().and_then(|at| self.digits.get(at)).copied().unwrap_or(0);
+        let whole = (0..self.point).fold(0, |whole: u32, at| 10 * whole + u32::from(digit(at)));
+        let behind = usize::try_from(self.point).map_or(&[][..], |at| self.digits.get(at..).unwrap_or(&[]));
+        let up = behind > &[5][..] || (behind == [5] && whole % 2 == 1);
+        whole + u32::from(up)
+    }
+
+    /// The first `count` digits: rounded down, and rounded up.
+    fn rounded(&self, count: usize) -> (Self, Self) {
+        let mut down = self.clone();
+        down.digits.truncate(count);
+        let mut up = down.clone();
+        while up.digits.last() == Some(&9) {
+            up.digits.pop();
+        }
+        match up.digits.last_mut() {
+            Some(last) => *last += 1,
+            None => {
+                let _ = up.digits.push(1);
+                up.point += 1;
+            }
+        }
+        down.trim();
+        (down, up)
+    }
+}
+
+/// The number nearest to `text`: `1.5`, `-2e-3`, `.5`, `inf`, `nan`.
+pub(super) fn parse(text: &str) -> Option<f32> {
+    let (sign, text) = match text.strip_prefix('-') {
+        Some(rest) => (SIGN, rest),
+        None => (0, text.strip_prefix('+').unwrap_or(text)),
+    };
+    let bits = if ["inf", "infinity"].iter().any(|word| text.eq_ignore_ascii_case(word)) {
+        INFINITE
+    } else if text.eq_ignore_ascii_case("nan") {
+        f32::NAN.to_bits()
+    } else {
+        nearest(Decimal::parse(text)?)
+    };
+    Some(f32::from_bits(sign | bits))
+}
+
+/// The bits of the float nearest to `number`.
+fn nearest(mut number: Decimal) -> u32 {
+    // Beyond what halving and doubling could bring into range.
+    if number.digits.is_empty() || number.point < -50 {
+        return 0;
+    }
+    if number.point > 40 {
+        return INFINITE;
+    }
+    let (low, high) = (Decimal::new(IMPLIED, 0), Decimal::new(2 * IMPLIED, 0));
+    let mut exponent = 0;
+    while number >= high {
+        number.halve();
+        exponent += 1;
+    }
+    while number < low && exponent > EXPONENT_MIN {
+        number.double();
+        exponent -= 1;
+    }
+    // Small numbers have no implied bit; a mantissa that was rounded up to the next power of two moves the exponent.
+    let bits = ((exponent - EXPONENT_MIN) as u32 * IMPLIED).saturating_add(number.round());
+    bits.min(INFINITE)
+}
+
+/// The shortest text of `value` that [`parse`] takes for it, without an exponent.
+pub(super) fn write(value: f32, out: &mut impl Write) -> fmt::Result {
+    let bits = value.to_bits();
+    if value.is_nan() {
+        return out.write_str("NaN");
+    }
+    if bits & SIGN != 0 {
+        out.write_char('-')?;
+    }
+    match bits & !SIGN {
+        0 => out.write_char('0'),
+        INFINITE => out.write_str("inf"),
+        bits => write_plain(&shortest(bits), out),
+    }
+}
+
+/// The shortest number that is nearer to the float `bits` than to any other, and of several the nearest.
+fn shortest(bits: u32) -> Decimal {
+    let steps = bits / IMPLIED;
+    let (mantissa, exponent) = match steps {
+        0 => (bits, EXPONENT_MIN),
+        _ => (bits % IMPLIED + IMPLIED, EXPONENT_MIN + steps as i32 - 1),
+    };
+    // The numbers below a power of two stand closer together.
+    let below = if mantissa == IMPLIED && steps > 1 { 1 } else { 2 };
+    let exact = Decimal::new(mantissa, exponent);
+    let low = Decimal::new(4 * mantissa - below, exponent - 2);
+    let high = Decimal::new(4 * mantissa + 2, exponent - 2);
+    let is_near = |number: &Decimal| {
+        // In the middle the even mantissa is taken.
+        if mantissa % 2 == 0 { low <= *number && *number <= high } else { low < *number && *number < high }
+    };
+    for count in 1..exact.digits.len() {
+        let (down, up) = exact.rounded(count);
+        let upwards = exact.digits.get(count..).is_some_and(|rest| rest >= &[5][..]);
+        let (first, second) = if upwards { (up, down) } else { (down, up) };
+        for number in [first, second] {
+            if is_near(&number) {
+                return number;
+            }
+        }
+    }
+    exact
+}
+
+fn write_plain(number: &Decimal, out: &mut impl Write) -> fmt::Result {
+    if number.point <= 0 {
+        out.write_str("0.")?;
+        (number.point..0).try_for_each(|_| out.write_char('0'))?;
+    }
+    for (at, digit) in (1..).zip(&number.digits) {
+        out.write_char(char::from(b'0' + digit))?;
+        if at == number.point && number.digits.len() > at as usize {
+            out.write_char('.')?;
+        }
+    }
+    (number.digits.len() as i32..number.point).try_for_each(|_| out.write_char('0'))
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::format;
+    use std::string::String;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn written(value: f32) -> String {
+        let mut text = String::new();
+        write(value, &mut text).unwrap();
+        text
+    }
+
+    /// Asks the standard library.
+    fn check(value: f32) {
+        assert_eq!(written(value), format!("{value}"), "{:08x}", value.to_bits());
+        assert_eq!(parse(&written(value)).map(f32::to_bits), Some(value.to_bits()), "{value}");
+    }
+
+    #[test]
+    fn numbers_at_the_borders_are_written_and_read_as_the_standard_library_does() {
+        for steps in 0..255 {
+            for near in [0, 1, 2, IMPLIED - 2, IMPLIED - 1] {
+                check(f32::from_bits(steps * IMPLIED + near));
+            }
+        }
+        for value in [-0.0, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 1.5, 230.1, -16_777_216.0] {
+            check(value);
+        }
+        assert_eq!(written(f32::NAN), "NaN");
+    }
+
+    #[test]
+    fn what_is_no_number_is_refused() {
+        for text in ["", "-", ".", "e5", "1e", "1.5.2", "0x10", "1,5", "--1", "1e1000000000000", "infinite"] {
+            assert_eq!(parse(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn texts_are_read_as_the_nearest_number() {
+        let middle = "16777217";
+        for text in [
+            "1.5",
+            "+.5",
+            "5.",
+            "-2e-3",
+            "1E3",
+            "0",
+            "-0.0",
+            "inf",
+            "-Infinity",
+            "1e40",
+            "1e-60",
+            "3.4028236e38",
+            middle,
+        ] {
+            assert_eq!(parse(text).map(f32::to_bits), text.parse::<f32>().ok().map(f32::to_bits), "{text}");
+        }
+        assert!(parse("nan").is_some_and(f32::is_nan));
+        let just_above = format!("{middle}.{}1", "0".repeat(60));
+        assert_eq!(parse(&just_above), Some(16_777_218.0));
+    }
+
+    proptest! {
+        #[test]
+        fn any_number_is_written_and_read_as_the_standard_library_does(bits in any::<u32>()) {
+            let value = f32::from_bits(bits);
+            if !value.is_nan() {
+                check(value);
+            }
+        }
+
+        #[test]
+        fn any_text_is_read_as_the_standard_library_does(text in "[+-]?[0-9]{0,12}\\.?[0-9]{0,30}(e[+-]?[0-9]{1,2})?") {
+            let expected = text.parse::<f32>().ok().map(f32::to_bits);
+            prop_assert_eq!(parse(&text).map(f32::to_bits), expected, "{}", text);
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! Time-outs and gaps that are proposed from answers that were measured.
+
+use embassy_time::Duration;
+use mobgate::port::answer_tail::AnswerTail;
+use mobgate_simulator::client::Answer;
+use mobgate_simulator::console::{typed, typed_slowly};
+use mobgate_simulator::fault::When;
+use mobgate_simulator::rig::machine;
+use mobgate_simulator::{Device, Fault, Faults, Random, rig};
+
+const SETTINGS: &str = "
+port bus serial uart1 rtu client 19200 8E1 timeout 500ms
+port P502 tcp server 502
+route P502 * * * bus
+";
+const READ: [u8; 5] = [3, 0, 7, 0, 1];
+
+/// Draws an answer time in microseconds.
+type Draw = fn(&mut Random) -> f64;
+
+/// How answer times are distributed, and the time in microseconds within which 999 of 1000 are.
+const MODELS: [(&str, f64, Draw); 5] = [
+    ("constant", 20_000.0, |_| 20_000.0),
+    ("uniform", 49_960.0, |random| 10_000.0 + random.within(0..=40_000) as f64),
+    ("exponential", 5_000.0 + 6_907.8 * 8.0, |random| 5_000.0 + 8_000.0 * random.exponential()),
+    ("often slow", 209_800.0, |random| {
+        if random.chance(0.05) { 200_000.0 + random.within(0..=10_000) as f64 } else { 10_000.0 }
+    }),
+    ("seldom slow", 208_000.0, |random| {
+        if random.chance(0.005) { 200_000.0 + random.within(0..=10_000) as f64 } else { 10_000.0 }
+    }),
+];
+
+#[test]
+fn the_tail_is_told_within_a_fifth_in_nearly_every_series_of_two_thousand() {
+    for (name, p999, draw) in MODELS {
+        let mut far = 0;
+        for seed in 0..500 {
+            let (mut random, mut tail) = (Random::new(seed), AnswerTail::new());
+            (0..2_000).for_each(|_| tail.add(draw(&mut random) as u32));
+            let ratio = f64::from(tail.p999().unwrap()) / p999;
+            far += u32::from(!(0.8..=1.2).contains(&ratio));
+        }
+        // An exponential tail is two and a half standard deviations from there.
+        assert!(far <= 10, "{name}: {far} of 500");
+    }
+}
+
+#[test]
+fn few_answers_are_enough_for_more_than_was_seen() {
+    assert_eq!(AnswerTail::new().p999(), None);
+    let mut tail = AnswerTail::new();
+    tail.add(1_000);
+    assert_eq!(tail.p999(), Some(1_000));
+    let mut random = Random::new(1);
+    (0..100).for_each(|_| tail.add((10_000.0 * random.exponential()) as u32));
+    assert!((50_000..100_000).contains(&tail.p999().unwrap()), "{:?}", tail.p999());
+}
+
+#[test]
+fn a_time_out_is_proposed_from_what_the_units_do_and_traffic_goes_on() {
+    rig::with_gateway(1, SETTINGS, |world, rig| {
+        let slow = Device::new(5).with_turnaround(Duration::from_millis(30));
+        rig.attach(world, "uart1", [slow, Device::new(6)]);
+        let mut client = rig.client(machine(1), 502);
+        for unit in [5, 6] {
+            assert!(matches!(world.run_until(client.request(unit, &READ)), Answer::Pdu(_)));
+        }
+        let tune = world.spawn(typed(rig.gateway, "tune bus count 200"));
+        world.run_for(Duration::from_secs(2));
+        assert!(matches!(world.run_until(client.request(5, &READ)), Answer::Pdu(_)), "others are served");
+        let shown = world.run_until(tune);
+        assert!(shown.contains("unit 5: 200 answers by function 3, 0 lost; "), "{shown}");
+        assert!(shown.contains("unit 6: 200 answers"), "{shown}");
+        // 2.005 ms of silence, 30 ms, a character of 573 us.
+        assert!(shown.ends_with("edit port bus timeout 33ms\n"), "{shown}");
+        world.run_for(Duration::from_millis(10));
+        assert_eq!(rig.frames_in_use(), 0);
+    });
+}
+
+#[test]
+fn a_unit_that_needs_a_pause_is_given_the_first_gap_at_which_it_answers_everything() {
+    rig::with_gateway(1, SETTINGS, |world, rig| {
+        rig.attach(world, "uart1", [Device::new(5).with_rest(Duration::from_millis(6))]);
+        let shown = world.run_until(typed(rig.gateway, "tune bus units 5 count 100"));
+        // 2.005 ms is legal; 4.01 ms are not enough.
+        assert!(shown.contains(" 0 lost; "), "{shown}");
+        assert!(shown.trim_end().ends_with(" gap 8.024ms"), "{shown}");
+    });
+}
+
+#[test]
+fn a_unit_that_does_not_answer_is_said_and_one_that_answers_by_chance_is_given_up() {
+    rig::with_gateway(1, SETTINGS, |world, rig| {
+        let faults = Faults::new(1).with(When::Chance(0.5), Fault::Dead);
+        rig.attach(world, "uart1", [Device::new(6).with_faults(faults)]);
+        let shown = world.run_until(typed(rig.gateway, "tune bus units 5-6 count 100"));
+        assert!(shown.contains("unit 5: no answer\n"), "{shown}");
+        assert!(shown.contains("unit 6: no gap helps"), "{shown}");
+        assert!(!shown.contains("edit port"), "{shown}");
+    });
+}
+
+#[test]
+fn a_key_stops_it_with_what_is_known_by_then() {
+    rig::with_gateway(1, SETTINGS, |world, rig| {
+        rig.attach(world, "uart1", [Device::new(5), Device::new(6)]);
+        let keys = [(Duration::from_ticks(0), "tune bus units 5-6\n"), (Duration::from_secs(50), "x")];
+        let shown = world.run_until(typed_slowly(rig.gateway, &keys));
+        assert!(shown.contains("unit 5: 2000 answers") && !shown.contains("unit 6: 2000 answers"), "{shown}");
+        assert!(shown.contains("edit port bus timeout "), "{shown}");
+    });
+}

@@ -1,0 +1,59 @@
+//! The simulator on the wall clock, in one thread: a future that runs beside a file descriptor.
+
+use std::future::Future;
+use std::io;
+use std::os::fd::AsFd;
+use std::pin::pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::task::{Context, Poll, Wake, Waker};
+
+use embassy_time::Instant;
+use nix::poll::{PollFd, PollFlags, ppoll};
+use nix::sys::time::TimeSpec;
+
+struct Woken(AtomicBool);
+
+impl Wake for Woken {
+    fn wake(self: Arc<Self>) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Runs `future` until it is done. Between its polls `look` takes what has come at `source`, piece by piece: it says whether there was
+/// anything.
+///
+/// # Errors
+/// What `look` says, or the system.
+pub fn run_beside<T>(
+    source: impl AsFd,
+    mut look: impl FnMut() -> io::Result<bool>,
+    future: impl Future<Output = T>,
+) -> io::Result<T> {
+    let mut future = pin!(future);
+    let woken = Arc::new(Woken(AtomicBool::new(true)));
+    let waker = Waker::from(woken.clone());
+    loop {
+        mobgate_clock::fire_due();
+        while woken.0.swap(false, Ordering::Relaxed) {
+            if let Poll::Ready(value) = future.as_mut().poll(&mut Context::from_waker(&waker)) {
+                return Ok(value);
+            }
+        }
+        if !look()? {
+            wait(&source, mobgate_clock::next_alarm().map(Instant::from_ticks))?;
+        }
+    }
+}
+
+/// Waits until something comes at `source`, or until that time.
+pub(crate) fn wait(source: impl AsFd, until: Option<Instant>) -> io::Result<()> {
+    let timeout = until.map(|until| {
+        let left = until.saturating_duration_since(Instant::now());
+        TimeSpec::from(std::time::Duration::from_micros(left.as_micros()))
+    });
+    match ppoll(&mut [PollFd::new(source.as_fd(), PollFlags::POLLIN)], timeout, None) {
+        Ok(_) | Err(nix::errno::Errno::EINTR) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
+}

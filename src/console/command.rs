@@ -11,6 +11,7 @@ use super::output::Output;
 use super::points::PointCommand;
 use super::show::Show;
 use crate::config::{LineError, PortId, Words};
+use crate::drafting;
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
 
@@ -182,7 +183,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
-        match self.gateway.change(line).await {
+        match drafting::change(self.gateway, line).await {
             Ok(Some(warning)) => self.out.line(format_args!("warning: {warning}")).await,
             Ok(None) => Ok(()),
             Err(error) => self.fail(format_args!("{error}")).await,
@@ -190,14 +191,14 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn save(&mut self) -> Result<(), IO::Error> {
-        match self.gateway.save(self.store).await {
+        match drafting::save(self.gateway, self.store).await {
             Ok(()) => self.out.line(format_args!("saved")).await,
             Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 
     async fn load(&mut self) -> Result<(), IO::Error> {
-        match self.gateway.load(self.store).await {
+        match drafting::load(self.gateway, self.store).await {
             Ok(0) => self.fail(format_args!("nothing is saved")).await,
             Ok(_) => self.out.line(format_args!("loaded")).await,
             Err(error) => self.fail(format_args!("{error}")).await,

@@ -11,6 +11,7 @@ use core::net::SocketAddr;
 
 use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
+use heapless::Vec;
 
 use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage, Way};
@@ -24,6 +25,8 @@ use crate::stats::{Event, LastError};
 
 /// A client that does not take an answer for so long is closed.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
+/// Bytes of an exception with its MBAP header; with RTU over TCP there are fewer.
+const EXCEPTION_ADU_BYTES_MAX: usize = 9;
 /// Pause after the listener failed.
 const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
@@ -93,7 +96,7 @@ impl Server<'_, '_> {
         self.place.stats.count(Event::Connected);
         let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
-                Some(origin) => self.serve(&mut stream, origin, peer).await,
+                Some(origin) => self.serve(&mut stream, origin).await,
                 None => End::Crowded,
             }
         } else {
@@ -165,10 +168,10 @@ impl Server<'_, '_> {
         Some(Origin { port: self.id, way: Way::Seat(self.index as u16), generation: own.generation })
     }
 
-    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin, peer: SocketAddr) -> End {
+    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin) -> End {
         let mut input = Input::new(self.settings.framing);
         loop {
-            let waits = match self.take_requests(stream, &mut input, origin, peer).await {
+            let waits = match self.take_requests(stream, &mut input, origin).await {
                 Ok(waits) => waits,
                 Err(end) => return end,
             };
@@ -199,7 +202,6 @@ impl Server<'_, '_> {
         stream: &mut S,
         input: &mut Input,
         origin: Origin,
-        peer: SocketAddr,
     ) -> Result<Waits, End> {
         loop {
             // RTU answers do not say which request they belong to.
@@ -212,13 +214,11 @@ impl Server<'_, '_> {
                     self.place.stats.count(input.skip_event());
                     consumed
                 }
-                Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, peer, header, pdu) {
+                Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, header, pdu) {
                     Taken::Sent => consumed,
                     Taken::Refused(exception) => {
                         let answer = exception.response(pdu.first().copied().unwrap_or(0));
-                        let mut out = [0; ADU_BYTES_MAX];
-                        let framing = self.settings.framing;
-                        self.write(stream, encode(framing, header, &answer, &mut out).unwrap_or(&[])).await?;
+                        self.write(stream, &self.short(header, &answer)).await?;
                         consumed
                     }
                     Taken::Starved => {
@@ -233,7 +233,7 @@ impl Server<'_, '_> {
     }
 
     /// Sends a request to the router, or says why not.
-    fn take(&self, origin: Origin, peer: SocketAddr, header: Header, request: &[u8]) -> Taken {
+    fn take(&self, origin: Origin, header: Header, request: &[u8]) -> Taken {
         if let Err(exception) = pdu::check_request(request) {
             self.place.stats.count(Event::Refused);
             self.place.stats.note_refused(request, exception);
@@ -253,7 +253,7 @@ impl Server<'_, '_> {
         let deadline = received + self.settings.lifetime;
         frame.address(Envelope {
             transaction: header.transaction,
-            peer: Some(peer.ip().to_canonical()),
+            peer: self.seat.state().peer.map(|peer| peer.ip().to_canonical()),
             ..Envelope::request(origin, header.unit, received, deadline)
         });
         self.place.stats.count(Event::Request);
@@ -269,24 +269,31 @@ impl Server<'_, '_> {
     /// Gives an answer to the client; a frame that came home without one is only counted off.
     async fn give<S: TcpStream>(&self, stream: &mut S, frame: Frame<'_>) -> Result<(), End> {
         self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
-        let envelope = frame.envelope();
-        if envelope.stage == Stage::Silence {
+        let Envelope { transaction, unit, stage, cause, .. } = frame.envelope();
+        if stage == Stage::Silence {
             return Ok(());
         }
         self.place.stats.count(Event::Answer);
-        let header = Header { transaction: envelope.transaction, unit: envelope.unit };
+        let header = Header { transaction, unit };
         let mut out = [0; ADU_BYTES_MAX];
         let length = frame.pdu(|answer| {
             if let [function, code] = *answer
                 && function & EXCEPTION_BIT != 0
             {
                 self.place.stats.count(Event::Exception);
-                self.place.stats.note_exception(Exception(code), envelope.cause);
+                self.place.stats.note_exception(Exception(code), cause);
             }
             encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
         });
         drop(frame);
         self.write(stream, out.get(..length).unwrap_or(&[])).await
+    }
+
+    /// The frame of an exception. It is kept while it is written, so it is not in a buffer for the longest one.
+    fn short(&self, header: Header, exception: &[u8]) -> Vec<u8, EXCEPTION_ADU_BYTES_MAX> {
+        let mut out = [0; ADU_BYTES_MAX];
+        let frame = encode(self.settings.framing, header, exception, &mut out).unwrap_or(&[]);
+        Vec::from_slice(frame).unwrap_or_default()
     }
 
     /// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.

@@ -155,8 +155,8 @@ impl Turn<'_, '_> {
         self.gateway.asking.outcome.lock(Cell::get)
     }
 
-    /// The answer of `unit` to `request`, and how long it took. The port spares no unit that is down.
-    pub(crate) async fn ask(&self, unit: u8, request: &[u8]) -> Result<(Pdu, Duration), NotAsked> {
+    /// Asks `unit` and says how long its answer took, which goes into `answer`. The port spares no unit that is down.
+    pub(crate) async fn ask(&self, unit: u8, request: &[u8], answer: &mut Pdu) -> Result<Duration, NotAsked> {
         let Self { gateway, port } = *self;
         let generation = gateway.asking.generation.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
         gateway.asking.outcome.lock(|last| last.set(None));
@@ -176,17 +176,19 @@ impl Turn<'_, '_> {
         frame.address(Envelope { destination: Some(port), paced: true, ..asked });
         gateway.inbox.send(frame);
         loop {
-            let answer = gateway.asking.answers.receive(gateway.pool());
-            let answer = with_deadline(now + PATIENCE, answer).await.map_err(|_| NotAsked::Lost)?;
-            let envelope = answer.envelope();
+            let answered = gateway.asking.answers.receive(gateway.pool());
+            let answered = with_deadline(now + PATIENCE, answered).await.map_err(|_| NotAsked::Lost)?;
+            let envelope = answered.envelope();
             if envelope.origin.generation != generation {
                 continue;
             }
             let mut pdu = [0; PDU_BYTES_MAX];
-            let length = answer.copy_pdu(&mut pdu);
-            let pdu = pdu.get(..length).and_then(|pdu| Pdu::from_slice(pdu).ok());
-            return match (envelope.stage, pdu) {
-                (Stage::Answer, Some(pdu)) => Ok((pdu, now.elapsed())),
+            let length = answered.copy_pdu(&mut pdu);
+            answer.clear();
+            // It has room for every PDU.
+            let _ = answer.extend_from_slice(pdu.get(..length).unwrap_or(&[]));
+            return match envelope.stage {
+                Stage::Answer => Ok(now.elapsed()),
                 _ => Err(NotAsked::Broadcast),
             };
         }

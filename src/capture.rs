@@ -1,40 +1,61 @@
-//! The last frames of the serial lines as they were on the wire: a ring of bounded size that can be followed while it fills.
+//! The last frames as they were on the wire: a ring of bounded size that can be followed while it fills.
 //!
-//! A frame is kept with the time of its last bit, its direction, and what became of it, in the words of the counters. Who follows the
-//! ring looks at it often enough; what was overwritten before that is missing, and counted.
+//! A frame is kept with the time of its last bit, its direction, and what became of it, in the words of the counters. Frames of the
+//! serial lines are always kept, those of networks while somebody follows the ring: there are more of them, and they cost time.
+//! Who follows looks often enough; what was overwritten before that is missing, and counted.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
+use core::sync::atomic::{AtomicU8, Ordering};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
 use heapless::{Deque, Vec};
 
-use crate::config::{Framing, PortId};
+use crate::config::{Framing, PortId, StreamFraming};
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::stats::Event;
 
+mod export;
 pub mod pcapng;
 
-/// Frames that the ring remembers.
-pub const FRAMES_MAX: usize = 64;
+pub use self::export::Export;
+
+/// Frames that the ring remembers; half as many with the feature `small`.
+pub const FRAMES_MAX: usize = if cfg!(feature = "small") { 32 } else { 64 };
 /// Bytes of them all.
-pub const BYTES_MAX: usize = 2_048;
+pub const BYTES_MAX: usize = if cfg!(feature = "small") { 1_024 } else { 2_048 };
+
+/// How a frame is framed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FrameKind {
+    /// RTU, on a serial line or in a TCP stream.
+    Rtu,
+    /// ASCII.
+    Ascii,
+    /// Modbus TCP.
+    Tcp,
+    /// Modbus TCP in a datagram.
+    Udp,
+}
 
 /// What is known of a frame besides its bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Head {
     /// When its last bit had passed, as far as the gateway knows.
     pub at: Instant,
-    /// The line it was on.
+    /// The port it was at.
     pub port: PortId,
-    /// RTU or ASCII.
-    pub framing: Framing,
+    /// How it is framed.
+    pub kind: FrameKind,
+    /// The asker's TCP or UDP port, by which conversations are told apart; where the gateway asks, or a line does, the number of
+    /// the port, from 1 on.
+    pub asker: u16,
     /// Whether the gateway sent it.
     pub sent: bool,
     /// A request, an answer, or what is wrong with it.
     pub verdict: Event,
-    length: usize,
+    length: u16,
 }
 
 /// A frame of the ring.
@@ -49,7 +70,11 @@ pub struct Captured {
 }
 
 /// The ring.
-pub struct Capture(Mutex<CriticalSectionRawMutex, RefCell<Ring>>);
+pub struct Capture {
+    ring: Mutex<CriticalSectionRawMutex, RefCell<Ring>>,
+    followers: AtomicU8,
+    epoch_us: Mutex<CriticalSectionRawMutex, Cell<u64>>,
+}
 
 struct Ring {
     heads: Deque<Head, FRAMES_MAX>,
@@ -61,21 +86,56 @@ struct Ring {
 impl Capture {
     /// An empty ring.
     pub const fn new() -> Self {
-        Self(Mutex::new(RefCell::new(Ring { heads: Deque::new(), bytes: Deque::new(), first: 0 })))
+        let ring = Ring { heads: Deque::new(), bytes: Deque::new(), first: 0 };
+        Self {
+            ring: Mutex::new(RefCell::new(ring)),
+            followers: AtomicU8::new(0),
+            epoch_us: Mutex::new(Cell::new(0)),
+        }
+    }
+
+    /// Says when the gateway's clock began, in microseconds since the year 1970 did; a board that does not know has begun then.
+    pub fn set_epoch(&self, epoch_us: u64) {
+        self.epoch_us.lock(|epoch| epoch.set(epoch_us));
+    }
+
+    /// Follows the ring from now on; meanwhile frames of networks are kept, too.
+    pub fn follow(&self) -> Following<'_> {
+        self.followers.fetch_add(1, Ordering::Relaxed);
+        Following { capture: self, cursor: self.end() }
     }
 
     /// The number of the frame that comes next.
     pub fn end(&self) -> u32 {
-        self.0.lock(|ring| ring.borrow().end())
+        self.ring.lock(|ring| ring.borrow().end())
     }
 
     /// Takes the frame with the number `cursor`, or the oldest there is behind it, and moves on.
     pub fn next(&self, cursor: &mut u32) -> Option<Captured> {
-        self.0.lock(|ring| ring.borrow().get(cursor))
+        self.ring.lock(|ring| ring.borrow().get(cursor))
     }
 
     fn record(&self, head: Head, bytes: &[u8]) {
-        self.0.lock(|ring| ring.borrow_mut().push(head, bytes));
+        self.ring.lock(|ring| ring.borrow_mut().push(head, bytes));
+    }
+}
+
+/// Somebody who follows the ring.
+pub struct Following<'c> {
+    capture: &'c Capture,
+    cursor: u32,
+}
+
+impl Following<'_> {
+    /// The next frame, if there is one.
+    pub fn next(&mut self) -> Option<Captured> {
+        self.capture.next(&mut self.cursor)
+    }
+}
+
+impl Drop for Following<'_> {
+    fn drop(&mut self) {
+        self.capture.followers.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
@@ -110,8 +170,8 @@ impl Ring {
             return None;
         }
         let head = *self.heads.iter().nth(at)?;
-        let start: usize = self.heads.iter().take(at).map(|head| head.length).sum();
-        let bytes = self.bytes.iter().skip(start).take(head.length).copied().collect();
+        let start: usize = self.heads.iter().take(at).map(|head| usize::from(head.length)).sum();
+        let bytes = self.bytes.iter().skip(start).take(head.length.into()).copied().collect();
         let number = self.first.wrapping_add(at as u32);
         let missed = number.wrapping_sub(*cursor);
         *cursor = number.wrapping_add(1);
@@ -119,29 +179,59 @@ impl Ring {
     }
 }
 
-/// Where the frames of one line are recorded, if the board has room for that.
+/// Where the frames of one port are recorded, if the board has room for that.
 #[derive(Clone, Copy)]
 pub(crate) struct Tap<'g> {
     pub(crate) capture: Option<&'g Capture>,
     pub(crate) port: PortId,
-    pub(crate) framing: Framing,
+    pub(crate) kind: FrameKind,
 }
 
 impl Tap<'_> {
-    /// Records a frame that the gateway has sent, whose last bit leaves at `at`.
+    /// Records a frame that the gateway has sent on a line, whose last bit leaves at `at`.
     pub(crate) fn sent(&self, at: Instant, verdict: Event, bytes: &[u8]) {
-        self.record(at, true, verdict, bytes);
+        self.record(at, self.asker(), true, verdict, bytes);
     }
 
-    /// Records what was heard until `at`.
+    /// Records what was heard on a line until `at`.
     pub(crate) fn heard(&self, at: Instant, verdict: Event, bytes: &[u8]) {
-        self.record(at, false, verdict, bytes);
+        self.record(at, self.asker(), false, verdict, bytes);
     }
 
-    fn record(&self, at: Instant, sent: bool, verdict: Event, bytes: &[u8]) {
+    /// The gateway, or the line's master, as who asks.
+    pub(crate) fn asker(&self) -> u16 {
+        u16::from(self.port.0) + 1
+    }
+
+    /// Records a frame in a network whose request came or comes from the port `asker`, if somebody wants to see it.
+    pub(crate) fn passed(&self, asker: u16, sent: bool, verdict: Event, bytes: &[u8]) {
+        if self.capture.is_some_and(|capture| capture.followers.load(Ordering::Relaxed) > 0) {
+            self.record(Instant::now(), asker, sent, verdict, bytes);
+        }
+    }
+
+    fn record(&self, at: Instant, asker: u16, sent: bool, verdict: Event, bytes: &[u8]) {
         let Some(capture) = self.capture.filter(|_| !bytes.is_empty()) else { return };
         let bytes = bytes.get(..FRAME_CHARS_MAX).unwrap_or(bytes);
-        let Self { port, framing, .. } = *self;
-        capture.record(Head { at, port, framing, sent, verdict, length: bytes.len() }, bytes);
+        let Self { port, kind, .. } = *self;
+        capture.record(Head { at, port, kind, asker, sent, verdict, length: bytes.len() as u16 }, bytes);
+    }
+}
+
+impl From<Framing> for FrameKind {
+    fn from(framing: Framing) -> Self {
+        match framing {
+            Framing::Rtu => Self::Rtu,
+            Framing::Ascii => Self::Ascii,
+        }
+    }
+}
+
+impl From<StreamFraming> for FrameKind {
+    fn from(framing: StreamFraming) -> Self {
+        match framing {
+            StreamFraming::Rtu => Self::Rtu,
+            StreamFraming::Mbap | StreamFraming::Capture => Self::Tcp,
+        }
     }
 }

@@ -21,6 +21,7 @@ mod problem;
 mod route_words;
 mod saved;
 mod serial;
+mod slaves;
 mod text;
 mod unit_words;
 mod values;
@@ -53,6 +54,7 @@ pub use self::saved::{ReadError, read_store, write_store};
 pub use self::serial::{
     Driver, Framing, LineSettings, Parity, SerialClientSettings, SerialServerSettings, SerialSettings,
 };
+pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
 pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
@@ -101,6 +103,8 @@ pub struct Settings {
     pub devices: Vec<DeviceSettings, DEVICES_MAX>,
     /// The points, in devices and in the gateway's own unit.
     pub points: Vec<PointSettings, POINTS_MAX>,
+    /// The devices behind the EtherCAT process image, in the order of their values.
+    pub slaves: Vec<SlaveSettings, SLAVES_MAX>,
 }
 
 impl Settings {
@@ -112,6 +116,7 @@ impl Settings {
             routes: Vec::new(),
             devices: Vec::new(),
             points: Vec::new(),
+            slaves: Vec::new(),
         }
     }
 
@@ -122,6 +127,7 @@ impl Settings {
         self.routes.clear();
         self.devices.clear();
         self.points.clear();
+        self.slaves.clear();
     }
 
     /// The port at `id`.
@@ -183,12 +189,13 @@ impl Clone for Settings {
 
     /// Copies part by part: the whole is too big for the stack of a small board.
     fn clone_from(&mut self, source: &Self) {
-        let Self { network, ports, routes, devices, points } = source;
+        let Self { network, ports, routes, devices, points, slaves } = source;
         self.network.clone_from(network);
         self.ports.clone_from_slice(ports);
         copy_list(&mut self.routes, routes);
         copy_list(&mut self.devices, devices);
         copy_list(&mut self.points, points);
+        copy_list(&mut self.slaves, slaves);
     }
 }
 

@@ -15,9 +15,9 @@
 //! | limit | value | why |
 //! | --- | --- | --- |
 //! | [`mailbox::MAILBOX_BYTES_MAX`] | 256 | a few messages are kept in memory |
-//! | [`dictionary::OBJECT_BYTES_MAX`] | 512 | a PDO of 120 entries, accessed completely |
-//! | [`process::IMAGE_BYTES_MAX`] | 512 | a controller of 4 KiB has 1280 bytes for both images |
-//! | [`assignment::PDOS_ASSIGNED_MAX`] | 4 | a PDO for each kind of data |
+//! | [`dictionary::OBJECT_BYTES_MAX`] | 520 | a buffer of 512 bytes, accessed completely |
+//! | [`process::OUTPUTS_BYTES_MAX`], [`process::INPUTS_BYTES_MAX`] | 512, 584 | a controller of 4 KiB has 1280 bytes for both images, beside mailboxes of 128 |
+//! | [`assignment::PDOS_ASSIGNED_MAX`] | 8 | a PDO for each kind of data |
 
 pub mod al_state;
 pub mod application;

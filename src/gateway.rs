@@ -18,15 +18,14 @@ use embassy_time::Instant;
 use crate::asking::Asking;
 use crate::capture::Capture;
 use crate::config::{
-    LineSettings, OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, SerialSettings, Settings, Side,
-    load_points,
+    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, StreamFraming, load_points,
 };
 use crate::drafting::Draft;
 use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
-use crate::port::ethercat::{EthercatPlace, Speed};
+use crate::port::ethercat::{ConfigError, EthercatPlace, LineWriter};
 use crate::port::local::Events;
 use crate::port::sockets::Socket;
 use crate::port::tcp_server::Terms;
@@ -180,7 +179,7 @@ impl<'g> PortAt<'g> {
     }
 
     /// The port's settings are others: it begins anew.
-    fn restart(&self) {
+    pub(crate) fn restart(&self) {
         self.set_status(Status::Off);
         self.units(|units| units.clear());
         self.changed.signal(());
@@ -298,9 +297,15 @@ pub enum ApplyError {
     /// The board has no EtherCAT controller.
     #[error("this board has no EtherCAT controller: it cannot have an ethercat port")]
     NoEthercat,
+    /// The board has no memory for frames.
+    #[error("this board keeps no frames")]
+    NoCapture,
     /// The data points take more than there is.
     #[error(transparent)]
     Points(#[from] Full),
+    /// The slaves of the EtherCAT port cannot be asked.
+    #[error(transparent)]
+    Slaves(#[from] ConfigError),
 }
 
 /// All that the tasks share.
@@ -438,6 +443,11 @@ impl<'g> Gateway<'g> {
         self.settings.lock(|settings| f(&settings.borrow()))
     }
 
+    /// Changes the settings in force. Who changes more than what is looked up for each request tells the ports of it.
+    pub(crate) fn change_settings<R>(&self, f: impl FnOnce(&mut Settings) -> R) -> R {
+        self.settings.lock(|settings| f(&mut settings.borrow_mut()))
+    }
+
     /// Takes `new` over: rules and what special units mean from the next request on; ports that differ in kind or its
     /// settings are started again, the others go on.
     pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
@@ -459,12 +469,20 @@ impl<'g> Gateway<'g> {
         if new.ethercat().is_some() && self.ethercat().is_none() {
             return Err(ApplyError::NoEthercat);
         }
+        if let Some(ethercat) = self.ethercat() {
+            ethercat.check_settings(new)?;
+        }
+        let captures = |port: &Port| matches!(&port.kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture);
+        if new.ports.iter().flatten().any(captures) && self.capture.is_none() {
+            return Err(ApplyError::NoCapture);
+        }
         let mut points = Reloaded::Nothing;
         if let Some(place) = self.scanner() {
             let load = |scanner: &mut _| self.settings(|old| load_points(scanner, old, new, Instant::now()));
             points = place.change(load)?;
         }
         let mut changed = [false; PORTS_MAX];
+        let other_slaves = self.settings(|settings| settings.slaves != new.slaves);
         self.settings.lock(|settings| {
             let mut settings = settings.borrow_mut();
             for (changed, (old, new)) in changed.iter_mut().zip(settings.ports.iter().zip(&new.ports)) {
@@ -479,7 +497,14 @@ impl<'g> Gateway<'g> {
             settings.clone_from(new);
         });
         if let Some(ethercat) = self.ethercat() {
-            ethercat.follow(new);
+            let before = ethercat.line_writer();
+            ethercat.follow(new, other_slaves);
+            let writer = ethercat.line_writer();
+            if let (true, LineWriter::SettingsOver(_), Some(line)) =
+                (writer != before, writer, new.ethercat_line())
+            {
+                log_warn!("line {}: {writer}", new.name(line));
+            }
         }
         let restarts = (0..PORTS_MAX).filter(|index| changed.get(*index) == Some(&true));
         for place in restarts.filter_map(|index| self.place(PortId(index as u8))) {
@@ -562,22 +587,6 @@ impl<'g> Gateway<'g> {
             let server = tcp_server::Server { gateway: self, id, place, settings, seat, index };
             select(seat.changed.wait(), server.run(host)).await;
             server.left();
-        }
-    }
-
-    /// Sets the line of the EtherCAT port, if it has one, as the MainDevice wants it.
-    pub fn set_speed(&self, speed: Speed) {
-        let changed = self.settings.lock(|settings| {
-            let mut settings = settings.borrow_mut();
-            let id = settings.ethercat_line()?;
-            let port = settings.ports.get_mut(id.index())?.as_mut()?;
-            let PortKind::Serial(SerialSettings { line, .. }) = &mut port.kind else { return None };
-            let Speed { baud, parity, stop_bits } = speed;
-            let new = LineSettings { baud, parity, stop_bits, ..*line };
-            (core::mem::replace(line, new) != new).then_some(id)
-        });
-        if let Some(place) = changed.and_then(|id| self.place(id)) {
-            place.restart();
         }
     }
 

@@ -243,6 +243,11 @@ pub trait System {
         None
     }
 
+    /// Writes frames into a new `file` from now on, in place of the one before; `None`: no more.
+    fn capture(&self, _file: Option<&str>) -> Result<(), OpenError> {
+        Err(OpenError::new(OpenErrorKind::Unsupported, "no files here: port NAME tcp server 5029 capture"))
+    }
+
     /// Starts the gateway again with the saved settings; may return when that takes a moment.
     fn reboot(&self);
 }

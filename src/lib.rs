@@ -37,9 +37,11 @@
 //!
 //! [`ethercat`] is a SubDevice that knows nothing of the rest; [`port::ethercat`] says what the gateway is as one: its objects,
 //! its buffers and where the values of Modbus devices lie in them. The buffers are the memory of a [`scanner`] of their own,
-//! whose requests go through the router by the rules for the `ethercat` port. A board with a controller keeps an
-//! [`port::ethercat::EthercatPlace`] in a static, gives it to [`gateway::Gateway::with_ethercat`], and runs an
-//! [`ethercat::sub_device::SubDevice`] with [`port::ethercat::GatewayObjects`] over it.
+//! whose requests go through the router by the rules for the `ethercat` port, as do those that a MainDevice makes by itself.
+//! The devices are settings: what a MainDevice has had taken over is printed and saved with the others, by
+//! [`gateway::Gateway::keep_settings`] also when it asks for that. A board with a controller keeps an
+//! [`port::ethercat::EthercatPlace`] in a static, gives it to [`gateway::Gateway::with_ethercat`], and runs
+//! [`port::ethercat::serve`], a [`ethercat::sub_device::SubDevice`] with [`port::ethercat::GatewayObjects`], over it.
 //!
 //! # Limits
 //!
@@ -58,6 +60,8 @@
 //! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
 //! | [`config::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |
 //! | [`scanner::DEVICES_MAX`] | 32 | devices that a scanner asks: the loads of an RS-485 segment |
+//! | [`config::SLAVES_MAX`] | 32 | devices behind the EtherCAT process image: all that a scanner asks |
+//! | [`port::ethercat::Room::MOST`] | 512 | bytes of the process image each way: with three buffers of each, what a controller of 4 KiB holds |
 //! | [`scanner::ROWS_MAX`] | 136 | the four tables of each device, and some ranges that take two frames |
 //! | [`scanner::VALUE_BYTES_MAX`] | 2048 | values of all rows: an image of 512 bytes each way, and as much again |
 //! | [`config::POINTS_MAX`] | 128 | data points in the settings, of which there is one draft for all consoles |

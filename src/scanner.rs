@@ -12,6 +12,7 @@
 
 mod commands;
 mod exchange;
+mod fill;
 mod fraction;
 mod gather;
 mod kind;
@@ -211,6 +212,9 @@ impl Scanner {
             Err(error) => {
                 let again = station.failed(now, error);
                 self.unanswered(device, open, error, again);
+                if !again {
+                    self.fill(device);
+                }
             }
             Ok([function, exception, ..]) if function & EXCEPTION_BIT != 0 => {
                 station.answered(now, *exception);

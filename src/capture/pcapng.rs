@@ -1,22 +1,21 @@
 //! Frames as a PCAPNG file that Wireshark decodes without settings: exported PDUs (link type 252) that name their dissector.
 //!
-//! RTU frames go to the dissector `mbrtu`; what is no frame, and ASCII, is shown as bytes. Clauses are those of
-//! draft-ietf-opsawg-pcapng; numbers are little-endian, in the order of the section's magic.
+//! RTU frames go to the dissector `mbrtu`, those of Modbus TCP to `mbtcp` and `mbudp`; what is no frame, and ASCII, is shown as bytes.
+//! Clauses are those of draft-ietf-opsawg-pcapng; numbers are little-endian, in the order of the section's magic.
 
 use heapless::Vec;
 
-use super::Captured;
-use crate::config::Framing;
-use crate::port::framing::FRAME_CHARS_MAX;
+use super::{Captured, FrameKind, Head};
 use crate::stats::Event;
 
-/// Room for the longest block.
-pub const BLOCK_BYTES_MAX: usize = FRAME_CHARS_MAX + 187;
-/// A block.
+/// Room for every block, but for a frame's bytes.
+const BLOCK_BYTES_MAX: usize = 80;
+/// A block, or what stands before or behind a frame in one.
 pub type Block = Vec<u8, BLOCK_BYTES_MAX>;
 
 const SECTION_HEADER: u32 = 0x0a0d_0d0a;
 const INTERFACE: u32 = 1;
+const INTERFACE_STATISTICS: u32 = 5;
 const ENHANCED_PACKET: u32 = 6;
 /// `LINKTYPE_WIRESHARK_UPPER_PDU`: tags in front of each packet.
 const UPPER_PDU: u16 = 252;
@@ -26,11 +25,13 @@ const TAG_PORT_TYPE: u16 = 24;
 const TAG_SOURCE_PORT: u16 = 25;
 const TAG_DESTINATION_PORT: u16 = 26;
 const PORT_TYPE_TCP: u32 = 2;
-/// The port by which `mbrtu` tells requests from answers.
+const PORT_TYPE_UDP: u32 = 3;
+/// The port by which dissectors tell requests from answers.
 const MODBUS_PORT: u32 = 502;
 const OPTION_COMMENT: u16 = 1;
 const OPTION_FLAGS: u16 = 2;
 const OPTION_NAME: u16 = 2;
+const OPTION_DROPPED: u16 = 5;
 const INBOUND: u32 = 1;
 const OUTBOUND: u32 = 2;
 const CRC_ERROR: u32 = 1 << 24;
@@ -57,22 +58,40 @@ pub fn interface(name: &str) -> Block {
     })
 }
 
-/// A frame on interface `interface`; the gateway's clock began `epoch_us` microseconds after the year 1970 did.
-pub fn packet(frame: &Captured, interface: u32, epoch_us: u64) -> Block {
+/// The number of frames that are missing so far, with the time of the one behind them. They may have been of any interface: it stands
+/// with the first.
+pub fn statistics(head: &Head, epoch_us: u64, dropped: u64) -> Block {
+    let at = epoch_us.wrapping_add(head.at.as_micros());
+    block(INTERFACE_STATISTICS, |block| {
+        for field in [0, (at >> 32) as u32, at as u32] {
+            put(block, &field.to_le_bytes());
+        }
+        option(block, OPTION_DROPPED, &dropped.to_le_bytes());
+        option(block, 0, &[]);
+    })
+}
+
+/// What stands before and behind a frame's bytes; its port is the interface. The gateway's clock began `epoch_us` microseconds
+/// after the year 1970 did.
+pub fn packet(frame: &Captured, epoch_us: u64) -> (Block, Block) {
     let tags = tags(frame);
     let at = epoch_us.wrapping_add(frame.head.at.as_micros());
     let length = (tags.len() + frame.bytes.len()) as u32;
-    block(ENHANCED_PACKET, |block| {
-        for field in [interface, (at >> 32) as u32, at as u32, length, length] {
-            put(block, &field.to_le_bytes());
-        }
-        put(block, &tags);
-        put(block, &frame.bytes);
-        pad(block);
-        option(block, OPTION_COMMENT, frame.head.verdict.name().as_bytes());
-        option(block, OPTION_FLAGS, &flags(frame).to_le_bytes());
-        option(block, 0, &[]);
-    })
+    let mut behind = Block::new();
+    pad(&mut behind, frame.bytes.len());
+    option(&mut behind, OPTION_COMMENT, frame.head.verdict.name().as_bytes());
+    option(&mut behind, OPTION_FLAGS, &flags(frame).to_le_bytes());
+    option(&mut behind, 0, &[]);
+    let mut before = Block::new();
+    // Kind and length twice, five fields.
+    let whole = 8 + 20 + length + behind.len() as u32 + 4;
+    let interface = u32::from(frame.head.port.0);
+    for field in [ENHANCED_PACKET, whole, interface, (at >> 32) as u32, at as u32, length, length] {
+        put(&mut before, &field.to_le_bytes());
+    }
+    put(&mut before, &tags);
+    put(&mut behind, &whole.to_le_bytes());
+    (before, behind)
 }
 
 fn flags(frame: &Captured) -> u32 {
@@ -86,29 +105,34 @@ fn flags(frame: &Captured) -> u32 {
 }
 
 /// The tags that tell what a packet is, big-endian.
-fn tags(frame: &Captured) -> Vec<u8, 64> {
-    let is_frame = match frame.head.verdict {
-        Event::Short | Event::Parity | Event::Framing | Event::Noise | Event::Damaged => false,
-        _ => frame.head.framing == Framing::Rtu,
+fn tags(frame: &Captured) -> Vec<u8, 48> {
+    let Head { kind, verdict, asker, .. } = frame.head;
+    let dissector: Option<&[u8]> = match (verdict, kind) {
+        (Event::Short | Event::Parity | Event::Framing | Event::Noise | Event::Damaged, _) => None,
+        (Event::Malformed, _) | (_, FrameKind::Ascii) => None,
+        (_, FrameKind::Rtu) => Some(b"mbrtu\0\0\0"),
+        (_, FrameKind::Tcp) => Some(b"mbtcp\0\0\0"),
+        (_, FrameKind::Udp) => Some(b"mbudp\0\0\0"),
     };
     let mut tags = Vec::new();
     let mut tag = |tag: u16, value: &[u8]| {
-        // There is room: all of them take 44 bytes.
+        // There is room: all of them take 40 bytes.
         let _ = tags.extend_from_slice(&tag.to_be_bytes());
         let _ = tags.extend_from_slice(&(value.len() as u16).to_be_bytes());
         let _ = tags.extend_from_slice(value);
     };
-    if is_frame {
-        tag(TAG_DISSECTOR, b"mbrtu\0\0\0");
-        let ports = match frame.head.verdict {
-            Event::Request | Event::Echo => [0, MODBUS_PORT],
+    if let Some(dissector) = dissector {
+        tag(TAG_DISSECTOR, dissector);
+        let [source, destination] = match verdict {
+            Event::Request | Event::Echo => [asker.into(), MODBUS_PORT],
             // Of others on a shared bus: the dissector guesses.
             Event::Foreign => [0, 0],
-            _ => [MODBUS_PORT, 0],
+            _ => [MODBUS_PORT, asker.into()],
         };
-        tag(TAG_PORT_TYPE, &PORT_TYPE_TCP.to_be_bytes());
-        tag(TAG_SOURCE_PORT, &ports[0].to_be_bytes());
-        tag(TAG_DESTINATION_PORT, &ports[1].to_be_bytes());
+        let port_type = if kind == FrameKind::Udp { PORT_TYPE_UDP } else { PORT_TYPE_TCP };
+        tag(TAG_PORT_TYPE, &port_type.to_be_bytes());
+        tag(TAG_SOURCE_PORT, &source.to_be_bytes());
+        tag(TAG_DESTINATION_PORT, &destination.to_be_bytes());
     } else {
         tag(TAG_DISSECTOR, b"data");
     }
@@ -134,16 +158,15 @@ fn option(block: &mut Block, code: u16, value: &[u8]) {
     put(block, &code.to_le_bytes());
     put(block, &(value.len() as u16).to_le_bytes());
     put(block, value);
-    pad(block);
+    pad(block, value.len());
 }
 
-fn pad(block: &mut Block) {
-    while !block.len().is_multiple_of(4) {
-        put(block, &[0]);
-    }
+/// Fills up what has so many bytes to whole words.
+fn pad(block: &mut Block, bytes: usize) {
+    (bytes..bytes.next_multiple_of(4)).for_each(|_| put(block, &[0]));
 }
 
 fn put(block: &mut Block, bytes: &[u8]) {
-    // There is room, see BLOCK_BYTES_MAX: frames and names have their limits.
+    // There is room, see BLOCK_BYTES_MAX: names have their limits.
     let _ = block.extend_from_slice(bytes);
 }

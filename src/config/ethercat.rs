@@ -7,7 +7,7 @@ use super::print::option;
 use super::problem::LineError;
 use super::values::name;
 use super::words::Words;
-use super::{Framing, Name, PortId, PortKind, SerialSettings, Settings, Side};
+use super::{Framing, LineSettings, Name, PortId, PortKind, SerialSettings, Settings, Side};
 
 /// How the process image meets the Modbus devices.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -35,6 +35,14 @@ impl Settings {
             PortKind::Serial(SerialSettings { framing: Framing::Rtu, side: Side::Client, .. })
         );
         is_rtu_client.then_some(id)
+    }
+
+    /// How that line is set.
+    pub(crate) fn ethercat_speed(&self) -> Option<&LineSettings> {
+        match &self.port(self.ethercat_line()?)?.kind {
+            PortKind::Serial(serial) => Some(&serial.line),
+            _ => None,
+        }
     }
 }
 

@@ -27,7 +27,7 @@ impl TcpListen {
     }
 }
 
-/// How frames look in a TCP stream.
+/// What a TCP stream carries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum StreamFraming {
     /// Modbus TCP: the MBAP header says where a frame ends and which request an answer belongs to.
@@ -35,6 +35,8 @@ pub enum StreamFraming {
     Mbap,
     /// RTU over TCP: the bytes of a serial line with their CRC, as serial device servers carry them. One request at a time.
     Rtu,
+    /// No requests, but the frames of all ports as they come, as a PCAPNG file. Servers only.
+    Capture,
 }
 
 /// Requests that one UDP server can have open in all.
@@ -45,9 +47,9 @@ pub const UDP_REQUESTS_MAX: usize = 32;
 pub struct TcpServerSettings {
     /// Where it listens.
     pub listen: TcpListen,
-    /// Modbus TCP or RTU over TCP.
+    /// Modbus TCP, RTU over TCP, or a capture.
     pub framing: StreamFraming,
-    /// Connections at a time. One more is accepted for a moment, to decide who goes.
+    /// Connections at a time, one of a capture unless set. One more is accepted for a moment, to decide who goes.
     pub clients: u16,
     /// A connection without a request for so long is closed; zero never.
     pub idle: Duration,
@@ -77,6 +79,14 @@ impl TcpServerSettings {
             reserved: 0,
             reserved_for: Vec::new(),
             allowed: Allowed::everybody(),
+        }
+    }
+
+    /// How many clients there may be unless that is set.
+    pub(super) const fn clients_of(&self, framing: StreamFraming) -> u16 {
+        match framing {
+            StreamFraming::Mbap | StreamFraming::Rtu => 16,
+            StreamFraming::Capture => 1,
         }
     }
 }

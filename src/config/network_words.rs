@@ -130,6 +130,7 @@ impl Display for StreamFraming {
         match self {
             Self::Mbap => Ok(()),
             Self::Rtu => f.write_str(" rtu"),
+            Self::Capture => f.write_str(" capture"),
         }
     }
 }

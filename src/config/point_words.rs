@@ -17,7 +17,7 @@ use super::words::{Word, Words};
 use super::{PortKind, Settings};
 use crate::scanner::{ByteOrder, Device, Kind, Modicon, Reading, ValueType, Writing};
 
-const PERIOD: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
+pub(super) const PERIOD: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
 
 pub(crate) const KINDS: &[(&str, Kind)] =
     &[("coil", Kind::Coil), ("discrete", Kind::Discrete), ("input", Kind::Input), ("holding", Kind::Holding)];
@@ -110,7 +110,7 @@ pub(super) fn device(settings: &mut Settings, words: &mut Words) -> Result<Appli
     }
     words.take().keyword(&[("unit", ())], "unit and the device's unit id")?;
     let unit = small(words.take(), "a unit id", 1..=255)?;
-    let mut device = Device { unit, order: ByteOrder::default(), check: false };
+    let mut device = Device { unit, order: ByteOrder::default(), check: false, filling: None };
     let mut device_label = Label::new();
     let mut seen = Seen::default();
     seen.once(Key::Unit, name_word)?;
@@ -289,10 +289,15 @@ fn reading(word: Word) -> Result<Reading, LineError> {
     if !word.text.starts_with(|first: char| first.is_ascii_digit()) {
         return Err(word.expected("low, normal, high, manual, or a period such as 250ms"));
     }
-    let period = time(word, PERIOD)?;
+    whole_ms(word, PERIOD).map(Reading::Every)
+}
+
+/// A time in whole milliseconds.
+pub(super) fn whole_ms(word: Word, range: RangeInclusive<Duration>) -> Result<u32, LineError> {
+    let period = time(word, range)?;
     let whole = u32::try_from(period.as_millis()).ok();
     let whole = whole.filter(|ms| Duration::from_millis((*ms).into()) == period);
-    whole.map(Reading::Every).ok_or_else(|| word.expected("whole milliseconds"))
+    whole.ok_or_else(|| word.expected("whole milliseconds"))
 }
 
 pub(super) fn existing_point<'s>(

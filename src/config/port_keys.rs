@@ -157,6 +157,7 @@ pub(super) const TCP_SERVER_KEYS: &[(&str, Key)] = &[
     ("reserve", Key::Reserve),
     ("allow", Key::Allow),
     ("rtu", Key::Stream(StreamFraming::Rtu)),
+    ("capture", Key::Stream(StreamFraming::Capture)),
     // For `edit`: the flag has no value that could say so.
     ("mbap", Key::Stream(StreamFraming::Mbap)),
 ];
@@ -177,7 +178,7 @@ pub(super) const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rat
      char-timeout, gap, rs485, rts, driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
      down-after, answer-within or reply-delay";
 pub(super) const TCP_SERVER_EXPECTED: &str =
-    "listen, rtu, clients, idle, pipeline, lifetime, reserve or allow";
+    "listen, rtu, capture, clients, idle, pipeline, lifetime, reserve or allow";
 
 /// Sets in a serial port what `key` says; its value is `word` itself or the next word.
 pub(super) fn set_serial(

@@ -38,6 +38,7 @@ pub(super) struct Draft<'a> {
     driver_only: Option<Word<'a>>,
     reserve: Option<Word<'a>>,
     several: Option<Word<'a>>,
+    requests_only: Option<Word<'a>>,
 }
 
 /// What a port's bytes travel on.
@@ -71,6 +72,7 @@ impl<'a> Draft<'a> {
             driver_only: None,
             reserve: None,
             several: None,
+            requests_only: None,
         }
     }
 
@@ -164,6 +166,12 @@ impl<'a> Draft<'a> {
         let mut draft = Self::new(PortKind::TcpServer(settings), place);
         draft.once(Key::Listen, place)?;
         draft.read(words)?;
+        let clients_given = draft.has(Key::Clients);
+        if let PortKind::TcpServer(settings) = &mut draft.kind
+            && !clients_given
+        {
+            settings.clients = settings.clients_of(settings.framing);
+        }
         draft.check()
     }
 
@@ -243,6 +251,9 @@ impl<'a> Draft<'a> {
                 if matches!(key, Key::Reserve | Key::Clients) {
                     self.reserve = Some(words.peek());
                 }
+                if matches!(key, Key::Idle | Key::Pipeline | Key::Lifetime) {
+                    self.requests_only = Some(word);
+                }
                 set_tcp_server(settings, key, words)
             }
             PortKind::TcpClient(settings) => set_tcp_client(settings, key, words),
@@ -289,6 +300,14 @@ impl<'a> Draft<'a> {
                 if settings.reserved > settings.clients {
                     let word = self.reserve.unwrap_or(self.place);
                     return Err(word.error(Problem::ReservedTooMany(settings.clients)));
+                }
+                if settings.framing == StreamFraming::Capture {
+                    if let Some(word) = self.requests_only.or(self.units.word) {
+                        return Err(word.error(Problem::NoRequests));
+                    }
+                    let TcpServerSettings { idle, pipeline, lifetime, .. } = TcpServerSettings::new(1);
+                    (settings.idle, settings.pipeline, settings.lifetime) = (idle, pipeline, lifetime);
+                    self.units = UnitDraft::default();
                 }
                 let several = &mut settings.pipeline;
                 one_at_a_time(settings.framing, self.several, several, TcpServerSettings::new(1).pipeline)?;

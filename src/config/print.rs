@@ -1,4 +1,4 @@
-//! Settings as lines that recreate them: the board's network, then ports, rules in their order, devices and points.
+//! Settings as lines that recreate them: the board's network, then ports, rules in their order, devices, points and slaves.
 
 use core::fmt::{self, Display, Write};
 
@@ -38,14 +38,18 @@ pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<
     }
 }
 
-/// Devices, then points.
+/// Devices, then points, then slaves.
 fn write_points(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
     if let Some(device) = settings.devices.get(n) {
         return Some(write!(out, "{device}"));
     }
     let width = settings.points.iter().map(|point| point.name.len()).max().unwrap_or(0);
-    let point = settings.points.get(n.checked_sub(settings.devices.len())?)?;
-    Some(write!(out, "point {:width$} {}", point.name, PointWords { settings, point }))
+    let n = n.checked_sub(settings.devices.len())?;
+    if let Some(point) = settings.points.get(n) {
+        return Some(write!(out, "point {:width$} {}", point.name, PointWords { settings, point }));
+    }
+    let n = n.checked_sub(settings.points.len())?;
+    Some(write!(out, "slave {n} {}", settings.slaves.get(n)?))
 }
 
 fn write_port(port: &Port, width: usize, out: &mut dyn Write) -> fmt::Result {
@@ -211,7 +215,8 @@ impl LineSettings {
 
 impl Display for TcpServerSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let default = Self::new(self.listen.port);
+        let mut default = Self::new(self.listen.port);
+        default.clients = default.clients_of(self.framing);
         write!(f, "tcp server {}{}", self.listen, self.framing)?;
         option(f, "clients", self.clients, self.clients != default.clients)?;
         option(f, "idle", Time(self.idle), self.idle != default.idle)?;

@@ -106,6 +106,15 @@ pub enum Problem {
     /// The port asks devices.
     #[error("this port asks the devices: delete those first")]
     ScannerInUse,
+    /// There is no port that asks for the MainDevice.
+    #[error("no port asks for EtherCAT: type port NAME ethercat first")]
+    NoEthercat,
+    /// The port asks the slaves of the process image.
+    #[error("this port asks the slaves: delete those first")]
+    EthercatInUse,
+    /// There is no slave at all.
+    #[error("there are no slaves")]
+    NoSlaves,
     /// No device has this name.
     #[error("there is no device of this name")]
     NoSuchDevice,
@@ -160,6 +169,9 @@ pub enum Problem {
     /// A number of open requests where there can be one.
     #[error("cannot be set with rtu, which carries one request at a time")]
     OneAtATime,
+    /// A setting for requests where there are none.
+    #[error("cannot be set with capture, which takes no requests")]
+    NoRequests,
     /// A setting that only means something when requests are answered.
     #[error("is for the server side only")]
     ServerOnly,

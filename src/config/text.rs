@@ -12,6 +12,7 @@ use super::port_keys;
 use super::port_words::Draft;
 use super::problem::{LineError, Problem, Rules, Warning};
 use super::route_words::{self, route};
+use super::slaves;
 use super::unit_words;
 use super::values::{name, number};
 use super::words::{Word, Words};
@@ -36,6 +37,7 @@ enum Verb {
     Route,
     Device,
     Point,
+    Slave,
     Edit,
     Insert,
     Move,
@@ -48,6 +50,7 @@ const VERBS: &[(&str, Verb)] = &[
     ("route", Verb::Route),
     ("device", Verb::Device),
     ("point", Verb::Point),
+    ("slave", Verb::Slave),
     ("edit", Verb::Edit),
     ("insert", Verb::Insert),
     ("move", Verb::Move),
@@ -66,12 +69,13 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
     if verb.is_end() {
         return Ok(Applied { changed: false, warning: None });
     }
-    match verb.keyword(VERBS, "port, route, device, point, edit, insert, move, delete or network")? {
-        Verb::Device | Verb::Point if !POINTS => Err(verb.error(Problem::NoPoints)),
+    match verb.keyword(VERBS, "port, route, device, point, slave, edit, insert, move, delete or network")? {
+        Verb::Device | Verb::Point | Verb::Slave if !POINTS => Err(verb.error(Problem::NoPoints)),
         Verb::Port => port(settings, words),
         Verb::Route => add_route(settings, words),
         Verb::Device => point_words::device(settings, words),
         Verb::Point => point_words::point(settings, words),
+        Verb::Slave => slaves::slave(settings, words),
         Verb::Edit => edit(settings, words),
         Verb::Insert => insert_route(settings, words),
         Verb::Move => move_route(settings, words),
@@ -98,7 +102,7 @@ pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
         .chain(port_keys::keywords())
         .chain(unit_words::keywords());
     // No word of a line that is refused.
-    let points = POINTS.then(point_words::keywords).into_iter().flatten();
+    let points = POINTS.then(|| point_words::keywords().chain(slaves::keywords())).into_iter().flatten();
     ports.chain(route_words::keywords()).chain(points)
 }
 
@@ -154,6 +158,10 @@ fn put_port(
     if old == Some(&PortKind::Scanner) && port.kind != PortKind::Scanner && !settings.devices.is_empty() {
         return Err(name.error(Problem::ScannerInUse));
     }
+    let is_ethercat = matches!(port.kind, PortKind::Ethercat(_));
+    if matches!(old, Some(PortKind::Ethercat(_))) && !is_ethercat && !settings.slaves.is_empty() {
+        return Err(name.error(Problem::EthercatInUse));
+    }
     if !port.kind.has_peers() {
         let by_address = settings.routes.iter().map(|route| route.source == id && route.peer.is_some());
         if let Some(rules) = Rules::of(by_address) {
@@ -200,6 +208,8 @@ enum Thing {
     Routes,
     Device,
     Point,
+    Slave,
+    Slaves,
 }
 
 const PORT: (&str, Thing) = ("port", Thing::Port);
@@ -207,6 +217,8 @@ const ROUTE: (&str, Thing) = ("route", Thing::Route);
 const ROUTES: (&str, Thing) = ("routes", Thing::Routes);
 const DEVICE: (&str, Thing) = ("device", Thing::Device);
 const POINT: (&str, Thing) = ("point", Thing::Point);
+const SLAVE: (&str, Thing) = ("slave", Thing::Slave);
+const SLAVES: (&str, Thing) = ("slaves", Thing::Slaves);
 
 fn edit(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
     match words.take().keyword(&[PORT, ROUTE], "port or route")? {
@@ -217,7 +229,7 @@ fn edit(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError
             let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units.policy };
             put_port(settings, id, port, name_word, draft.place)
         }
-        Thing::Route | Thing::Routes | Thing::Device | Thing::Point => {
+        _ => {
             let at = route_place(settings, words.take())?;
             put_route(settings, words, at, true)
         }
@@ -245,8 +257,8 @@ fn move_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, Lin
 }
 
 fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
-    let things = [PORT, ROUTE, ROUTES, DEVICE, POINT];
-    match words.take().keyword(&things, "port, route, routes, device or point")? {
+    let things = [PORT, ROUTE, ROUTES, DEVICE, POINT, SLAVE, SLAVES];
+    match words.take().keyword(&things, "port, route, routes, device, point, slave or slaves")? {
         Thing::Port => {
             let word = words.take();
             let (id, _) = existing_port(settings, word)?;
@@ -258,6 +270,10 @@ fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineErr
             let scans = settings.port(id).is_some_and(|port| port.kind == PortKind::Scanner);
             if scans && !settings.devices.is_empty() {
                 return Err(word.error(Problem::ScannerInUse));
+            }
+            let exchanges = settings.port(id).is_some_and(|port| matches!(port.kind, PortKind::Ethercat(_)));
+            if exchanges && !settings.slaves.is_empty() {
+                return Err(word.error(Problem::EthercatInUse));
             }
             if let Some(slot) = settings.ports.get_mut(id.index()) {
                 *slot = None;
@@ -282,6 +298,15 @@ fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineErr
             let word = words.take();
             words.end()?;
             return point_checks::delete_point(settings, word);
+        }
+        Thing::Slave => {
+            let word = words.take();
+            words.end()?;
+            return slaves::delete_slave(settings, word);
+        }
+        Thing::Slaves => {
+            words.end()?;
+            settings.slaves.clear();
         }
     }
     Ok(CHANGED)

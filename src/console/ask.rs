@@ -45,12 +45,13 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(question) => question,
             Err(error) => return self.fail(format_args!("{error}")).await,
         };
+        let mut answer = Pdu::new();
         let asked = match self.gateway.turn(question.port) {
-            Ok(turn) => turn.ask(question.unit, &question.request).await,
+            Ok(turn) => turn.ask(question.unit, &question.request, &mut answer).await,
             Err(error) => Err(error),
         };
-        let (answer, took) = match asked {
-            Ok(answered) => answered,
+        let took = match asked {
+            Ok(took) => took,
             Err(error) => return self.fail(format_args!("{error}")).await,
         };
         let (unit, took) = (question.unit, Time(Duration::from_micros(took.as_micros())));

@@ -14,6 +14,7 @@ use crate::config::{LineError, PortId, Words};
 use crate::drafting;
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
+use crate::port::ethercat::{EthercatPlace, LineWriter};
 
 /// What a command's first word asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,6 +28,7 @@ pub(super) enum Command {
     Ping,
     Scan,
     Tune,
+    Capture,
     Watch,
     Save,
     Load,
@@ -43,6 +45,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("route", Command::Settings),
     ("device", Command::Settings),
     ("point", Command::Settings),
+    ("slave", Command::Settings),
     ("edit", Command::Settings),
     ("insert", Command::Settings),
     ("move", Command::Settings),
@@ -58,6 +61,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("ping", Command::Ping),
     ("scan", Command::Scan),
     ("tune", Command::Tune),
+    ("capture", Command::Capture),
     ("watch", Command::Watch),
     ("save", Command::Save),
     ("load", Command::Load),
@@ -123,6 +127,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(Command::Ping) => self.ask(Ask::Ping, &mut words).await?,
             Ok(Command::Scan) => self.scan(&mut words).await?,
             Ok(Command::Tune) => self.tune(&mut words).await?,
+            Ok(Command::Capture) => self.capture(&mut words).await?,
             // Names begin with a letter.
             Ok(Command::Point(PointCommand::Read)) if begins_with_digit(&words) => {
                 self.ask(Ask::Read, &mut words).await?;
@@ -177,13 +182,20 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             | Command::Point(_)
             | Command::Ping
             | Command::Scan
-            | Command::Tune => {}
+            | Command::Tune
+            | Command::Capture => {}
         }
         Ok(Next::Line)
     }
 
     async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
-        match drafting::change(self.gateway, line).await {
+        let writer = || self.gateway.ethercat().map(EthercatPlace::line_writer);
+        let before = writer();
+        let changed = drafting::change(self.gateway, line).await;
+        if let Some(writer @ LineWriter::SettingsOver(_)) = writer().filter(|_| writer() != before) {
+            self.out.line(format_args!("warning: the line of the ethercat port: {writer}")).await?;
+        }
+        match changed {
             Ok(Some(warning)) => self.out.line(format_args!("warning: {warning}")).await,
             Ok(None) => Ok(()),
             Err(error) => self.fail(format_args!("{error}")).await,

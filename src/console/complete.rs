@@ -71,7 +71,7 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
     } else if is("network") {
         network_words().for_each(offer);
     } else if is("delete") && second {
-        ["port", "route", "routes", "device", "point"].into_iter().for_each(offer);
+        ["port", "route", "routes", "device", "point", "slave", "slaves"].into_iter().for_each(offer);
     } else if ["read", "write", "begin", "finish"].into_iter().any(is) {
         settings.points.iter().for_each(|point| offer(&point.name));
     } else if is("mark") {
@@ -81,6 +81,8 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
         settings.points.iter().for_each(|point| offer(&point.name));
         offer("local");
         option_words().for_each(offer);
+    } else if ["scan", "tune"].into_iter().any(is) && second {
+        settings.ports.iter().flatten().for_each(|port| offer(&port.name));
     } else if ["port", "route", "edit", "insert", "delete"].into_iter().any(is) {
         settings.ports.iter().flatten().for_each(|port| offer(&port.name));
         if !second {
@@ -133,10 +135,11 @@ mod tests {
     fn several_words_are_completed_as_far_as_they_agree() {
         assert_eq!(appended("show r").as_deref(), Some("outes "));
         assert_eq!(appended("del").as_deref(), Some("ete "));
+        assert_eq!(appended("tune me").as_deref(), Some("ters "));
         assert_eq!(complete("s", &settings()), Completion::Several);
         assert_eq!(complete("xyz", &settings()), Completion::None);
         let mut all = Vec::new();
         candidates("s", &settings(), &mut |word| all.push(word.to_string()));
-        assert_eq!(all, ["show", "scan", "save"]);
+        assert_eq!(all, ["slave", "show", "scan", "save"]);
     }
 }

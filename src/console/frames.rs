@@ -1,4 +1,4 @@
-//! The last frames of the serial lines, and those that come: a line of text each.
+//! The last frames, and those that come: a line of text each, or a file.
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Timer};
@@ -6,7 +6,9 @@ use embedded_io_async::{Read, Write};
 
 use super::command::Session;
 use super::rows::{Bytes, text};
-use crate::capture::{Captured, Head};
+use crate::capture::{Capture, Captured, Head};
+use crate::config::Words;
+use crate::gateway::ApplyError;
 use crate::hal::{Store, System};
 
 /// How often a watcher looks.
@@ -16,7 +18,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// Shows the frames from number `cursor` on.
     pub(super) async fn frames(&mut self, cursor: &mut u32) -> Result<(), IO::Error> {
         let Some(capture) = self.gateway.capture() else {
-            return self.fail(format_args!("this board keeps no frames")).await;
+            return self.fail(format_args!("{}", ApplyError::NoCapture)).await;
         };
         // Those that come meanwhile are for the next call.
         let end = capture.end();
@@ -28,7 +30,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn frame(&mut self, frame: &Captured, follows: bool) -> Result<(), IO::Error> {
-        let Captured { head: Head { at, port, framing, sent, verdict, .. }, bytes, missed } = frame;
+        let Captured { head: Head { at, port, kind, sent, verdict, .. }, bytes, missed } = frame;
         if *missed > 0 && follows {
             self.out.line(format_args!("({missed} frames more)")).await?;
         }
@@ -39,14 +41,32 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         self.out.text_only(format_args!("{time:>14} {name:15} {direction} {verdict:10} ")).await?;
         // A frame is longer than a line of output may be.
         for part in bytes.chunks(32) {
-            self.out.text_only(format_args!("{}", Bytes { framing: *framing, bytes: part })).await?;
+            self.out.text_only(format_args!("{}", Bytes { kind: *kind, bytes: part })).await?;
         }
         self.out.line(format_args!("")).await
+    }
+
+    /// Writes the frames that come into the file that is named, or no more.
+    pub(super) async fn capture(&mut self, words: &mut Words<'_>) -> Result<(), IO::Error> {
+        let word = words.take();
+        let checked = match word.is_end() {
+            true => Err(word.expected("a file, or off")),
+            false => words.end(),
+        };
+        if let Err(error) = checked {
+            return self.fail(format_args!("{error}")).await;
+        }
+        let file = Some(word.text).filter(|_| !word.is("off"));
+        match self.system.capture(file) {
+            Ok(()) => Ok(()),
+            Err(error) => self.fail(format_args!("{}: {error}", word.text)).await,
+        }
     }
 
     /// Shows frames as they come, until something is typed.
     pub(super) async fn watch(&mut self) -> Result<(), IO::Error> {
         let mut cursor = self.gateway.capture().map_or(0, |capture| capture.end());
+        let _following = self.gateway.capture().map(Capture::follow);
         loop {
             self.frames(&mut cursor).await?;
             self.out.flush().await?;

@@ -12,7 +12,9 @@ use super::show::Written;
 use crate::config::{LineError, PointAt, PointSettings, Problem, Settings, Words, parse_number};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
-use crate::scanner::{DeviceId, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing};
+use crate::scanner::{
+    DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing,
+};
 
 /// What is done with a point at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -167,7 +169,7 @@ fn head(
     )
 }
 
-/// `show devices`
+/// `show devices`: those of the data points, then those that are asked for the EtherCAT process image.
 pub(super) fn device(
     gateway: &Gateway<'_>,
     settings: &Settings,
@@ -179,27 +181,53 @@ pub(super) fn device(
         let heading = "DEVICE          UNIT   REQUESTS    ANSWERS EXCEPTIONS   FAILURES     HEARD STATE";
         return Some(out.write_str(heading));
     };
-    let device = settings.devices.get(row)?;
-    let status = gateway.scanner()?.with(|scanner| scanner.device_status(DeviceId(row as u8), now))?;
-    let state = match status.alive {
-        None => "not asked yet",
-        Some(true) => "alive",
-        Some(false) => "silent",
-    };
-    let heard = if status.answers == 0 { text(format_args!("never")) } else { age(status.heard, now) };
-    let mut more = String::<64>::new();
-    // What does not fit is missing at the end of the line.
-    if let Some(until) = status.backs_off_until {
-        let _ = write!(more, ", tried again in {}s", (until - now).as_secs() + 1);
+    if let Some(device) = settings.devices.get(row) {
+        let status = gateway.scanner()?.with(|scanner| scanner.device_status(DeviceId(row as u8), now))?;
+        let (name, unit) = (&device.name, device.device.unit);
+        return Some(write!(out, "{}", DeviceRow { name, unit, status: &status, inputs: "", now }));
     }
-    if let Some(error) = status.error {
-        let _ = write!(more, ", last error: {}", error.name());
+    // Behind them those that are asked for the EtherCAT process image.
+    let nth = row - settings.devices.len();
+    let slave = settings.slaves.get(nth)?;
+    let status = gateway.ethercat()?.slave_status(nth)?;
+    let inputs = if status.alive == Some(false) { slave.on_silence.of_inputs() } else { "" };
+    let name = text::<15>(format_args!("slave {nth}"));
+    Some(write!(out, "{}", DeviceRow { name: &name, unit: slave.unit, status: &status, inputs, now }))
+}
+
+/// A device that is asked, and how it is doing.
+struct DeviceRow<'s> {
+    name: &'s str,
+    unit: u8,
+    status: &'s DeviceStatus,
+    /// What stands in its inputs, if that is not what was read.
+    inputs: &'static str,
+    now: Instant,
+}
+
+impl fmt::Display for DeviceRow<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, unit, status, inputs, now } = self;
+        let DeviceStatus { requests, answers, exceptions, failures, .. } = status;
+        let heard = if *answers == 0 { text(format_args!("never")) } else { age(status.heard, *now) };
+        write!(
+            f,
+            "{name:15} {unit:>4} {requests:>10} {answers:>10} {exceptions:>10} {failures:>10} {heard:>9} "
+        )?;
+        f.write_str(match status.alive {
+            None => "not asked yet",
+            Some(true) => "alive",
+            Some(false) => "silent",
+        })?;
+        f.write_str(inputs)?;
+        if let Some(until) = status.backs_off_until {
+            write!(f, ", tried again in {}s", (until - *now).as_secs() + 1)?;
+        }
+        match status.error {
+            Some(error) => write!(f, ", last error: {}", error.name()),
+            None => Ok(()),
+        }
     }
-    Some(write!(
-        out,
-        "{:15} {:>4} {:>10} {:>10} {:>10} {:>10} {heard:>9} {state}{more}",
-        device.name, device.device.unit, status.requests, status.answers, status.exceptions, status.failures
-    ))
 }
 
 /// Waits until nothing is on its way for the row, or nothing can be for some time; says whether.

@@ -5,8 +5,9 @@ use core::fmt;
 use embassy_time::{Duration, Instant};
 use heapless::String;
 
+use crate::capture::FrameKind;
 use crate::config::{
-    DEVICE_BYTES_MAX, Framing, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time, is_implied,
+    DEVICE_BYTES_MAX, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time, is_implied,
 };
 use crate::gateway::Status;
 use crate::port::units::Unit;
@@ -83,7 +84,10 @@ pub(super) fn describe(kind: &PortKind) -> (String<12>, String<WHERE_BYTES_MAX>,
 }
 
 fn framing(framing: StreamFraming) -> String<SPEED_BYTES_MAX> {
-    String::try_from(if framing == StreamFraming::Rtu { "rtu" } else { "" }).unwrap_or_default()
+    let mut text = String::<SPEED_BYTES_MAX>::new();
+    // Longer than every one of them.
+    let _ = fmt::Write::write_fmt(&mut text, format_args!("{framing}"));
+    String::try_from(text.trim()).unwrap_or_default()
 }
 
 pub(super) struct StatusText(pub(super) Status);
@@ -102,15 +106,15 @@ impl fmt::Display for StatusText {
 
 /// The bytes of a frame: hexadecimal, or the characters themselves.
 pub(super) struct Bytes<'b> {
-    pub(super) framing: Framing,
+    pub(super) kind: FrameKind,
     pub(super) bytes: &'b [u8],
 }
 
 impl fmt::Display for Bytes<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.bytes.iter().try_for_each(|&byte| match self.framing {
-            Framing::Rtu => write!(f, "{byte:02X} "),
-            Framing::Ascii => write!(f, "{}", byte.escape_ascii()),
+        self.bytes.iter().try_for_each(|&byte| match self.kind {
+            FrameKind::Ascii => write!(f, "{}", byte.escape_ascii()),
+            FrameKind::Rtu | FrameKind::Tcp | FrameKind::Udp => write!(f, "{byte:02X} "),
         })
     }
 }

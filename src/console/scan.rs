@@ -13,9 +13,9 @@ use self::identity::Identity;
 use self::plan::Plan;
 use super::command::Session;
 use super::probe::{About, Watch, request, to_first_char};
-use super::rows::text;
+use super::show::{NO_ROW, Written};
 use crate::asking::Turn;
-use crate::config::{LineSettings, PortId, PortKind, Side, Time, Words};
+use crate::config::{LineSettings, PortId, PortKind, Settings, Side, Time, Words};
 use crate::hal::{Store, System};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
@@ -39,6 +39,39 @@ struct Search {
     at: [u8; 256],
     begun: Instant,
     watch: Watch,
+    /// The last one.
+    answer: Pdu,
+}
+
+impl Search {
+    /// Writes what has been found in all, and the lines to type for it.
+    fn write(&self, plan: &Plan, settings: &Settings, place: usize, out: &mut dyn fmt::Write) -> Written {
+        let found = || self.at.iter().enumerate().filter(|(_, at)| **at > 0).map(|(unit, _)| unit);
+        let name = settings.name(plan.port);
+        let Some(nth) = place.checked_sub(1) else {
+            let (units, took) = (found().count(), self.begun.elapsed().as_secs());
+            return Some(write!(out, "{units} units found in {took}s"));
+        };
+        if let Some(line) = plan.lines().nth(nth) {
+            let at = nth as u8 + 1;
+            let units = UnitList { search: self, at };
+            let is_there = self.at.contains(&at);
+            return if is_there {
+                Some(write!(out, "edit port {name} {:12} # units {units}", line.speed()))
+            } else {
+                NO_ROW
+            };
+        }
+        let is_routed = settings.routes.iter().any(|route| route.destination == Destination::Port(plan.port));
+        let (first, last) = (found().next()?, found().last()?);
+        if is_routed || nth > plan.lines().count() {
+            return None;
+        }
+        let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
+        let server = settings.ports.iter().flatten().find(|port| is_server(&port.kind));
+        let source = server.map_or("SOURCE", |port| port.name.as_str());
+        Some(write!(out, "route {source} {first}-{last} * * {name}"))
+    }
 }
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
@@ -59,7 +92,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 "about {about}; a key stops it. Others who ask by this port get 0A meanwhile."
             ))
             .await?;
-        let mut search = Search { at: [0; 256], begun: Instant::now(), watch: Watch::new() };
+        let mut search =
+            Search { at: [0; 256], begun: Instant::now(), watch: Watch::new(), answer: Pdu::new() };
         for (nth, line) in plan.lines().enumerate() {
             self.out
                 .line(format_args!("{:12} about {} left", line.speed(), About(plan.time_from(nth))))
@@ -70,7 +104,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             }
         }
         drop(turn);
-        self.found(&plan, &search).await
+        let gateway = self.gateway;
+        self.rows(|place, out| gateway.settings(|settings| search.write(&plan, settings, place, out))).await
     }
 
     /// Asks every unit that is still missing at one speed and format; says whether to go on.
@@ -95,15 +130,16 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 self.out.flush().await?;
             }
             let flaws = self.heard(plan.port, &[Event::Parity, Event::Framing]);
-            let asked = self.unless_typed(&mut search.watch, turn.ask(unit, &request(plan.function))).await?;
-            let Some(answer) = asked else { return Ok(false) };
-            match (answer, turn.outcome()) {
-                (Ok((answer, _)), Some(Ok(took))) => {
+            let request = request(plan.function);
+            let ask = turn.ask(unit, &request, &mut search.answer);
+            let Some(asked) = self.unless_typed(&mut search.watch, ask).await? else { return Ok(false) };
+            match (asked, turn.outcome()) {
+                (Ok(_), Some(Ok(took))) => {
                     // With a faulty character it was sent in another format, whatever its CRC says.
                     if self.heard(plan.port, &[Event::Parity, Event::Framing]) == flaws {
                         search.at.iter_mut().skip(unit.into()).take(1).for_each(|at| *at = nth as u8 + 1);
-                        let took = to_first_char(took, plan.framing, &line, answer.len());
-                        self.tell_unit(turn, unit, &line, &answer, took).await?;
+                        let took = to_first_char(took, plan.framing, &line, search.answer.len());
+                        self.tell_unit(turn, unit, &line, &mut search.answer, took).await?;
                     }
                 }
                 (_, Some(_)) => {}
@@ -129,69 +165,42 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         turn: &Turn<'_, '_>,
         unit: u8,
         line: &LineSettings,
-        answer: &Pdu,
+        answer: &mut Pdu,
         took: Duration,
     ) -> Result<(), IO::Error> {
-        let (speed, took) = (line.speed(), Time(took));
-        match **answer {
-            [function, code] if function & EXCEPTION_BIT != 0 => {
-                let (function, exception) = (function & !EXCEPTION_BIT, Exception(code));
-                self.out
-                    .text_only(format_args!(
-                        "unit {unit:>3} {speed:12} {took} function {function}: {exception}"
-                    ))
-                    .await?;
-            }
-            _ => {
-                let function = answer.first().copied().unwrap_or(0);
-                self.out
-                    .text_only(format_args!("unit {unit:>3} {speed:12} {took} function {function}"))
-                    .await?;
+        let (speed, took, how) = (line.speed(), Time(took), Answered(answer));
+        self.out.text_only(format_args!("unit {unit:>3} {speed:12} {took} {how}")).await?;
+        for question in [&IDENTIFY[..], &[REPORT_SERVER_ID]] {
+            let asked = turn.ask(unit, question, answer).await;
+            // An exception has another function code.
+            if asked.is_ok() && answer.first() == question.first() {
+                self.out.text_only(format_args!("{}", Identity(answer))).await?;
+                break;
             }
         }
-        let mut said = turn.ask(unit, &IDENTIFY).await;
-        if !said.as_ref().is_ok_and(|(pdu, _)| pdu.first() == Some(&ENCAPSULATED_INTERFACE)) {
-            said = turn.ask(unit, &[REPORT_SERVER_ID]).await;
-        }
-        let said = said.map(|(pdu, _)| pdu).unwrap_or_default();
-        self.out.line(format_args!("{}", Identity(&said))).await?;
+        self.out.line(format_args!("")).await?;
         self.out.flush().await
-    }
-
-    /// Shows what has been found in all, and the lines to type for it.
-    async fn found(&mut self, plan: &Plan, search: &Search) -> Result<(), IO::Error> {
-        let units = search.at.iter().filter(|at| **at > 0).count();
-        let took = search.begun.elapsed().as_secs();
-        self.out.line(format_args!("{units} units found in {took}s")).await?;
-        let gateway = self.gateway;
-        let name = gateway.settings(|settings| text::<15>(format_args!("{}", settings.name(plan.port))));
-        for (nth, line) in plan.lines().enumerate() {
-            let at = nth as u8 + 1;
-            if search.at.contains(&at) {
-                let units = UnitList { search, at };
-                self.out.line(format_args!("edit port {name} {:12} # units {units}", line.speed())).await?;
-            }
-        }
-        let is_routed = gateway.settings(|settings| {
-            settings.routes.iter().any(|route| route.destination == Destination::Port(plan.port))
-        });
-        let first = search.at.iter().position(|at| *at > 0);
-        let last = search.at.iter().rposition(|at| *at > 0);
-        if let (Some(first), Some(last), false) = (first, last, is_routed) {
-            let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
-            let source = gateway.settings(|settings| {
-                let server = settings.ports.iter().flatten().find(|port| is_server(&port.kind));
-                text::<15>(format_args!("{}", server.map_or("SOURCE", |port| port.name.as_str())))
-            });
-            self.out.line(format_args!("route {source} {first}-{last} * * {name}")).await?;
-        }
-        Ok(())
     }
 
     /// How often `events` were counted at `port`, all together.
     pub(super) fn heard(&self, port: PortId, events: &[Event]) -> u32 {
         let place = self.gateway.ports().get(port.index());
         place.map_or(0, |place| events.iter().fold(0, |sum, event| sum.wrapping_add(place.stats.get(*event))))
+    }
+}
+
+/// The function that was answered, and with which exception if it was one.
+struct Answered<'p>(&'p [u8]);
+
+impl fmt::Display for Answered<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self.0 {
+            [function, code] if function & EXCEPTION_BIT != 0 => {
+                write!(f, "function {}: {}", function & !EXCEPTION_BIT, Exception(code))
+            }
+            [function, ..] => write!(f, "function {function}"),
+            [] => Ok(()),
+        }
     }
 }
 

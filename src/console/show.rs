@@ -11,6 +11,7 @@ use super::rows::{LogRow, Row, StatusText, Troubles, age, describe, state, text,
 use crate::config::{Port, PortId, PortKind, Settings, Side, write_line};
 use crate::gateway::{Gateway, PortAt};
 use crate::hal::{NetworkState, Store, System};
+use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::port::units::{UNITS_MAX, Unit};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
@@ -35,7 +36,7 @@ pub(super) enum Show {
 /// the moment writes nothing.
 pub(super) type Written = Option<fmt::Result>;
 
-const NO_ROW: Written = Some(Ok(()));
+pub(super) const NO_ROW: Written = Some(Ok(()));
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// Prints one table. What it shows may change while the stream takes its time.
@@ -44,10 +45,18 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             return self.frames(&mut 0).await;
         }
         let tables = Tables { gateway: self.gateway, system: self.system, now: Instant::now() };
+        self.rows(|place, out| tables.write(what, place, out)).await
+    }
+
+    /// Prints what is written at each place, from 0.
+    pub(super) async fn rows(
+        &mut self,
+        write: impl Fn(usize, &mut dyn fmt::Write) -> Written,
+    ) -> Result<(), IO::Error> {
         for place in 0.. {
             let line = self.out.begin();
             // A line has room for every row; of a longer event the end is missing.
-            if tables.write(what, place, line).is_none() {
+            if write(place, line).is_none() {
                 break;
             }
             if !line.is_empty() {
@@ -106,7 +115,12 @@ fn port(gateway: &Gateway<'_>, settings: &Settings, place: usize, out: &mut dyn 
     let Some((port, place)) = port_at(gateway, settings, row)? else { return NO_ROW };
     let (role, place_name, line) = describe(&port.kind);
     let status = StatusText(place.status());
-    Some(write!(out, "{:15} {role:12} {place_name:width$} {line:12} {status}", port.name))
+    // Who had the last word about the line of the EtherCAT port.
+    let is_ethercat_line = settings.ethercat_line().is_some_and(|id| id.index() == row);
+    let writer = gateway.ethercat().filter(|_| is_ethercat_line).map(EthercatPlace::line_writer);
+    let writer = writer.filter(|writer| *writer != LineWriter::Settings);
+    let written = write!(out, "{:15} {role:12} {place_name:width$} {line:12} {status}", port.name);
+    Some(written.and_then(|()| writer.map_or(Ok(()), |writer| write!(out, ", {writer}"))))
 }
 
 fn route(settings: &Settings, place: usize, out: &mut dyn fmt::Write) -> Written {

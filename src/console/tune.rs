@@ -20,6 +20,7 @@ use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, READ_INP
 use crate::port::answer_tail::AnswerTail;
 use crate::port::units::Units;
 use crate::route::UnitRange;
+use crate::scanner::Pdu;
 
 /// Requests to each unit unless the words say another number: one standard deviation of what is told is at most 8 %.
 const COUNT: u32 = 2_000;
@@ -200,15 +201,16 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     ) -> Result<Option<Measured>, IO::Error> {
         let mut measured = Measured { sum: Duration::from_ticks(0), tail: AnswerTail::new(), lost: 0 };
         let (request, begun) = (request(function), Instant::now());
+        let mut answer = Pdu::new();
         for nth in 0..count {
             if course.watch.is_due() {
                 let left = About(begun.elapsed() * (count - nth) / nth.max(1));
                 self.out.line(format_args!("unit {unit}: {nth} of {count}, about {left} left")).await?;
                 self.out.flush().await?;
             }
-            let ask = turn.ask(unit, &request);
-            let Some(answer) = self.unless_typed(&mut course.watch, ask).await? else { return Ok(None) };
-            if let (Ok((answer, _)), Some(Ok(took))) = (answer, turn.outcome()) {
+            let ask = turn.ask(unit, &request, &mut answer);
+            let Some(asked) = self.unless_typed(&mut course.watch, ask).await? else { return Ok(None) };
+            if let (Ok(_), Some(Ok(took))) = (asked, turn.outcome()) {
                 let first = to_first_char(took, course.framing, &course.line, answer.len());
                 measured.sum += first;
                 measured.tail.add(u32::try_from(first.as_micros()).unwrap_or(u32::MAX));

@@ -66,6 +66,10 @@ pub enum AlStatusCode {
     SynchronisationNotSupported = 0x0028,
     /// Distributed clocks are active, but not offered.
     InvalidDcConfiguration = 0x0030,
+    /// The application has more inputs than the assigned PDOs carry.
+    InvalidInputMapping = 0x0024,
+    /// The application has more outputs than the assigned PDOs carry.
+    InvalidOutputMapping = 0x0025,
     /// The application's configuration does not allow it.
     InconsistentSettings = 0x0026,
     /// The application is not ready.

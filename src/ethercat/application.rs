@@ -2,6 +2,7 @@
 
 use super::al_state::{AlState, AlStatusCode};
 use super::coe::abort::Abort;
+use super::sync_manager::Channel;
 
 /// An entry of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,6 +25,15 @@ pub trait Application {
 
     /// Writes `value`, which was checked. In a complete access all values are checked before the first is written.
     fn write(&mut self, at: Address, value: &[u8]);
+
+    /// How what was written last ended; none while it goes on. Its SDO is answered when it has ended, and no other is
+    /// served before.
+    fn written(&mut self) -> Option<Result<(), Abort>> {
+        Some(Ok(()))
+    }
+
+    /// Which PDOs a SyncManager carries, in their order; before the first call they are those of the device's table.
+    fn assigned(&mut self, _channel: Channel, _pdos: &[u16]) {}
 
     /// Takes the outputs of a PDO, always those of one frame. Called in Op only, for each assigned PDO.
     fn outputs(&mut self, pdo: u16, bytes: &[u8]);

@@ -6,7 +6,7 @@ use super::object::Object;
 use super::sync_manager::Channel;
 
 /// PDOs that a SyncManager carries at most.
-pub const PDOS_ASSIGNED_MAX: usize = 4;
+pub const PDOS_ASSIGNED_MAX: usize = 8;
 
 /// The PDOs of one SyncManager, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,9 +24,19 @@ impl Assignment {
         Self { channel, count: initial.len().min(PDOS_ASSIGNED_MAX) as u8, pdos }
     }
 
+    /// The SyncManager that carries them.
+    pub fn channel(&self) -> Channel {
+        self.channel
+    }
+
+    /// The indices of the assigned PDOs.
+    pub fn indices(&self) -> &[u16] {
+        self.pdos.get(..usize::from(self.count)).unwrap_or_default()
+    }
+
     /// The assigned PDOs.
     pub fn pdos(&self, device: &Device) -> impl Iterator<Item = &'static Object> {
-        self.pdos.iter().take(self.count.into()).filter_map(|&index| device.object(index))
+        self.indices().iter().filter_map(|&index| device.object(index))
     }
 
     /// Bytes of all assigned PDOs.
@@ -78,11 +88,12 @@ impl Assignment {
     }
 
     fn checked(self, device: &Device) -> Result<Self, Abort> {
-        let listed = self.pdos.get(..usize::from(self.count)).unwrap_or_default();
-        for (at, &index) in listed.iter().enumerate() {
-            self.pdo(device, index)?;
-            if listed.iter().skip(at + 1).any(|&other| other == index) {
-                return Err(Abort::Incompatible);
+        for (at, &index) in self.indices().iter().enumerate() {
+            let pdo = self.pdo(device, index)?;
+            for &other in self.indices().iter().skip(at + 1) {
+                if other == index || pdo.excludes(self.pdo(device, other)?) {
+                    return Err(Abort::Incompatible);
+                }
             }
         }
         if self.bytes(device) > device.bytes_max(self.channel) {

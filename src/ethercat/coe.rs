@@ -77,6 +77,16 @@ impl Coe {
         self.information.is_answering()
     }
 
+    /// Whether a write goes on in the application: its answer comes by [`written`](Self::written), and goes first.
+    pub fn is_writing(&self) -> bool {
+        self.sdo.is_writing()
+    }
+
+    /// The answer to a write that went on, if the application has ended it.
+    pub fn written(&mut self, application: &mut impl Application) -> Option<Payload> {
+        self.sdo.written(application)
+    }
+
     /// Whether there is anything to send without being asked again.
     pub fn has_more(&self) -> bool {
         self.is_answering() || self.emergencies.is_pending()

@@ -9,10 +9,10 @@ use super::application::{Address, Application};
 use super::assignment::Communication;
 use super::coe::abort::Abort;
 use super::device::Device;
-use super::object::{Access, DataType, Entries, Entry, Object, Value};
+use super::object::{Access, Entries, Entry, Object, Value};
 
-/// Bytes of an object at most, also when it is accessed completely: 120 mapped entries of four bytes and a count.
-pub const OBJECT_BYTES_MAX: usize = 512;
+/// Bytes of an object at most, also when it is accessed completely: 512 bytes of a buffer, and a count.
+pub const OBJECT_BYTES_MAX: usize = 520;
 
 /// An object's value or values.
 pub type Bytes = Vec<u8, OBJECT_BYTES_MAX>;
@@ -146,8 +146,7 @@ impl<A: Application> Dictionary<'_, A> {
         if bytes.len() > size {
             return Err(Abort::TooLong);
         }
-        // Only a text may be shorter than its place.
-        if bytes.len() < size && !matches!(entry.data_type, DataType::Text(_)) {
+        if bytes.len() < size && !entry.data_type.may_be_shorter() {
             return Err(Abort::TooShort);
         }
         if entry.data_type.is_number() {
@@ -165,11 +164,20 @@ impl<A: Application> Dictionary<'_, A> {
         Ok(entry)
     }
 
+    /// Tells the application which PDOs are assigned, if that stands behind the object `index`.
+    fn tell_assignment(&mut self, index: u16) {
+        if let Some(assignment) = self.communication.assignment(index) {
+            self.application.assigned(assignment.channel(), assignment.indices());
+        }
+    }
+
     fn commit(&mut self, entry: Entry, at: Address, bytes: &[u8]) -> Result<(), Abort> {
         match entry.value {
             Value::Stack(_) => {
                 let number = u16::try_from(number(bytes)).map_err(|_| Abort::TooGreat)?;
-                self.communication.set(self.device, at.index, at.sub, number)
+                self.communication.set(self.device, at.index, at.sub, number)?;
+                self.tell_assignment(at.index);
+                Ok(())
             }
             Value::Application(_) => {
                 self.application.write(at, bytes);
@@ -184,6 +192,10 @@ impl<A: Application> Dictionary<'_, A> {
 fn check_complete(object: &Object, sub: u8) -> Result<(), Abort> {
     match (object.entries, sub) {
         (Entries::Variable(_), _) => Err(Abort::NoCompleteAccess),
+        // Nobody could tell where the next one begins.
+        (Entries::Record(entries), _) if entries.iter().any(|entry| entry.data_type.may_be_shorter()) => {
+            Err(Abort::NoCompleteAccess)
+        }
         (_, 0 | 1) => Ok(()),
         _ => Err(Abort::UnsupportedAccess),
     }

@@ -128,8 +128,8 @@ fn write_pdo<W: Write>(
         xml.text("Index", format_args!("#x{:04X}", pdo.index))?;
         xml.text("Name", format_args!("{}", pdo.name))?;
         let room = usize::from(device.bytes_max(channel)).saturating_sub(pdo.pdo_bytes());
-        for other in device.pdos(channel).filter(|other| other.index != pdo.index && other.pdo_bytes() > room)
-        {
+        let excluded = |other: &&Object| pdo.excludes(other) || other.pdo_bytes() > room;
+        for other in device.pdos(channel).filter(|other| other.index != pdo.index).filter(excluded) {
             xml.text("Exclude", format_args!("#x{:04X}", other.index))?;
         }
         pdo.mapped().try_for_each(|mapped| {
@@ -162,7 +162,9 @@ impl core::fmt::Display for TypeName {
             DataType::U32 => f.write_str("UDINT"),
             DataType::U64 => f.write_str("ULINT"),
             DataType::Text(bytes) => write!(f, "STRING({bytes})"),
-            DataType::Octets(bytes) => write!(f, "ARRAY [0..{}] OF BYTE", bytes.saturating_sub(1)),
+            DataType::Octets(bytes) | DataType::OctetsUpTo(bytes) => {
+                write!(f, "ARRAY [0..{}] OF BYTE", bytes.saturating_sub(1))
+            }
         }
     }
 }

@@ -31,8 +31,8 @@ pub enum Entries {
     Record(&'static [Entry]),
     /// Which PDOs a SyncManager carries: the list after power-on; sub-index 0 may be written.
     Assignment(&'static [u16], Access),
-    /// What a PDO carries.
-    Mapping(&'static [Mapped]),
+    /// What a PDO carries, and which others cannot be assigned with it.
+    Mapping(&'static [Mapped], &'static [u16]),
 }
 
 /// A run of entries of one object that a PDO carries.
@@ -153,7 +153,16 @@ impl Object {
 
     /// A PDO.
     pub const fn mapping(index: u16, name: &'static str, mapped: &'static [Mapped]) -> Self {
-        Self { index, name, entries: Entries::Mapping(mapped) }
+        Self { index, name, entries: Entries::Mapping(mapped, &[]) }
+    }
+
+    /// The same PDO, which cannot be assigned together with the PDOs `excluded`.
+    #[must_use]
+    pub const fn excluding(self, excluded: &'static [u16]) -> Self {
+        match self.entries {
+            Entries::Mapping(mapped, _) => Self { entries: Entries::Mapping(mapped, excluded), ..self },
+            _ => self,
+        }
     }
 
     /// The greatest sub-index.
@@ -163,7 +172,7 @@ impl Object {
             Entries::Array(count, _) => count,
             Entries::Record(entries) => entries.len() as u8,
             Entries::Assignment(..) => super::assignment::PDOS_ASSIGNED_MAX as u8,
-            Entries::Mapping(mapped) => mapped.iter().map(|run| run.count).sum(),
+            Entries::Mapping(mapped, _) => mapped.iter().map(|run| run.count).sum(),
         }
     }
 
@@ -182,7 +191,7 @@ impl Object {
                 let default = initial.get(usize::from(sub) - 1).copied().unwrap_or_default();
                 Entry::of_stack("PDO", DataType::U16, default.into(), access)
             }),
-            Entries::Mapping(_) => {
+            Entries::Mapping(..) => {
                 let value = self.mapped().nth(usize::from(sub) - 1)?;
                 Some(Entry::number("Mapped entry", DataType::U32, value.into()))
             }
@@ -205,7 +214,7 @@ impl Object {
         match self.entries {
             Entries::Variable(_) => 7,
             Entries::Array(..) | Entries::Assignment(..) => 8,
-            Entries::Record(_) | Entries::Mapping(_) => 9,
+            Entries::Record(_) | Entries::Mapping(..) => 9,
         }
     }
 
@@ -214,7 +223,7 @@ impl Object {
         match self.entries {
             Entries::Variable(entry) | Entries::Array(_, entry) => entry.data_type.code(),
             Entries::Assignment(..) => DataType::U16.code(),
-            Entries::Mapping(_) => 0x0021,
+            Entries::Mapping(..) => 0x0021,
             Entries::Record(_) => match self.index {
                 0x1018 => 0x0023,
                 0x1c32 | 0x1c33 => 0x0029,
@@ -227,8 +236,8 @@ impl Object {
     /// Which SyncManager's PDO this is, if it is one.
     pub const fn pdo(&self) -> Option<Channel> {
         match (&self.entries, self.index) {
-            (Entries::Mapping(_), 0x1600..=0x17ff) => Some(Channel::Outputs),
-            (Entries::Mapping(_), 0x1a00..=0x1bff) => Some(Channel::Inputs),
+            (Entries::Mapping(..), 0x1600..=0x17ff) => Some(Channel::Outputs),
+            (Entries::Mapping(..), 0x1a00..=0x1bff) => Some(Channel::Inputs),
             _ => None,
         }
     }
@@ -236,13 +245,22 @@ impl Object {
     /// The mapped entries of a PDO, in the form of its values: index, sub-index, bits.
     pub fn mapped(&self) -> impl Iterator<Item = u32> + use<> {
         let mapped = match self.entries {
-            Entries::Mapping(mapped) => mapped,
+            Entries::Mapping(mapped, _) => mapped,
             _ => &[],
         };
         mapped.iter().flat_map(|run| {
             let subs = u32::from(run.sub)..u32::from(run.sub) + u32::from(run.count);
             subs.map(|sub| u32::from(run.index) << 16 | sub << 8 | u32::from(run.bits))
         })
+    }
+
+    /// Whether this PDO and `other` cannot be assigned together.
+    pub fn excludes(&self, other: &Self) -> bool {
+        let names = |one: &Self, index: u16| match one.entries {
+            Entries::Mapping(_, excluded) => excluded.contains(&index),
+            _ => false,
+        };
+        names(self, other.index) || names(other, self.index)
     }
 
     /// Bytes of a PDO.

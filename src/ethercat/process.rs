@@ -6,28 +6,30 @@ use super::application::Application;
 use super::assignment::Communication;
 use super::device::Device;
 
-/// Bytes of outputs or inputs at most.
-pub const IMAGE_BYTES_MAX: usize = 512;
+/// Bytes of outputs at most.
+pub const OUTPUTS_BYTES_MAX: usize = 512;
+/// Bytes of inputs at most: as many, and some that tell how good they are.
+pub const INPUTS_BYTES_MAX: usize = 584;
 
 /// The images of both directions.
 #[derive(Debug)]
 pub struct Images {
     /// The last outputs; good only if they are valid.
-    pub outputs: [u8; IMAGE_BYTES_MAX],
+    pub outputs: [u8; OUTPUTS_BYTES_MAX],
     /// Whether outputs have come since SafeOp was entered and the watchdog ran out.
     pub outputs_valid: bool,
     /// When inputs are due in free run.
     pub inputs_due: Instant,
-    inputs: [u8; IMAGE_BYTES_MAX],
+    inputs: [u8; INPUTS_BYTES_MAX],
 }
 
 impl Default for Images {
     fn default() -> Self {
         Self {
-            outputs: [0; IMAGE_BYTES_MAX],
+            outputs: [0; OUTPUTS_BYTES_MAX],
             outputs_valid: false,
             inputs_due: Instant::MIN,
-            inputs: [0; IMAGE_BYTES_MAX],
+            inputs: [0; INPUTS_BYTES_MAX],
         }
     }
 }

@@ -27,6 +27,8 @@ use super::sync_manager::Channel;
 pub const OUTPUTS_WAIT: Duration = Duration::from_millis(1_000);
 /// How often inputs are renewed in free run.
 pub const FREE_RUN_CYCLE: Duration = Duration::from_millis(1);
+/// How often the application is asked whether a write has ended.
+const WRITING_PAUSE: Duration = Duration::from_millis(1);
 /// How long the controller is left alone when it did not answer.
 pub const RESTART_PAUSE: Duration = Duration::from_millis(10);
 
@@ -131,7 +133,9 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     /// When something is due without an event.
     pub fn due(&self) -> Option<Instant> {
         let inputs = self.runs_free().then_some(self.images.inputs_due);
-        [inputs, self.op_deadline].into_iter().flatten().min()
+        let writes = self.al.state().has_mailbox() && self.coe.is_writing();
+        let written = writes.then(|| Instant::now() + WRITING_PAUSE);
+        [inputs, self.op_deadline, written].into_iter().flatten().min()
     }
 
     /// Does what one look at the events asks for; true when it is worth another look, since that may have changed them.

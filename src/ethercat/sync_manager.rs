@@ -141,10 +141,10 @@ impl MemoryPlan {
         assert!(mailbox_bytes >= MAILBOX_BYTES_MIN, "a mailbox has 34 bytes at least");
         assert!(mailbox_bytes as usize <= super::mailbox::MAILBOX_BYTES_MAX, "messages are kept in buffers");
         assert!(
-            outputs_bytes_max as usize <= super::process::IMAGE_BYTES_MAX,
+            outputs_bytes_max as usize <= super::process::OUTPUTS_BYTES_MAX,
             "outputs are kept in a buffer"
         );
-        assert!(inputs_bytes_max as usize <= super::process::IMAGE_BYTES_MAX, "inputs are kept in a buffer");
+        assert!(inputs_bytes_max as usize <= super::process::INPUTS_BYTES_MAX, "inputs are kept in a buffer");
         let end = plan.start(Channel::Inputs) + 3 * inputs_bytes_max;
         assert!(end <= MEMORY_START + memory_bytes, "three buffers of inputs and outputs must fit");
         plan

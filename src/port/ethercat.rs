@@ -1,19 +1,31 @@
 //! The gateway as an EtherCAT SubDevice: what a MainDevice sees of it, and how its process image meets the Modbus devices.
 //!
-//! A MainDevice writes which devices there are (2000h to 2020h) and sets 2005h:01. The configuration is then checked as a whole,
-//! the layout of both buffers is computed (2011h to 2014h), and 2005h:02 says that it is in use, until the MainDevice resets it.
-//! While it is, the port that the settings call `ethercat` asks the devices through the router, by the rules for its name.
+//! A MainDevice writes which devices there are (2000h and following), and sets 2005h:01. The configuration is then checked as a
+//! whole, the layout of both buffers is computed (2011h and following), and 2005h:02 says that it is in use, until the
+//! MainDevice resets it. While it is, the port that the settings call `ethercat` asks the devices through the router, by the
+//! rules for its name. The devices are settings too: they can be typed, saved, and are in use after the next start.
 
 mod application;
 mod configuration;
 mod controller;
+mod image;
+mod keeping;
 mod layout;
+mod line;
 mod objects;
 mod place;
+mod request;
+mod settings;
+mod slaves;
+mod status;
 
 pub use application::GatewayObjects;
-pub use configuration::{ConfigError, Configuration, Plan, Speed};
+pub use configuration::{ConfigError, Configuration};
 pub use controller::{Controller, serve};
-pub use layout::{DeviceLayout, DeviceSettings, KindSettings};
-pub use objects::{DEVICE, IMAGE_BYTES, MODBUS_DEVICES_MAX, REASON_BYTES};
+pub use image::Room;
+pub use keeping::Keep;
+pub use layout::DeviceLayout;
+pub use line::{LineWriter, Speed};
+pub use objects::{DEVICE, REASON_BYTES};
 pub use place::EthercatPlace;
+pub use request::{REQUEST_BYTES_MAX, RequestState, Requests};

@@ -8,6 +8,7 @@
 use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 
+use crate::capture::Tap;
 use crate::config::{StreamFraming, TcpClientSettings};
 use crate::frame::{Cause, Frame};
 use crate::hal::TcpStream;
@@ -188,6 +189,13 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         Ok(())
     }
 
+    /// Shows a frame to whoever follows.
+    fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
+        let kind = self.settings.framing.into();
+        let tap = Tap { capture: self.desk.gateway().capture(), port: self.desk.id(), kind };
+        tap.passed(tap.asker(), sent, verdict, bytes);
+    }
+
     async fn write(&mut self, transaction: u16, unit: u8, order: &Frame<'g>) -> Result<(), End> {
         if self.settings.framing == StreamFraming::Rtu {
             // What came before the request is no answer to it.
@@ -198,6 +206,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         let framing = self.settings.framing;
         let length = order.pdu(|request| encode(framing, header, request, &mut frame).map_or(0, <[u8]>::len));
         let frame = frame.get(..length).unwrap_or(&[]);
+        self.tap(true, Event::Request, frame);
         // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
         match with_timeout(self.settings.timeout, self.stream.write_all(frame)).await {
             Ok(Ok(())) => Ok(()),

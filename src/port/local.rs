@@ -21,6 +21,7 @@ mod identification;
 pub mod table;
 
 pub(crate) use diagnostics::Events;
+use diagnostics::Mode;
 
 /// Run indicator of FC 11h: on (Application Protocol 6.13).
 const RUNNING: u8 = 0xff;
@@ -33,7 +34,12 @@ pub(crate) fn answer(gateway: &Gateway<'_>, frame: Frame<'_>) {
     let length = frame.copy_pdu(&mut request);
     let request = request.get(..length).unwrap_or(&[]);
     let envelope = frame.envelope();
-    let answer = respond(gateway, &envelope, request);
+    let answer = match diagnostics::mode(gateway, envelope.origin.port, request) {
+        Mode::Silent => return gateway.unanswered(frame),
+        Mode::Restarted => pdu_of(&[request]),
+        Mode::Refused => Err(Exception::ILLEGAL_VALUE),
+        Mode::Answers => respond(gateway, &envelope, request),
+    };
     gateway.events(|events| events.note(request, envelope.unit == 0, &answer));
     match answer.map(|answer| frame.replace(&answer)) {
         Ok(Ok(())) => gateway.answered(frame),

@@ -6,7 +6,7 @@
 
 use core::future::pending;
 
-use embassy_futures::select::{Either3, select, select3};
+use embassy_futures::select::{Either4, select, select4};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::config::PortId;
@@ -14,8 +14,8 @@ use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Status};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
-use crate::port::ethercat::EthercatPlace;
-use crate::scanner::{DeviceId, ErrorCode, ScannerPlace};
+use crate::port::ethercat::{EthercatPlace, Requests};
+use crate::scanner::{DEVICES_MAX, DeviceId, ErrorCode, Pdu, ScannerPlace};
 use crate::stats::Event;
 
 /// A request that no port has sent by then is not sent any more: what it would write may be old.
@@ -23,12 +23,17 @@ const LIFETIME: Duration = Duration::from_secs(10);
 /// When no frame is free, it is tried again after this pause.
 const STARVED: Duration = Duration::from_millis(10);
 
+/// The transaction id of a MainDevice's own request.
+const REQUEST: u16 = DEVICES_MAX as u16;
+
 /// A scanner's port.
 struct Port<'s, 'g> {
     gateway: &'s Gateway<'g>,
     place: &'s PortPlace,
     id: PortId,
     scanner: &'s ScannerPlace,
+    /// What a MainDevice asks besides, at the EtherCAT port.
+    requests: Option<&'s Requests>,
     /// What it shows while it runs.
     status: Status,
 }
@@ -42,10 +47,10 @@ pub(crate) async fn run(
 ) {
     let scanner = ethercat.map(EthercatPlace::scanner).or(gateway.scanner());
     let Some(scanner) = scanner else { return place.changed.wait().await };
-    let speed = ethercat.and_then(EthercatPlace::take_speed);
-    speed.into_iter().for_each(|speed| gateway.set_speed(speed));
+    ethercat.into_iter().for_each(|ethercat| gateway.adopt(ethercat));
     let status = ethercat.map_or(Status::Open, |ethercat| ethercat.controller().status());
-    let port = Port { gateway, place, id, scanner, status };
+    let requests = ethercat.map(EthercatPlace::requests);
+    let port = Port { gateway, place, id, scanner, status, requests };
     let renewed = async {
         match ethercat {
             Some(ethercat) => ethercat.renewed().await,
@@ -69,9 +74,9 @@ impl Port<'_, '_> {
                 Instant::now() + STARVED
             };
             let answers = self.place.queue.receive(self.gateway.pool());
-            match select3(answers, self.scanner.changed(), Timer::at(due)).await {
-                Either3::First(frame) => self.take(&frame),
-                Either3::Second(()) | Either3::Third(()) => {}
+            match select4(answers, self.scanner.changed(), self.asked(), Timer::at(due)).await {
+                Either4::First(frame) => self.take(&frame),
+                Either4::Second(()) | Either4::Third(()) | Either4::Fourth(()) => {}
             }
         }
     }
@@ -81,32 +86,51 @@ impl Port<'_, '_> {
         self.place.renew();
         while self.place.queue.try_receive(self.gateway.pool()).is_some() {}
         self.scanner.with(|scanner| scanner.forget_open());
+        self.requests.into_iter().for_each(Requests::lost);
+    }
+
+    /// Waits for a request of a MainDevice.
+    async fn asked(&self) {
+        match self.requests {
+            Some(requests) => requests.asked().await,
+            None => pending().await,
+        }
     }
 
     /// Sends all that may be sent now; says whether there were frames enough.
     fn send(&self) -> bool {
         loop {
             let now = Instant::now();
-            if !self.scanner.with(|scanner| scanner.is_due(now)) {
+            let asked = self.requests.is_some_and(Requests::waits);
+            if !asked && !self.scanner.with(|scanner| scanner.is_due(now)) {
                 return true;
             }
             let Some((mut writer, frame)) = self.gateway.take_for_port(self.id) else { return false };
-            let Some(request) = self.scanner.with(|scanner| scanner.next(now)) else { return true };
+            let Some((transaction, unit, pdu)) = self.next(now) else { return true };
             // A PDU fits.
-            let _ = writer.push(&request.pdu);
+            let _ = writer.push(&pdu);
             writer.finish();
             let origin = Origin { port: self.id, way: Way::Port, generation: self.place.generation() };
             frame.address(Envelope {
-                transaction: request.device.0.into(),
+                transaction,
                 paced: true,
-                ..Envelope::request(origin, request.unit, now, now + LIFETIME)
+                ..Envelope::request(origin, unit, now, now + LIFETIME)
             });
             self.place.stats.count(Event::Request);
             self.gateway.inbox.send(frame);
         }
     }
 
-    /// Gives the scanner what came of a request.
+    /// What is to be asked next: the request's transaction id, unit and PDU.
+    fn next(&self, now: Instant) -> Option<(u16, u8, Pdu)> {
+        if let Some((unit, pdu)) = self.requests.and_then(Requests::take) {
+            return Some((REQUEST, unit, pdu));
+        }
+        let request = self.scanner.with(|scanner| scanner.next(now))?;
+        Some((request.device.0.into(), request.unit, request.pdu))
+    }
+
+    /// Gives whoever asked what came of a request.
     fn take(&self, frame: &Frame<'_>) {
         let Envelope { transaction, stage, cause, .. } = frame.envelope();
         let device = DeviceId(transaction as u8);
@@ -133,7 +157,10 @@ impl Port<'_, '_> {
                 // Whoever had no way has counted that.
                 Err(_) => {}
             }
-            self.scanner.with(|scanner| scanner.answered(device, now, outcome));
+            match self.requests {
+                Some(requests) if transaction == REQUEST => requests.ended(outcome),
+                _ => self.scanner.with(|scanner| scanner.answered(device, now, outcome)),
+            }
         };
         frame.pdu(answer);
     }

@@ -46,11 +46,16 @@ impl Input {
         })
     }
 
+    /// The first `count` bytes.
+    pub(crate) fn first(&self, count: usize) -> &[u8] {
+        self.bytes.get(..count.min(self.length)).unwrap_or(&[])
+    }
+
     /// What is counted for bytes that are skipped.
     pub(crate) fn skip_event(&self) -> Event {
         match self.framing {
             StreamFraming::Mbap => Event::Malformed,
-            StreamFraming::Rtu => Event::Noise,
+            StreamFraming::Rtu | StreamFraming::Capture => Event::Noise,
         }
     }
 
@@ -91,7 +96,7 @@ pub(crate) fn encode<'a>(
 ) -> Result<&'a [u8], PduLength> {
     match framing {
         StreamFraming::Mbap => tcp::encode(header, answer, out),
-        StreamFraming::Rtu => match out.first_chunk_mut() {
+        StreamFraming::Rtu | StreamFraming::Capture => match out.first_chunk_mut() {
             Some(out) => rtu::encode(header.unit, answer, out),
             // An RTU frame is shorter than a TCP frame can be.
             None => Ok(&[]),

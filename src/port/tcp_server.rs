@@ -1,4 +1,4 @@
-//! A TCP server: one seat's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP.
+//! A TCP server: one seat's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP, or with a capture.
 //!
 //! Each of the listener's clients has a seat; one seat more is always there to accept a newcomer and to decide who goes
 //! when all places are taken: the ordinary client that has been idle longest. Requests are cut out of the stream, put
@@ -8,11 +8,12 @@
 
 use core::future::pending;
 use core::net::SocketAddr;
+use core::pin::pin;
 
-use embassy_futures::select::{Either4, select4};
+use embassy_futures::select::{Either, Either4, select, select4};
 use embassy_time::{Duration, Instant, Timer, with_timeout};
-use heapless::Vec;
 
+use crate::capture::{Export, Tap};
 use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
@@ -25,8 +26,8 @@ use crate::stats::{Event, LastError};
 
 /// A client that does not take an answer for so long is closed.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
-/// Bytes of an exception with its MBAP header; with RTU over TCP there are fewer.
-const EXCEPTION_ADU_BYTES_MAX: usize = 9;
+/// How often it is looked whether there are frames for a capture: what a busy line brings meanwhile fits into the ring.
+const EXPORT_PAUSE: Duration = Duration::from_millis(5);
 /// Pause after the listener failed.
 const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
@@ -96,6 +97,7 @@ impl Server<'_, '_> {
         self.place.stats.count(Event::Connected);
         let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
+                Some(_) if self.settings.framing == StreamFraming::Capture => self.export(&mut stream).await,
                 Some(origin) => self.serve(&mut stream, origin).await,
                 None => End::Crowded,
             }
@@ -212,13 +214,21 @@ impl Server<'_, '_> {
                 Ok(Parsed::Incomplete) => return Ok(Waits::No),
                 Ok(Parsed::Skip { consumed }) => {
                     self.place.stats.count(input.skip_event());
+                    self.tap(false, input.skip_event(), input.first(consumed));
                     consumed
                 }
                 Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, header, pdu) {
-                    Taken::Sent => consumed,
+                    Taken::Sent => {
+                        self.tap(false, Event::Request, input.first(consumed));
+                        consumed
+                    }
                     Taken::Refused(exception) => {
                         let answer = exception.response(pdu.first().copied().unwrap_or(0));
-                        self.write(stream, &self.short(header, &answer)).await?;
+                        self.tap(false, Event::Request, input.first(consumed));
+                        let mut out = [0; ADU_BYTES_MAX];
+                        let framing = self.settings.framing;
+                        let answer = encode(framing, header, &answer, &mut out).unwrap_or(&[]);
+                        self.write(stream, answer).await?;
                         consumed
                     }
                     Taken::Starved => {
@@ -289,19 +299,50 @@ impl Server<'_, '_> {
         self.write(stream, out.get(..length).unwrap_or(&[])).await
     }
 
-    /// The frame of an exception. It is kept while it is written, so it is not in a buffer for the longest one.
-    fn short(&self, header: Header, exception: &[u8]) -> Vec<u8, EXCEPTION_ADU_BYTES_MAX> {
-        let mut out = [0; ADU_BYTES_MAX];
-        let frame = encode(self.settings.framing, header, exception, &mut out).unwrap_or(&[]);
-        Vec::from_slice(frame).unwrap_or_default()
-    }
-
     /// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
     async fn write<S: TcpStream>(&self, stream: &mut S, answer: &[u8]) -> Result<(), End> {
+        self.tap(true, Event::Answer, answer);
         match with_timeout(WRITE_PATIENCE, stream.write_all(answer)).await {
             Ok(Ok(())) => Ok(()),
             Ok(Err(_)) => Err(End::Client),
             Err(_) => Err(End::Stalled),
+        }
+    }
+
+    /// Shows a frame from or to the client to whoever follows.
+    fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
+        let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
+        let port = self.seat.state().peer.map_or(0, |peer| peer.port());
+        tap.passed(port, sent, verdict, bytes);
+    }
+
+    /// Gives a client the frames of all ports as they come.
+    async fn export<S: TcpStream>(&self, stream: &mut S) -> End {
+        let leave = pin!(self.seat.leave.wait());
+        let export = pin!(async {
+            let mut export = match with_timeout(WRITE_PATIENCE, Export::begin(self.gateway, stream)).await {
+                Ok(Ok(Some(export))) => export,
+                Ok(_) => return End::Client,
+                Err(_) => return End::Stalled,
+            };
+            loop {
+                // Whoever takes no frame for so long takes none at all.
+                match with_timeout(WRITE_PATIENCE, export.write_next(stream)).await {
+                    Ok(Ok(true)) => continue,
+                    Ok(Ok(false)) => {}
+                    Ok(Err(_)) => return End::Client,
+                    Err(_) => return End::Stalled,
+                }
+                let mut said = [0; 16];
+                match select(stream.read(&mut said), Timer::after(EXPORT_PAUSE)).await {
+                    Either::First(Ok(0) | Err(_)) => return End::Client,
+                    Either::First(Ok(_)) | Either::Second(()) => {}
+                }
+            }
+        });
+        match select(leave, export).await {
+            Either::First(()) => End::Crowded,
+            Either::Second(end) => end,
         }
     }
 

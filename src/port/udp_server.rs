@@ -11,6 +11,7 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
 use heapless::Vec;
 
+use crate::capture::{FrameKind, Tap};
 use crate::config::{PortId, UDP_REQUESTS_MAX, UdpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Status};
@@ -100,10 +101,11 @@ impl<'s, 'g> Server<'s, 'g> {
             };
             let Some(Reply { peer, header, pdu, length }) = reply else { continue };
             let mut out = [0; ADU_BYTES_MAX];
-            if let Ok(out) = tcp::encode(header, pdu.get(..length).unwrap_or(&[]), &mut out)
-                && let Err(lost) = socket.send(out, peer).await
-            {
-                return lost;
+            if let Ok(out) = tcp::encode(header, pdu.get(..length).unwrap_or(&[]), &mut out) {
+                self.tap(peer, true, Event::Answer, out);
+                if let Err(lost) = socket.send(out, peer).await {
+                    return lost;
+                }
             }
         }
     }
@@ -127,6 +129,7 @@ impl<'s, 'g> Server<'s, 'g> {
             let [function, code] = exception.response(request.first().copied().unwrap_or(0));
             Some(Reply::new(peer, header, &[function, code]))
         };
+        self.tap(peer, false, Event::Request, datagram);
         let mut open = self.open.borrow_mut();
         let of_peer = || open.iter().filter(|open| open.peer == peer);
         if of_peer().any(|open| open.header == header) {
@@ -153,6 +156,12 @@ impl<'s, 'g> Server<'s, 'g> {
         let _ = open.push(Open { peer, header, number });
         self.gateway.inbox.send(frame);
         None
+    }
+
+    /// Shows a frame from or to `peer` to whoever follows.
+    fn tap(&self, peer: SocketAddr, sent: bool, verdict: Event, bytes: &[u8]) {
+        let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: FrameKind::Udp };
+        tap.passed(peer.port(), sent, verdict, bytes);
     }
 
     fn envelope(&self, unit: u8, peer: SocketAddr, number: u16) -> Envelope {

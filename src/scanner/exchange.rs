@@ -90,6 +90,7 @@ impl Scanner {
             station.check_due = false;
             station.status.alive = Some(false);
         }
+        self.fill(device);
     }
 
     /// The rows of the open request have come to their end.

@@ -23,6 +23,8 @@ pub struct Device {
     pub order: ByteOrder,
     /// Before every poll it is asked for a sign of life (function 8), and left out when it gives none.
     pub check: bool,
+    /// What its inputs become when it does not answer any more: each register this, each bit its lowest one; none: they stay.
+    pub filling: Option<u16>,
 }
 
 /// How a device is doing.

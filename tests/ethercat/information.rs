@@ -241,6 +241,11 @@ fn statement_41_the_files_objects_are_those_of_sdo_information() {
         let description = ask(&mut rig, 3, &index.to_le_bytes()).unwrap();
         assert_eq!(text(object, "Name").as_bytes(), &description[6..]);
         assert_eq!(number(text(object, "BitSize")), types[text(object, "Type")], "{index:x}");
+        // A request and its answer differ in size, so nobody could tell where which value begins.
+        if index == 0x2033 {
+            assert_eq!(rig.upload_complete(index, 0), Err(0x0601_0004));
+            continue;
+        }
         // The size of a complete access from sub-index 0 on is the size of the object's type, as long as the list is full.
         let sized = if description[5] == 7 { rig.upload(index, 0) } else { rig.upload_complete(index, 0) };
         let bits = 8 * sized.unwrap().len() as u32;
@@ -272,6 +277,10 @@ fn statement_41_defaults_in_the_file_are_what_is_read_after_power_on() {
         };
         for (sub, info) in infos.into_iter().enumerate() {
             let default = text(info, "DefaultData");
+            if (index, sub) == (0x2033, 1) {
+                assert_eq!(rig.upload(index, sub as u8), Err(0x0601_0001), "it is only written");
+                continue;
+            }
             let read = rig.upload(index, sub as u8).unwrap();
             let hex: String = read.iter().map(|byte| format!("{byte:02X}")).collect();
             assert_eq!(hex, default, "{index:x}:{sub}");

@@ -30,7 +30,7 @@ fn pysoem_starts_the_gateway_reads_its_objects_and_meets_its_watchdog() {
             Either::Second(()) => {}
         }
         let last = (0..120).map(|byte: u32| (499 + byte) as u8).collect::<Vec<_>>();
-        place.outputs(|outputs| assert_eq!(outputs, last, "the outputs of its last cycle"));
+        place.outputs(|outputs| assert_eq!(outputs[..120], last, "the outputs of its last cycle"));
         assert!(!objects.0.borrow().outputs_valid(), "which are not valid any more");
     });
 }

@@ -1,12 +1,15 @@
 //! Conformance: SDO, and what the gateway's objects take (statements 29 to 37).
 
 use mobgate::ethercat::al_state::{AlState, AlStatusCode};
+use mobgate::ethercat::coe::abort::Abort;
 use mobgate::ethercat::device::Device;
 use mobgate::ethercat::sii;
+use mobgate::ethercat::sync_manager::Channel;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
 
 use crate::bench::{
-    Bench, ERROR, LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, gateway_objects,
+    Bench, ERROR, INIT, LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP,
+    gateway_objects,
 };
 
 static GATEWAY: Device = DEVICE;
@@ -57,7 +60,7 @@ fn statement_30_assignments_change_in_pre_op_only_and_with_their_count_at_0() {
     assert_eq!(rig.download(0x1c12, 1, &[0x01, 0x16]), Ok(()));
     assert_eq!(rig.download(0x1c12, 2, &[0x00, 0x16]), Ok(()));
     assert_eq!(rig.download(0x1c12, 0, &[2]), Err(0x0604_0042), "124 bytes");
-    assert_eq!(rig.download(0x1c12, 0, &[5]), Err(0x0604_0042), "five PDOs");
+    assert_eq!(rig.download(0x1c12, 0, &[9]), Err(0x0604_0042), "nine PDOs");
     assert_eq!(rig.download(0x1c12, 0, &[1]), Ok(()));
     assert_eq!(rig.upload(0x1c12, 1), Ok(vec![0x01, 0x16]));
     drop(rig);
@@ -244,10 +247,11 @@ fn statement_34_unknown_commands_are_aborted() {
 fn statement_35_settings_out_of_range_are_refused_and_change_nothing() {
     let mut rig = gateway();
     rig.download(0x2005, 1, &[1, 0]).unwrap();
-    let before = rig.application().configuration().clone();
+    let place = rig.application().place();
+    let before = place.configuration(|now| now.clone());
     rig.download(0x2005, 2, &[0, 0]).unwrap();
     for (index, sub, value, abort) in [
-        (0x2000, 1, &[5, 0][..], 0x0609_0031),
+        (0x2000, 1, &[33, 0][..], 0x0609_0031),
         (0x2001, 1, &[0, 0], 0x0609_0032),
         (0x2001, 1, &[248, 0], 0x0609_0031),
         (0x2001, 10, &[0, 0, 0, 0], 0x0609_0032),
@@ -262,7 +266,7 @@ fn statement_35_settings_out_of_range_are_refused_and_change_nothing() {
         assert_eq!(rig.download(index, sub, value), Err(abort), "{index:x}:{sub:x} {value:?}");
     }
     rig.download(0x2005, 1, &[1, 0]).unwrap();
-    assert_eq!(*rig.application().configuration(), before);
+    assert_eq!(place.configuration(|now| now.clone()), before);
 }
 
 #[test]
@@ -359,4 +363,87 @@ fn statement_37_emergencies_can_be_off() {
     rig.set_up_process_data();
     rig.request(SAFE_OP);
     assert_eq!(rig.receive(), None);
+}
+
+/// A download to 2104h, expedited.
+const WRITE: [u8; 10] = [0, 0x20, 0x2f, 0x04, 0x21, 0, 12, 0, 0, 0];
+
+#[test]
+fn statement_56_a_write_is_answered_when_it_has_ended_and_other_requests_wait() {
+    let mut rig = Rig::in_state(&MAILBOX_128, OP);
+    rig.application().writing = true;
+    assert_eq!(rig.send(&WRITE), 1);
+    assert_eq!(rig.send(&[0, 0x20, 0x40, 0x00, 0x10, 0, 0, 0, 0, 0]), 1, "the mailbox takes another one");
+    for _ in 0..50 {
+        rig.pass(10);
+        assert_eq!(rig.cycle(1).1, 3, "process data go on");
+        assert_eq!(rig.receive(), None);
+    }
+    rig.application().writing = false;
+    rig.pass(2);
+    let answers: Vec<u8> = std::iter::from_fn(|| rig.receive()).map(|message| message[8]).collect();
+    assert_eq!(answers, [0x60, 0x43], "in their order");
+    assert_eq!(rig.status(), (OP, 0));
+}
+
+#[test]
+fn statement_56_a_write_that_failed_is_aborted_also_behind_its_last_segment() {
+    let mut rig = rig();
+    rig.application().write_error = Some(Abort::NotStored);
+    assert_eq!(rig.download(0x2104, 0, &[12]), Err(0x0800_0020));
+    assert_eq!(rig.download(0x2100, 0, &[7; LARGE_BYTES]), Err(0x0800_0020));
+    rig.application().write_error = None;
+    assert_eq!(rig.download(0x2100, 0, &[7; LARGE_BYTES]), Ok(()));
+}
+
+#[test]
+fn statement_56_what_has_not_ended_in_init_is_not_answered_later() {
+    let mut rig = rig();
+    rig.application().writing = true;
+    assert_eq!(rig.send(&WRITE), 1);
+    rig.request(INIT);
+    rig.application().writing = false;
+    rig.pass(10);
+    rig.bring_to(PRE_OP);
+    rig.pass(10);
+    assert_eq!(rig.receive(), None);
+    assert!(rig.upload(0x1000, 0).is_ok());
+}
+
+#[test]
+fn statement_30_pdos_with_the_same_content_are_not_assigned_together() {
+    let mut rig = gateway();
+    assert_eq!(rig.download_complete(0x1c12, 0, &[2, 0, 0x00, 0x16, 0x01, 0x16]), Err(0x0604_0043));
+    assert_eq!(rig.download_complete(0x1c13, 0, &[2, 0, 0x01, 0x1a, 0x00, 0x1a]), Err(0x0604_0043));
+    assert_eq!(rig.download_complete(0x1c12, 0, &[2, 0, 0x00, 0x16, 0x02, 0x16]), Ok(()));
+}
+
+#[test]
+fn statement_10_pdos_that_do_not_hold_the_configured_image_keep_the_device_in_pre_op() {
+    for (sub, assignment, other, code) in [(6, 0x1c13, 0x1a, 0x0024), (8, 0x1c12, 0x16, 0x0025)] {
+        let mut rig = gateway();
+        let (first, second) = (0, if other == 0x16 { 2 } else { 4 });
+        let assign = |rig: &mut Rig<_>, pdos: &[u8]| {
+            let list = pdos.iter().flat_map(|pdo| [*pdo, other]);
+            let list: Vec<u8> = [pdos.len() as u8, 0].into_iter().chain(list).collect();
+            rig.download_complete(assignment, 0, &list).unwrap();
+        };
+        assign(&mut rig, &[first, second]);
+        // Holding registers are in both images: the inputs have room for them.
+        rig.download_complete(0x1c13, 0, &[2, 0, 0x00, 0x1a, 0x04, 0x1a]).unwrap();
+        rig.download(0x2100, sub, &61u16.to_le_bytes()).unwrap();
+        rig.download(0x2005, 1, &[1, 0]).unwrap();
+        assign(&mut rig, &[first]);
+        rig.set_up_process_data();
+        // Inputs of 256 bytes, where they have not become 120 again.
+        if assignment == 0x1c12 {
+            let mut block = rig.sync_manager(Channel::Inputs);
+            block[2..4].copy_from_slice(&256u16.to_le_bytes());
+            rig.write(Channel::Inputs.registers() + 6, &[0]);
+            rig.write(Channel::Inputs.registers(), &block);
+        }
+        assert_eq!(rig.request(SAFE_OP), (PRE_OP | ERROR, code));
+        rig.download(0x2005, 2, &[0, 0]).unwrap();
+        assert_eq!(rig.request(SAFE_OP | ERROR), (SAFE_OP, 0), "without a configuration there is no image");
+    }
 }

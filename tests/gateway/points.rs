@@ -30,7 +30,7 @@ fn scanner() -> (Scanner, DeviceId) {
 }
 
 fn device(unit: u8) -> Device {
-    Device { unit, order: ByteOrder::Order0123, check: false }
+    Device { unit, order: ByteOrder::Order0123, check: false, filling: None }
 }
 
 /// `count` cells of `device`, read every second and written automatically where that can be.

@@ -20,6 +20,12 @@ impl<'a, M: RawMutex, F: NorFlash> SharedStore<'a, M, F> {
         Self { store, saving: None }
     }
 
+    /// Another handle of the same store.
+    #[must_use]
+    pub const fn another(&self) -> Self {
+        Self::new(self.store)
+    }
+
     /// The store for this handle alone, without what another one began and left.
     async fn alone(&mut self) -> MutexGuard<'a, M, FlashStore<F>> {
         match self.saving.take() {

@@ -1,57 +1,99 @@
-//! Frames of the serial lines into a PCAPNG file, as they come.
+//! Frames into a PCAPNG file, as they come, from the start on or when the console says so.
 //!
 //! A pipe will do as well: `mobgate --capture >(wireshark -k -i -)`. Who reads it slowly stops the file, not the gateway.
 
+use std::convert::Infallible;
 use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use embassy_futures::select::{Either, select};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::capture::{Capture, pcapng};
-use mobgate::config::PORTS_MAX;
+use embedded_io_async::{ErrorType, Write};
+use mobgate::capture::Export;
+use mobgate::gateway::Gateway;
+use mobgate::hal::{OpenError, OpenErrorKind};
 
 /// How often the ring is emptied: what a busy line brings meanwhile fits into it.
 const PAUSE: Duration = Duration::from_millis(10);
+
+/// The file that is wanted next, or none.
+pub type Wanted = Signal<CriticalSectionRawMutex, Option<File>>;
 
 /// Opens the file, new or anew.
 pub fn create(path: &Path) -> Result<File, String> {
     File::create(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Writes what comes into `file`, until that fails.
-pub async fn run(capture: &Capture, file: File) {
-    match write(capture, Arc::new(file)).await {
-        Err(error) => log::error!("the capture has ended: {error}"),
-        Ok(never) => match never {},
+/// Opens a new file for somebody at a console, who may be anybody on this machine: none is written over.
+pub fn create_new(path: &str) -> Result<File, OpenError> {
+    File::create_new(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => OpenError::new(OpenErrorKind::NotFound, "no such folder"),
+        io::ErrorKind::PermissionDenied => OpenError::new(OpenErrorKind::Denied, ""),
+        io::ErrorKind::AlreadyExists => OpenError::new(OpenErrorKind::Failed, "there is such a file already"),
+        _ => OpenError::new(OpenErrorKind::Failed, ""),
+    })
+}
+
+/// Writes what comes into the file that is `wanted`, for ever.
+pub async fn run(gateway: &Gateway<'_>, wanted: &Wanted) {
+    let mut file = None;
+    loop {
+        let Some(current) = file.take() else {
+            file = wanted.wait().await;
+            continue;
+        };
+        match select(write(gateway, current), wanted.wait()).await {
+            Either::First(Err(error)) => log::error!("the capture has ended: {error}"),
+            Either::First(Ok(never)) => match never {},
+            Either::Second(next) => file = next,
+        }
     }
 }
 
-async fn write(capture: &Capture, file: Arc<File>) -> io::Result<std::convert::Infallible> {
-    let mut blocks = pcapng::header().to_vec();
-    // Every port place is an interface, whatever is there.
-    (1..=PORTS_MAX).for_each(|port| blocks.extend(pcapng::interface(&format!("port {port}"))));
-    let epoch_us = epoch_us();
-    let mut cursor = capture.end();
+async fn write(gateway: &Gateway<'_>, file: File) -> io::Result<Infallible> {
+    let mut sink = Sink { file: Arc::new(file), blocks: Vec::new() };
+    let export = Export::begin(gateway, &mut sink).await?;
+    let mut export = export.ok_or(io::Error::other("no frames are kept"))?;
     loop {
-        while let Some(frame) = capture.next(&mut cursor) {
-            if frame.missed > 0 {
-                log::warn!("the capture has missed {} frames", frame.missed);
-            }
-            blocks.extend(pcapng::packet(&frame, frame.head.port.0.into(), epoch_us));
-        }
-        if !blocks.is_empty() {
-            let (mut file, part) = (file.clone(), std::mem::take(&mut blocks));
-            // A disk or a pipe may take its time; the ports go on.
-            blocking::unblock(move || file.write_all(&part)).await?;
-        }
+        while export.write_next(&mut sink).await? {}
+        sink.flush().await?;
         Timer::after(PAUSE).await;
     }
 }
 
 /// When the gateway's clock began, in microseconds since the year 1970 did.
-fn epoch_us() -> u64 {
+pub fn epoch_us() -> u64 {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_micros() as u64);
     now.saturating_sub(Instant::now().as_micros())
+}
+
+/// A file, and what is to be written next.
+struct Sink {
+    file: Arc<File>,
+    blocks: Vec<u8>,
+}
+
+impl ErrorType for Sink {
+    type Error = io::Error;
+}
+
+impl Write for Sink {
+    async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
+        self.blocks.extend_from_slice(from);
+        Ok(from.len())
+    }
+
+    async fn flush(&mut self) -> io::Result<()> {
+        if self.blocks.is_empty() {
+            return Ok(());
+        }
+        let (file, part) = (self.file.clone(), std::mem::take(&mut self.blocks));
+        // A disk or a pipe may take its time; the ports go on.
+        blocking::unblock(move || (&*file).write_all(&part)).await
+    }
 }

@@ -55,7 +55,7 @@ pub struct Options {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "demo", "listen", "console", "capture"])]
     pub check: Option<PathBuf>,
 
-    /// Write the frames of the serial lines into FILE (PCAPNG), for Wireshark
+    /// Write the frames of all ports into FILE (PCAPNG), for Wireshark; the console's `capture` does so while it runs
     #[arg(long, value_name = "FILE")]
     pub capture: Option<PathBuf>,
 

@@ -1,6 +1,5 @@
 //! mobgate as a Linux program: the gateway's statics and tasks, and what happens at the start, at signals and at the end.
 
-use std::fs::File;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -13,7 +12,7 @@ use mobgate::capture::Capture;
 use mobgate::config::{PORTS_MAX, PortId, TcpListen};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, Seat};
-use mobgate::hal::System;
+use mobgate::hal::{OpenError, System};
 use mobgate::scanner::ScannerPlace;
 use mobgate_linux::cli::Options;
 use mobgate_linux::demo::Demo;
@@ -44,6 +43,8 @@ static CAPTURE: Capture = Capture::new();
 static GATEWAY: Gateway<'static> =
     Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_scanner(&POINTS).with_capture(&CAPTURE);
 
+/// The file that frames are written to next, or none.
+static CAPTURE_FILE: capture::Wanted = Signal::new();
 /// How the program ends.
 static END: Signal<CriticalSectionRawMutex, End> = Signal::new();
 
@@ -75,8 +76,8 @@ async fn demo_devices(demo: Demo) {
 }
 
 #[embassy_executor::task]
-async fn capture_into(file: File) {
-    capture::run(&CAPTURE, file).await
+async fn capture_into_file() {
+    capture::run(&GATEWAY, &CAPTURE_FILE).await
 }
 
 #[embassy_executor::task]
@@ -109,6 +110,11 @@ struct Process;
 impl System for Process {
     fn name(&self) -> &str {
         "Linux"
+    }
+
+    fn capture(&self, file: Option<&str>) -> Result<(), OpenError> {
+        CAPTURE_FILE.signal(file.map(capture::create_new).transpose()?);
+        Ok(())
     }
 
     fn reboot(&self) {
@@ -147,13 +153,16 @@ fn run(options: Options) -> Result<End, String> {
     let sockets = TcpSockets::default();
     let start = prepare(&options, &sockets)?;
     let console = console::open(options.console, &sockets)?;
-    let capture = options.capture.as_deref().map(capture::create).transpose()?;
+    if let Some(file) = &options.capture {
+        CAPTURE_FILE.signal(Some(capture::create(file)?));
+    }
+    CAPTURE.set_epoch(capture::epoch_us());
     GATEWAY.apply(&start.settings).map_err(|error| error.to_string())?;
     start.settings.warnings().for_each(|warning| log::warn!("{warning}"));
 
     let _raw_until_the_end = RawMode::enter();
     let listen = console.as_ref().map(|(listen, _)| *listen);
-    let spawn = |spawner| spawn(spawner, options, sockets, caught, listen, capture);
+    let spawn = |spawner| spawn(spawner, options, sockets, caught, listen);
     Ok(executor::run(spawn, async {
         // The tasks have been polled once, so they hold their listeners by themselves.
         drop((start, console));
@@ -167,7 +176,6 @@ fn spawn(
     sockets: TcpSockets,
     caught: Signals,
     console: Option<TcpListen>,
-    capture: Option<File>,
 ) {
     let demo = options.runs_demo().then(Demo::default);
     let lines = demo.as_ref().map(|demo| Lines::with_demo(demo.serial())).unwrap_or_default();
@@ -184,9 +192,7 @@ fn spawn(
     if let Some(demo) = demo {
         spawner.spawn(demo_devices(demo).unwrap());
     }
-    if let Some(file) = capture {
-        spawner.spawn(capture_into(file).unwrap());
-    }
+    spawner.spawn(capture_into_file().unwrap());
     if let Some(listen) = console {
         for _ in 0..CONSOLES {
             spawner.spawn(console_on_tcp(sockets.clone(), listen, store.clone()).unwrap());

@@ -3,7 +3,11 @@
 use std::fs;
 use std::process::Command;
 
-use common::{Program, ask, free_port, mobgate, wait_for};
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, TcpStream};
+use std::path::Path;
+
+use common::{PATIENCE, Program, ask, free_port, mobgate, session, wait_for};
 
 mod common;
 
@@ -16,14 +20,89 @@ fn frames_are_written_as_they_come_and_decoded_without_settings() {
     let program = Program::start(&mut command, folder, port);
     let answer = ask(&mut program.connect(), 1, &[3, 0, 0, 0, 2]);
     assert_eq!(answer[..2], [3, 4]);
-    let whole = |written: &Vec<u8>| written.windows(7).any(|part| part == b"answers");
-    wait_for("the answer in the file", || fs::read(&file).ok().filter(whole));
+    wait_for("the answer in the file", || fs::read(&file).ok().filter(|written| is_whole(written)));
+    assert_eq!(decoded(&file), WHOLE);
+}
+
+/// A transaction by TCP and on the line.
+const WHOLE: &str = "mbtcp\t3\trequests\nmbrtu\t3\trequests\nmbrtu\t3\tanswers\nmbtcp\t3\tanswers\n";
+
+/// Whether the transaction's last frame has been written.
+fn is_whole(written: &[u8]) -> bool {
+    written.windows(7).filter(|part| part == b"answers").count() == 2
+}
+
+/// Protocol, function and verdict of the frames that tshark finds in `file`.
+fn decoded(file: &Path) -> String {
     let tshark = Command::new("tshark")
-        .args(["-T", "fields", "-e", "modbus.func_code", "-e", "frame.comment", "-r"])
-        .arg(&file)
+        .args([
+            "-T",
+            "fields",
+            "-e",
+            "frame.protocols",
+            "-e",
+            "modbus.func_code",
+            "-e",
+            "frame.comment",
+            "-r",
+        ])
+        .arg(file)
         .output()
         .expect("tshark is installed");
-    assert_eq!(String::from_utf8_lossy(&tshark.stdout), "3\trequests\n3\tanswers\n");
+    let fields = String::from_utf8_lossy(&tshark.stdout);
+    fields.replace("exported_pdu:", "").replace(":modbus", "")
+}
+
+#[test]
+fn the_console_begins_and_ends_a_file_and_writes_over_none() {
+    let (folder, port, console) = (tempfile::tempdir().unwrap(), free_port(), free_port());
+    let file = folder.path().join("later.pcapng");
+    let mut command = mobgate();
+    command.args(["--listen", &format!("127.0.0.1:{port}"), "--console", &console.to_string()]);
+    let program = Program::start(&mut command, folder, port);
+    let mut console = session(console);
+    let capture = format!("capture {}\n", file.display());
+    console.write_all(capture.as_bytes()).unwrap();
+    wait_for("the beginning of the file", || fs::read(&file).ok().filter(|written| !written.is_empty()));
+    let mut client = program.connect();
+    ask(&mut client, 1, &[3, 0, 0, 0, 2]);
+    wait_for("the answer in the file", || fs::read(&file).ok().filter(|written| is_whole(written)));
+    console.write_all(b"capture off\nshow version\n").unwrap();
+    let mut said = [0; 512];
+    let count = console.read(&mut said).unwrap();
+    assert!(said[..count].starts_with(b"mobgate "), "{}", String::from_utf8_lossy(&said[..count]));
+    ask(&mut client, 1, &[3, 0, 0, 0, 2]);
+    assert_eq!(decoded(&file), WHOLE, "the second transaction is not in there");
+    console.write_all(capture.as_bytes()).unwrap();
+    let count = console.read(&mut said).unwrap();
+    let said = String::from_utf8_lossy(&said[..count]);
+    assert!(said.contains("failed (there is such a file already)"), "{said}");
+}
+
+#[test]
+fn frames_are_streamed_by_tcp_to_whoever_connects() {
+    let (folder, port, console, wire) = (tempfile::tempdir().unwrap(), free_port(), free_port(), free_port());
+    let file = folder.path().join("streamed.pcapng");
+    let mut command = mobgate();
+    command.args(["--listen", &format!("127.0.0.1:{port}"), "--console", &console.to_string()]);
+    let program = Program::start(&mut command, folder, port);
+    let set = format!("port wire tcp server 127.0.0.1:{wire} capture\n");
+    session(console).write_all(set.as_bytes()).unwrap();
+    let mut stream = wait_for("the capture's port", || TcpStream::connect((Ipv4Addr::LOCALHOST, wire)).ok());
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let (mut streamed, mut part) = (Vec::new(), [0; 1024]);
+    let mut take = |streamed: &mut Vec<u8>| {
+        let count = stream.read(&mut part).unwrap();
+        streamed.extend_from_slice(&part[..count]);
+    };
+    // What it begins with: from here on frames are followed.
+    take(&mut streamed);
+    ask(&mut program.connect(), 1, &[3, 0, 0, 0, 2]);
+    while !is_whole(&streamed) {
+        take(&mut streamed);
+    }
+    fs::write(&file, &streamed).unwrap();
+    assert_eq!(decoded(&file), WHOLE);
 }
 
 #[test]

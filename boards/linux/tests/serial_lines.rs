@@ -1,7 +1,10 @@
 //! The program with serial devices that are missing, come, go and babble: PTYs under names of the tests' own.
 
+use std::io::{Read, Write};
 use std::os::unix::fs::symlink;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -123,6 +126,51 @@ fn a_line_that_babbles_stops_nobody_else() {
     assert!(Instant::now() < end, "the babble was over before the answers were");
     babble.join().unwrap();
     drop(answers.join().unwrap());
+}
+
+/// A PTY has no speed, so the unit is found at the first one.
+#[test]
+fn a_scan_finds_a_unit_and_leaves_the_port_as_it_was() {
+    const REQUEST: [u8; 8] = [1, 3, 0, 0, 0, 1, 0x84, 0x0a];
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("usb-adapter");
+    let adapter = Adapter::plug(&name);
+    let (program, console) = common::with_console(&format!(
+        "port P1 serial {} rtu client 115200\nport P502 tcp server {{port}}\nroute P502 * * * P1\n",
+        name.display()
+    ));
+    program.logs("is open");
+    let end = Arc::new(AtomicBool::new(false));
+    let over = end.clone();
+    let device = thread::spawn(move || {
+        let mut adapter = adapter;
+        adapter.outside.set_read_timeout(Duration::from_millis(100)).unwrap();
+        let mut heard = [0; 64];
+        while !over.load(Ordering::Relaxed) {
+            // Whoever closes the line flushes it: a request may come without its beginning, and is asked again by nobody.
+            if let Ok(count) = adapter.outside.read(&mut heard)
+                && heard[..count].ends_with(&REQUEST)
+            {
+                adapter.outside.write_all(&ANSWER_RTU).unwrap();
+            }
+        }
+    });
+    let mut console = common::session(console);
+    console.write_all(b"scan P1 9600 19200 units 1-3 timeout 200ms\n").unwrap();
+    let (mut said, mut part) = (String::new(), [0; 512]);
+    while !said.contains("# units 1") {
+        let count = console.read(&mut part).unwrap_or_else(|error| panic!("{error} after {said}"));
+        assert!(count > 0, "the session ended after {said}");
+        said.push_str(&String::from_utf8_lossy(&part[..count]));
+    }
+    assert!(said.contains("unit   1 9600 8E1"), "{said}");
+    assert!(said.contains("1 units found in "), "{said}");
+    assert!(said.contains("edit port P1 9600 8E1     # units 1"), "{said}");
+    // The line is opened once more, with its own settings.
+    let mut client = program.connect();
+    wait_for("the port's own traffic", || (ask(&mut client, 1, &READ) == ANSWER).then_some(()));
+    end.store(true, Ordering::Relaxed);
+    device.join().unwrap();
 }
 
 #[test]

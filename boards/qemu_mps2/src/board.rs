@@ -4,6 +4,7 @@ use core::fmt::Write;
 
 use cortex_m::peripheral::SCB;
 use embassy_futures::block_on;
+use embassy_futures::join::join;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use heapless::String;
@@ -93,11 +94,15 @@ impl System for Board {
     }
 }
 
-/// Serves the terminal on UART 0, for ever.
+/// Serves the terminal on UART 0, and saves the settings when an EtherCAT MainDevice wants that, for ever.
 pub(crate) async fn console(gateway: &Gateway<'_>, mut store: Store, board: Board) {
     let mut line = Line::open(CONSOLE, DIVISOR_MIN);
-    loop {
-        // After `exit` the next session begins: there is nowhere else to go.
-        let Ok(()) = console::run(gateway, &mut line, &mut store, &board, Mode::Echo).await;
-    }
+    let mut kept = store.another();
+    let sessions = async {
+        loop {
+            // After `exit` the next session begins: there is nowhere else to go.
+            let Ok(()) = console::run(gateway, &mut line, &mut store, &board, Mode::Echo).await;
+        }
+    };
+    join(gateway.keep_settings(&mut kept), sessions).await;
 }

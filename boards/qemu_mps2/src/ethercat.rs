@@ -1,5 +1,6 @@
 //! Data points, and EtherCAT as soon as a LAN9252 answers.
 
+mod pipes;
 mod spi;
 
 use embassy_executor::Spawner;

@@ -28,7 +28,7 @@ impl CommandLine {
     }
 
     /// The words behind the program's name.
-    fn words(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn words(&self) -> impl Iterator<Item = &str> {
         self.0.split_whitespace().skip(1)
     }
 
@@ -41,15 +41,10 @@ impl CommandLine {
     pub(crate) fn has(&self, word: &str) -> bool {
         self.words().skip(1).any(|found| found == word)
     }
-
-    /// What stands behind `key` and an equals sign.
-    pub(crate) fn value(&self, key: &str) -> Option<&str> {
-        self.words().skip(1).find_map(|word| word.strip_prefix(key)?.strip_prefix('='))
-    }
 }
 
 /// A file of the host.
-pub(crate) struct File(usize);
+pub(crate) struct File(pub(crate) usize);
 
 /// A call that the host could not carry out.
 #[derive(Debug)]
@@ -57,7 +52,7 @@ pub(crate) struct HostError;
 
 impl File {
     /// Opens `path` with an end of its own, in a mode of `cortex_m_semihosting::nr::open`.
-    fn open_as(path: &str, end: &str, mode: usize) -> Result<Self, HostError> {
+    pub(crate) fn open_as(path: &str, end: &str, mode: usize) -> Result<Self, HostError> {
         let mut name = String::<{ COMMAND_LINE_BYTES_MAX + 8 }>::new();
         write!(name, "{path}{end}\0").map_err(|_| HostError)?;
         // SAFETY: pointer and length are those of a text that outlives the call; so in all calls here.
@@ -69,31 +64,6 @@ impl File {
     pub(crate) fn open(path: &str) -> Result<Self, HostError> {
         Self::open_as(path, "", nr::open::RW_BINARY)
             .or_else(|_| Self::open_as(path, "", nr::open::RW_TRUNC_BINARY))
-    }
-
-    /// Opens the two pipes `path.in`, to be read, and `path.out`, to be written.
-    pub(crate) fn open_pipes(path: &str) -> Result<(Self, Self), HostError> {
-        let input = Self::open_as(path, ".in", nr::open::R_BINARY)?;
-        Ok((input, Self::open_as(path, ".out", nr::open::W_TRUNC_BINARY)?))
-    }
-
-    /// Fills `into` from a pipe; everything stands still until the host has written.
-    pub(crate) fn take(&mut self, into: &mut [u8]) -> Result<(), HostError> {
-        let mut rest = into;
-        while !rest.is_empty() {
-            // SAFETY: as in `open_as`.
-            let missing = unsafe { syscall!(READ, self.0, rest.as_mut_ptr(), rest.len()) };
-            let count = rest.len().checked_sub(missing).filter(|count| *count > 0).ok_or(HostError)?;
-            rest = &mut rest[count..];
-        }
-        Ok(())
-    }
-
-    /// Writes `from` into a pipe.
-    pub(crate) fn put(&mut self, from: &[u8]) -> Result<(), HostError> {
-        // SAFETY: as in `open_as`.
-        let missing = unsafe { syscall!(WRITE, self.0, from.as_ptr(), from.len()) };
-        if missing == 0 { Ok(()) } else { Err(HostError) }
     }
 
     pub(crate) fn length(&self) -> usize {

@@ -3,10 +3,13 @@
 use core::pin::pin;
 
 use embassy_executor::Spawner;
+use embassy_futures::join::join;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::Mutex;
 use mobgate::config::{LineSettings, Parity};
 use mobgate::console::{self, Mode};
 use mobgate::hal::{Store, StoreError};
-use mobgate_flash::FlashStore;
+use mobgate_flash::{FlashStore, SharedStore};
 
 use crate::flash::{SETTINGS_START, SettingsFlash};
 use crate::gateway::{LIVENESS, Task, gateway};
@@ -31,28 +34,38 @@ async fn run(mut board: Board, mut line: Line, flash: SettingsFlash, forget: boo
 async fn serve(board: &mut Board, line: &mut Line, flash: SettingsFlash, forget: bool) {
     // It is a format that every chip has.
     line.configure(&LINE).unwrap();
-    let mut store = Settings(FlashStore::open(flash, SETTINGS_START).await);
+    let flash = FlashStore::open(flash, SETTINGS_START).await.map(Mutex::new);
+    let mut store = Settings::of(&flash);
     board.settings = start::settings(&mut store, forget).await.err();
     if let Some(problem) = &board.settings {
         defmt::warn!("settings: {}", defmt::Display2Format(problem));
     }
-    loop {
-        // A line never ends; `exit` begins a new session.
-        let _ = console::run(gateway(), &mut *line, &mut store, &*board, Mode::Echo).await;
-        store.0.iter_mut().for_each(FlashStore::forget);
-    }
+    // An EtherCAT MainDevice may want them saved too.
+    let mut kept = Settings::of(&flash);
+    let sessions = async {
+        loop {
+            // A line never ends; `exit` begins a new session.
+            let _ = console::run(gateway(), &mut *line, &mut store, &*board, Mode::Echo).await;
+            store = Settings::of(&flash);
+        }
+    };
+    join(gateway().keep_settings(&mut kept), sessions).await;
 }
 
-/// The store, or why there is none: a flash that failed leaves the console running.
-struct Settings(Result<FlashStore<SettingsFlash>, StoreError>);
+/// A handle of the store, or why there is none: a flash that failed leaves the console running.
+struct Settings<'a>(Result<SharedStore<'a, NoopRawMutex, SettingsFlash>, StoreError>);
 
-impl Settings {
-    fn store(&mut self) -> Result<&mut FlashStore<SettingsFlash>, StoreError> {
+impl<'a> Settings<'a> {
+    fn of(flash: &'a Result<Mutex<NoopRawMutex, FlashStore<SettingsFlash>>, StoreError>) -> Self {
+        Self(flash.as_ref().map(SharedStore::new).map_err(|error| *error))
+    }
+
+    fn store(&mut self) -> Result<&mut SharedStore<'a, NoopRawMutex, SettingsFlash>, StoreError> {
         self.0.as_mut().map_err(|error| *error)
     }
 }
 
-impl Store for Settings {
+impl Store for Settings<'_> {
     async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
         self.store()?.read(offset, into).await
     }

@@ -109,7 +109,7 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
     let reserved_for = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
     let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
     (
-        (address, any_stream()),
+        (address, prop_oneof![any_stream(), Just(StreamFraming::Capture)]),
         1..=1_000_u16,
         idle,
         1..=16_u8,
@@ -131,7 +131,11 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
                 let reserved = if reserved_for.is_empty() { 0 } else { reserved.min(clients) };
                 let reserved_for = reserved_for.into_iter().collect();
                 let listen = TcpListen { address, port: 502 + n as u16 };
-                let pipeline = if framing == StreamFraming::Rtu { 16 } else { pipeline };
+                let pipeline = if framing == StreamFraming::Mbap { pipeline } else { 16 };
+                let (idle, lifetime) = match framing {
+                    StreamFraming::Capture => (Duration::from_secs(60), Duration::from_secs(5)),
+                    StreamFraming::Mbap | StreamFraming::Rtu => (idle, lifetime),
+                };
                 PortKind::TcpServer(TcpServerSettings {
                     listen,
                     framing,
@@ -227,7 +231,10 @@ fn any_port(n: usize) -> impl Strategy<Value = Port> {
     ];
     ("[A-Za-z][A-Za-z0-9.-]{0,11}", kind, any_units()).prop_map(move |(name, kind, units)| {
         // The number keeps names apart, also from the reserved ones.
-        let units = if kind.side() == Side::Server { units } else { UnitPolicy::default() };
+        let captures =
+            matches!(&kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture);
+        let asked = kind.side() == Side::Server && !captures;
+        let units = if asked { units } else { UnitPolicy::default() };
         Port { name: Name::try_from(format!("{name}_{n}").as_str()).unwrap(), kind, units }
     })
 }
@@ -301,13 +308,41 @@ fn any_network() -> impl Strategy<Value = OwnNetwork> {
     prop_oneof![Just(OwnNetwork::DEFAULT), dhcp, set]
 }
 
+/// What a line can say: a table is there with cells, and the value that substitutes when it does.
+fn any_slave() -> impl Strategy<Value = SlaveSettings> {
+    let cells = prop::option::of((1..=65_535_u16).prop_flat_map(|count| {
+        let last = (65_536 - u32::from(count)) as u16;
+        (0..=last).prop_map(move |address| Cells { count, address })
+    }));
+    let cells = [cells.clone(), cells.clone(), cells.clone(), cells];
+    let on_silence = prop_oneof![
+        Just((OnSilence::Hold, 0)),
+        Just((OnSilence::Clear, 0)),
+        any::<u16>().prop_map(|value| (OnSilence::Substitute, value))
+    ];
+    (1..=247_u8, any::<bool>(), on_silence, 1..=3_600_000_u32, cells).prop_map(
+        |(unit, check, (on_silence, substitute), polling_ms, cells)| SlaveSettings {
+            unit,
+            check,
+            on_silence,
+            substitute,
+            polling_ms,
+            cells: cells.map(Option::unwrap_or_default),
+        },
+    )
+}
+
 fn any_settings() -> impl Strategy<Value = Settings> {
     (1..=PORTS_MAX)
         .prop_flat_map(|count| (0..count).map(any_port).collect::<Vec<_>>())
         .prop_flat_map(|ports| {
-            (any_network(), Just(ports.clone()), prop::collection::vec(any_route(ports), 0..=ROUTES_MAX))
+            let asks = |port: &Port| matches!(port.kind, PortKind::Ethercat(_));
+            let most = if ports.iter().any(asks) { SLAVES_MAX } else { 0 };
+            let slaves = prop::collection::vec(any_slave(), 0..=most);
+            let routes = prop::collection::vec(any_route(ports.clone()), 0..=ROUTES_MAX);
+            (any_network(), Just(ports), routes, slaves)
         })
-        .prop_map(|(network, ports, routes)| {
+        .prop_map(|(network, ports, routes, slaves)| {
             let mut settings = Settings { network, ..Settings::new() };
             for (slot, port) in settings.ports.iter_mut().zip(ports) {
                 *slot = Some(port);
@@ -317,6 +352,7 @@ fn any_settings() -> impl Strategy<Value = Settings> {
                     settings.routes.push(route).unwrap();
                 }
             }
+            settings.slaves.extend(slaves);
             settings
         })
 }

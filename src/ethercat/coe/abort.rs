@@ -44,6 +44,8 @@ pub enum Abort {
     TooSmall = 0x0609_0032,
     /// For none of the other reasons.
     General = 0x0800_0000,
+    /// It cannot be stored.
+    NotStored = 0x0800_0020,
     /// Because of local control.
     LocalControl = 0x0800_0021,
     /// Not in this state.

@@ -16,6 +16,9 @@ const TOGGLE: u8 = 1 << 4;
 const EXPEDITED: u8 = 1 << 1;
 const SIZE_INDICATED: u8 = 1 << 0;
 const LAST: u8 = 1 << 0;
+/// The answers to a download, and to a segment of one.
+const DOWNLOADED: u8 = 0x60;
+const SEGMENT_DOWNLOADED: u8 = 0x20;
 
 /// A request: its first eight bytes, and what is behind them.
 type Request<'a> = (&'a [u8; SDO_BYTES], &'a [u8]);
@@ -25,6 +28,15 @@ type Request<'a> = (&'a [u8; SDO_BYTES], &'a [u8]);
 pub struct SdoServer {
     open: Option<Transfer>,
     bytes: Bytes,
+    /// A write that the application has not ended yet.
+    writing: Option<Writing>,
+}
+
+/// Where something was written, and the command of its answer.
+#[derive(Debug, Clone, Copy)]
+struct Writing {
+    at: Address,
+    command: u8,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -66,10 +78,31 @@ impl SdoServer {
             }
             _ => (named, Err(Abort::UnknownCommand)),
         };
-        Some(answer.unwrap_or_else(|abort| {
+        let answer = answer.unwrap_or_else(|abort| {
             self.open = None;
             aborted(at, abort)
-        }))
+        });
+        match self.writing {
+            Some(_) => self.written(dictionary.application),
+            None => Some(answer),
+        }
+    }
+
+    /// Whether the application has not ended a write yet.
+    pub(super) fn is_writing(&self) -> bool {
+        self.writing.is_some()
+    }
+
+    /// The answer to the write, if the application has ended it.
+    pub(super) fn written(&mut self, application: &mut impl Application) -> Option<Payload> {
+        let Writing { at, command } = self.writing?;
+        let outcome = application.written()?;
+        self.writing = None;
+        Some(match outcome {
+            Ok(()) if command == DOWNLOADED => downloaded(at),
+            Ok(()) => downloaded_segment(command),
+            Err(abort) => aborted(at, abort),
+        })
     }
 
     fn upload<A: Application>(
@@ -135,6 +168,7 @@ impl SdoServer {
                 _ => 4 - usize::from(command >> 2 & 3),
             };
             dictionary.write(target, value.get(..used).unwrap_or_default())?;
+            self.writing = Some(Writing { at: target.at, command: DOWNLOADED });
             return Ok(downloaded(target.at));
         }
         let announced = u32::from_le_bytes(*value) as usize;
@@ -145,6 +179,7 @@ impl SdoServer {
         self.append(data, announced)?;
         if data.len() == announced {
             dictionary.write(target, &self.bytes)?;
+            self.writing = Some(Writing { at: target.at, command: DOWNLOADED });
         } else {
             self.open = Some(Transfer { target, toggle: false, kind: Kind::Download(announced) });
         }
@@ -173,11 +208,11 @@ impl SdoServer {
             }
             self.open = None;
             dictionary.write(target, &self.bytes)?;
+            self.writing = Some(Writing { at: target.at, command: SEGMENT_DOWNLOADED | (command & TOGGLE) });
         } else {
             self.open = Some(Transfer { target, toggle: !toggle, kind: Kind::Download(announced) });
         }
-        let padding = [0; SEGMENT_BYTES_MIN];
-        Ok(Service::SdoResponse.message(&[&[0x20 | (command & TOGGLE)], &padding]))
+        Ok(downloaded_segment(SEGMENT_DOWNLOADED | (command & TOGGLE)))
     }
 
     fn append(&mut self, data: &[u8], announced: usize) -> Result<(), Abort> {
@@ -194,7 +229,11 @@ fn initiated(command: u8, at: Address, value: [u8; 4], data: &[u8]) -> Payload {
 }
 
 fn downloaded(at: Address) -> Payload {
-    initiated(0x60, at, [0; 4], &[])
+    initiated(DOWNLOADED, at, [0; 4], &[])
+}
+
+fn downloaded_segment(command: u8) -> Payload {
+    Service::SdoResponse.message(&[&[command], &[0; SEGMENT_BYTES_MIN]])
 }
 
 /// An abort goes out as a request: it may come from either side.

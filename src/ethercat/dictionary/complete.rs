@@ -50,6 +50,7 @@ impl<A: Application> Dictionary<'_, A> {
         let (pdos, []) = values.as_chunks::<2>() else { return Err(Abort::LengthMismatch) };
         let assignment = self.communication.assignment(at.index).ok_or(Abort::General)?;
         *assignment = assignment.replaced(self.device, pdos.iter().map(|pdo| u16::from_le_bytes(*pdo)))?;
+        self.tell_assignment(at.index);
         Ok(())
     }
 }

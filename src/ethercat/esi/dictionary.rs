@@ -31,7 +31,7 @@ fn write_base_types<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(
         }
         xml.within("DataType", format_args!(""), |xml| {
             xml.text("Name", format_args!("{}", TypeName(data_type)))?;
-            if let DataType::Octets(bytes) = data_type {
+            if let DataType::Octets(bytes) | DataType::OctetsUpTo(bytes) = data_type {
                 xml.text("BaseType", format_args!("BYTE"))?;
                 xml.text("BitSize", format_args!("{}", data_type.bits()))?;
                 return xml.within("ArrayInfo", format_args!(""), |xml| {
@@ -145,7 +145,10 @@ fn write_default<W: Write>(xml: &mut Xml<'_, W>, entry: Entry) -> Result<(), Err
             xml.text("DefaultData", format_args!("{}", Hex(used)))
         }
         (None, Value::Text(text)) => xml.text("DefaultData", format_args!("{}", Hex(text.as_bytes()))),
-        // All zeros.
+        // Nothing, or all zeros.
+        (None, _) if matches!(entry.data_type, DataType::OctetsUpTo(_)) => {
+            xml.text("DefaultData", format_args!(""))
+        }
         (None, _) => {
             let digits = 2 * entry.data_type.bytes();
             xml.text("DefaultData", format_args!("{:0>digits$}", ""))

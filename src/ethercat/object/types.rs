@@ -15,6 +15,8 @@ pub enum DataType {
     Text(u16),
     /// That many bytes.
     Octets(u16),
+    /// Up to that many bytes.
+    OctetsUpTo(u16),
 }
 
 impl DataType {
@@ -26,18 +28,18 @@ impl DataType {
             Self::U32 => 0x0007,
             Self::U64 => 0x001b,
             Self::Text(_) => 0x0009,
-            Self::Octets(_) => 0x000a,
+            Self::Octets(_) | Self::OctetsUpTo(_) => 0x000a,
         }
     }
 
-    /// Its size, at most if it is a text.
+    /// Its size, at most if that may differ.
     pub const fn bytes(self) -> usize {
         match self {
             Self::U8 => 1,
             Self::U16 => 2,
             Self::U32 => 4,
             Self::U64 => 8,
-            Self::Text(bytes) | Self::Octets(bytes) => bytes as usize,
+            Self::Text(bytes) | Self::Octets(bytes) | Self::OctetsUpTo(bytes) => bytes as usize,
         }
     }
 
@@ -48,7 +50,12 @@ impl DataType {
 
     /// Whether it is a number, which has a range.
     pub const fn is_number(self) -> bool {
-        !matches!(self, Self::Text(_) | Self::Octets(_))
+        !matches!(self, Self::Text(_) | Self::Octets(_) | Self::OctetsUpTo(_))
+    }
+
+    /// Whether a value may be shorter than its size.
+    pub const fn may_be_shorter(self) -> bool {
+        matches!(self, Self::Text(_) | Self::OctetsUpTo(_))
     }
 
     pub(super) const fn greatest(self) -> u64 {

@@ -17,17 +17,25 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         if events.any(Events::MAILBOX_FETCHED) {
             self.mailbox.fetched();
         }
+        let ended = self.coe.written(&mut self.application);
+        let written = ended.is_some();
+        if let Some(answer) = ended {
+            self.mailbox.send(Protocol::CanOpen, answer);
+        }
         let taken = events.any(Events::MAILBOX_WRITTEN) && self.takes_requests();
         if taken {
             self.take_request().await?;
         }
         let given = self.give_message().await?;
-        Ok(taken || given)
+        Ok(written || taken || given)
     }
 
-    /// Whether a request may be taken: its answer has a place, and no answer to an earlier one is half sent.
+    /// Whether a request may be taken: its answer has a place, and none to an earlier one is outstanding or half sent.
     pub(super) fn takes_requests(&self) -> bool {
-        self.al.state().has_mailbox() && self.mailbox.has_room() && !self.coe.is_answering()
+        self.al.state().has_mailbox()
+            && self.mailbox.has_room()
+            && !self.coe.is_answering()
+            && !self.coe.is_writing()
     }
 
     /// Whether something is to be sent as soon as SM1 was fetched.

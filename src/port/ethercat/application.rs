@@ -2,24 +2,25 @@
 
 use core::fmt::Write;
 
-use embassy_time::Instant;
 use heapless::String;
 
-use super::configuration::{ConfigError, Configuration};
-use super::layout::DeviceLayout;
-use super::objects::{MODBUS_DEVICES_MAX, REASON_BYTES};
+use super::configuration::ConfigError;
+use super::image::{Room, span};
+use super::keeping::{Keep, Kept};
+use super::line::LineWriter;
+use super::objects::REASON_BYTES;
 use super::place::EthercatPlace;
+use super::slaves::ModbusSlave;
+use crate::ethercat::al_state::{AlState, AlStatusCode};
 use crate::ethercat::application::{Address, Application};
 use crate::ethercat::coe::abort::Abort;
 use crate::ethercat::dictionary::number;
-use crate::scanner::DeviceStatus;
+use crate::ethercat::sync_manager::Channel;
 
 /// Reads and writes of configuration, layout and buffers.
 pub struct GatewayObjects<'p> {
     place: &'p EthercatPlace,
-    configuration: Configuration,
-    layouts: [DeviceLayout; MODBUS_DEVICES_MAX],
-    /// Why the configuration was refused that was to be used last.
+    /// Why what was asked for last was refused.
     refused: Option<ConfigError>,
     /// Whether the outputs come from a MainDevice that is in Op now.
     outputs_valid: bool,
@@ -30,19 +31,13 @@ pub struct GatewayObjects<'p> {
 impl<'p> GatewayObjects<'p> {
     /// The objects after power-on.
     pub fn new(place: &'p EthercatPlace) -> Self {
-        Self {
-            place,
-            configuration: Configuration::default(),
-            layouts: [DeviceLayout::default(); MODBUS_DEVICES_MAX],
-            refused: None,
-            outputs_valid: false,
-            input_counter: 0,
-        }
+        place.set_room(Room::FIRST);
+        Self { place, refused: None, outputs_valid: false, input_counter: 0 }
     }
 
-    /// The configuration as it was written last.
-    pub fn configuration(&self) -> &Configuration {
-        &self.configuration
+    /// What they share with the port.
+    pub fn place(&self) -> &'p EthercatPlace {
+        self.place
     }
 
     /// Whether the outputs come from a MainDevice that is in Op now.
@@ -52,88 +47,70 @@ impl<'p> GatewayObjects<'p> {
 
     /// The number at `at`, of all but buffers and texts.
     fn number(&self, at: Address) -> Option<u32> {
+        let place = self.place;
+        if at.index == 0x200a {
+            return Some((place.line_writer() == LineWriter::MainDevice).into());
+        }
         let sub = usize::from(at.sub.checked_sub(1)?);
         Some(match at.index {
+            // Both are done on command.
+            0x1010 | 0x1011 => 1,
             // The request to take the configuration over is served at once, so it never reads as set.
-            0x2005 => u32::from(sub == 1 && self.place.is_running()),
-            0x2011..=0x2014 => (*self.layouts.get(usize::from(at.index - 0x2011))?.0.get(sub)?).into(),
+            0x2005 => u32::from(sub == 1 && place.is_running()),
             0x2030 => self.input_counter.into(),
-            0x2031 => health(self.place.device_status(sub as u8).as_ref()).into(),
-            0x2180..=0x2183 => {
-                let status = self.place.device_status((at.index - 0x2180) as u8);
-                status_number(status.as_ref(), sub)?
-            }
-            _ => return self.configuration.number(at),
+            0x2031 => place.health(sub).into(),
+            0x2032 => place.state_word(sub).into(),
+            0x2033 if sub == 1 => place.requests().state().number().into(),
+            0x2033 => place.requests().error().into(),
+            index => match ModbusSlave::of(index) {
+                Some(ModbusSlave::Layout(nth)) => (*place.layout(nth).0.get(sub)?).into(),
+                Some(ModbusSlave::Status(nth)) => place.status_number(nth, sub)?,
+                _ => return place.configuration(|configuration| configuration.number(at)),
+            },
         })
-    }
-
-    fn set(&mut self, at: Address, value: u32) -> Option<()> {
-        match (at.index, at.sub) {
-            (0x2005, 1) if value == 1 => self.take_over(),
-            (0x2005, 2) => self.place.stop(),
-            (0x2005, _) => {}
-            _ => return self.configuration.set(at, value),
-        }
-        Some(())
-    }
-
-    /// Uses the configuration as a whole; one that cannot be used leaves everything as it is.
-    fn take_over(&mut self) {
-        match self.place.start(&self.configuration) {
-            Ok(layouts) => self.layouts = layouts,
-            Err(error) => self.refused = Some(error),
-        }
     }
 
     /// Whether the configuration can be used; notes why not.
     fn check_configuration(&mut self) -> Result<(), Abort> {
-        self.refused = self.place.check(&self.configuration).err();
+        let checked = self.place.check().map(|_| ());
+        self.note(checked)
+    }
+
+    /// Whether `keep` can be done by whoever writes `signature`.
+    fn check_keeping(&mut self, keep: Keep, signature: u64) -> Result<(), Abort> {
+        if signature != keep.signature().into() {
+            return Err(Abort::NotStored);
+        }
+        let checked = match keep {
+            _ if !self.place.keeping.has_store() => Err(ConfigError::NoStore),
+            Keep::Save if !self.place.is_running() => Err(ConfigError::NotInUse),
+            Keep::Restore if self.place.is_running() => return Err(Abort::State),
+            Keep::Save | Keep::Restore => Ok(()),
+        };
+        self.note(checked)
+    }
+
+    /// Notes why something is refused.
+    fn note(&mut self, checked: Result<(), ConfigError>) -> Result<(), Abort> {
+        self.refused = checked.err();
         match self.refused {
             None => Ok(()),
             Some(ConfigError::NoPort | ConfigError::NoLine) => Err(Abort::LocalControl),
+            Some(ConfigError::NotInUse) => Err(Abort::State),
+            Some(ConfigError::NoStore | ConfigError::NotSaved) => Err(Abort::NotStored),
             Some(_) => Err(Abort::Incompatible),
         }
     }
 
-    /// Why a configuration was refused, in words (2006h).
+    /// Why something was refused, in words (2006h).
     fn reason(&self) -> String<{ REASON_BYTES as usize }> {
         let mut text = String::new();
-        if let Some(error) = self.refused {
+        if let Some(error) = self.refused.or(self.place.missing()) {
             // Every reason fits; see the test.
             let _ = write!(text, "{error}");
         }
         text
     }
-}
-
-/// 0: not asked yet; 1: well; 2: not normal.
-fn health(status: Option<&DeviceStatus>) -> u8 {
-    match status.and_then(|status| status.alive) {
-        None => 0,
-        Some(true) => 1,
-        Some(false) => 2,
-    }
-}
-
-/// The entries of 2180h and following.
-fn status_number(status: Option<&DeviceStatus>, sub: usize) -> Option<u32> {
-    if sub > 7 {
-        return None;
-    }
-    // A device that there is not has never been heard of.
-    let never = if sub == 1 { u32::MAX } else { 0 };
-    let Some(status) = status else { return Some(never) };
-    Some(match sub {
-        0 => health(Some(status)).into(),
-        1 if status.heard == Instant::MIN => never,
-        1 => u32::try_from(status.heard.elapsed().as_millis()).unwrap_or(u32::MAX),
-        2 => status.exception.into(),
-        3 => status.error.map_or(0, |error| error as u32),
-        4 => status.requests,
-        5 => status.answers,
-        6 => status.exceptions,
-        _ => status.failures,
-    })
 }
 
 /// Copies the entry `sub` of `buffer` into `into`.
@@ -145,10 +122,11 @@ fn copy_entry(buffer: &[u8], sub: u8, into: &mut [u8]) -> Result<(), Abort> {
 
 impl Application for GatewayObjects<'_> {
     fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort> {
-        match at.index {
-            0x2021 | 0x2023 => self.place.inputs(|buffer| copy_entry(buffer, at.sub, into))?,
-            0x2022 | 0x2024 => self.place.outputs(|buffer| copy_entry(buffer, at.sub, into))?,
-            0x2006 => {
+        match (at.index, at.sub) {
+            (0x2021 | 0x2023, sub) => self.place.inputs(|buffer| copy_entry(buffer, sub, into))?,
+            (0x2022 | 0x2024, sub) => self.place.outputs(|buffer| copy_entry(buffer, sub, into))?,
+            (0x2033, 3) => return Ok(self.place.requests().copy_answer(into)),
+            (0x2006, _) => {
                 let reason = self.reason();
                 into.fill(0);
                 into.iter_mut().zip(reason.bytes()).for_each(|(place, byte)| *place = byte);
@@ -163,36 +141,69 @@ impl Application for GatewayObjects<'_> {
 
     fn check(&mut self, at: Address, value: &[u8]) -> Result<(), Abort> {
         let number = number(value);
-        match at.index {
-            // A configuration in use is not changed under its devices.
-            0x2000..=0x2004 | 0x2007 | 0x2020 if self.place.is_running() => Err(Abort::State),
-            0x2005 if at.sub == 1 && number == 1 => self.check_configuration(),
+        match (at.index, at.sub) {
+            (0x1010, _) => self.check_keeping(Keep::Save, number),
+            (0x1011, _) => self.check_keeping(Keep::Restore, number),
+            (0x2005, 1) if number == 1 => self.check_configuration(),
+            (0x2033, _) => {
+                self.place.check_port()?;
+                self.place.requests().check(value)
+            }
             // 1 would be mark parity, which no line here can do.
-            0x2020 if at.sub == 3 && number == 1 => Err(Abort::Range),
+            (0x2020, 3) if number == 1 => Err(Abort::Range),
+            (0x2005, _) => Ok(()),
+            // All others are the configuration; the one in use is not changed under its devices.
+            _ if self.place.is_running() => Err(Abort::State),
             _ => Ok(()),
         }
     }
 
     fn write(&mut self, at: Address, value: &[u8]) {
-        // The table has no writable entry that is not known here.
-        self.set(at, number(value) as u32).unwrap_or_default();
+        let number = number(value) as u32;
+        match (at.index, at.sub) {
+            (0x1010, _) => self.place.keeping.begin(Keep::Save),
+            (0x1011, _) => self.place.keeping.begin(Keep::Restore),
+            // It was checked.
+            (0x2005, 1) if number == 1 => self.refused = self.place.take_over().err(),
+            (0x2005, 2) => self.place.stop(),
+            (0x2005, _) => {}
+            (0x2033, _) => self.place.requests().ask(value),
+            // The table has no other writable entry that is not known here.
+            _ => self.place.configuration(|configuration| configuration.set(at, number)).unwrap_or_default(),
+        }
+    }
+
+    fn written(&mut self) -> Option<Result<(), Abort>> {
+        match self.place.keeping.outcome() {
+            Kept::Nothing | Kept::Done => Some(Ok(())),
+            Kept::Going => None,
+            Kept::Failed => Some(self.note(Err(ConfigError::NotSaved))),
+        }
+    }
+
+    fn assigned(&mut self, channel: Channel, pdos: &[u16]) {
+        self.place.set_room(self.place.room().with(channel, pdos));
     }
 
     fn outputs(&mut self, pdo: u16, bytes: &[u8]) {
-        if let 0x1600 | 0x1601 = pdo {
-            self.place.put_outputs(bytes);
+        if let Some((first, _)) = span(pdo) {
+            self.place.put_outputs(first, bytes);
             self.outputs_valid = true;
         }
     }
 
     fn inputs(&mut self, pdo: u16, into: &mut [u8]) {
-        match pdo {
-            0x1a00 | 0x1a01 => self.place.inputs(|buffer| {
-                into.iter_mut().zip(buffer).for_each(|(place, byte)| *place = *byte);
+        match (pdo, span(pdo)) {
+            (_, Some((first, _))) => self.place.inputs(|buffer| {
+                let bytes = buffer.get(first.into()..).unwrap_or_default();
+                into.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
             }),
-            0x1a03 => {
-                let devices = into.iter_mut().zip(0..);
-                devices.for_each(|(byte, nth)| *byte = health(self.place.device_status(nth).as_ref()));
+            (0x1a03, None) => {
+                into.iter_mut().zip(0..).for_each(|(byte, nth)| *byte = self.place.health(nth));
+            }
+            (0x1a06, None) => {
+                let words = into.as_chunks_mut().0.iter_mut();
+                words.zip(0..).for_each(|(word, nth)| *word = self.place.state_word(nth).to_le_bytes());
             }
             _ => {
                 self.input_counter = self.input_counter.wrapping_add(1);
@@ -204,5 +215,23 @@ impl Application for GatewayObjects<'_> {
     fn outputs_stopped(&mut self) {
         self.outputs_valid = false;
         self.place.outputs_stopped();
+    }
+
+    /// An image that was configured before the PDOs were assigned may be longer than they are.
+    fn may_enter(&mut self, state: AlState) -> Result<(), AlStatusCode> {
+        if state != AlState::SafeOp || !self.place.is_running() {
+            return Ok(());
+        }
+        let room = self.place.room();
+        self.refused = self.place.configuration(|configuration| configuration.plan(room)).err();
+        match self.refused {
+            Some(ConfigError::InputsFull { .. }) => Err(AlStatusCode::InvalidInputMapping),
+            Some(ConfigError::OutputsFull { .. }) => Err(AlStatusCode::InvalidOutputMapping),
+            _ => Ok(()),
+        }
+    }
+
+    fn entered(&mut self, state: AlState) {
+        self.place.set_exchanging(state.has_process_data());
     }
 }

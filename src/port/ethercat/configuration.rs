@@ -1,31 +1,39 @@
-//! What a MainDevice has configured (2000h to 2004h, 2007h, 2020h), and whether it can be used, as a whole.
+//! What a MainDevice has configured (2000h to 2020h, 2100h and following), and whether it can be used, as a whole.
 
-use super::layout::{DeviceLayout, DeviceSettings, KindSettings, layout};
-use super::objects::MODBUS_DEVICES_MAX;
-use crate::config::Parity;
+use heapless::Vec;
+
+use super::image::Room;
+use super::layout::layouts;
+use super::line::Speed;
+use super::slaves::{ModbusSlave, SLAVES_FIRST, SLAVES_MAX, default_unit};
+use crate::config::{OnSilence, SlaveSettings};
 use crate::ethercat::application::Address;
 use crate::scanner::Kind;
 
-/// Why a configuration cannot be used. Devices count from 0, as in the names of 2001h to 2004h.
+/// Why a configuration cannot be used, or not be kept. Slaves count from 0, as in the names of 2001h to 2004h.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ConfigError {
-    /// The values that are read are longer than the buffer.
-    #[error("slave {device} ends past input byte 119")]
+    /// The values that are read are longer than the assigned PDOs.
+    #[error("slave {slave} ends past the {room} input bytes")]
     InputsFull {
-        /// The first device for which there is no room.
-        device: u8,
+        /// The first one for which there is no room.
+        slave: u8,
+        /// Bytes that there are.
+        room: u16,
     },
-    /// The values that are written are longer than the buffer.
-    #[error("slave {device} ends past output byte 119")]
+    /// The values that are written are longer than the assigned PDOs.
+    #[error("slave {slave} ends past the {room} output bytes")]
     OutputsFull {
-        /// The first device for which there is no room.
-        device: u8,
+        /// The first one for which there is no room.
+        slave: u8,
+        /// Bytes that there are.
+        room: u16,
     },
     /// A kind's addresses would go past 65535.
-    #[error("slave {device}: {kind} addresses past 65535")]
+    #[error("slave {slave}: {kind} addresses past 65535")]
     PastLastAddress {
-        /// The device.
-        device: u8,
+        /// The slave.
+        slave: u8,
         /// What it should have there.
         kind: Kind,
     },
@@ -43,66 +51,74 @@ pub enum ConfigError {
     /// The port's line is not there, or is none whose format can be set.
     #[error("the ethercat port's line is no RTU client")]
     NoLine,
-}
-
-/// How the serial line is to be set (2020h).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Speed {
-    /// Bits a second.
-    pub baud: u32,
-    /// Parity; there are always eight data bits, as RTU needs.
-    pub parity: Parity,
-    /// One or two.
-    pub stop_bits: u8,
-}
-
-/// What follows from a configuration that can be used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Plan {
-    /// Where the devices' values lie.
-    pub layouts: [DeviceLayout; MODBUS_DEVICES_MAX],
-    /// How the serial line is to be set.
-    pub speed: Speed,
+    /// What is not in use is not saved.
+    #[error("no configuration is in use")]
+    NotInUse,
+    /// Nobody has a store for settings.
+    #[error("there is no place to save settings")]
+    NoStore,
+    /// The store for settings failed.
+    #[error("the settings could not be saved")]
+    NotSaved,
 }
 
 /// The configuration as it was written last; whether it can be used is another question.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Configuration {
-    /// How many of `devices` there are (2000h).
-    count: u16,
-    devices: [DeviceSettings; MODBUS_DEVICES_MAX],
+    /// How many of `slaves` there are (2000h).
+    count: u8,
+    /// All of them, or none as long as nobody has asked: then the whole is all zeros.
+    slaves: Vec<SlaveSettings, SLAVES_MAX, u8>,
     uart: [u32; 4],
 }
 
-impl Default for Configuration {
-    fn default() -> Self {
-        let kinds = [KindSettings::default(); 4];
-        let device = |id| DeviceSettings { id, kinds, polling_ms: 1_000, check: false };
-        Self { count: MODBUS_DEVICES_MAX as u16, devices: [1, 2, 3, 4].map(device), uart: [115_200, 0, 0, 0] }
-    }
-}
-
 impl Configuration {
-    /// The devices that there are.
-    pub fn devices(&self) -> &[DeviceSettings] {
-        self.devices.get(..self.count.into()).unwrap_or_default()
+    /// Before anybody has asked.
+    pub(super) const EMPTY: Self = Self { count: 0, slaves: Vec::new(), uart: [0; 4] };
+    /// 2020h after power-on.
+    const UART: [u32; 4] = [115_200, 0, 0, 0];
+
+    /// The same, with everything in its place.
+    pub(super) fn filled(&mut self) -> &mut Self {
+        if self.slaves.is_empty() {
+            *self = Self { count: SLAVES_FIRST, slaves: Vec::new(), uart: Self::UART };
+            self.fill_up();
+        }
+        self
     }
 
-    /// Whether it can be used, and what follows from it.
-    pub fn plan(&self) -> Result<Plan, ConfigError> {
-        Ok(Plan { layouts: layout(self.devices())?, speed: self.speed()? })
+    /// Puts the slave of after power-on into every place that has none.
+    fn fill_up(&mut self) {
+        for nth in self.slaves.len()..SLAVES_MAX {
+            // There is room for all.
+            let _ = self.slaves.push(SlaveSettings::new(default_unit(nth as u16)));
+        }
     }
 
-    /// The parity bit counts among the bits of a character: 8E1 has nine.
-    fn speed(&self) -> Result<Speed, ConfigError> {
-        let [baud, nine, parity, two_stop_bits] = self.uart;
-        let parity = match (nine, parity) {
-            (0, 0) => Parity::None,
-            (1, 2) => Parity::Even,
-            (1, 3) => Parity::Odd,
-            _ => return Err(ConfigError::Character { bits: 8 + nine as u8, parity: parity as u8 }),
-        };
-        Ok(Speed { baud, parity, stop_bits: 1 + two_stop_bits as u8 })
+    /// Takes `slaves` from the settings, or those of after power-on if there are none.
+    pub(super) fn replace(&mut self, slaves: &[SlaveSettings]) {
+        self.filled();
+        self.slaves.clear();
+        // There is room for all.
+        let _ = self.slaves.extend_from_slice(slaves);
+        self.fill_up();
+        self.count = if slaves.is_empty() { SLAVES_FIRST } else { slaves.len() as u8 };
+    }
+
+    /// Takes what is set for the line.
+    pub(super) fn set_speed(&mut self, speed: Speed) {
+        self.filled().uart = speed.entries();
+    }
+
+    /// The slaves that there are.
+    pub fn slaves(&self) -> &[SlaveSettings] {
+        self.slaves.get(..self.count.into()).unwrap_or_default()
+    }
+
+    /// Whether it can be used where there is `room` for images, and how the line is to be set for it.
+    pub fn plan(&self, room: Room) -> Result<Speed, ConfigError> {
+        layouts(self.slaves(), room).try_for_each(|layout| layout.map(|_| ()))?;
+        Speed::from_entries(self.uart)
     }
 
     /// The number at `at`, if it is one of these.
@@ -110,20 +126,22 @@ impl Configuration {
         let sub = usize::from(at.sub.checked_sub(1)?);
         Some(match at.index {
             0x2000 => self.count.into(),
-            0x2001..=0x2004 => {
-                let device = self.devices.get(usize::from(at.index - 0x2001))?;
+            0x2007 => self.slaves.get(sub)?.check.into(),
+            0x2008 => self.slaves.get(sub)?.on_silence as u32,
+            0x2009 => self.slaves.get(sub)?.substitute.into(),
+            0x2020 => *self.uart.get(sub)?,
+            index => {
+                let ModbusSlave::Configuration(nth) = ModbusSlave::of(index)? else { return None };
+                let slave = self.slaves.get(nth)?;
                 match sub {
-                    0 => device.id.into(),
-                    9 => device.polling_ms,
+                    0 => slave.unit.into(),
+                    9 => slave.polling_ms,
                     _ => {
-                        let kind = device.kinds.get((sub - 1) / 2)?;
-                        u32::from(if sub % 2 == 1 { kind.count } else { kind.address })
+                        let cells = slave.cells.get((sub - 1) / 2)?;
+                        u32::from(if sub % 2 == 1 { cells.count } else { cells.address })
                     }
                 }
             }
-            0x2007 => self.devices.get(sub)?.check.into(),
-            0x2020 => *self.uart.get(sub)?,
-            _ => return None,
         })
     }
 
@@ -131,22 +149,38 @@ impl Configuration {
     pub(super) fn set(&mut self, at: Address, value: u32) -> Option<()> {
         let sub = usize::from(at.sub.checked_sub(1)?);
         match at.index {
-            0x2000 => self.count = value as u16,
-            0x2001..=0x2004 => {
-                let device = self.devices.get_mut(usize::from(at.index - 0x2001))?;
+            0x2000 => self.count = value as u8,
+            0x2007 => self.slaves.get_mut(sub)?.check = value == 1,
+            0x2008 => {
+                self.slaves.get_mut(sub)?.on_silence = match value {
+                    1 => OnSilence::Clear,
+                    2 => OnSilence::Substitute,
+                    _ => OnSilence::Hold,
+                }
+            }
+            0x2009 => self.slaves.get_mut(sub)?.substitute = value as u16,
+            0x2020 => *self.uart.get_mut(sub)? = value,
+            index => {
+                let ModbusSlave::Configuration(nth) = ModbusSlave::of(index)? else { return None };
+                let slave = self.slaves.get_mut(nth)?;
                 match sub {
-                    0 => device.id = value as u16,
-                    9 => device.polling_ms = value,
+                    0 => slave.unit = value as u8,
+                    9 => slave.polling_ms = value,
                     _ => {
-                        let kind = device.kinds.get_mut((sub - 1) / 2)?;
-                        *(if sub % 2 == 1 { &mut kind.count } else { &mut kind.address }) = value as u16;
+                        let cells = slave.cells.get_mut((sub - 1) / 2)?;
+                        *(if sub % 2 == 1 { &mut cells.count } else { &mut cells.address }) = value as u16;
                     }
                 }
             }
-            0x2007 => self.devices.get_mut(sub)?.check = value == 1,
-            0x2020 => *self.uart.get_mut(sub)? = value,
-            _ => return None,
         }
         Some(())
+    }
+}
+
+impl Default for Configuration {
+    fn default() -> Self {
+        let mut configuration = Self::EMPTY;
+        configuration.filled();
+        configuration
     }
 }

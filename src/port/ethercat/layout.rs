@@ -1,40 +1,12 @@
 //! Where the values of the Modbus devices lie in the buffers: device after device, kind after kind, without gaps.
 
 use super::configuration::ConfigError;
-use super::objects::{IMAGE_BYTES, MODBUS_DEVICES_MAX};
+use super::image::Room;
+use crate::config::{Cells, SlaveSettings};
 use crate::scanner::Kind;
 
 /// Addresses of a kind: 0 to 65535.
 const ADDRESSES: u32 = 65_536;
-
-/// How many values of a kind, from which address on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct KindSettings {
-    /// How many.
-    pub count: u16,
-    /// The first one's address on the wire.
-    pub address: u16,
-}
-
-/// One Modbus device, as it is configured (2001h to 2004h).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DeviceSettings {
-    /// Its unit id.
-    pub id: u16,
-    /// Its values, in the order of [`Kind::ALL`].
-    pub kinds: [KindSettings; 4],
-    /// How often it is read.
-    pub polling_ms: u32,
-    /// Whether it is asked for a sign of life before it is read (2007h).
-    pub check: bool,
-}
-
-impl DeviceSettings {
-    /// The kinds with what is configured of them.
-    pub fn kinds(&self) -> impl Iterator<Item = (Kind, KindSettings)> {
-        Kind::ALL.into_iter().zip(self.kinds)
-    }
-}
 
 /// Where one device's values lie: the entries of 2011h to 2014h, in their order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -63,35 +35,36 @@ impl DeviceLayout {
     }
 }
 
-/// The layout of `devices`.
-pub(super) fn layout(devices: &[DeviceSettings]) -> Result<[DeviceLayout; MODBUS_DEVICES_MAX], ConfigError> {
-    let mut layouts = [DeviceLayout::default(); MODBUS_DEVICES_MAX];
+/// The layouts of `slaves`, one after the other, where there is `room` for images.
+pub(super) fn layouts(
+    slaves: &[SlaveSettings],
+    room: Room,
+) -> impl Iterator<Item = Result<DeviceLayout, ConfigError>> {
     let (mut input, mut output) = (0, 0);
-    for ((nth, device), layout) in devices.iter().enumerate().zip(&mut layouts) {
-        let nth = nth as u8;
-        for (kind, settings) in device.kinds() {
-            if u32::from(settings.address) + u32::from(settings.count) > ADDRESSES {
-                return Err(ConfigError::PastLastAddress { device: nth, kind });
+    slaves.iter().zip(0..).map(move |(slave, nth)| {
+        for (kind, Cells { count, address }) in slave.tables() {
+            if u32::from(address) + u32::from(count) > ADDRESSES {
+                return Err(ConfigError::PastLastAddress { slave: nth, kind });
             }
         }
         let mut places = [0; 10];
         let mut entries = places.iter_mut();
-        let bytes = |(kind, settings): (Kind, KindSettings)| u32::from(kind.bytes(settings.count));
-        let outputs = device.kinds().filter(|(kind, _)| kind.is_writable());
-        input = place(&mut entries, input, device.kinds().map(bytes))
-            .ok_or(ConfigError::InputsFull { device: nth })?;
-        output = place(&mut entries, output, outputs.map(bytes))
-            .ok_or(ConfigError::OutputsFull { device: nth })?;
-        *layout = DeviceLayout(places);
-    }
-    Ok(layouts)
+        let bytes = |(kind, cells): (Kind, Cells)| u32::from(kind.bytes(cells.count));
+        let outputs = slave.tables().filter(|(kind, _)| kind.is_writable());
+        input = place(&mut entries, input, slave.tables().map(bytes), room.inputs)
+            .ok_or(ConfigError::InputsFull { slave: nth, room: room.inputs })?;
+        output = place(&mut entries, output, outputs.map(bytes), room.outputs)
+            .ok_or(ConfigError::OutputsFull { slave: nth, room: room.outputs })?;
+        Ok(DeviceLayout(places))
+    })
 }
 
-/// Writes start, the place of each kind, and the last byte used; gives the byte behind it, unless the buffer ends before.
+/// Writes start, the place of each kind, and the last byte used; gives the byte behind it, unless there is no `room` for that.
 fn place<'e>(
     entries: &mut impl Iterator<Item = &'e mut u16>,
     start: u32,
     kinds: impl Iterator<Item = u32>,
+    room: u16,
 ) -> Option<u32> {
     let mut put = |value: u32| {
         if let Some(entry) = entries.next() {
@@ -103,7 +76,7 @@ fn place<'e>(
     for bytes in kinds {
         put(end);
         end += bytes;
-        if end > IMAGE_BYTES as u32 {
+        if end > u32::from(room) {
             return None;
         }
     }

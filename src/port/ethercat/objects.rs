@@ -4,19 +4,19 @@
 //! `MOBGATE_ETHERCAT_PRODUCT` (decimal or `0x`): a vendor id is assigned by the EtherCAT Technology Group. The default is nobody's, for
 //! evaluation only.
 
+use super::image::{FIRST_BYTES, IMAGE_BYTES, SECOND_END};
+use super::request::REQUEST_BYTES_MAX;
+use super::slaves::{CONFIGURATIONS, LAYOUTS, SLAVES, SLAVES_FIRST, STATUSES, first_four};
 use crate::ethercat::device::{Device, Identity};
 use crate::ethercat::object::{Access, DataType, Entry, Mapped, Object};
 use crate::ethercat::standard;
 use crate::ethercat::sync_manager::MemoryPlan;
+use crate::modbus::PDU_BYTES_MAX;
 
-/// Modbus devices that can be configured.
-pub const MODBUS_DEVICES_MAX: usize = 4;
-/// Bytes of the input buffer and of the output buffer.
-pub const IMAGE_BYTES: usize = 120;
 /// Bytes of the reason for which a configuration is refused (2006h).
 pub const REASON_BYTES: u16 = 48;
-/// Entries of the buffers when they are taken eight bytes at a time.
-const IMAGE_WORDS: u8 = (IMAGE_BYTES / 8) as u8;
+/// Bytes of inputs at most: the image, a counter, the health of four slaves, and the state of all of them.
+const INPUTS_BYTES: u16 = IMAGE_BYTES + 1 + SLAVES_FIRST as u16 + 2 * SLAVES as u16;
 
 const EVALUATION_VENDOR: u32 = 0xffff_0001;
 const EVALUATION_PRODUCT: u32 = 0x0000_0001;
@@ -35,8 +35,9 @@ pub const DEVICE: Device = Device {
     name: "mobgate EtherCAT to Modbus gateway",
     order: "mobgate",
     group: "Gateways",
-    // A LAN9252 has 4 KiB of process memory. The eight bytes more of inputs are for the status.
-    memory: MemoryPlan::new(128, IMAGE_BYTES as u16, IMAGE_BYTES as u16 + 8, 4096),
+    // A LAN9252 has 4 KiB of process memory: mailboxes of 128 bytes leave 1280 bytes for both images, of each of which there
+    // are three. Where they begin is the same however many PDOs are assigned.
+    memory: MemoryPlan::new(128, IMAGE_BYTES, INPUTS_BYTES.next_multiple_of(8), 4096),
     // LAN9252: SPI, no synchronisation signals.
     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
     // Some MainDevices (ethercrab 0.7) end with the first one that they get.
@@ -44,48 +45,13 @@ pub const DEVICE: Device = Device {
     objects: OBJECTS,
 };
 
-const ANY_U16: (u64, u64) = (0, u16::MAX as u64);
-
 const MODBUS: &[Entry] =
-    &[Entry::setting("NumSlave", DataType::U16, MODBUS_DEVICES_MAX as u64, (0, MODBUS_DEVICES_MAX as u64))];
-
-const fn modbus_device(id: u64) -> [Entry; 10] {
-    [
-        Entry::setting("Id", DataType::U16, id, (1, 247)),
-        Entry::setting("NumCoils", DataType::U16, 0, ANY_U16),
-        Entry::setting("CoilsAddress", DataType::U16, 0, ANY_U16),
-        Entry::setting("NumSwitches", DataType::U16, 0, ANY_U16),
-        Entry::setting("SwitchesAddress", DataType::U16, 0, ANY_U16),
-        Entry::setting("NumInRegisters", DataType::U16, 0, ANY_U16),
-        Entry::setting("InRegistersAddress", DataType::U16, 0, ANY_U16),
-        Entry::setting("NumOutRegisters", DataType::U16, 0, ANY_U16),
-        Entry::setting("OutRegistersAddress", DataType::U16, 0, ANY_U16),
-        Entry::setting("PollingTimeMs", DataType::U32, 1_000, (1, 3_600_000)),
-    ]
-}
-
-const MODBUS_DEVICE_0: &[Entry] = &modbus_device(1);
-const MODBUS_DEVICE_1: &[Entry] = &modbus_device(2);
-const MODBUS_DEVICE_2: &[Entry] = &modbus_device(3);
-const MODBUS_DEVICE_3: &[Entry] = &modbus_device(4);
+    &[Entry::setting("NumSlave", DataType::U16, SLAVES_FIRST as u64, (0, SLAVES as u64))];
 
 const FLAGS: &[Entry] = &[
     Entry::setting("ConfigUpdateFlag", DataType::U16, 0, (0, 1)),
     // The gateway sets it, a MainDevice can only reset it.
     Entry::setting("ConfigUpdateCompletedFlag", DataType::U16, 0, (0, 0)),
-];
-
-const LAYOUT: &[Entry] = &[
-    Entry::reading("StartInput", DataType::U16),
-    Entry::reading("InputCoils", DataType::U16),
-    Entry::reading("InputSwitches", DataType::U16),
-    Entry::reading("InputInRegisters", DataType::U16),
-    Entry::reading("InputOutRegisters", DataType::U16),
-    Entry::reading("EndInput", DataType::U16),
-    Entry::reading("StartOutput", DataType::U16),
-    Entry::reading("OutputCoils", DataType::U16),
-    Entry::reading("OutputOutRegisters", DataType::U16),
-    Entry::reading("EndOutput", DataType::U16),
 ];
 
 const UART: &[Entry] = &[
@@ -100,20 +66,35 @@ const STATUS: &[Entry] =
 
 const CHECK: Entry = Entry::setting("CheckBeforePoll", DataType::U8, 0, (0, 1));
 
-/// 0: not asked yet; 1: well; 2: not normal.
-const HEALTH: Entry = Entry::reading("Health", DataType::U8).with_access(Access::READ.and(Access::TX_PDO));
+/// 0: hold, 1: clear, 2: substitute.
+const ON_SILENCE: Entry = Entry::setting("OnSilence", DataType::U8, 0, (0, 2));
 
-const DEVICE_STATUS: &[Entry] = &[
-    HEALTH,
-    // Never, until it does.
-    Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX as u64),
-    Entry::reading("ExceptionCode", DataType::U8),
-    Entry::reading("LastError", DataType::U8),
-    Entry::reading("Requests", DataType::U32),
-    Entry::reading("Answers", DataType::U32),
-    Entry::reading("Exceptions", DataType::U32),
-    Entry::reading("Failures", DataType::U32),
+const SUBSTITUTE: Entry = Entry::setting("Substitute", DataType::U16, 0, (0, u16::MAX as u64));
+
+/// 0: not asked yet; 1: well; 2: not normal.
+pub(super) const HEALTH: Entry =
+    Entry::reading("Health", DataType::U8).with_access(Access::READ.and(Access::TX_PDO));
+
+/// Health in bits 0 and 1, its inputs in bits 2 and 3 (see 2180h), a bit that turns with every answer (7), and the exception of
+/// its last negative answer (8 to 15).
+const STATE: Entry = Entry::reading("State", DataType::U16).with_access(Access::READ.and(Access::TX_PDO));
+
+/// The state reads as in 1023h of CiA 301: 0: ended, nothing to fetch; 1: answered; 2: ended in an error; 3: answered by an
+/// exception; 255: under way.
+const REQUEST: &[Entry] = &[
+    Entry {
+        access: Access::WRITE,
+        ..Entry::reading("UnitAndPdu", DataType::OctetsUpTo(REQUEST_BYTES_MAX as u16))
+    },
+    Entry::reading("State", DataType::U8),
+    Entry::reading("AnswerPdu", DataType::OctetsUpTo(PDU_BYTES_MAX as u16)),
+    Entry::reading("Error", DataType::U8),
 ];
+
+/// What is written is a word (CiA 301, 7.5.2.13 and 14), what is read is that it is done on command.
+const fn on_command(name: &'static str) -> Entry {
+    Entry::setting(name, DataType::U32, 1, (0, u32::MAX as u64)).with_access(Access::READ.and(Access::WRITE))
+}
 
 const fn inputs(data_type: DataType) -> Entry {
     Entry::reading("Input", data_type).with_access(Access::READ.and(Access::TX_PDO))
@@ -123,53 +104,107 @@ const fn outputs(data_type: DataType) -> Entry {
     Entry::reading("Output", data_type).with_access(Access::READ.and(Access::RX_PDO))
 }
 
+/// All entries of an object, one behind the other from the first on.
 const fn all_of(index: u16, count: u8, bits: u8) -> Mapped {
     Mapped { index, sub: 1, count, bits }
 }
 
+/// The bytes from `first` up to `end` of a buffer whose object has eight of them in an entry.
+const fn by_eight(index: u16, first: u16, end: u16) -> Mapped {
+    Mapped { index, sub: (first / 8) as u8 + 1, count: ((end - first) / 8) as u8, bits: 64 }
+}
+
 const IDENTITY_ENTRIES: &[Entry] = &standard::identity_entries(IDENTITY);
 
-const OBJECTS: &[Object] = &[
+const BEFORE_SLAVES: &[Object] = &[
     standard::device_type(0x0000_1389),
     standard::device_name("mobgate EtherCAT to Modbus gateway"),
     standard::hardware_version("1"),
     standard::software_version(env!("CARGO_PKG_VERSION")),
+    Object::array(0x1010, "Store parameters", 1, on_command("Save all parameters")),
+    Object::array(0x1011, "Restore default parameters", 1, on_command("Restore all default parameters")),
     standard::identity(IDENTITY_ENTRIES),
-    Object::mapping(0x1600, "Outputs by byte", &[all_of(0x2022, IMAGE_BYTES as u8, 8)]),
-    Object::mapping(0x1601, "Outputs by eight bytes", &[all_of(0x2024, IMAGE_WORDS, 64)]),
-    Object::mapping(0x1a00, "Inputs by byte", &[all_of(0x2021, IMAGE_BYTES as u8, 8)]),
-    Object::mapping(0x1a01, "Inputs by eight bytes", &[all_of(0x2023, IMAGE_WORDS, 64)]),
+    Object::mapping(0x1600, "Outputs by byte", &[all_of(0x2022, FIRST_BYTES as u8, 8)]).excluding(&[0x1601]),
+    Object::mapping(0x1601, "Outputs by eight bytes", &[by_eight(0x2024, 0, FIRST_BYTES)]),
+    Object::mapping(0x1602, "Outputs 120 to 255", &[by_eight(0x2024, FIRST_BYTES, SECOND_END)]),
+    Object::mapping(0x1603, "Outputs 256 to 511", &[by_eight(0x2024, SECOND_END, IMAGE_BYTES)]),
+    Object::mapping(0x1a00, "Inputs by byte", &[all_of(0x2021, FIRST_BYTES as u8, 8)]).excluding(&[0x1a01]),
+    Object::mapping(0x1a01, "Inputs by eight bytes", &[by_eight(0x2023, 0, FIRST_BYTES)]),
     Object::mapping(0x1a02, "Status", &[all_of(0x2030, 1, 8)]),
-    Object::mapping(0x1a03, "Health of the devices", &[all_of(0x2031, MODBUS_DEVICES_MAX as u8, 8)]),
+    Object::mapping(0x1a03, "Health of the first four slaves", &[all_of(0x2031, SLAVES_FIRST, 8)]),
+    Object::mapping(0x1a04, "Inputs 120 to 255", &[by_eight(0x2023, FIRST_BYTES, SECOND_END)]),
+    Object::mapping(0x1a05, "Inputs 256 to 511", &[by_eight(0x2023, SECOND_END, IMAGE_BYTES)]),
+    Object::mapping(0x1a06, "State of all slaves", &[all_of(0x2032, SLAVES, 16)]),
     standard::SYNC_MANAGER_TYPES,
     standard::rx_assignment(&[0x1600], standard::SELECTABLE),
     standard::tx_assignment(&[0x1a00], standard::SELECTABLE),
     standard::OUTPUT_SYNCHRONISATION,
     standard::INPUT_SYNCHRONISATION,
     Object::record(0x2000, "ModbusConfig", MODBUS),
-    Object::record(0x2001, "ModbusConfigSlave0", MODBUS_DEVICE_0),
-    Object::record(0x2002, "ModbusConfigSlave1", MODBUS_DEVICE_1),
-    Object::record(0x2003, "ModbusConfigSlave2", MODBUS_DEVICE_2),
-    Object::record(0x2004, "ModbusConfigSlave3", MODBUS_DEVICE_3),
+];
+
+const BEFORE_LAYOUTS: &[Object] = &[
     Object::record(0x2005, "ConfigUpdateAndCompletedFlag", FLAGS),
     Object::variable(0x2006, Entry::reading("ConfigRefusedBecause", DataType::Text(REASON_BYTES))),
-    Object::array(0x2007, "CheckBeforePollSlaves", MODBUS_DEVICES_MAX as u8, CHECK),
-    Object::record(0x2011, "PhyAddressRegistersModbusSlave0", LAYOUT),
-    Object::record(0x2012, "PhyAddressRegistersModbusSlave1", LAYOUT),
-    Object::record(0x2013, "PhyAddressRegistersModbusSlave2", LAYOUT),
-    Object::record(0x2014, "PhyAddressRegistersModbusSlave3", LAYOUT),
-    Object::record(0x2020, "UartConfigUart1", UART),
-    Object::array(0x2021, "InputBuffer", IMAGE_BYTES as u8, inputs(DataType::U8)),
-    Object::array(0x2022, "OutputBuffer", IMAGE_BYTES as u8, outputs(DataType::U8)),
-    Object::array(0x2023, "InputBufferByEight", IMAGE_WORDS, inputs(DataType::U64)),
-    Object::array(0x2024, "OutputBufferByEight", IMAGE_WORDS, outputs(DataType::U64)),
-    Object::record(0x2030, "Status", STATUS),
-    Object::array(0x2031, "HealthOfSlaves", MODBUS_DEVICES_MAX as u8, HEALTH),
-    Object::record(0x2180, "StatusModbusSlave0", DEVICE_STATUS),
-    Object::record(0x2181, "StatusModbusSlave1", DEVICE_STATUS),
-    Object::record(0x2182, "StatusModbusSlave2", DEVICE_STATUS),
-    Object::record(0x2183, "StatusModbusSlave3", DEVICE_STATUS),
+    Object::array(0x2007, "CheckBeforePollSlaves", SLAVES, CHECK),
+    Object::array(0x2008, "OnSilenceOfSlaves", SLAVES, ON_SILENCE),
+    Object::array(0x2009, "SubstituteOfSlaves", SLAVES, SUBSTITUTE),
+    // 0: the settings, as they were typed or loaded; 1: the MainDevice.
+    Object::variable(0x200a, Entry::reading("UartSetBy", DataType::U8)),
 ];
+
+const BEHIND_LAYOUTS: &[Object] = &[
+    Object::record(0x2020, "UartConfigUart1", UART),
+    Object::array(0x2021, "InputBuffer", FIRST_BYTES as u8, inputs(DataType::U8)),
+    Object::array(0x2022, "OutputBuffer", FIRST_BYTES as u8, outputs(DataType::U8)),
+    Object::array(0x2023, "InputBufferByEight", (IMAGE_BYTES / 8) as u8, inputs(DataType::U64)),
+    Object::array(0x2024, "OutputBufferByEight", (IMAGE_BYTES / 8) as u8, outputs(DataType::U64)),
+    Object::record(0x2030, "Status", STATUS),
+    Object::array(0x2031, "HealthOfSlaves", SLAVES, HEALTH),
+    Object::array(0x2032, "StateOfSlaves", SLAVES, STATE),
+    Object::record(0x2033, "ModbusRequest", REQUEST),
+];
+
+const FIRST_CONFIGURATIONS: &[Object] = &first_four(&CONFIGURATIONS, 0x2001);
+const FIRST_LAYOUTS: &[Object] = &first_four(&LAYOUTS, 0x2011);
+
+/// The parts of the table, in the order of their indices.
+const PARTS: &[&[Object]] = &[
+    BEFORE_SLAVES,
+    FIRST_CONFIGURATIONS,
+    BEFORE_LAYOUTS,
+    FIRST_LAYOUTS,
+    BEHIND_LAYOUTS,
+    &CONFIGURATIONS,
+    &LAYOUTS,
+    &STATUSES,
+];
+
+const OBJECTS: &[Object] = &joined::<{ count(PARTS) }>(PARTS);
+
+const fn count(parts: &[&[Object]]) -> usize {
+    let (mut part, mut count) = (0, 0);
+    while part < parts.len() {
+        count += parts[part].len();
+        part += 1;
+    }
+    count
+}
+
+/// All of `parts` in one table.
+const fn joined<const N: usize>(parts: &[&[Object]]) -> [Object; N] {
+    let mut all = [standard::SYNC_MANAGER_TYPES; N];
+    let (mut part, mut nth, mut filled) = (0, 0, 0);
+    while filled < N {
+        if nth < parts[part].len() {
+            all[filled] = parts[part][nth];
+            (nth, filled) = (nth + 1, filled + 1);
+        } else {
+            (part, nth) = (part + 1, 0);
+        }
+    }
+    all
+}
 
 /// A number from the build's environment.
 ///

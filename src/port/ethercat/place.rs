@@ -3,33 +3,40 @@
 //! The input buffer is the first part of the scanner's values, the output buffer the second: what a device answers is in the
 //! next TxPDO, and what an RxPDO brings is compared with what is read next.
 
-use core::cell::Cell;
+use core::cell::{Cell, RefCell};
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
-use super::configuration::{ConfigError, Configuration, Plan, Speed};
+use super::configuration::{ConfigError, Configuration};
 use super::controller::Controller;
-use super::layout::{DeviceLayout, DeviceSettings};
-use super::objects::{IMAGE_BYTES, MODBUS_DEVICES_MAX};
-use crate::config::{OnLoss, Parity, Settings};
+use super::image::{IMAGE_BYTES, Room};
+use super::keeping::{Keep, Keeping};
+use super::layout::{DeviceLayout, layouts};
+use super::line::{LineWriter, Speed};
+use super::request::Requests;
+use crate::config::{Cells, OnLoss, Settings, SlaveSettings};
+use crate::ethercat::coe::abort::Abort;
 use crate::scanner::{
     ByteOrder, Device, DeviceId, DeviceStatus, Full, Reading, Row, Scanner, ScannerPlace, Writing,
 };
 
-const BYTES: u16 = IMAGE_BYTES as u16;
 /// Where the buffers lie in the scanner's memory.
 const INPUTS: u16 = 0;
-const OUTPUTS: u16 = BYTES;
+const OUTPUTS: u16 = IMAGE_BYTES;
 
 /// A gateway's EtherCAT side. Boards keep it in a static; it is all zeros at start.
 pub struct EthercatPlace {
     scanner: ScannerPlace,
+    /// As it was written last; while one is in use, this is the one.
+    configuration: Mutex<CriticalSectionRawMutex, RefCell<Configuration>>,
     state: Mutex<CriticalSectionRawMutex, Cell<State>>,
     /// The devices are others: what was asked before is nobody's question any more. Or the controller has come or gone.
     renewed: Signal<CriticalSectionRawMutex, ()>,
+    requests: Requests,
+    pub(super) keeping: Keeping,
 }
 
 #[derive(Clone, Copy)]
@@ -41,10 +48,18 @@ struct State {
     on_loss: OnLoss,
     /// Whether a configuration is in use.
     running: bool,
-    /// How the serial line is to be set.
+    /// The settings have slaves that are to be asked as soon as there are port and line.
+    wanted: bool,
+    /// A MainDevice has had a configuration taken over, and the settings do not say so yet.
+    taken_over: bool,
+    /// Bytes of the image that the assigned PDOs hold.
+    room: Room,
+    /// Whether they are being exchanged, and cannot become others.
+    exchanging: bool,
+    /// How the MainDevice has set the serial line, once it has.
     speed: Speed,
-    /// The port has not done it yet.
-    speed_is_new: bool,
+    /// How the line was set when it was looked at last.
+    line: Speed,
     controller: Controller,
 }
 
@@ -55,8 +70,12 @@ impl State {
         has_line: false,
         on_loss: OnLoss::Stop,
         running: false,
-        speed: Speed { baud: 0, parity: Parity::None, stop_bits: 0 },
-        speed_is_new: false,
+        wanted: false,
+        taken_over: false,
+        room: Room { inputs: 0, outputs: 0 },
+        exchanging: false,
+        speed: Speed::NONE,
+        line: Speed::NONE,
         controller: Controller::Present,
     };
 }
@@ -66,8 +85,11 @@ impl EthercatPlace {
     pub const fn new() -> Self {
         Self {
             scanner: ScannerPlace::new(),
+            configuration: Mutex::new(RefCell::new(Configuration::EMPTY)),
             state: Mutex::new(Cell::new(State::NEW)),
             renewed: Signal::new(),
+            requests: Requests::new(),
+            keeping: Keeping::new(),
         }
     }
 
@@ -76,66 +98,114 @@ impl EthercatPlace {
         self.state.lock(Cell::get).running
     }
 
-    /// How the Modbus device `nth` is doing, if there is one.
-    pub fn device_status(&self, nth: u8) -> Option<DeviceStatus> {
-        self.scanner.with(|scanner| scanner.device_status(DeviceId(nth), Instant::now()))
+    /// How the slave `nth` is doing, if there is one.
+    pub fn slave_status(&self, nth: usize) -> Option<DeviceStatus> {
+        let id = DeviceId(u8::try_from(nth).ok()?);
+        self.scanner.with(|scanner| scanner.device_status(id, Instant::now()))
+    }
+
+    /// Calls `f` with the configuration as it was written last.
+    pub fn configuration<R>(&self, f: impl FnOnce(&mut Configuration) -> R) -> R {
+        self.configuration.lock(|configuration| f(configuration.borrow_mut().filled()))
+    }
+
+    /// Where the values of the slave `nth` lie; all zeros while no configuration is in use.
+    pub fn layout(&self, nth: usize) -> DeviceLayout {
+        if !self.is_running() {
+            return DeviceLayout::default();
+        }
+        let of = |configuration: &mut Configuration| layouts(configuration.slaves(), Room::MOST).nth(nth);
+        self.configuration(of).and_then(Result::ok).unwrap_or_default()
     }
 
     /// Calls `f` with what was read last.
     pub fn inputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
-        self.scanner.with(|scanner| f(scanner.image(INPUTS, BYTES)))
+        self.scanner.with(|scanner| f(scanner.image(INPUTS, IMAGE_BYTES)))
     }
 
     /// Calls `f` with what is to be written.
     pub fn outputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
-        self.scanner.with(|scanner| f(scanner.image(OUTPUTS, BYTES)))
+        self.scanner.with(|scanner| f(scanner.image(OUTPUTS, IMAGE_BYTES)))
     }
 
-    /// Uses `configuration` as a whole, with empty buffers, or changes nothing; the devices' layouts.
-    pub(super) fn start(
-        &self,
-        configuration: &Configuration,
-    ) -> Result<[DeviceLayout; MODBUS_DEVICES_MAX], ConfigError> {
-        let plan = self.check(configuration)?;
-        let now = Instant::now();
-        self.scanner.change(|scanner| {
-            scanner.restart(now);
-            let devices = configuration.devices().iter().zip(&plan.layouts);
-            // Four devices with one row of each kind, which two buffers have bytes for, are far from every limit.
-            let fits = scanner.allocate(2 * BYTES).map(|_| ());
-            let fits = fits.and_then(|()| {
-                devices.into_iter().try_for_each(|(device, layout)| add(scanner, device, layout, now))
-            });
-            debug_assert_eq!(fits, Ok(()));
-        });
-        self.update(|state| (state.running, state.speed, state.speed_is_new) = (true, plan.speed, true));
-        self.renewed.signal(());
-        Ok(plan.layouts)
-    }
-
-    /// Whether `configuration` can be used now.
-    pub(super) fn check(&self, configuration: &Configuration) -> Result<Plan, ConfigError> {
-        let plan = configuration.plan()?;
-        match self.state.lock(Cell::get) {
-            State { has_port: false, .. } => Err(ConfigError::NoPort),
-            State { has_line: false, .. } => Err(ConfigError::NoLine),
-            _ => Ok(plan),
+    /// Whether the configuration can be used now; how the line is to be set for it.
+    pub(super) fn check(&self) -> Result<Speed, ConfigError> {
+        let State { has_port, has_line, room, .. } = self.state.lock(Cell::get);
+        let speed = self.configuration(|configuration| configuration.plan(room))?;
+        match (has_port, has_line) {
+            (false, _) => Err(ConfigError::NoPort),
+            (true, false) => Err(ConfigError::NoLine),
+            (true, true) => Ok(speed),
         }
+    }
+
+    /// Uses the configuration as a whole, with empty buffers, or changes nothing.
+    pub(super) fn take_over(&self) -> Result<(), ConfigError> {
+        let speed = self.check()?;
+        self.update(|state| (state.speed, state.taken_over) = (speed, true));
+        self.start();
+        Ok(())
+    }
+
+    /// Asks the devices of the configuration, which was checked.
+    fn start(&self) {
+        let now = Instant::now();
+        self.configuration(|configuration| {
+            let slaves = configuration.slaves();
+            let slaves = slaves.iter().zip(layouts(slaves, Room::MOST).map_while(Result::ok));
+            self.scanner.change(|scanner| {
+                scanner.restart(now);
+                // Both buffers, and as many slaves with one range in each table, are within every limit.
+                let fits = scanner.allocate(2 * IMAGE_BYTES).map(|_| ());
+                let fits = fits.and_then(|()| {
+                    let mut slaves = slaves;
+                    slaves.try_for_each(|(slave, layout)| add(scanner, slave, &layout, now))
+                });
+                debug_assert_eq!(fits, Ok(()));
+            });
+        });
+        self.update(|state| (state.running, state.wanted) = (true, false));
+        self.renewed.signal(());
     }
 
     /// The devices are not asked any more; the buffers stay as they are.
     pub(super) fn stop(&self) {
         self.scanner.change(Scanner::forget_devices);
-        self.update(|state| state.running = false);
+        self.update(|state| (state.running, state.wanted) = (false, false));
         self.renewed.signal(());
     }
 
-    /// Takes the outputs of a MainDevice in Op.
-    pub(super) fn put_outputs(&self, bytes: &[u8]) {
+    /// What keeps the slaves of the settings from being asked, if they wait.
+    pub(super) fn missing(&self) -> Option<ConfigError> {
+        let State { wanted, has_port, .. } = self.state.lock(Cell::get);
+        wanted.then_some(if has_port { ConfigError::NoLine } else { ConfigError::NoPort })
+    }
+
+    /// Whether a port can send requests of the MainDevice.
+    pub(super) fn check_port(&self) -> Result<(), Abort> {
+        if self.state.lock(Cell::get).has_port { Ok(()) } else { Err(Abort::LocalControl) }
+    }
+
+    /// Bytes of the image that the assigned PDOs hold.
+    pub(super) fn room(&self) -> Room {
+        self.state.lock(Cell::get).room
+    }
+
+    /// Other PDOs are assigned.
+    pub(super) fn set_room(&self, room: Room) {
+        self.update(|state| state.room = room);
+    }
+
+    /// Whether process data are exchanged.
+    pub(super) fn set_exchanging(&self, exchanging: bool) {
+        self.update(|state| state.exchanging = exchanging);
+    }
+
+    /// Takes outputs of a MainDevice in Op, from the byte `first` on.
+    pub(super) fn put_outputs(&self, first: u16, bytes: &[u8]) {
         self.scanner.with(|scanner| {
-            if let Some(place) = scanner.image_mut(OUTPUTS, BYTES).get_mut(..bytes.len()) {
-                place.copy_from_slice(bytes);
-            }
+            let place = scanner.image_mut(OUTPUTS, IMAGE_BYTES).get_mut(first.into()..).unwrap_or_default();
+            place.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
             scanner.set_outputs(true);
         });
     }
@@ -145,7 +215,7 @@ impl EthercatPlace {
         let on_loss = self.state.lock(Cell::get).on_loss;
         self.scanner.with(|scanner| match on_loss {
             OnLoss::Hold => {}
-            OnLoss::Clear => scanner.image_mut(OUTPUTS, BYTES).fill(0),
+            OnLoss::Clear => scanner.image_mut(OUTPUTS, IMAGE_BYTES).fill(0),
             OnLoss::Stop => scanner.set_outputs(false),
         });
     }
@@ -153,6 +223,11 @@ impl EthercatPlace {
     /// The scanner, for the port.
     pub fn scanner(&self) -> &ScannerPlace {
         &self.scanner
+    }
+
+    /// The MainDevice's own requests.
+    pub fn requests(&self) -> &Requests {
+        &self.requests
     }
 
     /// Whether the board's controller answers.
@@ -171,25 +246,87 @@ impl EthercatPlace {
         self.renewed.wait().await;
     }
 
-    /// How the serial line is to be set, once for each configuration that is taken over.
-    pub fn take_speed(&self) -> Option<Speed> {
-        let State { speed, speed_is_new, .. } = self.state.lock(Cell::get);
-        self.update(|state| state.speed_is_new = false);
-        speed_is_new.then_some(speed)
+    /// Whether a MainDevice has had a configuration taken over, and the settings do not say so yet.
+    pub(crate) fn has_news(&self) -> bool {
+        self.state.lock(Cell::get).taken_over
     }
 
-    /// Follows `settings`: without a port that asks the devices, no configuration can be in use.
-    pub fn follow(&self, settings: &Settings) {
+    /// Puts the configuration that was taken over into the settings; how their line is to be set, if it is not set so.
+    pub(crate) fn tell(&self, settings: &mut Settings) -> Option<Speed> {
+        let State { speed, .. } = self.state.lock(Cell::get);
+        self.configuration(|configuration| {
+            settings.slaves.clear();
+            // As many as there can be.
+            let _ = settings.slaves.extend_from_slice(configuration.slaves());
+        });
+        let line = settings.ethercat_speed().map(Speed::of);
+        self.update(|state| {
+            state.taken_over = false;
+            state.line = if line.is_some() { speed } else { Speed::NONE };
+        });
+        line.filter(|line| *line != speed).map(|_| speed)
+    }
+
+    /// Who has set the port's line last.
+    pub fn line_writer(&self) -> LineWriter {
+        match self.state.lock(Cell::get) {
+            State { line, speed, .. } if line == Speed::NONE || speed == Speed::NONE => LineWriter::Settings,
+            State { line, speed, .. } if line == speed => LineWriter::MainDevice,
+            State { speed, .. } => LineWriter::SettingsOver(speed),
+        }
+    }
+
+    /// Whether the slaves of `settings` can be asked with the PDOs that are in use.
+    pub(crate) fn check_settings(&self, settings: &Settings) -> Result<(), ConfigError> {
+        let State { exchanging, room, .. } = self.state.lock(Cell::get);
+        let room = if exchanging { room } else { Room::MOST };
+        layouts(&settings.slaves, room).try_for_each(|layout| layout.map(|_| ()))
+    }
+
+    /// Follows `settings`, which were checked: slaves that are others are asked from now on; without a port that asks them,
+    /// no configuration can be in use.
+    pub fn follow(&self, settings: &Settings, other_slaves: bool) {
         let port = settings.ethercat();
         let sets_none = port.is_some_and(|port| port.line.is_none());
+        let line = settings.ethercat_speed().map_or(Speed::NONE, Speed::of);
+        let before = self.state.lock(Cell::get);
         self.update(|state| {
             state.has_port = port.is_some();
-            state.has_line = sets_none || settings.ethercat_line().is_some();
+            state.has_line = sets_none || line != Speed::NONE;
             state.on_loss = port.map(|port| port.on_loss).unwrap_or_default();
+            state.line = line;
+            state.wanted |= other_slaves && !settings.slaves.is_empty();
         });
-        if port.is_none() && self.is_running() {
-            self.stop();
+        // Until a MainDevice says otherwise, the line is as it should be.
+        if line != before.line && line != Speed::NONE && before.speed == Speed::NONE {
+            self.configuration(|configuration| configuration.set_speed(line));
         }
+        if other_slaves {
+            self.update(|state| state.taken_over = false);
+            self.configuration(|configuration| configuration.replace(&settings.slaves));
+        }
+        let State { has_port, has_line, running, wanted, .. } = self.state.lock(Cell::get);
+        if wanted && has_port && has_line {
+            self.start();
+        } else if running && (!has_port || other_slaves) {
+            self.stop();
+            self.update(|state| state.wanted = wanted);
+        }
+    }
+
+    /// Waits until the settings are to be saved, as somebody who has a store; says how.
+    pub(crate) async fn keep_wanted(&self) -> Keep {
+        self.keeping.wanted().await
+    }
+
+    /// The settings have been saved, or not.
+    pub(crate) fn kept(&self, well: bool) {
+        self.keeping.done(well);
+    }
+
+    /// The slaves are those of after power-on.
+    pub(crate) fn restore(&self) {
+        self.configuration(|configuration| configuration.replace(&[]));
     }
 
     fn update(&self, change: impl FnOnce(&mut State)) {
@@ -207,27 +344,31 @@ impl Default for EthercatPlace {
     }
 }
 
-/// Lets `scanner` read `device` into its part of the input buffer, and write from its part of the output buffer.
+/// Lets `scanner` read `slave` into its part of the input buffer, and write from its part of the output buffer.
 fn add(
     scanner: &mut Scanner,
-    device: &DeviceSettings,
+    slave: &SlaveSettings,
     layout: &DeviceLayout,
     now: Instant,
 ) -> Result<(), Full> {
-    // The table allows no id that is not a byte.
-    let unit = device.id as u8;
-    let id = scanner.add_device(Device { unit, order: ByteOrder::default(), check: device.check })?;
-    for (kind, settings) in device.kinds().filter(|(_, settings)| settings.count > 0) {
+    let device = Device {
+        unit: slave.unit,
+        order: ByteOrder::default(),
+        check: slave.check,
+        filling: slave.filling(),
+    };
+    let id = scanner.add_device(device)?;
+    for (kind, Cells { count, address }) in slave.tables().filter(|(_, cells)| cells.count > 0) {
         let input = INPUTS + layout.input(kind);
         let output = layout.output(kind);
         let range = Row {
             device: Some(id),
             kind,
-            first: settings.address,
-            count: settings.count,
+            first: address,
+            count,
             input,
             output: output.map_or(input, |output| OUTPUTS + output),
-            read: Reading::Every(device.polling_ms),
+            read: Reading::Every(slave.polling_ms),
             write: if output.is_some() { Writing::OnChange } else { Writing::Never },
             multiple: false,
             wide: false,

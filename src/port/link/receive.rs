@@ -23,7 +23,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         self.active = self.active.max(self.heard);
         match self.settings.framing {
             StreamFraming::Mbap => self.take_frames(),
-            StreamFraming::Rtu => {
+            StreamFraming::Rtu | StreamFraming::Capture => {
                 self.take_response();
                 Ok(())
             }
@@ -40,10 +40,16 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
                     match pair(&mut self.flights, header, pdu) {
                         Ok(flight) => {
                             self.proven = true;
+                            self.tap(false, Event::Answer, self.first(consumed));
                             answer(self.desk, flight, pdu);
                         }
-                        Err((None, event)) => stats.count(event),
-                        Err((Some(unit), event)) => self.desk.place().disturbed(unit, event),
+                        Err((unit, event)) => {
+                            self.tap(false, event, self.first(consumed));
+                            match unit {
+                                None => stats.count(event),
+                                Some(unit) => self.desk.place().disturbed(unit, event),
+                            }
+                        }
                     }
                     consumed
                 }
@@ -67,6 +73,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         let heard = self.input.get(..self.length).unwrap_or(&[]);
         if let Received::Complete(pdu) = rtu::response(unit, request.get(..length).unwrap_or(&[]), heard) {
             self.proven = true;
+            self.tap(false, Event::Answer, heard);
             if let Some(flight) = self.flights.finish(id) {
                 answer(self.desk, flight, pdu);
             }
@@ -103,7 +110,10 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         let request = request.get(..length).unwrap_or(&[]);
         let (id, unit) = (flight.id, flight.unit);
         let place = self.desk.place();
-        match rtu::response_at_silence(unit, request, self.input.get(..self.length).unwrap_or(&[])) {
+        let heard = self.input.get(..self.length).unwrap_or(&[]);
+        let judged = rtu::response_at_silence(unit, request, heard);
+        self.tap(false, verdict(&judged), heard);
+        match judged {
             AtSilence::Complete(pdu) => {
                 self.proven = true;
                 if let Some(flight) = self.flights.finish(id) {
@@ -112,24 +122,27 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
             }
             damaged @ (AtSilence::Damaged | AtSilence::Short) => {
                 self.proven = true;
-                let short = damaged == AtSilence::Short;
-                place.damaged(unit, if short { Event::Short } else { Event::BadCheck });
+                place.damaged(unit, verdict(&damaged));
                 if let Some(flight) = self.flights.finish(id) {
                     flight.order.blame(Cause::Damage);
                     self.desk.failed(&flight.order, self.settings.retries);
                 }
             }
-            AtSilence::WrongUnit(_) => place.disturbed(unit, Event::WrongUnit),
-            AtSilence::Misfit(_) => place.disturbed(unit, Event::Misfit),
-            AtSilence::Noise => place.disturbed(unit, Event::Noise),
+            other => place.disturbed(unit, verdict(&other)),
         }
         self.length = 0;
+    }
+
+    /// The first `count` bytes of what has come.
+    fn first(&self, count: usize) -> &[u8] {
+        self.input.get(..count).unwrap_or(&[])
     }
 
     /// Drops what has come and is no answer.
     pub(super) fn drop_noise(&mut self) {
         if self.length > 0 {
             self.desk.place().stats.count(Event::Noise);
+            self.tap(false, Event::Noise, self.first(self.length));
             self.length = 0;
         }
     }
@@ -140,7 +153,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         // Transaction ids tell late answers from others; RTU has none, so there the unit must not be asked meanwhile.
         let held = match self.settings.framing {
             StreamFraming::Mbap => Duration::from_ticks(0),
-            StreamFraming::Rtu => window,
+            StreamFraming::Rtu | StreamFraming::Capture => window,
         };
         let place = self.desk.place();
         let open = self.flights.len();
@@ -152,6 +165,18 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
             self.desk.failed(&flight.order, self.settings.retries);
         }
         self.flights.len() < open
+    }
+}
+
+/// What is counted for what was `found`.
+fn verdict(found: &AtSilence) -> Event {
+    match found {
+        AtSilence::Complete(_) => Event::Answer,
+        AtSilence::Damaged => Event::BadCheck,
+        AtSilence::Short => Event::Short,
+        AtSilence::WrongUnit(_) => Event::WrongUnit,
+        AtSilence::Misfit(_) => Event::Misfit,
+        AtSilence::Noise => Event::Noise,
     }
 }
 

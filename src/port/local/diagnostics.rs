@@ -1,16 +1,18 @@
 //! Diagnostics (FC 08) and the communication event functions (0B, 0C), Application Protocol 6.8 to 6.10.
 //!
-//! The counters are those of the port that the request came by, on 16 bits. The gateway has no listen-only mode and no diagnostic
-//! register, so the sub-functions of these are answered 01h.
+//! The counters are those of the port that the request came by, on 16 bits. So is the listen-only mode: the own unit falls silent
+//! for whoever asks by that port, and goes on for all others. A restart of communications ends that and clears the counters; the
+//! port itself stays open, for the sake of the units behind the gateway.
 
 use embassy_time::Instant;
 use heapless::Deque;
 
 use super::pdu_of;
-use crate::config::PortId;
-use crate::gateway::Gateway;
+use crate::config::{PORTS_MAX, PortId};
+use crate::gateway::{Gateway, PortAt, PortPlace, Status};
 use crate::modbus::Exception;
 use crate::modbus::pdu::function::{DIAGNOSTICS, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG};
+use crate::port::units::Unit;
 use crate::scanner::Pdu;
 use crate::stats::{Counters, Event};
 
@@ -25,6 +27,14 @@ const READ_EXCEPTION: u8 = 0x01;
 const ABORT_EXCEPTION: u8 = 0x02;
 const BUSY_EXCEPTION: u8 = 0x04;
 const NAK_EXCEPTION: u8 = 0x08;
+/// The own unit only listened when a message was received, has begun to, or has restarted communications.
+const LISTENED: u8 = 0x20;
+const BEGAN_TO_LISTEN: u8 = 0x04;
+const RESTARTED: u8 = 0x00;
+/// Bits of the diagnostic register: a port is lost or cannot be opened; a unit is down; no frame is free.
+const PORT_FAILED: u16 = 1;
+const UNIT_DOWN: u16 = 2;
+const NO_FRAME: u16 = 4;
 
 /// Answers sub-function `sub` with `data`, which came by `port`.
 pub(super) fn answer(gateway: &Gateway<'_>, port: PortId, sub: u16, data: &[u8]) -> Result<Pdu, Exception> {
@@ -35,6 +45,9 @@ pub(super) fn answer(gateway: &Gateway<'_>, port: PortId, sub: u16, data: &[u8])
         return pdu_of(&[&header, data]);
     }
     let counter = match sub {
+        // Return the diagnostic register.
+        2 if data == [0, 0] => register(gateway),
+        0x02 => return Err(Exception::ILLEGAL_VALUE),
         0x0a | 0x14 | 0x0b..=0x12 if data != [0, 0] => return Err(Exception::ILLEGAL_VALUE),
         // Clear counters.
         0x0a => {
@@ -50,6 +63,67 @@ pub(super) fn answer(gateway: &Gateway<'_>, port: PortId, sub: u16, data: &[u8])
         sub => counter(&place.stats, sub).ok_or(Exception::ILLEGAL_FUNCTION)?,
     };
     pdu_of(&[&header, &counter.to_be_bytes()])
+}
+
+/// The state of all ports, as it is now: there is nothing to clear.
+fn register(gateway: &Gateway<'_>) -> u16 {
+    let failed = |place: &PortPlace| matches!(place.status(), Status::Lost | Status::Failed(_));
+    let ids = (0..gateway.ports().len()).map(|index| PortId(index as u8));
+    let down = |place: PortAt<'_>| place.units(|units| units.iter().any(Unit::is_down));
+    let bit = |is, bit| if is { bit } else { 0 };
+    bit(gateway.ports().iter().any(failed), PORT_FAILED)
+        | bit(ids.filter_map(|id| gateway.place(id)).any(down), UNIT_DOWN)
+        | bit(gateway.pool().free() == 0, NO_FRAME)
+}
+
+/// What becomes of a message to the own unit before anything else: whether it listens only at `port`, or is told to, or no longer.
+pub(super) fn mode(gateway: &Gateway<'_>, port: PortId, request: &[u8]) -> Mode {
+    let bit = 1 << port.index();
+    let listens = gateway.events(|events| events.listens & bit != 0);
+    match *request {
+        // Restart communications; FF00 clears the event log, too.
+        [DIAGNOSTICS, 0, 1, clear @ (0 | 0xff), 0] => {
+            if let Some(place) = gateway.ports().get(port.index()) {
+                place.stats.clear(Instant::now());
+            }
+            gateway.events(|events| {
+                events.listens &= !bit;
+                events.completed = 0;
+                if clear != 0 {
+                    events.log.clear();
+                }
+                events.push(RESTARTED);
+            });
+            if listens { Mode::Silent } else { Mode::Restarted }
+        }
+        // Force listen-only mode, which has no answer.
+        [DIAGNOSTICS, 0, 4, 0, 0] if !listens => {
+            gateway.events(|events| {
+                events.listens |= bit;
+                events.push(RECEIVED);
+                events.push(BEGAN_TO_LISTEN);
+            });
+            Mode::Silent
+        }
+        _ if listens => {
+            gateway.events(|events| events.push(RECEIVED | LISTENED));
+            Mode::Silent
+        }
+        [DIAGNOSTICS, 0, 1 | 4, ..] => Mode::Refused,
+        _ => Mode::Answers,
+    }
+}
+
+/// What the own unit does with a message.
+pub(super) enum Mode {
+    /// It answers.
+    Answers,
+    /// It has restarted communications, and says so by giving the request back.
+    Restarted,
+    /// A value that the sub-function has not.
+    Refused,
+    /// Nothing.
+    Silent,
 }
 
 /// The counter that sub-function `sub` returns.
@@ -86,11 +160,15 @@ pub(crate) struct Events {
     completed: u16,
     /// Newest last.
     log: Deque<u8, LOG_BYTES_MAX>,
+    /// The ports by which the own unit only listens, a bit each.
+    listens: u16,
 }
+
+const _: () = assert!(PORTS_MAX <= u16::BITS as usize, "a bit for each port");
 
 impl Events {
     pub(crate) const fn new() -> Self {
-        Self { completed: 0, log: Deque::new() }
+        Self { completed: 0, log: Deque::new(), listens: 0 }
     }
 
     /// Notes a message to the own unit and its answer.

@@ -77,8 +77,8 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             Framing::Rtu => Ear::Rtu(RtuEar::new()),
             Framing::Ascii => Ear::Ascii(AsciiEar::new()),
         };
-        let tap =
-            Tap { capture: server.gateway.capture(), port: server.id, framing: server.settings.framing };
+        let kind = server.settings.framing.into();
+        let tap = Tap { capture: server.gateway.capture(), port: server.id, kind };
         Self {
             server,
             tap,

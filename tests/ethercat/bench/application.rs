@@ -8,6 +8,7 @@ use mobgate::config::{Settings, apply};
 use mobgate::ethercat::al_state::{AlState, AlStatusCode};
 use mobgate::ethercat::application::{Address, Application};
 use mobgate::ethercat::coe::abort::Abort;
+use mobgate::ethercat::sync_manager::Channel;
 use mobgate::port::ethercat::{EthercatPlace, GatewayObjects};
 
 /// An application that a test looks into while the SubDevice has it.
@@ -25,7 +26,7 @@ pub(crate) fn gateway_objects() -> GatewayObjects<'static> {
     let place = Box::leak(Box::new(EthercatPlace::new()));
     let mut settings = Settings::new();
     apply(&mut settings, "port ecat ethercat").unwrap();
-    place.follow(&settings);
+    place.follow(&settings, false);
     GatewayObjects::new(place)
 }
 
@@ -46,6 +47,14 @@ impl<A: Application> Application for Shared<A> {
 
     fn write(&mut self, at: Address, value: &[u8]) {
         self.0.borrow_mut().write(at, value);
+    }
+
+    fn written(&mut self) -> Option<Result<(), Abort>> {
+        self.0.borrow_mut().written()
+    }
+
+    fn assigned(&mut self, channel: Channel, pdos: &[u16]) {
+        self.0.borrow_mut().assigned(channel, pdos);
     }
 
     fn outputs(&mut self, pdo: u16, bytes: &[u8]) {
@@ -84,6 +93,9 @@ pub(crate) struct Bench {
     pub(crate) stops: usize,
     /// With what inputs are filled; it counts up.
     pub(crate) fill: u8,
+    /// Writes go on as long as this is set, and end in an error if there is one.
+    pub(crate) writing: bool,
+    pub(crate) write_error: Option<Abort>,
     /// A state that the application refuses, and why.
     pub(crate) refuses: Option<(AlState, AlStatusCode)>,
 }
@@ -106,6 +118,11 @@ impl Application for Bench {
     fn write(&mut self, at: Address, value: &[u8]) {
         self.writes += 1;
         self.values.insert((at.index, at.sub), value.to_vec());
+    }
+
+    fn written(&mut self) -> Option<Result<(), Abort>> {
+        let outcome = self.write_error.map_or(Ok(()), Err);
+        (!self.writing).then_some(outcome)
     }
 
     fn outputs(&mut self, _pdo: u16, bytes: &[u8]) {

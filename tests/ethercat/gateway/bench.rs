@@ -5,6 +5,7 @@ use ethercrab::subdevice_group::{Op, PreOp};
 use mobgate::config::LineSettings;
 use mobgate::ethercat::device::Device as Description;
 use mobgate::ethercat::sub_device::SubDevice;
+use mobgate::gateway::Gateway;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
 use mobgate_simulator::Device;
 use mobgate_simulator::device::serve;
@@ -39,23 +40,37 @@ pub(crate) struct Bench<'m> {
 
 /// The virtual devices on a wire, the gateway, and a MainDevice that does as `script` says.
 pub(crate) fn with_devices(setup: Setup, script: impl AsyncFnOnce(Bench<'_>)) {
-    let Setup { baud, on_loss, .. } = setup;
+    let virtuals = virtual_devices();
+    let devices: Vec<Device> = virtuals.iter().map(Virtual::device).collect();
     let settings = format!(
         "port bus serial uart1 rtu client 9600 8N1 timeout 1s
-        port ecat ethercat line bus on-loss {on_loss}
-        route ecat 1-247 * * bus"
+        port ecat ethercat line bus on-loss {}
+        route ecat 1-247 * * bus",
+        setup.on_loss
     );
-    with_gateway(1, &settings, |world, rig| {
-        let virtuals = virtual_devices();
-        let devices: Vec<Device> = virtuals.iter().map(Virtual::device).collect();
-        // The line has another speed and format until the MainDevice sets it.
+    let wired = devices.clone();
+    with_wire(setup.baud, &settings, wired, async |desk, _| {
+        script(Bench { desk, setup, virtuals, devices }).await;
+    });
+}
+
+/// `devices` on the wire `uart1` of a gateway with `settings`, and a MainDevice that does as `script` says.
+pub(crate) fn with_wire(
+    baud: u32,
+    settings: &str,
+    devices: Vec<Device>,
+    script: impl AsyncFnOnce(Desk<'_>, &Gateway<'_>),
+) {
+    with_gateway(1, settings, |world, rig| {
+        // The line may have another speed and format until the MainDevice sets it.
         let line = LineSettings { baud, ..LineSettings::DEFAULT };
-        world.spawn(serve(rig.wire("uart1").tap(line), devices.clone()));
+        world.spawn(serve(rig.wire("uart1").tap(line), devices));
         let line = line_of(&GATEWAY);
         let (esc, interrupt) = direct(line.borrow().chip(0));
         let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
         spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
-        with_master(world, cable(line), async |desk| script(Bench { desk, setup, virtuals, devices }).await);
+        let gateway = rig.gateway;
+        with_master(world, cable(line), async |desk| script(desk, gateway).await);
     });
 }
 

@@ -84,7 +84,7 @@ impl Controller {
         let (sender, result) = channel();
         let job: Job = Box::new(move |wires| {
             let line = wires.line.clone();
-            let value = wires.run(at_cable(cable(line), |pdus| patient_main_device(pdus), script));
+            let value = wires.run(at_cable(cable(line), patient_main_device, script));
             let _ = sender.send(value);
         });
         self.jobs.as_ref().unwrap().send(job).expect("a controller that lives");

@@ -13,7 +13,8 @@ use embedded_hal::spi::{Error, ErrorKind, ErrorType, Operation};
 use embedded_hal_async::spi::SpiDevice;
 use heapless::Vec;
 
-use crate::semihosting::{CommandLine, File, HostError};
+use super::pipes::Pipes;
+use crate::semihosting::{CommandLine, HostError};
 
 /// Longest transaction: an image and what is around it.
 const TRANSACTION_BYTES_MAX: usize = 1024;
@@ -23,47 +24,44 @@ const PIN_INTERVAL: Duration = Duration::from_millis(1);
 /// What is read where nobody answers.
 const FLOATING: u8 = 0xff;
 
+/// A transaction with its head.
+type Transaction = Vec<u8, { HEAD_BYTES + TRANSACTION_BYTES_MAX }>;
+
 /// The wires to the controller.
-pub(crate) struct Wires(RefCell<Option<(File, File)>>);
+pub(super) struct Wires(RefCell<Option<Pipes>>);
 
 impl Wires {
     /// The wires that the command line names; without, they lead nowhere.
     ///
     /// # Panics
     /// When pipes that are named are not there.
-    pub(crate) fn open() -> Self {
-        let path = CommandLine::read();
-        let pipes = path
-            .value("spi")
-            .map(|path| File::open_pipes(path).expect("pipes: see boards/qemu_mps2/emulate"));
-        Self(RefCell::new(pipes))
+    pub(super) fn open() -> Self {
+        let line = CommandLine::read();
+        let path = line.words().find_map(|word| word.strip_prefix("spi="));
+        Self(RefCell::new(path.map(|path| Pipes::open(path).expect("pipes: see boards/qemu_mps2/emulate"))))
     }
 
-    fn exchange(&self, bytes: &mut Vec<u8, { HEAD_BYTES + TRANSACTION_BYTES_MAX }>) -> Result<(), HostError> {
+    /// Puts into `back` what comes back for `bytes`.
+    fn exchange(&self, bytes: &mut Transaction, back: &mut Transaction) -> Result<(), HostError> {
         let (head, data) = bytes.split_at_mut(HEAD_BYTES);
         head.copy_from_slice(&(data.len() as u16).to_le_bytes());
+        // It has room for as much.
+        let _ = back.resize(data.len(), FLOATING);
         match &mut *self.0.borrow_mut() {
-            Some((input, output)) => {
-                output.put(bytes)?;
-                input.take(&mut bytes[HEAD_BYTES..])
-            }
-            None => {
-                data.fill(FLOATING);
-                Ok(())
-            }
+            Some(pipes) => pipes.ask(bytes, back),
+            None => Ok(()),
         }
     }
 
     fn interrupt_is_high(&self) -> Result<bool, HostError> {
-        let Some((input, output)) = &mut *self.0.borrow_mut() else { return Ok(false) };
+        let Some(pipes) = &mut *self.0.borrow_mut() else { return Ok(false) };
         let mut level = [0];
-        output.put(&[0; HEAD_BYTES])?;
-        input.take(&mut level)?;
+        pipes.ask(&[0; HEAD_BYTES], &mut level)?;
         Ok(level != [0])
     }
 
     /// Waits until the interrupt pin is high, or the host fails, as the next transaction will say.
-    pub(crate) async fn interrupt(&self) {
+    pub(super) async fn interrupt(&self) {
         while let Ok(false) = self.interrupt_is_high() {
             Timer::after(PIN_INTERVAL).await;
         }
@@ -71,7 +69,7 @@ impl Wires {
 }
 
 /// The SPI, with the controller on its select line.
-pub(crate) struct Spi<'w>(pub(crate) &'w Wires);
+pub(super) struct Spi<'w>(pub(super) &'w Wires);
 
 impl Error for HostError {
     fn kind(&self) -> ErrorKind {
@@ -85,8 +83,9 @@ impl ErrorType for Spi<'_> {
 
 impl SpiDevice for Spi<'_> {
     async fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), HostError> {
-        let mut bytes = Vec::new();
-        let _ = bytes.extend_from_slice(&[0; HEAD_BYTES]);
+        let (mut bytes, mut back) = (Transaction::new(), Transaction::new());
+        // It has room for the head.
+        let _ = bytes.resize(HEAD_BYTES, 0);
         for operation in &*operations {
             match operation {
                 Operation::Write(from) => bytes.extend_from_slice(from),
@@ -97,8 +96,8 @@ impl SpiDevice for Spi<'_> {
             }
             .map_err(|_| HostError)?;
         }
-        self.0.exchange(&mut bytes)?;
-        let mut back = bytes.get(HEAD_BYTES..).unwrap_or_default();
+        self.0.exchange(&mut bytes, &mut back)?;
+        let mut back = &back[..];
         for operation in operations {
             let length = match operation {
                 Operation::Read(into) | Operation::TransferInPlace(into) => {

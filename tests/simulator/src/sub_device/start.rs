@@ -26,8 +26,8 @@ const POWER_ON: Duration = Duration::from_millis(100);
 /// Between two exchanges of process data while Op is waited for.
 const CYCLE: Duration = Duration::from_millis(1);
 
-/// One device and 512 bytes of process data; ethercrab wants a power of two of devices, and more than one.
-pub type Group<S> = SubDeviceGroup<2, 512, ethercrab::DefaultLock, S>;
+/// One device and 2048 bytes of process data; ethercrab wants a power of two of devices, and more than one.
+pub type Group<S> = SubDeviceGroup<2, 2048, ethercrab::DefaultLock, S>;
 
 /// A MainDevice in front of one SubDevice.
 pub struct Desk<'m> {

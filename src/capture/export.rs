@@ -1,0 +1,45 @@
+//! The ring as a PCAPNG file that grows: into a file, or to whoever has connected.
+
+use embedded_io_async::Write;
+
+use super::{Capture, Captured, Following, pcapng};
+use crate::config::PortId;
+use crate::gateway::Gateway;
+
+/// Who gets the frames that come from now on. Nobody waits for him: what is overwritten before he has taken it is missing, and he
+/// is told how many frames that are.
+pub struct Export<'c> {
+    capture: &'c Capture,
+    following: Following<'c>,
+    dropped: u64,
+}
+
+impl<'c> Export<'c> {
+    /// Writes what a file begins with: the section, and each port as an interface. `None` on a board that keeps no frames.
+    pub async fn begin<W: Write>(gateway: &Gateway<'c>, out: &mut W) -> Result<Option<Self>, W::Error> {
+        let Some(capture) = gateway.capture() else { return Ok(None) };
+        let export = Self { capture, following: capture.follow(), dropped: 0 };
+        out.write_all(&pcapng::header()).await?;
+        for port in 0..gateway.ports().len() {
+            let block = gateway.settings(|settings| pcapng::interface(settings.name(PortId(port as u8))));
+            out.write_all(&block).await?;
+        }
+        Ok(Some(export))
+    }
+
+    /// Writes the next frame, if there is one; says whether there was.
+    pub async fn write_next<W: Write>(&mut self, out: &mut W) -> Result<bool, W::Error> {
+        let Some(frame) = self.following.next() else { return Ok(false) };
+        let epoch_us = self.capture.epoch_us.lock(core::cell::Cell::get);
+        if frame.missed > 0 {
+            self.dropped += u64::from(frame.missed);
+            let Captured { head, .. } = &frame;
+            out.write_all(&pcapng::statistics(head, epoch_us, self.dropped)).await?;
+        }
+        let (before, behind) = pcapng::packet(&frame, epoch_us);
+        out.write_all(&before).await?;
+        out.write_all(&frame.bytes).await?;
+        out.write_all(&behind).await?;
+        Ok(true)
+    }
+}

@@ -1,0 +1,121 @@
+//! Keeping the configuration over power-off (1010h, 1011h): what the MainDevice asks for, whoever has the store does.
+//!
+//! A store is slow: the SDO is answered when it is done, and process data go on meanwhile.
+
+use core::cell::Cell;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Instant};
+
+/// How long a store may take.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// What is to be done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Keep {
+    /// The settings are to be saved, with the configuration.
+    Save = 0,
+    /// The settings are to be saved, without any slaves.
+    Restore = 1,
+}
+
+impl Keep {
+    /// What a MainDevice writes for it, as letters and as a number (CiA 301, 7.5.2.13 and 14).
+    pub(super) const fn signature(self) -> u32 {
+        u32::from_le_bytes(*match self {
+            Self::Save => b"save",
+            Self::Restore => b"load",
+        })
+    }
+}
+
+/// Where the wish and the outcome change hands.
+pub(super) struct Keeping {
+    state: Mutex<CriticalSectionRawMutex, Cell<State>>,
+    wanted: Signal<CriticalSectionRawMutex, ()>,
+}
+
+#[derive(Clone, Copy)]
+struct State {
+    /// Whether anybody has a store.
+    has_store: bool,
+    keep: Keep,
+    phase: Phase,
+    since: Instant,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+enum Phase {
+    Idle = 0,
+    Going = 1,
+    Done = 2,
+    Failed = 3,
+}
+
+/// How a wish is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kept {
+    /// There is none.
+    Nothing,
+    /// It is being done.
+    Going,
+    /// It was done.
+    Done,
+    /// It could not be done.
+    Failed,
+}
+
+impl Keeping {
+    pub(super) const fn new() -> Self {
+        let state = State { has_store: false, keep: Keep::Save, phase: Phase::Idle, since: Instant::MIN };
+        Self { state: Mutex::new(Cell::new(state)), wanted: Signal::new() }
+    }
+
+    /// Whether anybody has a store.
+    pub(super) fn has_store(&self) -> bool {
+        self.state.lock(Cell::get).has_store
+    }
+
+    /// Begins with `keep`.
+    pub(super) fn begin(&self, keep: Keep) {
+        let State { has_store, .. } = self.state.lock(Cell::get);
+        let state = State { has_store, keep, phase: Phase::Going, since: Instant::now() };
+        self.state.lock(|cell| cell.set(state));
+        self.wanted.signal(());
+    }
+
+    /// How it is doing; an outcome is told once.
+    pub(super) fn outcome(&self) -> Kept {
+        let state = self.state.lock(Cell::get);
+        let kept = match state.phase {
+            Phase::Idle => return Kept::Nothing,
+            Phase::Going if state.since.elapsed() < PATIENCE => return Kept::Going,
+            Phase::Done => Kept::Done,
+            Phase::Going | Phase::Failed => Kept::Failed,
+        };
+        self.state.lock(|cell| cell.set(State { phase: Phase::Idle, ..state }));
+        kept
+    }
+
+    /// Waits for a wish, as somebody who has a store.
+    pub(super) async fn wanted(&self) -> Keep {
+        let state = self.state.lock(Cell::get);
+        self.state.lock(|cell| cell.set(State { has_store: true, ..state }));
+        self.wanted.wait().await;
+        self.state.lock(Cell::get).keep
+    }
+
+    /// What came of it.
+    pub(super) fn done(&self, well: bool) {
+        let state = self.state.lock(Cell::get);
+        // Nobody may wait any more.
+        if state.phase == Phase::Going {
+            let phase = if well { Phase::Done } else { Phase::Failed };
+            self.state.lock(|cell| cell.set(State { phase, ..state }));
+        }
+    }
+}

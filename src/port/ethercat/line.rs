@@ -1,0 +1,78 @@
+//! The serial line of the port: how a MainDevice wants it (2020h), and who had the last word about it.
+
+use core::fmt::{self, Display};
+
+use super::configuration::ConfigError;
+use crate::config::{LineSettings, Parity};
+
+/// How a serial line is set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Speed {
+    /// Bits a second.
+    pub baud: u32,
+    /// Parity; there are always eight data bits, as RTU needs.
+    pub parity: Parity,
+    /// One or two.
+    pub stop_bits: u8,
+}
+
+impl Speed {
+    /// Of no line; all zeros.
+    pub(super) const NONE: Self = Self { baud: 0, parity: Parity::None, stop_bits: 0 };
+
+    /// As a line is set.
+    pub(crate) const fn of(line: &LineSettings) -> Self {
+        Self { baud: line.baud, parity: line.parity, stop_bits: line.stop_bits }
+    }
+
+    /// From the entries of 2020h. The parity bit counts among the bits of a character: 8E1 has nine.
+    pub(super) fn from_entries(entries: [u32; 4]) -> Result<Self, ConfigError> {
+        let [baud, nine, parity, two_stop_bits] = entries;
+        let parity = match (nine, parity) {
+            (0, 0) => Parity::None,
+            (1, 2) => Parity::Even,
+            (1, 3) => Parity::Odd,
+            _ => return Err(ConfigError::Character { bits: 8 + nine as u8, parity: parity as u8 }),
+        };
+        Ok(Self { baud, parity, stop_bits: 1 + two_stop_bits as u8 })
+    }
+
+    /// As the entries of 2020h.
+    pub(super) const fn entries(self) -> [u32; 4] {
+        let (nine, parity) = match self.parity {
+            Parity::None => (0, 0),
+            Parity::Even => (1, 2),
+            Parity::Odd => (1, 3),
+        };
+        [self.baud, nine, parity, (self.stop_bits == 2) as u32]
+    }
+}
+
+/// As the settings write it: `19200 8E1`.
+impl Display for Speed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { baud, parity, stop_bits } = *self;
+        f.write_str(&LineSettings { baud, parity, stop_bits, ..LineSettings::DEFAULT }.speed())
+    }
+}
+
+/// Who has set the line last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LineWriter {
+    /// The settings, as they were typed or loaded.
+    Settings,
+    /// The MainDevice.
+    MainDevice,
+    /// The settings, after the MainDevice had set this.
+    SettingsOver(Speed),
+}
+
+impl Display for LineWriter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Settings => Ok(()),
+            Self::MainDevice => f.write_str("set by EtherCAT"),
+            Self::SettingsOver(speed) => write!(f, "set here, EtherCAT had {speed}"),
+        }
+    }
+}

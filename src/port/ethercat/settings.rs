@@ -1,0 +1,56 @@
+//! What a MainDevice changes in the settings: slaves, the line of the port, and that they are saved.
+
+use super::keeping::Keep;
+use super::line::Speed;
+use super::place::EthercatPlace;
+use crate::config::{LineSettings, PortKind, SerialSettings};
+use crate::drafting;
+use crate::gateway::Gateway;
+use crate::hal::Store;
+
+impl Gateway<'_> {
+    /// Saves the settings into `store` whenever a MainDevice asks for that (1010h, 1011h), for ever; without a SubDevice it ends.
+    /// A board with an EtherCAT controller runs it once.
+    pub async fn keep_settings(&self, store: &mut impl Store) {
+        let Some(ethercat) = self.ethercat() else { return };
+        loop {
+            let keep = ethercat.keep_wanted().await;
+            self.adopt(ethercat);
+            if keep == Keep::Restore {
+                ethercat.restore();
+                self.change_settings(|settings| settings.slaves.clear());
+            }
+            let saved = drafting::save(self, store).await;
+            match saved {
+                Ok(()) => log_info!("the settings were saved for EtherCAT"),
+                Err(error) => log_warn!("the settings could not be saved for EtherCAT: {error}"),
+            }
+            ethercat.kept(saved.is_ok());
+        }
+    }
+
+    /// Puts what a MainDevice has had taken over into the settings.
+    pub(crate) fn adopt(&self, ethercat: &EthercatPlace) {
+        if ethercat.has_news()
+            && let Some(speed) = self.change_settings(|settings| ethercat.tell(settings))
+        {
+            self.set_speed(speed);
+        }
+    }
+
+    /// Sets the line of the EtherCAT port as the MainDevice wants it.
+    fn set_speed(&self, speed: Speed) {
+        let changed = self.change_settings(|settings| {
+            let id = settings.ethercat_line()?;
+            let port = settings.ports.get_mut(id.index())?.as_mut()?;
+            let PortKind::Serial(SerialSettings { line, .. }) = &mut port.kind else { return None };
+            let Speed { baud, parity, stop_bits } = speed;
+            log_info!("EtherCAT sets {} to {speed}; it was {}", port.name, line.speed());
+            *line = LineSettings { baud, parity, stop_bits, ..*line };
+            Some(id)
+        });
+        if let Some(place) = changed.and_then(|id| self.place(id)) {
+            place.restart();
+        }
+    }
+}

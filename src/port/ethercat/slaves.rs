@@ -1,0 +1,145 @@
+//! The objects that there are once for each Modbus device: configuration, layout and status.
+//!
+//! All slaves have them from 2100h, 2140h and 2180h on. The configuration and the layout of the first four stand at 2001h and
+//! 2011h too: the same values, at two places.
+
+use crate::ethercat::object::{DataType, Entry, Object};
+use crate::scanner::POINTS;
+
+/// Slaves that can be configured. The table has all of them also in an image that cannot ask any.
+pub(super) const SLAVES_MAX: usize = 32;
+/// Slaves that have a second place for configuration and layout; as many are configured after power-on.
+pub(super) const SLAVES_FIRST: u8 = 4;
+/// Entries of an array with a value for each slave.
+pub(super) const SLAVES: u8 = SLAVES_MAX as u8;
+/// The last index of configurations, layouts and status objects.
+const CONFIGURATIONS_END: u16 = 0x2100 + SLAVES_MAX as u16 - 1;
+const LAYOUTS_END: u16 = 0x2140 + SLAVES_MAX as u16 - 1;
+const STATUS_END: u16 = 0x2180 + SLAVES_MAX as u16 - 1;
+
+const _: () = assert!(crate::config::SLAVES_MAX == if POINTS { SLAVES_MAX } else { 0 });
+
+/// What an object tells about which slave, counted from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ModbusSlave {
+    Configuration(usize),
+    Layout(usize),
+    Status(usize),
+}
+
+impl ModbusSlave {
+    /// What stands at `index`.
+    pub(super) fn of(index: u16) -> Option<Self> {
+        Some(match index {
+            0x2001..=0x2004 => Self::Configuration(usize::from(index - 0x2001)),
+            0x2100..=CONFIGURATIONS_END => Self::Configuration(usize::from(index - 0x2100)),
+            0x2011..=0x2014 => Self::Layout(usize::from(index - 0x2011)),
+            0x2140..=LAYOUTS_END => Self::Layout(usize::from(index - 0x2140)),
+            0x2180..=STATUS_END => Self::Status(usize::from(index - 0x2180)),
+            _ => return None,
+        })
+    }
+}
+
+/// The unit id of a slave after power-on.
+pub(super) const fn default_unit(nth: u16) -> u8 {
+    if nth < SLAVES_FIRST as u16 { nth as u8 + 1 } else { 1 }
+}
+
+const ANY_U16: (u64, u64) = (0, u16::MAX as u64);
+
+const fn configuration(unit: u8) -> [Entry; 10] {
+    [
+        Entry::setting("Id", DataType::U16, unit as u64, (1, 247)),
+        Entry::setting("NumCoils", DataType::U16, 0, ANY_U16),
+        Entry::setting("CoilsAddress", DataType::U16, 0, ANY_U16),
+        Entry::setting("NumSwitches", DataType::U16, 0, ANY_U16),
+        Entry::setting("SwitchesAddress", DataType::U16, 0, ANY_U16),
+        Entry::setting("NumInRegisters", DataType::U16, 0, ANY_U16),
+        Entry::setting("InRegistersAddress", DataType::U16, 0, ANY_U16),
+        Entry::setting("NumOutRegisters", DataType::U16, 0, ANY_U16),
+        Entry::setting("OutRegistersAddress", DataType::U16, 0, ANY_U16),
+        Entry::setting("PollingTimeMs", DataType::U32, 1_000, (1, 3_600_000)),
+    ]
+}
+
+const UNIT_1: &[Entry] = &configuration(1);
+const UNIT_2: &[Entry] = &configuration(2);
+const UNIT_3: &[Entry] = &configuration(3);
+const UNIT_4: &[Entry] = &configuration(4);
+
+/// They take much room, and differ by the default of the unit id only.
+const fn configuration_of(nth: u16) -> &'static [Entry] {
+    match default_unit(nth) {
+        2 => UNIT_2,
+        3 => UNIT_3,
+        4 => UNIT_4,
+        _ => UNIT_1,
+    }
+}
+
+const LAYOUT: &[Entry] = &[
+    Entry::reading("StartInput", DataType::U16),
+    Entry::reading("InputCoils", DataType::U16),
+    Entry::reading("InputSwitches", DataType::U16),
+    Entry::reading("InputInRegisters", DataType::U16),
+    Entry::reading("InputOutRegisters", DataType::U16),
+    Entry::reading("EndInput", DataType::U16),
+    Entry::reading("StartOutput", DataType::U16),
+    Entry::reading("OutputCoils", DataType::U16),
+    Entry::reading("OutputOutRegisters", DataType::U16),
+    Entry::reading("EndOutput", DataType::U16),
+];
+
+const fn layout_of(_nth: u16) -> &'static [Entry] {
+    LAYOUT
+}
+
+const STATUS: &[Entry] = &[
+    super::objects::HEALTH,
+    // Never, until it does.
+    Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX as u64),
+    Entry::reading("ExceptionCode", DataType::U8),
+    Entry::reading("LastError", DataType::U8),
+    Entry::reading("Requests", DataType::U32),
+    Entry::reading("Answers", DataType::U32),
+    Entry::reading("Exceptions", DataType::U32),
+    Entry::reading("Failures", DataType::U32),
+    // 0: as they were read; 1: held, 2: cleared, 3: substituted, since it does not answer.
+    Entry::reading("Inputs", DataType::U8),
+];
+
+const fn status_of(_nth: u16) -> &'static [Entry] {
+    STATUS
+}
+
+/// A record for each slave; its number ends the name.
+macro_rules! records {
+    ($first:literal, $name:literal, $entries:path) => {
+        records!(@ $first, $name, $entries;
+            0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31)
+    };
+    (@ $first:literal, $name:literal, $entries:path; $($nth:literal)*) => {
+        [$(Object::record($first + $nth, concat!($name, $nth), $entries($nth))),*]
+    };
+}
+
+pub(super) const CONFIGURATIONS: [Object; SLAVES_MAX] =
+    records!(0x2100, "ModbusConfigSlave", configuration_of);
+pub(super) const LAYOUTS: [Object; SLAVES_MAX] =
+    records!(0x2140, "PhyAddressRegistersModbusSlave", layout_of);
+pub(super) const STATUSES: [Object; SLAVES_MAX] = records!(0x2180, "StatusModbusSlave", status_of);
+
+/// The first four of `objects`, from another index on.
+pub(super) const fn first_four(
+    objects: &[Object; SLAVES_MAX],
+    index: u16,
+) -> [Object; SLAVES_FIRST as usize] {
+    let [a, b, c, d, ..] = *objects;
+    [
+        Object { index, ..a },
+        Object { index: index + 1, ..b },
+        Object { index: index + 2, ..c },
+        Object { index: index + 3, ..d },
+    ]
+}

@@ -1,0 +1,70 @@
+//! How the Modbus devices are doing, as numbers (2031h, 2032h, 2180h and following).
+
+use embassy_time::Instant;
+
+use super::place::EthercatPlace;
+use crate::config::OnSilence;
+use crate::scanner::DeviceStatus;
+
+/// The bit of a state that turns with every answer.
+const TURNS: u16 = 1 << 7;
+
+/// Health of a device. 0: not asked yet; 1: well; 2: not normal.
+fn health(status: Option<&DeviceStatus>) -> u8 {
+    match status.and_then(|status| status.alive) {
+        None => 0,
+        Some(true) => 1,
+        Some(false) => 2,
+    }
+}
+
+impl EthercatPlace {
+    /// The health of the slave `nth`.
+    pub(super) fn health(&self, nth: usize) -> u8 {
+        health(self.slave_status(nth).as_ref())
+    }
+
+    /// What stands in its inputs. 0: what was read; 1, 2, 3: they are held, cleared, substituted.
+    fn inputs_are(&self, nth: usize, status: Option<&DeviceStatus>) -> u8 {
+        if health(status) != 2 {
+            return 0;
+        }
+        self.configuration(|configuration| {
+            match configuration.slaves().get(nth).map(|slave| slave.on_silence) {
+                None | Some(OnSilence::Hold) => 1,
+                Some(OnSilence::Clear) => 2,
+                Some(OnSilence::Substitute) => 3,
+            }
+        })
+    }
+
+    /// All of that in 16 bits (2032h).
+    pub(super) fn state_word(&self, nth: usize) -> u16 {
+        let status = self.slave_status(nth);
+        let Some(status) = &status else { return 0 };
+        let inputs = self.inputs_are(nth, Some(status));
+        let turns = if status.answers & 1 == 1 { TURNS } else { 0 };
+        u16::from_le_bytes([health(Some(status)) | inputs << 2, status.exception]) | turns
+    }
+
+    /// The entries of 2180h and following.
+    pub(super) fn status_number(&self, nth: usize, sub: usize) -> Option<u32> {
+        let status = self.slave_status(nth);
+        // A device that there is not has never been heard of.
+        let never = if sub == 1 { u32::MAX } else { 0 };
+        let Some(status) = status else { return (sub <= 8).then_some(never) };
+        Some(match sub {
+            0 => health(Some(&status)).into(),
+            1 if status.heard == Instant::MIN => never,
+            1 => u32::try_from(status.heard.elapsed().as_millis()).unwrap_or(u32::MAX),
+            2 => status.exception.into(),
+            3 => status.error.map_or(0, |error| error as u32),
+            4 => status.requests,
+            5 => status.answers,
+            6 => status.exceptions,
+            7 => status.failures,
+            8 => self.inputs_are(nth, Some(&status)).into(),
+            _ => return None,
+        })
+    }
+}

@@ -1,0 +1,28 @@
+//! What the inputs of a device become when it does not answer any more.
+
+use super::Scanner;
+use super::row::DeviceId;
+use super::values::copy_bits;
+
+/// Eight bits that are all set.
+const ONES: [u8; 1] = [0xff];
+
+impl Scanner {
+    /// Fills the inputs of `device`, if it is set so.
+    pub(super) fn fill(&mut self, device: DeviceId) {
+        let Some(value) = self.station(device).and_then(|station| station.device.filling) else { return };
+        for entry in self.entries.iter().filter(|entry| entry.row.device == Some(device)) {
+            let row = &entry.row;
+            let cells = self.values.span_mut(row.input, row.kind.bytes(row.count));
+            if !row.kind.is_bits() {
+                cells.as_chunks_mut().0.fill(value.to_be_bytes());
+                continue;
+            }
+            cells.fill(0);
+            if value & 1 == 1 {
+                // What is behind the last bit stays 0.
+                (0..usize::from(row.count)).for_each(|at| copy_bits(&ONES, 0, cells, at, 1));
+            }
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! More slaves than four, and images longer than 120 bytes, by PDOs that are assigned.
+
+use embassy_time::{Instant, Timer};
+use ethercrab::subdevice_group::PreOp;
+use mobgate_simulator::Device;
+use mobgate_simulator::sub_device::{Desk, Group};
+
+use super::bench::{MS, with_wire};
+
+const SETTINGS: &str = "port bus serial uart1 rtu client 115200 8E1
+    port ecat ethercat
+    route ecat 1-247 * * bus";
+const SLAVES: u16 = 32;
+const BAUD: u32 = 115_200;
+
+fn devices() -> Vec<Device> {
+    (1..=SLAVES as u8).map(Device::new).collect()
+}
+
+/// Each slave has 32 coils and six holding registers: 16 bytes each way.
+async fn configure(desk: &Desk<'_>, group: &Group<PreOp>) -> Result<(), ethercrab::error::Error> {
+    let gateway = group.subdevice(desk.master, 0).unwrap();
+    gateway.sdo_write(0x2000, 1, SLAVES).await?;
+    for nth in 0..SLAVES {
+        for (sub, value) in [(1, nth + 1), (2, 32), (3, 0), (8, 6), (9, 0)] {
+            gateway.sdo_write(0x2100 + nth, sub, value).await?;
+        }
+        gateway.sdo_write(0x2100 + nth, 10, 500_u32).await?;
+    }
+    gateway.sdo_write(0x2005, 1, 1_u16).await
+}
+
+async fn assign(desk: &Desk<'_>, group: &Group<PreOp>, outputs: &[u16], inputs: &[u16]) {
+    let gateway = group.subdevice(desk.master, 0).unwrap();
+    gateway.sdo_write_array(0x1c12, outputs).await.unwrap();
+    gateway.sdo_write_array(0x1c13, inputs).await.unwrap();
+}
+
+#[test]
+fn thirty_two_slaves_exchange_512_bytes_each_way() {
+    with_wire(BAUD, SETTINGS, devices(), async |desk, gateway| {
+        let group = desk.to_pre_op().await.unwrap();
+        assign(&desk, &group, &[0x1601, 0x1602, 0x1603], &[0x1a01, 0x1a04, 0x1a05, 0x1a06]).await;
+        configure(&desk, &group).await.unwrap();
+        let device = group.subdevice(desk.master, 0).unwrap();
+        let last = device.sdo_read::<u16>(0x2140 + 31, 6).await.unwrap();
+        assert_eq!(last, 511, "the last input byte");
+        let group = group.into_safe_op(desk.master).await.unwrap();
+        let image: Vec<u8> = (0..512_usize).map(|byte| (byte * 7 % 251) as u8).collect();
+        let device = group.subdevice(desk.master, 0).unwrap();
+        assert_eq!((device.outputs_raw().len(), device.inputs_raw().len()), (512, 512 + 64));
+        device.outputs_raw_mut().copy_from_slice(&image);
+        group.tx_rx(desk.master).await.unwrap();
+        let group = group.request_into_op(desk.master).await.unwrap();
+        let begin = Instant::now();
+        while begin.elapsed() < 3_000 * MS {
+            group.tx_rx(desk.master).await.unwrap();
+            Timer::after_millis(2).await;
+        }
+        let device = group.subdevice(desk.master, 0).unwrap();
+        assert_eq!(device.inputs_raw()[..512], image, "every byte is read back");
+        let states = device.inputs_raw()[512..].to_vec();
+        for (nth, state) in states.as_chunks::<2>().0.iter().enumerate() {
+            assert_eq!((state[0] & 0x7f, state[1]), (1, 0), "slave {nth} is well");
+            let answers = gateway.ethercat().unwrap().slave_status(nth).unwrap().answers;
+            assert!(answers > 5, "slave {nth}: {answers}");
+            assert_eq!(device.sdo_read::<u8>(0x2180 + nth as u16, 1).await.unwrap(), 1);
+        }
+    });
+}
+
+#[test]
+fn an_image_longer_than_the_assigned_pdos_is_refused_where_it_is_found() {
+    with_wire(BAUD, SETTINGS, devices(), async |desk, gateway| {
+        let place = gateway.ethercat().unwrap();
+        let group = desk.to_pre_op().await.unwrap();
+        // 120 bytes each way.
+        assert!(configure(&desk, &group).await.is_err());
+        assert!(!place.is_running());
+        let device = group.subdevice(desk.master, 0).unwrap();
+        let reason = device.sdo_read::<[u8; 48]>(0x2006, 0).await.unwrap();
+        assert!(reason.starts_with(b"slave 7 ends past the 120 input bytes"), "{}", reason.escape_ascii());
+
+        // With room it is taken over; then the room is taken away.
+        assign(&desk, &group, &[0x1600, 0x1602, 0x1603], &[0x1a00, 0x1a04, 0x1a05]).await;
+        group.subdevice(desk.master, 0).unwrap().sdo_write(0x2005, 1, 1_u16).await.unwrap();
+        assert!(place.is_running());
+        assign(&desk, &group, &[0x1600, 0x1602, 0x1603], &[0x1a00, 0x1a04]).await;
+        assert!(group.into_safe_op(desk.master).await.is_err());
+        assert!(place.is_running(), "which is the state's fault, not the configuration's");
+    });
+}

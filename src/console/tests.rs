@@ -15,7 +15,7 @@ use mobgate_clock as _;
 use super::*;
 use crate::config::{OwnNetwork, PortId, StaticAddress};
 use crate::frame::{FramePool, Slot};
-use crate::gateway::{PortPlace, Seat};
+use crate::gateway::{Ports, Seat};
 use crate::hal::{NetworkState, StoreError};
 use crate::modbus::Exception;
 use crate::scanner::ScannerPlace;
@@ -113,7 +113,7 @@ const SEATS: usize = 40;
 /// Calls `test` with a gateway of four port places.
 fn with_gateway(test: impl FnOnce(&Gateway<'_>)) {
     let slots = [const { Slot::new() }; SEATS + 8];
-    let ports = [const { PortPlace::new() }; 5];
+    let ports = Ports::<5>::new();
     let seats = [const { Seat::new() }; SEATS];
     let pool = FramePool::new(&slots, SEATS + 5);
     let scanner = ScannerPlace::new();
@@ -219,7 +219,7 @@ fn ports_and_rules_are_shown_as_tables_with_a_header() {
 fn counters_units_and_transactions_are_shown_and_cleared() {
     with_gateway(|gateway| {
         pipe(gateway, SETTINGS);
-        let place = &gateway.ports()[0];
+        let place = gateway.place(PortId(0)).unwrap();
         place.stats.count(Event::Request);
         place.stats.count(Event::Timeout);
         let now = embassy_time::Instant::now();
@@ -344,7 +344,8 @@ fn an_address_of_its_own_is_refused_where_the_system_has_the_network() {
 fn a_board_with_a_network_of_its_own_follows_the_settings_and_shows_its_address() {
     let slots = [const { Slot::new() }; 2];
     let gateway = FramePool::new(&slots, 0);
-    let gateway = Gateway::new(&gateway, &[], &[]).with_own_network();
+    let ports = Ports::<0>::new();
+    let gateway = Gateway::new(&gateway, &ports, &[]).with_own_network();
     assert_eq!(pipe(&gateway, "network address 10.0.0.5/24 gateway 10.0.0.1\n"), "");
     let address =
         StaticAddress { address: [10, 0, 0, 5].into(), prefix: 24, gateway: Some([10, 0, 0, 1].into()) };

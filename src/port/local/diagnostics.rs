@@ -68,11 +68,11 @@ pub(super) fn answer(gateway: &Gateway<'_>, port: PortId, sub: u16, data: &[u8])
 /// The state of all ports, as it is now: there is nothing to clear.
 fn register(gateway: &Gateway<'_>) -> u16 {
     let failed = |place: &PortPlace| matches!(place.status(), Status::Lost | Status::Failed(_));
-    let ids = (0..gateway.ports().len()).map(|index| PortId(index as u8));
-    let down = |place: PortAt<'_>| place.units(|units| units.iter().any(Unit::is_down));
+    let down = |port: PortAt<'_>| port.units(|units| units.iter().any(Unit::is_down));
+    let mut ports = (0..gateway.ports().len()).filter_map(|index| gateway.place(PortId(index as u8)));
     let bit = |is, bit| if is { bit } else { 0 };
     bit(gateway.ports().iter().any(failed), PORT_FAILED)
-        | bit(ids.filter_map(|id| gateway.place(id)).any(down), UNIT_DOWN)
+        | bit(ports.any(down), UNIT_DOWN)
         | bit(gateway.pool().free() == 0, NO_FRAME)
 }
 

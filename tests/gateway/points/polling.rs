@@ -159,8 +159,8 @@ fn a_polled_point_stays_fresh_while_a_client_floods_its_line() {
 fn a_gateway_without_memory_for_points_refuses_them_and_changes_nothing() {
     use mobgate::config::{Settings, apply};
     use mobgate::frame::FramePool;
-    use mobgate::gateway::{ApplyError, Gateway};
-    let (slots, places) = ([], []);
+    use mobgate::gateway::{ApplyError, Gateway, Ports};
+    let (slots, places) = ([], Ports::<0>::new());
     let pool = FramePool::new(&slots, 0);
     let gateway = Gateway::new(&pool, &places, &[]);
     let mut settings = Settings::new();

@@ -162,6 +162,8 @@ struct SlotState {
     envelope: Option<Envelope>,
     pdu: [u8; PDU_BYTES_MAX],
     length: u8,
+    /// How long the PDU will be, once that is known; else 0.
+    expected: u8,
     /// The CRC of unit and PDU, as long as nobody knows whether it is good: as it came, or, of an ASCII frame, one that is as
     /// right or wrong as its LRC; and how much of it is there.
     crc: [u8; 2],
@@ -183,6 +185,7 @@ impl Slot {
             envelope: None,
             pdu: [0; PDU_BYTES_MAX],
             length: 0,
+            expected: 0,
             crc: [0; 2],
             crc_bytes: 0,
             handles: 0,
@@ -197,6 +200,7 @@ impl Slot {
 impl SlotState {
     fn restart(&mut self) {
         self.length = 0;
+        self.expected = 0;
         self.crc_bytes = 0;
         self.fill = Fill::Filling;
     }
@@ -213,7 +217,8 @@ impl SlotState {
 
     /// What is there.
     fn arrived(&self) -> usize {
-        usize::from(self.length) + usize::from(self.crc_bytes)
+        let check = if self.fill == Fill::Complete { 0 } else { self.crc_bytes };
+        usize::from(self.length) + usize::from(check)
     }
 }
 
@@ -369,6 +374,7 @@ impl<'p> Frame<'p> {
     /// Copies the bytes of the PDU that are there into `out`, and says how many they are.
     pub fn copy_pdu(&self, out: &mut [u8; PDU_BYTES_MAX]) -> usize {
         self.pdu(|pdu| {
+            // It is no longer than a PDU may be.
             if let Some(out) = out.get_mut(..pdu.len()) {
                 out.copy_from_slice(pdu);
             }
@@ -386,9 +392,21 @@ impl<'p> Frame<'p> {
         self.with(|slot| (slot.arrived(), slot.fill)).unwrap_or((0, Fill::Broken))
     }
 
-    /// What has come of the CRC of a frame that is not complete.
+    /// How long the PDU of a frame that is being filled will be, once its writer knows.
+    pub fn expected(&self) -> Option<usize> {
+        self.with(|slot| usize::from(slot.expected)).filter(|&length| length > 0)
+    }
+
+    /// What has come of the CRC of a frame that was filled while it arrived.
     pub fn crc(&self) -> ([u8; 2], usize) {
         self.with(|slot| (slot.crc, usize::from(slot.crc_bytes))).unwrap_or_default()
+    }
+
+    /// The CRC with which the frame came while it was passed on, if it goes on under the same unit id.
+    pub(crate) fn own_crc(&self) -> Option<u16> {
+        let Envelope { unit, target, .. } = self.envelope();
+        let (crc, there) = self.crc();
+        (there == crc.len() && unit == target).then(|| u16::from_le_bytes(crc))
     }
 
     /// Breaks the frame if it is still being filled: nobody here wants it that way. Says whether it was.
@@ -535,6 +553,11 @@ impl<'p> FrameWriter<'p> {
         appended.flatten().ok_or(FrameFull)
     }
 
+    /// The PDU will have `length` bytes.
+    pub fn expect(&mut self, length: usize) {
+        self.frame.with(|slot| slot.expected = length.min(PDU_BYTES_MAX) as u8);
+    }
+
     /// Appends a byte of the CRC behind the PDU, of which it is not known yet whether it is good.
     pub fn push_crc(&mut self, byte: u8) {
         self.frame.with(|slot| {
@@ -553,7 +576,6 @@ impl<'p> FrameWriter<'p> {
             let wanted = slot.fill == Fill::Filling;
             if wanted {
                 slot.fill = Fill::Complete;
-                slot.crc_bytes = 0;
                 slot.waiting.wake();
             }
             wanted

@@ -14,6 +14,7 @@ pub mod ethercat;
 pub mod flights;
 pub mod local;
 pub mod queue;
+pub mod relay;
 pub mod shared_bus;
 pub mod units;
 

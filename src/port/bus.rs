@@ -13,7 +13,7 @@ use embassy_time::{Duration, Instant, Timer};
 use crate::capture::Tap;
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::Frame;
-use crate::gateway::PortAt;
+use crate::gateway::{Gateway, PortAt};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{Decoder, LINE_FEED};
 use crate::modbus::rtu;
@@ -110,14 +110,17 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     /// Sends the order `frame` to `unit` while it arrives.
     pub(crate) async fn copy(
         &mut self,
+        gateway: &Gateway<'_>,
         frame: &Frame<'_>,
         unit: u8,
         may_wait: bool,
     ) -> Result<Copied, LineLost> {
         self.decoder.clear();
         self.line.stats.count(Event::Request);
-        let (framing, from) = (self.framing, frame.envelope().unit);
-        copy(&mut self.line, frame, Form { framing, may_wait, delimiter: LINE_FEED, from, to: unit }).await
+        let (framing, envelope) = (self.framing, frame.envelope());
+        let (source, from) = (Some(envelope.origin.port), envelope.unit);
+        let form = Form { framing, may_wait, delimiter: LINE_FEED, source, from, to: unit };
+        copy(gateway, &mut self.line, frame, form).await
     }
 
     /// Waits for the response to what was just sent, and gives the time from the request's end to it.
@@ -146,11 +149,9 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     }
 
     /// Notes a request that was sent while it arrived.
-    pub(crate) fn note_copied(&self, unit: u8, request: &[u8]) {
-        let mut frame = [0; FRAME_CHARS_MAX];
-        if let Ok(frame) = self.framing.encode(unit, request, LINE_FEED, &mut frame) {
-            self.tap.sent(self.line.active, Event::Request, frame);
-        }
+    pub(crate) fn note_copied(&self, unit: u8, request: &[u8], crc: Option<u16>) {
+        let end = (crc, LINE_FEED);
+        self.tap.copied(self.line.active, Event::Request, self.framing, (unit, request), end);
     }
 
     async fn response(
@@ -187,8 +188,14 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                 // What has not been read is no silence.
                 self.line.active = self.line.active.max(Instant::now());
             }
-            let over = if has_begun { end.min(self.line.active + self.silence) } else { deadline };
+            let over = match has_begun {
+                // The board watches the silence, and lets us read when it has come.
+                true if self.line.is_relayed() => end,
+                true => end.min(self.line.active + self.silence),
+                false => deadline,
+            };
             found = match select(self.line.read(), until(over.min(reply.due()))).await {
+                Either::Second(()) if self.line.is_relayed() && Instant::now() < end => Found::Nothing,
                 Either::First(read) => {
                     read?;
                     self.pauses |= self.decoder.in_frame() && self.line.pauses();

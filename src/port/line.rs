@@ -12,6 +12,7 @@ use crate::config::{Driver, LineSettings};
 use crate::hal::{Flaws, SerialLine};
 use crate::modbus::rtu;
 use crate::port::moment::within;
+use crate::port::relay::Relay;
 use crate::stats::{Counters, Event};
 
 mod opening;
@@ -93,10 +94,11 @@ impl<'s, L: SerialLine> Line<'s, L> {
     /// Drops the first `count` bytes of what was heard.
     pub(crate) fn consume(&mut self, count: usize) {
         let count = count.min(self.length);
-        if count > 0 {
-            self.begun += self.settings.chars(count);
-            self.pause = Duration::from_ticks(0);
+        if count == 0 {
+            return;
         }
+        self.begun += self.settings.chars(count);
+        self.pause = Duration::from_ticks(0);
         self.received.copy_within(count..self.length, 0);
         self.length -= count;
     }
@@ -146,7 +148,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
             Ok(count) => {
                 self.note_flaws();
                 let before = self.active;
-                self.active = Instant::now();
+                self.active = Instant::now().saturating_sub(self.io.silence());
                 let since = self.active.checked_sub(self.settings.chars(self.length + count));
                 let begun = since.unwrap_or(Instant::MIN);
                 if self.length == 0 {
@@ -210,6 +212,30 @@ impl<'s, L: SerialLine> Line<'s, L> {
             Some(Ok(())) => Ok(()),
             _ => Err(LineLost),
         }
+    }
+
+    /// Lets the board send more characters of a frame, those that the line `from` is about to hear. Says whether it does.
+    pub(crate) fn relay(&mut self, from: &str, relay: Relay) -> bool {
+        self.io.relay(from, relay)
+    }
+
+    /// Ends that, and gives the number of characters that were sent since `begun`.
+    pub(crate) fn end_relay(&mut self, begun: &Relay) -> usize {
+        let count = self.io.end_relay().map_or(0, |relay| relay.sent_since(begun));
+        self.run.1 += count;
+        let (since, sent) = self.run;
+        let (end, now) = (since + self.settings.chars(sent), Instant::now());
+        if end < now {
+            self.run = (now, 0);
+        }
+        self.active = end.max(now);
+        count
+    }
+
+    /// Whether the board is sending at another line what this one hears: then it watches the silence here, and `read` gives
+    /// what has come when that is over.
+    pub(crate) fn is_relayed(&self) -> bool {
+        self.io.is_relayed()
     }
 
     async fn drive(&mut self, on: bool) -> Result<(), LineLost> {

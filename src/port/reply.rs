@@ -66,10 +66,13 @@ impl<'r, 'g> Reply<'r, 'g> {
                 }
                 return;
             }
-            Passing::Open | Passing::From(_) if unit != self.unit || is_answering(self.order) => {
+            Passing::Open | Passing::From(_) | Passing::At(_)
+                if unit != self.unit || is_answering(self.order) =>
+            {
                 self.passing = Passing::Whole;
             }
             Passing::Open | Passing::From(_) => self.passing = Passing::plan(begun, line, &asker, end),
+            Passing::At(_) => {}
         }
         if self.passing.is_due() {
             let mut arriving = Arriving::new(self.order.rewrite(), line.framing);
@@ -79,11 +82,13 @@ impl<'r, 'g> Reply<'r, 'g> {
         }
     }
 
-    /// The response is `pdu`, and all that was `heard` if it has been passed on so far.
+    /// The response is `pdu`, which was `heard` right behind the unit if it has been passed on so far.
     pub(crate) fn whole(&mut self, heard: &[u8], pdu: &[u8]) {
         match core::mem::replace(&mut self.passing, Passing::Whole) {
             // Its frame may have been given up meanwhile.
-            Passing::Begun(arriving) if heard.get(1..=pdu.len()) == Some(pdu) => {
+            Passing::Begun(arriving)
+                if heard.get(1..=pdu.len()).is_some_and(|begin| core::ptr::eq(begin, pdu)) =>
+            {
                 arriving.finish(pdu);
             }
             Passing::Begun(_) => {}

@@ -79,7 +79,7 @@ async fn carry_out<'g, L: SerialLine>(
         let input = desk.gateway().settings(|settings| Lane::at(settings, origin));
         // What is broken off comes again when it is whole.
         let may_wait = input.is_some_and(|lane| lane.framing == Framing::Rtu);
-        let copied = bus.copy(&frame, unit, may_wait).await?;
+        let copied = bus.copy(desk.gateway(), &frame, unit, may_wait).await?;
         if copied == Copied::Short {
             place.units(|units| units.hold(unit, Instant::now(), window));
         }
@@ -94,7 +94,7 @@ async fn carry_out<'g, L: SerialLine>(
     let length = frame.copy_pdu(&mut request);
     let request = request.get(..length).unwrap_or(&[]);
     if arriving {
-        bus.note_copied(unit, request);
+        bus.note_copied(unit, request, frame.own_crc());
     }
     if unit == 0 {
         bus.broadcast(request).await?;

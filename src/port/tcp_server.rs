@@ -99,7 +99,7 @@ impl Server<'_, '_> {
         let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
                 Some(_) if self.settings.framing == StreamFraming::Capture => self.export(&mut stream).await,
-                Some(origin) => self.serve(&mut stream, origin, peer).await,
+                Some(origin) => self.serve(&mut stream, origin).await,
                 None => End::Crowded,
             }
         } else {
@@ -172,10 +172,10 @@ impl Server<'_, '_> {
         Some(Origin { port: self.id, way: Way::Seat(self.index as u16), generation: own.generation })
     }
 
-    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin, peer: SocketAddr) -> End {
+    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin) -> End {
         let mut input = Input::new(self.settings.framing);
         loop {
-            let waits = match self.take_requests(stream, &mut input, origin, peer).await {
+            let waits = match self.take_requests(stream, &mut input, origin).await {
                 Ok(waits) => waits,
                 Err(end) => return end,
             };
@@ -190,7 +190,7 @@ impl Server<'_, '_> {
                 Either4::First(Ok(0) | Err(_)) => return End::Client,
                 Either4::First(Ok(count)) => input.grew(count),
                 Either4::Second(frame) => {
-                    if let Err(end) = self.give(stream, peer, frame).await {
+                    if let Err(end) = self.give(stream, frame).await {
                         return end;
                     }
                 }
@@ -207,7 +207,6 @@ impl Server<'_, '_> {
         stream: &mut S,
         input: &mut Input,
         origin: Origin,
-        peer: SocketAddr,
     ) -> Result<Waits, End> {
         loop {
             // RTU answers do not say which request they belong to.
@@ -218,20 +217,20 @@ impl Server<'_, '_> {
                 Ok(Parsed::Incomplete) => return Ok(Waits::No),
                 Ok(Parsed::Skip { consumed }) => {
                     self.place.stats.count(input.skip_event());
-                    self.tap(peer, false, input.skip_event(), input.first(consumed));
+                    self.tap(false, input.skip_event(), input.first(consumed));
                     consumed
                 }
-                Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, peer, header, pdu) {
+                Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, header, pdu) {
                     Taken::Sent => {
-                        self.tap(peer, false, Event::Request, input.first(consumed));
+                        self.tap(false, Event::Request, input.first(consumed));
                         consumed
                     }
                     Taken::Refused(exception) => {
                         let answer = exception.response(pdu.first().copied().unwrap_or(0));
-                        self.tap(peer, false, Event::Request, input.first(consumed));
+                        self.tap(false, Event::Request, input.first(consumed));
                         let mut out = [0; ADU_BYTES_MAX];
                         let out = encode(self.settings.framing, header, &answer, &mut out);
-                        self.write(stream, peer, out.unwrap_or(&[])).await?;
+                        self.write(stream, out.unwrap_or(&[])).await?;
                         consumed
                     }
                     Taken::Starved => {
@@ -246,7 +245,7 @@ impl Server<'_, '_> {
     }
 
     /// Sends a request to the router, or says why not.
-    fn take(&self, origin: Origin, peer: SocketAddr, header: Header, request: &[u8]) -> Taken {
+    fn take(&self, origin: Origin, header: Header, request: &[u8]) -> Taken {
         if let Err(exception) = pdu::check_request(request) {
             self.place.stats.count(Event::Refused);
             self.place.stats.note_refused(request, exception);
@@ -260,7 +259,7 @@ impl Server<'_, '_> {
         let deadline = received + self.settings.lifetime;
         let envelope = Envelope {
             transaction: header.transaction,
-            peer: Some(peer.ip().to_canonical()),
+            peer: self.seat.state().peer.map(|peer| peer.ip().to_canonical()),
             ..Envelope::request(origin, header.unit, received, deadline)
         };
         // The parser gives no longer PDU than fits.
@@ -278,12 +277,7 @@ impl Server<'_, '_> {
     }
 
     /// Gives an answer to the client; a frame that came home without one is only counted off.
-    async fn give<S: TcpStream>(
-        &self,
-        stream: &mut S,
-        peer: SocketAddr,
-        frame: Frame<'_>,
-    ) -> Result<(), End> {
+    async fn give<S: TcpStream>(&self, stream: &mut S, frame: Frame<'_>) -> Result<(), End> {
         self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
         let (stage, cause, header) = frame.look(|envelope| {
             let header = Header { transaction: envelope.transaction, unit: envelope.unit };
@@ -298,7 +292,7 @@ impl Server<'_, '_> {
             encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
         });
         drop(frame);
-        self.write(stream, peer, out.get(..length).unwrap_or(&[])).await
+        self.write(stream, out.get(..length).unwrap_or(&[])).await
     }
 
     fn count_answer(&self, answer: &[u8], cause: Cause) {
@@ -312,8 +306,8 @@ impl Server<'_, '_> {
     }
 
     /// Writes the frame of an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, peer: SocketAddr, frame: &[u8]) -> Result<(), End> {
-        self.tap(peer, true, Event::Answer, frame);
+    async fn write<S: TcpStream>(&self, stream: &mut S, frame: &[u8]) -> Result<(), End> {
+        self.tap(true, Event::Answer, frame);
         match within(WRITE_PATIENCE, pin!(stream.write_all(frame))).await {
             Some(Ok(())) => Ok(()),
             Some(Err(_)) => Err(End::Client),
@@ -321,10 +315,11 @@ impl Server<'_, '_> {
         }
     }
 
-    /// Shows a frame from or to `peer` to whoever follows.
-    fn tap(&self, peer: SocketAddr, sent: bool, verdict: Event, bytes: &[u8]) {
+    /// Shows a frame from or to the client to whoever follows.
+    fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
         let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
-        tap.passed(peer.port(), sent, verdict, bytes);
+        let port = self.seat.state().peer.map_or(0, |peer| peer.port());
+        tap.passed(port, sent, verdict, bytes);
     }
 
     /// Gives a client the frames of all ports as they come.

@@ -61,6 +61,7 @@ pub(super) struct Session<'s, 'g, L> {
 /// would otherwise have the gateway ask itself for ever, unless the settings say `echo`.
 struct Answered {
     unit: u8,
+    /// Of unit and PDU.
     crc: u16,
     /// Its echo is heard before.
     until: Instant,
@@ -115,6 +116,8 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             let begins = self.line.heard().is_empty();
             let next = due.min(quiet).min(self.passing.due());
             match select3(self.line.read(), answers, until(next)).await {
+                // Meanwhile the board has begun to pass on what comes, and to watch for a silence in it.
+                Either3::Third(()) if self.line.is_relayed() && Instant::now() < due => {}
                 Either3::First(read) => {
                     read?;
                     self.hear(begins);
@@ -140,6 +143,8 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
     /// When the silence will say something about what has been heard.
     fn quiet_at(&self) -> Instant {
         let waits = match &self.ear {
+            // The board watches the silence, and lets us read when it has come.
+            Ear::Rtu(_) if self.line.is_relayed() => false,
             Ear::Rtu(ear) => ear.needs_silence() || !self.line.heard().is_empty(),
             Ear::Ascii(ear) => ear.in_frame(),
         };

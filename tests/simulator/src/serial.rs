@@ -4,6 +4,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
+use mobgate::port::relay::Relay;
 
 use crate::wire::LineEnd;
 
@@ -52,7 +53,9 @@ impl SerialHost for SimSerial {
         let (_, end) =
             self.devices.iter().find(|(name, _)| name == device).ok_or(error(OpenErrorKind::NotFound))?;
         let Self { late_reads, rests, .. } = *self;
-        end.open(*line).map(|end| SimLine { end, late_reads, rests }).map_err(|kind| match kind {
+        let board = self.clone();
+        let opened = |end| SimLine { end, late_reads, rests, board, source: None };
+        end.open(*line).map(opened).map_err(|kind| match kind {
             ErrorKind::AddrInUse => error(OpenErrorKind::InUse),
             _ => error(OpenErrorKind::NotFound),
         })
@@ -72,10 +75,14 @@ pub struct SimLine {
     end: LineEnd,
     late_reads: Option<Duration>,
     rests: Duration,
+    board: SimSerial,
+    /// Whose characters are sent here.
+    source: Option<LineEnd>,
 }
 
 impl Drop for SimLine {
     fn drop(&mut self) {
+        self.end_relay();
         self.end.close();
     }
 }
@@ -94,6 +101,25 @@ impl SerialLine for SimLine {
             Timer::at(until).await;
         }
         sleeps
+    }
+
+    fn relay(&mut self, from: &str, relay: Relay) -> bool {
+        let source = self.board.devices.iter().find(|(name, _)| name == from);
+        self.source = source.map(|(_, end)| end.clone());
+        self.source.iter().for_each(|source| source.begin_relay(relay, &self.end));
+        self.source.is_some()
+    }
+
+    fn end_relay(&mut self) -> Option<Relay> {
+        self.source.take()?.end_relay()
+    }
+
+    fn is_relayed(&self) -> bool {
+        self.end.is_relayed()
+    }
+
+    fn silence(&self) -> Duration {
+        self.end.silence()
     }
 
     fn take_flaws(&mut self) -> Flaws {

@@ -16,9 +16,11 @@ use crate::config::{Framing, PortId, StreamFraming};
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::stats::Event;
 
+mod bytes;
 mod export;
 pub mod pcapng;
 
+use self::bytes::Bytes;
 pub use self::export::Export;
 
 /// Frames that the ring remembers; half as many with the feature `small`.
@@ -78,7 +80,7 @@ pub struct Capture {
 
 struct Ring {
     heads: Deque<Head, FRAMES_MAX>,
-    bytes: Deque<u8, BYTES_MAX>,
+    bytes: Bytes,
     /// The number of the oldest one.
     first: u32,
 }
@@ -86,7 +88,7 @@ struct Ring {
 impl Capture {
     /// An empty ring.
     pub const fn new() -> Self {
-        let ring = Ring { heads: Deque::new(), bytes: Deque::new(), first: 0 };
+        let ring = Ring { heads: Deque::new(), bytes: Bytes::new(), first: 0 };
         Self {
             ring: Mutex::new(RefCell::new(ring)),
             followers: AtomicU8::new(0),
@@ -115,8 +117,8 @@ impl Capture {
         self.ring.lock(|ring| ring.borrow().get(cursor))
     }
 
-    fn record(&self, head: Head, bytes: &[u8]) {
-        self.ring.lock(|ring| ring.borrow_mut().push(head, bytes));
+    fn record(&self, head: Head, parts: &[&[u8]]) {
+        self.ring.lock(|ring| ring.borrow_mut().push(head, parts));
     }
 }
 
@@ -152,17 +154,15 @@ impl Ring {
         self.first.wrapping_add(self.heads.len() as u32)
     }
 
-    fn push(&mut self, head: Head, bytes: &[u8]) {
-        while self.heads.is_full() || self.bytes.capacity() - self.bytes.len() < bytes.len() {
+    fn push(&mut self, head: Head, parts: &[&[u8]]) {
+        while self.heads.is_full() || self.bytes.room() < head.length.into() {
             let Some(oldest) = self.heads.pop_front() else { return };
-            for _ in 0..oldest.length {
-                self.bytes.pop_front();
-            }
+            self.bytes.drop_oldest(oldest.length.into());
             self.first = self.first.wrapping_add(1);
         }
         // There is room now.
         let _ = self.heads.push_back(head);
-        self.bytes.extend(bytes.iter().copied());
+        parts.iter().for_each(|part| self.bytes.append(part));
     }
 
     fn get(&self, cursor: &mut u32) -> Option<Captured> {
@@ -173,7 +173,7 @@ impl Ring {
         }
         let head = *self.heads.iter().nth(at)?;
         let start: usize = self.heads.iter().take(at).map(|head| usize::from(head.length)).sum();
-        let bytes = self.bytes.iter().skip(start).take(head.length.into()).copied().collect();
+        let bytes = self.bytes.get(start, head.length.into());
         let number = self.first.wrapping_add(at as u32);
         let missed = number.wrapping_sub(*cursor);
         *cursor = number.wrapping_add(1);
@@ -195,6 +195,28 @@ impl Tap<'_> {
         self.record(at, self.asker(), true, verdict, bytes);
     }
 
+    /// Records a frame that the gateway has sent on a line while it arrived: in RTU with the CRC that came, if that is known.
+    pub(crate) fn copied(
+        &self,
+        at: Instant,
+        verdict: Event,
+        framing: Framing,
+        (unit, pdu): (u8, &[u8]),
+        (crc, delimiter): (Option<u16>, u8),
+    ) {
+        match (framing, crc) {
+            _ if self.capture.is_none() => {}
+            (Framing::Rtu, Some(crc)) => {
+                self.record_parts(at, self.asker(), true, verdict, &[&[unit], pdu, &crc.to_le_bytes()]);
+            }
+            _ => {
+                let mut frame = [0; FRAME_CHARS_MAX];
+                let frame = framing.encode(unit, pdu, delimiter, &mut frame);
+                self.sent(at, verdict, frame.unwrap_or(&[]));
+            }
+        }
+    }
+
     /// Records what was heard on a line until `at`.
     pub(crate) fn heard(&self, at: Instant, verdict: Event, bytes: &[u8]) {
         self.record(at, self.asker(), false, verdict, bytes);
@@ -213,10 +235,14 @@ impl Tap<'_> {
     }
 
     fn record(&self, at: Instant, asker: u16, sent: bool, verdict: Event, bytes: &[u8]) {
-        let Some(capture) = self.capture.filter(|_| !bytes.is_empty()) else { return };
-        let bytes = bytes.get(..FRAME_CHARS_MAX).unwrap_or(bytes);
+        self.record_parts(at, asker, sent, verdict, &[bytes.get(..FRAME_CHARS_MAX).unwrap_or(bytes)]);
+    }
+
+    fn record_parts(&self, at: Instant, asker: u16, sent: bool, verdict: Event, parts: &[&[u8]]) {
+        let length = parts.iter().map(|part| part.len()).sum::<usize>() as u16;
+        let Some(capture) = self.capture.filter(|_| length > 0) else { return };
         let Self { port, kind, .. } = *self;
-        capture.record(Head { at, port, kind, asker, sent, verdict, length: bytes.len() as u16 }, bytes);
+        capture.record(Head { at, port, kind, asker, sent, verdict, length }, parts);
     }
 }
 

@@ -10,6 +10,7 @@ use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 
 use crate::config::{LineSettings, StaticAddress, TcpListen};
+use crate::port::relay::Relay;
 
 /// Why something could not be opened, with what the user can do about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,6 +96,9 @@ pub trait SerialHost {
 
 /// An open serial line.
 pub trait SerialLine: Read + Write {
+    /// Whether [`rest`](SerialLine::rest) is ever worth its while here.
+    const RESTS: bool = false;
+
     /// Switches the transceiver's driver on before a frame, and off when its last bit should have left; a line that knows
     /// better when that is waits for it. Called only where the settings leave the driver to the gateway
     /// ([`Driver::Rts`](crate::config::Driver::Rts)); `open` refuses those settings where it cannot be done.
@@ -104,9 +108,35 @@ pub trait SerialLine: Read + Write {
 
     /// None of the characters that come before `until` is needed earlier: where each of them would wake a sleeping program,
     /// that time passes here without a look at the line, and they are read afterwards, all at once. Says whether it has; it has
-    /// not where characters are best read as they come. Dropping the pending future loses none.
+    /// not where characters are best read as they come, or that time is too short. Dropping the pending future loses none.
     async fn rest(&mut self, _until: Instant) -> bool {
         false
+    }
+
+    /// Lets what the open line `from` of this board hears be sent here, as `relay` makes it, without a task that wakes for each
+    /// character. It begins with what that line has heard and `read` has not given yet. Says whether the board does that; then
+    ///
+    /// - it does so until the relay is over, or `from` has been silent for longer than its t1.5, by as much as
+    ///   [reads may be late](SerialHost::read_jitter),
+    /// - `from` gives what it heard meanwhile afterwards, all at once, and [`is_relayed`](Self::is_relayed) until then,
+    /// - nothing else is written here before [`end_relay`](Self::end_relay).
+    fn relay(&mut self, _from: &str, _relay: Relay) -> bool {
+        false
+    }
+
+    /// Ends what [`relay`](Self::relay) began, if it is not over, and gives what is left of it.
+    fn end_relay(&mut self) -> Option<Relay> {
+        None
+    }
+
+    /// Whether another line is sending what this one hears.
+    fn is_relayed(&self) -> bool {
+        false
+    }
+
+    /// For how long the line had been silent when `read` gave what was relayed until then; nothing where it was not.
+    fn silence(&self) -> Duration {
+        Duration::from_ticks(0)
     }
 
     /// The characters that the receiver found faulty since it was asked last, of those that `read` has given or dropped. A

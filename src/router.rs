@@ -7,7 +7,7 @@
 use embassy_time::Instant;
 
 use crate::config::PortId;
-use crate::frame::{Channel, Envelope, Fill, Frame, Origin, Stage, Way};
+use crate::frame::{Cause, Channel, Envelope, Fill, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
@@ -20,7 +20,7 @@ impl Gateway<'_> {
     pub async fn route(&self) {
         loop {
             let frame = self.inbox.receive(self.pool()).await;
-            match frame.envelope().stage {
+            match frame.look(|envelope| envelope.stage) {
                 Stage::Request => self.forward(frame),
                 Stage::Answering => self.deliver(frame),
                 Stage::Answer | Stage::Silence => {
@@ -43,7 +43,7 @@ impl Gateway<'_> {
             Some(self.settings(decide))
         });
         let decision = decision.unwrap_or(Decision::Refuse(Exception::ILLEGAL_VALUE));
-        let count = |event| self.count_at(&envelope, event);
+        let count = |event| self.count_at(port, event);
         match decision {
             Decision::Forward { port, unit, priority, sharing, addresses } => {
                 match self.ports().get(port.index()) {
@@ -64,6 +64,7 @@ impl Gateway<'_> {
             Decision::Refuse(exception) => {
                 let no_path = exception == Exception::GATEWAY_NO_PATH;
                 count(if no_path { Event::NoPath } else { Event::Refused });
+                frame.blame(Cause::Unsent);
                 self.refuse(frame, exception);
             }
             Decision::NoRule => {
@@ -93,20 +94,17 @@ impl Gateway<'_> {
             let rank = |settings: &_| route::leads_to(settings, origin.port, envelope.peer, request, port);
             let Some(priority) = self.settings(rank) else { continue };
             // No frame is anybody's own here: a flood of broadcasts must not cost others theirs.
-            let Some((mut writer, copy)) = self.pool().take(usize::MAX) else {
-                self.count_at(&envelope, Event::QueueFull);
+            let origin = Origin { way: Way::Nobody, ..origin };
+            let to_port = Envelope { origin, target: 0, destination: Some(port), priority, ..envelope };
+            let Some(copy) = self.pool().fill(usize::MAX, request, to_port) else {
+                self.count_at(origin.port, Event::QueueFull);
                 continue;
             };
-            // It fitted into a frame of the same size.
-            let _ = writer.push(request);
-            writer.finish();
-            let origin = Origin { way: Way::Nobody, ..origin };
-            copy.address(Envelope { origin, target: 0, destination: Some(port), priority, ..envelope });
             place.queue.send(copy);
             lines += 1;
         }
         if lines == 0 {
-            self.count_at(&envelope, Event::NoPath);
+            self.count_at(origin.port, Event::NoPath);
             return self.refuse(frame, Exception::GATEWAY_NO_PATH);
         }
         self.finish_broadcast(frame);
@@ -132,7 +130,12 @@ impl Gateway<'_> {
     /// Writes a transaction into the log that has come to its end.
     pub(crate) fn note(&self, frame: &Frame<'_>) {
         let envelope = frame.envelope();
-        let outcome = match (exception_of(frame), envelope.stage) {
+        let (function, exception) = frame.pdu(|pdu| match *pdu {
+            [function, code] if function & EXCEPTION_BIT != 0 => (function, Some(Exception(code))),
+            [function, ..] => (function, None),
+            [] => (0, None),
+        });
+        let outcome = match (exception, envelope.stage) {
             _ if self.is_gone(envelope.origin) => Outcome::AskerGone,
             (_, Stage::Silence) => Outcome::Silence,
             // An answer that was broken off after it had begun.
@@ -148,7 +151,7 @@ impl Gateway<'_> {
             destination: envelope.destination,
             unit: envelope.unit,
             target: envelope.target,
-            function: frame.function() & !EXCEPTION_BIT,
+            function: function & !EXCEPTION_BIT,
             outcome,
             took_us: u32::try_from(took.as_micros()).unwrap_or(u32::MAX),
         });
@@ -156,9 +159,9 @@ impl Gateway<'_> {
 
     /// Gives a frame back to whoever asked.
     fn deliver(&self, frame: Frame<'_>) {
-        let envelope = frame.envelope();
-        match self.way_back(envelope.origin) {
-            _ if self.is_gone(envelope.origin) => self.count_at(&envelope, Event::AskerGone),
+        let origin = frame.origin();
+        match self.way_back(origin) {
+            _ if self.is_gone(origin) => self.count_at(origin.port, Event::AskerGone),
             Some(channel) => channel.send(frame),
             None => {}
         }
@@ -174,17 +177,10 @@ impl Gateway<'_> {
         }
     }
 
-    fn count_at(&self, envelope: &Envelope, event: Event) {
-        let place: Option<&PortPlace> = self.ports().get(envelope.origin.port.index());
+    fn count_at(&self, port: PortId, event: Event) {
+        let place: Option<&PortPlace> = self.ports().get(port.index());
         if let Some(place) = place {
             place.stats.count(event);
         }
     }
-}
-
-fn exception_of(frame: &Frame<'_>) -> Option<Exception> {
-    frame.pdu(|pdu| match pdu {
-        [function, code] if function & EXCEPTION_BIT != 0 => Some(Exception(*code)),
-        _ => None,
-    })
 }

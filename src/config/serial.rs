@@ -1,6 +1,6 @@
 //! Settings of serial lines: speed, format, gaps, who switches the driver, and how each side asks or answers.
 
-use embassy_time::Duration;
+use embassy_time::{Duration, TICK_HZ};
 use heapless::String;
 
 use super::{DEVICE_BYTES_MAX, Side};
@@ -100,8 +100,17 @@ impl LineSettings {
 
     /// Time of `chars` characters on the wire, rounded up to the clock's tick.
     pub fn chars(&self, chars: usize) -> Duration {
-        let bits = chars as u64 * self.bits_per_char() as u64;
-        Duration::from_nanos((bits * 1_000_000_000).div_ceil(self.baud as u64))
+        self.bits(chars as u64 * u64::from(self.bits_per_char()), self.baud)
+    }
+
+    /// Time of `bits` at `baud`, rounded up to the clock's tick.
+    fn bits(&self, bits: u64, baud: u32) -> Duration {
+        let parts = bits * TICK_HZ;
+        Duration::from_ticks(match u32::try_from(parts) {
+            // A small processor does this in one instruction, and it is as much as a frame needs.
+            Ok(parts) => parts.div_ceil(baud).into(),
+            Err(_) => parts.div_ceil(baud.into()),
+        })
     }
 
     /// The specification's t3.5: 3.5 characters, fixed at 1.750 ms above 19200 baud (Serial Line 2.5.1.1).
@@ -118,8 +127,7 @@ impl LineSettings {
     }
 
     fn half_chars(&self, count: u64) -> Duration {
-        let half_bits = count * self.bits_per_char() as u64;
-        Duration::from_nanos((half_bits * 1_000_000_000).div_ceil(2 * self.baud as u64))
+        self.bits(count * u64::from(self.bits_per_char()), 2 * self.baud)
     }
 
     /// The silence that ends a frame and must precede one.

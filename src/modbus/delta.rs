@@ -9,6 +9,7 @@ use crc::Digest;
 use super::crc::MODBUS;
 
 /// What the CRC of the characters so far changes by.
+#[derive(Clone)]
 pub struct CrcDelta(Digest<'static, u16>);
 
 impl CrcDelta {
@@ -21,7 +22,14 @@ impl CrcDelta {
 
     /// `count` characters further, which are sent as they came.
     pub fn pass(&mut self, count: usize) {
-        (0..count).for_each(|_| self.0.update(&[0]));
+        if !self.is_none() {
+            (0..count).for_each(|_| self.0.update(&[0]));
+        }
+    }
+
+    /// Whether nothing changes: nothing will either.
+    fn is_none(&self) -> bool {
+        self.0.clone().finalize() == 0
     }
 
     /// The CRC to send, low byte first, in place of `received`.

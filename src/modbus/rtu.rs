@@ -4,7 +4,7 @@
 //! be known ends the wait as soon as it is whole. When the line fell silent for t3.5 it calls
 //! [`response_at_silence`], which also sees responses whose end only the silence tells, and says what else came.
 
-use super::crc::crc16;
+use super::crc::{MODBUS, crc16};
 use super::pdu::{EXCEPTION_BIT, Misfit, ResponseLength, fits, response_length};
 use super::{PDU_BYTES_MAX, PduLength};
 
@@ -48,6 +48,14 @@ pub fn encode<'a>(unit: u8, pdu: &[u8], out: &'a mut [u8; FRAME_BYTES_MAX]) -> R
     let crc = crc16(&out[..end]).to_le_bytes();
     out[end..end + 2].copy_from_slice(&crc);
     Ok(&out[..end + 2])
+}
+
+/// The CRC of a frame of `unit` and `pdu`.
+pub(crate) fn check(unit: u8, pdu: &[u8]) -> u16 {
+    let mut crc = MODBUS.digest();
+    crc.update(&[unit]);
+    crc.update(pdu);
+    crc.finalize()
 }
 
 /// Unit and PDU of a whole frame.

@@ -17,8 +17,10 @@ use crate::port::cut::{self, Lane};
 pub(crate) enum Passing<'g> {
     /// Too little of it is there.
     Open,
-    /// It is to be handed on at this time.
+    /// It is to be handed on at this time, or earlier if it is long.
     From(Instant),
+    /// It is to be handed on at this time.
+    At(Instant),
     /// It has been handed on.
     Begun(Arriving<'g>),
     /// It is passed on when it is whole, if at all.
@@ -33,12 +35,13 @@ impl Passing<'_> {
             End::Later => None,
             End::Unknown => return Self::Whole,
         };
-        cut::start(begun, input, output, bytes).map_or(Self::Open, Self::From)
+        let plan = if bytes.is_some() { Self::At } else { Self::From };
+        cut::start(begun, input, output, bytes).map_or(Self::Open, plan)
     }
 
     /// When there is something to do though nothing comes.
     pub(crate) fn due(&self) -> Instant {
-        if let Self::From(at) = self { *at } else { Instant::MAX }
+        if let Self::From(at) | Self::At(at) = self { *at } else { Instant::MAX }
     }
 
     pub(crate) fn is_due(&self) -> bool {
@@ -50,12 +53,14 @@ impl Passing<'_> {
 pub(crate) struct Arriving<'g> {
     writer: FrameWriter<'g>,
     framing: Framing,
+    /// The frame has been told how long it will be.
+    is_expected: bool,
 }
 
 impl<'g> Arriving<'g> {
     /// A frame that arrives in `framing`.
     pub(crate) fn new(writer: FrameWriter<'g>, framing: Framing) -> Self {
-        Self { writer, framing }
+        Self { writer, framing, is_expected: false }
     }
 
     /// The frame.
@@ -68,7 +73,10 @@ impl<'g> Arriving<'g> {
     pub(crate) fn take(&mut self, heard: &[u8], end: End) -> bool {
         let so_far = heard.get(1..).unwrap_or(&[]);
         let length = match end {
-            End::At(length) => length,
+            End::At(length) => {
+                self.expect(length);
+                length
+            }
             End::Later => so_far.len(),
             End::Unknown => return false,
         };
@@ -92,6 +100,14 @@ impl<'g> Arriving<'g> {
     pub(crate) fn finish(mut self, pdu: &[u8]) -> bool {
         self.push(pdu);
         self.writer.finish()
+    }
+
+    /// The PDU of an RTU frame will have `length` bytes. It does not come to that in ASCII, where frames have their ends in them.
+    fn expect(&mut self, length: usize) {
+        if self.framing == Framing::Rtu && !self.is_expected {
+            self.is_expected = true;
+            self.writer.expect(length);
+        }
     }
 
     /// Passes on what is new in `pdu`, which is no longer than a PDU may be, so that there is room.

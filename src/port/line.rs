@@ -4,11 +4,15 @@
 //! transceiver's driver off behind it. An adapter that hears itself gives its own frame back first: that echo is compared
 //! and dropped.
 
+use core::pin::pin;
+
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline, with_timeout};
 
 use crate::config::{Driver, LineSettings};
 use crate::hal::{Flaws, SerialLine};
 use crate::modbus::rtu;
+use crate::port::moment::within;
+use crate::port::relay::Relay;
 use crate::stats::{Counters, Event};
 
 mod opening;
@@ -90,10 +94,11 @@ impl<'s, L: SerialLine> Line<'s, L> {
     /// Drops the first `count` bytes of what was heard.
     pub(crate) fn consume(&mut self, count: usize) {
         let count = count.min(self.length);
-        if count > 0 {
-            self.begun += self.settings.chars(count);
-            self.pause = Duration::from_ticks(0);
+        if count == 0 {
+            return;
         }
+        self.begun += self.settings.chars(count);
+        self.pause = Duration::from_ticks(0);
         self.received.copy_within(count..self.length, 0);
         self.length -= count;
     }
@@ -115,7 +120,11 @@ impl<'s, L: SerialLine> Line<'s, L> {
 
     /// Notes the characters that the receiver found faulty.
     fn note_flaws(&mut self) {
-        let Flaws { parity, framing, overruns } = self.io.take_flaws();
+        let flaws = self.io.take_flaws();
+        if flaws == Flaws::default() {
+            return;
+        }
+        let Flaws { parity, framing, overruns } = flaws;
         self.stats.add(Event::Overrun, overruns);
         self.stats.add(Event::Parity, parity);
         self.stats.add(Event::Framing, framing);
@@ -139,7 +148,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
             Ok(count) => {
                 self.note_flaws();
                 let before = self.active;
-                self.active = Instant::now();
+                self.active = Instant::now().saturating_sub(self.io.silence());
                 let since = self.active.checked_sub(self.settings.chars(self.length + count));
                 let begun = since.unwrap_or(Instant::MIN);
                 if self.length == 0 {
@@ -154,12 +163,10 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
     }
 
-    /// Lets characters gather until `until`, where the board likes that better than to read each as it comes. Nobody looks at
-    /// the line meanwhile, so it counts as active.
-    pub(crate) async fn rest(&mut self, until: Instant) {
-        if self.io.rest(until).await {
-            self.active = self.active.max(Instant::now());
-        }
+    /// Lets characters gather until `until`, where the board likes that better than to read each as it comes. Says whether that
+    /// time has passed; nobody has looked at the line meanwhile.
+    pub(crate) async fn rest(&mut self, until: Instant) -> bool {
+        self.io.rest(until).await
     }
 
     /// Sends `frame`; what was heard before is dropped. The line counts as active until its last bit has left.
@@ -172,8 +179,8 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
         let on_wire = self.settings.chars(frame.len());
         let end = Instant::now() + on_wire;
-        match with_timeout(on_wire + STUCK, self.io.write_all(frame)).await {
-            Ok(Ok(())) => {}
+        match within(on_wire + STUCK, pin!(self.io.write_all(frame))).await {
+            Some(Ok(())) => {}
             _ => return Err(LineLost),
         }
         if switched {
@@ -200,12 +207,35 @@ impl<'s, L: SerialLine> Line<'s, L> {
         self.run.1 += characters.len();
         let (since, count) = self.run;
         self.active = since + self.settings.chars(count);
-        match with_timeout(self.active.saturating_duration_since(now) + STUCK, self.io.write_all(characters))
-            .await
-        {
-            Ok(Ok(())) => Ok(()),
+        let patience = self.active.saturating_duration_since(now) + STUCK;
+        match within(patience, pin!(self.io.write_all(characters))).await {
+            Some(Ok(())) => Ok(()),
             _ => Err(LineLost),
         }
+    }
+
+    /// Lets the board send more characters of a frame, those that the line `from` is about to hear. Says whether it does.
+    pub(crate) fn relay(&mut self, from: &str, relay: Relay) -> bool {
+        self.io.relay(from, relay)
+    }
+
+    /// Ends that, and gives the number of characters that were sent since `begun`.
+    pub(crate) fn end_relay(&mut self, begun: &Relay) -> usize {
+        let count = self.io.end_relay().map_or(0, |relay| relay.sent_since(begun));
+        self.run.1 += count;
+        let (since, sent) = self.run;
+        let (end, now) = (since + self.settings.chars(sent), Instant::now());
+        if end < now {
+            self.run = (now, 0);
+        }
+        self.active = end.max(now);
+        count
+    }
+
+    /// Whether the board is sending at another line what this one hears: then it watches the silence here, and `read` gives
+    /// what has come when that is over.
+    pub(crate) fn is_relayed(&self) -> bool {
+        self.io.is_relayed()
     }
 
     async fn drive(&mut self, on: bool) -> Result<(), LineLost> {

@@ -21,11 +21,11 @@ pub(crate) struct Reply<'r, 'g> {
 
 impl<'r, 'g> Reply<'r, 'g> {
     pub(crate) fn new(desk: &'r Desk<'g>, order: &'r Frame<'g>, unit: u8, request: &'r [u8]) -> Self {
-        let envelope = order.envelope();
+        let (cut, port) = order.look(|envelope| (envelope.cut, envelope.origin.port));
         // Once begun, an answer cannot be stored any more: its end must be sure to be told.
-        let has_end = pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
-        let asker = desk.gateway().settings(|settings| Lane::at(settings, envelope.origin.port));
-        let asker = asker.filter(|_| envelope.cut && has_end);
+        let has_end = || pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
+        let lane = || desk.gateway().settings(|settings| Lane::at(settings, port));
+        let asker = if cut && has_end() { lane() } else { None };
         Self { desk, order, unit, request, asker, passing: Passing::Open }
     }
 
@@ -66,10 +66,13 @@ impl<'r, 'g> Reply<'r, 'g> {
                 }
                 return;
             }
-            Passing::Open | Passing::From(_) if unit != self.unit || is_answering(self.order) => {
+            Passing::Open | Passing::From(_) | Passing::At(_)
+                if unit != self.unit || is_answering(self.order) =>
+            {
                 self.passing = Passing::Whole;
             }
             Passing::Open | Passing::From(_) => self.passing = Passing::plan(begun, line, &asker, end),
+            Passing::At(_) => {}
         }
         if self.passing.is_due() {
             let mut arriving = Arriving::new(self.order.rewrite(), line.framing);
@@ -79,11 +82,13 @@ impl<'r, 'g> Reply<'r, 'g> {
         }
     }
 
-    /// The response is `pdu`, and all that was `heard` if it has been passed on so far.
+    /// The response is `pdu`, which was `heard` right behind the unit if it has been passed on so far.
     pub(crate) fn whole(&mut self, heard: &[u8], pdu: &[u8]) {
         match core::mem::replace(&mut self.passing, Passing::Whole) {
             // Its frame may have been given up meanwhile.
-            Passing::Begun(arriving) if heard.get(1..=pdu.len()) == Some(pdu) => {
+            Passing::Begun(arriving)
+                if heard.get(1..=pdu.len()).is_some_and(|begin| core::ptr::eq(begin, pdu)) =>
+            {
                 arriving.finish(pdu);
             }
             Passing::Begun(_) => {}

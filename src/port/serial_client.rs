@@ -4,7 +4,7 @@
 //! desk gives the order whose turn it is; its response is written into the order's frame, which goes home.
 
 use embassy_futures::select::select;
-use embassy_time::{Instant, Timer};
+use embassy_time::Instant;
 
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::{Cause, Fill, Frame, Way};
@@ -16,6 +16,7 @@ use crate::port::copy::Copied;
 use crate::port::cut::Lane;
 use crate::port::desk::Desk;
 use crate::port::line::{Collision, LineLost, Opening};
+use crate::port::moment::until;
 use crate::port::queue::Next;
 use crate::port::reply::Reply;
 use crate::stats::Event;
@@ -48,7 +49,7 @@ async fn serve<L: SerialLine>(desk: &Desk<'_>, bus: &mut Bus<'_, L>, client: &Se
         }
         let done = match desk.next() {
             Next::Serve(frame, ticket) => carry_out(desk, bus, client, frame, ticket.unit).await,
-            Next::Wait(until) => bus.idle(select(desk.changed(), Timer::at(until))).await,
+            Next::Wait(at) => bus.idle(select(desk.changed(), until(at))).await,
             Next::Empty => bus.idle(desk.changed()).await,
         };
         if done.is_err() {
@@ -78,7 +79,7 @@ async fn carry_out<'g, L: SerialLine>(
         let input = desk.gateway().settings(|settings| Lane::at(settings, origin));
         // What is broken off comes again when it is whole.
         let may_wait = input.is_some_and(|lane| lane.framing == Framing::Rtu);
-        let copied = bus.copy(&frame, unit, may_wait).await?;
+        let copied = bus.copy(desk.gateway(), &frame, unit, may_wait).await?;
         if copied == Copied::Short {
             place.units(|units| units.hold(unit, Instant::now(), window));
         }
@@ -93,7 +94,7 @@ async fn carry_out<'g, L: SerialLine>(
     let length = frame.copy_pdu(&mut request);
     let request = request.get(..length).unwrap_or(&[]);
     if arriving {
-        bus.note_copied(unit, request);
+        bus.note_copied(unit, request, frame.own_crc());
     }
     if unit == 0 {
         bus.broadcast(request).await?;

@@ -12,7 +12,7 @@
 //! beginnings and ends in them.
 
 use crate::modbus::PDU_BYTES_MAX;
-use crate::modbus::pdu::{self, EXCEPTION_BIT, ResponseLength};
+use crate::modbus::pdu::{self, EXCEPTION_BIT, End, ResponseLength};
 use crate::modbus::rtu::{self, FRAME_BYTES_MAX, FRAME_BYTES_MIN};
 use crate::stats::LastError;
 
@@ -89,14 +89,13 @@ impl RtuEar {
     ) -> (Heard<'a>, usize) {
         let was_in_step = self.in_step;
         let whole = silent && was_in_step && is_whole(received);
-        let end = if whole {
-            Some(received.len())
+        let frame = if whole {
+            frame_of(received, received.len())
         } else {
-            self.end_of_first(received, silent, &is_ours)
-                .or((silent && was_in_step).then_some(received.len()))
+            let all = || (silent && was_in_step).then(|| frame_of(received, received.len())).flatten();
+            self.first(received, silent, &is_ours).or_else(all)
         };
-        let frame = end.and_then(|end| Some((end, rtu::decode(received.get(..end)?).ok()?)));
-        if let Some((end, (unit, pdu))) = frame {
+        if let Some((end, unit, pdu)) = frame {
             self.in_step = true;
             let heard = match self.judge(unit, pdu, &is_ours) {
                 // It may be data that looks like a frame: the master will ask again.
@@ -124,19 +123,46 @@ impl RtuEar {
         (Heard::Nothing, 0)
     }
 
-    /// Where the first frame ends by one of its readings, when that much is there with a good CRC.
-    fn end_of_first(&self, received: &[u8], silent: bool, is_ours: &impl Fn(u8) -> bool) -> Option<usize> {
-        let (&unit, so_far) = received.split_first()?;
-        let whole = |length: usize| {
-            received.get(..length + rtu::OVERHEAD_BYTES).filter(|frame| rtu::decode(frame).is_ok())
+    /// How many bytes the frame will have at least that `received`, all that was heard and not yet judged, is the beginning of.
+    /// None when that is no more than is there, or nothing is known of it.
+    pub fn at_least(&self, received: &[u8], is_ours: impl Fn(u8) -> bool) -> Option<usize> {
+        let (&unit, so_far) = received.split_first().filter(|_| self.in_step)?;
+        let request = match pdu::request_end(so_far) {
+            End::At(length) => Some(length),
+            End::Later | End::Unknown => None,
         };
+        // The answer to a request that was not heard.
+        let unheard = || match so_far {
+            [1..=4, count, ..] => Some(2 + usize::from(*count)),
+            [5 | 6 | 15 | 16, ..] => Some(5),
+            _ => None,
+        };
+        let answer =
+            if is_ours(unit) { request } else { self.answer_length(unit, so_far, &is_ours).or_else(unheard) };
+        let (Some(request), Some(answer)) = (request, answer) else {
+            return (received.len() < FRAME_BYTES_MIN).then_some(FRAME_BYTES_MIN);
+        };
+        let bytes = [request, answer].map(|length| length + rtu::OVERHEAD_BYTES);
+        // As long as it is here it is none that would have come to its end.
+        bytes.into_iter().filter(|bytes| *bytes > received.len()).min()
+    }
+
+    /// The first frame by one of its readings, when that much is there with a good CRC.
+    fn first<'a>(
+        &self,
+        received: &'a [u8],
+        silent: bool,
+        is_ours: &impl Fn(u8) -> bool,
+    ) -> Option<(usize, u8, &'a [u8])> {
+        let (&unit, so_far) = received.split_first()?;
+        let whole = |length: usize| frame_of(received, length + rtu::OVERHEAD_BYTES);
         if let Some(length) = self.answer_length(unit, so_far, is_ours) {
             match received.len() < length + rtu::OVERHEAD_BYTES {
                 // The answer that is expected may still become whole, and its data could look like a request.
                 true if !silent => return None,
                 _ => {
                     if let Some(frame) = whole(length) {
-                        return Some(frame.len());
+                        return Some(frame);
                     }
                 }
             }
@@ -148,20 +174,23 @@ impl RtuEar {
             [function, _, ..] if function & EXCEPTION_BIT != 0 => whole(2),
             _ => None,
         };
-        as_request.or_else(unheard).map(<[u8]>::len).or_else(|| self.end_of_unlisted(received, is_ours))
+        as_request.or_else(unheard).or_else(|| self.unlisted(received, is_ours))
     }
 
-    /// Where a frame of another unit ends whose function does not tell its length: where the CRC is good. For a frame of
+    /// A frame of another unit whose function does not tell its length: it ends where the CRC is good. For a frame of
     /// ours the silence is awaited: it comes, since the master waits for us.
-    fn end_of_unlisted(&self, received: &[u8], is_ours: &impl Fn(u8) -> bool) -> Option<usize> {
+    fn unlisted<'a>(
+        &self,
+        received: &'a [u8],
+        is_ours: &impl Fn(u8) -> bool,
+    ) -> Option<(usize, u8, &'a [u8])> {
         let (&unit, so_far) = received.split_first()?;
         let tells = pdu::request_length(so_far).is_some() || matches!(so_far, [1..=4 | EXCEPTION_BIT.., ..]);
-        if is_ours(unit) || tells {
+        if tells || is_ours(unit) {
             return None;
         }
         let longest = received.len().min(FRAME_BYTES_MAX);
-        (FRAME_BYTES_MIN..=longest)
-            .find(|&end| received.get(..end).is_some_and(|frame| rtu::decode(frame).is_ok()))
+        (FRAME_BYTES_MIN..=longest).find_map(|end| frame_of(received, end))
     }
 
     /// The length of the answer that is expected, if `so_far` can be the beginning of that.
@@ -199,6 +228,12 @@ impl RtuEar {
         }
         Heard::ForeignRequest
     }
+}
+
+/// The frame that the first `length` bytes of `received` are, if they are there with a good CRC: its length, unit and PDU.
+fn frame_of(received: &[u8], length: usize) -> Option<(usize, u8, &[u8])> {
+    let (unit, pdu) = rtu::decode(received.get(..length)?).ok()?;
+    Some((length, unit, pdu))
 }
 
 /// Whether `pdu` can be a request, as far as its function and length go.

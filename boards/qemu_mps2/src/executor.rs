@@ -10,7 +10,7 @@ use cortex_m::interrupt;
 use embassy_executor::{Spawner, raw};
 use static_cell::StaticCell;
 
-use crate::measure;
+use crate::measure::Busy;
 
 /// A task has been woken.
 static WORK: AtomicBool = AtomicBool::new(false);
@@ -26,17 +26,23 @@ pub(crate) fn run(init: impl FnOnce(Spawner)) -> ! {
     static EXECUTOR: StaticCell<raw::Executor> = StaticCell::new();
     let executor = EXECUTOR.init(raw::Executor::new(null_mut()));
     init(executor.spawner());
+    let mut busy = Busy::begin();
     loop {
-        // SAFETY: here alone, in the thread that made it, and never from within a task.
-        unsafe { executor.poll() };
         // With interrupts masked nothing can be woken between the look and the sleep; a pending one ends WFI all the same.
         interrupt::disable();
-        if !WORK.swap(false, Ordering::Relaxed) {
-            measure::fall_asleep();
+        let has_work = WORK.load(Ordering::Relaxed);
+        if has_work {
+            WORK.store(false, Ordering::Relaxed);
+        } else {
+            busy.fall_asleep();
             wfi();
-            measure::wake_up();
+            busy.wake_up();
         }
         // SAFETY: no critical section is open: this is the outermost loop.
         unsafe { interrupt::enable() };
+        if has_work {
+            // SAFETY: here alone, in the thread that made it, and never from within a task.
+            busy.in_tasks(|| unsafe { executor.poll() });
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use mobgate::capture::Capture;
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Gateway, PortPlace, Seat};
+use mobgate::gateway::{Gateway, Ports, Seat};
 
 /// Ports of any kind.
 pub(crate) const PORTS: usize = 8;
@@ -13,7 +13,7 @@ const FRAMES: usize = 2 * RESERVED;
 
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
-static PORT_PLACES: [PortPlace; PORTS] = [const { PortPlace::new() }; PORTS];
+static PORT_PLACES: Ports<PORTS> = Ports::new();
 static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
 static CAPTURE: Capture = Capture::new();
 

@@ -14,6 +14,11 @@ const NAMES: [(&str, usize); 3] = [("uart1", 1), ("uart2", 2), ("uart3", 3)];
 /// QEMU does not pace bytes: what comes from the host may pause at any byte for as long as the host is busy.
 const READ_JITTER: Duration = Duration::from_millis(50);
 
+/// The UART of a line.
+pub(crate) fn number(device: &str) -> Option<usize> {
+    NAMES.iter().find(|(name, _)| *name == device).map(|(_, number)| *number)
+}
+
 /// Opens lines.
 pub(crate) struct Lines;
 
@@ -22,7 +27,7 @@ impl SerialHost for Lines {
 
     async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Line, OpenError> {
         let refused = |kind, hint| Err(OpenError::new(kind, hint));
-        let Some((_, number)) = NAMES.iter().find(|(name, _)| *name == device) else {
+        let Some(number) = number(device) else {
             return refused(OpenErrorKind::NotFound, "this board has uart1, uart2 and uart3");
         };
         if line.driver != Driver::Automatic {
@@ -33,7 +38,7 @@ impl SerialHost for Lines {
         }
         // Parity and stop bits make characters longer, which the core computes with; the emulator carries bytes.
         match CLOCK_HZ / line.baud {
-            divisor @ DIVISOR_MIN.. => Ok(Line::open(*number, divisor)),
+            divisor @ DIVISOR_MIN.. => Ok(Line::open(number, divisor).pausing(line.t1_5() + READ_JITTER)),
             _ => refused(OpenErrorKind::Unsupported, "at most 1562500 baud"),
         }
     }

@@ -16,6 +16,8 @@ mod lines;
 mod measure;
 mod network;
 mod register;
+mod relay;
+mod ring;
 mod semihosting;
 mod uart;
 

@@ -13,14 +13,16 @@ use mobgate_net::Sockets;
 
 use crate::uart::Line;
 
-/// SysTick has 24 bits; no stretch of work takes the 0.6 s in which it comes round.
+/// SysTick has 24 bits. It counts down, and sums of its differences are right modulo 2^24 without a look at each.
 const ROUND: u32 = 0x00ff_ffff;
 
-/// Ticks spent awake, modulo 2^32.
+/// Ticks spent awake.
 static BUSY: AtomicU32 = AtomicU32::new(0);
-/// Of those, ticks spent on moving bytes from and to UARTs, which DMA does on a chip.
+/// Of those, ticks spent in tasks, without what moves the bytes of UARTs, and on characters that are relayed.
+static TASKS: AtomicU32 = AtomicU32::new(0);
+static RELAY: AtomicU32 = AtomicU32::new(0);
+/// Ticks spent on moving the bytes of UARTs, which DMA does on a chip.
 static DRIVER: AtomicU32 = AtomicU32::new(0);
-static WOKEN_AT: AtomicU32 = AtomicU32::new(0);
 
 /// Lets SysTick count the processor's cycles down. With QEMU's `-icount` it counts instructions.
 pub(crate) fn start(mut systick: SYST) {
@@ -28,26 +30,57 @@ pub(crate) fn start(mut systick: SYST) {
     systick.set_reload(ROUND);
     systick.clear_current();
     systick.enable_counter();
-    wake_up();
 }
 
-/// The processor is about to sleep.
-pub(crate) fn fall_asleep() {
-    let spent = WOKEN_AT.load(Ordering::Relaxed).wrapping_sub(SYST::get_current()) & ROUND;
-    BUSY.store(BUSY.load(Ordering::Relaxed).wrapping_add(spent), Ordering::Relaxed);
+/// Adds up the ticks spent awake; in a register, as each byte of a line that is relayed ends a sleep.
+pub(crate) struct Busy(u32);
+
+impl Busy {
+    /// The processor is awake.
+    pub(crate) fn begin() -> Self {
+        Self(SYST::get_current())
+    }
+
+    /// It is about to sleep.
+    pub(crate) fn fall_asleep(&mut self) {
+        self.0 = self.0.wrapping_sub(SYST::get_current());
+    }
+
+    /// It has slept.
+    pub(crate) fn wake_up(&mut self) {
+        self.0 = self.0.wrapping_add(SYST::get_current());
+    }
+
+    /// Tasks run, one of which may want to know.
+    pub(crate) fn in_tasks(&self, work: impl FnOnce()) {
+        BUSY.store(self.0, Ordering::Relaxed);
+        let (start, driver) = (SYST::get_current(), DRIVER.load(Ordering::Relaxed));
+        work();
+        let driver = DRIVER.load(Ordering::Relaxed).wrapping_sub(driver);
+        add(&TASKS, start.wrapping_sub(SYST::get_current()).wrapping_sub(driver));
+    }
 }
 
-/// The processor has slept.
-pub(crate) fn wake_up() {
-    WOKEN_AT.store(SYST::get_current(), Ordering::Relaxed);
+fn add(sum: &AtomicU32, ticks: u32) {
+    sum.store(sum.load(Ordering::Relaxed).wrapping_add(ticks), Ordering::Relaxed);
 }
 
 /// Counts `work` as a UART driver's.
-pub(crate) fn in_driver(work: impl FnOnce()) {
+#[inline(always)] // at least as short as what it measures
+pub(crate) fn in_driver<T>(work: impl FnOnce() -> T) -> T {
     let start = SYST::get_current();
-    work();
-    let spent = start.wrapping_sub(SYST::get_current()) & ROUND;
-    DRIVER.store(DRIVER.load(Ordering::Relaxed).wrapping_add(spent), Ordering::Relaxed);
+    let done = work();
+    add(&DRIVER, start.wrapping_sub(SYST::get_current()));
+    done
+}
+
+/// Counts `step`, which is a part of what a UART driver does, as the gateway's.
+#[inline(always)] // at least as short as what it measures
+pub(crate) fn in_relay<T>(step: impl FnOnce() -> T) -> T {
+    let start = SYST::get_current();
+    let done = step();
+    add(&RELAY, start.wrapping_sub(SYST::get_current()));
+    done
 }
 
 /// The most that the stack has ever held, in bytes.
@@ -74,8 +107,10 @@ pub(crate) async fn report(mut line: Line, sockets: &'static Sockets) {
         // It has room for two numbers.
         let _ = match asked {
             [b'b'] => {
-                let (busy, driver) = (BUSY.load(Ordering::Relaxed), DRIVER.load(Ordering::Relaxed));
-                writeln!(text, "busy {busy} driver {driver}")
+                // Up to this moment, in which the processor is awake.
+                let busy = BUSY.load(Ordering::Relaxed).wrapping_sub(SYST::get_current()) & ROUND;
+                let gateway = TASKS.load(Ordering::Relaxed).wrapping_add(RELAY.load(Ordering::Relaxed)) & ROUND;
+                writeln!(text, "busy {busy} gateway {gateway}")
             }
             _ => writeln!(text, "stack {} sockets {}", stack_bytes(), sockets.free()),
         };

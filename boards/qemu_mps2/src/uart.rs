@@ -2,26 +2,29 @@
 //!
 //! QEMU holds back what a full receiver cannot take, so no byte is ever lost: when the buffer is full, the receiver's interrupt
 //! is off until the task has read. As with a DMA channel and an idle line's interrupt, a task is not woken for each byte but for
-//! a piece, or when nothing has come for a while.
+//! a piece, or when nothing has come for a while. While another UART sends what comes, it is woken when the frame is there.
 
 use core::convert::Infallible;
 use core::future::poll_fn;
+use core::sync::atomic::{AtomicU32, Ordering};
 use core::task::Poll;
 
-use embassy_hal_internal::atomic_ring_buffer::RingBuffer;
+use critical_section::CriticalSection;
 use embassy_sync::waitqueue::AtomicWaker;
+use embassy_time::{Duration, TICK_HZ};
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::hal::{Flaws, SerialLine};
-use static_cell::ConstStaticCell;
+use mobgate::port::relay::Relay;
 
 use crate::interrupts::{self, Interrupt};
+use crate::lines;
 use crate::measure;
 use crate::register::Register;
+use crate::relay::{self, Step};
+use crate::ring::{RING_BYTES, Ring};
 
 /// UARTs of the machine.
 pub(crate) const COUNT: usize = 5;
-/// Bytes of each direction that a UART holds: two frames.
-const BUFFER_BYTES: usize = 512;
 /// The clock that baud rates are divided from.
 pub(crate) const CLOCK_HZ: u32 = 25_000_000;
 /// Least divisor that the hardware takes.
@@ -61,27 +64,21 @@ struct Uart {
     control: Register,
     interrupts: Register,
     divisor: Register,
-    received: RingBuffer,
-    to_send: RingBuffer,
+    received: Ring,
+    to_send: Ring,
     arrived: AtomicWaker,
     room: AtomicWaker,
+    /// The longest pause in a frame that is being relayed, in cycles of the timer.
+    pause: AtomicU32,
+    /// The pause after which the idle timer tells, or 0: it is another UART's now.
+    idle: AtomicU32,
 }
 
 /// Starts all UARTs.
 pub(crate) fn start() {
-    static BUFFERS: ConstStaticCell<[[[u8; BUFFER_BYTES]; 2]; COUNT]> =
-        ConstStaticCell::new([[[0; BUFFER_BYTES]; 2]; COUNT]);
-    let buffers = BUFFERS.take();
-    for ((uart, [received, to_send]), Interrupt(interrupt)) in
-        UARTS.iter().zip(buffers).zip(interrupts::UARTS)
-    {
-        // SAFETY: the buffers live as long as the program and have no other owner; nothing uses the rings yet.
-        unsafe {
-            uart.received.init(received.as_mut_ptr(), received.len());
-            uart.to_send.init(to_send.as_mut_ptr(), to_send.len());
-        }
+    for (uart, Interrupt(interrupt)) in UARTS.iter().zip(interrupts::UARTS) {
         uart.divisor.write(DIVISOR_MIN);
-        uart.control.write(TRANSMIT | RECEIVE | TRANSMIT_INTERRUPT | RECEIVE_INTERRUPT);
+        uart.control.write(TRANSMIT | RECEIVE | RECEIVE_INTERRUPT);
         interrupts::enable(Interrupt(interrupt));
         interrupts::enable(Interrupt(interrupt + 1));
     }
@@ -93,7 +90,28 @@ pub(crate) fn start() {
 pub(crate) extern "C" fn on_idle() {
     IDLE_CONTROL.write(0);
     IDLE_CLEAR.write(1);
+    relay::break_off();
+    share_timer();
     wake_readers();
+}
+
+/// All interrupts have one priority: a handler is not interrupted.
+fn in_interrupt<'a>() -> CriticalSection<'a> {
+    // SAFETY: this is called by handlers only.
+    unsafe { CriticalSection::new() }
+}
+
+/// Lets UART `number` have the idle timer for itself.
+fn own_timer(number: usize) {
+    UARTS.iter().for_each(|uart| uart.idle.store(0, Ordering::Relaxed));
+    let uart = &UARTS[number];
+    uart.idle.store(uart.pause.load(Ordering::Relaxed), Ordering::Relaxed);
+    uart.restart_timer();
+}
+
+/// Lets all UARTs have it again.
+fn share_timer() {
+    UARTS.iter().for_each(|uart| uart.idle.store(IDLE_CYCLES, Ordering::Relaxed));
 }
 
 /// Wakes all at once, so that a busy line does not keep the end of another's frame waiting.
@@ -102,13 +120,28 @@ fn wake_readers() {
 }
 
 pub(crate) extern "C" fn on_receive<const N: usize>() {
-    UARTS[N].interrupts.write(RECEIVE);
-    UARTS[N].receive();
+    measure::in_driver(|| {
+        let uart = &UARTS[N];
+        uart.interrupts.write(RECEIVE);
+        let Some(byte) = uart.take_received() else { return };
+        match measure::in_relay(|| relay::step(in_interrupt(), N, byte)) {
+            Step::Sent(to, byte) => UARTS[to].send(byte),
+            Step::Over => {
+                share_timer();
+                uart.arrived.wake();
+            }
+            Step::None if uart.idle.load(Ordering::Relaxed) == 0 => uart.arrived.wake(),
+            Step::None if uart.received.len() >= PIECE_BYTES => wake_readers(),
+            Step::None => {}
+        }
+    });
 }
 
 pub(crate) extern "C" fn on_transmit<const N: usize>() {
-    UARTS[N].interrupts.write(TRANSMIT);
-    UARTS[N].transmit();
+    measure::in_driver(|| {
+        UARTS[N].interrupts.write(TRANSMIT);
+        UARTS[N].transmit();
+    });
 }
 
 impl Uart {
@@ -119,73 +152,82 @@ impl Uart {
             control: Register::at(base, 0x8),
             interrupts: Register::at(base, 0xc),
             divisor: Register::at(base, 0x10),
-            received: RingBuffer::new(),
-            to_send: RingBuffer::new(),
+            received: Ring::new(),
+            to_send: Ring::new(),
             arrived: AtomicWaker::new(),
             room: AtomicWaker::new(),
+            pause: AtomicU32::new(0),
+            idle: AtomicU32::new(IDLE_CYCLES),
         }
     }
 
-    /// Takes what the receiver has, as far as there is room. By the interrupt, or with interrupts masked.
-    fn receive(&self) {
-        measure::in_driver(|| self.move_received());
-        if self.received.available() >= PIECE_BYTES {
-            wake_readers();
+    /// Moves the byte that the receiver has into the buffer, if there is room.
+    fn take_received(&self) -> Option<u8> {
+        if self.state.read() & RECEIVER_FULL == 0 {
+            return None;
         }
+        if self.received.is_full() {
+            self.control.write(self.control.read() & !RECEIVE_INTERRUPT);
+            return None;
+        }
+        let byte = self.data.read() as u8;
+        // SAFETY: there is one writer at a time: the receive interrupt, or who masks interrupts.
+        unsafe { self.received.push(byte) };
+        self.restart_timer();
+        Some(byte)
     }
 
-    fn move_received(&self) {
-        // SAFETY: there is one writer at a time, see above.
-        let mut ring = unsafe { self.received.writer() };
-        while self.state.read() & RECEIVER_FULL != 0 {
-            let count = ring.push(|room| match room.first_mut() {
-                Some(place) => {
-                    *place = self.data.read() as u8;
-                    1
-                }
-                None => 0,
-            });
-            if count == 0 {
-                self.control.write(self.control.read() & !RECEIVE_INTERRUPT);
-                break;
-            }
+    /// Lets the idle timer run from now on.
+    fn restart_timer(&self) {
+        let idle = self.idle.load(Ordering::Relaxed);
+        if idle > 0 {
+            IDLE_VALUE.write(idle);
+            IDLE_CONTROL.write(IDLE_START);
         }
-        IDLE_VALUE.write(IDLE_CYCLES);
-        IDLE_CONTROL.write(IDLE_START);
     }
 
     /// Gives the transmitter what it takes. By the interrupt, or with interrupts masked.
     fn transmit(&self) {
-        measure::in_driver(|| {
-            // SAFETY: there is one reader at a time, see above.
-            let mut ring = unsafe { self.to_send.reader() };
-            while self.state.read() & TRANSMITTER_FULL == 0 {
-                let Some(byte) = ring.pop_one() else { break };
-                self.data.write(byte.into());
-            }
-        });
-        self.room.wake();
+        while self.state.read() & TRANSMITTER_FULL == 0 {
+            // SAFETY: there is one reader at a time: the transmit interrupt, or who masks interrupts.
+            let Some(byte) = (unsafe { self.to_send.pop() }) else { break };
+            self.data.write(byte.into());
+        }
+        let is_empty = self.to_send.is_empty();
+        let interrupt = if is_empty { 0 } else { TRANSMIT_INTERRUPT };
+        self.control.write(self.control.read() & !TRANSMIT_INTERRUPT | interrupt);
+        if is_empty {
+            self.room.wake();
+        }
+    }
+
+    /// Sends a byte behind those that wait. With interrupts masked.
+    #[inline(always)] // one less call for each byte that is relayed
+    fn send(&self, byte: u8) {
+        if self.to_send.is_empty() && self.state.read() & TRANSMITTER_FULL == 0 {
+            self.data.write(byte.into());
+        } else {
+            self.send_later(byte);
+        }
+    }
+
+    #[cold]
+    fn send_later(&self, byte: u8) {
+        // SAFETY: there is one writer at a time: while a relay sends here, the line's owner does not.
+        // There is room: it is longer than any frame.
+        unsafe { self.to_send.push(byte) };
+        self.transmit();
     }
 
     /// Moves received bytes to `into`.
     fn take(&self, into: &mut [u8]) -> usize {
         // SAFETY: the line's one owner calls this.
-        let mut ring = unsafe { self.received.reader() };
-        let mut count = 0;
-        // Twice, as the ring's end may part what there is.
-        for _ in 0..2 {
-            count += ring.pop(|bytes| {
-                let rest = into.get_mut(count..).unwrap_or_default();
-                let length = bytes.len().min(rest.len());
-                rest[..length].copy_from_slice(&bytes[..length]);
-                length
-            });
-        }
+        let count = unsafe { self.received.pop_into(into) };
         if count > 0 && self.control.read() & RECEIVE_INTERRUPT == 0 {
             critical_section::with(|_| {
                 self.control.write(self.control.read() | RECEIVE_INTERRUPT);
-                // What came while it was off has made no interrupt.
-                self.receive();
+                // What came while it was off has made no interrupt. It is not relayed: a frame has more room.
+                self.take_received();
             });
         }
         count
@@ -194,36 +236,82 @@ impl Uart {
     /// Moves bytes of `from` to the transmitter's buffer.
     fn put(&self, from: &[u8]) -> usize {
         // SAFETY: the line's one owner calls this.
-        let mut ring = unsafe { self.to_send.writer() };
-        let count = ring.push(|room| {
-            let length = room.len().min(from.len());
-            room[..length].copy_from_slice(&from[..length]);
-            length
-        });
+        let count = from.iter().take_while(|byte| unsafe { self.to_send.push(**byte) }).count();
         // A transmitter that stands still makes no interrupt.
-        critical_section::with(|_| self.transmit());
+        critical_section::with(|_| measure::in_driver(|| self.transmit()));
         count
     }
 }
 
 /// A UART in use. Each has one owner at a time: settings name a line once, and the board keeps the others for itself.
-pub(crate) struct Line(&'static Uart);
+pub(crate) struct Line(usize);
 
 impl Line {
     /// The UART of this number, at the speed of 25 MHz over `divisor`. What arrived before is forgotten.
     pub(crate) fn open(number: usize, divisor: u32) -> Self {
-        let uart = &UARTS[number];
-        uart.divisor.write(divisor);
-        while uart.take(&mut [0; BUFFER_BYTES]) > 0 {}
-        Self(uart)
+        UARTS[number].divisor.write(divisor);
+        while UARTS[number].take(&mut [0; RING_BYTES]) > 0 {}
+        Self(number)
+    }
+
+    /// The line, whose frames may have pauses up to `pause`.
+    pub(crate) fn pausing(self, pause: Duration) -> Self {
+        let cycles = pause.as_ticks() * u64::from(CLOCK_HZ) / TICK_HZ;
+        self.uart().pause.store(cycles as u32, Ordering::Relaxed);
+        self
+    }
+
+    fn uart(&self) -> &'static Uart {
+        &UARTS[self.0]
+    }
+}
+
+impl Drop for Line {
+    fn drop(&mut self) {
+        self.end_relay();
     }
 }
 
 impl SerialLine for Line {
+    fn relay(&mut self, from: &str, mut relay: Relay) -> bool {
+        let Some(from) = lines::number(from) else { return false };
+        critical_section::with(|section| {
+            if !relay::is_free() {
+                return false;
+            }
+            // What has come and was not read goes first.
+            for nth in 0..UARTS[from].received.len() {
+                // SAFETY: nobody reads meanwhile, with interrupts masked and in no task of that line.
+                let byte = unsafe { UARTS[from].received.peek(nth) };
+                byte.and_then(|byte| relay.step(byte)).into_iter().for_each(|byte| self.uart().send(byte));
+            }
+            relay::begin(section, relay, from, self.0);
+            own_timer(from);
+            true
+        })
+    }
+
+    fn end_relay(&mut self) -> Option<Relay> {
+        share_timer();
+        relay::end(self.0)
+    }
+
+    fn is_relayed(&self) -> bool {
+        relay::is_running(self.0)
+    }
+
+    fn silence(&self) -> Duration {
+        let cycles = if relay::is_broken(self.0) { self.uart().pause.load(Ordering::Relaxed) } else { 0 };
+        Duration::from_ticks(u64::from(cycles) * TICK_HZ / u64::from(CLOCK_HZ))
+    }
+
     /// The emulator's characters have no parity and no stop bit.
     fn take_flaws(&mut self) -> Flaws {
-        let overrun = self.0.state.read() & RECEIVER_OVERRUN;
-        self.0.state.write(overrun);
+        let uart = self.uart();
+        let overrun = uart.state.read() & RECEIVER_OVERRUN;
+        if overrun != 0 {
+            uart.state.write(overrun);
+        }
         Flaws { overruns: u32::from(overrun != 0), ..Flaws::default() }
     }
 }
@@ -235,8 +323,11 @@ impl ErrorType for Line {
 impl Read for Line {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, Infallible> {
         poll_fn(|context| {
-            self.0.arrived.register(context.waker());
-            match self.0.take(into) {
+            self.uart().arrived.register(context.waker());
+            if self.is_relayed() {
+                return Poll::Pending;
+            }
+            match self.uart().take(into) {
                 0 if !into.is_empty() => Poll::Pending,
                 count => Poll::Ready(Ok(count)),
             }
@@ -248,8 +339,8 @@ impl Read for Line {
 impl Write for Line {
     async fn write(&mut self, from: &[u8]) -> Result<usize, Infallible> {
         poll_fn(|context| {
-            self.0.room.register(context.waker());
-            match self.0.put(from) {
+            self.uart().room.register(context.waker());
+            match self.uart().put(from) {
                 0 if !from.is_empty() => Poll::Pending,
                 count => Poll::Ready(Ok(count)),
             }
@@ -259,8 +350,8 @@ impl Write for Line {
 
     async fn flush(&mut self) -> Result<(), Infallible> {
         poll_fn(|context| {
-            self.0.room.register(context.waker());
-            if self.0.to_send.is_empty() { Poll::Ready(Ok(())) } else { Poll::Pending }
+            self.uart().room.register(context.waker());
+            if self.uart().to_send.is_empty() { Poll::Ready(Ok(())) } else { Poll::Pending }
         })
         .await
     }

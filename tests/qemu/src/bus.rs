@@ -1,11 +1,11 @@
 //! An RTU line with devices on it, served by a thread.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{Read, Write};
+use std::io::{self, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::sync::{Arc, Mutex};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use mobgate_simulator::device::{Memory, rtu};
 
@@ -21,6 +21,7 @@ struct Devices {
     silent: BTreeSet<u8>,
     requests: u64,
     answer_after: Duration,
+    character: Duration,
 }
 
 impl Bus {
@@ -32,6 +33,7 @@ impl Bus {
             silent: BTreeSet::new(),
             requests: 0,
             answer_after: Duration::ZERO,
+            character: Duration::ZERO,
         })))
     }
 
@@ -49,6 +51,11 @@ impl Bus {
     /// come while the board must think that it still sends.
     pub fn answer_after(&self, time: Duration) {
         self.0.lock().unwrap().answer_after = time;
+    }
+
+    /// Lets each character of an answer take so long.
+    pub fn pace(&self, character: Duration) {
+        self.0.lock().unwrap().character = character;
     }
 
     /// A holding register of `unit`.
@@ -75,21 +82,38 @@ impl Bus {
             let mut chunk = [0; FRAME_BYTES_MAX];
             while let Ok(count @ 1..) = line.read(&mut chunk) {
                 heard.extend_from_slice(&chunk[..count]);
-                // No silence ends a frame here, as the host paces nothing.
-                if heard.len() < request_bytes(&heard) {
-                    continue;
-                }
-                let answer =
-                    rtu::open(&heard).and_then(|(unit, pdu)| devices.lock().unwrap().answer(unit, pdu));
-                heard.clear();
-                let pause = devices.lock().unwrap().answer_after;
-                thread::sleep(pause);
-                if answer.is_some_and(|answer| line.write_all(&answer).is_err()) {
-                    return;
+                // No silence ends a frame here, as the host paces nothing; when it is busy, the board may have given a device up
+                // and asked another one by now.
+                while heard.len() >= request_bytes(&heard) {
+                    let rest = heard.split_off(request_bytes(&heard));
+                    let answer =
+                        rtu::open(&heard).and_then(|(unit, pdu)| devices.lock().unwrap().answer(unit, pdu));
+                    heard = rest;
+                    let (pause, character) = {
+                        let devices = devices.lock().unwrap();
+                        (devices.answer_after, devices.character)
+                    };
+                    thread::sleep(pause);
+                    if answer.is_some_and(|answer| send(&mut line, &answer, character).is_err()) {
+                        return;
+                    }
                 }
             }
         });
     }
+}
+
+/// Sends `bytes`, each when those before it would have taken their time on a wire.
+pub(crate) fn send(line: &mut UnixStream, bytes: &[u8], character: Duration) -> io::Result<()> {
+    if character.is_zero() {
+        return line.write_all(bytes);
+    }
+    let start = Instant::now();
+    for (before, &byte) in (0..).zip(bytes) {
+        thread::sleep((character * before).saturating_sub(start.elapsed()));
+        line.write_all(&[byte])?;
+    }
+    Ok(())
 }
 
 /// How long a request is that begins like this: reads and writes of one thing, or writes of several. (A CRC that fits is no

@@ -70,7 +70,7 @@ impl Figures {
         Self(BufReader::new(line))
     }
 
-    /// Ticks of 40 ns that the board has been awake, modulo 2^32, and those of them that it moved bytes of UARTs.
+    /// Ticks of 40 ns that the board has been awake, modulo 2^24, and those of them without what moves the bytes of UARTs.
     pub fn busy(&mut self) -> (u32, u32) {
         let told = self.ask(b'b');
         (told[1], told[3])

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use mobgate_simulator::Random;
 
+use crate::cost::budget;
 use crate::figure::{Target, figure};
 use crate::{Bus, Machine, Options, wait_for};
 
@@ -17,6 +18,8 @@ const RESET_EVERY: usize = 50;
 /// Units on each line, and the first of them.
 const LINES: [(usize, &str, u8); 3] = [(1, "P1", 1), (2, "P2", 65), (3, "P3", 129)];
 const UNITS: u8 = 8;
+/// The exception for a device that did not answer.
+const NO_RESPONSE: u8 = 0x0b;
 
 /// Runs `wanted` transactions and prints what came of them.
 pub fn run(folder: &Path, wanted: u64) {
@@ -33,14 +36,15 @@ pub fn run(folder: &Path, wanted: u64) {
 
     let answered = AtomicU64::new(0);
     let start = Instant::now();
-    let wrong: u64 = thread::scope(|scope| {
+    let (wrong, given_up) = thread::scope(|scope| {
         let clients: Vec<_> = (0..CLIENTS)
             .map(|seed| {
                 let (machine, answered) = (&machine, &answered);
                 scope.spawn(move || client(machine, seed, wanted, answered))
             })
             .collect();
-        clients.into_iter().map(|client| client.join().unwrap()).sum()
+        let outcomes = clients.into_iter().map(|client| client.join().unwrap());
+        outcomes.fold((0, 0), |sum, outcome| (sum.0 + outcome.0, sum.1 + outcome.1))
     });
     let seconds = start.elapsed().as_secs_f64();
 
@@ -54,6 +58,8 @@ pub fn run(folder: &Path, wanted: u64) {
     figure("qemu_transactions", answered as f64, "answers", Target::AtLeast(wanted as f64));
     figure("qemu_rate", answered as f64 / seconds, "answers/s", Target::None);
     figure("qemu_wrong_answers", wrong as f64, "answers", Target::AtMost(0.0));
+    // Answers of devices that this host kept waiting for longer than the board does.
+    figure("qemu_given_up", given_up as f64, "answers", Target::None);
     let frames = console.count("-", "frames") - console.count("-", "frames-free");
     figure("qemu_frames_lost", frames as f64, "frames", Target::AtMost(0.0));
     let lost = sockets.abs_diff(figures.sockets_free());
@@ -61,20 +67,22 @@ pub fn run(folder: &Path, wanted: u64) {
     let gap: u64 =
         buses.iter().zip(LINES).map(|(bus, (_, port, _))| unaccounted(&mut console, bus, port)).sum();
     figure("qemu_counters_apart", gap as f64, "requests", Target::AtMost(0.0));
-    figure("qemu_stack_worst", f64::from(figures.stack_bytes()), "bytes", Target::None);
+    let most = Target::AtMost(budget("stack"));
+    figure("qemu_stack_worst", f64::from(figures.stack_bytes()), "bytes", most);
 }
 
 /// How far a line's counters are from what its devices heard, and from each other.
 fn unaccounted(console: &mut crate::Console, bus: &Bus, port: &str) -> u64 {
     let requests = console.count(port, "requests");
-    let ended = console.count(port, "answers") + console.count(port, "timeouts");
+    let ended: u64 = ["answers", "timeouts", "damaged"].iter().map(|event| console.count(port, event)).sum();
     requests.abs_diff(bus.requests()) + requests.abs_diff(ended)
 }
 
-/// One client after the other until all have got their answers; how many of those were wrong.
-fn client(machine: &Machine, seed: u64, wanted: u64, answered: &AtomicU64) -> u64 {
+/// One client after the other until all have got their answers; how many of those were wrong, and how many the board's, for a
+/// device that did not answer in time.
+fn client(machine: &Machine, seed: u64, wanted: u64, answered: &AtomicU64) -> (u64, u64) {
     let mut random = Random::new(seed);
-    let mut wrong = 0;
+    let (mut wrong, mut given_up) = (0, 0);
     let mut client = machine.client();
     while answered.load(Ordering::Relaxed) < wanted {
         let (_, _, first) = LINES[random.index(LINES.len())];
@@ -91,6 +99,7 @@ fn client(machine: &Machine, seed: u64, wanted: u64, answered: &AtomicU64) -> u6
         let request = [3, 0, address as u8, 0, count as u8];
         match client.try_ask(unit, &request) {
             Ok(answer) if answer.get(2..) == Some(&expected[..]) => {}
+            Ok(answer) if answer == [0x83, NO_RESPONSE] => given_up += 1,
             Ok(_) => wrong += 1,
             // Nobody but this client ends the connection.
             Err(_) => {
@@ -100,5 +109,5 @@ fn client(machine: &Machine, seed: u64, wanted: u64, answered: &AtomicU64) -> u6
         }
         answered.fetch_add(1, Ordering::Relaxed);
     }
-    wrong
+    (wrong, given_up)
 }

@@ -4,6 +4,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
+use mobgate::port::relay::Relay;
 
 use crate::wire::LineEnd;
 
@@ -12,6 +13,7 @@ use crate::wire::LineEnd;
 pub struct SimSerial {
     devices: Vec<(String, LineEnd)>,
     late_reads: Option<Duration>,
+    rests: Duration,
 }
 
 impl SimSerial {
@@ -24,6 +26,14 @@ impl SimSerial {
     #[must_use]
     pub fn with_late_reads(mut self, late: Duration) -> Self {
         self.late_reads = (late > Duration::from_ticks(0)).then_some(late);
+        self
+    }
+
+    /// The board that sleeps while characters gather of which it needs none alone, and so may read this late. Without such a
+    /// time it never sleeps.
+    #[must_use]
+    pub fn with_rests(mut self, rests: Duration) -> Self {
+        self.rests = rests;
         self
     }
 
@@ -42,19 +52,21 @@ impl SerialHost for SimSerial {
         let error = |kind| OpenError::new(kind, "");
         let (_, end) =
             self.devices.iter().find(|(name, _)| name == device).ok_or(error(OpenErrorKind::NotFound))?;
-        let late_reads = self.late_reads;
-        end.open(*line).map(|end| SimLine { end, late_reads }).map_err(|kind| match kind {
+        let Self { late_reads, rests, .. } = *self;
+        let board = self.clone();
+        let opened = |end| SimLine { end, late_reads, rests, board, source: None };
+        end.open(*line).map(opened).map_err(|kind| match kind {
             ErrorKind::AddrInUse => error(OpenErrorKind::InUse),
             _ => error(OpenErrorKind::NotFound),
         })
     }
 
     fn read_jitter(&self) -> Duration {
-        self.late_reads.unwrap_or(Duration::from_ticks(0))
+        self.late_reads.unwrap_or_default().max(self.rests)
     }
 
     fn never_underruns(&self) -> bool {
-        self.late_reads.is_none()
+        self.read_jitter() == Duration::default()
     }
 }
 
@@ -62,18 +74,52 @@ impl SerialHost for SimSerial {
 pub struct SimLine {
     end: LineEnd,
     late_reads: Option<Duration>,
+    rests: Duration,
+    board: SimSerial,
+    /// Whose characters are sent here.
+    source: Option<LineEnd>,
 }
 
 impl Drop for SimLine {
     fn drop(&mut self) {
+        self.end_relay();
         self.end.close();
     }
 }
 
 impl SerialLine for SimLine {
+    const RESTS: bool = true;
+
     async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
         self.end.drive(on);
         Ok(())
+    }
+
+    async fn rest(&mut self, until: Instant) -> bool {
+        let sleeps = self.rests > Duration::default() && until > Instant::now();
+        if sleeps {
+            Timer::at(until).await;
+        }
+        sleeps
+    }
+
+    fn relay(&mut self, from: &str, relay: Relay) -> bool {
+        let source = self.board.devices.iter().find(|(name, _)| name == from);
+        self.source = source.map(|(_, end)| end.clone());
+        self.source.iter().for_each(|source| source.begin_relay(relay, &self.end));
+        self.source.is_some()
+    }
+
+    fn end_relay(&mut self) -> Option<Relay> {
+        self.source.take()?.end_relay()
+    }
+
+    fn is_relayed(&self) -> bool {
+        self.end.is_relayed()
+    }
+
+    fn silence(&self) -> Duration {
+        self.end.silence()
     }
 
     fn take_flaws(&mut self) -> Flaws {

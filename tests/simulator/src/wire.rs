@@ -18,11 +18,13 @@ use crate::random::mix;
 
 mod end;
 mod record;
+mod relay;
 
 pub use end::{Heard, LineEnd, Silence};
 pub use record::{EndRecord, FRAMES_MAX, WireFrame};
 
 use record::Record;
+use relay::Relayed;
 
 /// Characters that an end keeps for a reader that does not come; older ones are lost, as in a UART's driver.
 const UNREAD_CHARS_MAX: u64 = 4_096;
@@ -83,6 +85,8 @@ struct End {
     run: Run,
     waiting: Vec<Waker>,
     overruns: u64,
+    /// Another end sends what this one hears.
+    relayed: Option<Relayed>,
 }
 
 /// An unbroken sequence of an end's characters.
@@ -130,6 +134,7 @@ impl Wire {
             run: Run::default(),
             waiting: Vec::new(),
             overruns: 0,
+            relayed: None,
         });
         bus.record.add_end();
         LineEnd::new(self.clone(), bus.ends.len() - 1, 0)
@@ -165,8 +170,12 @@ impl Bus {
 
     /// The characters that `end` hears from its place on, future ones included, with their numbers.
     fn audible_from(&self, end: usize) -> impl Iterator<Item = (u64, &Character)> {
-        let End { next, echo, .. } = &self.ends[end];
-        let (next, echo) = (*next, *echo);
+        self.audible(end, self.ends[end].next)
+    }
+
+    /// The same from the character number `next` on.
+    fn audible(&self, end: usize, next: u64) -> impl Iterator<Item = (u64, &Character)> {
+        let echo = self.ends[end].echo;
         let skipped = usize::try_from(next.saturating_sub(self.first)).unwrap_or(usize::MAX);
         let numbered = self.characters.iter().enumerate().skip(skipped);
         let numbered = numbered.map(|(index, character)| (self.first + index as u64, character));

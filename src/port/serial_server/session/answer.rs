@@ -5,7 +5,6 @@ use crate::config::Framing;
 use crate::frame::{Envelope, Fill, Frame};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::LINE_FEED;
-use crate::modbus::crc::crc16;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX, rtu};
 use crate::port::copy::{Copied, Form, copy};
@@ -26,10 +25,11 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let arriving = fill == Fill::Filling;
         if arriving {
             let form = self.form(&envelope);
-            if copy(&mut self.line, &answer, form).await? != Copied::Whole {
+            if copy(self.server.gateway, &mut self.line, &answer, form).await? != Copied::Whole {
                 return Ok(());
             }
         }
+        let crc = answer.own_crc().filter(|_| arriving);
         let mut pdu = [0; PDU_BYTES_MAX];
         let length = answer.copy_pdu(&mut pdu);
         drop(answer);
@@ -37,12 +37,11 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         if !arriving {
             self.send(&envelope, pdu).await?;
         } else {
-            let mut frame = [0; FRAME_CHARS_MAX];
-            let encoded =
-                self.server.settings.framing.encode(envelope.unit, pdu, self.delimiter(), &mut frame);
-            self.tap.sent(self.line.active, Event::Answer, encoded.unwrap_or(&[]));
+            let end = (crc, self.delimiter());
+            let framing = self.server.settings.framing;
+            self.tap.copied(self.line.active, Event::Answer, framing, (envelope.unit, pdu), end);
         }
-        self.answered(&envelope, pdu);
+        self.answered(&envelope, pdu, crc.unwrap_or_else(|| rtu::check(envelope.unit, pdu)));
         Ok(())
     }
 
@@ -76,15 +75,22 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let lane = self.server.gateway.settings(|settings| Lane::at(settings, envelope.destination?));
         // Nobody else waits for this line, and what has begun cannot be sent again.
         let may_wait = framing == Framing::Ascii || lane.is_some_and(|lane| lane.framing == Framing::Rtu);
-        Form { framing, may_wait, delimiter: self.delimiter(), from: envelope.target, to: envelope.unit }
+        Form {
+            framing,
+            may_wait,
+            delimiter: self.delimiter(),
+            source: envelope.destination,
+            from: envelope.target,
+            to: envelope.unit,
+        }
     }
 
-    /// Notes what has been answered.
-    fn answered(&mut self, envelope: &Envelope, pdu: &[u8]) {
+    /// Notes what has been answered, with its CRC.
+    fn answered(&mut self, envelope: &Envelope, pdu: &[u8], crc: u16) {
         // No frame that begins behind the answer can have ended by then.
         let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);
         let until = self.line.active + shortest + self.line.jitter;
-        self.answered = Some(Answered { unit: envelope.unit, crc: crc16(pdu), until });
+        self.answered = Some(Answered { unit: envelope.unit, crc, until });
         let stats = &self.server.place.stats;
         stats.count(Event::Answer);
         if let [function, code] = *pdu

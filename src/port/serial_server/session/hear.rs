@@ -1,11 +1,11 @@
 //! What is heard on the line: passed on as it comes, judged, and taken for a request or not.
 
 use embassy_time::Instant;
+use heapless::Vec;
 
 use super::{Ear, Open, Session};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::COLON;
-use crate::modbus::crc::crc16;
 use crate::modbus::{PDU_BYTES_MAX, rtu};
 use crate::port::arriving::Passing;
 use crate::port::shared_bus::Heard;
@@ -18,6 +18,9 @@ enum Judged {
     Foreign,
     Garbage(LastError),
 }
+
+/// A request's PDU.
+type Request = Vec<u8, PDU_BYTES_MAX>;
 
 /// Garbage shorter than any frame: stray bits, as drivers make them that switch the line.
 const STRAY_BYTES_MAX: usize = rtu::FRAME_BYTES_MIN - 1;
@@ -80,8 +83,8 @@ impl<L: SerialLine> Session<'_, '_, L> {
             if let (Ear::Ascii(_), Some(&COLON)) = (&self.ear, self.line.heard().first()) {
                 self.begin();
             }
-            let mut request = [0; PDU_BYTES_MAX];
-            let (judged, count, request) = self.judge(silent, &mut request);
+            let mut request = Request::new();
+            let (judged, count) = self.judge(silent, &mut request);
             // What comes behind a request overtakes it, also when both were heard at once.
             if count > STRAY_BYTES_MAX {
                 self.interrupted();
@@ -89,10 +92,10 @@ impl<L: SerialLine> Session<'_, '_, L> {
             let event = match judged {
                 Judged::Nothing if count > 0 && !self.line.heard().is_empty() => continue,
                 Judged::Nothing => break,
-                Judged::Request(unit) if self.is_echo(unit, request) => Event::Noise,
+                Judged::Request(unit) if self.is_echo(unit, &request) => Event::Noise,
                 Judged::Request(unit) => {
                     let received = self.line.active;
-                    if self.finish(request, received) || self.server.ask(unit, request, received) {
+                    if self.finish(&request, received) || self.server.ask(unit, &request, received) {
                         let until = received + self.server.settings.server.answer_within;
                         self.open = Open::Asked { received, until };
                     }
@@ -116,11 +119,13 @@ impl<L: SerialLine> Session<'_, '_, L> {
     /// Whether this is what the gateway itself has just sent.
     fn is_echo(&mut self, unit: u8, pdu: &[u8]) -> bool {
         let answered = self.answered.take();
-        answered.is_some_and(|own| own.unit == unit && self.line.active < own.until && own.crc == crc16(pdu))
+        answered.is_some_and(|own| {
+            own.unit == unit && self.line.active < own.until && own.crc == rtu::check(unit, pdu)
+        })
     }
 
-    /// The next thing that was heard, how many bytes that were, and its PDU if it is a request for us.
-    fn judge<'b>(&mut self, silent: bool, request: &'b mut [u8; PDU_BYTES_MAX]) -> (Judged, usize, &'b [u8]) {
+    /// The next thing that was heard, and how many bytes that were. If it is a request for us, its PDU goes to `request`.
+    fn judge(&mut self, silent: bool, request: &mut Request) -> (Judged, usize) {
         let Self { server, line, tap, ear, .. } = self;
         let is_ours = |unit| server.is_ours(unit);
         let (heard, count) = match ear {
@@ -128,11 +133,10 @@ impl<L: SerialLine> Session<'_, '_, L> {
             Ear::Ascii(ear) if silent && ear.in_frame() => (ear.overdue(), 0),
             Ear::Ascii(ear) => ear.hear(line.heard(), is_ours),
         };
-        let mut length = 0;
         let judged = match heard {
             Heard::Request { unit, pdu } => {
-                request.iter_mut().zip(pdu).for_each(|(place, byte)| *place = *byte);
-                length = pdu.len();
+                // It fits: it is no longer than a PDU may be.
+                let _ = request.extend_from_slice(pdu);
                 Judged::Request(unit)
             }
             Heard::ForeignRequest | Heard::ForeignAnswer => Judged::Foreign,
@@ -150,6 +154,6 @@ impl<L: SerialLine> Session<'_, '_, L> {
             tap.heard(line.active, verdict, line.heard().get(..count).unwrap_or(&[]));
         }
         line.consume(count);
-        (judged, count, request.get(..length).unwrap_or_default())
+        (judged, count)
     }
 }

@@ -47,9 +47,9 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let end = pdu::request_end(so_far);
         if let Passing::Open | Passing::From(_) = self.passing {
             self.passing = self.plan(unit, so_far, end);
-            if self.passing.is_due() {
-                self.passing = self.server.hand_on(unit, self.begun).map_or(Passing::Whole, Passing::Begun);
-            }
+        }
+        if self.passing.is_due() {
+            self.passing = self.server.hand_on(unit, self.begun).map_or(Passing::Whole, Passing::Begun);
         }
         let Passing::Begun(arriving) = &mut self.passing else { return false };
         if !arriving.take(heard, end) {

@@ -13,8 +13,8 @@ use super::{Bus, Flaw, TRANSMIT_CHARS_MAX, Wire, chars_ns, now_ns, tick_after};
 /// A participant's handle. Clones are the same participant; what one clone reads, the others do not.
 #[derive(Clone)]
 pub struct LineEnd {
-    wire: Wire,
-    number: usize,
+    pub(super) wire: Wire,
+    pub(super) number: usize,
     generation: u32,
 }
 
@@ -169,6 +169,9 @@ impl LineEnd {
     /// Waits until a read would give something, if only the news that the adapter is out.
     pub(crate) async fn readable(&self) {
         poll_fn(|context| {
+            if self.poll_relay(context).is_pending() {
+                return Poll::Pending;
+            }
             let mut bus = self.wire.0.borrow_mut();
             let coming = bus.audible_from(self.number).next().map(|(_, character)| character.end_ns);
             if self.is_dead(&bus) || coming.is_some_and(|end_ns| end_ns <= now_ns()) {
@@ -185,12 +188,16 @@ impl LineEnd {
     }
 
     fn poll_read(&self, context: &mut Context<'_>, into: &mut [u8]) -> Poll<Result<usize, ErrorKind>> {
+        if self.poll_relay(context).is_pending() {
+            return Poll::Pending;
+        }
         let mut bus = self.wire.0.borrow_mut();
         if into.is_empty() || self.is_dead(&bus) {
             return Poll::Ready(Ok(0));
         }
         let count = bus.read(self.number, into);
         if count > 0 {
+            bus.record.ends[self.number].reads += 1;
             return Poll::Ready(Ok(count));
         }
         let coming = bus.audible_from(self.number).next().map(|(_, character)| character.end_ns);

@@ -1,0 +1,49 @@
+//! The bytes of the ring's frames, moved by the frame.
+
+use heapless::Vec;
+
+use super::BYTES_MAX;
+
+/// A queue of bytes.
+pub(super) struct Bytes {
+    bytes: [u8; BYTES_MAX],
+    /// Where the oldest one is, and how many there are.
+    start: usize,
+    length: usize,
+}
+
+impl Bytes {
+    /// None.
+    pub(super) const fn new() -> Self {
+        Self { bytes: [0; BYTES_MAX], start: 0, length: 0 }
+    }
+
+    /// Bytes that there is room for.
+    pub(super) const fn room(&self) -> usize {
+        BYTES_MAX - self.length
+    }
+
+    /// Drops the oldest `count`.
+    pub(super) fn drop_oldest(&mut self, count: usize) {
+        let count = count.min(self.length);
+        self.start = (self.start + count) % BYTES_MAX;
+        self.length -= count;
+    }
+
+    /// Appends `bytes`, for which there is room.
+    pub(super) fn append(&mut self, bytes: &[u8]) {
+        let end = (self.start + self.length) % BYTES_MAX;
+        let (before, behind) = bytes.split_at(bytes.len().min(BYTES_MAX - end));
+        for (at, part) in [(end, before), (0, behind)] {
+            if let Some(place) = self.bytes.get_mut(at..at + part.len()) {
+                place.copy_from_slice(part);
+            }
+        }
+        self.length += bytes.len();
+    }
+
+    /// `count` bytes behind the oldest `before`.
+    pub(super) fn get<const N: usize>(&self, before: usize, count: usize) -> Vec<u8, N> {
+        self.bytes.iter().cycle().skip((self.start + before) % BYTES_MAX).take(count).copied().collect()
+    }
+}

@@ -72,6 +72,8 @@ pub enum Cause {
     Connection,
     /// Behind 03: the answer would be longer than a PDU may be.
     Length,
+    /// Nobody has been asked: a rule forbids it, too many requests wait, or the request's time was over.
+    Unsent,
 }
 
 /// Who asked.

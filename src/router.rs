@@ -7,7 +7,7 @@
 use embassy_time::Instant;
 
 use crate::config::PortId;
-use crate::frame::{Channel, Envelope, Fill, Frame, Origin, Stage, Way};
+use crate::frame::{Cause, Channel, Envelope, Fill, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
@@ -64,6 +64,7 @@ impl Gateway<'_> {
             Decision::Refuse(exception) => {
                 let no_path = exception == Exception::GATEWAY_NO_PATH;
                 count(if no_path { Event::NoPath } else { Event::Refused });
+                frame.blame(Cause::Unsent);
                 self.refuse(frame, exception);
             }
             Decision::NoRule => {

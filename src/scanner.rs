@@ -30,6 +30,7 @@ use heapless::Vec;
 use self::row::Entry;
 use self::station::{Open, Station};
 use self::values::Values;
+use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 
 pub use self::commands::Refused;
@@ -219,7 +220,10 @@ impl Scanner {
             Ok([function, exception, ..]) if function & EXCEPTION_BIT != 0 => {
                 station.answered(now, *exception);
                 match open {
-                    Open::Check => self.skip_poll(device),
+                    Open::Check => {
+                        station.status.alive = Some(false);
+                        self.skip_poll(device);
+                    }
                     Open::Read { .. } | Open::Write => {
                         self.end(device, now, Err(ErrorCode::of_exception(*exception)), &[]);
                     }
@@ -228,10 +232,33 @@ impl Scanner {
             Ok(answer) => {
                 station.answered(now, 0);
                 match open {
-                    Open::Check => station.check_due = false,
+                    Open::Check => station.check_from = None,
                     Open::Read { .. } | Open::Write => self.end(device, now, Ok(open), answer),
                 }
             }
+        }
+    }
+
+    /// The open request to `device` has not been sent: the gateway itself has answered it by `exception`, since a rule forbids it,
+    /// or since too many requests wait. The device knows nothing of that, so it says nothing about the device.
+    pub fn refused(&mut self, device: DeviceId, now: Instant, exception: Exception) {
+        let Some(station) = self.stations.get_mut(usize::from(device.0)) else { return };
+        let Some(open) = station.open.take() else { return };
+        station.pending = true;
+        let error = match ErrorCode::of_exception(exception.0) {
+            ErrorCode::Unspecified => ErrorCode::Connection,
+            forbidden => forbidden,
+        };
+        let crowded = error == ErrorCode::Connection;
+        station.not_sent(error);
+        if crowded {
+            // Asked again at once, it would be refused again.
+            station.held = now + SCAN;
+            self.unanswered(device, open, error, false);
+        } else if open == Open::Check {
+            self.skip_poll(device);
+        } else {
+            self.end(device, now, Err(error), &[]);
         }
     }
 

@@ -1,9 +1,17 @@
 //! EtherCAT: what a cycle costs on the SPI, how long a start takes, how images fare,
 //! and how soon an output is read back.
 
+// The worlds of the tests, which need more of them.
+#[allow(dead_code)]
+#[path = "../../tests/ethercat/gateway/bench.rs"]
+mod bench;
 mod gateway;
+#[path = "../../tests/ethercat/gateway/matrix.rs"]
+mod matrix;
 mod spi;
 mod sub_device;
+#[path = "../../tests/ethercat/gateway/virtual_devices.rs"]
+mod virtual_devices;
 
 pub(crate) fn figures() {
     gateway::figures();

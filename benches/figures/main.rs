@@ -7,6 +7,7 @@
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
 
+mod drive;
 mod ethercat;
 mod faults;
 mod figure;
@@ -38,6 +39,7 @@ fn main() {
         ("tools", tools::figures),
         ("power_cuts", power_cuts::figures),
         ("ethercat", ethercat::figures),
+        ("drive", drive::figures),
     ];
     // Cargo adds `--bench`; what is left are the names of groups.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with("--")).collect();

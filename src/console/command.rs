@@ -91,6 +91,14 @@ pub(super) enum Clear {
 
 pub(super) const TOPICS_CLEAR: &[(&str, Clear)] = &[("stats", Clear::Stats), ("log", Clear::Log)];
 
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Watch {
+    Points,
+}
+
+/// What is watched besides frames.
+pub(super) const TOPICS_WATCH: &[(&str, Watch)] = &[("points", Watch::Points)];
+
 /// Whether the session goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Next {
@@ -144,6 +152,10 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                     }
                 }
                 Ok(Clear::Log) => self.gateway.log().clear(),
+                Err(error) => self.fail(format_args!("{error}")).await?,
+            },
+            Ok(Command::Watch) if !words.peek().is_end() => match topic(&mut words, TOPICS_WATCH, "points") {
+                Ok(Watch::Points) => self.watch_points().await?,
                 Err(error) => self.fail(format_args!("{error}")).await?,
             },
             Ok(Command::Help) => match help::topic(&mut words) {

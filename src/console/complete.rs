@@ -2,7 +2,7 @@
 
 use heapless::String;
 
-use super::command::{COMMANDS, TOPICS_CLEAR, TOPICS_SHOW};
+use super::command::{COMMANDS, TOPICS_CLEAR, TOPICS_SHOW, TOPICS_WATCH};
 use crate::config::{Settings, WORD_BYTES_MAX, network_words, option_words};
 
 /// What can be done about a word that was begun.
@@ -64,6 +64,8 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
         TOPICS_SHOW.iter().for_each(|(word, _)| offer(word));
     } else if is("clear") && second {
         TOPICS_CLEAR.iter().for_each(|(word, _)| offer(word));
+    } else if is("watch") && second {
+        TOPICS_WATCH.iter().for_each(|(word, _)| offer(word));
     } else if (is("insert") || is("move")) && second {
         offer("route");
     } else if is("edit") && second {

@@ -69,13 +69,19 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         let _following = self.gateway.capture().map(Capture::follow);
         loop {
             self.frames(&mut cursor).await?;
-            self.out.flush().await?;
-            let mut typed = [0; 16];
-            match select(self.out.read(&mut typed), Timer::after(PAUSE)).await {
-                Either::First(read) => return read.map(|_| ()),
-                Either::Second(()) if self.gateway.capture().is_none() => return Ok(()),
-                Either::Second(()) => {}
+            if self.stops(PAUSE).await? || self.gateway.capture().is_none() {
+                return Ok(());
             }
+        }
+    }
+
+    /// Shows what there is to see, and waits for the next look; says whether something was typed instead.
+    pub(super) async fn stops(&mut self, pause: Duration) -> Result<bool, IO::Error> {
+        self.out.flush().await?;
+        let mut typed = [0; 16];
+        match select(self.out.read(&mut typed), Timer::after(pause)).await {
+            Either::First(read) => read.map(|_| true),
+            Either::Second(()) => Ok(false),
         }
     }
 }

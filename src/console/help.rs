@@ -191,7 +191,10 @@ const TOPICS: &[(&str, &[&str])] = &[
     ),
     (
         "watch",
-        &["watch                            shows frames of all ports as they come, until a key or a line"],
+        &[
+            "watch                            shows frames of all ports as they come, until a key or a line",
+            "watch points                     shows data points whose status or values change, likewise",
+        ],
     ),
     ("save", &["save                             keeps the settings for the next start"]),
     ("load", &["load                             takes the saved settings back"]),
@@ -213,7 +216,7 @@ const OVERVIEW: &[&str] = &[
     "ping, read, write UNIT ... via PORT  asks a unit at once     help read",
     "scan PORT                        finds units, and their speed and format                help scan",
     "tune PORT                        measures answer times, and proposes a time-out         help tune",
-    "watch, capture FILE|off          frames as they come: here, in a file                   help capture",
+    "watch [points], capture FILE|off  frames as they come, or points that change             help capture",
     "clear stats|log                  forgets",
     "save, load                       settings of the next start",
     "reboot, exit                     the gateway's end, the session's end",

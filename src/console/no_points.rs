@@ -26,6 +26,11 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     pub(super) async fn point(&mut self, _: PointCommand, words: &mut Words<'_>) -> Result<(), IO::Error> {
         self.fail(format_args!("{}", words.take().error(Problem::NoPoints))).await
     }
+
+    /// `watch points`
+    pub(super) async fn watch_points(&mut self) -> Result<(), IO::Error> {
+        self.fail(format_args!("{}", Problem::NoPoints)).await
+    }
 }
 
 /// `show points`

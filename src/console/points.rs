@@ -9,9 +9,10 @@ use heapless::{String, Vec};
 use super::command::Session;
 use super::rows::{age, text};
 use super::show::Written;
-use crate::config::{LineError, PointAt, PointSettings, Problem, Settings, Words, parse_number};
+use crate::config::{LineError, POINTS_MAX, PointAt, PointSettings, Problem, Settings, Words, parse_number};
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
+use crate::modbus::crc::crc16;
 use crate::scanner::{
     DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing,
 };
@@ -30,6 +31,8 @@ pub(super) enum PointCommand {
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How often it looks.
 const LOOK: Duration = Duration::from_millis(10);
+/// How often a watcher looks.
+const WATCH: Duration = Duration::from_millis(100);
 /// Values in a line of output.
 const LINE_VALUES_MAX: usize = 8;
 /// Bytes of the values of one point: as many as a frame holds.
@@ -82,17 +85,38 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                 if !settled(place, row).await {
                     self.out.line(format_args!("it is not done yet: see show points")).await?;
                 }
-                self.all_of(place, row).await
+                self.lines_of(place, row, usize::MAX).await
             }
         }
     }
 
-    /// A point and all of its values.
-    async fn all_of(&mut self, place: &ScannerPlace, id: RowId) -> Result<(), IO::Error> {
+    /// `watch points`: the points, and from then on those whose status or values change, until something is typed.
+    pub(super) async fn watch_points(&mut self) -> Result<(), IO::Error> {
+        let Some(place) = self.gateway.scanner() else {
+            return self.fail(format_args!("this board has no data points")).await;
+        };
+        let mut shown = [None; POINTS_MAX];
+        loop {
+            let points = self.gateway.settings(|settings| settings.points.len());
+            for (id, shown) in (0..points).map(|at| RowId(at as u8)).zip(&mut shown) {
+                let now = place
+                    .with(|scanner| (scanner.status(id, Instant::now()).bits(), crc16(scanner.input(id))));
+                if shown.replace(now) != Some(now) {
+                    self.lines_of(place, id, LINE_VALUES_MAX).await?;
+                }
+            }
+            if self.stops(WATCH).await? {
+                return Ok(());
+            }
+        }
+    }
+
+    /// A point and as many as `most` of its values.
+    async fn lines_of(&mut self, place: &ScannerPlace, id: RowId, most: usize) -> Result<(), IO::Error> {
         let (gateway, now) = (self.gateway, Instant::now());
         for line in 0.. {
             let out = self.out.begin();
-            let write = |settings: &Settings| point(settings, place, id, (line, usize::MAX), now, out);
+            let write = |settings: &Settings| point(settings, place, id, (line, most), now, out);
             if gateway.settings(write).is_none() {
                 break;
             }

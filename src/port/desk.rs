@@ -24,7 +24,7 @@ use embassy_time::{Duration, Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
-use crate::frame::{Envelope, Frame, Stage, Way};
+use crate::frame::{Cause, Envelope, Frame, Stage, Way};
 use crate::gateway::{Gateway, PortAt};
 use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
@@ -472,6 +472,7 @@ impl<'g> Desk<'g> {
     fn fail(&self, frame: Frame<'g>, event: Event, exception: Exception) {
         self.place.stats.count(event);
         log_debug!("port {}: {} for unit {}", self.id.0, event.name(), frame.envelope().target);
+        frame.blame(Cause::Unsent);
         self.gateway.refuse(frame, exception);
     }
 }

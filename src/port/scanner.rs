@@ -138,9 +138,15 @@ impl Port<'_, '_> {
         let silent = match cause {
             Cause::Damage => ErrorCode::Transmission,
             Cause::Connection => ErrorCode::Connection,
-            Cause::Silence | Cause::Length => ErrorCode::Timeout,
+            Cause::Silence | Cause::Length | Cause::Unsent => ErrorCode::Timeout,
         };
         let answer = |pdu: &[u8]| {
+            if let ([_, code], Cause::Unsent) = (pdu, cause)
+                && Exception(*code) != Exception::GATEWAY_NO_PATH
+            {
+                // Whoever refused it has counted that.
+                return self.scanner.with(|scanner| scanner.refused(device, now, Exception(*code)));
+            }
             let outcome = match *pdu {
                 _ if stage == Stage::Silence => Err(ErrorCode::Unknown),
                 [function, code] if function & EXCEPTION_BIT != 0 => match Exception(code) {

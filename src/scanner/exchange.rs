@@ -25,7 +25,9 @@ impl Scanner {
             let Some(due) = entry.due(held).filter(|due| *due <= since) else { continue };
             entry.mark_due(due, since, turn);
             station.pending = true;
-            station.check_due |= station.device.check;
+            if station.device.check {
+                station.check_from.get_or_insert(turn);
+            }
             self.turn = turn;
         }
     }
@@ -48,7 +50,8 @@ impl Scanner {
             station.pending = false;
             return None;
         };
-        if station.check_due {
+        let is_unchecked = |entry: &Entry| station.check_from.is_some_and(|from| entry.read_turn >= from);
+        if self.entries.get(leader).is_some_and(is_unchecked) {
             station.asked(Open::Check);
             let pdu = Pdu::from_slice(&CHECK).unwrap_or_default();
             return Some(Request { device, unit, pdu });
@@ -81,14 +84,13 @@ impl Scanner {
         }
     }
 
-    /// The device is not well enough for this poll.
+    /// The device is left out of this poll.
     pub(super) fn skip_poll(&mut self, device: DeviceId) {
         for entry in self.entries.iter_mut().filter(|entry| entry.row.device == Some(device)) {
             entry.status.clear(Status::READ_MARKED);
         }
         if let Some(station) = self.stations.get_mut(usize::from(device.0)) {
-            station.check_due = false;
-            station.status.alive = Some(false);
+            station.check_from = None;
         }
         self.fill(device);
     }

@@ -67,8 +67,9 @@ pub(super) struct Station {
     pub(super) open: Option<Open>,
     /// Something may be marked.
     pub(super) pending: bool,
-    /// The check before this poll is still to be made.
-    pub(super) check_due: bool,
+    /// Rows that were marked for reading from this turn on want a check first. It is good for all that are marked by the time
+    /// that it is answered: they are one poll, however late the line is.
+    pub(super) check_from: Option<u32>,
     /// Requests without an answer since the last one.
     silent: u8,
     /// How long it was left alone last; zero: not at all.
@@ -84,7 +85,7 @@ impl Station {
             device,
             open: None,
             pending: false,
-            check_due: false,
+            check_from: None,
             silent: 0,
             back_off: Duration::from_ticks(0),
             held: Instant::MIN,
@@ -125,8 +126,7 @@ impl Station {
 
     /// It has not answered. Says whether the request is to be repeated; else the device is left alone.
     pub(super) fn failed(&mut self, now: Instant, error: ErrorCode) -> bool {
-        self.status.failures = self.status.failures.wrapping_add(1);
-        self.status.error = Some(error);
+        self.not_sent(error);
         self.silent = self.silent.saturating_add(1);
         if self.silent <= REPEATS {
             return true;
@@ -138,6 +138,12 @@ impl Station {
         };
         self.held = now + self.back_off;
         false
+    }
+
+    /// It was to be asked, and could not be.
+    pub(super) fn not_sent(&mut self, error: ErrorCode) {
+        self.status.failures = self.status.failures.wrapping_add(1);
+        self.status.error = Some(error);
     }
 
     pub(super) fn is_held(&self, now: Instant) -> bool {

@@ -21,7 +21,7 @@ pub enum ErrorCode {
     Timeout = 5,
     /// The answer was damaged on its way.
     Transmission = 6,
-    /// There is no way to the device: its line or connection is not open, or no rule leads to it.
+    /// There is no way to the device: its line or connection is not open, too many requests wait there, or no rule leads to it.
     Connection = 7,
 }
 

@@ -1,15 +1,17 @@
 //! The gateway between EtherCAT and Modbus: its configuration by objects, and its process image against devices on a wire.
 
-mod bench;
+pub(crate) mod bench;
 mod conduct;
 mod configuration;
 mod controller;
+mod drive;
 mod exchange;
 mod keeping;
 mod line;
 mod long_images;
+pub(crate) mod matrix;
 mod objects;
 mod random;
 mod requests;
 mod silence;
-mod virtual_devices;
+pub(crate) mod virtual_devices;

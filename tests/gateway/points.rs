@@ -1,6 +1,7 @@
 //! Data points: the scanner by itself, with time as a value; its port, the local tables and the settings in virtual time.
 
 mod config;
+mod console;
 mod gathering;
 mod image;
 mod local;

@@ -9,6 +9,7 @@ use mobgate_simulator::rig::with_gateway;
 use mobgate_simulator::sub_device::{Desk, Group, cable, direct, line_of, spawn, with_master};
 use mobgate_simulator::{Device, Random};
 
+use super::matrix::{COMBINATIONS, Longest, combination, exchange};
 use crate::line::TURNAROUND;
 use crate::{Target, figure};
 
@@ -25,6 +26,11 @@ pub(crate) fn figures() {
         let longest = times.iter().max().map_or(f64::MAX, |time| time.as_micros() as f64 / 1e3);
         figure(&format!("ethercat_read_back_{baud}"), longest, "ms", Target::AtMost(most));
     }
+    let all: Vec<Longest> = (0..COMBINATIONS).map(|nth| exchange(combination(nth))).collect();
+    let longest = |part: fn(&Longest) -> f64| all.iter().map(part).fold(0.0, f64::max);
+    figure("ethercat_combinations", COMBINATIONS as f64, "combinations", Target::None);
+    figure("ethercat_input_longest", longest(|one| one.input), "of-what-it-may-take", Target::AtMost(1.0));
+    figure("ethercat_output_longest", longest(|one| one.back), "of-what-it-may-take", Target::AtMost(1.0));
 }
 
 /// How long each of many changes took, at random times.

@@ -7,10 +7,12 @@ use mobgate::ethercat::device::Device as Description;
 use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::gateway::Gateway;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
-use mobgate_simulator::Device;
 use mobgate_simulator::device::serve;
-use mobgate_simulator::rig::with_gateway;
+use mobgate_simulator::esc::SharedSegment;
+use mobgate_simulator::rig::{Size, with_gateway_on};
 use mobgate_simulator::sub_device::{Desk, Group, cable, direct, line_of, spawn, with_master};
+use mobgate_simulator::world::Clock;
+use mobgate_simulator::{Device, World};
 
 use super::virtual_devices::{Virtual, virtual_devices};
 
@@ -40,6 +42,20 @@ pub(crate) struct Bench<'m> {
 
 /// The virtual devices on a wire, the gateway, and a MainDevice that does as `script` says.
 pub(crate) fn with_devices(setup: Setup, script: impl AsyncFnOnce(Bench<'_>)) {
+    let segment = line_of(&GATEWAY);
+    with_gateway_and_devices(Clock::Virtual, setup, &segment, |world, virtuals, devices| {
+        let cable = cable(segment.clone());
+        with_master(world, cable, async |desk| script(Bench { desk, setup, virtuals, devices }).await);
+    });
+}
+
+/// The virtual devices on a wire, and the gateway as the SubDevice of `segment`.
+pub(crate) fn with_gateway_and_devices(
+    clock: Clock,
+    setup: Setup,
+    segment: &SharedSegment,
+    scenario: impl FnOnce(&mut World<'_>, Vec<Virtual>, Vec<Device>),
+) {
     let virtuals = virtual_devices();
     let devices: Vec<Device> = virtuals.iter().map(Virtual::device).collect();
     let settings = format!(
@@ -48,9 +64,8 @@ pub(crate) fn with_devices(setup: Setup, script: impl AsyncFnOnce(Bench<'_>)) {
         route ecat 1-247 * * bus",
         setup.on_loss
     );
-    let wired = devices.clone();
-    with_wire(setup.baud, &settings, wired, async |desk, _| {
-        script(Bench { desk, setup, virtuals, devices }).await;
+    with_gateway_of(clock, setup.baud, &settings, devices.clone(), segment, |world, _| {
+        scenario(world, virtuals, devices);
     });
 }
 
@@ -61,16 +76,29 @@ pub(crate) fn with_wire(
     devices: Vec<Device>,
     script: impl AsyncFnOnce(Desk<'_>, &Gateway<'_>),
 ) {
-    with_gateway(1, settings, |world, rig| {
+    let segment = line_of(&GATEWAY);
+    with_gateway_of(Clock::Virtual, baud, settings, devices, &segment, |world, gateway| {
+        with_master(world, cable(segment.clone()), async |desk| script(desk, gateway).await);
+    });
+}
+
+/// `devices` on the wire `uart1` of a gateway with `settings`, the SubDevice of `segment`.
+fn with_gateway_of(
+    clock: Clock,
+    baud: u32,
+    settings: &str,
+    devices: Vec<Device>,
+    segment: &SharedSegment,
+    scenario: impl FnOnce(&mut World<'_>, &Gateway<'_>),
+) {
+    with_gateway_on(clock, Size { rests: true, ..Size::default() }, 1, settings, |world, rig| {
         // The line may have another speed and format until the MainDevice sets it.
         let line = LineSettings { baud, ..LineSettings::DEFAULT };
         world.spawn(serve(rig.wire("uart1").tap(line), devices));
-        let line = line_of(&GATEWAY);
-        let (esc, interrupt) = direct(line.borrow().chip(0));
+        let (esc, interrupt) = direct(segment.borrow().chip(0));
         let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
         spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
-        let gateway = rig.gateway;
-        with_master(world, cable(line), async |desk| script(desk, gateway).await);
+        scenario(world, rig.gateway);
     });
 }
 

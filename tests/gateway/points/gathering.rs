@@ -197,6 +197,21 @@ fn a_check_goes_before_every_poll_and_a_device_that_fails_it_is_left_out() {
 }
 
 #[test]
+fn on_a_line_that_is_slower_than_the_polling_a_device_is_still_checked_once_before_a_poll() {
+    let mut scanner = Scanner::new();
+    scanner.restart(START);
+    let device = scanner.add_device(super::Device { check: true, ..super::device(5) }).unwrap();
+    for kind in Kind::ALL {
+        add(&mut scanner, Row { read: Reading::Every(1), ..row(device, kind, 0, 1) });
+    }
+    // Each exchange takes 10 ms, in which all that was read before is due again.
+    let functions: Vec<u8> =
+        (0..500).filter_map(|nth| Some(exchange(&mut scanner, at(10 * nth))?.pdu[0])).collect();
+    let polls: Vec<&[u8]> = functions.chunks(5).collect();
+    assert_eq!(polls, vec![[8, 1, 2, 4, 3]; 100], "a check, then all of the device");
+}
+
+#[test]
 fn values_of_32_bits_are_turned_from_the_devices_order_and_back() {
     for (order, bytes) in [
         (ByteOrder::Order0123, [1, 2, 3, 4]),

@@ -1,7 +1,7 @@
 //! Data points through the whole gateway: when requests leave, what a silent device costs, many stations behind TCP.
 
 use embassy_time::Instant;
-use mobgate::scanner::{DeviceId, RowId, Scanner, Status};
+use mobgate::scanner::{DeviceId, ErrorCode, RowId, Scanner, Status};
 use mobgate::stats::Event;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::rig::{Rig, machine, with_gateway};
@@ -152,6 +152,49 @@ fn a_polled_point_stays_fresh_while_a_client_floods_its_line() {
             oldest = oldest.max(age.unwrap());
         }
         assert!(oldest < 300 * MS, "{} ms", oldest.as_millis());
+    });
+}
+
+#[test]
+fn what_the_ports_full_queue_refuses_is_not_taken_for_the_devices_answer() {
+    let settings = "port bus serial uart1 rtu client 19200 8E1
+        port P502 tcp server 502 clients 75
+        port scan scanner
+        route scan 1-247 * * bus
+        route P502 1-247 * * bus merge off
+        device meter unit 5
+        point power meter holding 0 count 4 read high
+        point limit meter holding 10 write auto";
+    with_gateway(1, settings, |world, rig| {
+        let device = Device::new(5);
+        rig.attach(world, "uart1", [device.clone(), Device::new(6)]);
+        world.run_for(SECOND);
+        // More of them than may wait, so that none of them crowds the others.
+        for host in 1..=75 {
+            let mut client = rig.client(machine(host), 502);
+            world.spawn(async move {
+                loop {
+                    let _ = client.request(6, &[3, 0, 0, 0, 10]).await;
+                    embassy_time::Timer::after(40 * MS).await;
+                }
+            });
+        }
+        let full = rig.counted("bus", Event::QueueFull);
+        scanner(rig, |scanner| scanner.put(RowId(1), 0, 1, &[0, 1], Instant::now())).unwrap();
+        let mut refused = 0;
+        for nth in 0..20_u8 {
+            world.run_for(2 * SECOND);
+            scanner(rig, |scanner| scanner.put(RowId(1), 0, 1, &[0, nth], Instant::now())).unwrap();
+            let error = scanner(rig, |scanner| scanner.status(RowId(0), Instant::now())).error();
+            assert!(error.is_none_or(|error| error == ErrorCode::Connection), "{error:?}");
+            refused += u32::from(error.is_some());
+        }
+        assert!(refused > 0 && rig.counted("bus", Event::QueueFull) > full);
+        let status = scanner(rig, |scanner| scanner.device_status(DeviceId(0), Instant::now())).unwrap();
+        assert_eq!((status.exceptions, status.exception, status.alive), (0, 0, Some(true)));
+        assert!(u64::from(status.answers).abs_diff(device.counters().all_requests()) <= 1, "{status:?}");
+        world.run_for(10 * SECOND);
+        assert_eq!(device.memory().holding[10], 19, "the last write has found its way");
     });
 }
 

@@ -1,7 +1,9 @@
 //! The status word of a row, the numbers of errors, and what a row does when its device does not answer.
 
+use mobgate::modbus::Exception;
 use mobgate::scanner::{
-    BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, ErrorCode, Kind, REPEATS, Reading, Refused, SCAN, Status,
+    BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, DeviceStatus, ErrorCode, Kind, REPEATS, Reading,
+    Refused, SCAN, Status,
 };
 use mobgate::stats::LastError;
 
@@ -59,6 +61,23 @@ fn bits_and_error_codes_are_those_of_the_vectors() {
         (LastError::NotStarted, "not_started"),
     ] {
         assert_eq!(error as u64, number(&vectors()["last_error"], name), "{name}");
+    }
+}
+
+#[test]
+fn every_status_bit_and_every_error_code_has_a_scenario() {
+    let scenarios = include_str!("../../scenarios/points.toml");
+    let seen = |word: &str| {
+        let states = scenarios.lines().filter_map(|line| line.strip_prefix("point ")?.split_once(" is "));
+        states.map(|(_, status)| status).any(|status| {
+            status.split(' ').any(|flag| flag == word) || status.ends_with(&format!("({word})"))
+        })
+    };
+    for (_, name) in Status::NAMES {
+        assert!(seen(name), "{name}");
+    }
+    for code in ErrorCode::ALL {
+        assert!(seen(code.name()), "{}", code.name());
     }
 }
 
@@ -133,6 +152,49 @@ fn an_exception_is_an_error_with_its_code_and_no_reason_to_back_off() {
         assert!(exchange(&mut scanner, at(1_000)).is_some());
         assert_eq!(scanner.status(id, at(1_000)), Status::LAST_OK, "the code goes with the error");
     }
+}
+
+#[test]
+fn what_a_rule_forbids_is_the_rows_error_and_none_of_the_devices_exceptions() {
+    for exception in [1, 2, 3] {
+        let (mut scanner, device) = scanner();
+        let id = add(&mut scanner, row(device, Kind::Holding, 0, 1));
+        while exchange(&mut scanner, at(0)).is_some() {}
+        let before = scanner.device_status(device, at(0)).unwrap();
+        scanner.put(id, 0, 1, &[0, 1], at(1)).unwrap();
+        scanner.next(at(1)).unwrap();
+        scanner.refused(device, at(2), Exception(exception));
+        let status = scanner.status(id, at(2));
+        assert_eq!(status.bits(), 1 << 2 | 1 << 11 | u16::from(exception) << 12, "{status:?}");
+        let after = scanner.device_status(device, at(2)).unwrap();
+        let same = |status: DeviceStatus| (status.alive, status.heard, status.exceptions, status.answers);
+        assert_eq!(same(after), same(before));
+        assert_eq!((after.exception, after.failures), (0, before.failures + 1));
+        assert_eq!(after.backs_off_until, None);
+        assert_eq!(scanner.next(at(2)), None, "it would be forbidden again");
+    }
+}
+
+#[test]
+fn what_a_full_queue_refuses_is_a_missing_way_and_waits_for_the_next_scan() {
+    let (mut scanner, device) = scanner();
+    let id = add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    for nth in 0..20 {
+        let now = at(200 * nth);
+        scanner.put(id, 0, 1, &[0, 1], now).unwrap();
+        assert_eq!(scanner.next(now).unwrap().pdu, [6, 0, 0, 0, 1]);
+        scanner.refused(device, now, Exception::BUSY);
+        let status = scanner.status(id, now);
+        assert_eq!(status.error(), Some(ErrorCode::Connection));
+        assert!(status.any(Status::WRITE_MARKED), "a write keeps its mark: {status:?}");
+        assert_eq!(scanner.next(now + 199 * MS), None);
+    }
+    let status = scanner.device_status(device, at(4_000)).unwrap();
+    assert_eq!((status.alive, status.exception, status.exceptions, status.answers), (None, 0, 0, 0));
+    // However often it was refused, the device has not been silent.
+    assert!(lose(&mut scanner, at(4_000)).is_some());
+    assert_eq!(exchange(&mut scanner, at(4_000)).unwrap().pdu, [6, 0, 0, 0, 1]);
+    assert!(!scanner.status(id, at(4_000)).any(Status::LAST_ERROR));
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! What somebody at the gateway's console types, and what comes of it.
 
+use std::collections::VecDeque;
 use std::convert::Infallible;
 
 use embassy_time::{Duration, Instant, Timer};
@@ -13,18 +14,21 @@ pub async fn typed(gateway: &Gateway<'_>, text: &str) -> String {
     typed_slowly(gateway, &[(Duration::from_ticks(0), text)]).await
 }
 
-/// Types texts at a console of `gateway`, each after a pause, and gives what it prints.
-pub async fn typed_slowly(gateway: &Gateway<'_>, texts: &[(Duration, &str)]) -> String {
-    let mut terminal = Terminal { typed: b"", later: texts, since: Instant::now(), printed: Vec::new() };
+/// Types each of `parts` so long after the one before, and gives what the console of `gateway` prints.
+pub async fn typed_slowly(gateway: &Gateway<'_>, parts: &[(Duration, &str)]) -> String {
+    let mut at = Instant::now();
+    let parts = parts.iter().map(|&(pause, text)| {
+        at += pause;
+        (at, text.as_bytes())
+    });
+    let mut terminal = Terminal { parts: parts.collect(), printed: Vec::new() };
     let Ok(()) = run(gateway, &mut terminal, &mut NoStore, &Simulator, Mode::Plain).await;
     String::from_utf8_lossy(&terminal.printed).into_owned()
 }
 
 struct Terminal<'t> {
-    typed: &'t [u8],
-    later: &'t [(Duration, &'t str)],
-    /// Since when nothing is typed: a read may be given up and begun again.
-    since: Instant,
+    /// What is typed, and when.
+    parts: VecDeque<(Instant, &'t [u8])>,
     printed: Vec<u8>,
 }
 
@@ -34,15 +38,15 @@ impl ErrorType for Terminal<'_> {
 
 impl Read for Terminal<'_> {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, Infallible> {
-        if let (true, [(pause, text), later @ ..]) = (self.typed.is_empty(), self.later) {
-            Timer::at(self.since + *pause).await;
-            (self.typed, self.later, self.since) = (text.as_bytes(), later, Instant::now());
+        let Some(&(at, typed)) = self.parts.front() else { return Ok(0) };
+        Timer::at(at).await;
+        let (now, later) = typed.split_at(typed.len().min(into.len()));
+        into[..now.len()].copy_from_slice(now);
+        self.parts.pop_front();
+        if !later.is_empty() {
+            self.parts.push_front((at, later));
         }
-        let count = self.typed.len().min(into.len());
-        let (now, later) = self.typed.split_at(count);
-        into[..count].copy_from_slice(now);
-        self.typed = later;
-        Ok(count)
+        Ok(now.len())
     }
 }
 

@@ -43,6 +43,8 @@ struct State {
     script: Option<Vec<u8>>,
     counters: Counters,
     writes: Vec<Executed>,
+    /// When its transmitter is free for the next answer.
+    free: Instant,
 }
 
 /// What a device has counted since the start.
@@ -87,6 +89,7 @@ impl Device {
             script: None,
             counters: Counters { requests: [0; 128], bad_crc: 0, gap_inside: 0 },
             writes: Vec::new(),
+            free: Instant::MIN,
         })))
     }
 
@@ -155,6 +158,11 @@ impl Device {
         self.0.borrow().writes.clone()
     }
 
+    /// The requests that changed something since this was asked last.
+    pub fn take_writes(&self) -> Vec<Executed> {
+        std::mem::take(&mut self.0.borrow_mut().writes)
+    }
+
     /// How often a fault has hit an answer.
     pub fn faults_injected(&self) -> u64 {
         self.0.borrow().faults.injected()
@@ -188,8 +196,9 @@ impl Device {
         if broadcast {
             return;
         }
-        let State { unit, turnaround, ref mut faults, .. } = *state;
-        let mut at = Instant::now() + turnaround;
+        let State { unit, turnaround, ref mut faults, free, .. } = *state;
+        // A device has one transmitter: what it still has to say goes first.
+        let mut at = (Instant::now() + turnaround).max(free);
         let frame = |unit, pdu: &[u8], _| framing::frame(framing, unit, pdu);
         for piece in faults.transmission(framing, unit, &pdu, answer, frame) {
             at += piece.pause;
@@ -200,6 +209,7 @@ impl Device {
             outbox.push(Outgoing { at, what: piece.what });
             at += line.line().chars(length);
         }
+        state.free = at;
         if state.rest > Duration::from_ticks(0) {
             state.deaf_until = at + state.rest;
         }

@@ -9,6 +9,8 @@
 pub mod client;
 pub mod console;
 pub mod device;
+#[cfg(feature = "masters")] // A MainDevice writes to it.
+pub mod drive;
 pub mod esc;
 pub mod fault;
 pub mod flash;

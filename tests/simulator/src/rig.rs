@@ -22,7 +22,7 @@ use crate::master::Master;
 use crate::net::Network;
 use crate::serial::SimSerial;
 use crate::wire::{EndRecord, LineEnd, Wire};
-use crate::world::World;
+use crate::world::{Clock, World};
 
 /// What board the gateway runs on.
 #[derive(Debug, Clone, Copy)]
@@ -33,12 +33,14 @@ pub struct Size {
     pub seats: usize,
     /// How late what is heard on serial lines may be read: not before the next multiple of this time.
     pub late_reads: Duration,
+    /// Whether serial lines are left to themselves until the last character is due, where the core knows when that is.
+    pub rests: bool,
 }
 
 impl Default for Size {
-    /// 80 seats, 128 frames, reads in time.
+    /// 80 seats, 128 frames, every character read as it comes.
     fn default() -> Self {
-        Self { frames: 128, seats: 80, late_reads: Duration::from_ticks(0) }
+        Self { frames: 128, seats: 80, late_reads: Duration::from_ticks(0), rests: false }
     }
 }
 
@@ -81,6 +83,20 @@ pub fn with_gateway_of<T>(
     settings: &str,
     scenario: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>) -> T,
 ) -> T {
+    with_gateway_on(Clock::Virtual, size, seed, settings, scenario)
+}
+
+/// Runs `scenario` with such a gateway in a world with this `clock`.
+///
+/// # Panics
+/// When the settings are not good.
+pub fn with_gateway_on<T>(
+    clock: Clock,
+    size: Size,
+    seed: u64,
+    settings: &str,
+    scenario: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>) -> T,
+) -> T {
     let settings = parse(settings);
     let lines = lines(&settings);
     let slots: Vec<Slot> = (0..size.frames).map(|_| Slot::new()).collect();
@@ -92,7 +108,7 @@ pub fn with_gateway_of<T>(
     let ethercat = EthercatPlace::new();
     let gateway = Gateway::new(&pool, &places, &seats);
     let gateway = gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat);
-    let mut world = World::new(seed);
+    let mut world = World::on(clock, seed);
     let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };
     rig.gateway.apply(&settings).expect("settings that the gateway takes");
     rig.start(&world, size);
@@ -138,10 +154,8 @@ impl<'g> Rig<'g> {
     fn start(&self, world: &World<'g>, size: Size) {
         let gateway = self.gateway;
         world.spawn(gateway.route());
-        let board =
-            self.lines.iter().fold(SimSerial::new().with_late_reads(size.late_reads), |board, line| {
-                board.with(&line.device, &line.end)
-            });
+        let board = SimSerial::new().with_late_reads(size.late_reads).with_rests(size.rests);
+        let board = self.lines.iter().fold(board, |board, line| board.with(&line.device, &line.end));
         for port in 0..PORTS_MAX {
             let mut host = board.clone();
             let (mut connector, mut datagrams) = (self.network.connector(), self.network.udp_host());

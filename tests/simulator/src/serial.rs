@@ -13,6 +13,7 @@ use crate::wire::LineEnd;
 pub struct SimSerial {
     devices: Vec<(String, LineEnd)>,
     late_reads: Option<Duration>,
+    rests: bool,
 }
 
 impl SimSerial {
@@ -25,6 +26,13 @@ impl SimSerial {
     #[must_use]
     pub fn with_late_reads(mut self, late: Duration) -> Self {
         self.late_reads = (late > Duration::from_ticks(0)).then_some(late);
+        self
+    }
+
+    /// The board as one that is not woken by each character, where the core knows that none is needed earlier.
+    #[must_use]
+    pub fn with_rests(mut self, rests: bool) -> Self {
+        self.rests = rests;
         self
     }
 
@@ -43,9 +51,8 @@ impl SerialHost for SimSerial {
         let error = |kind| OpenError::new(kind, "");
         let (_, end) =
             self.devices.iter().find(|(name, _)| name == device).ok_or(error(OpenErrorKind::NotFound))?;
-        let late_reads = self.late_reads;
         let board = self.clone();
-        end.open(*line).map(|end| SimLine { end, late_reads, board, source: None }).map_err(|kind| match kind {
+        end.open(*line).map(|end| SimLine { end, board, source: None }).map_err(|kind| match kind {
             ErrorKind::AddrInUse => error(OpenErrorKind::InUse),
             _ => error(OpenErrorKind::NotFound),
         })
@@ -63,7 +70,6 @@ impl SerialHost for SimSerial {
 /// An open serial line; dropping it closes it.
 pub struct SimLine {
     end: LineEnd,
-    late_reads: Option<Duration>,
     board: SimSerial,
     /// Whose characters are sent here.
     source: Option<LineEnd>,
@@ -101,6 +107,13 @@ impl SerialLine for SimLine {
         self.end.silence()
     }
 
+    async fn rest(&mut self, until: Instant) -> bool {
+        if self.board.rests {
+            Timer::at(until).await;
+        }
+        self.board.rests
+    }
+
     fn take_flaws(&mut self) -> Flaws {
         self.end.take_flaws()
     }
@@ -112,7 +125,7 @@ impl ErrorType for SimLine {
 
 impl Read for SimLine {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
-        if let Some(late) = self.late_reads {
+        if let Some(late) = self.board.late_reads {
             self.end.readable().await;
             let now = Instant::now().as_ticks();
             Timer::at(Instant::from_ticks(now.next_multiple_of(late.as_ticks()))).await;

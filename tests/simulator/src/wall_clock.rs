@@ -47,7 +47,7 @@ pub fn run_beside<T>(
 }
 
 /// Waits until something comes at `source`, or until that time.
-fn wait(source: impl AsFd, until: Option<Instant>) -> io::Result<()> {
+pub(crate) fn wait(source: impl AsFd, until: Option<Instant>) -> io::Result<()> {
     let timeout = until.map(|until| {
         let left = until.saturating_duration_since(Instant::now());
         TimeSpec::from(std::time::Duration::from_micros(left.as_micros()))

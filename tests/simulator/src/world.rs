@@ -21,21 +21,39 @@ const POLLS_PER_INSTANT_MAX: u32 = 1_000_000;
 /// Task number of the future that `run_until` was given.
 const MAIN: usize = usize::MAX;
 
-type Running<'w> = Pin<Box<dyn Future<Output = ()> + 'w>>;
+type Life<'w> = Pin<Box<dyn Future<Output = ()> + 'w>>;
 
-/// Virtual time and the tasks that live in it. Dropping it drops the tasks and ends the thread's virtual time.
+/// How time passes in a world.
+pub enum Clock {
+    /// It leaps to the next alarm.
+    Virtual,
+    /// As on the wall. What is called waits until the given time, or until something from outside is to be looked after.
+    Wall(Wait),
+}
+
+/// Waits.
+pub type Wait = Box<dyn FnMut(Option<Instant>)>;
+
+/// The clock of a world that runs.
+enum Running {
+    Virtual(VirtualClock),
+    Wall(Wait),
+}
+
+/// Time, mostly virtual, and the tasks that live in it. Dropping it drops the tasks and ends the thread's virtual time.
 pub struct World<'w> {
     seed: u64,
     random: Random,
     tasks: Vec<Option<Slot<'w>>>,
     newborn: Spawner<'w>,
     runnable: Arc<Mutex<Vec<usize>>>,
+    activity: Activity,
     // Declared last, dropped last: tasks may look at the clock when they are dropped.
-    clock: VirtualClock,
+    clock: Running,
 }
 
 struct Slot<'w> {
-    future: Running<'w>,
+    future: Life<'w>,
     waker: Arc<TaskWaker>,
 }
 
@@ -60,7 +78,7 @@ impl Wake for TaskWaker {
 
 /// Starts tasks, also from within a task.
 #[derive(Clone, Default)]
-pub struct Spawner<'w>(Rc<RefCell<Vec<Running<'w>>>>);
+pub struct Spawner<'w>(Rc<RefCell<Vec<Life<'w>>>>);
 
 impl<'w> Spawner<'w> {
     /// Starts `future`; the result awaits its end, and may be dropped without harm to the task.
@@ -116,13 +134,25 @@ impl<'w> World<'w> {
     /// # Panics
     /// When this thread has a world already.
     pub fn new(seed: u64) -> Self {
-        let clock = virtual_time::enter();
+        Self::on(Clock::Virtual, seed)
+    }
+
+    /// A world with this clock; one on the wall begins whenever it is.
+    ///
+    /// # Panics
+    /// As [`World::new`].
+    pub fn on(clock: Clock, seed: u64) -> Self {
+        let clock = match clock {
+            Clock::Virtual => Running::Virtual(virtual_time::enter()),
+            Clock::Wall(wait) => Running::Wall(wait),
+        };
         Self {
             seed,
             random: Random::new(seed),
             tasks: Vec::new(),
             newborn: Spawner::default(),
             runnable: Arc::default(),
+            activity: Activity::default(),
             clock,
         }
     }
@@ -147,6 +177,11 @@ impl<'w> World<'w> {
         self.newborn.clone()
     }
 
+    /// Tells when tasks have done something.
+    pub fn activity(&self) -> Activity {
+        self.activity.clone()
+    }
+
     /// Lets `duration` of virtual time pass.
     pub fn run_for(&mut self, duration: Duration) {
         self.run_until(Timer::after(duration));
@@ -164,6 +199,9 @@ impl<'w> World<'w> {
         loop {
             self.admit_newborn();
             let Some(task) = self.draw() else {
+                if self.activity.wake() {
+                    continue;
+                }
                 self.leap();
                 polls = 0;
                 continue;
@@ -183,6 +221,9 @@ impl<'w> World<'w> {
     }
 
     fn admit_newborn(&mut self) {
+        if self.newborn.0.borrow().is_empty() {
+            return;
+        }
         for future in self.newborn.0.take() {
             let waker = self.waker(self.tasks.len());
             waker.wake_by_ref();
@@ -202,16 +243,24 @@ impl<'w> World<'w> {
 
     fn poll_task(&mut self, task: usize) {
         let Some(slot) = self.tasks.get_mut(task).and_then(Option::as_mut) else { return };
+        self.activity.0.borrow_mut().polls += 1;
         if poll_with(slot.future.as_mut(), &slot.waker).is_ready() {
             self.tasks[task] = None;
         }
     }
 
-    fn leap(&self) {
-        let Some(at) = mobgate_clock::next_alarm() else {
-            panic!("nothing will ever happen again, and what was waited for has not come");
-        };
-        self.clock.advance_to(at);
+    fn leap(&mut self) {
+        let next = mobgate_clock::next_alarm();
+        match (&mut self.clock, next) {
+            (Running::Virtual(clock), Some(at)) => clock.advance_to(at),
+            (Running::Virtual(_), None) => {
+                panic!("nothing will ever happen again, and what was waited for has not come")
+            }
+            (Running::Wall(wait), next) => {
+                wait(next.map(Instant::from_ticks));
+                mobgate_clock::fire_due();
+            }
+        }
     }
 }
 
@@ -225,6 +274,49 @@ impl Drop for World<'_> {
         if std::thread::panicking() {
             eprintln!("this was seed {} at {} us", self.seed, Instant::now().as_micros());
         }
+    }
+}
+
+/// Tells when tasks have done something. Clones tell the same, to one of them at a time.
+///
+/// Whoever looks at something again and again, as a MainDevice does in every cycle, can leave out the looks before which
+/// nothing has happened.
+#[derive(Clone, Default)]
+pub struct Activity(Rc<RefCell<Watch>>);
+
+#[derive(Default)]
+struct Watch {
+    /// How often tasks were polled.
+    polls: u64,
+    /// Who waits for more polls than there were.
+    waiting: Option<(u64, Waker)>,
+}
+
+impl Activity {
+    /// Waits until a task has done something, and all that follows from it in the same instant is done.
+    pub async fn settled(&self) {
+        let mut waits = false;
+        poll_fn(|context| {
+            let mut watch = self.0.borrow_mut();
+            let since = match &watch.waiting {
+                None if waits => return Poll::Ready(()),
+                Some((since, _)) if waits => *since,
+                _ => watch.polls,
+            };
+            waits = true;
+            watch.waiting = Some((since, context.waker().clone()));
+            Poll::Pending
+        })
+        .await;
+    }
+
+    /// Wakes who waits, before time leaps; says whether there was somebody to be woken.
+    fn wake(&self) -> bool {
+        let mut watch = self.0.borrow_mut();
+        let polls = watch.polls;
+        let due = watch.waiting.take_if(|(since, _)| *since < polls);
+        drop(watch);
+        due.map(|(_, waker)| waker.wake()).is_some()
     }
 }
 
@@ -304,6 +396,30 @@ mod tests {
         };
         assert_eq!(run(3), run(3));
         assert_ne!(run(3), run(4));
+    }
+
+    #[test]
+    fn whoever_waits_for_activity_comes_after_all_others_of_the_instant_and_only_then() {
+        let seen = RefCell::new(Vec::new());
+        let count = Cell::new(0);
+        let mut world = World::new(1);
+        for _ in 0..5 {
+            world.spawn(async {
+                for pause in [10, 0, 90] {
+                    Timer::after_millis(pause).await;
+                    yield_now().await;
+                    count.set(count.get() + 1);
+                }
+            });
+        }
+        let activity = world.activity();
+        world.run_until(async {
+            for _ in 0..3 {
+                activity.settled().await;
+                seen.borrow_mut().push((Instant::now().as_millis(), count.get()));
+            }
+        });
+        assert_eq!(seen.into_inner(), [(0, 0), (10, 10), (100, 15)]);
     }
 
     #[test]

@@ -40,19 +40,24 @@ impl Chip {
     pub fn read(&mut self, at: Nanos, address: u16, into: &mut [u8]) {
         self.advance(at);
         self.clock.show_processor(&mut self.memory, at);
-        for (address, byte) in (address..).zip(into.iter_mut()) {
-            let place = if address < PROCESS_RAM {
-                Some(address)
-            } else {
-                self.managers.step(Side::Pdi, false, address)
+        let mut rest = into;
+        let mut address = address;
+        while !rest.is_empty() {
+            let (place, count) = match address {
+                // Each register may have effects.
+                ..PROCESS_RAM => (Some(address), 1),
+                _ => self.managers.steps(Side::Pdi, false, address, rest.len() as u16),
             };
-            let place = place.filter(|place| usize::from(*place) < self.memory.len());
-            *byte = place.map_or(0, |place| self.memory.byte(place));
-            match place {
-                Some(address) if address < PROCESS_RAM => self.after_read(address),
-                Some(_) => {}
-                None => self.count_pdi_error(),
+            let (now, later) = rest.split_at_mut(count.into());
+            let found = place.map_or(&[][..], |place| self.memory.span(place, count));
+            now[..found.len()].copy_from_slice(found);
+            now[found.len()..].fill(0);
+            let missing = now.len() - found.len();
+            if address < PROCESS_RAM {
+                self.after_read(address);
             }
+            (0..missing).for_each(|_| self.count_pdi_error());
+            (rest, address) = (later, address.wrapping_add(count));
         }
         self.accessed(at);
     }
@@ -61,17 +66,21 @@ impl Chip {
     pub fn write(&mut self, at: Nanos, address: u16, bytes: &[u8]) {
         self.advance(at);
         let mut registers = Vec::new();
-        for (address, byte) in (address..).zip(bytes) {
-            let place = if address < PROCESS_RAM {
-                self.may_write(Side::Pdi, address).then_some(address)
-            } else {
-                self.managers.step(Side::Pdi, true, address)
+        let mut rest = bytes;
+        let mut address = address;
+        while !rest.is_empty() {
+            let (place, count) = match address {
+                ..PROCESS_RAM => (self.may_write(Side::Pdi, address).then_some(address), 1),
+                _ => self.managers.steps(Side::Pdi, true, address, rest.len() as u16),
             };
-            match place.filter(|place| usize::from(*place) < self.memory.len()) {
-                Some(place) => self.memory.set_byte(place, *byte),
-                None => self.count_pdi_error(),
+            let (now, later) = rest.split_at(count.into());
+            let room = place.map_or(0, |place| self.memory.span(place, count).len());
+            if let Some(place) = place.filter(|_| room > 0) {
+                self.memory.put(place, &now[..room]);
             }
+            (room..now.len()).for_each(|_| self.count_pdi_error());
             registers.extend(place.filter(|place| *place < PROCESS_RAM));
+            (rest, address) = (later, address.wrapping_add(count));
         }
         for address in registers {
             self.after_write(Side::Pdi, address, at);

@@ -47,6 +47,19 @@ impl Fmmu {
         })
     }
 
+    /// Where a datagram of `bytes` at `logical` leads, if whole bytes lead to whole bytes: the first one's address, its place in the
+    /// datagram, and how many they are.
+    pub(crate) fn mapped_bytes(self, logical: u32, bytes: usize) -> Option<(u64, usize, usize)> {
+        if [self.logical, self.bits, self.physical].iter().any(|bits| bits % 8 != 0) {
+            return None;
+        }
+        let (own, datagram) = (self.logical / 8, u64::from(logical));
+        let first = own.max(datagram);
+        let last = (own + self.bits / 8).min(datagram + bytes as u64);
+        let count = last.checked_sub(first)?;
+        Some((self.physical / 8 + first - own, (first - datagram) as usize, count as usize))
+    }
+
     /// The bytes of memory that a datagram of `bytes` at `logical` reaches, in the order of their addresses.
     pub(crate) fn mapped(self, logical: u32, bytes: usize) -> impl Iterator<Item = Mapped> {
         let datagram = u64::from(logical) * 8;

@@ -22,7 +22,13 @@ impl Memory {
     }
 
     pub(crate) fn bytes<const N: usize>(&self, address: u16) -> [u8; N] {
-        std::array::from_fn(|nth| self.0[usize::from(address) + nth])
+        *self.0[usize::from(address)..].first_chunk().expect("registers are within the memory")
+    }
+
+    /// Up to `count` bytes: as many as there are.
+    pub(crate) fn span(&self, address: u16, count: u16) -> &[u8] {
+        let start = usize::from(address).min(self.0.len());
+        &self.0[start..(start + usize::from(count)).min(self.0.len())]
     }
 
     pub(crate) fn word(&self, address: u16) -> u16 {

@@ -4,6 +4,7 @@ use std::future::Future;
 use std::io::{self, ErrorKind};
 use std::os::fd::{AsRawFd, OwnedFd};
 
+use embassy_time::Instant;
 use nix::ifaddrs::getifaddrs;
 use nix::sys::socket::{
     AddressFamily, LinkAddr, MsgFlags, SockFlag, SockProtocol, SockType, bind, recvfrom, send, socket,
@@ -12,7 +13,7 @@ use nix::sys::socket::{
 use super::cable::SharedSegment;
 use super::frame::FRAME_BYTES_MAX;
 use super::{Fate, now};
-use crate::wall_clock::run_beside;
+use crate::wall_clock::{run_beside, wait};
 
 /// The kernel's mark of a frame that this machine sent on the interface.
 const PACKET_OUTGOING: u8 = 4;
@@ -48,6 +49,20 @@ impl PacketSocket {
             }
         }
     }
+
+    /// Passes a frame through `segment` that has come, or waits for one until a time.
+    pub fn pass(&self, segment: &SharedSegment, until: Option<Instant>) -> io::Result<()> {
+        if self.pass_one(segment)? { Ok(()) } else { wait(&self.0, until) }
+    }
+
+    /// Passes a frame through `segment` that has come; says whether one had.
+    fn pass_one(&self, segment: &SharedSegment) -> io::Result<bool> {
+        let Some(mut frame) = self.receive()? else { return Ok(false) };
+        if segment.borrow_mut().pass(now(), &mut frame, Fate::Intact) {
+            send(self.0.as_raw_fd(), &frame, MsgFlags::empty())?;
+        }
+        Ok(true)
+    }
 }
 
 /// Passes every frame that comes at `socket` through `segment`, until `device` is done, which runs between the frames.
@@ -56,12 +71,5 @@ pub fn serve<T>(
     segment: &SharedSegment,
     device: impl Future<Output = T>,
 ) -> io::Result<T> {
-    let pass = || {
-        let Some(mut frame) = socket.receive()? else { return Ok(false) };
-        if segment.borrow_mut().pass(now(), &mut frame, Fate::Intact) {
-            send(socket.0.as_raw_fd(), &frame, MsgFlags::empty())?;
-        }
-        Ok(true)
-    };
-    run_beside(&socket.0, pass, device)
+    run_beside(&socket.0, || socket.pass_one(segment), device)
 }

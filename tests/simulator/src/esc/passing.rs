@@ -1,5 +1,7 @@
 //! A frame's way through a chip: datagram by datagram, with its effects at the end.
 
+use std::ops::Range;
+
 use super::Nanos;
 use super::chip::Chip;
 use super::command::{Action, Addressing};
@@ -8,12 +10,14 @@ use super::frame::Datagram;
 use super::registers::*;
 use super::sync_manager::{Side, SyncManagers};
 
-/// A byte that a frame writes at its end.
-#[derive(Debug, Clone, Copy)]
+/// Bytes that a frame writes at its end.
+#[derive(Debug, Clone)]
 struct Write {
     datagram: usize,
     address: u16,
-    value: u8,
+    /// Where they are among the values.
+    values: Range<usize>,
+    /// The bits of each that are written.
     mask: u8,
 }
 
@@ -21,10 +25,21 @@ struct Write {
 #[derive(Debug)]
 struct Pending {
     writes: Vec<Write>,
+    values: Vec<u8>,
     managers: SyncManagers,
     datagram: usize,
     al_status_read: bool,
     dl_status_read: bool,
+}
+
+impl Pending {
+    /// Notes what is written; with a `mask` that leaves bits out it is one byte.
+    fn write(&mut self, address: u16, values: &[u8], mask: u8) {
+        let start = self.values.len();
+        self.values.extend_from_slice(values);
+        let values = start..self.values.len();
+        self.writes.push(Write { datagram: self.datagram, address, values, mask });
+    }
 }
 
 impl Chip {
@@ -34,6 +49,7 @@ impl Chip {
         self.advance(at);
         let mut pending = Pending {
             writes: Vec::new(),
+            values: Vec::new(),
             managers: self.managers.clone(),
             datagram: 0,
             al_status_read: false,
@@ -98,6 +114,19 @@ impl Chip {
         let (mut read, mut written) = (false, false);
         let sent = data.to_vec();
         for fmmu in (0..usize::from(self.kind.fmmus)).filter_map(|nth| Fmmu::of(&self.memory, nth)) {
+            if let Some((address, at, count)) = fmmu.mapped_bytes(logical, sent.len())
+                && address >= u64::from(PROCESS_RAM)
+                && address + count as u64 <= self.memory.len() as u64
+            {
+                let (address, bytes) = (address as u16, at..at + count);
+                if action.write && fmmu.writes {
+                    written |= self.ecat_write_all(address, &sent[bytes.clone()], pending);
+                }
+                if action.read && fmmu.reads {
+                    read |= self.ecat_read_all(address, &mut data[bytes], pending);
+                }
+                continue;
+            }
             for mapped in fmmu.mapped(logical, sent.len()) {
                 if action.write && fmmu.writes {
                     let Mapped { address, mask, .. } = mapped;
@@ -143,8 +172,38 @@ impl Chip {
         let Some(address) = address.filter(|address| usize::from(*address) < self.memory.len()) else {
             return false;
         };
-        pending.writes.push(Write { datagram: pending.datagram, address, value, mask });
+        pending.write(address, &[value], mask);
         true
+    }
+
+    /// Reads bytes of process data memory; whether at least one could be read.
+    fn ecat_read_all(&self, address: u16, into: &mut [u8], pending: &mut Pending) -> bool {
+        let (mut read, mut done) = (false, 0);
+        while done < into.len() {
+            let most = (into.len() - done) as u16;
+            let (place, count) = pending.managers.steps(Side::Ecat, false, address + done as u16, most);
+            let found = place.map_or(&[][..], |place| self.memory.span(place, count));
+            into[done..done + found.len()].copy_from_slice(found);
+            read |= !found.is_empty();
+            done += usize::from(count);
+        }
+        read
+    }
+
+    /// Writes bytes of process data memory; whether at least one could be written.
+    fn ecat_write_all(&self, address: u16, bytes: &[u8], pending: &mut Pending) -> bool {
+        let (mut written, mut done) = (false, 0);
+        while done < bytes.len() {
+            let most = (bytes.len() - done) as u16;
+            let (place, count) = pending.managers.steps(Side::Ecat, true, address + done as u16, most);
+            let room = place.map_or(0, |place| self.memory.span(place, count).len());
+            if let Some(place) = place.filter(|_| room > 0) {
+                pending.write(place, &bytes[done..done + room], 0xFF);
+                written = true;
+            }
+            done += usize::from(count);
+        }
+        written
     }
 
     /// The end of a good frame: its effects, datagram by datagram.
@@ -154,8 +213,14 @@ impl Chip {
         self.managers = pending.managers;
         for writes in pending.writes.chunk_by(|one, other| one.datagram == other.datagram) {
             for write in writes {
-                let kept = self.memory.byte(write.address) & !write.mask;
-                self.memory.set_byte(write.address, kept | write.value & write.mask);
+                let values = &pending.values[write.values.clone()];
+                match (write.mask, values) {
+                    (0xFF, values) => self.memory.put(write.address, values),
+                    (mask, values) => {
+                        let kept = self.memory.byte(write.address) & !mask;
+                        self.memory.set_byte(write.address, kept | values[0] & mask);
+                    }
+                }
             }
             for write in writes.iter().filter(|write| write.address < PROCESS_RAM) {
                 self.after_write(Side::Ecat, write.address, at);

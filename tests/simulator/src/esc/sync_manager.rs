@@ -36,19 +36,21 @@ pub(crate) struct Setup {
     held: bool,
     /// Behind the last of its buffers.
     end: u16,
+    /// All of this as the registers say it.
+    registers: [u8; 8],
 }
 
 impl Setup {
     fn of(memory: &Memory, nth: usize) -> Self {
         let base = SYNC_MANAGER + BYTES * nth as u16;
-        let [start_low, start_high, length_low, length_high, control, _, activate, pdi_control] =
-            memory.bytes(base);
+        let registers = memory.bytes(base);
+        let [start_low, start_high, length_low, length_high, control, _, activate, pdi_control] = registers;
         let start = u16::from_le_bytes([start_low, start_high]);
         let length = u16::from_le_bytes([length_low, length_high]);
         let activated = activate & 1 != 0 && length > 0;
         let held = activated && pdi_control & 1 != 0;
         let enabled = activated && !held;
-        let mut setup = Self { start, length, control, enabled, held, end: start };
+        let mut setup = Self { start, length, control, enabled, held, end: start, registers };
         if activated {
             let buffers = if setup.is_mailbox() || setup.is_direct() { 1 } else { 3 };
             setup.end = start.saturating_add(length.saturating_mul(buffers));
@@ -107,8 +109,8 @@ impl State {
         enabled && if setup.producer() == side { self.read_event } else { self.write_event }
     }
 
-    /// Steps for a byte that `side` writes; where it goes, or `None` if it must not be written.
-    pub(crate) fn write(&mut self, setup: Setup, side: Side, offset: u16) -> Option<u16> {
+    /// Steps for `count` bytes that `side` writes; where the first one goes, or `None` if they must not be written.
+    pub(crate) fn write(&mut self, setup: Setup, side: Side, offset: u16, count: u16) -> Option<u16> {
         if side != setup.producer() || setup.is_mailbox() && self.full {
             return None;
         }
@@ -120,7 +122,7 @@ impl State {
         if !self.writing {
             return None;
         }
-        if offset == setup.length - 1 {
+        if offset + count == setup.length {
             self.writing = false;
             self.write_event = true;
             self.completed = true;
@@ -130,8 +132,8 @@ impl State {
         Some(setup.start + self.write_buffer * setup.length + offset)
     }
 
-    /// Steps for a byte that `side` reads; where it comes from, or `None` if there is nothing for it to read.
-    pub(crate) fn read(&mut self, setup: Setup, side: Side, offset: u16) -> Option<u16> {
+    /// Steps for `count` bytes that `side` reads; where the first one comes from, or `None` if there is nothing for it to read.
+    pub(crate) fn read(&mut self, setup: Setup, side: Side, offset: u16, count: u16) -> Option<u16> {
         if setup.is_direct() {
             self.write_event &= side == setup.producer();
             return Some(setup.start);
@@ -147,7 +149,7 @@ impl State {
         if !self.reading {
             return None;
         }
-        if offset == setup.length - 1 {
+        if offset + count == setup.length {
             self.reading = false;
             self.read_event = true;
             self.full = false;
@@ -177,33 +179,53 @@ impl SyncManagers {
     /// Takes over what the registers say, and shows the states in them. One that is off forgets what it held.
     pub(crate) fn refresh(&mut self, memory: &mut Memory) {
         for (nth, (setup, state)) in self.0.iter_mut().enumerate() {
-            *setup = Setup::of(memory, nth);
+            let base = SYNC_MANAGER + BYTES * nth as u16;
+            // Its own writing of the status is no news.
+            if memory.bytes(base) != setup.registers {
+                *setup = Setup::of(memory, nth);
+            }
             if !setup.enabled {
                 *state = State::default();
             }
-            memory.set_byte(SYNC_MANAGER + BYTES * nth as u16 + STATUS, state.status());
+            let status = state.status();
+            memory.set_byte(base + STATUS, status);
+            setup.registers[usize::from(STATUS)] = status;
         }
     }
 
     /// Where the byte at `address` of the process data memory really lies for `side`, after the step that the access means.
     pub(crate) fn step(&mut self, side: Side, write: bool, address: u16) -> Option<u16> {
+        self.steps(side, write, address, 1).0
+    }
+
+    /// The same for up to `most` bytes from `address` on that lie one behind the other: where the first one does, and how many they
+    /// are.
+    pub(crate) fn steps(&mut self, side: Side, write: bool, address: u16, most: u16) -> (Option<u16>, u16) {
+        let mut most = most;
         for (setup, state) in &mut self.0 {
             if address < setup.start || address >= setup.end {
+                if setup.start > address && setup.end > setup.start {
+                    most = most.min(setup.start - address);
+                }
                 continue;
             }
             let offset = address - setup.start;
             if setup.held {
                 // The MainDevice sees by the working counter that nobody is at home.
-                return (side == Side::Pdi).then_some(address);
+                return ((side == Side::Pdi).then_some(address), most.min(setup.end - address));
             }
-            return match write {
-                // The second and third buffer are reached only through the first one's addresses.
-                _ if offset >= setup.length => None,
-                true => state.write(*setup, side, offset),
-                false => state.read(*setup, side, offset),
+            // The second and third buffer are reached only through the first one's addresses.
+            if offset >= setup.length {
+                return (None, most.min(setup.end - address));
+            }
+            let count = most.min(setup.length - offset);
+            let place = match write {
+                true => state.write(*setup, side, offset, count),
+                false => state.read(*setup, side, offset, count),
             };
+            return (place, count);
         }
-        Some(address)
+        (Some(address), most)
     }
 
     /// Whether a buffer that feeds the watchdog was completely written since this was last asked.

@@ -170,7 +170,7 @@ impl<'g> Desk<'g> {
             Gate::Down => self.place.units(|units| units.attempt(unit, now)),
         };
         loop {
-            let next = self.queue.borrow_mut().next(now, &ready);
+            let next = self.queue.borrow_mut().next(now, ready);
             match next {
                 // Others whose askers have gone are found out when their turn comes, or the queue is full.
                 Next::Serve(frame, _) if self.gateway.is_gone(frame.origin()) => {
@@ -292,9 +292,10 @@ impl<'g> Desk<'g> {
     /// Sends home `frame`, which holds its answer, unless whoever asked has it already.
     fn give(&self, frame: Frame<'g>) {
         if is_answering(&frame) {
-            return self.gateway.note(&frame);
+            self.gateway.note(&frame);
+        } else {
+            self.gateway.answered(frame);
         }
-        self.gateway.answered(frame);
     }
 
     /// Keeps the `answer` to a request for `asked` if it may be used again.

@@ -66,7 +66,9 @@ impl<'r, 'g> Reply<'r, 'g> {
                 }
                 return;
             }
-            Passing::Open | Passing::From(_) | Passing::At(_) if unit != self.unit || is_answering(self.order) => {
+            Passing::Open | Passing::From(_) | Passing::At(_)
+                if unit != self.unit || is_answering(self.order) =>
+            {
                 self.passing = Passing::Whole;
             }
             Passing::Open | Passing::From(_) => self.passing = Passing::plan(begun, line, &asker, end),

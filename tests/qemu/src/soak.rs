@@ -72,8 +72,7 @@ pub fn run(folder: &Path, wanted: u64) {
 /// How far a line's counters are from what its devices heard, and from each other.
 fn unaccounted(console: &mut crate::Console, bus: &Bus, port: &str) -> u64 {
     let requests = console.count(port, "requests");
-    let ended: u64 =
-        ["answers", "timeouts", "damaged"].iter().map(|event| console.count(port, event)).sum();
+    let ended: u64 = ["answers", "timeouts", "damaged"].iter().map(|event| console.count(port, event)).sum();
     requests.abs_diff(bus.requests()) + requests.abs_diff(ended)
 }
 

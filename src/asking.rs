@@ -161,19 +161,17 @@ impl Turn<'_, '_> {
         let generation = gateway.asking.generation.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
         gateway.asking.outcome.lock(|last| last.set(None));
         let give_up = Instant::now() + FRAME_PATIENCE;
-        let (mut writer, frame) = loop {
-            match gateway.pool().take(usize::MAX) {
-                Some(taken) => break taken,
+        let (origin, now) = (Origin { port, way: Way::Console, generation }, Instant::now());
+        let asked = Envelope::request(origin, unit, now, now + LIFETIME);
+        let asked = Envelope { destination: Some(port), paced: true, ..asked };
+        // A request is no longer than a PDU may be.
+        let frame = loop {
+            match gateway.pool().fill(usize::MAX, request, asked) {
+                Some(frame) => break frame,
                 None if Instant::now() > give_up => return Err(NotAsked::NoFrame),
                 None => Timer::after(FRAME_PAUSE).await,
             }
         };
-        // A request is no longer than a PDU may be.
-        let _ = writer.push(request);
-        writer.finish();
-        let (origin, now) = (Origin { port, way: Way::Console, generation }, Instant::now());
-        let asked = Envelope::request(origin, unit, now, now + LIFETIME);
-        frame.address(Envelope { destination: Some(port), paced: true, ..asked });
         gateway.inbox.send(frame);
         loop {
             let answered = gateway.asking.answers.receive(gateway.pool());

@@ -128,9 +128,11 @@ pub struct Following<'c> {
     cursor: u32,
 }
 
-impl Following<'_> {
-    /// The next frame, if there is one.
-    pub fn next(&mut self) -> Option<Captured> {
+/// The frames that are there by now; later there may be more.
+impl Iterator for Following<'_> {
+    type Item = Captured;
+
+    fn next(&mut self) -> Option<Captured> {
         self.capture.next(&mut self.cursor)
     }
 }

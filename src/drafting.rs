@@ -31,38 +31,36 @@ pub enum Unchanged {
     Apply(#[from] ApplyError),
 }
 
-impl Gateway<'_> {
-    /// The draft, with whatever is left in it.
-    pub async fn draft(&self) -> MutexGuard<'_, CriticalSectionRawMutex, Settings> {
-        self.draft.lock().await
-    }
+/// The draft, with whatever is left in it.
+pub async fn draft<'s>(gateway: &'s Gateway<'_>) -> MutexGuard<'s, CriticalSectionRawMutex, Settings> {
+    gateway.draft.lock().await
+}
 
-    /// Changes the settings as `line` says.
-    pub async fn change(&self, line: &str) -> Result<Option<Warning>, Unchanged> {
-        let mut draft = self.draft().await;
-        self.settings(|settings| draft.clone_from(settings));
-        let applied = config::apply(&mut draft, line)?;
-        self.apply(&draft)?;
-        Ok(applied.warning)
-    }
+/// Changes the settings as `line` says.
+pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>, Unchanged> {
+    let mut draft = draft(gateway).await;
+    gateway.settings(|settings| draft.clone_from(settings));
+    let applied = config::apply(&mut draft, line)?;
+    gateway.apply(&draft)?;
+    Ok(applied.warning)
+}
 
-    /// Makes the settings the text in `store`.
-    pub async fn save(&self, store: &mut impl Store) -> Result<(), StoreError> {
-        let mut draft = self.draft().await;
-        self.settings(|settings| draft.clone_from(settings));
-        config::write_store(&draft, store).await
-    }
+/// Makes the settings the text in `store`.
+pub async fn save(gateway: &Gateway<'_>, store: &mut impl Store) -> Result<(), StoreError> {
+    let mut draft = draft(gateway).await;
+    gateway.settings(|settings| draft.clone_from(settings));
+    config::write_store(&draft, store).await
+}
 
-    /// Takes over the settings that the text in `store` says, if there is one; says how long it is.
-    pub async fn load(&self, store: &mut impl Store) -> Result<usize, Unchanged> {
-        let mut draft = self.draft().await;
-        let bytes = config::read_store(store, &mut draft).await.map_err(|error| match error {
-            ReadError::Store(error) => Unchanged::Store(error),
-            ReadError::Text(error) => Unchanged::Text(error),
-        })?;
-        if bytes > 0 {
-            self.apply(&draft)?;
-        }
-        Ok(bytes)
+/// Takes over the settings that the text in `store` says, if there is one; says how long it is.
+pub async fn load(gateway: &Gateway<'_>, store: &mut impl Store) -> Result<usize, Unchanged> {
+    let mut draft = draft(gateway).await;
+    let bytes = config::read_store(store, &mut draft).await.map_err(|error| match error {
+        ReadError::Store(error) => Unchanged::Store(error),
+        ReadError::Text(error) => Unchanged::Text(error),
+    })?;
+    if bytes > 0 {
+        gateway.apply(&draft)?;
     }
+    Ok(bytes)
 }

@@ -205,6 +205,16 @@ impl SlotState {
         self.fill = Fill::Filling;
     }
 
+    /// Puts all of `pdu` here, of which what is longer than a PDU may be is left out.
+    fn put(&mut self, pdu: &[u8]) {
+        let length = pdu.len().min(PDU_BYTES_MAX);
+        if let (Some(place), Some(pdu)) = (self.pdu.get_mut(..length), pdu.get(..length)) {
+            place.copy_from_slice(pdu);
+        }
+        self.length = length as u8;
+        self.fill = Fill::Complete;
+    }
+
     /// What is there.
     fn arrived(&self) -> usize {
         let check = if self.fill == Fill::Complete { 0 } else { self.crc_bytes };
@@ -241,16 +251,35 @@ impl<'p> FramePool<'p> {
 
     /// A frame for `owner`: its reserved one if that is at home, else a shared one, else none.
     pub fn take(&'p self, owner: usize) -> Option<(FrameWriter<'p>, Frame<'p>)> {
-        let own =
-            (owner < self.reserved && self.with(owner, |slot| slot.handles) == Some(0)).then_some(owner);
-        let index = own.or_else(|| self.take_shared())?;
-        self.with(index, |slot| {
+        let index = self.claim(owner, |slot| {
             slot.handles = 2;
             slot.restart();
             slot.envelope = None;
         })?;
-        let index = index as u16;
         Some((FrameWriter { frame: Frame { pool: self, index } }, Frame { pool: self, index }))
+    }
+
+    /// A frame for `owner`, as [`take`](FramePool::take) finds it, which holds all of `pdu` in its `envelope`; none also when the
+    /// PDU is longer than [`PDU_BYTES_MAX`].
+    pub fn fill(&'p self, owner: usize, pdu: &[u8], envelope: Envelope) -> Option<Frame<'p>> {
+        if pdu.len() > PDU_BYTES_MAX {
+            return None;
+        }
+        let index = self.claim(owner, |slot| {
+            slot.handles = 1;
+            slot.restart();
+            slot.put(pdu);
+            slot.envelope = Some(envelope);
+        })?;
+        Some(Frame { pool: self, index })
+    }
+
+    /// The place of a free slot for `owner`, which `begin` makes one that is not free.
+    fn claim(&self, owner: usize, begin: impl Fn(&mut SlotState)) -> Option<u16> {
+        let own = owner < self.reserved && self.with(owner, |slot| slot.handles) == Some(0);
+        let index = if own { owner } else { self.take_shared()? };
+        self.with(index, begin)?;
+        Some(index as u16)
     }
 
     /// Frames that nobody holds.
@@ -306,10 +335,15 @@ impl<'p> Frame<'p> {
         self.with(|slot| slot.envelope).flatten().unwrap_or(Envelope::EMPTY)
     }
 
+    /// What `of` takes from the envelope.
+    pub fn look<R>(&self, of: impl Fn(&Envelope) -> R) -> R {
+        let there = self.with(|slot| slot.envelope.as_ref().map(&of)).flatten();
+        there.unwrap_or_else(|| of(&Envelope::EMPTY))
+    }
+
     /// Who waits for the answer.
     pub fn origin(&self) -> Origin {
-        let origin = |envelope: &Envelope| envelope.origin;
-        self.with(|slot| slot.envelope.as_ref().map(origin)).flatten().unwrap_or(Envelope::EMPTY.origin)
+        self.look(|envelope| envelope.origin)
     }
 
     /// Writes the envelope anew.
@@ -317,9 +351,19 @@ impl<'p> Frame<'p> {
         self.with(|slot| slot.envelope = Some(envelope));
     }
 
+    /// The unit id on the destination's side.
+    pub fn target(&self) -> u8 {
+        self.look(|envelope| envelope.target)
+    }
+
+    /// Changes the envelope of a frame that has been addressed.
+    pub fn amend(&self, change: impl FnOnce(&mut Envelope)) {
+        self.with(|slot| slot.envelope.as_mut().map(change));
+    }
+
     /// Notes what is behind the exception that the request is going to get.
     pub fn blame(&self, cause: Cause) {
-        self.with(|slot| slot.envelope = slot.envelope.map(|envelope| Envelope { cause, ..envelope }));
+        self.amend(|envelope| envelope.cause = cause);
     }
 
     /// Calls `f` with the bytes of the PDU that are there.
@@ -401,10 +445,17 @@ impl<'p> Frame<'p> {
 
     /// Replaces the content by `pdu`, which must fit.
     pub fn replace(&self, pdu: &[u8]) -> Result<(), FrameFull> {
-        let mut writer = self.rewrite();
-        writer.push(pdu)?;
-        writer.finish();
-        Ok(())
+        let replaced = self.with(|slot| {
+            slot.restart();
+            if pdu.len() <= PDU_BYTES_MAX {
+                slot.put(pdu);
+            } else {
+                slot.fill = Fill::Broken;
+            }
+            slot.waiting.wake();
+            slot.fill == Fill::Complete
+        });
+        if replaced == Some(true) { Ok(()) } else { Err(FrameFull) }
     }
 
     /// Whether this is a handle to the same frame as `other`, of the same pool.
@@ -427,9 +478,9 @@ impl<'p> Frame<'p> {
         mem::forget(rider);
     }
 
-    /// Whether frames ride on this one.
-    pub fn is_loaded(&self) -> bool {
-        self.with(|slot| slot.rider > 0) == Some(true)
+    /// Whether others ride on this frame.
+    pub fn is_laden(&self) -> bool {
+        self.with(|slot| slot.rider != 0) == Some(true)
     }
 
     /// Takes the first of the frames that ride on this one.
@@ -447,6 +498,16 @@ impl<'p> Frame<'p> {
         Self { pool: self.pool, index: self.index }
     }
 
+    /// Gives this handle up, unless it is the last one of a frame on which others ride; how many are left.
+    fn let_go(&self) -> Option<u8> {
+        self.with(|slot| {
+            let is_laden = slot.handles == 1 && slot.rider != 0;
+            slot.handles = slot.handles.saturating_sub(u8::from(!is_laden));
+            (!is_laden).then_some(slot.handles)
+        })
+        .flatten()
+    }
+
     fn with<R>(&self, f: impl FnOnce(&mut SlotState) -> R) -> Option<R> {
         self.pool.with(usize::from(self.index), f)
     }
@@ -454,14 +515,11 @@ impl<'p> Frame<'p> {
 
 impl Drop for Frame<'_> {
     fn drop(&mut self) {
-        if self.with(|slot| slot.handles) == Some(1) {
+        let left = self.let_go().or_else(|| {
             while self.unload().is_some() {}
-        }
-        let last = self.with(|slot| {
-            slot.handles = slot.handles.saturating_sub(1);
-            slot.handles == 0
+            self.let_go()
         });
-        if last == Some(true) {
+        if left == Some(0) {
             self.pool.give_back(usize::from(self.index));
         }
     }
@@ -577,18 +635,19 @@ impl Channel {
     }
 
     /// Waits for the first frame.
-    pub async fn receive<'p>(&self, pool: &'p FramePool<'p>) -> Frame<'p> {
-        poll_fn(|cx| {
+    pub fn receive<'p>(&self, pool: &'p FramePool<'p>) -> impl Future<Output = Frame<'p>> {
+        poll_fn(move |cx| {
             self.0.lock(|ends| {
                 let mut ends = ends.borrow_mut();
-                let first = ends.take_first(pool);
-                if first.is_none() {
-                    ends.receiver.register(cx.waker());
+                match ends.take_first(pool) {
+                    Some(first) => Poll::Ready(first),
+                    None => {
+                        ends.receiver.register(cx.waker());
+                        Poll::Pending
+                    }
                 }
-                first.map_or(Poll::Pending, Poll::Ready)
             })
         })
-        .await
     }
 }
 

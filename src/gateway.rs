@@ -21,7 +21,7 @@ use crate::config::{
     OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, StreamFraming, load_points,
 };
 use crate::drafting::Draft;
-use crate::frame::{Channel, Frame, FramePool, FrameWriter, Origin, Stage, Way};
+use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
@@ -200,7 +200,7 @@ pub struct Seat {
     pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
     /// The connection must go, to make room for another one.
     pub(crate) leave: Signal<CriticalSectionRawMutex, ()>,
-    state: Mutex<CriticalSectionRawMutex, Cell<SeatState>>,
+    state: Shared<SeatState>,
 }
 
 /// Who sits in a seat.
@@ -247,22 +247,18 @@ impl Seat {
             answers: Channel::new(),
             changed: Signal::new(),
             leave: Signal::new(),
-            state: Mutex::new(Cell::new(SeatState::EMPTY)),
+            state: Mutex::new(RefCell::new(SeatState::EMPTY)),
         }
     }
 
     /// Who sits here.
     pub fn state(&self) -> SeatState {
-        self.state.lock(Cell::get)
+        self.update(|state| *state)
     }
 
-    pub(crate) fn update(&self, change: impl FnOnce(&mut SeatState)) -> SeatState {
-        self.state.lock(|cell| {
-            let mut state = cell.get();
-            change(&mut state);
-            cell.set(state);
-            state
-        })
+    /// Calls `change` with who sits here, to look at or to change.
+    pub(crate) fn update<R>(&self, change: impl FnOnce(&mut SeatState) -> R) -> R {
+        self.state.lock(|state| change(&mut state.borrow_mut()))
     }
 }
 
@@ -596,12 +592,18 @@ impl<'g> Gateway<'g> {
         self.pool.take(self.seats.len() + id.index())
     }
 
+    /// The same with all of what was heard.
+    pub(crate) fn fill_for_port(&self, id: PortId, pdu: &[u8], envelope: Envelope) -> Option<Frame<'g>> {
+        self.pool.fill(self.seats.len() + id.index(), pdu, envelope)
+    }
+
     /// Whether an answer to `origin` would find nobody.
     pub(crate) fn is_gone(&self, origin: Origin) -> bool {
         match origin.way {
             Way::Seat(seat) => {
-                let seat = self.seats.get(usize::from(seat)).map(Seat::state);
-                seat.is_none_or(|seat| seat.generation != origin.generation || seat.peer.is_none())
+                let is_gone =
+                    |seat: &mut SeatState| seat.generation != origin.generation || seat.peer.is_none();
+                self.seats.get(usize::from(seat)).is_none_or(|seat| seat.update(is_gone))
             }
             Way::Line | Way::Port => {
                 let place = self.ports.get(origin.port.index());
@@ -638,7 +640,7 @@ impl<'g> Gateway<'g> {
     }
 
     fn send_home(&self, frame: Frame<'_>, stage: Stage) {
-        frame.address(crate::frame::Envelope { stage, ..frame.envelope() });
+        frame.amend(|envelope| envelope.stage = stage);
         self.inbox.send(frame);
     }
 }

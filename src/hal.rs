@@ -96,6 +96,9 @@ pub trait SerialHost {
 
 /// An open serial line.
 pub trait SerialLine: Read + Write {
+    /// Whether [`rest`](SerialLine::rest) is ever worth its while here.
+    const RESTS: bool = false;
+
     /// Switches the transceiver's driver on before a frame, and off when its last bit should have left; a line that knows
     /// better when that is waits for it. Called only where the settings leave the driver to the gateway
     /// ([`Driver::Rts`](crate::config::Driver::Rts)); `open` refuses those settings where it cannot be done.
@@ -105,7 +108,7 @@ pub trait SerialLine: Read + Write {
 
     /// None of the characters that come before `until` is needed earlier: where each of them would wake a sleeping program,
     /// that time passes here without a look at the line, and they are read afterwards, all at once. Says whether it has; it has
-    /// not where characters are best read as they come. Dropping the pending future loses none.
+    /// not where characters are best read as they come, or that time is too short. Dropping the pending future loses none.
     async fn rest(&mut self, _until: Instant) -> bool {
         false
     }

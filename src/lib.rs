@@ -46,15 +46,17 @@
 //!
 //! # Limits
 //!
-//! With the feature `small` some are lower, for boards with little memory.
+//! With the feature `small` some are lower, for boards with little memory. Without the feature `points` the gateway asks nothing by
+//! itself: it holds no data points, and no memory for them.
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
-//! | [`config::PORTS_MAX`] | 16 | a cabinet's worth of lines and listeners |
+//! | [`config::PORTS_MAX`] | 16, small: 8 | a cabinet's worth of lines and listeners |
 //! | [`config::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
 //! | [`port::queue::WAITING_MAX`] | 64, small: 24 | orders that wait at a port; one more is answered 06h |
 //! | [`port::cache::ANSWERS_MAX`] | 16, small: 8 | answers that a port keeps where a rule says `cache`, in [`port::cache::ANSWER_BYTES_MAX`] bytes |
 //! | [`port::units::UNITS_MAX`] | 32, small: 16 | loads of an RS-485 segment; the quietest healthy unit is forgotten first |
+//! | [`port::units::ALL_UNITS_MAX`] | 256, small: 64 | units of all ports together: few ports have as many as they may |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
 //! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
 //! | [`config::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |
@@ -63,8 +65,8 @@
 //! | [`port::ethercat::Room::MOST`] | 512 | bytes of the process image each way: with three buffers of each, what a controller of 4 KiB holds |
 //! | [`scanner::ROWS_MAX`] | 136 | the four tables of each device, and some ranges that take two frames |
 //! | [`scanner::VALUE_BYTES_MAX`] | 2048 | values of all rows: an image of 512 bytes each way, and as much again |
-//! | [`config::POINTS_MAX`] | 128 | data points in the settings, of which every console keeps a copy |
-//! | [`capture::FRAMES_MAX`], [`capture::BYTES_MAX`] | 64, 2048 | frames of serial lines that `show frames` remembers |
+//! | [`config::POINTS_MAX`] | 128 | data points in the settings, of which there is one draft for all consoles |
+//! | [`capture::FRAMES_MAX`], [`capture::BYTES_MAX`] | 64, 2048, small: half | frames that `show frames` remembers |
 //! | frames, TCP connections | the board's | memory; a connection always has one frame of its own |
 #![no_std]
 #![forbid(unsafe_code)]

@@ -20,12 +20,15 @@ impl Gateway<'_> {
     pub async fn route(&self) {
         loop {
             let frame = self.inbox.receive(self.pool()).await;
-            match frame.envelope().stage {
+            match frame.look(|envelope| envelope.stage) {
                 Stage::Request => self.forward(frame),
-                Stage::Answering => self.deliver(frame),
+                Stage::Answering => {
+                    let is_gone = self.is_gone(frame.origin());
+                    self.deliver(frame, is_gone);
+                }
                 Stage::Answer | Stage::Silence => {
-                    self.note(&frame);
-                    self.deliver(frame);
+                    let outcome = self.note(&frame);
+                    self.deliver(frame, outcome == Outcome::AskerGone);
                 }
             }
         }
@@ -43,13 +46,17 @@ impl Gateway<'_> {
             Some(self.settings(decide))
         });
         let decision = decision.unwrap_or(Decision::Refuse(Exception::ILLEGAL_VALUE));
-        let count = |event| self.count_at(&envelope, event);
+        let count = |event| self.count_at(port, event);
         match decision {
             Decision::Forward { port, unit, priority, sharing, addresses } => {
                 match self.ports().get(port.index()) {
                     Some(place) => {
-                        let routed = Envelope { target: unit, destination: Some(port), ..envelope };
-                        frame.address(Envelope { priority, sharing, addresses, ..routed });
+                        frame.amend(|envelope| {
+                            (envelope.target, envelope.destination) = (unit, Some(port));
+                            envelope.priority = priority;
+                            envelope.sharing = sharing;
+                            envelope.addresses = addresses;
+                        });
                         place.queue.send(frame);
                     }
                     None => self.refuse(frame, Exception::GATEWAY_NO_PATH),
@@ -94,20 +101,17 @@ impl Gateway<'_> {
             let rank = |settings: &_| route::leads_to(settings, origin.port, envelope.peer, request, port);
             let Some(priority) = self.settings(rank) else { continue };
             // No frame is anybody's own here: a flood of broadcasts must not cost others theirs.
-            let Some((mut writer, copy)) = self.pool().take(usize::MAX) else {
-                self.count_at(&envelope, Event::QueueFull);
+            let origin = Origin { way: Way::Nobody, ..origin };
+            let to_port = Envelope { origin, target: 0, destination: Some(port), priority, ..envelope };
+            let Some(copy) = self.pool().fill(usize::MAX, request, to_port) else {
+                self.count_at(origin.port, Event::QueueFull);
                 continue;
             };
-            // It fitted into a frame of the same size.
-            let _ = writer.push(request);
-            writer.finish();
-            let origin = Origin { way: Way::Nobody, ..origin };
-            copy.address(Envelope { origin, target: 0, destination: Some(port), priority, ..envelope });
             place.queue.send(copy);
             lines += 1;
         }
         if lines == 0 {
-            self.count_at(&envelope, Event::NoPath);
+            self.count_at(origin.port, Event::NoPath);
             return self.refuse(frame, Exception::GATEWAY_NO_PATH);
         }
         self.finish_broadcast(frame);
@@ -130,10 +134,15 @@ impl Gateway<'_> {
         }
     }
 
-    /// Writes a transaction into the log that has come to its end.
-    pub(crate) fn note(&self, frame: &Frame<'_>) {
+    /// Writes a transaction into the log that has come to its end, and says how it ended.
+    pub(crate) fn note(&self, frame: &Frame<'_>) -> Outcome {
         let envelope = frame.envelope();
-        let outcome = match (exception_of(frame), envelope.stage) {
+        let (function, exception) = frame.pdu(|pdu| match *pdu {
+            [function, code] if function & EXCEPTION_BIT != 0 => (function, Some(Exception(code))),
+            [function, ..] => (function, None),
+            [] => (0, None),
+        });
+        let outcome = match (exception, envelope.stage) {
             _ if self.is_gone(envelope.origin) => Outcome::AskerGone,
             (_, Stage::Silence) => Outcome::Silence,
             // An answer that was broken off after it had begun.
@@ -149,17 +158,18 @@ impl Gateway<'_> {
             destination: envelope.destination,
             unit: envelope.unit,
             target: envelope.target,
-            function: frame.function() & !EXCEPTION_BIT,
+            function: function & !EXCEPTION_BIT,
             outcome,
             took_us: u32::try_from(took.as_micros()).unwrap_or(u32::MAX),
         });
+        outcome
     }
 
-    /// Gives a frame back to whoever asked.
-    fn deliver(&self, frame: Frame<'_>) {
-        let envelope = frame.envelope();
-        match self.way_back(envelope.origin) {
-            _ if self.is_gone(envelope.origin) => self.count_at(&envelope, Event::AskerGone),
+    /// Gives a frame back to whoever asked, unless he has gone.
+    fn deliver(&self, frame: Frame<'_>, is_gone: bool) {
+        let origin = frame.origin();
+        match self.way_back(origin) {
+            _ if is_gone => self.count_at(origin.port, Event::AskerGone),
             Some(channel) => channel.send(frame),
             None => {}
         }
@@ -175,17 +185,10 @@ impl Gateway<'_> {
         }
     }
 
-    fn count_at(&self, envelope: &Envelope, event: Event) {
-        let place: Option<&PortPlace> = self.ports().get(envelope.origin.port.index());
+    fn count_at(&self, port: PortId, event: Event) {
+        let place: Option<&PortPlace> = self.ports().get(port.index());
         if let Some(place) = place {
             place.stats.count(event);
         }
     }
-}
-
-fn exception_of(frame: &Frame<'_>) -> Option<Exception> {
-    frame.pdu(|pdu| match pdu {
-        [function, code] if function & EXCEPTION_BIT != 0 => Some(Exception(*code)),
-        _ => None,
-    })
 }

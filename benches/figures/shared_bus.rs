@@ -2,15 +2,19 @@
 
 use embassy_time::Duration;
 use mobgate::config::Framing;
-use mobgate_simulator::shared_bus::torture;
+use mobgate_simulator::rig::Size;
+use mobgate_simulator::shared_bus::{Outcome, torture};
 
 use crate::{Target, figure};
 
 const TRANSACTIONS: u32 = 100_000;
+/// As late may the Linux program read.
+const RESTS: Duration = Duration::from_millis(20);
 
 pub(crate) fn figures() {
+    wakes();
     for framing in [Framing::Rtu, Framing::Ascii] {
-        let outcome = torture(1, TRANSACTIONS, framing, Duration::from_ticks(0));
+        let outcome = torture(1, TRANSACTIONS, framing, Size::default());
         let value = |name: &str, value: f64, unit, target| {
             figure(&format!("shared_bus_{framing}_{name}"), value, unit, target);
         };
@@ -24,4 +28,17 @@ pub(crate) fn figures() {
         value("ours", ours, "%", Target::AtLeast(30.0));
         value("spoilt", 100.0 * f64::from(outcome.spoilt) / total, "%", Target::AtLeast(5.0));
     }
+}
+
+/// How often the gateway is woken for a question and its answer, its own and others', by a board that wakes it for each
+/// character, and by one that leaves the line alone while characters gather of which none is needed alone.
+fn wakes() {
+    let [awake, resting] = [Duration::from_ticks(0), RESTS].map(|rests| {
+        let size = Size { rests, ..Size::default() };
+        torture(1, TRANSACTIONS / 10, Framing::Rtu, size)
+    });
+    let per_transaction = |outcome: &Outcome| outcome.reads as f64 / f64::from(outcome.transactions);
+    figure("shared_bus_wakes_awake", per_transaction(&awake), "reads", Target::None);
+    let bound = per_transaction(&awake) / 2.0;
+    figure("shared_bus_wakes_resting", per_transaction(&resting), "reads", Target::AtMost(bound));
 }

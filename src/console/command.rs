@@ -11,6 +11,7 @@ use super::output::Output;
 use super::points::PointCommand;
 use super::show::Show;
 use crate::config::{LineError, PortId, Words};
+use crate::drafting;
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
 use crate::port::ethercat::{EthercatPlace, LineWriter};
@@ -202,7 +203,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
         let writer = || self.gateway.ethercat().map(EthercatPlace::line_writer);
         let before = writer();
-        let changed = self.gateway.change(line).await;
+        let changed = drafting::change(self.gateway, line).await;
         if let Some(writer @ LineWriter::SettingsOver(_)) = writer().filter(|_| writer() != before) {
             self.out.line(format_args!("warning: the line of the ethercat port: {writer}")).await?;
         }
@@ -214,14 +215,14 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     async fn save(&mut self) -> Result<(), IO::Error> {
-        match self.gateway.save(self.store).await {
+        match drafting::save(self.gateway, self.store).await {
             Ok(()) => self.out.line(format_args!("saved")).await,
             Err(error) => self.fail(format_args!("{error}")).await,
         }
     }
 
     async fn load(&mut self) -> Result<(), IO::Error> {
-        match self.gateway.load(self.store).await {
+        match drafting::load(self.gateway, self.store).await {
             Ok(0) => self.fail(format_args!("nothing is saved")).await,
             Ok(_) => self.out.line(format_args!("loaded")).await,
             Err(error) => self.fail(format_args!("{error}")).await,

@@ -16,7 +16,7 @@ use super::probe::{About, Watch, request, to_first_char};
 use super::show::{NO_ROW, Written};
 use crate::asking::Turn;
 use crate::config::{LineSettings, PortId, PortKind, Settings, Side, Time, Words};
-use crate::hal::{Store, System};
+use crate::hal::{OpenErrorKind, Store, System};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, REPORT_SERVER_ID};
@@ -63,7 +63,7 @@ impl Search {
             };
         }
         let is_routed = settings.routes.iter().any(|route| route.destination == Destination::Port(plan.port));
-        let (first, last) = (found().next()?, found().last()?);
+        let (first, last) = (found().next()?, found().next_back()?);
         if is_routed || nth > plan.lines().count() {
             return None;
         }
@@ -118,7 +118,8 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     ) -> Result<bool, IO::Error> {
         if let Err(error) = turn.try_on(line, plan.patience(&line), true).await {
             self.out.line(format_args!("{:12} {error}", line.speed())).await?;
-            return Ok(true);
+            // Another speed or format may be supported; another device there is not.
+            return Ok(error.kind == OpenErrorKind::Unsupported);
         }
         let strange = self.heard(plan.port, &STRANGE);
         for unit in plan.units.first..=plan.units.last {

@@ -8,7 +8,7 @@
 //! of those is about to come, where the board wants that: a program that sleeps is woken for all of them together.
 
 use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline};
+use embassy_time::{Duration, Instant, Timer};
 
 use crate::capture::Tap;
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
@@ -21,6 +21,7 @@ use crate::port::copy::{Copied, Form, copy};
 use crate::port::desk::Desk;
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::{Collision, Line, LineLost};
+use crate::port::moment::until;
 use crate::port::reply::Reply;
 use crate::stats::Event;
 
@@ -73,15 +74,16 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     /// Waits until the line has been silent for the gap; what comes meanwhile is counted and dropped.
     pub(crate) async fn silence(&mut self) -> Result<(), LineLost> {
         loop {
-            match with_deadline(self.line.silent_at(), self.line.read()).await {
-                Ok(read) => {
+            let silent_at = self.line.silent_at();
+            match select(self.line.read(), until(silent_at)).await {
+                Either::First(read) => {
                     read?;
                     // No frame is that long, and a line that babbles may never fall silent.
                     if self.line.heard().len() >= rtu::FRAME_BYTES_MAX {
                         self.judge_unasked();
                     }
                 }
-                Err(TimeoutError) => {
+                Either::Second(()) => {
                     self.judge_unasked();
                     return Ok(());
                 }
@@ -161,8 +163,8 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         let longest = self.line.settings.chars(self.framing.chars_max());
         let end = deadline + longest + self.silence;
         let sent = self.line.active;
-        // What was read with the request's echo.
-        let mut found = self.look(reply);
+        // What was read with the request's echo, if anything was.
+        let mut found = if self.line.heard().is_empty() { Found::Nothing } else { self.look(reply) };
         loop {
             match found {
                 Found::Nothing => {}
@@ -177,28 +179,31 @@ impl<'s, L: SerialLine> Bus<'s, L> {
             }
             let has_begun = self.has_begun();
             // What seems to have begun before the request was over comes by no wire, but from a PTY: at once.
-            if has_begun
+            if L::RESTS
+                && has_begun
                 && self.line.begun() >= sent
                 && let Some(due) = self.due(reply)
+                && self.line.rest(due).await
             {
-                self.line.rest(due).await;
+                // What has not been read is no silence.
+                self.line.active = self.line.active.max(Instant::now());
             }
-            let until = match has_begun {
+            let over = match has_begun {
                 // The board watches the silence, and lets us read when it has come.
                 true if self.line.is_relayed() => end,
                 true => end.min(self.line.active + self.silence),
                 false => deadline,
             };
-            found = match with_deadline(until.min(reply.due()), self.line.read()).await {
-                Err(TimeoutError) if self.line.is_relayed() && Instant::now() < end => Found::Nothing,
-                Ok(read) => {
+            found = match select(self.line.read(), until(over.min(reply.due()))).await {
+                Either::Second(()) if self.line.is_relayed() && Instant::now() < end => Found::Nothing,
+                Either::First(read) => {
                     read?;
                     self.pauses |= self.decoder.in_frame() && self.line.pauses();
                     self.look(reply)
                 }
-                Err(TimeoutError) if Instant::now() < until => self.look(reply),
-                Err(TimeoutError) if has_begun => self.look_at_silence(reply),
-                Err(TimeoutError) => return Ok(Err(Failure::Timeout)),
+                Either::Second(()) if Instant::now() < over => self.look(reply),
+                Either::Second(()) if has_begun => self.look_at_silence(reply),
+                Either::Second(()) => return Ok(Err(Failure::Timeout)),
             };
         }
     }

@@ -30,9 +30,10 @@ use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::cache::{Cache, Question};
 use crate::port::desk::join::Joint;
-use crate::port::desk::order::{Current, block, ticket};
+use crate::port::desk::order::{Current, asker, block, ticket};
 use crate::port::flights::FLIGHTS_MAX;
-use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ready, Ticket};
+use crate::port::moment::until;
+use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ready, Ticket, WAITING_MAX};
 use crate::port::units::Gate;
 use crate::route::Merge;
 use crate::stats::Event;
@@ -102,7 +103,7 @@ impl<'g> Desk<'g> {
     pub(crate) async fn take_in(&self) {
         loop {
             let deadline = self.queue.borrow().first_deadline().unwrap_or(Instant::MAX);
-            match select(self.place.queue.receive(self.gateway.pool()), Timer::at(deadline)).await {
+            match select(self.place.queue.receive(self.gateway.pool()), until(deadline)).await {
                 Either::First(frame) => self.admit(frame),
                 Either::Second(()) => self.sweep(),
             }
@@ -113,18 +114,22 @@ impl<'g> Desk<'g> {
         let mut envelope = frame.envelope();
         if let Some(target) = self.unit {
             envelope.target = target;
-            frame.address(envelope);
+            frame.amend(|envelope| envelope.target = target);
         }
         let attempt = envelope.paced && self.pausing.get();
         let is_others = self.alone && envelope.origin.way != Way::Console;
         if is_others || (!self.open.get() && !attempt) {
             return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
-        let Some(frame) = self.answer_from_memory(frame) else { return };
+        let Some(frame) = self.answer_from_memory(frame, &envelope) else { return };
         if !envelope.paced && self.gate(envelope.target) == Gate::Down {
             return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
-        let ticket = ticket(&frame);
+        let ticket = ticket(&envelope, frame.function());
+        if self.queue.borrow().len() >= WAITING_MAX {
+            // Some of them may be nobody's.
+            self.sweep();
+        }
         let refused = self.queue.borrow_mut().push(frame, ticket);
         if let Some(refused) = refused {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
@@ -141,14 +146,14 @@ impl<'g> Desk<'g> {
     /// Sends home what must not be sent any more.
     fn sweep(&self) {
         let now = Instant::now();
-        let gate = self.gates(now);
+        let gate = self.gates(self.all_well(now));
         loop {
             let unwanted = self.queue.borrow_mut().take_if(|frame, ticket| {
                 if self.gateway.is_gone(frame.origin()) {
                     Some(Event::AskerGone)
                 } else if ticket.deadline <= now {
                     Some(Event::Expired)
-                } else if !frame.envelope().paced && gate(ticket.unit) == Gate::Down {
+                } else if gate(ticket.unit) == Gate::Down && !frame.look(|envelope| envelope.paced) {
                     Some(Event::UnitDown)
                 } else {
                     None
@@ -163,36 +168,54 @@ impl<'g> Desk<'g> {
 
     /// The next order, which is being carried out from now on.
     pub(crate) fn next(&self) -> Next<Frame<'g>> {
-        self.sweep();
         let now = Instant::now();
-        let gate = self.gates(now);
+        let all_well = self.all_well(now);
+        if !all_well || self.queue.borrow().first_deadline().is_some_and(|deadline| deadline <= now) {
+            self.sweep();
+        }
+        let gate = self.gates(all_well);
         let ready = |unit| match gate(unit) {
             Gate::Open(ready) => ready,
             // Only an asker who is not kept from it has an order here.
-            Gate::Down => self.place.units(|units| units.attempt(unit, Instant::now())),
+            Gate::Down => self.place.units(|units| units.attempt(unit, now)),
         };
-        let next = self.queue.borrow_mut().next(now, ready);
-        if let Next::Serve(frame, ticket) = &next {
-            let current = self.start(frame, ticket);
-            // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
-            let _ = self.current.borrow_mut().push(current);
+        loop {
+            let next = self.queue.borrow_mut().next(now, ready);
+            match next {
+                // Others whose askers have gone are found out when their turn comes, or the queue is full.
+                Next::Serve(frame, _) if self.gateway.is_gone(frame.origin()) => {
+                    self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
+                }
+                Next::Serve(frame, ticket) => {
+                    let current = self.start(&frame, &ticket, now);
+                    // There is room: a port has at most as many orders open, and one that is not kept here is in its hands
+                    // alone.
+                    let _ = self.current.borrow_mut().push(current);
+                    self.count_waiting();
+                    return Next::Serve(frame, ticket);
+                }
+                Next::Wait(_) | Next::Empty => {
+                    self.count_waiting();
+                    return next;
+                }
+            }
         }
-        self.count_waiting();
-        next
     }
 
     /// Lets the orders that can share the transaction of `leader` ride on it, and notes what its answer is good for.
-    fn start(&self, leader: &Frame<'g>, ticket: &Ticket) -> Current<'g> {
+    fn start(&self, leader: &Frame<'g>, ticket: &Ticket, now: Instant) -> Current<'g> {
         let asked = block(leader);
-        let joint = self.join(leader, ticket);
+        let joint = self.join(leader, ticket, now);
         if let Some(joint) = joint.filter(|joint| Some(joint.block) != asked) {
             // A read is as long as another.
             let _ = leader.replace(&joint.block.request());
             // What comes is not the answer yet.
-            leader.address(Envelope { cut: false, ..leader.envelope() });
+            leader.amend(|envelope| envelope.cut = false);
         }
         let serves = |frame: &Frame<'g>| Some(joint?.serves(&Joint::of(frame)?));
-        let joins = |frame: &Frame<'g>| frame.same_pdu(leader) || serves(frame) == Some(true);
+        let joins = |frame: &Frame<'g>| {
+            (frame.same_pdu(leader) || serves(frame) == Some(true)) && !self.gateway.is_gone(frame.origin())
+        };
         let mut joined = None;
         let mut queue = self.queue.borrow_mut();
         // From the last one on, each in front of the others: they ride in the order of arrival.
@@ -202,7 +225,7 @@ impl<'g> Desk<'g> {
                 joined = joint.map(|joint| joint.block);
             }
             if asked.zip(theirs).and_then(|(own, theirs)| own.hull(&theirs)) != asked {
-                queue.charge(self::ticket(&rider).asker);
+                queue.charge(asker(&rider.envelope()));
             }
             leader.carry(rider);
         }
@@ -211,17 +234,18 @@ impl<'g> Desk<'g> {
             writes: ticket.access == Access::Write,
             asked,
             joined,
-            since: Instant::now(),
+            since: now,
             writes_ended: self.writes_ended.get(),
         }
     }
 
     /// What is best asked for in place of `leader`, if its rule lets others join it.
-    fn join(&self, leader: &Frame<'g>, ticket: &Ticket) -> Option<Joint> {
+    fn join(&self, leader: &Frame<'g>, ticket: &Ticket, now: Instant) -> Option<Joint> {
         let joint = Joint::of(leader)?;
         let queue = self.queue.borrow();
-        let others = || queue.companions(ticket).filter_map(Joint::of);
-        let joins = self.place.units(|units| units.joins(ticket.unit, Instant::now()));
+        let is_there = |frame: &&Frame<'g>| !self.gateway.is_gone(frame.origin());
+        let others = || queue.companions(ticket).filter(is_there).filter_map(Joint::of);
+        let joins = self.place.units(|units| units.joins(ticket.unit, now));
         if joins { Some(joint.join_all(others)) } else { None }
     }
 
@@ -247,20 +271,20 @@ impl<'g> Desk<'g> {
     /// Sends `order` home with what it holds by now as its answer.
     pub(crate) fn done(&self, order: &Frame<'g>) {
         let Some(current) = self.take(order) else { return };
-        if current.joined.is_none() && !order.is_loaded() && order.envelope().sharing.cache_ms == 0 {
-            // The answer is for this one alone, and there already.
-            return self.give(order.share());
+        if order.function() & EXCEPTION_BIT != 0 && current.part() {
+            return self.part(order);
+        }
+        let is_kept = order.look(|envelope| envelope.sharing.cache_ms > 0);
+        if current.joined.is_none() && !is_kept && !order.is_laden() {
+            return self.give(current.frame);
         }
         let mut answer = [0; PDU_BYTES_MAX];
         let length = order.copy_pdu(&mut answer);
         let answer = answer.get(..length).unwrap_or(&[]);
-        if order.function() & EXCEPTION_BIT != 0 && current.part() {
-            return self.part(order);
-        }
         let give = |frame: Frame<'g>, asked| {
             let mut part = [0; PDU_BYTES_MAX];
             let answer = current.answer_to(asked, answer, &mut part);
-            self.keep(&current, &frame.envelope(), asked, answer);
+            self.keep(&current, &frame, asked, answer);
             if !is_answering(&frame) {
                 // It fitted into a frame of the same size.
                 let _ = frame.replace(answer);
@@ -275,7 +299,7 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// Sends `frame` home with its answer, if it is not on its way already.
+    /// Sends home `frame`, which holds its answer, unless whoever asked has it already.
     fn give(&self, frame: Frame<'g>) {
         if is_answering(&frame) {
             self.gateway.note(&frame);
@@ -285,29 +309,25 @@ impl<'g> Desk<'g> {
     }
 
     /// Keeps the `answer` to a request for `asked` if it may be used again.
-    fn keep(&self, current: &Current<'g>, envelope: &Envelope, asked: Option<Block>, answer: &[u8]) {
+    fn keep(&self, current: &Current<'g>, frame: &Frame<'g>, asked: Option<Block>, answer: &[u8]) {
         let is_exception = answer.first().is_some_and(|function| function & EXCEPTION_BIT != 0);
         // The device may have read before a write that has ended meanwhile.
         let is_old = current.writes_ended != self.writes_ended.get();
-        match asked {
-            Some(block) if envelope.sharing.cache_ms > 0 && !is_exception && !is_old => {
-                let question = Question { unit: envelope.target, block };
-                self.cache.borrow_mut().keep(question, answer, current.since);
-            }
-            _ => {}
+        let Some(block) = asked.filter(|_| !is_exception && !is_old) else { return };
+        let (unit, cache_ms) = frame.look(|envelope| (envelope.target, envelope.sharing.cache_ms));
+        if cache_ms > 0 {
+            self.cache.borrow_mut().keep(Question { unit, block }, answer, current.since);
         }
     }
 
     /// The unit refused what several reads had joined: each is sent by itself, before anything that came after it.
     fn part(&self, order: &Frame<'g>) {
-        let unit = order.envelope().target;
+        let unit = order.target();
         self.place.stats.count(Event::Parted);
         self.place.units(|units| units.refused_join(unit, Instant::now()));
         let send_alone = |frame: Frame<'g>| {
-            let mut envelope = frame.envelope();
-            envelope.sharing.merge = Merge::Identical;
-            frame.address(envelope);
-            let ticket = ticket(&frame);
+            frame.amend(|envelope| envelope.sharing.merge = Merge::Identical);
+            let ticket = ticket(&frame.envelope(), frame.function());
             if let Some(refused) = self.queue.borrow_mut().put_back(frame, ticket) {
                 self.fail(refused, Event::QueueFull, Exception::BUSY);
             }
@@ -319,8 +339,8 @@ impl<'g> Desk<'g> {
     }
 
     /// Answers a read from memory if its rule allows that and a new enough answer is there; else gives it back.
-    fn answer_from_memory(&self, frame: Frame<'g>) -> Option<Frame<'g>> {
-        let Envelope { target, sharing, .. } = frame.envelope();
+    fn answer_from_memory(&self, frame: Frame<'g>, envelope: &Envelope) -> Option<Frame<'g>> {
+        let Envelope { target, sharing, .. } = *envelope;
         if sharing.cache_ms == 0 || self.is_writing(target) {
             return Some(frame);
         }
@@ -339,9 +359,8 @@ impl<'g> Desk<'g> {
 
     /// Whether a write to `unit` waits or is being carried out.
     fn is_writing(&self, unit: u8) -> bool {
-        let writes = |current: &Current<'g>| {
-            current.writes && [unit, BROADCAST].contains(&current.frame.envelope().target)
-        };
+        let writes =
+            |current: &Current<'g>| current.writes && [unit, BROADCAST].contains(&current.frame.target());
         self.queue.borrow().writes_to(unit) || self.current.borrow().iter().any(writes)
     }
 
@@ -355,7 +374,7 @@ impl<'g> Desk<'g> {
 
     /// Gives whoever asked `order` while its answer is still written into it.
     pub(crate) fn answering(&self, order: &Frame<'g>) {
-        order.address(Envelope { stage: Stage::Answering, ..order.envelope() });
+        order.amend(|envelope| envelope.stage = Stage::Answering);
         self.gateway.inbox.send(order.share());
     }
 
@@ -388,7 +407,7 @@ impl<'g> Desk<'g> {
             }
             false => self.again(frame, retries),
         };
-        let cause = order.envelope().cause;
+        let cause = order.look(|envelope| envelope.cause);
         while let Some(rider) = order.unload() {
             rider.blame(cause);
             repeated |= self.again(rider, retries);
@@ -405,7 +424,7 @@ impl<'g> Desk<'g> {
         let ended = current.swap_remove(at);
         if ended.writes {
             self.writes_ended.set(self.writes_ended.get().wrapping_add(1));
-            self.cache.borrow_mut().written(order.envelope().target);
+            self.cache.borrow_mut().written(order.target());
         }
         Some(ended)
     }
@@ -419,7 +438,7 @@ impl<'g> Desk<'g> {
         }
         envelope.repeats += 1;
         frame.address(envelope);
-        let ticket = ticket(&frame);
+        let ticket = ticket(&envelope, frame.function());
         if let Some(refused) = self.queue.borrow_mut().push(frame, ticket) {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
         }
@@ -453,25 +472,34 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// Says of each unit whether it may be asked at `now`. Mostly all are well, and none has to be looked at by itself.
-    fn gates(&self, now: Instant) -> impl Fn(u8) -> Gate {
-        let all_well = self.place.units(|units| units.all_well(now));
+    /// Whether no unit has to be looked at by itself.
+    fn all_well(&self, now: Instant) -> bool {
+        self.place.units(|units| units.all_well(now))
+    }
+
+    /// Says of each unit whether it may be asked. Mostly all are well.
+    fn gates(&self, all_well: bool) -> impl Fn(u8) -> Gate {
         move |unit| if all_well { Gate::Open(Ready::Now) } else { self.gate(unit) }
     }
 
     fn gate(&self, unit: u8) -> Gate {
-        let gate = self.place.units(|units| match units.gate(unit, Instant::now()) {
-            Gate::Open(_) if units.is_down(unit) => None,
-            gate => Some(gate),
+        let gate = self.place.units(|units| {
+            if !units.troubled() {
+                return Some(Gate::Open(Ready::Now));
+            }
+            match units.gate(unit, Instant::now()) {
+                Gate::Open(_) if units.is_down(unit) => None,
+                gate => Some(gate),
+            }
         });
         // A unit that is down gets one probe at a time.
-        let probed = || self.current.borrow().iter().any(|current| current.frame.envelope().target == unit);
+        let probed = || self.current.borrow().iter().any(|current| current.frame.target() == unit);
         gate.unwrap_or_else(|| if probed() { Gate::Down } else { Gate::Open(Ready::Now) })
     }
 
     fn fail(&self, frame: Frame<'g>, event: Event, exception: Exception) {
         self.place.stats.count(event);
-        log_debug!("port {}: {} for unit {}", self.id.0, event.name(), frame.envelope().target);
+        log_debug!("port {}: {} for unit {}", self.id.0, event.name(), frame.target());
         frame.blame(Cause::Unsent);
         self.gateway.refuse(frame, exception);
     }
@@ -479,5 +507,5 @@ impl<'g> Desk<'g> {
 
 /// Whether whoever asked `order` has been given it while its answer was still being written: it must not be sent home again.
 pub(crate) fn is_answering(order: &Frame<'_>) -> bool {
-    order.envelope().stage == Stage::Answering
+    order.look(|envelope| envelope.stage) == Stage::Answering
 }

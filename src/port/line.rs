@@ -4,11 +4,14 @@
 //! transceiver's driver off behind it. An adapter that hears itself gives its own frame back first: that echo is compared
 //! and dropped.
 
+use core::pin::pin;
+
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline, with_timeout};
 
 use crate::config::{Driver, LineSettings};
 use crate::hal::{Flaws, SerialLine};
 use crate::modbus::rtu;
+use crate::port::moment::within;
 use crate::port::relay::Relay;
 use crate::stats::{Counters, Event};
 
@@ -117,7 +120,11 @@ impl<'s, L: SerialLine> Line<'s, L> {
 
     /// Notes the characters that the receiver found faulty.
     fn note_flaws(&mut self) {
-        let Flaws { parity, framing, overruns } = self.io.take_flaws();
+        let flaws = self.io.take_flaws();
+        if flaws == Flaws::default() {
+            return;
+        }
+        let Flaws { parity, framing, overruns } = flaws;
         self.stats.add(Event::Overrun, overruns);
         self.stats.add(Event::Parity, parity);
         self.stats.add(Event::Framing, framing);
@@ -156,12 +163,10 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
     }
 
-    /// Lets characters gather until `until`, where the board likes that better than to read each as it comes. Nobody looks at
-    /// the line meanwhile, so it counts as active.
-    pub(crate) async fn rest(&mut self, until: Instant) {
-        if self.io.rest(until).await {
-            self.active = self.active.max(Instant::now());
-        }
+    /// Lets characters gather until `until`, where the board likes that better than to read each as it comes. Says whether that
+    /// time has passed; nobody has looked at the line meanwhile.
+    pub(crate) async fn rest(&mut self, until: Instant) -> bool {
+        self.io.rest(until).await
     }
 
     /// Sends `frame`; what was heard before is dropped. The line counts as active until its last bit has left.
@@ -174,8 +179,8 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
         let on_wire = self.settings.chars(frame.len());
         let end = Instant::now() + on_wire;
-        match with_timeout(on_wire + STUCK, self.io.write_all(frame)).await {
-            Ok(Ok(())) => {}
+        match within(on_wire + STUCK, pin!(self.io.write_all(frame))).await {
+            Some(Ok(())) => {}
             _ => return Err(LineLost),
         }
         if switched {
@@ -202,10 +207,9 @@ impl<'s, L: SerialLine> Line<'s, L> {
         self.run.1 += characters.len();
         let (since, count) = self.run;
         self.active = since + self.settings.chars(count);
-        match with_timeout(self.active.saturating_duration_since(now) + STUCK, self.io.write_all(characters))
-            .await
-        {
-            Ok(Ok(())) => Ok(()),
+        let patience = self.active.saturating_duration_since(now) + STUCK;
+        match within(patience, pin!(self.io.write_all(characters))).await {
+            Some(Ok(())) => Ok(()),
             _ => Err(LineLost),
         }
     }

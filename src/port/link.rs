@@ -5,8 +5,10 @@
 //! leave the response timers running. By RTU over TCP one request is open at a time, and its answer is found by its length
 //! and CRC, or by the pause behind it.
 
+use core::pin::pin;
+
 use embassy_futures::select::{Either4, select4};
-use embassy_time::{Duration, Instant, Timer, with_timeout};
+use embassy_time::{Duration, Instant};
 
 use crate::capture::Tap;
 use crate::config::{StreamFraming, TcpClientSettings};
@@ -15,6 +17,7 @@ use crate::hal::TcpStream;
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header};
 use crate::port::desk::Desk;
 use crate::port::flights::Flights;
+use crate::port::moment::{until, within};
 use crate::port::queue::Next;
 use crate::port::stream::encode;
 use crate::stats::Event;
@@ -118,7 +121,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             let wake = due.min(deadline).min(self.pause_end());
             let space = self.input.get_mut(self.length..).unwrap_or(&mut []);
             let read = self.stream.read(space);
-            match select4(read, self.desk.changed(), Timer::at(wake), place.socket.leave.wait()).await {
+            match select4(read, self.desk.changed(), until(wake), place.socket.leave.wait()).await {
                 Either4::First(Ok(0) | Err(_)) => return End::Lost,
                 Either4::First(Ok(count)) => {
                     if let Err(end) = self.received(count) {
@@ -208,8 +211,8 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         let frame = frame.get(..length).unwrap_or(&[]);
         self.tap(true, Event::Request, frame);
         // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-        match with_timeout(self.settings.timeout, self.stream.write_all(frame)).await {
-            Ok(Ok(())) => Ok(()),
+        match within(self.settings.timeout, pin!(self.stream.write_all(frame))).await {
+            Some(Ok(())) => Ok(()),
             _ => Err(End::Lost),
         }
     }

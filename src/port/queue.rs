@@ -24,7 +24,7 @@ use crate::route::Priority;
 
 /// Orders that may wait at one port. With the feature `small` a port does not hold more than a small board has frames.
 pub const WAITING_MAX: usize = if cfg!(feature = "small") { 24 } else { 64 };
-/// Askers whose last turn is remembered.
+/// Askers whose last turn is remembered; those of all that wait are among them.
 const ASKERS_MAX: usize = WAITING_MAX;
 /// How often in a row a lower class is passed over while it has orders waiting.
 pub const PASSED_OVER_MAX: u8 = 16;
@@ -32,10 +32,14 @@ pub const PASSED_OVER_MAX: u8 = 16;
 /// Who asked, as far as fairness goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Asker {
+    /// Tells the connections of an address, and the serial ports, apart. The first to be compared: mostly it tells.
+    pub connection: u32,
     /// The client's address; all serial askers have none.
     pub address: Option<IpAddr>,
-    /// Tells the connections of an address, and the serial ports, apart.
-    pub connection: u32,
+}
+
+impl Asker {
+    const NOBODY: Self = Self { connection: u32::MAX, address: None };
 }
 
 /// What the queue must know of an order.
@@ -67,12 +71,6 @@ pub enum Access {
 /// The unit id of an order to all units of a line.
 pub(crate) const BROADCAST: u8 = 0;
 
-impl Ticket {
-    fn writes_to(&self, unit: u8) -> bool {
-        self.access == Access::Write && (self.unit == unit || self.unit == BROADCAST)
-    }
-}
-
 /// When a unit may be asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ready {
@@ -93,24 +91,40 @@ pub enum Next<T> {
     Empty,
 }
 
+/// An order, and what its ticket says.
 struct Waiting<T> {
     order: T,
-    ticket: Ticket,
+    /// Its asker's place in the table.
+    asker: u8,
+    unit: u8,
+    priority: Priority,
+    access: Access,
+    deadline: Instant,
     /// Position in the order of arrival.
     arrival: u32,
 }
 
-/// When an asker was served last, in turns of this queue.
-struct Served {
+impl<T> Waiting<T> {
+    fn writes_to(&self, unit: u8) -> bool {
+        self.access == Access::Write && (self.unit == unit || self.unit == BROADCAST)
+    }
+}
+
+/// An asker who waits or was served, and when he and his address had their last turns; 0: none is remembered.
+struct Known {
     asker: Asker,
     turn: u32,
+    by_address: u32,
 }
+
+/// The last turns of the asker's address and of the asker, and its place in the order of arrival: the lowest is first.
+type Rank = (u32, u32, u32);
 
 /// The orders that wait at one port.
 pub struct PortQueue<T> {
     /// In the order of arrival.
     waiting: Vec<Waiting<T>, WAITING_MAX>,
-    served: Vec<Served, ASKERS_MAX>,
+    askers: Vec<Known, ASKERS_MAX>,
     arrivals: u32,
     turns: u32,
     /// Times that normal and low orders were passed over in a row.
@@ -120,7 +134,7 @@ pub struct PortQueue<T> {
 impl<T> PortQueue<T> {
     /// An empty queue.
     pub const fn new() -> Self {
-        Self { waiting: Vec::new(), served: Vec::new(), arrivals: 0, turns: 0, passed: [0; 3] }
+        Self { waiting: Vec::new(), askers: Vec::new(), arrivals: 0, turns: 0, passed: [0; 3] }
     }
 
     /// Orders that wait.
@@ -144,43 +158,63 @@ impl<T> PortQueue<T> {
             None
         };
         self.arrivals = self.arrivals.wrapping_add(1);
-        let refused = self.waiting.push(Waiting { order, ticket, arrival: self.arrivals });
+        let waiting = self.waiting(order, ticket, self.arrivals);
+        let refused = self.waiting.push(waiting);
         refused.err().map(|refused| refused.order).or(evicted)
+    }
+
+    fn waiting(&mut self, order: T, ticket: Ticket, arrival: u32) -> Waiting<T> {
+        let Ticket { asker, priority, unit, deadline, access } = ticket;
+        Waiting { order, asker: self.place_of(asker), unit, priority, access, deadline, arrival }
     }
 
     /// The order whose turn it is at `now`; `ready` says when a unit may be asked.
     pub fn next(&mut self, now: Instant, ready: impl Fn(u8) -> Ready) -> Next<T> {
-        let mut best = None;
+        // Of each class.
+        let mut first: [Option<(Rank, usize)>; 3] = [None; 3];
         let mut earliest: Option<Instant> = None;
-        let mut present = [false; 3];
-        for waiting in &self.waiting {
-            match ready(waiting.ticket.unit) {
+        for (index, waiting) in self.waiting.iter().enumerate() {
+            match ready(waiting.unit) {
                 Ready::At(at) if at > now => earliest = Some(earliest.map_or(at, |other| other.min(at))),
-                _ => present[waiting.ticket.priority as usize] = true,
+                _ => {
+                    let rank = self.rank(waiting);
+                    let first = &mut first[waiting.priority as usize];
+                    if first.is_none_or(|(other, _)| rank < other) {
+                        *first = Some((rank, index));
+                    }
+                }
             }
         }
+        let present = first.map(|first| first.is_some());
         let Some(class) = self.class(present) else {
             return earliest.map_or(Next::Empty, Next::Wait);
         };
-        for (index, waiting) in self.waiting.iter().enumerate() {
-            let is_ready = !matches!(ready(waiting.ticket.unit), Ready::At(at) if at > now);
-            if !is_ready || waiting.ticket.priority as usize != class {
-                continue;
-            }
-            let (by_address, by_connection) = self.last_turns(waiting.ticket.asker);
-            let age = self.arrivals.wrapping_sub(waiting.arrival);
-            let rank = (by_address, by_connection, u32::MAX - age);
-            if best.is_none_or(|(other, _)| rank < other) {
-                best = Some((rank, index));
-            }
-        }
-        let Some((_, index)) = best else {
+        let Some((_, index)) = first[class] else {
             return Next::Empty;
         };
-        let Waiting { order, ticket, .. } = self.waiting.remove(index);
-        self.note_turn(ticket.asker);
+        let waiting = self.waiting.remove(index);
+        let ticket = self.ticket(&waiting);
+        self.note_turn(waiting.asker);
         self.note_class(class, present);
-        Next::Serve(order, ticket)
+        Next::Serve(waiting.order, ticket)
+    }
+
+    fn rank(&self, waiting: &Waiting<T>) -> Rank {
+        let age = self.arrivals.wrapping_sub(waiting.arrival);
+        let (by_address, turn) =
+            self.asker(waiting.asker).map_or((0, 0), |known| (known.by_address, known.turn));
+        (by_address, turn, u32::MAX - age)
+    }
+
+    fn asker(&self, place: u8) -> Option<&Known> {
+        self.askers.get(usize::from(place))
+    }
+
+    /// What is known of an order that waits.
+    fn ticket(&self, waiting: &Waiting<T>) -> Ticket {
+        let Waiting { unit, priority, access, deadline, .. } = *waiting;
+        let asker = self.asker(waiting.asker).map_or(Asker::NOBODY, |known| known.asker);
+        Ticket { asker, priority, unit, deadline, access }
     }
 
     /// The orders that may share a transaction with the one served with `leader`: reads of its unit before which no write to
@@ -199,19 +233,19 @@ impl<T> PortQueue<T> {
     fn companion_places(&self, leader: &Ticket) -> impl DoubleEndedIterator<Item = (usize, &Waiting<T>)> {
         let Ticket { unit, access, .. } = *leader;
         let before = match access {
-            Access::SharedRead => {
-                self.waiting.iter().take_while(|waiting| !waiting.ticket.writes_to(unit)).count()
-            }
+            Access::SharedRead => self.waiting.iter().take_while(|waiting| !waiting.writes_to(unit)).count(),
             Access::Read | Access::Write => 0,
         };
-        let may_share = move |ticket: &Ticket| ticket.access == Access::SharedRead && ticket.unit == unit;
+        let may_share =
+            move |waiting: &Waiting<T>| waiting.access == Access::SharedRead && waiting.unit == unit;
         let first = self.waiting.get(..before).unwrap_or(&[]);
-        first.iter().enumerate().filter(move |(_, waiting)| may_share(&waiting.ticket))
+        first.iter().enumerate().filter(move |(_, waiting)| may_share(waiting))
     }
 
     /// Counts a turn of `asker`, who was served along with another one.
     pub fn charge(&mut self, asker: Asker) {
-        self.note_turn(asker);
+        let place = self.place_of(asker);
+        self.note_turn(place);
     }
 
     /// Puts an order back that has not been carried out after all, in front of all that wait: nothing that came after it may
@@ -219,27 +253,31 @@ impl<T> PortQueue<T> {
     pub fn put_back(&mut self, order: T, ticket: Ticket) -> Option<T> {
         let oldest = self.waiting.first().map(|waiting| waiting.arrival.wrapping_sub(1));
         let arrival = oldest.unwrap_or(self.arrivals);
-        let refused = self.waiting.insert(0, Waiting { order, ticket, arrival });
+        if self.waiting.is_full() {
+            return Some(order);
+        }
+        let waiting = self.waiting(order, ticket, arrival);
+        let refused = self.waiting.insert(0, waiting);
         refused.err().map(|refused| refused.order)
     }
 
     /// Whether a write to `unit` waits.
     pub fn writes_to(&self, unit: u8) -> bool {
-        self.waiting.iter().any(|waiting| waiting.ticket.writes_to(unit))
+        self.waiting.iter().any(|waiting| waiting.writes_to(unit))
     }
 
     /// Takes out one order for which `unwanted` gives a reason, with the reason.
     pub fn take_if<R>(&mut self, unwanted: impl Fn(&T, &Ticket) -> Option<R>) -> Option<(T, R)> {
         let found = self.waiting.iter().enumerate();
         let (index, reason) = found
-            .filter_map(|(index, waiting)| Some((index, unwanted(&waiting.order, &waiting.ticket)?)))
+            .filter_map(|(index, waiting)| Some((index, unwanted(&waiting.order, &self.ticket(waiting))?)))
             .next()?;
         Some((self.waiting.remove(index).order, reason))
     }
 
     /// The earliest deadline of all that wait.
     pub fn first_deadline(&self) -> Option<Instant> {
-        self.waiting.iter().map(|waiting| waiting.ticket.deadline).min()
+        self.waiting.iter().map(|waiting| waiting.deadline).min()
     }
 
     /// The class to serve of those `present`: the highest, unless a lower one was passed over too often.
@@ -266,61 +304,57 @@ impl<T> PortQueue<T> {
         }
     }
 
-    /// The last turns of the asker's address and of the asker itself; 0: none remembered.
-    fn last_turns(&self, asker: Asker) -> (u32, u32) {
-        self.served.iter().filter(|served| served.asker.address == asker.address).fold(
-            (0, 0),
-            |turns, served| {
-                let same = served.asker.connection == asker.connection;
-                (turns.0.max(served.turn), if same { served.turn } else { turns.1 })
-            },
-        )
+    /// The place of `asker` in the table, made if there is none.
+    fn place_of(&mut self, asker: Asker) -> u8 {
+        if let Some(place) = self.askers.iter().position(|known| known.asker == asker) {
+            return place as u8;
+        }
+        let of_address = self.askers.iter().find(|known| known.asker.address == asker.address);
+        let known = Known { asker, turn: 0, by_address: of_address.map_or(0, |known| known.by_address) };
+        let Err(known) = self.askers.push(known) else { return (self.askers.len() - 1) as u8 };
+        // The one served longest ago ranks like one never served, so it may be forgotten. Not all wait: there is room.
+        let waits = |place: usize| self.waiting.iter().any(|waiting| usize::from(waiting.asker) == place);
+        let idle = self.askers.iter().enumerate().filter(|(place, _)| !waits(*place));
+        let oldest = idle.min_by_key(|(_, known)| known.turn).map_or(0, |(place, _)| place);
+        if let Some(place) = self.askers.get_mut(oldest) {
+            *place = known;
+        }
+        oldest as u8
     }
 
-    fn note_turn(&mut self, asker: Asker) {
-        match self.turns.checked_add(1) {
-            Some(turns) => self.turns = turns,
-            None => {
-                // Once in four thousand million turns everybody starts afresh.
-                self.served.clear();
-                self.turns = 1;
-            }
-        }
-        let turn = self.turns;
-        if let Some(served) = self.served.iter_mut().find(|served| served.asker == asker) {
-            served.turn = turn;
-            return;
-        }
-        if self.served.is_full() {
-            // The one served longest ago ranks like one never served, so it may be forgotten.
-            let oldest = self.served.iter().enumerate().min_by_key(|(_, served)| served.turn);
-            if let Some((index, _)) = oldest {
-                self.served.swap_remove(index);
-            }
-        }
-        // There is room now.
-        let _ = self.served.push(Served { asker, turn });
+    fn note_turn(&mut self, place: u8) {
+        let turn = self.turns.checked_add(1).unwrap_or_else(|| {
+            // Once in four thousand million turns everybody starts afresh.
+            self.askers.iter_mut().for_each(|known| (known.turn, known.by_address) = (0, 0));
+            1
+        });
+        self.turns = turn;
+        let Some(served) = self.askers.get_mut(usize::from(place)) else { return };
+        served.turn = turn;
+        let address = served.asker.address;
+        let of_address = self.askers.iter_mut().filter(|known| known.asker.address == address);
+        of_address.for_each(|known| known.by_address = turn);
     }
 
     /// The newest order of the address that has most of them, if that is more than `newcomer`'s would have.
     fn crowder(&self, newcomer: Asker) -> Option<usize> {
-        let count =
-            |address| self.waiting.iter().filter(|other| other.ticket.asker.address == address).count();
-        let crowd = self.waiting.iter().map(|waiting| count(waiting.ticket.asker.address)).max()?;
+        let asker = |waiting: &Waiting<T>| self.ticket(waiting).asker;
+        let is_of = |waiting: &Waiting<T>, address| asker(waiting).address == address;
+        let count = |address| self.waiting.iter().filter(|other| is_of(other, address)).count();
+        let crowd = self.waiting.iter().map(|waiting| count(asker(waiting).address)).max()?;
         if crowd > count(newcomer.address) + 1 {
-            return self.waiting.iter().rposition(|waiting| count(waiting.ticket.asker.address) == crowd);
+            return self.waiting.iter().rposition(|waiting| count(asker(waiting).address) == crowd);
         }
         // Within an address the same holds of its connections.
-        let own = |asker| self.waiting.iter().filter(|other| other.ticket.asker == asker).count();
-        let of_address =
-            || self.waiting.iter().filter(|other| other.ticket.asker.address == newcomer.address);
-        let crowd = of_address().map(|waiting| own(waiting.ticket.asker)).max()?;
+        let own = |of| self.waiting.iter().filter(|other| asker(other) == of).count();
+        let of_address = || self.waiting.iter().filter(|other| is_of(other, newcomer.address));
+        let crowd = of_address().map(|waiting| own(asker(waiting))).max()?;
         if crowd <= own(newcomer) + 1 {
             return None;
         }
-        self.waiting.iter().rposition(|waiting| {
-            waiting.ticket.asker.address == newcomer.address && own(waiting.ticket.asker) == crowd
-        })
+        self.waiting
+            .iter()
+            .rposition(|waiting| is_of(waiting, newcomer.address) && own(asker(waiting)) == crowd)
     }
 }
 

@@ -21,11 +21,11 @@ pub(crate) struct Reply<'r, 'g> {
 
 impl<'r, 'g> Reply<'r, 'g> {
     pub(crate) fn new(desk: &'r Desk<'g>, order: &'r Frame<'g>, unit: u8, request: &'r [u8]) -> Self {
-        let envelope = order.envelope();
+        let (cut, port) = order.look(|envelope| (envelope.cut, envelope.origin.port));
         // Once begun, an answer cannot be stored any more: its end must be sure to be told.
-        let has_end = pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
-        let asker = desk.gateway().settings(|settings| Lane::at(settings, envelope.origin.port));
-        let asker = asker.filter(|_| envelope.cut && has_end);
+        let has_end = || pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
+        let lane = || desk.gateway().settings(|settings| Lane::at(settings, port));
+        let asker = if cut && has_end() { lane() } else { None };
         Self { desk, order, unit, request, asker, passing: Passing::Open }
     }
 

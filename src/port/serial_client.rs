@@ -4,7 +4,7 @@
 //! desk gives the order whose turn it is; its response is written into the order's frame, which goes home.
 
 use embassy_futures::select::select;
-use embassy_time::{Instant, Timer};
+use embassy_time::Instant;
 
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::{Cause, Fill, Frame, Way};
@@ -16,6 +16,7 @@ use crate::port::copy::Copied;
 use crate::port::cut::Lane;
 use crate::port::desk::Desk;
 use crate::port::line::{Collision, LineLost, Opening};
+use crate::port::moment::until;
 use crate::port::queue::Next;
 use crate::port::reply::Reply;
 use crate::stats::Event;
@@ -48,7 +49,7 @@ async fn serve<L: SerialLine>(desk: &Desk<'_>, bus: &mut Bus<'_, L>, client: &Se
         }
         let done = match desk.next() {
             Next::Serve(frame, ticket) => carry_out(desk, bus, client, frame, ticket.unit).await,
-            Next::Wait(until) => bus.idle(select(desk.changed(), Timer::at(until))).await,
+            Next::Wait(at) => bus.idle(select(desk.changed(), until(at))).await,
             Next::Empty => bus.idle(desk.changed()).await,
         };
         if done.is_err() {

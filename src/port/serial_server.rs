@@ -65,7 +65,7 @@ impl<'g> Server<'_, 'g> {
         self.gateway.settings(|settings| onward(settings, self.id, unit, so_far, self.never_underruns))
     }
 
-    /// A frame for a request.
+    /// A frame for a request that is still to come.
     fn take_frame(&self) -> Option<(FrameWriter<'g>, Frame<'g>)> {
         self.gateway.take_for_port(self.id)
     }
@@ -80,15 +80,13 @@ impl<'g> Server<'_, 'g> {
 
     /// Sends a request to the router; says whether an answer will come.
     fn ask(&self, unit: u8, request: &[u8], received: Instant) -> bool {
-        let Some((mut writer, frame)) = self.take_frame() else {
+        let cut = matches!(self.onward(unit, request), Onward::To(_));
+        let envelope = Envelope { cut, ..self.envelope(unit, received) };
+        // A frame's PDU is no longer than a PDU may be.
+        let Some(frame) = self.gateway.fill_for_port(self.id, request, envelope) else {
             self.place.stats.count(Event::BackPressure);
             return false;
         };
-        // A frame's PDU is no longer than a PDU may be.
-        let _ = writer.push(request);
-        writer.finish();
-        let cut = matches!(self.onward(unit, request), Onward::To(_));
-        frame.address(Envelope { cut, ..self.envelope(unit, received) });
         self.place.stats.count(Event::Request);
         match pdu::check_request(request) {
             Ok(()) => self.gateway.inbox.send(frame),

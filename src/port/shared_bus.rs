@@ -12,7 +12,7 @@
 //! beginnings and ends in them.
 
 use crate::modbus::PDU_BYTES_MAX;
-use crate::modbus::pdu::{self, EXCEPTION_BIT, ResponseLength};
+use crate::modbus::pdu::{self, EXCEPTION_BIT, End, ResponseLength};
 use crate::modbus::rtu::{self, FRAME_BYTES_MAX, FRAME_BYTES_MIN};
 use crate::stats::LastError;
 
@@ -121,6 +121,30 @@ impl RtuEar {
             return (Heard::Garbage(LastError::Length), 1);
         }
         (Heard::Nothing, 0)
+    }
+
+    /// How many bytes the frame will have at least that `received`, all that was heard and not yet judged, is the beginning of.
+    /// None when that is no more than is there, or nothing is known of it.
+    pub fn at_least(&self, received: &[u8], is_ours: impl Fn(u8) -> bool) -> Option<usize> {
+        let (&unit, so_far) = received.split_first().filter(|_| self.in_step)?;
+        let request = match pdu::request_end(so_far) {
+            End::At(length) => Some(length),
+            End::Later | End::Unknown => None,
+        };
+        // The answer to a request that was not heard.
+        let unheard = || match so_far {
+            [1..=4, count, ..] => Some(2 + usize::from(*count)),
+            [5 | 6 | 15 | 16, ..] => Some(5),
+            _ => None,
+        };
+        let answer =
+            if is_ours(unit) { request } else { self.answer_length(unit, so_far, &is_ours).or_else(unheard) };
+        let (Some(request), Some(answer)) = (request, answer) else {
+            return (received.len() < FRAME_BYTES_MIN).then_some(FRAME_BYTES_MIN);
+        };
+        let bytes = [request, answer].map(|length| length + rtu::OVERHEAD_BYTES);
+        // As long as it is here it is none that would have come to its end.
+        bytes.into_iter().filter(|bytes| *bytes > received.len()).min()
     }
 
     /// The first frame by one of its readings, when that much is there with a good CRC.

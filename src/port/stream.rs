@@ -73,7 +73,9 @@ impl Input {
     /// So many bytes were put into the space.
     pub(crate) fn grew(&mut self, count: usize) {
         self.length += count;
-        self.heard = Instant::now();
+        if self.framing == StreamFraming::Rtu {
+            self.heard = Instant::now();
+        }
     }
 
     /// When what is there is to be looked at again if nothing else comes.

@@ -15,12 +15,13 @@ use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use crate::capture::{Export, Tap};
 use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
-use crate::frame::{Envelope, Frame, Origin, Stage, Way};
+use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
 use crate::hal::{TcpHost, TcpStream};
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
+use crate::port::moment::{until, within};
 use crate::port::stream::{Input, encode};
 use crate::stats::{Event, LastError};
 
@@ -98,7 +99,7 @@ impl Server<'_, '_> {
         let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
                 Some(_) if self.settings.framing == StreamFraming::Capture => self.export(&mut stream).await,
-                Some(origin) => self.serve(&mut stream, origin, peer).await,
+                Some(origin) => self.serve(&mut stream, origin).await,
                 None => End::Crowded,
             }
         } else {
@@ -147,6 +148,7 @@ impl Server<'_, '_> {
                 last_request: now,
                 ..SeatState::EMPTY
             };
+            *seat
         });
         let seated = || {
             let of_port =
@@ -170,10 +172,10 @@ impl Server<'_, '_> {
         Some(Origin { port: self.id, way: Way::Seat(self.index as u16), generation: own.generation })
     }
 
-    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin, peer: SocketAddr) -> End {
+    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin) -> End {
         let mut input = Input::new(self.settings.framing);
         loop {
-            let waits = match self.take_requests(stream, &mut input, origin, peer).await {
+            let waits = match self.take_requests(stream, &mut input, origin).await {
                 Ok(waits) => waits,
                 Err(end) => return end,
             };
@@ -182,17 +184,18 @@ impl Server<'_, '_> {
             let deaf = waits == Waits::ForFrame || space.is_empty();
             let read = async { if deaf { pending().await } else { stream.read(space).await } };
             let answers = self.seat.answers.receive(self.gateway.pool());
-            let wake = Timer::at(self.idle_until().min(pause_end));
+            let idle_until = self.idle_until();
+            let wake = until(idle_until.min(pause_end));
             match select4(read, answers, self.seat.leave.wait(), wake).await {
                 Either4::First(Ok(0) | Err(_)) => return End::Client,
                 Either4::First(Ok(count)) => input.grew(count),
                 Either4::Second(frame) => {
-                    if let Err(end) = self.give(stream, peer, frame).await {
+                    if let Err(end) = self.give(stream, frame).await {
                         return end;
                     }
                 }
                 Either4::Third(()) => return End::Crowded,
-                Either4::Fourth(()) if self.idle_until() <= Instant::now() => return End::Stalled,
+                Either4::Fourth(()) if idle_until <= Instant::now() => return End::Stalled,
                 Either4::Fourth(()) => {}
             }
         }
@@ -204,32 +207,30 @@ impl Server<'_, '_> {
         stream: &mut S,
         input: &mut Input,
         origin: Origin,
-        peer: SocketAddr,
     ) -> Result<Waits, End> {
         loop {
             // RTU answers do not say which request they belong to.
-            if self.settings.framing == StreamFraming::Rtu && self.seat.state().open_requests > 0 {
+            if self.settings.framing == StreamFraming::Rtu && self.open_requests() > 0 {
                 return Ok(Waits::ForAnswer);
             }
             let consumed = match input.front() {
                 Ok(Parsed::Incomplete) => return Ok(Waits::No),
                 Ok(Parsed::Skip { consumed }) => {
                     self.place.stats.count(input.skip_event());
-                    self.tap(peer, false, input.skip_event(), input.first(consumed));
+                    self.tap(false, input.skip_event(), input.first(consumed));
                     consumed
                 }
-                Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, peer, header, pdu) {
+                Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, header, pdu) {
                     Taken::Sent => {
-                        self.tap(peer, false, Event::Request, input.first(consumed));
+                        self.tap(false, Event::Request, input.first(consumed));
                         consumed
                     }
                     Taken::Refused(exception) => {
                         let answer = exception.response(pdu.first().copied().unwrap_or(0));
-                        self.tap(peer, false, Event::Request, input.first(consumed));
+                        self.tap(false, Event::Request, input.first(consumed));
                         let mut out = [0; ADU_BYTES_MAX];
-                        let framing = self.settings.framing;
-                        let answer = encode(framing, header, &answer, &mut out).unwrap_or(&[]);
-                        self.write(stream, peer, answer).await?;
+                        let out = encode(self.settings.framing, header, &answer, &mut out);
+                        self.write(stream, out.unwrap_or(&[])).await?;
                         consumed
                     }
                     Taken::Starved => {
@@ -244,29 +245,27 @@ impl Server<'_, '_> {
     }
 
     /// Sends a request to the router, or says why not.
-    fn take(&self, origin: Origin, peer: SocketAddr, header: Header, request: &[u8]) -> Taken {
+    fn take(&self, origin: Origin, header: Header, request: &[u8]) -> Taken {
         if let Err(exception) = pdu::check_request(request) {
             self.place.stats.count(Event::Refused);
             self.place.stats.note_refused(request, exception);
             return Taken::Refused(exception);
         }
-        if self.seat.state().open_requests >= self.settings.pipeline {
+        if self.open_requests() >= self.settings.pipeline {
             self.place.stats.count(Event::QueueFull);
             return Taken::Refused(Exception::BUSY);
         }
-        let Some((mut writer, frame)) = self.gateway.pool().take(self.index) else {
-            return Taken::Starved;
-        };
-        // The parser gives no longer PDU than fits.
-        let _ = writer.push(request);
-        writer.finish();
         let received = Instant::now();
         let deadline = received + self.settings.lifetime;
-        frame.address(Envelope {
+        let envelope = Envelope {
             transaction: header.transaction,
-            peer: Some(peer.ip().to_canonical()),
+            peer: self.seat.state().peer.map(|peer| peer.ip().to_canonical()),
             ..Envelope::request(origin, header.unit, received, deadline)
-        });
+        };
+        // The parser gives no longer PDU than fits.
+        let Some(frame) = self.gateway.pool().fill(self.index, request, envelope) else {
+            return Taken::Starved;
+        };
         self.place.stats.count(Event::Request);
         self.seat.update(|seat| {
             seat.last_request = received;
@@ -278,47 +277,49 @@ impl Server<'_, '_> {
     }
 
     /// Gives an answer to the client; a frame that came home without one is only counted off.
-    async fn give<S: TcpStream>(
-        &self,
-        stream: &mut S,
-        peer: SocketAddr,
-        frame: Frame<'_>,
-    ) -> Result<(), End> {
+    async fn give<S: TcpStream>(&self, stream: &mut S, frame: Frame<'_>) -> Result<(), End> {
         self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
-        let envelope = frame.envelope();
-        if envelope.stage == Stage::Silence {
+        let (stage, cause, header) = frame.look(|envelope| {
+            let header = Header { transaction: envelope.transaction, unit: envelope.unit };
+            (envelope.stage, envelope.cause, header)
+        });
+        if stage == Stage::Silence {
             return Ok(());
         }
-        self.place.stats.count(Event::Answer);
-        let header = Header { transaction: envelope.transaction, unit: envelope.unit };
         let mut out = [0; ADU_BYTES_MAX];
         let length = frame.pdu(|answer| {
-            if let [function, code] = *answer
-                && function & EXCEPTION_BIT != 0
-            {
-                self.place.stats.count(Event::Exception);
-                self.place.stats.note_exception(Exception(code), envelope.cause);
-            }
+            self.count_answer(answer, cause);
             encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
         });
         drop(frame);
-        self.write(stream, peer, out.get(..length).unwrap_or(&[])).await
+        self.write(stream, out.get(..length).unwrap_or(&[])).await
     }
 
-    /// Writes an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, peer: SocketAddr, answer: &[u8]) -> Result<(), End> {
-        self.tap(peer, true, Event::Answer, answer);
-        match with_timeout(WRITE_PATIENCE, stream.write_all(answer)).await {
-            Ok(Ok(())) => Ok(()),
-            Ok(Err(_)) => Err(End::Client),
-            Err(_) => Err(End::Stalled),
+    fn count_answer(&self, answer: &[u8], cause: Cause) {
+        self.place.stats.count(Event::Answer);
+        if let [function, code] = *answer
+            && function & EXCEPTION_BIT != 0
+        {
+            self.place.stats.count(Event::Exception);
+            self.place.stats.note_exception(Exception(code), cause);
         }
     }
 
-    /// Shows a frame from or to `peer` to whoever follows.
-    fn tap(&self, peer: SocketAddr, sent: bool, verdict: Event, bytes: &[u8]) {
+    /// Writes the frame of an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+    async fn write<S: TcpStream>(&self, stream: &mut S, frame: &[u8]) -> Result<(), End> {
+        self.tap(true, Event::Answer, frame);
+        match within(WRITE_PATIENCE, pin!(stream.write_all(frame))).await {
+            Some(Ok(())) => Ok(()),
+            Some(Err(_)) => Err(End::Client),
+            None => Err(End::Stalled),
+        }
+    }
+
+    /// Shows a frame from or to the client to whoever follows.
+    fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
         let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
-        tap.passed(peer.port(), sent, verdict, bytes);
+        let port = self.seat.state().peer.map_or(0, |peer| peer.port());
+        tap.passed(port, sent, verdict, bytes);
     }
 
     /// Gives a client the frames of all ports as they come.
@@ -353,9 +354,14 @@ impl Server<'_, '_> {
 
     /// When the client will have been idle too long; never while it waits for an answer.
     fn idle_until(&self) -> Instant {
-        let seat = self.seat.state();
-        let never = self.settings.idle == Duration::from_ticks(0) || seat.open_requests > 0;
-        if never { Instant::MAX } else { seat.last_request + self.settings.idle }
+        let (open, last_request) = self.seat.update(|seat| (seat.open_requests, seat.last_request));
+        let never = self.settings.idle == Duration::from_ticks(0) || open > 0;
+        if never { Instant::MAX } else { last_request + self.settings.idle }
+    }
+
+    /// Requests of this connection that are not answered yet.
+    fn open_requests(&self) -> u8 {
+        self.seat.update(|seat| seat.open_requests)
     }
 }
 

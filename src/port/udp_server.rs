@@ -144,13 +144,11 @@ impl<'s, 'g> Server<'s, 'g> {
         if of_peer().count() >= own || open.len() >= usize::from(self.settings.requests) {
             return refuse(Event::QueueFull, Exception::BUSY);
         }
-        let Some((mut writer, frame)) = self.gateway.take_for_port(self.id) else {
+        let envelope = self.envelope(header.unit, peer, number);
+        // The parser gives no longer PDU than fits.
+        let Some(frame) = self.gateway.fill_for_port(self.id, request, envelope) else {
             return refuse(Event::BackPressure, Exception::BUSY);
         };
-        // The parser gives no longer PDU than fits.
-        let _ = writer.push(request);
-        writer.finish();
-        frame.address(self.envelope(header.unit, peer, number));
         stats.count(Event::Request);
         // There is room: `requests` is at most what the table holds.
         let _ = open.push(Open { peer, header, number });

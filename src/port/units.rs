@@ -124,11 +124,13 @@ pub struct AllUnits {
 struct List {
     /// The first place, counted from 1; 0: the list is empty.
     first: u16,
+    /// One of its units may be held or down.
+    troubled: bool,
     frozen: bool,
 }
 
 impl List {
-    const EMPTY: Self = Self { first: 0, frozen: false };
+    const EMPTY: Self = Self { first: 0, troubled: false, frozen: false };
 }
 
 impl AllUnits {
@@ -228,9 +230,20 @@ impl Units<'_> {
         }
     }
 
-    /// Whether every unit may be asked at `now`, and none counts as down: mostly none has to be looked at by itself.
-    pub fn all_well(&self, now: Instant) -> bool {
-        self.iter().all(|unit| unit.held_until <= now && !unit.is_down())
+    /// Whether a unit may be held or down: mostly none is, and none has to be looked at by itself.
+    pub fn troubled(&self) -> bool {
+        self.all.list(self.port).troubled
+    }
+
+    /// Whether every unit may be asked at `now`, and none counts as down.
+    pub fn all_well(&mut self, now: Instant) -> bool {
+        let troubled = self.troubled() && self.iter().any(|unit| unit.held_until > now || unit.is_down());
+        self.set_troubled(troubled);
+        !troubled
+    }
+
+    fn set_troubled(&mut self, troubled: bool) {
+        self.all.ports.get_mut(self.port).into_iter().for_each(|list| list.troubled = troubled);
     }
 
     /// Whether `id` counts as down, whatever is due.
@@ -304,6 +317,7 @@ impl Units<'_> {
     /// `id` gave no answer. It is held for `window`; after `down_after` such in a row (0: never) it is down. Says whether
     /// nothing at all was heard.
     pub fn timed_out(&mut self, id: u8, now: Instant, window: Duration, down_after: u8) -> bool {
+        self.set_troubled(true);
         let Some(unit) = self.entry(id) else { return false };
         let silent = !unit.disturbed;
         if silent {
@@ -328,6 +342,7 @@ impl Units<'_> {
 
     /// `id` is held for `window`: an answer that nobody waits for may come.
     pub fn hold(&mut self, id: u8, now: Instant, window: Duration) {
+        self.set_troubled(true);
         if let Some(unit) = self.entry(id) {
             unit.held_until = unit.held_until.max(now + window);
             unit.late_until = unit.late_until.max(now + window);

@@ -241,9 +241,11 @@ fn statement_41_the_files_objects_are_those_of_sdo_information() {
         let description = ask(&mut rig, 3, &index.to_le_bytes()).unwrap();
         assert_eq!(text(object, "Name").as_bytes(), &description[6..]);
         assert_eq!(number(text(object, "BitSize")), types[text(object, "Type")], "{index:x}");
-        // A request and its answer differ in size, so nobody could tell where which value begins.
-        if index == 0x2033 {
-            assert_eq!(rig.upload_complete(index, 0), Err(0x0601_0004));
+        // A request and its answer differ in size, so nobody could tell where which value begins; and what is only written
+        // has no size to be read.
+        if let 0x2033 | 0x2034 = index {
+            let refused = if index == 0x2033 { 0x0601_0004 } else { 0x0601_0001 };
+            assert_eq!(rig.upload_complete(index, 0), Err(refused));
             continue;
         }
         // The size of a complete access from sub-index 0 on is the size of the object's type, as long as the list is full.
@@ -277,7 +279,7 @@ fn statement_41_defaults_in_the_file_are_what_is_read_after_power_on() {
         };
         for (sub, info) in infos.into_iter().enumerate() {
             let default = text(info, "DefaultData");
-            if (index, sub) == (0x2033, 1) {
+            if matches!((index, sub), (0x2033, 1 | 5) | (0x2034, 1..)) {
                 assert_eq!(rig.upload(index, sub as u8), Err(0x0601_0001), "it is only written");
                 continue;
             }

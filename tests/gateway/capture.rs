@@ -198,16 +198,27 @@ fn a_client_that_does_not_read_misses_frames_and_is_told_how_many_and_nobody_wai
         let blocks = blocks(&file);
         let packets = blocks.iter().filter(|(kind, _)| *kind == 6).count();
         // Behind an interface and a time: the number of what was dropped, as option 5.
-        let told = blocks.iter().filter(|(kind, _)| *kind == 5).map(|(_, block)| {
+        let mut told = blocks.iter().filter(|(kind, _)| *kind == 5).map(|(_, block)| {
             assert_eq!(block[12..16], [5, 0, 8, 0]);
             u64::from_le_bytes(block[16..24].try_into().unwrap())
         });
-        let dropped = told.last().unwrap() as usize;
+        let dropped = told.next_back().unwrap() as usize;
         assert!(dropped > 100, "{dropped}");
         assert_eq!(packets + dropped, 400, "frames of the line and by TCP");
         let file = PcapFile::new(&file);
         assert_eq!(count(&file.0, "frame"), packets as u32);
         assert_eq!(count(&file.0, "_ws.malformed"), 0);
+    });
+}
+
+#[test]
+fn a_board_without_files_says_how_else_frames_can_be_had() {
+    rig::with_gateway(1, SETTINGS, |world, rig| {
+        let shown = world.run_until(typed(rig.gateway, "capture x.pcapng"));
+        assert!(shown.ends_with(
+            "x.pcapng: settings not supported (no files here: port NAME tcp server 5029 capture)\n"
+        ));
+        assert!(world.run_until(typed(rig.gateway, "capture")).contains("expected a file, or off"));
     });
 }
 

@@ -2,7 +2,7 @@
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::config::{LineSettings, Parity, PortId};
+use mobgate::config::{Framing, LineSettings, Parity, PortId};
 use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::console::{typed, typed_slowly};
@@ -106,6 +106,36 @@ fn a_key_stops_it_and_a_session_that_is_cut_leaves_the_port_as_it_was() {
         world.run_for(Duration::from_millis(10));
         assert_eq!(world.run_until(client.request(5, &READ)), Answer::Pdu(vec![3, 2, 5, 7]));
         assert_eq!(rig.frames_in_use(), 0);
+    });
+}
+
+#[test]
+fn an_ascii_line_is_tried_in_its_own_formats() {
+    rig::with_gateway(1, "port bus serial uart1 ascii client 115200\n", |world, rig| {
+        let line = LineSettings { data_bits: 7, stop_bits: 2, ..line(9_600, Parity::None) };
+        let end = rig.wire("uart1").tap(line);
+        world.spawn(device::serve_in(Framing::Ascii, end, vec![Device::new(5)]));
+        let shown = world.run_until(typed(rig.gateway, "scan bus 9600 units 5-6"));
+        assert!(shown.contains("unit   5 9600 7N2 "), "{shown}");
+        assert!(shown.ends_with("route SOURCE 5-5 * * bus\n"), "{shown}");
+    });
+}
+
+#[test]
+fn a_line_that_is_gone_ends_it() {
+    rig::with_gateway(1, SETTINGS, |world, rig| {
+        rig.attach(world, "uart1", [Device::new(5)]);
+        let scan = world.spawn(typed(rig.gateway, "scan bus"));
+        world.run_for(Duration::from_secs(1));
+        rig.end("uart1").unplug();
+        let shown = world.run_until(scan);
+        assert!(shown.contains("the line is not open any more"), "{shown}");
+        let shown = world.run_until(typed(rig.gateway, "scan bus"));
+        assert!(shown.contains("9600 8E1     not found\n0 units found"), "{shown}");
+        rig.end("uart1").replug();
+        world.run_for(Duration::from_secs(10));
+        let mut client = rig.client(machine(1), 502);
+        assert_eq!(world.run_until(client.request(5, &READ)), Answer::Pdu(vec![3, 2, 5, 7]));
     });
 }
 

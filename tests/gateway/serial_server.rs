@@ -4,6 +4,7 @@ use embassy_time::Duration;
 use mobgate::config::Framing;
 use mobgate::stats::{Event, LastError};
 use mobgate_simulator::client::Answer;
+use mobgate_simulator::rig::Size;
 use mobgate_simulator::shared_bus::torture;
 use mobgate_simulator::{Device, Rig, World, rig};
 
@@ -110,22 +111,50 @@ fn the_last_error_tells_what_was_wrong_with_a_request() {
     });
 }
 
+#[test]
+fn a_board_that_rests_answers_at_the_same_moments_and_is_woken_less() {
+    let write = [&[16, 0, 0, 0, 20, 40][..], &[0xab; 40]].concat();
+    for (request, most) in [(&READ[..], 4), (&[6, 0, 1, 0xab, 0xcd], 4), (&write, 9)] {
+        let [(awake, read), (resting, read_resting)] = [0, 20].map(|rests| {
+            // A tick late, so that a request ends by its length, also where nobody rests.
+            let late_reads = Duration::from_ticks(1);
+            let size = Size { late_reads, rests: Duration::from_millis(rests), ..Size::default() };
+            let settings =
+                settings("rtu server 19200 8E1", "rtu client 115200 8N1").replace("* C", "* C cut off");
+            let asked = format!("{request:02x?}, rests of {rests} ms");
+            rig::with_gateway_of(size, 1, &settings, |world, rig| {
+                rig.attach(world, "down", [Device::new(5)]);
+                world.run_for(Duration::from_secs(1));
+                let mut master = rig.master("up");
+                let answer = world.run_until(master.request(5, request));
+                assert!(matches!(answer, Answer::Pdu(_)), "{asked}: {answer:?}");
+                (rig.wire("up").frames(), rig.sent("up").reads)
+            })
+        });
+        assert_eq!(awake, resting, "{request:02x?}");
+        assert!(read_resting <= most && most < read, "{request:02x?}: {read_resting} reads, {read} awake");
+    }
+}
+
 /// The full count is among the figures of `cargo bench`.
 #[test]
 fn on_a_shared_bus_nobody_elses_questions_are_answered_and_none_of_ours_is_missed() {
     let punctual = Duration::from_ticks(0);
-    for (framing, late_reads) in [
-        (Framing::Rtu, punctual),
-        (Framing::Ascii, punctual),
-        (Framing::Rtu, Duration::from_millis(16)),
-        (Framing::Ascii, Duration::from_millis(16)),
+    for (framing, late_reads, rests) in [
+        (Framing::Rtu, punctual, punctual),
+        (Framing::Ascii, punctual, punctual),
+        (Framing::Rtu, Duration::from_millis(16), punctual),
+        (Framing::Ascii, Duration::from_millis(16), punctual),
+        (Framing::Rtu, punctual, Duration::from_millis(20)),
+        (Framing::Rtu, Duration::from_millis(16), Duration::from_millis(20)),
     ] {
-        let outcome = torture(1, 1_000, framing, late_reads);
-        let tell = format!("{framing}, reads late by {late_reads}: {outcome:?}");
+        let outcome = torture(1, 1_000, framing, Size { late_reads, rests, ..Size::default() });
+        let tell = format!("{framing}, reads late by {late_reads}, rests of {rests}: {outcome:?}");
         assert_eq!((outcome.unasked, outcome.collisions), (0, 0), "{tell}");
         assert!(outcome.ours > 400 && outcome.spoilt > 80, "{tell}");
         // Where the silence behind a damaged frame cannot be seen, the next one is lost with it.
-        let share = if framing == Framing::Rtu && late_reads > punctual { outcome.ours / 10 } else { 0 };
+        let share =
+            if framing == Framing::Rtu && late_reads + rests > punctual { outcome.ours / 10 } else { 0 };
         assert!(outcome.missed <= share, "{tell}");
     }
 }

@@ -258,3 +258,22 @@ fn stray_bits_behind_a_request_do_not_spoil_it() {
     let told = listener.frame(&[&frame(OURS, &READ)[..], &[0]].concat());
     assert_eq!(told, [ours(&READ), Told::Garbage(LastError::Length)]);
 }
+
+#[test]
+fn the_ear_knows_what_a_frame_has_at_least_by_each_of_its_readings() {
+    let ours = |unit| unit == 10;
+    let mut ear = RtuEar::new();
+    assert_eq!(ear.at_least(&[10, 3], ours), None, "nothing is known before the first silence");
+    let _ = ear.hear(&[], true, ours);
+    assert_eq!(ear.at_least(&[], ours), None);
+    assert_eq!(ear.at_least(&[10], ours), Some(4), "the shortest frame there is");
+    assert_eq!(ear.at_least(&[10, 3], ours), Some(8));
+    assert_eq!(ear.at_least(&[10, 16, 0, 0, 0, 2], ours), None, "its byte count will tell");
+    assert_eq!(ear.at_least(&[10, 16, 0, 0, 0, 2, 4], ours), Some(13));
+    assert_eq!(ear.at_least(&[10, 65, 0, 0], ours), None, "only the silence ends it");
+    // Another unit's may be a request, or an answer.
+    assert_eq!(ear.at_least(&[1, 3, 2], ours), Some(7));
+    assert_eq!(ear.at_least(&[1, 3, 20], ours), Some(8));
+    assert_eq!(ear.at_least(&[1, 3, 20, 0, 0, 0, 0, 0], ours), Some(25), "no request, or it would be judged");
+    assert_eq!(ear.at_least(&[1, 65, 0, 0], ours), None);
+}

@@ -6,6 +6,7 @@
 //! replace the time itself by [`virtual_time`]. Queue and virtual clock belong to a thread, so that many
 //! simulations run side by side in one process.
 
+use std::cell::Cell;
 use std::task::Waker;
 
 use embassy_time_driver::Driver;
@@ -22,13 +23,22 @@ embassy_time_driver::time_driver_impl!(static CLOCK: HostClock = HostClock);
 
 const _: () = assert!(embassy_time_driver::TICK_HZ == 1_000_000, "a tick of this clock is a microsecond");
 
+thread_local! {
+    /// What the thread's last look at the clock gave.
+    static SEEN: Cell<u64> = const { Cell::new(0) };
+}
+
 impl Driver for HostClock {
     fn now(&self) -> u64 {
-        virtual_time::now().unwrap_or_else(wall_clock)
+        let now = virtual_time::now().unwrap_or_else(wall_clock);
+        SEEN.set(now);
+        now
     }
 
     fn schedule_wake(&self, at: u64, waker: &Waker) {
-        if at <= self.now() {
+        // Who waits has looked at the clock just before. What has passed since then is found by the thread's loop, which looks
+        // before it sleeps.
+        if at <= virtual_time::now().unwrap_or_else(|| SEEN.get()) {
             waker.wake_by_ref();
         } else {
             queue::insert(at, waker);

@@ -21,7 +21,7 @@ pub(crate) fn now() -> Option<u64> {
 pub fn enter() -> VirtualClock {
     assert!(NOW.get().is_none(), "this thread is on a virtual clock already");
     NOW.set(Some(0));
-    VirtualClock { wall_alarms: queue::replace(Alarms::default()), _this_thread_only: PhantomData }
+    VirtualClock { wall_alarms: queue::replace(Alarms::NONE), _this_thread_only: PhantomData }
 }
 
 /// The thread's virtual clock; dropping it brings the wall clock back, with the alarms that were set on it.
@@ -46,7 +46,7 @@ impl VirtualClock {
 impl Drop for VirtualClock {
     fn drop(&mut self) {
         NOW.set(None);
-        queue::replace(std::mem::take(&mut self.wall_alarms));
+        queue::replace(std::mem::replace(&mut self.wall_alarms, Alarms::NONE));
     }
 }
 

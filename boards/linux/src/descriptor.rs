@@ -3,16 +3,15 @@
 use std::future::poll_fn;
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
-use std::task::{Poll, ready};
+use std::task::{Context, Poll, ready};
 
 use embassy_time::{Duration, Instant, Timer};
-use futures_lite::future::yield_now;
 use rustix::io::ioctl_fionbio;
 
 use crate::reactor::{Direction, Registration};
 
-/// Operations that may succeed at once, one after the other. Embassy's tasks are cooperative, and an operation on a
-/// ready descriptor never suspends, so that a babbling line would stop every other one.
+/// Operations that may succeed at once, one after the other, before other tasks run. Embassy's tasks are cooperative, and an
+/// operation on a ready descriptor never suspends, so that a babbling line would stop every other one.
 const TURNS_MAX: u8 = 32;
 
 /// To be left alone and watched again costs two system calls, about as much as to be woken twice.
@@ -39,10 +38,28 @@ impl<T: AsFd> Descriptor<T> {
     }
 
     /// Calls `read` until it does not have to wait. A dropped future has read nothing.
-    pub(crate) async fn read_with<R>(&mut self, read: impl FnMut(&T) -> io::Result<R>) -> io::Result<R> {
-        self.take_turn().await;
-        let Self { io, registration, .. } = self;
-        operate(io, registration.reading(), read, || registration.unmute(&*io)).await
+    pub(crate) fn read_with<R>(
+        &mut self,
+        mut read: impl FnMut(&T) -> io::Result<R>,
+    ) -> impl Future<Output = io::Result<R>> {
+        poll_fn(move |context| self.poll_read(context, &mut read))
+    }
+
+    /// Reads from a stream socket or a tty into `buffer`. Fewer bytes than asked for mean that there are no more for now
+    /// (epoll(7)), so the next read waits for an event instead of being refused by the kernel.
+    pub(crate) fn read_stream(
+        &mut self,
+        buffer: &mut [u8],
+        mut read: impl FnMut(&T, &mut [u8]) -> io::Result<usize>,
+    ) -> impl Future<Output = io::Result<usize>> {
+        poll_fn(move |context| {
+            let count = ready!(self.poll_read(context, &mut |io: &T| read(io, buffer)))?;
+            if count < buffer.len() {
+                self.registration.reading().block_unless_over();
+                self.registration.unmute(&self.io)?;
+            }
+            Poll::Ready(Ok(count))
+        })
     }
 
     /// Sleeps until `until` without being woken by what comes meanwhile, if that is worth it.
@@ -55,67 +72,63 @@ impl<T: AsFd> Descriptor<T> {
     }
 
     /// Calls `write` until it does not have to wait. A dropped future has written nothing.
-    pub(crate) async fn write_with<R>(&mut self, write: impl FnMut(&T) -> io::Result<R>) -> io::Result<R> {
-        self.take_turn().await;
-        let Self { io, registration, .. } = self;
+    pub(crate) async fn write_with<R>(
+        &mut self,
+        mut write: impl FnMut(&T) -> io::Result<R>,
+    ) -> io::Result<R> {
         let mut watched = false;
-        let watch = || {
-            watched = true;
-            registration.watch_writing(&*io, true)
-        };
-        let written = operate(io, registration.writing(), write, watch).await;
+        let written = poll_fn(|context| {
+            self.operate(context, Registration::writing, &mut write, |registration, io| {
+                watched = true;
+                registration.watch_writing(io, true)
+            })
+        })
+        .await;
         if watched {
-            registration.watch_writing(&*io, false)?;
+            self.registration.watch_writing(&self.io, false)?;
         }
         written
     }
 
-    /// Reads from a stream socket into `buffer`. Fewer bytes than asked for mean that there are no more for now
-    /// (epoll(7)), so the next read waits for an event instead of being refused by the kernel.
-    pub(crate) async fn read_stream(
+    fn poll_read<R>(
         &mut self,
-        buffer: &mut [u8],
-        mut read: impl FnMut(&T, &mut [u8]) -> io::Result<usize>,
-    ) -> io::Result<usize> {
-        let length = buffer.len();
-        let count = self.read_with(|io| read(io, buffer)).await?;
-        if count < length {
-            self.registration.reading().block_unless_over();
-        }
-        Ok(count)
+        context: &Context<'_>,
+        read: &mut impl FnMut(&T) -> io::Result<R>,
+    ) -> Poll<io::Result<R>> {
+        self.operate(context, Registration::reading, read, |registration, io| registration.unmute(io))
     }
 
-    /// Lets other tasks run now and then; before an operation, because a dropped future must not lose a result.
-    async fn take_turn(&mut self) {
-        self.turns += 1;
-        if self.turns >= TURNS_MAX {
-            self.turns = 0;
-            yield_now().await;
-        }
-    }
-}
-
-/// Calls `operation` whenever `direction` is ready, until it does not have to wait; `blocked` each time that it would.
-async fn operate<T, R>(
-    io: &T,
-    direction: &Direction,
-    mut operation: impl FnMut(&T) -> io::Result<R>,
-    mut blocked: impl FnMut() -> io::Result<()>,
-) -> io::Result<R> {
-    poll_fn(|context| {
+    /// Calls `operation` whenever its direction is ready, until it does not have to wait; `blocked` each time that it would.
+    fn operate<R>(
+        &mut self,
+        context: &Context<'_>,
+        direction: impl Fn(&Registration) -> &Direction,
+        operation: &mut impl FnMut(&T) -> io::Result<R>,
+        mut blocked: impl FnMut(&Registration, &T) -> io::Result<()>,
+    ) -> Poll<io::Result<R>> {
+        let Self { io, registration, turns } = self;
         loop {
-            ready!(direction.poll_ready(context));
+            if direction(registration).poll_ready(context).is_pending() {
+                *turns = 0;
+                return Poll::Pending;
+            }
+            // Before the operation: a dropped future must not lose a result.
+            *turns += 1;
+            if *turns >= TURNS_MAX {
+                *turns = 0;
+                context.waker().wake_by_ref();
+                return Poll::Pending;
+            }
             match operation(io) {
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
-                    direction.block();
-                    blocked()?;
+                    direction(registration).block();
+                    blocked(registration, io)?;
                 }
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 done => return Poll::Ready(done),
             }
         }
-    })
-    .await
+    }
 }
 
 impl<T: AsFd> AsFd for Descriptor<T> {

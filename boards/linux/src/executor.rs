@@ -7,10 +7,11 @@
 use std::future::{Future, poll_fn};
 use std::num::NonZeroU64;
 use std::pin::pin;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::task::Waker;
 
 use embassy_executor::{Spawner, raw};
-use embassy_sync::waitqueue::AtomicWaker;
 use rustix::thread::set_current_timer_slack;
 
 use crate::reactor;
@@ -35,13 +36,15 @@ pub fn run<T>(init: impl FnOnce(Spawner), end: impl Future<Output = T>) -> T {
     let _ = set_current_timer_slack(Some(NonZeroU64::MIN));
     let mut end = pin!(end);
     reactor::block_on(poll_fn(|context| {
-        pended.waker.register(context.waker());
+        pended.waker.get_or_init(|| context.waker().clone());
         pended.polling.store(true, SeqCst);
         for _ in 0..ROUNDS_MAX {
             pended.work.store(false, SeqCst);
+            // In one critical section, which makes those that tasks enter cheap. Other threads only wake tasks, and no task waits
+            // for them without suspending.
             // SAFETY: `poll` must not run twice at a time, and only in the thread that made the executor. Nobody
             // but this closure knows the executor, and `block_on` calls it in this thread, never from a task.
-            unsafe { executor.poll() };
+            critical_section::with(|_| unsafe { executor.poll() });
             if !pended.work.load(SeqCst) {
                 break;
             }
@@ -59,12 +62,13 @@ struct Pended {
     work: AtomicBool,
     /// `run` is busy with the queue and will see `work`: waking it would cost a pass through the reactor.
     polling: AtomicBool,
-    waker: AtomicWaker,
+    /// Wakes `run`, from its first round on.
+    waker: OnceLock<Waker>,
 }
 
 impl Pended {
     const fn new() -> Self {
-        Self { work: AtomicBool::new(false), polling: AtomicBool::new(false), waker: AtomicWaker::new() }
+        Self { work: AtomicBool::new(false), polling: AtomicBool::new(false), waker: OnceLock::new() }
     }
 }
 
@@ -74,8 +78,10 @@ fn pender(context: *mut ()) {
     // SAFETY: every executor of this program is made by `run`, with a leaked `Pended` as its context.
     let pended: &'static Pended = unsafe { &*context.cast::<Pended>() };
     pended.work.store(true, SeqCst);
-    if !pended.polling.load(SeqCst) {
-        pended.waker.wake();
+    if !pended.polling.load(SeqCst)
+        && let Some(waker) = pended.waker.get()
+    {
+        waker.wake_by_ref();
     }
 }
 

@@ -52,6 +52,8 @@ pub enum Line {
 }
 
 impl SerialLine for Line {
+    const RESTS: bool = true;
+
     async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
         match self {
             Self::Tty(line) => line.drive(on).await.map_err(kind),

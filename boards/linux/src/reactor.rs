@@ -178,7 +178,10 @@ impl Direction {
         if !self.blocked.get() {
             return Poll::Ready(());
         }
-        self.waiting.replace(Some(context.waker().clone()));
+        let mut waiting = self.waiting.borrow_mut();
+        if !waiting.as_ref().is_some_and(|waker| waker.will_wake(context.waker())) {
+            *waiting = Some(context.waker().clone());
+        }
         Poll::Pending
     }
 }

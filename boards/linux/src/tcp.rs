@@ -111,14 +111,14 @@ impl ErrorType for TcpStream {
 }
 
 impl Read for TcpStream {
-    async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        self.io.read_stream(into, |mut stream, into| stream.read(into)).await
+    fn read(&mut self, into: &mut [u8]) -> impl Future<Output = io::Result<usize>> {
+        self.io.read_stream(into, |mut stream, into| stream.read(into))
     }
 }
 
 impl Write for TcpStream {
-    async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
-        self.io.write_with(|mut stream| stream.write(from)).await
+    fn write(&mut self, from: &[u8]) -> impl Future<Output = io::Result<usize>> {
+        self.io.write_with(|mut stream| stream.write(from))
     }
 
     /// Nothing is held back: Nagle is off.

@@ -136,6 +136,8 @@ fn refusal(error: &io::Error, device: &Path) -> OpenError {
 }
 
 impl SerialLine for Tty {
+    const RESTS: bool = true;
+
     async fn drive(&mut self, on: bool) -> io::Result<()> {
         let Some(port) = self.rts.clone() else { return Ok(()) };
         if on {
@@ -163,14 +165,14 @@ impl ErrorType for Tty {
 }
 
 impl Read for Tty {
-    async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        self.io.read_with(|mut file| file.read(into)).await
+    fn read(&mut self, into: &mut [u8]) -> impl Future<Output = io::Result<usize>> {
+        self.io.read_stream(into, |mut file, into| file.read(into))
     }
 }
 
 impl Write for Tty {
-    async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
-        self.io.write_with(|mut file| file.write(from)).await
+    fn write(&mut self, from: &[u8]) -> impl Future<Output = io::Result<usize>> {
+        self.io.write_with(|mut file| file.write(from))
     }
 
     /// Nothing is held back here. Waiting until the characters have left (tcdrain) would block every other task.

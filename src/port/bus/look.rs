@@ -119,7 +119,9 @@ impl<L: SerialLine> Bus<'_, L> {
     fn is_own(&self, reply: &Reply<'_, '_>) -> bool {
         let request = reply.request();
         let whole = self.line.heard().get(..request.len() + rtu::OVERHEAD_BYTES);
-        whole.and_then(|frame| rtu::decode(frame).ok()) == Some((reply.unit(), request))
+        // Mostly a look at the bytes tells that it has not, without a CRC.
+        let like = whole.filter(|frame| frame.get(1..=request.len()) == Some(request));
+        like.and_then(|frame| rtu::decode(frame).ok()) == Some((reply.unit(), request))
             && pdu::fits(request, request).is_err()
     }
 
@@ -149,6 +151,9 @@ impl<L: SerialLine> Bus<'_, L> {
 
     /// Passes on what has been heard of a frame, if it is time. What is read late must not be missing.
     fn pass_on(&self, reply: &mut Reply<'_, '_>) {
+        if !reply.is_passed_on() {
+            return;
+        }
         let heard = match self.framing {
             Framing::Rtu => self.line.heard(),
             Framing::Ascii if self.decoder.in_frame() => self.decoder.bytes(),

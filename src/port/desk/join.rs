@@ -20,10 +20,9 @@ pub(super) struct Joint {
 impl Joint {
     /// What `frame` asks for, if its rule lets others join it.
     pub(super) fn of(frame: &Frame<'_>) -> Option<Self> {
-        let envelope = frame.envelope();
-        let Merge::Near(gap_allowed) = envelope.sharing.merge else { return None };
-        let (gap_allowed, addresses) = (gap_allowed.into(), envelope.addresses);
-        Some(Self { block: block(frame)?, gap_allowed, gap: 0, addresses })
+        let (merge, addresses) = frame.look(|envelope| (envelope.sharing.merge, envelope.addresses));
+        let Merge::Near(gap_allowed) = merge else { return None };
+        Some(Self { block: block(frame)?, gap_allowed: gap_allowed.into(), gap: 0, addresses })
     }
 
     /// Both in one, if the rules of both allow that.

@@ -3,7 +3,7 @@
 
 use embassy_time::Instant;
 
-use crate::frame::{Fill, Frame, Way};
+use crate::frame::{Envelope, Fill, Frame, Way};
 use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::{self, Block};
 use crate::port::queue::{Access, Asker, Ticket};
@@ -54,21 +54,25 @@ impl<'g> Current<'g> {
 }
 
 /// What the queue must know of an order.
-pub(super) fn ticket(frame: &Frame<'_>) -> Ticket {
-    let envelope = frame.envelope();
-    let origin = envelope.origin;
-    // A port has seats or a line, not both.
-    let seat = if let Way::Seat(seat) = origin.way { seat } else { 0 };
-    let access = match pdu::is_read(frame.function()) {
+pub(super) fn ticket(envelope: &Envelope, function: u8) -> Ticket {
+    let access = match pdu::is_read(function) {
         false => Access::Write,
         true if envelope.sharing.merge == Merge::Off => Access::Read,
         true => Access::SharedRead,
     };
     Ticket {
-        asker: Asker { address: envelope.peer, connection: u32::from(origin.port.0) << 16 | u32::from(seat) },
+        asker: asker(envelope),
         priority: envelope.priority,
         unit: envelope.target,
         deadline: envelope.deadline,
         access,
     }
+}
+
+/// Who asked, as far as fairness goes.
+pub(super) fn asker(envelope: &Envelope) -> Asker {
+    let origin = envelope.origin;
+    // A port has seats or a line, not both.
+    let seat = if let Way::Seat(seat) = origin.way { seat } else { 0 };
+    Asker { address: envelope.peer, connection: u32::from(origin.port.0) << 16 | u32::from(seat) }
 }

@@ -145,10 +145,17 @@ impl Application for GatewayObjects<'_> {
             (0x1010, _) => self.check_keeping(Keep::Save, number),
             (0x1011, _) => self.check_keeping(Keep::Restore, number),
             (0x2005, 1) if number == 1 => self.check_configuration(),
-            (0x2033, _) => {
+            (0x2033, 1) => {
                 self.place.check_port()?;
                 self.place.requests().check(value)
             }
+            (0x2033, _) => {
+                self.place.check_port()?;
+                let requests = self.place.requests();
+                requests.check_part()?;
+                requests.check(&requests.parts(number as usize).ok_or(Abort::Range)?)
+            }
+            (0x2034, _) => self.place.requests().check_part(),
             // 1 would be mark parity, which no line here can do.
             (0x2020, 3) if number == 1 => Err(Abort::Range),
             (0x2005, _) => Ok(()),
@@ -167,7 +174,14 @@ impl Application for GatewayObjects<'_> {
             (0x2005, 1) if number == 1 => self.refused = self.place.take_over().err(),
             (0x2005, 2) => self.place.stop(),
             (0x2005, _) => {}
-            (0x2033, _) => self.place.requests().ask(value),
+            (0x2033, 1) => self.place.requests().ask(value),
+            (0x2033, _) => {
+                let parts = self.place.requests().parts(number as usize);
+                parts.into_iter().for_each(|request| self.place.requests().ask(&request));
+            }
+            (0x2034, part) => {
+                self.place.requests().put_part(4 * usize::from(part.saturating_sub(1)), value);
+            }
             // The table has no other writable entry that is not known here.
             _ => self.place.configuration(|configuration| configuration.set(at, number)).unwrap_or_default(),
         }

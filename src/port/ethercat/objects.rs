@@ -89,7 +89,13 @@ const REQUEST: &[Entry] = &[
     Entry::reading("State", DataType::U8),
     Entry::reading("AnswerPdu", DataType::OctetsUpTo(PDU_BYTES_MAX as u16)),
     Entry::reading("Error", DataType::U8),
+    // How many bytes of 2034h are the request that is to be sent.
+    Entry::setting("SendParts", DataType::U8, 0, (2, REQUEST_BYTES_MAX as u64)).with_access(Access::WRITE),
 ];
+
+/// Unit and PDU four bytes at a time, for MainDevices that write no more than that by SDO.
+const REQUEST_PART: Entry =
+    Entry { access: Access::WRITE, ..Entry::reading("UnitAndPduPart", DataType::U32) };
 
 /// What is written is a word (CiA 301, 7.5.2.13 and 14), what is read is that it is done on command.
 const fn on_command(name: &'static str) -> Entry {
@@ -163,6 +169,7 @@ const BEHIND_LAYOUTS: &[Object] = &[
     Object::array(0x2031, "HealthOfSlaves", SLAVES, HEALTH),
     Object::array(0x2032, "StateOfSlaves", SLAVES, STATE),
     Object::record(0x2033, "ModbusRequest", REQUEST),
+    Object::array(0x2034, "ModbusRequestByFour", REQUEST_BYTES_MAX.div_ceil(4) as u8, REQUEST_PART),
 ];
 
 const FIRST_CONFIGURATIONS: &[Object] = &first_four(&CONFIGURATIONS, 0x2001);

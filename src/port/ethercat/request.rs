@@ -57,11 +57,19 @@ struct Current {
     error: u8,
     /// Unit and PDU until it is sent; then the answer's PDU.
     bytes: Vec<u8, REQUEST_BYTES_MAX>,
+    /// They are parts of the next request.
+    parts: bool,
+}
+
+impl Current {
+    const fn new(state: RequestState, bytes: Vec<u8, REQUEST_BYTES_MAX>) -> Self {
+        Self { state, error: 0, bytes, parts: false }
+    }
 }
 
 impl Requests {
     pub(super) const fn new() -> Self {
-        let current = Current { state: RequestState::Ended, error: 0, bytes: Vec::new() };
+        let current = Current::new(RequestState::Ended, Vec::new());
         Self { current: Mutex::new(RefCell::new(current)), asked: Signal::new() }
     }
 
@@ -96,9 +104,37 @@ impl Requests {
     pub(super) fn ask(&self, request: &[u8]) {
         self.with(|current| {
             let bytes = Vec::from_slice(request).unwrap_or_default();
-            *current = Current { state: RequestState::Waiting, error: 0, bytes };
+            *current = Current::new(RequestState::Waiting, bytes);
         });
         self.asked.signal(());
+    }
+
+    /// Whether parts of the next request may be written now.
+    pub fn check_part(&self) -> Result<(), Abort> {
+        let busy = matches!(self.state(), RequestState::Waiting | RequestState::Open);
+        if busy { Err(Abort::State) } else { Ok(()) }
+    }
+
+    /// Takes four bytes of the next request, from the byte `first` on; what came of the last one is forgotten.
+    pub fn put_part(&self, first: usize, part: &[u8]) {
+        self.with(|current| {
+            if !current.parts {
+                *current = Current { parts: true, ..Current::new(RequestState::Ended, Vec::new()) };
+            }
+            let end = (first + part.len()).clamp(current.bytes.len(), REQUEST_BYTES_MAX);
+            // There is room for that.
+            let _ = current.bytes.resize(end, 0);
+            let place = current.bytes.get_mut(first..).unwrap_or_default();
+            place.iter_mut().zip(part).for_each(|(place, byte)| *place = *byte);
+        });
+    }
+
+    /// The first bytes of the parts, if there are so many.
+    pub fn parts(&self, bytes: usize) -> Option<Vec<u8, REQUEST_BYTES_MAX>> {
+        self.with(|current| {
+            let parts = current.bytes.get(..bytes).filter(|_| current.parts)?;
+            Vec::from_slice(parts).ok()
+        })
     }
 
     /// Copies the answer's PDU, and gives its length.

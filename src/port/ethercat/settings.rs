@@ -4,6 +4,7 @@ use super::keeping::Keep;
 use super::line::Speed;
 use super::place::EthercatPlace;
 use crate::config::{LineSettings, PortKind, SerialSettings};
+use crate::drafting;
 use crate::gateway::Gateway;
 use crate::hal::Store;
 
@@ -19,7 +20,7 @@ impl Gateway<'_> {
                 ethercat.restore();
                 self.change_settings(|settings| settings.slaves.clear());
             }
-            let saved = self.save(store).await;
+            let saved = drafting::save(self, store).await;
             match saved {
                 Ok(()) => log_info!("the settings were saved for EtherCAT"),
                 Err(error) => log_warn!("the settings could not be saved for EtherCAT: {error}"),

@@ -7,7 +7,7 @@ use core::convert::Infallible;
 use core::mem;
 
 use embassy_futures::select::{Either3, select3};
-use embassy_time::{Instant, Timer};
+use embassy_time::Instant;
 
 use super::Server;
 use crate::capture::Tap;
@@ -17,6 +17,7 @@ use crate::hal::SerialLine;
 use crate::modbus::rtu;
 use crate::port::arriving::Passing;
 use crate::port::line::{Line, LineLost};
+use crate::port::moment::until;
 use crate::port::shared_bus::{AsciiEar, RtuEar};
 use crate::stats::Event;
 
@@ -106,6 +107,13 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
     pub(super) async fn serve(&mut self) -> Result<Infallible, LineLost> {
         loop {
             let quiet = self.quiet_at();
+            if L::RESTS
+                && let Some(due) = self.whole_at()
+            {
+                // What is read afterwards is read late, but no later than reads may be here: as much longer must a silence last
+                // to be believed.
+                self.line.rest(due.min(self.line.active + self.line.jitter)).await;
+            }
             let due = match &self.open {
                 Open::None => Instant::MAX,
                 Open::Asked { until, .. } => *until,
@@ -114,8 +122,8 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             let server = self.server;
             let answers = server.place.queue.receive(server.gateway.pool());
             let begins = self.line.heard().is_empty();
-            let until = due.min(quiet).min(self.passing.due());
-            match select3(self.line.read(), answers, Timer::at(until)).await {
+            let next = due.min(quiet).min(self.passing.due());
+            match select3(self.line.read(), answers, until(next)).await {
                 // Meanwhile the board has begun to pass on what comes, and to watch for a silence in it.
                 Either3::Third(()) if self.line.is_relayed() && Instant::now() < due => {}
                 Either3::First(read) => {
@@ -128,6 +136,16 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
                 Either3::Third(()) => self.due().await?,
             }
         }
+    }
+
+    /// When the frame that is being heard will have all but the last one of the characters that it has at least, if nothing
+    /// is to be done before. That one is waited for: a sleep until it is due would end a little later than it comes.
+    fn whole_at(&self) -> Option<Instant> {
+        let (Ear::Rtu(ear), Open::None, Passing::Whole) = (&self.ear, &self.open, &self.passing) else {
+            return None;
+        };
+        let bytes = ear.at_least(self.line.heard(), |unit| self.server.is_ours(unit))?;
+        Some(self.line.begun() + self.line.settings.chars(bytes - 1))
     }
 
     /// When the silence will say something about what has been heard.

@@ -91,15 +91,21 @@ fn with_gateway_of(
     segment: &SharedSegment,
     scenario: impl FnOnce(&mut World<'_>, &Gateway<'_>),
 ) {
-    with_gateway_on(clock, Size { rests: true, ..Size::default() }, 1, settings, |world, rig| {
-        // The line may have another speed and format until the MainDevice sets it.
-        let line = LineSettings { baud, ..LineSettings::DEFAULT };
-        world.spawn(serve(rig.wire("uart1").tap(line), devices));
-        let (esc, interrupt) = direct(segment.borrow().chip(0));
-        let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
-        spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
-        scenario(world, rig.gateway);
-    });
+    with_gateway_on(
+        clock,
+        Size { rests: Duration::from_millis(1), ..Size::default() },
+        1,
+        settings,
+        |world, rig| {
+            // The line may have another speed and format until the MainDevice sets it.
+            let line = LineSettings { baud, ..LineSettings::DEFAULT };
+            world.spawn(serve(rig.wire("uart1").tap(line), devices));
+            let (esc, interrupt) = direct(segment.borrow().chip(0));
+            let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
+            spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
+            scenario(world, rig.gateway);
+        },
+    );
 }
 
 impl Bench<'_> {

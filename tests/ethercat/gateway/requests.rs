@@ -1,12 +1,13 @@
 //! Modbus requests of the MainDevice's own, of any function, by SDO (2033h).
 
-use embassy_time::Duration;
+use embassy_time::{Duration, Timer};
 use mobgate::ethercat::coe::abort::Abort;
 use mobgate::port::ethercat::GatewayObjects;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::rig::{Rig, with_gateway};
 use mobgate_simulator::{Device, Fault, Faults, World};
 
+use super::bench::with_wire;
 use super::objects::{SETTINGS, read, read_bytes, write, write_bytes};
 use crate::bench::{PRE_OP, gateway_objects};
 
@@ -75,6 +76,17 @@ fn an_answer_that_does_not_come_ends_in_an_error() {
 }
 
 #[test]
+fn what_a_rule_forbids_is_answered_by_its_exception_and_has_come_to_its_end() {
+    with_device(|world, rig, device, mut objects| {
+        rig.console("delete routes").unwrap();
+        rig.console("route ecat 5 * * bus readonly").unwrap();
+        assert_eq!(ask(world, &mut objects, &[5, 6, 0, 17, 0, 9]), (3, 0, vec![0x86, 1]));
+        assert_eq!(ask(world, &mut objects, &[5, 3, 0, 16, 0, 1]).0, 1);
+        assert_eq!(device.writes(), []);
+    });
+}
+
+#[test]
 fn nobody_answers_a_broadcast_and_that_is_no_error() {
     with_device(|world, rig, device, mut objects| {
         rig.console("route ecat 0 * * bus").unwrap();
@@ -112,6 +124,32 @@ fn a_request_that_is_open_when_other_devices_are_taken_over_ends() {
         world.run_for(Duration::from_millis(2));
         assert_eq!((read(&mut objects, 0x2033, 2), read(&mut objects, 0x2033, 4)), (2, 4));
         assert_eq!(ask(world, &mut objects, &[5, 3, 0, 16, 0, 1]), (1, 0, vec![3, 2, 5, 16]));
+    });
+}
+
+#[test]
+fn ethercrab_asks_a_device_on_the_wire_by_parts_of_four_bytes() {
+    let device = Device::new(5);
+    device.memory().holding[16] = 0x1234;
+    with_wire(19_200, SETTINGS, vec![device], async |desk, _| {
+        let group = desk.to_pre_op().await.unwrap();
+        let gateway = group.subdevice(desk.master, 0).unwrap();
+        let parts = async |first: u32, second: u32, bytes: u8| {
+            gateway.sdo_write(0x2034, 1, first).await.unwrap();
+            gateway.sdo_write(0x2034, 2, second).await.unwrap();
+            gateway.sdo_write(0x2033, 5, bytes).await.unwrap();
+            while gateway.sdo_read::<u8>(0x2033, 2).await.unwrap() == OPEN as u8 {
+                Timer::after_millis(1).await;
+            }
+            gateway.sdo_read::<u8>(0x2033, 2).await.unwrap()
+        };
+        let state = parts(u32::from_le_bytes([5, 3, 0, 16]), u32::from_le_bytes([0, 1, 0, 0]), 6).await;
+        assert_eq!(state, 1);
+        assert_eq!(gateway.sdo_read::<[u8; 4]>(0x2033, 3).await.unwrap(), [3, 2, 0x12, 0x34]);
+        let state = parts(u32::from_le_bytes([5, 6, 0, 17]), u32::from_le_bytes([0, 9, 0xee, 0xee]), 6).await;
+        assert_eq!(state, 1);
+        assert_eq!(gateway.sdo_read::<[u8; 5]>(0x2033, 3).await.unwrap(), [6, 0, 17, 0, 9]);
+        assert!(gateway.sdo_write(0x2033, 5, 6_u8).await.is_err(), "no parts have come since");
     });
 }
 

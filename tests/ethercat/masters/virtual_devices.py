@@ -55,12 +55,22 @@ class Exchange:
         return sum(late for at, late in self.late if at >= since)
 
 
+def patiently(transfer, *arguments):
+    """SOEM gives a frame two milliseconds; a machine with much to do may not wake the line's other end by then."""
+    for _ in range(20):
+        try:
+            return transfer(*arguments)
+        except pysoem.WkcError:
+            time.sleep(0.05)
+    return transfer(*arguments)
+
+
 def write(index, sub, value, size):
-    gateway.sdo_write(index, sub, value.to_bytes(size, "little"))
+    patiently(gateway.sdo_write, index, sub, value.to_bytes(size, "little"))
 
 
 def read(index, sub):
-    return int.from_bytes(gateway.sdo_read(index, sub), "little")
+    return int.from_bytes(patiently(gateway.sdo_read, index, sub), "little")
 
 
 def configure():

@@ -66,7 +66,7 @@ pub fn drive(seed: u64, time: Duration, pause: Duration, progress: impl FnMut(Du
         port ecat ethercat
         route ecat 1-247 * * bus"
     );
-    let size = Size { frames: 32, seats: 0, rests: true, ..Size::default() };
+    let size = Size { frames: 32, seats: 0, rests: Duration::from_millis(1), ..Size::default() };
     with_gateway_of(size, seed, &settings, |world, rig| {
         let drive = Device::new(UNIT);
         rig.attach(world, "uart1", [drive.clone()]);

@@ -33,14 +33,14 @@ pub struct Size {
     pub seats: usize,
     /// How late what is heard on serial lines may be read: not before the next multiple of this time.
     pub late_reads: Duration,
-    /// Whether serial lines are left to themselves until the last character is due, where the core knows when that is.
-    pub rests: bool,
+    /// How late it reads at most because it leaves its lines alone while characters gather.
+    pub rests: Duration,
 }
 
 impl Default for Size {
     /// 80 seats, 128 frames, every character read as it comes.
     fn default() -> Self {
-        Self { frames: 128, seats: 80, late_reads: Duration::from_ticks(0), rests: false }
+        Self { frames: 128, seats: 80, late_reads: Duration::from_ticks(0), rests: Duration::from_ticks(0) }
     }
 }
 

@@ -13,7 +13,7 @@ use crate::wire::LineEnd;
 pub struct SimSerial {
     devices: Vec<(String, LineEnd)>,
     late_reads: Option<Duration>,
-    rests: bool,
+    rests: Duration,
 }
 
 impl SimSerial {
@@ -29,9 +29,10 @@ impl SimSerial {
         self
     }
 
-    /// The board as one that is not woken by each character, where the core knows that none is needed earlier.
+    /// The board that sleeps while characters gather of which it needs none alone, and so may read this late. Without such a
+    /// time it never sleeps.
     #[must_use]
-    pub fn with_rests(mut self, rests: bool) -> Self {
+    pub fn with_rests(mut self, rests: Duration) -> Self {
         self.rests = rests;
         self
     }
@@ -59,11 +60,11 @@ impl SerialHost for SimSerial {
     }
 
     fn read_jitter(&self) -> Duration {
-        self.late_reads.unwrap_or(Duration::from_ticks(0))
+        self.late_reads.unwrap_or_default().max(self.rests)
     }
 
     fn never_underruns(&self) -> bool {
-        self.late_reads.is_none()
+        self.read_jitter() == Duration::default()
     }
 }
 
@@ -83,6 +84,8 @@ impl Drop for SimLine {
 }
 
 impl SerialLine for SimLine {
+    const RESTS: bool = true;
+
     async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
         self.end.drive(on);
         Ok(())
@@ -108,10 +111,11 @@ impl SerialLine for SimLine {
     }
 
     async fn rest(&mut self, until: Instant) -> bool {
-        if self.board.rests {
+        let sleeps = self.board.rests > Duration::default() && until > Instant::now();
+        if sleeps {
             Timer::at(until).await;
         }
-        self.board.rests
+        sleeps
     }
 
     fn take_flaws(&mut self) -> Flaws {

@@ -37,10 +37,12 @@ pub struct Outcome {
     pub unasked: u32,
     /// Characters that overlapped with another end's.
     pub collisions: u64,
+    /// How often the gateway was woken by what came.
+    pub reads: u64,
 }
 
-/// Asks `transactions` questions on a line in `framing`; `late_reads`: how late the gateway's board reads.
-pub fn torture(seed: u64, transactions: u32, framing: Framing, late_reads: Duration) -> Outcome {
+/// Asks `transactions` questions on a line in `framing` of a gateway on a board of `size`.
+pub fn torture(seed: u64, transactions: u32, framing: Framing, size: Size) -> Outcome {
     let format = if framing == Framing::Rtu { "8E1" } else { "7E1" };
     let settings = format!(
         "port S serial up {framing} server 115200 {format}\nport C serial down rtu client 115200 8E1\n\
@@ -48,7 +50,7 @@ pub fn torture(seed: u64, transactions: u32, framing: Framing, late_reads: Durat
         OURS.start(),
         OURS.end()
     );
-    rig::with_gateway_of(Size { late_reads, ..Size::default() }, seed, &settings, |world, rig| {
+    rig::with_gateway_of(size, seed, &settings, |world, rig| {
         let mut random = Random::new(seed);
         rig.attach(world, "up", OTHERS.map(|unit| other(unit, random.bits())));
         rig.attach(world, "down", OURS.map(Device::new).collect::<Vec<_>>());
@@ -64,6 +66,7 @@ pub fn torture(seed: u64, transactions: u32, framing: Framing, late_reads: Durat
         let frames = rig.wire("up").frames();
         let own = frames.iter().filter(|frame| frame.from == gateway);
         outcome.unasked += own.filter(|frame| !is_ours(framing, &frame.bytes)).count() as u32;
+        outcome.reads = rig.sent("up").reads;
         outcome.collisions = rig.wire("up").collisions();
         outcome
     })

@@ -197,6 +197,7 @@ impl LineEnd {
         }
         let count = bus.read(self.number, into);
         if count > 0 {
+            bus.record.ends[self.number].reads += 1;
             return Poll::Ready(Ok(count));
         }
         let coming = bus.audible_from(self.number).next().map(|(_, character)| character.end_ns);

@@ -16,6 +16,8 @@ pub struct EndRecord {
     pub frames: u64,
     /// The shortest silence on the wire before one of the frames; none before the wire's first.
     pub shortest_gap_ns: Option<u64>,
+    /// Reads that gave something: as often was it woken by what came.
+    pub reads: u64,
     /// When the transceiver's driver was switched on and off.
     pub switched: Vec<(u64, bool)>,
 }

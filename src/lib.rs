@@ -17,7 +17,8 @@
 //! Between two serial lines the frame takes this road while its characters still arrive ([`port::cut`] says when it may): the
 //! other line sends what is there, in its own framing. From RTU to RTU the CRC that came goes with it ([`modbus::delta`]); an
 //! ASCII line gets its LRC when the CRC has proved good, and the other way round, so that what is damaged stays damaged. What
-//! turns out not to fit is broken off.
+//! turns out not to fit is broken off. A board that can moves the characters in between by itself ([`port::relay`]), and the tasks
+//! wake when the frame's end has come.
 //!
 //! The gateway also asks by itself: the scanner ([`scanner`]) turns data points into requests, which its port sends on the same
 //! road, and keeps the answers, which outside clients may read as the tables of the gateway's own unit.

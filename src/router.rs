@@ -22,10 +22,13 @@ impl Gateway<'_> {
             let frame = self.inbox.receive(self.pool()).await;
             match frame.look(|envelope| envelope.stage) {
                 Stage::Request => self.forward(frame),
-                Stage::Answering => self.deliver(frame),
+                Stage::Answering => {
+                    let is_gone = self.is_gone(frame.origin());
+                    self.deliver(frame, is_gone);
+                }
                 Stage::Answer | Stage::Silence => {
-                    self.note(&frame);
-                    self.deliver(frame);
+                    let outcome = self.note(&frame);
+                    self.deliver(frame, outcome == Outcome::AskerGone);
                 }
             }
         }
@@ -48,8 +51,12 @@ impl Gateway<'_> {
             Decision::Forward { port, unit, priority, sharing, addresses } => {
                 match self.ports().get(port.index()) {
                     Some(place) => {
-                        let routed = Envelope { target: unit, destination: Some(port), ..envelope };
-                        frame.address(Envelope { priority, sharing, addresses, ..routed });
+                        frame.amend(|envelope| {
+                            (envelope.target, envelope.destination) = (unit, Some(port));
+                            envelope.priority = priority;
+                            envelope.sharing = sharing;
+                            envelope.addresses = addresses;
+                        });
                         place.queue.send(frame);
                     }
                     None => self.refuse(frame, Exception::GATEWAY_NO_PATH),
@@ -127,8 +134,8 @@ impl Gateway<'_> {
         }
     }
 
-    /// Writes a transaction into the log that has come to its end.
-    pub(crate) fn note(&self, frame: &Frame<'_>) {
+    /// Writes a transaction into the log that has come to its end, and says how it ended.
+    pub(crate) fn note(&self, frame: &Frame<'_>) -> Outcome {
         let envelope = frame.envelope();
         let (function, exception) = frame.pdu(|pdu| match *pdu {
             [function, code] if function & EXCEPTION_BIT != 0 => (function, Some(Exception(code))),
@@ -155,13 +162,14 @@ impl Gateway<'_> {
             outcome,
             took_us: u32::try_from(took.as_micros()).unwrap_or(u32::MAX),
         });
+        outcome
     }
 
-    /// Gives a frame back to whoever asked.
-    fn deliver(&self, frame: Frame<'_>) {
+    /// Gives a frame back to whoever asked, unless he has gone.
+    fn deliver(&self, frame: Frame<'_>, is_gone: bool) {
         let origin = frame.origin();
         match self.way_back(origin) {
-            _ if self.is_gone(origin) => self.count_at(origin.port, Event::AskerGone),
+            _ if is_gone => self.count_at(origin.port, Event::AskerGone),
             Some(channel) => channel.send(frame),
             None => {}
         }

@@ -223,6 +223,7 @@ impl Scanner {
                     Open::Check => {
                         station.status.alive = Some(false);
                         self.skip_poll(device);
+                        self.fill(device);
                     }
                     Open::Read { .. } | Open::Write => {
                         self.end(device, now, Err(ErrorCode::of_exception(*exception)), &[]);

@@ -302,9 +302,10 @@ impl<'g> Desk<'g> {
     /// Sends home `frame`, which holds its answer, unless whoever asked has it already.
     fn give(&self, frame: Frame<'g>) {
         if is_answering(&frame) {
-            return self.gateway.note(&frame);
+            self.gateway.note(&frame);
+        } else {
+            self.gateway.answered(frame);
         }
-        self.gateway.answered(frame);
     }
 
     /// Keeps the `answer` to a request for `asked` if it may be used again.

@@ -44,3 +44,25 @@ impl Relay {
         before.left.max(1).saturating_sub(self.left.max(1)) as usize
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Relay;
+
+    #[test]
+    fn all_but_the_last_character_is_sent_and_the_first_half_of_the_crc_is_changed() {
+        let begun = Relay::new(4, 0x0f);
+        let mut relay = begun;
+        let sent = [1, 2, 0x30, 4].map(|byte| relay.step(byte));
+        assert_eq!(sent, [Some(1), Some(2), Some(0x3f), None]);
+        assert!(relay.is_over());
+        assert_eq!(relay.sent_since(&begun), 3);
+    }
+
+    #[test]
+    fn a_relay_that_is_over_sends_nothing() {
+        let mut relay = Relay::OVER;
+        assert_eq!(relay.step(1), None);
+        assert_eq!(relay.sent_since(&Relay::OVER), 0);
+    }
+}

@@ -142,6 +142,7 @@ impl Port<'_, '_> {
         };
         let answer = |pdu: &[u8]| {
             if let ([_, code], Cause::Unsent) = (pdu, cause)
+                && transaction != REQUEST
                 && Exception(*code) != Exception::GATEWAY_NO_PATH
             {
                 // Whoever refused it has counted that.

@@ -92,7 +92,6 @@ impl Scanner {
         if let Some(station) = self.stations.get_mut(usize::from(device.0)) {
             station.check_from = None;
         }
-        self.fill(device);
     }
 
     /// The rows of the open request have come to their end.

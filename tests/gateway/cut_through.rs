@@ -82,6 +82,21 @@ fn frames_are_passed_on_in_both_directions_while_they_arrive_at_all_pairs_of_spe
 }
 
 #[test]
+fn the_board_relays_all_of_a_frame_between_its_header_and_its_last_character() {
+    played(19_200, 19_200, "", |world, rig, devices| {
+        let mut write = vec![16, 0, 0, 0, 120, 240];
+        write.extend([0x55; 240]);
+        let answer = world.run_until(rig.master("up").request(105, &write));
+        assert_eq!(answer, Answer::Pdu(write[..5].to_vec()));
+        assert_eq!(devices[0].memory().holding[119], 0x5555);
+        // Behind the unit, six bytes tell the length; of the CRC one half is left.
+        assert_eq!(rig.end("up").relayed_chars(), 240 + 2);
+        // As soon as the answer's function is there it can only be of one length.
+        assert_eq!(rig.end("down").relayed_chars(), 4 + 2);
+    });
+}
+
+#[test]
 fn a_rule_can_have_frames_stored() {
     played(19_200, 19_200, "cut off", |world, rig, _| {
         let answer = world.run_until(rig.master("up").request(105, &READ));

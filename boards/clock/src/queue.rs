@@ -37,8 +37,8 @@ pub(crate) fn insert(at: u64, waker: &Waker) {
         match set.iter().position(|alarm| alarm.waker.will_wake(waker)) {
             Some(index) => {
                 set[index].at = set[index].at.min(at);
-                // Who sets an alarm sets it again soon.
-                set.swap(0, index);
+                // Who sets alarms often comes to the front, a place each time.
+                set.swap(index.saturating_sub(1), index);
             }
             None => set.push(Alarm { at, waker: waker.clone() }),
         }

@@ -68,15 +68,21 @@ fn the_console_begins_and_ends_a_file_and_writes_over_none() {
     ask(&mut client, 1, &[3, 0, 0, 0, 2]);
     wait_for("the answer in the file", || fs::read(&file).ok().filter(|written| is_whole(written)));
     console.write_all(b"capture off\nshow version\n").unwrap();
-    let mut said = [0; 512];
-    let count = console.read(&mut said).unwrap();
-    assert!(said[..count].starts_with(b"mobgate "), "{}", String::from_utf8_lossy(&said[..count]));
+    read_until(&mut console, "mobgate ");
     ask(&mut client, 1, &[3, 0, 0, 0, 2]);
     assert_eq!(decoded(&file), WHOLE, "the second transaction is not in there");
     console.write_all(capture.as_bytes()).unwrap();
-    let count = console.read(&mut said).unwrap();
-    let said = String::from_utf8_lossy(&said[..count]);
-    assert!(said.contains("failed (there is such a file already)"), "{said}");
+    read_until(&mut console, "failed (there is such a file already)");
+}
+
+/// Reads until `text` has come, in however many pieces.
+fn read_until(console: &mut TcpStream, text: &str) {
+    let (mut said, mut part) = (String::new(), [0; 512]);
+    while !said.contains(text) {
+        let count = console.read(&mut part).unwrap_or_else(|error| panic!("{error} after {said:?}"));
+        assert!(count > 0, "the session ended after {said:?}");
+        said.push_str(&String::from_utf8_lossy(&part[..count]));
+    }
 }
 
 #[test]

@@ -109,7 +109,8 @@ pub(crate) async fn report(mut line: Line, sockets: &'static Sockets) {
             [b'b'] => {
                 // Up to this moment, in which the processor is awake.
                 let busy = BUSY.load(Ordering::Relaxed).wrapping_sub(SYST::get_current()) & ROUND;
-                let gateway = TASKS.load(Ordering::Relaxed).wrapping_add(RELAY.load(Ordering::Relaxed)) & ROUND;
+                let gateway =
+                    TASKS.load(Ordering::Relaxed).wrapping_add(RELAY.load(Ordering::Relaxed)) & ROUND;
                 writeln!(text, "busy {busy} gateway {gateway}")
             }
             _ => writeln!(text, "stack {} sockets {}", stack_bytes(), sockets.free()),

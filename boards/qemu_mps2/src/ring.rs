@@ -78,7 +78,8 @@ impl Ring {
         let at = self.read.load(Ordering::Relaxed).wrapping_add(nth);
         // SAFETY: the writer has done with this place, and the reader is alone.
         let byte = || unsafe { *self.bytes[at % RING_BYTES].get() };
-        (nth < self.written.load(Ordering::Acquire).wrapping_sub(self.read.load(Ordering::Relaxed))).then(byte)
+        (nth < self.written.load(Ordering::Acquire).wrapping_sub(self.read.load(Ordering::Relaxed)))
+            .then(byte)
     }
 
     /// Moves bytes to `into`, and says how many.

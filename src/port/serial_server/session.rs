@@ -14,6 +14,7 @@ use crate::capture::Tap;
 use crate::config::Framing;
 use crate::frame::{Frame, Stage};
 use crate::hal::SerialLine;
+use crate::modbus::rtu;
 use crate::port::arriving::Passing;
 use crate::port::line::{Line, LineLost};
 use crate::port::moment::until;
@@ -65,6 +66,13 @@ struct Answered {
     crc: u16,
     /// Its echo is heard before.
     until: Instant,
+}
+
+impl Answered {
+    /// Whether it is what was heard of `unit` until `heard`.
+    fn is(&self, unit: u8, pdu: &[u8], heard: Instant) -> bool {
+        self.unit == unit && heard < self.until && self.crc == rtu::check(unit, pdu)
+    }
 }
 
 enum Ear {

@@ -76,6 +76,17 @@ fn an_answer_that_does_not_come_ends_in_an_error() {
 }
 
 #[test]
+fn what_a_rule_forbids_is_answered_by_its_exception_and_has_come_to_its_end() {
+    with_device(|world, rig, device, mut objects| {
+        rig.console("delete routes").unwrap();
+        rig.console("route ecat 5 * * bus readonly").unwrap();
+        assert_eq!(ask(world, &mut objects, &[5, 6, 0, 17, 0, 9]), (3, 0, vec![0x86, 1]));
+        assert_eq!(ask(world, &mut objects, &[5, 3, 0, 16, 0, 1]).0, 1);
+        assert_eq!(device.writes(), []);
+    });
+}
+
+#[test]
 fn nobody_answers_a_broadcast_and_that_is_no_error() {
     with_device(|world, rig, device, mut objects| {
         rig.console("route ecat 0 * * bus").unwrap();

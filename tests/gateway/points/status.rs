@@ -2,8 +2,8 @@
 
 use mobgate::modbus::Exception;
 use mobgate::scanner::{
-    BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, DeviceStatus, ErrorCode, Kind, REPEATS, Reading,
-    Refused, SCAN, Status,
+    BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, ErrorCode, Kind, REPEATS, Reading,
+    Refused, SCAN, Scanner, Status,
 };
 use mobgate::stats::LastError;
 
@@ -173,6 +173,20 @@ fn what_a_rule_forbids_is_the_rows_error_and_none_of_the_devices_exceptions() {
         assert_eq!(after.backs_off_until, None);
         assert_eq!(scanner.next(at(2)), None, "it would be forbidden again");
     }
+}
+
+#[test]
+fn a_check_that_a_rule_forbids_skips_the_poll_and_is_no_silence_of_the_device() {
+    let mut scanner = Scanner::new();
+    scanner.restart(at(0));
+    let device = scanner.add_device(Device { check: true, filling: Some(9), ..super::device(5) }).unwrap();
+    let id = add(&mut scanner, row(device, Kind::Input, 0, 1));
+    while exchange(&mut scanner, at(0)).is_some() {}
+    assert_eq!(scanner.next(at(1_000)).unwrap().pdu[0], 8);
+    scanner.refused(device, at(1_000), Exception::ILLEGAL_FUNCTION);
+    assert_eq!(scanner.next(at(1_000)), None, "no poll without it");
+    assert_eq!(scanner.input(id), [0, 0], "what was read last stays");
+    assert_eq!(scanner.device_status(device, at(1_000)).unwrap().alive, Some(true));
 }
 
 #[test]

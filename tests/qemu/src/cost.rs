@@ -35,6 +35,8 @@ const CHIPS: [(&str, f64); 3] = [("h743", 400e6), ("f767", 216e6), ("f429", 168e
 /// A line of 19200 baud has a read of ten registers in each of these, and a board so many lines more.
 const PERIOD_SECONDS: f64 = 0.023_92;
 const OTHER_LINES: f64 = 3.0;
+/// Times that a line needs the processor in each of these: a request comes, it leaves, its answer comes, that leaves.
+const NEEDS: f64 = 4.0;
 /// Most that those may shift it, in percent.
 const SHIFT_MAX: f64 = 1.0;
 /// The board's counts of ticks come round.
@@ -72,12 +74,16 @@ pub fn instructions(folder: &Path) {
     figure("qemu_stack_icount", f64::from(figures.stack_bytes()), "bytes", most);
 }
 
-/// How far the other lines of a board shift a line's time: at most by all that the processor does for them meanwhile, when
-/// each of them is as busy.
+/// How far the other lines of a board shift a line's time, when each of them is as busy: where the line needs the processor and
+/// another line has it, the line waits for half of a transaction's work on the average, even if all of that were done at a stretch.
 fn other_ports(instructions: f64) {
     for (chip, clock_hz) in CHIPS {
-        let shift = OTHER_LINES * instructions / clock_hz / PERIOD_SECONDS;
+        let work = instructions / clock_hz;
+        let share = OTHER_LINES * work / PERIOD_SECONDS;
+        let shift = NEEDS * share * (work / 2.0) / PERIOD_SECONDS;
         figure(&format!("other_ports_shift_{chip}"), 100.0 * shift, "%", Target::AtMost(SHIFT_MAX));
+        // If all that is done for them fell into the line's way.
+        figure(&format!("other_ports_work_{chip}"), 100.0 * share, "%", Target::None);
     }
 }
 

@@ -52,10 +52,8 @@ impl SerialHost for SimSerial {
         let error = |kind| OpenError::new(kind, "");
         let (_, end) =
             self.devices.iter().find(|(name, _)| name == device).ok_or(error(OpenErrorKind::NotFound))?;
-        let Self { late_reads, rests, .. } = *self;
         let board = self.clone();
-        let opened = |end| SimLine { end, late_reads, rests, board, source: None };
-        end.open(*line).map(opened).map_err(|kind| match kind {
+        end.open(*line).map(|end| SimLine { end, board, source: None }).map_err(|kind| match kind {
             ErrorKind::AddrInUse => error(OpenErrorKind::InUse),
             _ => error(OpenErrorKind::NotFound),
         })
@@ -73,8 +71,6 @@ impl SerialHost for SimSerial {
 /// An open serial line; dropping it closes it.
 pub struct SimLine {
     end: LineEnd,
-    late_reads: Option<Duration>,
-    rests: Duration,
     board: SimSerial,
     /// Whose characters are sent here.
     source: Option<LineEnd>,
@@ -93,14 +89,6 @@ impl SerialLine for SimLine {
     async fn drive(&mut self, on: bool) -> Result<(), ErrorKind> {
         self.end.drive(on);
         Ok(())
-    }
-
-    async fn rest(&mut self, until: Instant) -> bool {
-        let sleeps = self.rests > Duration::default() && until > Instant::now();
-        if sleeps {
-            Timer::at(until).await;
-        }
-        sleeps
     }
 
     fn relay(&mut self, from: &str, relay: Relay) -> bool {
@@ -122,6 +110,14 @@ impl SerialLine for SimLine {
         self.end.silence()
     }
 
+    async fn rest(&mut self, until: Instant) -> bool {
+        let sleeps = self.board.rests > Duration::default() && until > Instant::now();
+        if sleeps {
+            Timer::at(until).await;
+        }
+        sleeps
+    }
+
     fn take_flaws(&mut self) -> Flaws {
         self.end.take_flaws()
     }
@@ -133,7 +129,7 @@ impl ErrorType for SimLine {
 
 impl Read for SimLine {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, ErrorKind> {
-        if let Some(late) = self.late_reads {
+        if let Some(late) = self.board.late_reads {
             self.end.readable().await;
             let now = Instant::now().as_ticks();
             Timer::at(Instant::from_ticks(now.next_multiple_of(late.as_ticks()))).await;

@@ -87,6 +87,7 @@ struct End {
     overruns: u64,
     /// Another end sends what this one hears.
     relayed: Option<Relayed>,
+    relayed_chars: u64,
 }
 
 /// An unbroken sequence of an end's characters.
@@ -135,6 +136,7 @@ impl Wire {
             waiting: Vec::new(),
             overruns: 0,
             relayed: None,
+            relayed_chars: 0,
         });
         bus.record.add_end();
         LineEnd::new(self.clone(), bus.ends.len() - 1, 0)

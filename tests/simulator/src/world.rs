@@ -414,12 +414,14 @@ mod tests {
         }
         let activity = world.activity();
         world.run_until(async {
-            for _ in 0..3 {
+            // By then all of them wait for the first time, whoever was drawn first.
+            Timer::after_millis(1).await;
+            for _ in 0..2 {
                 activity.settled().await;
                 seen.borrow_mut().push((Instant::now().as_millis(), count.get()));
             }
         });
-        assert_eq!(seen.into_inner(), [(0, 0), (10, 10), (100, 15)]);
+        assert_eq!(seen.into_inner(), [(10, 10), (100, 15)]);
     }
 
     #[test]

@@ -14,7 +14,12 @@ use crate::stats::{Event, LastError};
 /// What was judged, copied so that the line can go on.
 enum Judged {
     Nothing,
+    /// A request.
     Request(u8),
+    /// A request that has been passed on.
+    Passed,
+    /// What the gateway itself has just sent.
+    Echo,
     Foreign,
     Garbage(LastError),
 }
@@ -92,10 +97,14 @@ impl<L: SerialLine> Session<'_, '_, L> {
             let event = match judged {
                 Judged::Nothing if count > 0 && !self.line.heard().is_empty() => continue,
                 Judged::Nothing => break,
-                Judged::Request(unit) if self.is_echo(unit, &request) => Event::Noise,
-                Judged::Request(unit) => {
+                Judged::Echo => Event::Noise,
+                Judged::Passed | Judged::Request(_) => {
                     let received = self.line.active;
-                    if self.finish(&request, received) || self.server.ask(unit, &request, received) {
+                    let asked = match judged {
+                        Judged::Request(unit) => self.server.ask(unit, &request, received),
+                        _ => true,
+                    };
+                    if asked {
                         let until = received + self.server.settings.server.answer_within;
                         self.open = Open::Asked { received, until };
                     }
@@ -116,17 +125,10 @@ impl<L: SerialLine> Session<'_, '_, L> {
         }
     }
 
-    /// Whether this is what the gateway itself has just sent.
-    fn is_echo(&mut self, unit: u8, pdu: &[u8]) -> bool {
-        let answered = self.answered.take();
-        answered.is_some_and(|own| {
-            own.unit == unit && self.line.active < own.until && own.crc == rtu::check(unit, pdu)
-        })
-    }
-
-    /// The next thing that was heard, and how many bytes that were. If it is a request for us, its PDU goes to `request`.
+    /// The next thing that was heard, and how many bytes that were. If it is a request for us which has not been passed on, its
+    /// PDU goes to `request`.
     fn judge(&mut self, silent: bool, request: &mut Request) -> (Judged, usize) {
-        let Self { server, line, tap, ear, .. } = self;
+        let Self { server, line, tap, ear, passing, answered, .. } = self;
         let is_ours = |unit| server.is_ours(unit);
         let (heard, count) = match ear {
             Ear::Rtu(ear) => ear.hear(line.heard(), silent, is_ours),
@@ -134,6 +136,12 @@ impl<L: SerialLine> Session<'_, '_, L> {
             Ear::Ascii(ear) => ear.hear(line.heard(), is_ours),
         };
         let judged = match heard {
+            Heard::Request { unit, pdu }
+                if answered.take().is_some_and(|own| own.is(unit, pdu, line.active)) =>
+            {
+                Judged::Echo
+            }
+            Heard::Request { pdu, .. } if server.finish(passing, pdu, line.active) => Judged::Passed,
             Heard::Request { unit, pdu } => {
                 // It fits: it is no longer than a PDU may be.
                 let _ = request.extend_from_slice(pdu);
@@ -145,7 +153,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
         };
         let verdict = match judged {
             Judged::Nothing => None,
-            Judged::Request(_) => Some(Event::Request),
+            Judged::Request(_) | Judged::Passed | Judged::Echo => Some(Event::Request),
             Judged::Foreign => Some(Event::Foreign),
             Judged::Garbage(LastError::Checksum) => Some(Event::Damaged),
             Judged::Garbage(_) => Some(Event::Noise),

@@ -73,25 +73,25 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             }
         }
     }
+}
 
+impl<'g> Server<'_, 'g> {
     /// A request has been judged good: whether the frame that was handed on is all that is needed.
-    pub(super) fn finish(&mut self, request: &[u8], received: Instant) -> bool {
-        let Passing::Begun(arriving) = mem::replace(&mut self.passing, Passing::Whole) else { return false };
+    pub(super) fn finish(&self, passing: &mut Passing<'g>, request: &[u8], received: Instant) -> bool {
+        let Passing::Begun(arriving) = mem::replace(passing, Passing::Whole) else { return false };
         if pdu::check_request(request).is_err() {
             return false;
         }
         let frame = arriving.frame();
-        let deadline = received + self.server.settings.server.answer_within;
+        let deadline = received + self.settings.server.answer_within;
         frame.address(Envelope { received, deadline, ..frame.envelope() });
         let finished = arriving.finish(request);
         if finished {
-            self.server.place.stats.count(Event::Request);
+            self.place.stats.count(Event::Request);
         }
         finished
     }
-}
 
-impl<'g> Server<'_, 'g> {
     /// Sends the frame of a request that began at `begun` to the router, before it is there.
     fn hand_on(&self, unit: u8, begun: Instant) -> Option<Arriving<'g>> {
         let (writer, frame) = self.take_frame()?;

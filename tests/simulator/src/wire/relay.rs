@@ -49,6 +49,11 @@ impl LineEnd {
         self.wire.0.borrow().ends[self.number].relayed.as_ref().is_some_and(Relayed::is_running)
     }
 
+    /// Characters heard here that another end sent at once.
+    pub fn relayed_chars(&self) -> u64 {
+        self.wire.0.borrow().ends[self.number].relayed_chars
+    }
+
     /// For how long it had been silent here when the relay broke off, if it has not ended since.
     pub(crate) fn silence(&self) -> Duration {
         let bus = self.wire.0.borrow();
@@ -93,6 +98,7 @@ impl LineEnd {
                 return None;
             }
             let (byte, end_ns) = (bus.heard_as(character, self.number).0, character.end_ns);
+            bus.ends[self.number].relayed_chars += 1;
             let relayed = bus.ends[self.number].relayed.as_mut()?;
             (relayed.next, relayed.heard_ns) = (number + 1, end_ns);
             if let Some(byte) = relayed.relay.step(byte) {

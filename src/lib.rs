@@ -65,7 +65,7 @@
 //! | [`port::ethercat::Room::MOST`] | 512 | bytes of the process image each way: with three buffers of each, what a controller of 4 KiB holds |
 //! | [`scanner::ROWS_MAX`] | 136 | the four tables of each device, and some ranges that take two frames |
 //! | [`scanner::VALUE_BYTES_MAX`] | 2048 | values of all rows: an image of 512 bytes each way, and as much again |
-//! | [`config::POINTS_MAX`] | 128 | data points in the settings, of which there is one draft for all consoles |
+//! | [`config::POINTS_MAX`] | 128, small: 64 | data points in the settings, of which there is one draft for all consoles |
 //! | [`capture::FRAMES_MAX`], [`capture::BYTES_MAX`] | 64, 2048, small: half | frames that `show frames` remembers |
 //! | frames, TCP connections | the board's | memory; a connection always has one frame of its own |
 #![no_std]

@@ -14,13 +14,14 @@ use crate::scanner::{
 };
 
 /// Points that settings can hold.
-pub const POINTS_MAX: usize = if POINTS { 128 } else { 0 };
+pub const POINTS_MAX: usize = if POINTS { POINTS_MOST } else { 0 };
+const POINTS_MOST: usize = if cfg!(feature = "small") { 64 } else { 128 };
 /// Longest label of a device or a point in bytes.
 pub const LABEL_BYTES_MAX: usize = 23;
 
-const _: () = assert!(ROWS_MAX >= 128 || !POINTS);
+const _: () = assert!(POINTS_MOST <= ROWS_MAX);
 
-/// The name of a device or a point. Settings have many of them, and every console a copy: they must be small.
+/// The name of a device or a point. Settings have many of them, and there is a draft besides: they must be small.
 pub type PointName = String<NAME_BYTES_MAX, u8>;
 /// What people call it; may be empty.
 pub type Label = String<LABEL_BYTES_MAX, u8>;

@@ -4,10 +4,7 @@
 //! them, and runs [`Gateway::route`] once, [`Gateway::run_port`] for every port place and [`Gateway::run_seat`] for
 //! every TCP connection that it can hold. [`Gateway::apply`] takes settings over and restarts what differs.
 
-use core::cell::{Cell, RefCell};
-use core::net::SocketAddr;
-use core::ops::Deref;
-use core::sync::atomic::{AtomicU16, Ordering};
+use core::cell::RefCell;
 
 use embassy_futures::select::select;
 use embassy_sync::blocking_mutex::Mutex;
@@ -22,251 +19,24 @@ use crate::config::{
 };
 use crate::drafting::Draft;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Stage, Way};
-use crate::hal::{OpenError, SerialHost, TcpConnect, TcpHost, UdpHost};
+use crate::hal::{SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
 use crate::port::ethercat::{ConfigError, EthercatPlace, LineWriter};
 use crate::port::local::Events;
-use crate::port::sockets::Socket;
 use crate::port::tcp_server::Terms;
-use crate::port::units::{AllUnits, Units};
+use crate::port::units::AllUnits;
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
 use crate::scanner::{Full, POINTS, ScannerPlace};
-use crate::stats::{Counters, Event, Log};
+use crate::stats::Log;
+
+mod place;
+mod seat;
+
+pub use self::place::{PortAt, PortPlace, Ports, Status};
+pub use self::seat::{Seat, SeatState};
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
-
-/// What the tasks share of one port.
-pub struct PortPlace {
-    /// What the router has for the port: requests for outside servers, or answers for the master on a serial line. Only the
-    /// router sends, only the port receives.
-    pub(crate) queue: Channel,
-    /// Counts the requests of the master on a serial line, and the port's runs.
-    generation: AtomicU16,
-    /// The settings of the port have changed.
-    pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
-    /// The port's counters.
-    pub stats: Counters,
-    /// The port's connection to an outside server.
-    pub(crate) socket: Socket,
-    /// Orders that wait at a client-side port.
-    waiting: AtomicU16,
-    status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
-}
-
-/// How a port is doing.
-// `Off` is the 0: then a port's place is all zeros at the start, which take no place in a board's flash.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Status {
-    /// Nothing is set here, or the port has just been set.
-    Off,
-    /// It works.
-    Open,
-    /// It works, and connects when the next request comes.
-    Idle,
-    /// It was open and is lost; it is opened again.
-    Lost,
-    /// It cannot be opened; it is tried again.
-    Failed(OpenError),
-}
-
-impl PortPlace {
-    /// A place without a port.
-    pub const fn new() -> Self {
-        Self {
-            queue: Channel::new(),
-            generation: AtomicU16::new(0),
-            changed: Signal::new(),
-            stats: Counters::new(),
-            socket: Socket::new(),
-            waiting: AtomicU16::new(0),
-            status: Mutex::new(Cell::new(Status::Off)),
-        }
-    }
-
-    /// Orders that wait at a client-side port.
-    pub fn waiting(&self) -> u16 {
-        self.waiting.load(Ordering::Relaxed)
-    }
-
-    pub(crate) fn set_waiting(&self, orders: usize) {
-        self.waiting.store(orders as u16, Ordering::Relaxed);
-    }
-
-    /// How the port is doing.
-    pub fn status(&self) -> Status {
-        self.status.lock(Cell::get)
-    }
-
-    /// Answers to requests from before this moment find nobody; the generation of the next request.
-    pub(crate) fn renew(&self) -> u16 {
-        let generation = self.generation.load(Ordering::Relaxed).wrapping_add(1);
-        self.generation.store(generation, Ordering::Relaxed);
-        generation
-    }
-
-    pub(crate) fn generation(&self) -> u16 {
-        self.generation.load(Ordering::Relaxed)
-    }
-
-    /// Notes how the port is doing; says whether that is news.
-    pub(crate) fn set_status(&self, status: Status) -> bool {
-        self.status.lock(|cell| cell.replace(status)) != status
-    }
-}
-
-/// What the tasks share of all ports. Boards keep it in a static; it is all zeros at start.
-pub struct Ports<const N: usize> {
-    places: [PortPlace; N],
-    units: Shared<AllUnits>,
-}
-
-impl<const N: usize> Ports<N> {
-    /// Places without ports.
-    pub const fn new() -> Self {
-        Self { places: [const { PortPlace::new() }; N], units: Mutex::new(RefCell::new(AllUnits::new())) }
-    }
-}
-
-impl<const N: usize> Default for Ports<N> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-/// A port's place, and its units among those of all ports.
-#[derive(Clone, Copy)]
-pub struct PortAt<'g> {
-    place: &'g PortPlace,
-    units: &'g Shared<AllUnits>,
-    id: PortId,
-}
-
-impl Deref for PortAt<'_> {
-    type Target = PortPlace;
-
-    fn deref(&self) -> &PortPlace {
-        self.place
-    }
-}
-
-impl<'g> PortAt<'g> {
-    /// The place for as long as the gateway is there.
-    pub(crate) fn place(&self) -> &'g PortPlace {
-        self.place
-    }
-
-    /// Calls `f` with the units behind the port.
-    pub fn units<R>(&self, f: impl FnOnce(&mut Units) -> R) -> R {
-        self.units.lock(|units| f(&mut units.borrow_mut().of(self.id)))
-    }
-
-    /// Something else than the response of `unit` came while that was awaited.
-    pub(crate) fn disturbed(&self, unit: u8, event: Event) {
-        self.stats.count(event);
-        self.units(|units| units.trouble(unit, event));
-    }
-
-    /// The response of `unit` came damaged, by `trouble`.
-    pub(crate) fn damaged(&self, unit: u8, trouble: Event) {
-        self.stats.count(Event::Damaged);
-        // Faulty characters have been counted by the line.
-        if !matches!(trouble, Event::Parity | Event::Framing) {
-            self.stats.count(trouble);
-        }
-        self.units(|units| units.damaged(unit, trouble));
-    }
-
-    /// The port's settings are others: it begins anew.
-    pub(crate) fn restart(&self) {
-        self.set_status(Status::Off);
-        self.units(|units| units.clear());
-        self.changed.signal(());
-    }
-}
-
-impl Default for PortPlace {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-/// What the tasks share of one place for a TCP connection.
-pub struct Seat {
-    /// Answers for the connection; only the router sends, only the seat receives.
-    pub(crate) answers: Channel,
-    /// The seat was given to another port, or its port has changed.
-    pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
-    /// The connection must go, to make room for another one.
-    pub(crate) leave: Signal<CriticalSectionRawMutex, ()>,
-    state: Shared<SeatState>,
-}
-
-/// Who sits in a seat.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SeatState {
-    /// The TCP server that the seat belongs to.
-    pub port: Option<PortId>,
-    /// The connected client.
-    pub peer: Option<SocketAddr>,
-    /// Whether the client may use reserved places.
-    pub marked: bool,
-    /// Whether the connection was told to leave.
-    pub leaving: bool,
-    /// Counts the connections of this seat.
-    pub generation: u16,
-    /// When the client came.
-    pub since: Instant,
-    /// Its last request, or its coming.
-    pub last_request: Instant,
-    /// Requests that are not answered yet.
-    pub open_requests: u8,
-    /// Requests of this connection.
-    pub requests: u32,
-}
-
-impl SeatState {
-    pub(crate) const EMPTY: Self = Self {
-        port: None,
-        peer: None,
-        marked: false,
-        leaving: false,
-        generation: 0,
-        since: Instant::MIN,
-        last_request: Instant::MIN,
-        open_requests: 0,
-        requests: 0,
-    };
-}
-
-impl Seat {
-    /// An empty seat.
-    pub const fn new() -> Self {
-        Self {
-            answers: Channel::new(),
-            changed: Signal::new(),
-            leave: Signal::new(),
-            state: Mutex::new(RefCell::new(SeatState::EMPTY)),
-        }
-    }
-
-    /// Who sits here.
-    pub fn state(&self) -> SeatState {
-        self.update(|state| *state)
-    }
-
-    /// Calls `change` with who sits here, to look at or to change.
-    pub(crate) fn update<R>(&self, change: impl FnOnce(&mut SeatState) -> R) -> R {
-        self.state.lock(|state| change(&mut state.borrow_mut()))
-    }
-}
-
-impl Default for Seat {
-    fn default() -> Self {
-        Self::new()
-    }
-}
 
 /// Why settings were not taken over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -642,13 +412,6 @@ impl<'g> Gateway<'g> {
     fn send_home(&self, frame: Frame<'_>, stage: Stage) {
         frame.amend(|envelope| envelope.stage = stage);
         self.inbox.send(frame);
-    }
-}
-
-impl Seat {
-    fn give_to(&self, port: Option<PortId>) {
-        self.update(|seat| seat.port = port);
-        self.changed.signal(());
     }
 }
 

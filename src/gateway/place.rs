@@ -1,0 +1,173 @@
+//! What the tasks share of the ports: how each one is doing, its counters, and the units behind it.
+
+use core::cell::{Cell, RefCell};
+use core::ops::Deref;
+use core::sync::atomic::{AtomicU16, Ordering};
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+
+use super::Shared;
+use crate::config::PortId;
+use crate::frame::Channel;
+use crate::hal::OpenError;
+use crate::port::sockets::Socket;
+use crate::port::units::{AllUnits, Units};
+use crate::stats::{Counters, Event};
+
+/// What the tasks share of one port.
+pub struct PortPlace {
+    /// What the router has for the port: requests for outside servers, or answers for the master on a serial line. Only the
+    /// router sends, only the port receives.
+    pub(crate) queue: Channel,
+    /// Counts the requests of the master on a serial line, and the port's runs.
+    generation: AtomicU16,
+    /// The settings of the port have changed.
+    pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
+    /// The port's counters.
+    pub stats: Counters,
+    /// The port's connection to an outside server.
+    pub(crate) socket: Socket,
+    /// Orders that wait at a client-side port.
+    waiting: AtomicU16,
+    status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
+}
+
+/// How a port is doing.
+// `Off` is the 0: then a port's place is all zeros at the start, which take no place in a board's flash.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Status {
+    /// Nothing is set here, or the port has just been set.
+    Off,
+    /// It works.
+    Open,
+    /// It works, and connects when the next request comes.
+    Idle,
+    /// It was open and is lost; it is opened again.
+    Lost,
+    /// It cannot be opened; it is tried again.
+    Failed(OpenError),
+}
+
+impl PortPlace {
+    /// A place without a port.
+    pub const fn new() -> Self {
+        Self {
+            queue: Channel::new(),
+            generation: AtomicU16::new(0),
+            changed: Signal::new(),
+            stats: Counters::new(),
+            socket: Socket::new(),
+            waiting: AtomicU16::new(0),
+            status: Mutex::new(Cell::new(Status::Off)),
+        }
+    }
+
+    /// Orders that wait at a client-side port.
+    pub fn waiting(&self) -> u16 {
+        self.waiting.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_waiting(&self, orders: usize) {
+        self.waiting.store(orders as u16, Ordering::Relaxed);
+    }
+
+    /// How the port is doing.
+    pub fn status(&self) -> Status {
+        self.status.lock(Cell::get)
+    }
+
+    /// Answers to requests from before this moment find nobody; the generation of the next request.
+    pub(crate) fn renew(&self) -> u16 {
+        let generation = self.generation.load(Ordering::Relaxed).wrapping_add(1);
+        self.generation.store(generation, Ordering::Relaxed);
+        generation
+    }
+
+    pub(crate) fn generation(&self) -> u16 {
+        self.generation.load(Ordering::Relaxed)
+    }
+
+    /// Notes how the port is doing; says whether that is news.
+    pub(crate) fn set_status(&self, status: Status) -> bool {
+        self.status.lock(|cell| cell.replace(status)) != status
+    }
+}
+
+/// What the tasks share of all ports. Boards keep it in a static; it is all zeros at start.
+pub struct Ports<const N: usize> {
+    pub(super) places: [PortPlace; N],
+    pub(super) units: Shared<AllUnits>,
+}
+
+impl<const N: usize> Ports<N> {
+    /// Places without ports.
+    pub const fn new() -> Self {
+        Self { places: [const { PortPlace::new() }; N], units: Mutex::new(RefCell::new(AllUnits::new())) }
+    }
+}
+
+impl<const N: usize> Default for Ports<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A port's place, and its units among those of all ports.
+#[derive(Clone, Copy)]
+pub struct PortAt<'g> {
+    pub(super) place: &'g PortPlace,
+    pub(super) units: &'g Shared<AllUnits>,
+    pub(super) id: PortId,
+}
+
+impl Deref for PortAt<'_> {
+    type Target = PortPlace;
+
+    fn deref(&self) -> &PortPlace {
+        self.place
+    }
+}
+
+impl<'g> PortAt<'g> {
+    /// The place for as long as the gateway is there.
+    pub(crate) fn place(&self) -> &'g PortPlace {
+        self.place
+    }
+
+    /// Calls `f` with the units behind the port.
+    pub fn units<R>(&self, f: impl FnOnce(&mut Units) -> R) -> R {
+        self.units.lock(|units| f(&mut units.borrow_mut().of(self.id)))
+    }
+
+    /// Something else than the response of `unit` came while that was awaited.
+    pub(crate) fn disturbed(&self, unit: u8, event: Event) {
+        self.stats.count(event);
+        self.units(|units| units.trouble(unit, event));
+    }
+
+    /// The response of `unit` came damaged, by `trouble`.
+    pub(crate) fn damaged(&self, unit: u8, trouble: Event) {
+        self.stats.count(Event::Damaged);
+        // Faulty characters have been counted by the line.
+        if !matches!(trouble, Event::Parity | Event::Framing) {
+            self.stats.count(trouble);
+        }
+        self.units(|units| units.damaged(unit, trouble));
+    }
+
+    /// The port's settings are others: it begins anew.
+    pub(crate) fn restart(&self) {
+        self.set_status(Status::Off);
+        self.units(|units| units.clear());
+        self.changed.signal(());
+    }
+}
+
+impl Default for PortPlace {
+    fn default() -> Self {
+        Self::new()
+    }
+}

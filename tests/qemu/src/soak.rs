@@ -100,9 +100,13 @@ fn client(machine: &Machine, seed: u64, wanted: u64, answered: &AtomicU64) -> (u
         match client.try_ask(unit, &request) {
             Ok(answer) if answer.get(2..) == Some(&expected[..]) => {}
             Ok(answer) if answer == [0x83, NO_RESPONSE] => given_up += 1,
-            Ok(_) => wrong += 1,
+            Ok(answer) => {
+                eprintln!("unit {unit}, {request:02x?}: {answer:02x?} for {expected:02x?}");
+                wrong += 1;
+            }
             // Nobody but this client ends the connection.
-            Err(_) => {
+            Err(error) => {
+                eprintln!("unit {unit}, {request:02x?}: {error}");
                 wrong += 1;
                 client = machine.client();
             }

@@ -38,6 +38,7 @@ pub use self::gather::Pdu;
 pub use self::kind::{Kind, Modicon};
 pub use self::place::ScannerPlace;
 pub use self::row::{DeviceId, Reading, Row, RowId, SCAN, Writing};
+pub(crate) use self::serve::age_register;
 pub use self::station::{BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, REPEATS};
 pub use self::status::{ErrorCode, Status};
 pub use self::typed::{TypedValue, ValueType};

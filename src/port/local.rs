@@ -2,7 +2,7 @@
 //!
 //! Diagnostics (FC 08) and the communication event functions (0B, 0C) speak of the port that the request came by; FC 11h and the
 //! device identification (2Bh/0Eh) say what the gateway is. Where points are `local`, it has them in its tables (FC 01 to
-//! 06, 15, 16); behind them are input registers with the state of everything ([`table`]). All else is answered 01h.
+//! 06, 15, 16); behind them are input registers with the state of everything ([`table`]), the EtherCAT process image among it. All else is answered 01h.
 
 use embassy_time::Instant;
 
@@ -18,6 +18,7 @@ use crate::scanner::Pdu;
 
 mod diagnostics;
 mod identification;
+mod image;
 pub mod table;
 
 pub(crate) use diagnostics::Events;

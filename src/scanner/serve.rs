@@ -4,7 +4,7 @@
 //! for can be written when its point is written automatically. A row may have two input registers more, of which the first
 //! is its status word, and the second the age of its values in tenths of a second.
 
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 
 use super::Scanner;
 use super::gather::Pdu;
@@ -18,6 +18,11 @@ use crate::modbus::{Exception, PDU_BYTES_MAX};
 pub(crate) const QUALITY_REGISTERS: u16 = 2;
 /// The age of values that never were read, or before longer than the register can tell, in tenths of a second.
 const AGE_MAX: u64 = 65_535;
+
+/// The register that says how old something is; none: there has never been anything.
+pub(crate) fn age_register(age: Option<Duration>) -> u16 {
+    age.map_or(AGE_MAX, |age| (age.as_millis() / 100).min(AGE_MAX)) as u16
+}
 
 /// Cells that a request is about.
 struct Cells {
@@ -136,10 +141,7 @@ impl Scanner {
         let row = RowId(row as u8);
         Some(match nth {
             0 => self.status(row, now).bits(),
-            _ => {
-                let tenths = self.age(row, now).map_or(AGE_MAX, |age| (age.as_millis() / 100).min(AGE_MAX));
-                tenths as u16
-            }
+            _ => age_register(self.age(row, now)),
         })
     }
 

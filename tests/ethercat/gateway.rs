@@ -6,6 +6,7 @@ mod configuration;
 mod controller;
 mod drive;
 mod exchange;
+mod image_table;
 mod keeping;
 mod line;
 mod long_images;

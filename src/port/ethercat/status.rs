@@ -39,7 +39,7 @@ impl EthercatPlace {
     }
 
     /// All of that in 16 bits (2032h).
-    pub(super) fn state_word(&self, nth: usize) -> u16 {
+    pub(crate) fn state_word(&self, nth: usize) -> u16 {
         let status = self.slave_status(nth);
         let Some(status) = &status else { return 0 };
         let inputs = self.inputs_are(nth, Some(status));

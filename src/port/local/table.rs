@@ -5,7 +5,7 @@
 
 use embassy_time::Instant;
 
-use super::pdu_of;
+use super::{image, pdu_of};
 use crate::config::{PORTS_MAX, PortId};
 use crate::gateway::{Gateway, PortAt, Status};
 use crate::modbus::Exception;
@@ -99,7 +99,7 @@ fn register(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
                 place.and_then(|place| place.units(|units| units.iter().nth(block % UNITS_MAX).copied()));
             Some(unit.map_or(0, |unit| of_unit(&unit, at)))
         }
-        _ => None,
+        _ => image::register(gateway.ethercat()?, address),
     }
 }
 

@@ -9,7 +9,7 @@ use mobgate::gateway::Gateway;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
 use mobgate_simulator::device::serve;
 use mobgate_simulator::esc::SharedSegment;
-use mobgate_simulator::rig::{Size, with_gateway_on};
+use mobgate_simulator::rig::{Rig, Size, with_gateway_on};
 use mobgate_simulator::sub_device::{Desk, Group, cable, direct, line_of, spawn, with_master};
 use mobgate_simulator::world::Clock;
 use mobgate_simulator::{Device, World};
@@ -76,9 +76,19 @@ pub(crate) fn with_wire(
     devices: Vec<Device>,
     script: impl AsyncFnOnce(Desk<'_>, &Gateway<'_>),
 ) {
+    with_rig(baud, settings, devices, async |desk, rig| script(desk, rig.gateway).await);
+}
+
+/// The same for a script that needs more than the gateway.
+pub(crate) fn with_rig(
+    baud: u32,
+    settings: &str,
+    devices: Vec<Device>,
+    script: impl AsyncFnOnce(Desk<'_>, &Rig<'_>),
+) {
     let segment = line_of(&GATEWAY);
-    with_gateway_of(Clock::Virtual, baud, settings, devices, &segment, |world, gateway| {
-        with_master(world, cable(segment.clone()), async |desk| script(desk, gateway).await);
+    with_gateway_of(Clock::Virtual, baud, settings, devices, &segment, |world, rig| {
+        with_master(world, cable(segment.clone()), async |desk| script(desk, rig).await);
     });
 }
 
@@ -89,7 +99,7 @@ fn with_gateway_of(
     settings: &str,
     devices: Vec<Device>,
     segment: &SharedSegment,
-    scenario: impl FnOnce(&mut World<'_>, &Gateway<'_>),
+    scenario: impl FnOnce(&mut World<'_>, &Rig<'_>),
 ) {
     with_gateway_on(
         clock,
@@ -103,7 +113,7 @@ fn with_gateway_of(
             let (esc, interrupt) = direct(segment.borrow().chip(0));
             let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
             spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
-            scenario(world, rig.gateway);
+            scenario(world, rig);
         },
     );
 }

@@ -12,137 +12,19 @@
 use core::cell::RefCell;
 use core::future::poll_fn;
 use core::mem;
-use core::net::IpAddr;
 use core::task::Poll;
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::waitqueue::WakerRegistration;
-use embassy_time::Instant;
 
-use crate::config::PortId;
 use crate::modbus::PDU_BYTES_MAX;
-use crate::route::{AddressRange, Priority, Sharing};
 
-/// What the gateway knows of a frame besides its PDU.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Envelope {
-    /// Who asked; the frame goes back there.
-    pub origin: Origin,
-    /// The MBAP transaction id to give back; 0 from serial lines, which have one request open at a time.
-    pub transaction: u16,
-    /// The asker's address, on TCP.
-    pub peer: Option<IpAddr>,
-    /// The unit id as the asker wrote it.
-    pub unit: u8,
-    /// The unit id on the destination's side, set by the router.
-    pub target: u8,
-    /// The port that the router sent it to.
-    pub destination: Option<PortId>,
-    /// Rank in the destination's queue, set by the router.
-    pub priority: Priority,
-    /// Whose answers will do for it, set by the router.
-    pub sharing: Sharing,
-    /// The addresses that its rule allows, set by the router: nothing else is read along with it.
-    pub addresses: AddressRange,
-    /// When the request was complete.
-    pub received: Instant,
-    /// From here on the request is not sent any more.
-    pub deadline: Instant,
-    /// How often it was sent again.
-    pub repeats: u8,
-    /// Whether the PDU is the request or its answer.
-    pub stage: Stage,
-    /// Whether the answer may be passed on while it arrives.
-    pub cut: bool,
-    /// The asker repeats its requests and spares units that are down by itself: no port does that for it.
-    pub paced: bool,
-    /// What is behind an exception of the gateway.
-    pub cause: Cause,
-}
+mod channel;
+mod envelope;
 
-/// What is behind an exception of the gateway, where its code does not tell.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Cause {
-    /// Behind 0B: no answer came in time.
-    Silence,
-    /// Behind 0B: the answer was damaged on its way.
-    Damage,
-    /// Behind 0B: the connection broke.
-    Connection,
-    /// Behind 03: the answer would be longer than a PDU may be.
-    Length,
-    /// Nobody has been asked: a rule forbids it, too many requests wait, or the request's time was over.
-    Unsent,
-}
-
-/// Who asked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Origin {
-    /// The port that received the request.
-    pub port: PortId,
-    /// Where at that port the answer goes.
-    pub way: Way,
-    /// Which connection in a row it is at that seat, or which request in a row on that line: an answer for an earlier one
-    /// must not reach its successor.
-    pub generation: u16,
-}
-
-/// The way back to whoever asked.
-// From 1 on: then no envelope at all is the 0, and a free slot is all zeros, which take no place in a board's flash.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-#[repr(u16)]
-pub enum Way {
-    /// To the TCP connection at this place.
-    Seat(u16) = 1,
-    /// To the port itself: the master on its serial line.
-    Line,
-    /// To the port itself, which tells what it has open by `transaction`.
-    Port,
-    /// To the console that asks past the rules.
-    Console,
-    /// None: a broadcast on a serial line, for whose answer nobody waits.
-    Nobody,
-}
-
-/// Where in its life a frame is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
-    /// The PDU is the request.
-    Request,
-    /// The PDU is the answer, and whoever asked has been given the frame before it was whole.
-    Answering,
-    /// The PDU is the answer.
-    Answer,
-    /// There is no answer, and none is to be given: a broadcast, a discarded request.
-    Silence,
-}
-
-impl Envelope {
-    /// A request for `unit` that is not yet routed. From a network, `peer` and `transaction` are to be added.
-    pub const fn request(origin: Origin, unit: u8, received: Instant, deadline: Instant) -> Self {
-        Self { origin, unit, target: unit, received, deadline, ..Self::EMPTY }
-    }
-
-    const EMPTY: Self = Self {
-        origin: Origin { port: PortId(0), way: Way::Nobody, generation: 0 },
-        transaction: 0,
-        peer: None,
-        unit: 0,
-        target: 0,
-        destination: None,
-        priority: Priority::Normal,
-        sharing: Sharing::DEFAULT,
-        addresses: AddressRange::ALL,
-        received: Instant::MIN,
-        deadline: Instant::MAX,
-        repeats: 0,
-        stage: Stage::Request,
-        cut: false,
-        paced: false,
-        cause: Cause::Silence,
-    };
-}
+pub use self::channel::Channel;
+pub use self::envelope::{Cause, Envelope, Origin, Stage, Way};
 
 /// How far a frame's PDU is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -587,83 +469,5 @@ impl<'p> FrameWriter<'p> {
 impl Drop for FrameWriter<'_> {
     fn drop(&mut self) {
         self.frame.abandon();
-    }
-}
-
-/// A channel of frames: many senders, one receiver, first in, first out.
-///
-/// The links are in the slots, so a channel costs a few bytes, has room for every frame of the pool, and sending
-/// is a plain function that cannot fail, block or be cancelled half-way. That is why it is not
-/// `embassy_sync::channel`, whose capacity is an array in each channel.
-pub struct Channel(Mutex<CriticalSectionRawMutex, RefCell<Ends>>);
-
-struct Ends {
-    /// Index + 1 of the first and last frame; 0: none.
-    first: u16,
-    last: u16,
-    receiver: WakerRegistration,
-}
-
-impl Channel {
-    /// An empty channel.
-    pub const fn new() -> Self {
-        Self(Mutex::new(RefCell::new(Ends { first: 0, last: 0, receiver: WakerRegistration::new() })))
-    }
-
-    /// Appends `frame`. All frames of one channel belong to one pool.
-    pub fn send(&self, frame: Frame<'_>) {
-        self.0.lock(|ends| {
-            let mut ends = ends.borrow_mut();
-            let link = frame.index + 1;
-            frame.with(|slot| slot.next = 0);
-            match usize::from(ends.last).checked_sub(1) {
-                Some(last) => {
-                    frame.pool.with(last, |slot| slot.next = link);
-                }
-                None => ends.first = link,
-            }
-            ends.last = link;
-            ends.receiver.wake();
-            // The channel holds the handle from here on, as an index.
-            mem::forget(frame);
-        });
-    }
-
-    /// The first frame, if there is one.
-    pub fn try_receive<'p>(&self, pool: &'p FramePool<'p>) -> Option<Frame<'p>> {
-        self.0.lock(|ends| ends.borrow_mut().take_first(pool))
-    }
-
-    /// Waits for the first frame.
-    pub fn receive<'p>(&self, pool: &'p FramePool<'p>) -> impl Future<Output = Frame<'p>> {
-        poll_fn(move |cx| {
-            self.0.lock(|ends| {
-                let mut ends = ends.borrow_mut();
-                match ends.take_first(pool) {
-                    Some(first) => Poll::Ready(first),
-                    None => {
-                        ends.receiver.register(cx.waker());
-                        Poll::Pending
-                    }
-                }
-            })
-        })
-    }
-}
-
-impl Ends {
-    fn take_first<'p>(&mut self, pool: &'p FramePool<'p>) -> Option<Frame<'p>> {
-        let index = self.first.checked_sub(1)?;
-        self.first = pool.with(usize::from(index), |slot| mem::take(&mut slot.next))?;
-        if self.first == 0 {
-            self.last = 0;
-        }
-        Some(Frame { pool, index })
-    }
-}
-
-impl Default for Channel {
-    fn default() -> Self {
-        Self::new()
     }
 }

@@ -3,9 +3,8 @@
 
 use embassy_time::Instant;
 
-use crate::config::SLAVES_MAX;
 use crate::port::ethercat::{EthercatPlace, Room};
-use crate::scanner::age_register;
+use crate::scanner::{DEVICES_MAX, age_register};
 
 /// The first register of the inputs; each has two bytes, the first one high.
 const INPUTS: u16 = 0xe000;
@@ -16,7 +15,9 @@ const SLAVES: u16 = 0xe400;
 const IMAGE_REGISTERS: u16 = Room::MOST.inputs / 2;
 const INPUTS_END: u16 = INPUTS + IMAGE_REGISTERS;
 const OUTPUTS_END: u16 = OUTPUTS + IMAGE_REGISTERS;
-const SLAVES_END: u16 = SLAVES + 2 * SLAVES_MAX as u16;
+const SLAVES_END: u16 = 0xe440;
+
+const _: () = assert!(SLAVES + 2 * DEVICES_MAX as u16 <= SLAVES_END);
 
 /// What stands at `address`; none if nothing does.
 pub(super) fn register(ethercat: &EthercatPlace, address: u16) -> Option<u16> {

@@ -14,7 +14,7 @@ use crate::config::{LineSettings, PortId, PortKind, SerialClientSettings, Side};
 use crate::frame::{Channel, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, Status};
 use crate::hal::{OpenError, OpenErrorKind};
-use crate::modbus::{Exception, PDU_BYTES_MAX};
+use crate::modbus::Exception;
 use crate::port::bus::Failure;
 use crate::scanner::Pdu;
 
@@ -180,11 +180,9 @@ impl Turn<'_, '_> {
             if envelope.origin.generation != generation {
                 continue;
             }
-            let mut pdu = [0; PDU_BYTES_MAX];
-            let length = answered.copy_pdu(&mut pdu);
             answer.clear();
             // It has room for every PDU.
-            let _ = answer.extend_from_slice(pdu.get(..length).unwrap_or(&[]));
+            answered.pdu(|pdu| answer.extend_from_slice(pdu).unwrap_or_default());
             return match envelope.stage {
                 Stage::Answer => Ok(now.elapsed()),
                 _ => Err(NotAsked::Broadcast),

@@ -227,10 +227,11 @@ impl Tap<'_> {
         u16::from(self.port.0) + 1
     }
 
-    /// Records a frame in a network whose request came or comes from the port `asker`, if somebody wants to see it.
-    pub(crate) fn passed(&self, asker: u16, sent: bool, verdict: Event, bytes: &[u8]) {
+    /// Records a frame in a network whose request came or comes from the port `asker`, if somebody wants to see it: mostly nobody
+    /// does, and then it is not asked for either.
+    pub(crate) fn passed(&self, asker: impl FnOnce() -> u16, sent: bool, verdict: Event, bytes: &[u8]) {
         if self.capture.is_some_and(|capture| capture.followers.load(Ordering::Relaxed) > 0) {
-            self.record(Instant::now(), asker, sent, verdict, bytes);
+            self.record(Instant::now(), asker(), sent, verdict, bytes);
         }
     }
 

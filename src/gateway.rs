@@ -189,6 +189,11 @@ impl<'g> Gateway<'g> {
         Some(PortAt { place: self.ports.get(id.index())?, units: self.units, id })
     }
 
+    /// All of them, with the units behind each.
+    pub fn places(&self) -> impl Iterator<Item = PortAt<'g>> {
+        (0..self.ports.len()).filter_map(|index| self.place(PortId(index as u8)))
+    }
+
     /// The places for TCP connections.
     pub fn seats(&self) -> &'g [Seat] {
         self.seats
@@ -272,8 +277,7 @@ impl<'g> Gateway<'g> {
                 log_warn!("line {}: {writer}", new.name(line));
             }
         }
-        let restarts = (0..PORTS_MAX).filter(|index| changed.get(*index) == Some(&true));
-        for place in restarts.filter_map(|index| self.place(PortId(index as u8))) {
+        for place in self.places().filter(|place| changed.get(place.id.index()) == Some(&true)) {
             let id = place.id;
             let old = self.seats.iter().filter(|seat| seat.state().port == Some(id));
             old.for_each(|seat| seat.give_to(None));

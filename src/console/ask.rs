@@ -1,11 +1,11 @@
 //! `ping`, and `read` and `write` of a unit's tables: what is asked at once, past the rules.
 
-use core::fmt;
-
 use embassy_time::Duration;
 use embedded_io_async::{Read, Write};
 
 use super::command::Session;
+use super::probe::request;
+use super::rows::{LINE_VALUES_MAX, Values};
 use crate::config::{
     KINDS, LineError, ORDERS, PortId, Problem, Settings, TYPES, Time, Word, Words, parse_number,
 };
@@ -14,9 +14,6 @@ use crate::modbus::Exception;
 use crate::modbus::pdu::function::{DIAGNOSTICS, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS};
 use crate::modbus::pdu::{EXCEPTION_BIT, check_request};
 use crate::scanner::{ByteOrder, Kind, Pdu, ValueType};
-
-/// Values in a line of output.
-const LINE_VALUES_MAX: usize = 8;
 
 /// What is asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,35 +68,12 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         }
         let mut at = 0;
         while at < usize::from(question.count) {
-            let (from, end) = (at, (at + LINE_VALUES_MAX).min(question.count.into()));
+            let range = at..(at + LINE_VALUES_MAX).min(question.count.into());
             let step = if question.kind.is_bits() { 1 } else { usize::from(question.value.registers()) };
-            let address = usize::from(question.first) + from * step;
-            self.out.line(format_args!("[{address}]{}", Values { question, data: &data, from, end })).await?;
-            at = end;
-        }
-        Ok(())
-    }
-}
-
-/// Some of the values of an answer.
-struct Values<'v> {
-    question: &'v Question,
-    data: &'v [u8],
-    from: usize,
-    end: usize,
-}
-
-impl fmt::Display for Values<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { question: Question { kind, value, .. }, data, from, end } = *self;
-        for at in from..end {
-            if kind.is_bits() {
-                write!(f, " {}", data.get(at / 8).map_or(0, |byte| byte >> (at % 8) & 1))?;
-            } else if let Some(value) =
-                data.get(at * 2 * usize::from(value.registers())..).and_then(|rest| value.take(rest))
-            {
-                write!(f, " {value}")?;
-            }
+            let address = usize::from(question.first) + at * step;
+            at = range.end;
+            let values = Values { kind: question.kind, value: question.value, cells: &data, range };
+            self.out.line(format_args!("[{address}]{values}")).await?;
         }
         Ok(())
     }
@@ -112,7 +86,7 @@ fn parse(settings: &Settings, ask: Ask, words: &mut Words) -> Result<Question, L
         unit,
         port: PortId(0),
         // The device gives it back (Application Protocol 6.8).
-        request: Pdu::from_slice(&[DIAGNOSTICS, 0, 0, 0xa5, 0x37]).unwrap_or_default(),
+        request: Pdu::from_slice(&request(DIAGNOSTICS)).unwrap_or_default(),
         kind: Kind::Holding,
         first: 0,
         count: 1,

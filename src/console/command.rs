@@ -8,9 +8,8 @@ use embedded_io_async::{Read, Write};
 use super::ask::Ask;
 use super::help;
 use super::output::Output;
-use super::points::PointCommand;
 use super::show::Show;
-use crate::config::{LineError, PortId, Words};
+use crate::config::{LineError, Words};
 use crate::drafting;
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
@@ -36,6 +35,16 @@ pub(super) enum Command {
     Exit,
     /// What is done with a data point at once.
     Point(PointCommand),
+}
+
+/// What is done with a point at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PointCommand {
+    Read,
+    Write,
+    Mark,
+    Begin,
+    Finish,
 }
 
 /// Every command, in the order of `help`.
@@ -146,8 +155,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             Ok(Command::Point(command)) => self.point(command, &mut words).await?,
             Ok(Command::Clear) => match topic(&mut words, TOPICS_CLEAR, "stats or log") {
                 Ok(Clear::Stats) => {
-                    let ids = (0..self.gateway.ports().len()).map(|index| PortId(index as u8));
-                    for place in ids.filter_map(|id| self.gateway.place(id)) {
+                    for place in self.gateway.places() {
                         place.stats.clear(Instant::now());
                         place.units(|units| units.clear_counters());
                     }

@@ -5,7 +5,7 @@ use embassy_time::{Duration, Timer};
 use embedded_io_async::{Read, Write};
 
 use super::command::Session;
-use super::rows::{Bytes, text};
+use super::rows::{Bytes, port_name, text};
 use crate::capture::{Capture, Captured, Head};
 use crate::config::Words;
 use crate::gateway::ApplyError;
@@ -35,7 +35,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             self.out.line(format_args!("({missed} frames more)")).await?;
         }
         let time = text::<24>(format_args!("{}.{:06}", at.as_secs(), at.as_micros() % 1_000_000));
-        let name = self.gateway.settings(|settings| text::<15>(format_args!("{}", settings.name(*port))));
+        let name = port_name(self.gateway, *port);
         let direction = if *sent { ">" } else { "<" };
         let verdict = verdict.name();
         self.out.text_only(format_args!("{time:>14} {name:15} {direction} {verdict:10} ")).await?;

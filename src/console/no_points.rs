@@ -2,24 +2,12 @@
 
 use core::fmt;
 
-use embassy_time::Instant;
 use embedded_io_async::{Read, Write};
 
-use super::command::Session;
-use super::show::Written;
-use crate::config::{Problem, Settings, Words};
-use crate::gateway::Gateway;
+use super::command::{PointCommand, Session};
+use super::show::{Source, Written};
+use crate::config::{Problem, Words};
 use crate::hal::{Store, System};
-
-/// What would be done with a point.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum PointCommand {
-    Read,
-    Write,
-    Mark,
-    Begin,
-    Finish,
-}
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// Says that there are none.
@@ -34,11 +22,11 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
 }
 
 /// `show points`
-pub(super) fn row(_: &Gateway<'_>, _: &Settings, _: usize, _: Instant, _: &mut dyn fmt::Write) -> Written {
+pub(super) fn row(_: &Source<'_, '_>, _: usize, _: &mut dyn fmt::Write) -> Written {
     None
 }
 
 /// `show devices`
-pub(super) fn device(_: &Gateway<'_>, _: &Settings, _: usize, _: Instant, _: &mut dyn fmt::Write) -> Written {
+pub(super) fn device(_: &Source<'_, '_>, _: usize, _: &mut dyn fmt::Write) -> Written {
     None
 }

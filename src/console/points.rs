@@ -1,31 +1,21 @@
 //! Data points at the console: their values and how they are doing, and what is read and written at once.
 
-use core::fmt::{self, Write as _};
+use core::fmt;
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
-use heapless::{String, Vec};
+use heapless::Vec;
 
-use super::command::Session;
-use super::rows::{age, text};
-use super::show::Written;
+use super::command::{PointCommand, Session};
+use super::rows::{LINE_VALUES_MAX, Values, age, text};
+use super::show::{NO_ROW, Source, Written, titled};
 use crate::config::{LineError, POINTS_MAX, PointAt, PointSettings, Problem, Settings, Words, parse_number};
-use crate::gateway::Gateway;
+use crate::gateway::ApplyError;
 use crate::hal::{Store, System};
 use crate::modbus::crc::crc16;
 use crate::scanner::{
     DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing,
 };
-
-/// What is done with a point at once.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum PointCommand {
-    Read,
-    Write,
-    Mark,
-    Begin,
-    Finish,
-}
 
 /// How long a command waits for a device.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -33,8 +23,8 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const LOOK: Duration = Duration::from_millis(10);
 /// How often a watcher looks.
 const WATCH: Duration = Duration::from_millis(100);
-/// Values in a line of output.
-const LINE_VALUES_MAX: usize = 8;
+const POINTS: &str = "POINT           WHERE           TABLE      WIRE MODICON STATUS; VALUES";
+const DEVICES: &str = "DEVICE          UNIT   REQUESTS    ANSWERS EXCEPTIONS   FAILURES     HEARD STATE";
 /// Bytes of the values of one point: as many as a frame holds.
 const POINT_BYTES_MAX: usize = 250;
 
@@ -66,7 +56,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         words: &mut Words<'_>,
     ) -> Result<(), IO::Error> {
         let Some(place) = self.gateway.scanner() else {
-            return self.fail(format_args!("this board has no data points")).await;
+            return self.fail(format_args!("{}", ApplyError::NoPoints)).await;
         };
         let mut cells = Cells::new();
         let ask = match self.gateway.settings(|settings| parse(settings, command, words, &mut cells)) {
@@ -93,7 +83,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// `watch points`: the points, and from then on those whose status or values change, until something is typed.
     pub(super) async fn watch_points(&mut self) -> Result<(), IO::Error> {
         let Some(place) = self.gateway.scanner() else {
-            return self.fail(format_args!("this board has no data points")).await;
+            return self.fail(format_args!("{}", ApplyError::NoPoints)).await;
         };
         let mut shown = [None; POINTS_MAX];
         loop {
@@ -114,32 +104,19 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// A point and as many as `most` of its values.
     async fn lines_of(&mut self, place: &ScannerPlace, id: RowId, most: usize) -> Result<(), IO::Error> {
         let (gateway, now) = (self.gateway, Instant::now());
-        for line in 0.. {
-            let out = self.out.begin();
-            let write = |settings: &Settings| point(settings, place, id, (line, most), now, out);
-            if gateway.settings(write).is_none() {
-                break;
-            }
-            self.out.end().await?;
-        }
-        Ok(())
+        self.rows(|line, out| gateway.settings(|settings| point(settings, place, id, (line, most), now, out)))
+            .await
     }
 }
 
 /// `show points`: each takes two lines, of which the second has as many values as fit.
-pub(super) fn row(
-    gateway: &Gateway<'_>,
-    settings: &Settings,
-    place: usize,
-    now: Instant,
-    out: &mut dyn fmt::Write,
-) -> Written {
-    let Some(row) = place.checked_sub(1) else {
-        return Some(out.write_str("POINT           WHERE           TABLE      WIRE MODICON STATUS; VALUES"));
-    };
-    let (scanner, id) = (gateway.scanner()?, RowId(u8::try_from(row / 2).ok()?));
-    settings.points.get(usize::from(id.0))?;
-    point(settings, scanner, id, (row % 2, LINE_VALUES_MAX), now, out).or(Some(Ok(())))
+pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
+    let Source { gateway, settings, now } = *source;
+    titled(POINTS, place, out, |nth, out| {
+        let (scanner, id) = (gateway.scanner()?, RowId(u8::try_from(nth / 2).ok()?));
+        settings.points.get(usize::from(id.0))?;
+        point(settings, scanner, id, (nth % 2, LINE_VALUES_MAX), now, out).or(NO_ROW)
+    })
 }
 
 /// Line number `line` of a point of which as many as `most` values are shown.
@@ -158,7 +135,12 @@ fn point(
     let (all, at) = (usize::from(point.count), row * LINE_VALUES_MAX);
     let count = all.min(most);
     let shown = count.checked_sub(at).filter(|shown| *shown > 0)?.min(LINE_VALUES_MAX);
-    let line = place.with(|scanner| values(point, scanner.input(id), at, shown));
+    let line = place.with(|scanner| {
+        let values =
+            Values { kind: point.kind, value: point.value, cells: scanner.input(id), range: at..at + shown };
+        // A line has room for the longest values there are, but for fractions of many digits.
+        text::<256>(format_args!("{values}"))
+    });
     let more = if at + shown < all && at + shown == count { " ..." } else { "" };
     Some(write!(out, "  [{at}]{line}{more}"))
 }
@@ -194,17 +176,12 @@ fn head(
 }
 
 /// `show devices`: those of the data points, then those that are asked for the EtherCAT process image.
-pub(super) fn device(
-    gateway: &Gateway<'_>,
-    settings: &Settings,
-    place: usize,
-    now: Instant,
-    out: &mut dyn fmt::Write,
-) -> Written {
-    let Some(row) = place.checked_sub(1) else {
-        let heading = "DEVICE          UNIT   REQUESTS    ANSWERS EXCEPTIONS   FAILURES     HEARD STATE";
-        return Some(out.write_str(heading));
-    };
+pub(super) fn device(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
+    titled(DEVICES, place, out, |nth, out| device_row(source, nth, out))
+}
+
+fn device_row(source: &Source<'_, '_>, row: usize, out: &mut dyn fmt::Write) -> Written {
+    let Source { gateway, settings, now } = *source;
     if let Some(device) = settings.devices.get(row) {
         let status = gateway.scanner()?.with(|scanner| scanner.device_status(DeviceId(row as u8), now))?;
         let (name, unit) = (&device.name, device.device.unit);
@@ -385,23 +362,4 @@ fn order(
             PointCommand::Finish => scanner.finish(*row),
         },
     }
-}
-
-/// `count` values of a point from the value `first` on, each with a blank before it.
-fn values(point: &PointSettings, cells: &[u8], first: usize, count: usize) -> String<256> {
-    let mut line = String::new();
-    for nth in first..first + count {
-        // A line has room for the longest values there are, but for fractions of many digits.
-        let _ = if point.kind.is_bits() {
-            let bit = cells.get(nth / 8).is_some_and(|byte| byte >> (nth % 8) & 1 == 1);
-            write!(line, " {}", u8::from(bit))
-        } else {
-            let at = 2 * usize::from(point.value.registers()) * nth;
-            match point.value.take(cells.get(at..).unwrap_or_default()) {
-                Some(value) => write!(line, " {value}"),
-                None => line.write_str(" ?"),
-            }
-        };
-    }
-    line
 }

@@ -1,17 +1,19 @@
 //! What stands in the rows of the tables: texts for values that have none of their own.
 
 use core::fmt;
+use core::ops::Range;
 
 use embassy_time::{Duration, Instant};
 use heapless::String;
 
 use crate::capture::FrameKind;
 use crate::config::{
-    DEVICE_BYTES_MAX, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time, is_implied,
+    DEVICE_BYTES_MAX, Name, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time, is_implied,
 };
-use crate::gateway::Status;
+use crate::gateway::{Gateway, Status};
 use crate::port::units::Unit;
 use crate::route::{Policy, Route};
+use crate::scanner::{Kind, ValueType};
 use crate::stats::{LogEntry, Outcome};
 
 /// Text that is padded as a whole when it is printed.
@@ -20,6 +22,41 @@ pub(super) fn text<const N: usize>(content: fmt::Arguments<'_>) -> String<N> {
     // A column that is too narrow for its content would show nothing at all; the sizes are those of the contents.
     let _ = fmt::Write::write_fmt(&mut text, content);
     text
+}
+
+/// The name of `port`, for when the settings are not at hand.
+pub(super) fn port_name(gateway: &Gateway<'_>, port: PortId) -> Name {
+    gateway.settings(|settings| text(format_args!("{}", settings.name(port))))
+}
+
+/// Values in a line of output.
+pub(super) const LINE_VALUES_MAX: usize = 8;
+
+/// Some of the values in `cells`, each with a blank before it.
+pub(super) struct Values<'v> {
+    pub(super) kind: Kind,
+    pub(super) value: ValueType,
+    /// As they are in memory: bits from the lowest on, registers with the high byte first.
+    pub(super) cells: &'v [u8],
+    pub(super) range: Range<usize>,
+}
+
+impl fmt::Display for Values<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for nth in self.range.clone() {
+            if self.kind.is_bits() {
+                let bit = self.cells.get(nth / 8).is_some_and(|byte| byte >> (nth % 8) & 1 == 1);
+                write!(f, " {}", u8::from(bit))?;
+                continue;
+            }
+            let at = 2 * usize::from(self.value.registers()) * nth;
+            match self.value.take(self.cells.get(at..).unwrap_or_default()) {
+                Some(value) => write!(f, " {value}")?,
+                None => f.write_str(" ?")?,
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The time since `then` in whole seconds.

@@ -104,7 +104,6 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             }
         }
         drop(turn);
-        let gateway = self.gateway;
         self.rows(|place, out| gateway.settings(|settings| search.write(&plan, settings, place, out))).await
     }
 

@@ -44,8 +44,11 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
         if what == Show::Frames {
             return self.frames(&mut 0).await;
         }
-        let tables = Tables { gateway: self.gateway, system: self.system, now: Instant::now() };
-        self.rows(|place, out| tables.write(what, place, out)).await
+        let (gateway, system, now) = (self.gateway, self.system, Instant::now());
+        self.rows(|place, out| {
+            gateway.settings(|settings| write(&Source { gateway, settings, now }, system, what, place, out))
+        })
+        .await
     }
 
     /// Prints what is written at each place, from 0.
@@ -68,51 +71,78 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
 }
 
 /// What the tables are made of.
-struct Tables<'t, 'g, Y> {
-    gateway: &'t Gateway<'g>,
-    system: &'t Y,
-    now: Instant,
+#[derive(Clone, Copy)]
+pub(super) struct Source<'t, 'g> {
+    pub(super) gateway: &'t Gateway<'g>,
+    pub(super) settings: &'t Settings,
+    pub(super) now: Instant,
 }
 
-impl<Y: System> Tables<'_, '_, Y> {
-    /// Writes what stands at `place`, from 0, of a table.
-    fn write(&self, what: Show, place: usize, out: &mut dyn fmt::Write) -> Written {
-        let Self { gateway, system, now } = *self;
-        gateway.settings(|settings| match what {
-            Show::Ports => port(gateway, settings, place, out),
-            Show::Routes => route(settings, place, out),
-            Show::Units => unit(gateway, settings, place, now, out),
-            Show::Clients => client(gateway, settings, place, now, out),
-            Show::Stats => count(gateway, settings, place, now, out),
-            Show::Points => points::row(gateway, settings, place, now, out),
-            Show::Devices => points::device(gateway, settings, place, now, out),
-            Show::Config => write_line(settings, place, out),
-            Show::Network => network(settings, system.network(), place, out),
-            Show::Log => event(gateway, settings, system, place, now, out),
-            Show::Version => version(gateway, system, place, now, out),
-            Show::Frames => None,
-        })
+impl<'t> Source<'t, '_> {
+    /// The port number `at` and what is known of it: none behind the last place, and perhaps none there.
+    fn port(&self, at: usize) -> Option<Option<(&'t Port, PortAt<'t>)>> {
+        let place = self.gateway.place(PortId(u8::try_from(at).ok()?))?;
+        Some(self.settings.ports.get(at)?.as_ref().map(|port| (port, place)))
     }
 }
 
-/// The port number `at` and what is known of it: none behind the last place, and perhaps none there.
-fn port_at<'t>(
-    gateway: &Gateway<'t>,
-    settings: &'t Settings,
-    at: usize,
-) -> Option<Option<(&'t Port, PortAt<'t>)>> {
-    let place = gateway.place(PortId(u8::try_from(at).ok()?))?;
-    Some(settings.ports.get(at)?.as_ref().map(|port| (port, place)))
+/// Writes what stands at `place`, from 0, of a table.
+fn write(
+    source: &Source<'_, '_>,
+    system: &impl System,
+    what: Show,
+    place: usize,
+    out: &mut dyn fmt::Write,
+) -> Written {
+    let table =
+        |heading,
+         row: fn(&Source<'_, '_>, usize, &mut dyn fmt::Write) -> Written,
+         out: &mut dyn fmt::Write| { titled(heading, place, out, |nth, out| row(source, nth, out)) };
+    match what {
+        Show::Ports => port(source, place, out),
+        Show::Routes => table(ROUTES, route, out),
+        Show::Units => table(UNITS, unit, out),
+        Show::Clients => table(CLIENTS, client, out),
+        Show::Stats => table(STATS, count, out),
+        Show::Points => points::row(source, place, out),
+        Show::Devices => points::device(source, place, out),
+        Show::Config => write_line(source.settings, place, out),
+        Show::Network => network(source.settings, system.network(), place, out),
+        Show::Log => event(source, system, place, out),
+        Show::Version => version(source, system, place, out),
+        Show::Frames => None,
+    }
 }
 
-fn port(gateway: &Gateway<'_>, settings: &Settings, place: usize, out: &mut dyn fmt::Write) -> Written {
+/// Writes the `heading` at the first place, and at each one behind it the row that `row` has for it, from 0.
+pub(super) fn titled(
+    heading: &str,
+    place: usize,
+    out: &mut dyn fmt::Write,
+    row: impl FnOnce(usize, &mut dyn fmt::Write) -> Written,
+) -> Written {
+    match place.checked_sub(1) {
+        None => Some(out.write_str(heading)),
+        Some(nth) => row(nth, out),
+    }
+}
+
+const ROUTES: &str = " NO SOURCE          UNITS   IP                 TAG  DESTINATION     KIND    POLICY";
+const UNITS: &str = "PORT            UNIT STATE   REQUESTS    ANSWERS EXCEPTIONS   TIMEOUTS      LAST       P50       P99 TROUBLES";
+const CLIENTS: &str = "PORT            PEER                      SINCE     QUIET OPEN   REQUESTS PLACE";
+const STATS: &str = "PORT            EVENT              COUNT PER-MINUTE";
+const NETWORK: &str = "LINK ADDRESS            GATEWAY         ETHERNET          SETTING";
+const LOG: &str = "      AGE SOURCE          UNIT DESTINATION     TARGET FUNCTION       TOOK OUTCOME";
+
+fn port(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
+    let Source { gateway, settings, .. } = *source;
     // Device names are 6 to 96 characters long.
     let ports = || settings.ports.iter().flatten();
     let width = ports().map(|port| describe(&port.kind).1.len()).fold("WHERE".len(), usize::max);
     let Some(row) = place.checked_sub(1) else {
         return Some(write!(out, "PORT            ROLE         {:width$} LINE         STATUS", "WHERE"));
     };
-    let Some((port, place)) = port_at(gateway, settings, row)? else { return NO_ROW };
+    let Some((port, place)) = source.port(row)? else { return NO_ROW };
     let (role, place_name, line) = describe(&port.kind);
     let status = StatusText(place.status());
     // Who had the last word about the line of the EtherCAT port.
@@ -123,33 +153,19 @@ fn port(gateway: &Gateway<'_>, settings: &Settings, place: usize, out: &mut dyn 
     Some(written.and_then(|()| writer.map_or(Ok(()), |writer| write!(out, ", {writer}"))))
 }
 
-fn route(settings: &Settings, place: usize, out: &mut dyn fmt::Write) -> Written {
-    let Some(row) = place.checked_sub(1) else {
-        let heading = " NO SOURCE          UNITS   IP                 TAG  DESTINATION     KIND    POLICY";
-        return Some(out.write_str(heading));
-    };
-    let route = settings.routes.get(row)?;
-    Some(write!(out, "{place:>3} {}", Row { settings, route }))
+fn route(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
+    let settings = source.settings;
+    let route = settings.routes.get(nth)?;
+    Some(write!(out, "{:>3} {}", nth + 1, Row { settings, route }))
 }
 
-fn unit(
-    gateway: &Gateway<'_>,
-    settings: &Settings,
-    place: usize,
-    now: Instant,
-    out: &mut dyn fmt::Write,
-) -> Written {
-    let Some(row) = place.checked_sub(1) else {
-        return Some(out.write_str(
-            "PORT            UNIT STATE   REQUESTS    ANSWERS EXCEPTIONS   TIMEOUTS      LAST       P50       P99 TROUBLES",
-        ));
-    };
-    let Some((port, place)) = port_at(gateway, settings, row / UNITS_MAX)? else { return NO_ROW };
-    let Some(unit) = place.units(|units| units.iter().nth(row % UNITS_MAX).copied()) else { return NO_ROW };
+fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
+    let Some((port, place)) = source.port(nth / UNITS_MAX)? else { return NO_ROW };
+    let Some(unit) = place.units(|units| units.iter().nth(nth % UNITS_MAX).copied()) else { return NO_ROW };
     let Unit { id, requests, answers, exceptions, timeouts, .. } = unit;
     let last = took((answers > 0).then_some(unit.took_us));
     let (half, most) = (took(unit.times.percentile(50)), took(unit.times.percentile(99)));
-    let (state, troubles) = (state(&unit, now), Troubles(&unit));
+    let (state, troubles) = (state(&unit, source.now), Troubles(&unit));
     Some(write!(
         out,
         "{:15} {id:>4} {state:5} {requests:>10} {answers:>10} {exceptions:>10} {timeouts:>10} \
@@ -158,18 +174,9 @@ fn unit(
     ))
 }
 
-fn client(
-    gateway: &Gateway<'_>,
-    settings: &Settings,
-    place: usize,
-    now: Instant,
-    out: &mut dyn fmt::Write,
-) -> Written {
-    let Some(row) = place.checked_sub(1) else {
-        let heading = "PORT            PEER                      SINCE     QUIET OPEN   REQUESTS PLACE";
-        return Some(out.write_str(heading));
-    };
-    let state = gateway.seats().get(row)?.state();
+fn client(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
+    let Source { gateway, settings, now } = *source;
+    let state = gateway.seats().get(nth)?.state();
     let (Some(port), Some(peer)) = (state.port, state.peer) else { return NO_ROW };
     let port = settings.name(port);
     let peer = text::<60>(format_args!("{peer}"));
@@ -180,19 +187,11 @@ fn client(
 }
 
 /// First the counters of all ports, then what went wrong at them last, then the frames.
-fn count(
-    gateway: &Gateway<'_>,
-    settings: &Settings,
-    place: usize,
-    now: Instant,
-    out: &mut dyn fmt::Write,
-) -> Written {
-    let Some(row) = place.checked_sub(1) else {
-        return Some(out.write_str("PORT            EVENT              COUNT PER-MINUTE"));
-    };
+fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
+    let Source { gateway, settings, now } = *source;
     let counters = Event::ALL.len();
-    if let Some(port) = port_at(gateway, settings, row / counters) {
-        let (Some((port, place)), Some(event)) = (port, Event::ALL.get(row % counters)) else {
+    if let Some(port) = source.port(nth / counters) {
+        let (Some((port, place)), Some(event)) = (port, Event::ALL.get(nth % counters)) else {
             return NO_ROW;
         };
         let count = place.stats.get(*event);
@@ -204,8 +203,8 @@ fn count(
         return Some(write!(out, "{:15} {event:13} {count:>10} {rate:>10}", port.name));
     }
     let ports = gateway.ports().len().min(settings.ports.len());
-    let row = row - ports * counters;
-    if let Some(port) = port_at(gateway, settings, row) {
+    let row = nth - ports * counters;
+    if let Some(port) = source.port(row) {
         let Some((port, place)) = port else { return NO_ROW };
         let error = place.stats.last_error();
         let listens = port.kind.side() == Side::Server && !port.kind.asks_by_itself();
@@ -234,7 +233,7 @@ fn network(
         return (place == 0).then(|| out.write_str("the operating system has the network"));
     };
     match place {
-        0 => return Some(out.write_str("LINK ADDRESS            GATEWAY         ETHERNET          SETTING")),
+        0 => return Some(out.write_str(NETWORK)),
         1 => {}
         _ => return None,
     }
@@ -248,14 +247,8 @@ fn network(
 }
 
 /// First what the board and its controller have to tell, then the transactions, the oldest first.
-fn event(
-    gateway: &Gateway<'_>,
-    settings: &Settings,
-    system: &impl System,
-    place: usize,
-    now: Instant,
-    out: &mut dyn fmt::Write,
-) -> Written {
+fn event(source: &Source<'_, '_>, system: &impl System, place: usize, out: &mut dyn fmt::Write) -> Written {
+    let Source { gateway, settings, now } = *source;
     if let Some(event) = system.write_event(place, out) {
         return Some(event);
     }
@@ -267,13 +260,11 @@ fn event(
         }
         row -= 1;
     }
-    let Some(row) = row.checked_sub(1) else {
-        let heading = "      AGE SOURCE          UNIT DESTINATION     TARGET FUNCTION       TOOK OUTCOME";
-        return Some(out.write_str(heading));
-    };
-    let Some(entry) = gateway.log().newest(LOG_ENTRIES_MAX.checked_sub(row + 1)?) else { return NO_ROW };
-    let age = age(entry.at, now);
-    Some(write!(out, "{age:>9} {}", LogRow { settings, entry }))
+    titled(LOG, row, out, |nth, out| {
+        let Some(entry) = gateway.log().newest(LOG_ENTRIES_MAX.checked_sub(nth + 1)?) else { return NO_ROW };
+        let age = age(entry.at, now);
+        Some(write!(out, "{age:>9} {}", LogRow { settings, entry }))
+    })
 }
 
 /// Where a text goes that is not wanted.
@@ -285,13 +276,8 @@ impl fmt::Write for Nowhere {
     }
 }
 
-fn version(
-    gateway: &Gateway<'_>,
-    system: &impl System,
-    place: usize,
-    now: Instant,
-    out: &mut dyn fmt::Write,
-) -> Written {
+fn version(source: &Source<'_, '_>, system: &impl System, place: usize, out: &mut dyn fmt::Write) -> Written {
+    let Source { gateway, now, .. } = *source;
     let (version, board) = (env!("CARGO_PKG_VERSION"), system.name());
     let up = age(Instant::from_ticks(0), now);
     (place == 0).then(|| {

@@ -9,7 +9,7 @@ use embedded_io_async::{Read, Write};
 
 use super::command::Session;
 use super::probe::{About, Watch, request, serial_client, to_first_char};
-use super::rows::{text, took};
+use super::rows::{port_name, took};
 use crate::asking::Turn;
 use crate::config::{
     Framing, LineError, LineSettings, PortId, SerialClientSettings, Settings, Time, Words, number,
@@ -230,8 +230,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
             return Ok(());
         }
         let timeout = rounded_up(course.p999_us);
-        let name =
-            self.gateway.settings(|settings| text::<15>(format_args!("{}", settings.name(course.port))));
+        let name = port_name(self.gateway, course.port);
         self.out.text_only(format_args!("edit port {name} timeout {}", Time(timeout))).await?;
         if let Some(gap) = course.gap {
             self.out.text_only(format_args!(" gap {}", Time(gap))).await?;

@@ -196,7 +196,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
     fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
         let kind = self.settings.framing.into();
         let tap = Tap { capture: self.desk.gateway().capture(), port: self.desk.id(), kind };
-        tap.passed(tap.asker(), sent, verdict, bytes);
+        tap.passed(|| tap.asker(), sent, verdict, bytes);
     }
 
     async fn write(&mut self, transaction: u16, unit: u8, order: &Frame<'g>) -> Result<(), End> {

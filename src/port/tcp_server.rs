@@ -259,7 +259,7 @@ impl Server<'_, '_> {
         let deadline = received + self.settings.lifetime;
         let envelope = Envelope {
             transaction: header.transaction,
-            peer: self.seat.state().peer.map(|peer| peer.ip().to_canonical()),
+            peer: self.peer().map(|peer| peer.ip().to_canonical()),
             ..Envelope::request(origin, header.unit, received, deadline)
         };
         // The parser gives no longer PDU than fits.
@@ -318,8 +318,8 @@ impl Server<'_, '_> {
     /// Shows a frame from or to the client to whoever follows.
     fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
         let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
-        let port = self.seat.state().peer.map_or(0, |peer| peer.port());
-        tap.passed(port, sent, verdict, bytes);
+        let asker = || self.peer().map_or(0, |peer| peer.port());
+        tap.passed(asker, sent, verdict, bytes);
     }
 
     /// Gives a client the frames of all ports as they come.
@@ -357,6 +357,11 @@ impl Server<'_, '_> {
         let (open, last_request) = self.seat.update(|seat| (seat.open_requests, seat.last_request));
         let never = self.settings.idle == Duration::from_ticks(0) || open > 0;
         if never { Instant::MAX } else { last_request + self.settings.idle }
+    }
+
+    /// The client.
+    fn peer(&self) -> Option<SocketAddr> {
+        self.seat.update(|seat| seat.peer)
     }
 
     /// Requests of this connection that are not answered yet.

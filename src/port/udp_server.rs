@@ -159,7 +159,7 @@ impl<'s, 'g> Server<'s, 'g> {
     /// Shows a frame from or to `peer` to whoever follows.
     fn tap(&self, peer: SocketAddr, sent: bool, verdict: Event, bytes: &[u8]) {
         let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: FrameKind::Udp };
-        tap.passed(peer.port(), sent, verdict, bytes);
+        tap.passed(|| peer.port(), sent, verdict, bytes);
     }
 
     fn envelope(&self, unit: u8, peer: SocketAddr, number: u16) -> Envelope {

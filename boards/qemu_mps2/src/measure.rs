@@ -65,22 +65,25 @@ fn add(sum: &AtomicU32, ticks: u32) {
     sum.store(sum.load(Ordering::Relaxed).wrapping_add(ticks), Ordering::Relaxed);
 }
 
+/// Adds to `sum` what `work` takes.
+#[inline(always)] // as its callers
+fn timed<T>(sum: &AtomicU32, work: impl FnOnce() -> T) -> T {
+    let start = SYST::get_current();
+    let done = work();
+    add(sum, start.wrapping_sub(SYST::get_current()));
+    done
+}
+
 /// Counts `work` as a UART driver's.
 #[inline(always)] // at least as short as what it measures
 pub(crate) fn in_driver<T>(work: impl FnOnce() -> T) -> T {
-    let start = SYST::get_current();
-    let done = work();
-    add(&DRIVER, start.wrapping_sub(SYST::get_current()));
-    done
+    timed(&DRIVER, work)
 }
 
 /// Counts `step`, which is a part of what a UART driver does, as the gateway's.
 #[inline(always)] // at least as short as what it measures
 pub(crate) fn in_relay<T>(step: impl FnOnce() -> T) -> T {
-    let start = SYST::get_current();
-    let done = step();
-    add(&RELAY, start.wrapping_sub(SYST::get_current()));
-    done
+    timed(&RELAY, step)
 }
 
 /// The most that the stack has ever held, in bytes.

@@ -43,21 +43,14 @@ struct State {
     /// Whether anybody has a store.
     has_store: bool,
     keep: Keep,
-    phase: Phase,
+    kept: Kept,
     since: Instant,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-enum Phase {
-    Idle = 0,
-    Going = 1,
-    Done = 2,
-    Failed = 3,
-}
-
 /// How a wish is doing.
+// `Nothing` is the 0: a place is all zeros at start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
 pub(super) enum Kept {
     /// There is none.
     Nothing,
@@ -71,7 +64,7 @@ pub(super) enum Kept {
 
 impl Keeping {
     pub(super) const fn new() -> Self {
-        let state = State { has_store: false, keep: Keep::Save, phase: Phase::Idle, since: Instant::MIN };
+        let state = State { has_store: false, keep: Keep::Save, kept: Kept::Nothing, since: Instant::MIN };
         Self { state: Mutex::new(Cell::new(state)), wanted: Signal::new() }
     }
 
@@ -83,7 +76,7 @@ impl Keeping {
     /// Begins with `keep`.
     pub(super) fn begin(&self, keep: Keep) {
         let State { has_store, .. } = self.state.lock(Cell::get);
-        let state = State { has_store, keep, phase: Phase::Going, since: Instant::now() };
+        let state = State { has_store, keep, kept: Kept::Going, since: Instant::now() };
         self.state.lock(|cell| cell.set(state));
         self.wanted.signal(());
     }
@@ -91,13 +84,13 @@ impl Keeping {
     /// How it is doing; an outcome is told once.
     pub(super) fn outcome(&self) -> Kept {
         let state = self.state.lock(Cell::get);
-        let kept = match state.phase {
-            Phase::Idle => return Kept::Nothing,
-            Phase::Going if state.since.elapsed() < PATIENCE => return Kept::Going,
-            Phase::Done => Kept::Done,
-            Phase::Going | Phase::Failed => Kept::Failed,
+        let kept = match state.kept {
+            Kept::Going if state.since.elapsed() >= PATIENCE => Kept::Failed,
+            kept => kept,
         };
-        self.state.lock(|cell| cell.set(State { phase: Phase::Idle, ..state }));
+        if matches!(kept, Kept::Done | Kept::Failed) {
+            self.state.lock(|cell| cell.set(State { kept: Kept::Nothing, ..state }));
+        }
         kept
     }
 
@@ -113,9 +106,9 @@ impl Keeping {
     pub(super) fn done(&self, well: bool) {
         let state = self.state.lock(Cell::get);
         // Nobody may wait any more.
-        if state.phase == Phase::Going {
-            let phase = if well { Phase::Done } else { Phase::Failed };
-            self.state.lock(|cell| cell.set(State { phase, ..state }));
+        if state.kept == Kept::Going {
+            let kept = if well { Kept::Done } else { Kept::Failed };
+            self.state.lock(|cell| cell.set(State { kept, ..state }));
         }
     }
 }

@@ -89,13 +89,8 @@ impl Requests {
 
     /// Whether `request` may be sent now.
     pub(super) fn check(&self, request: &[u8]) -> Result<(), Abort> {
-        let (_, function) = match *request {
-            [unit, function, ..] => (unit, function),
-            _ => return Err(Abort::TooShort),
-        };
-        if matches!(self.state(), RequestState::Waiting | RequestState::Open) {
-            return Err(Abort::State);
-        }
+        let [_, function, ..] = *request else { return Err(Abort::TooShort) };
+        self.check_part()?;
         // 0 is no function, and the codes from 128 on are exceptions (Application Protocol, 4.1).
         if (1..EXCEPTION_BIT).contains(&function) { Ok(()) } else { Err(Abort::Range) }
     }

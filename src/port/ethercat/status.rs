@@ -10,8 +10,8 @@ use crate::scanner::DeviceStatus;
 const TURNS: u16 = 1 << 7;
 
 /// Health of a device. 0: not asked yet; 1: well; 2: not normal.
-fn health(status: Option<&DeviceStatus>) -> u8 {
-    match status.and_then(|status| status.alive) {
+fn health(status: &DeviceStatus) -> u8 {
+    match status.alive {
         None => 0,
         Some(true) => 1,
         Some(false) => 2,
@@ -21,11 +21,11 @@ fn health(status: Option<&DeviceStatus>) -> u8 {
 impl EthercatPlace {
     /// The health of the slave `nth`.
     pub(super) fn health(&self, nth: usize) -> u8 {
-        health(self.slave_status(nth).as_ref())
+        self.slave_status(nth).map_or(0, |status| health(&status))
     }
 
     /// What stands in its inputs. 0: what was read; 1, 2, 3: they are held, cleared, substituted.
-    fn inputs_are(&self, nth: usize, status: Option<&DeviceStatus>) -> u8 {
+    fn inputs_are(&self, nth: usize, status: &DeviceStatus) -> u8 {
         if health(status) != 2 {
             return 0;
         }
@@ -40,11 +40,10 @@ impl EthercatPlace {
 
     /// All of that in 16 bits (2032h).
     pub(crate) fn state_word(&self, nth: usize) -> u16 {
-        let status = self.slave_status(nth);
-        let Some(status) = &status else { return 0 };
-        let inputs = self.inputs_are(nth, Some(status));
+        let Some(status) = self.slave_status(nth) else { return 0 };
+        let inputs = self.inputs_are(nth, &status);
         let turns = if status.answers & 1 == 1 { TURNS } else { 0 };
-        u16::from_le_bytes([health(Some(status)) | inputs << 2, status.exception]) | turns
+        u16::from_le_bytes([health(&status) | inputs << 2, status.exception]) | turns
     }
 
     /// The entries of 2180h and following.
@@ -54,7 +53,7 @@ impl EthercatPlace {
         let never = if sub == 1 { u32::MAX } else { 0 };
         let Some(status) = status else { return (sub <= 8).then_some(never) };
         Some(match sub {
-            0 => health(Some(&status)).into(),
+            0 => health(&status).into(),
             1 if status.heard == Instant::MIN => never,
             1 => u32::try_from(status.heard.elapsed().as_millis()).unwrap_or(u32::MAX),
             2 => status.exception.into(),
@@ -63,7 +62,7 @@ impl EthercatPlace {
             5 => status.answers,
             6 => status.exceptions,
             7 => status.failures,
-            8 => self.inputs_are(nth, Some(&status)).into(),
+            8 => self.inputs_are(nth, &status).into(),
             _ => return None,
         })
     }

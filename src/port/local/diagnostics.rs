@@ -69,10 +69,9 @@ pub(super) fn answer(gateway: &Gateway<'_>, port: PortId, sub: u16, data: &[u8])
 fn register(gateway: &Gateway<'_>) -> u16 {
     let failed = |place: &PortPlace| matches!(place.status(), Status::Lost | Status::Failed(_));
     let down = |port: PortAt<'_>| port.units(|units| units.iter().any(Unit::is_down));
-    let mut ports = (0..gateway.ports().len()).filter_map(|index| gateway.place(PortId(index as u8)));
     let bit = |is, bit| if is { bit } else { 0 };
     bit(gateway.ports().iter().any(failed), PORT_FAILED)
-        | bit(ports.any(down), UNIT_DOWN)
+        | bit(gateway.places().any(down), UNIT_DOWN)
         | bit(gateway.pool().free() == 0, NO_FRAME)
 }
 

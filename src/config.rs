@@ -6,15 +6,17 @@
 
 mod address;
 mod ethercat;
+mod field;
 mod line;
 mod loader;
 mod network;
-mod network_words;
 mod own_network;
 mod point_checks;
 mod point_words;
 mod points;
+mod port_fields;
 mod port_keys;
+mod port_values;
 mod port_words;
 mod print;
 mod problem;
@@ -23,7 +25,6 @@ mod saved;
 mod serial;
 mod slaves;
 mod text;
-mod unit_words;
 mod values;
 mod words;
 

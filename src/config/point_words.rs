@@ -289,11 +289,11 @@ fn reading(word: Word) -> Result<Reading, Wrong> {
     if !word.text.starts_with(|first: char| first.is_ascii_digit()) {
         return Err(word.expected("low, normal, high, manual, or a period such as 250ms"));
     }
-    whole_ms(word, PERIOD).map(Reading::Every)
+    whole_ms(word, &PERIOD).map(Reading::Every)
 }
 
 /// A time in whole milliseconds.
-pub(super) fn whole_ms(word: Word, range: RangeInclusive<Duration>) -> Result<u32, Wrong> {
+pub(super) fn whole_ms(word: Word, range: &RangeInclusive<Duration>) -> Result<u32, Wrong> {
     let period = time(word, range)?;
     let whole = u32::try_from(period.as_millis()).ok();
     let whole = whole.filter(|ms| Duration::from_millis((*ms).into()) == period);

@@ -187,7 +187,7 @@ fn merge(words: &Words) -> Result<Merge, Wrong> {
 
 /// `500ms`: in whole milliseconds.
 fn cache(word: Word) -> Result<u16, Wrong> {
-    let age = time(word, CACHE)?;
+    let age = time(word, &CACHE)?;
     let ms = u16::try_from(age.as_millis()).ok().filter(|ms| Duration::from_millis((*ms).into()) == age);
     ms.ok_or_else(|| word.expected("whole milliseconds"))
 }

@@ -141,7 +141,7 @@ pub(super) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, W
         }
         match key {
             Key::Table(kind) => table(&mut slave, kind, words)?,
-            Key::Read => slave.polling_ms = whole_ms(words.take(), PERIOD)?,
+            Key::Read => slave.polling_ms = whole_ms(words.take(), &PERIOD)?,
             Key::Check => slave.check = true,
             Key::OnSilence => on_silence(&mut slave, words)?,
         }

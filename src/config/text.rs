@@ -9,11 +9,10 @@ use super::own_network;
 use super::point_checks;
 use super::point_words;
 use super::port_keys;
-use super::port_words::Draft;
+use super::port_words::{self, Draft};
 use super::problem::{LineError, Problem, Rules, Warning};
 use super::route_words::{self, route};
 use super::slaves;
-use super::unit_words;
 use super::values::{name, number};
 use super::words::{Word, Words, Wrong};
 use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side, gap_warning};
@@ -114,10 +113,7 @@ pub fn is_implied(settings: &Settings, route: &Route) -> bool {
 
 /// The words that stand in rows and behind port names, besides names, numbers and addresses.
 pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
-    let ports = ["serial", "tcp", "udp", "scanner", "ethercat"]
-        .into_iter()
-        .chain(port_keys::keywords())
-        .chain(unit_words::keywords());
+    let ports = port_words::media().chain(port_keys::keywords());
     // No word of a line that is refused.
     let points = POINTS.then(|| point_words::keywords().chain(slaves::keywords())).into_iter().flatten();
     ports.chain(route_words::keywords()).chain(points)
@@ -138,7 +134,7 @@ fn port(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     put_port(
         settings,
         PortId(place as u8),
-        Port { name, kind: draft.kind, units: draft.units.policy },
+        Port { name, kind: draft.kind, units: draft.units },
         name_word,
         draft.place,
     )
@@ -233,7 +229,7 @@ fn edit(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
             let name_word = words.take();
             let (id, old) = existing_port(settings, name_word)?;
             let draft = Draft::edit(old, words)?;
-            let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units.policy };
+            let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units };
             put_port(settings, id, port, name_word, draft.place)
         }
         _ => {

@@ -200,14 +200,16 @@ const TCP_CLIENT_EXPECTED: &str = "address, rtu, unit, in-flight, timeout, conne
 const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow";
 const ETHERCAT_EXPECTED: &str = "line or on-loss";
 
-/// The words that set something.
-pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
+/// Gives `each` the words that set something.
+pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {
     let tables = [SERIAL_KEYS, TCP_SERVER_KEYS, TCP_CLIENT_KEYS, UDP_SERVER_KEYS, ETHERCAT_KEYS, UNIT_KEYS];
-    // Several ports have a `timeout`: it is one word.
-    tables.into_iter().enumerate().flat_map(move |(nth, table)| {
-        let new = move |keyword: &str| {
-            !tables.iter().take(nth).any(|earlier| earlier.iter().any(|(known, _)| *known == keyword))
-        };
-        table.iter().map(|&(keyword, _)| keyword).filter(move |keyword| new(keyword))
-    })
+    for (nth, table) in tables.into_iter().enumerate() {
+        for &(keyword, _) in table {
+            // Several ports have a `timeout`: it is one word.
+            let is_known = |earlier: Keys| earlier.iter().any(|(known, _)| *known == keyword);
+            if !tables.into_iter().take(nth).any(is_known) {
+                each(keyword);
+            }
+        }
+    }
 }

@@ -4,6 +4,7 @@
 //! as a whole at the end of the line. What a port cannot use is refused, so that no setting is taken and ignored.
 
 use super::field::Field;
+use super::point_problem::PointProblem;
 use super::port_keys::{Key, UNIT_KEYS};
 use super::port_values::{device, server};
 use super::problem::Problem;
@@ -96,9 +97,9 @@ const MEDIA: [(&str, Medium); 5] = [
 const SIDES: &[(&str, Side)] =
     &[("server", Side::Server), ("slave", Side::Server), ("client", Side::Client), ("master", Side::Client)];
 
-/// The words that begin a port.
-pub(super) fn media() -> impl Iterator<Item = &'static str> {
-    MEDIA.iter().map(|&(keyword, _)| keyword)
+/// Gives `each` the words that begin a port.
+pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {
+    MEDIA.iter().for_each(|&(keyword, _)| each(keyword));
 }
 
 impl<'a> Draft<'a> {
@@ -175,7 +176,7 @@ impl<'a> Draft<'a> {
 
     fn key(&self, word: Word) -> Result<Key, Wrong> {
         match &self.kind {
-            PortKind::Scanner => return Err(word.error(Problem::NothingToSet)),
+            PortKind::Scanner => return Err(word.error(Problem::Points(PointProblem::NothingToSet))),
             PortKind::Serial(_) if word.text.starts_with(|first: char| first.is_ascii_digit()) => {
                 return Ok(if parse_number(word.text).is_some() { Key::Baud } else { Key::Format });
             }

@@ -13,6 +13,7 @@ use super::{
     UnitPolicy,
 };
 use crate::route::{AddressRange, Cut, Functions, Merge, Policy, Priority, Route, Tag, UnitRange};
+use crate::scanner::POINTS;
 
 /// Longest baud rate and character format.
 pub const SPEED_BYTES_MAX: usize = 16;
@@ -41,6 +42,9 @@ pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<
 
 /// Devices, then points, then slaves.
 fn write_points(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
+    if !POINTS {
+        return None;
+    }
     if let Some(device) = settings.devices.get(n) {
         return Some(write!(out, "{device}"));
     }

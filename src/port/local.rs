@@ -9,12 +9,12 @@ use embassy_time::Instant;
 use crate::config::{Framing, PortKind};
 use crate::frame::{Envelope, Frame};
 use crate::gateway::Gateway;
+use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{
     DIAGNOSTICS, ENCAPSULATED_INTERFACE, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG,
     MEI_DEVICE_IDENTIFICATION, REPORT_SERVER_ID,
 };
-use crate::modbus::{Exception, PDU_BYTES_MAX, pdu};
-use crate::scanner::Pdu;
+use crate::modbus::{Exception, pdu};
 
 mod diagnostics;
 mod identification;
@@ -31,9 +31,7 @@ const SERVER_ID: &[u8] = concat!("mobgate ", env!("CARGO_PKG_VERSION")).as_bytes
 
 /// Answers `frame` and sends it home.
 pub(crate) fn answer(gateway: &Gateway<'_>, frame: Frame<'_>) {
-    let mut request = [0; PDU_BYTES_MAX];
-    let length = frame.copy_pdu(&mut request);
-    let request = request.get(..length).unwrap_or(&[]);
+    let request = &frame.content();
     let envelope = frame.envelope();
     let answer = match diagnostics::mode(gateway, envelope.origin.port, request) {
         Mode::Silent => return gateway.unanswered(frame),

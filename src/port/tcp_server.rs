@@ -15,15 +15,16 @@ use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use crate::capture::{Export, Tap};
 use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
-use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
-use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
+use crate::frame::{Envelope, Frame, Origin, Stage, Way};
+use crate::gateway::{Gateway, PortPlace, Seat, SeatState};
 use crate::hal::{TcpHost, TcpStream};
 use crate::modbus::Exception;
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::pdu;
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
+use crate::port::listening;
 use crate::port::moment::{until, within};
 use crate::port::stream::{Input, encode};
-use crate::stats::{Event, LastError};
+use crate::stats::Event;
 
 /// A client that does not take an answer for so long is closed.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
@@ -60,29 +61,15 @@ impl Terms {
     }
 }
 
-/// Why a connection ends.
-enum End {
-    /// The client closed it, or it broke.
-    Client,
-    /// The client was idle too long or does not read.
-    Stalled,
-    /// What came is no Modbus TCP.
-    Malformed,
-    /// Its place was needed.
-    Crowded,
-    /// Its address is not allowed.
-    Unwelcome,
-}
+/// Why a connection ends: what is counted then.
+type End = Event;
 
 impl Server<'_, '_> {
     /// Serves one client after the other, for ever.
     pub(crate) async fn run<H: TcpHost>(&self, host: &mut H) {
         loop {
             if let Err(error) = self.serve_next(host).await {
-                self.place.stats.note(LastError::Port);
-                if self.place.set_status(Status::Failed(error)) {
-                    log_warn!("TCP port {} cannot be opened: {}", self.settings.listen.port, error);
-                }
+                listening::fails(self.place, "TCP", self.settings.listen.port, error);
                 Timer::after(LISTEN_PAUSE).await;
             }
         }
@@ -90,10 +77,7 @@ impl Server<'_, '_> {
 
     async fn serve_next<H: TcpHost>(&self, host: &mut H) -> Result<(), crate::hal::OpenError> {
         host.listen(&self.settings.listen)?;
-        if self.place.set_status(Status::Open) {
-            self.place.stats.note(LastError::None);
-            log_info!("listening on TCP port {}", self.settings.listen.port);
-        }
+        listening::listens(self.place, "TCP", self.settings.listen.port);
         let (mut stream, peer) = host.accept(&self.settings.listen).await?;
         self.place.stats.count(Event::Connected);
         let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
@@ -106,13 +90,7 @@ impl Server<'_, '_> {
             End::Unwelcome
         };
         self.left();
-        self.place.stats.count(match end {
-            End::Client => Event::Left,
-            End::Stalled => Event::Stalled,
-            End::Malformed => Event::Malformed,
-            End::Crowded => Event::Crowded,
-            End::Unwelcome => Event::Unwelcome,
-        });
+        self.place.stats.count(end);
         stream.close().await;
         Ok(())
     }
@@ -125,7 +103,7 @@ impl Server<'_, '_> {
     /// The seat is empty: answers that still come find nobody.
     pub(crate) fn left(&self) {
         self.seat.update(|seat| seat.peer = None);
-        while self.seat.answers.try_receive(self.gateway.pool()).is_some() {}
+        self.seat.answers.clear(self.gateway.pool());
     }
 
     /// Takes the newcomer in and sees that there is room, or refuses it.
@@ -136,40 +114,36 @@ impl Server<'_, '_> {
             let marked = settings.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
             (marked, usize::from(settings.clients), usize::from(settings.reserved))
         })?;
-        let own = self.seat.update(|seat| {
-            let generation = seat.generation.wrapping_add(1);
-            let (port, peer) = (seat.port, Some(peer));
-            *seat = SeatState {
-                port,
-                peer,
-                marked,
-                generation,
-                since: now,
-                last_request: now,
-                ..SeatState::EMPTY
-            };
-            *seat
+        let generation = self.seat.update(|seat| {
+            let (port, generation) = (seat.port, seat.generation.wrapping_add(1));
+            let came = SeatState { since: now, last_request: now, ..SeatState::EMPTY };
+            *seat = SeatState { port, peer: Some(peer), marked, generation, ..came };
+            generation
         });
-        let seated = || {
-            let of_port =
-                |seat: &SeatState| seat.port == Some(self.id) && seat.peer.is_some() && !seat.leaving;
-            self.gateway
-                .seats()
-                .iter()
-                .map(|seat| (seat, seat.state()))
-                .filter(move |(_, seat)| of_port(seat))
-        };
+        let (mut seated, mut ordinary) = (0, 0);
+        let mut idle: Option<(&Seat, Instant)> = None;
+        for seat in self.gateway.seats() {
+            let state = seat.state();
+            if state.port != Some(self.id) || state.peer.is_none() || state.leaving {
+                continue;
+            }
+            seated += 1;
+            if state.marked {
+                continue;
+            }
+            ordinary += 1;
+            let may_go = state.open_requests == 0 && !core::ptr::eq(seat, self.seat);
+            if may_go && idle.is_none_or(|(_, since)| state.last_request < since) {
+                idle = Some((seat, state.last_request));
+            }
+        }
         let ordinary_max = clients.saturating_sub(reserved);
-        let ordinary = seated().filter(|(_, seat)| !seat.marked).count();
-        if seated().count() > clients || (!own.marked && ordinary > ordinary_max) {
-            let idle = seated().filter(|(seat, state)| {
-                !core::ptr::eq(*seat, self.seat) && !state.marked && state.open_requests == 0
-            });
-            let (seat, _) = idle.min_by_key(|(_, state)| state.last_request)?;
+        if seated > clients || (!marked && ordinary > ordinary_max) {
+            let (seat, _) = idle?;
             seat.update(|seat| seat.leaving = true);
             seat.leave.signal(());
         }
-        Some(Origin { port: self.id, way: Way::Seat(self.index as u16), generation: own.generation })
+        Some(Origin { port: self.id, way: Way::Seat(self.index as u16), generation })
     }
 
     async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin) -> End {
@@ -187,7 +161,7 @@ impl Server<'_, '_> {
             let idle_until = self.idle_until();
             let wake = until(idle_until.min(pause_end));
             match select4(read, answers, self.seat.leave.wait(), wake).await {
-                Either4::First(Ok(0) | Err(_)) => return End::Client,
+                Either4::First(Ok(0) | Err(_)) => return End::Left,
                 Either4::First(Ok(count)) => input.grew(count),
                 Either4::Second(frame) => {
                     if let Err(end) = self.give(stream, frame).await {
@@ -279,30 +253,18 @@ impl Server<'_, '_> {
     /// Gives an answer to the client; a frame that came home without one is only counted off.
     async fn give<S: TcpStream>(&self, stream: &mut S, frame: Frame<'_>) -> Result<(), End> {
         self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
-        let (stage, cause, header) = frame.look(|envelope| {
-            let header = Header { transaction: envelope.transaction, unit: envelope.unit };
-            (envelope.stage, envelope.cause, header)
-        });
+        let Envelope { stage, cause, transaction, unit, .. } = frame.envelope();
+        let header = Header { transaction, unit };
         if stage == Stage::Silence {
             return Ok(());
         }
         let mut out = [0; ADU_BYTES_MAX];
         let length = frame.pdu(|answer| {
-            self.count_answer(answer, cause);
+            self.place.stats.answered(answer, cause);
             encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
         });
         drop(frame);
         self.write(stream, out.get(..length).unwrap_or(&[])).await
-    }
-
-    fn count_answer(&self, answer: &[u8], cause: Cause) {
-        self.place.stats.count(Event::Answer);
-        if let [function, code] = *answer
-            && function & EXCEPTION_BIT != 0
-        {
-            self.place.stats.count(Event::Exception);
-            self.place.stats.note_exception(Exception(code), cause);
-        }
     }
 
     /// Writes the frame of an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
@@ -310,7 +272,7 @@ impl Server<'_, '_> {
         self.tap(true, Event::Answer, frame);
         match within(WRITE_PATIENCE, pin!(stream.write_all(frame))).await {
             Some(Ok(())) => Ok(()),
-            Some(Err(_)) => Err(End::Client),
+            Some(Err(_)) => Err(End::Left),
             None => Err(End::Stalled),
         }
     }
@@ -328,7 +290,7 @@ impl Server<'_, '_> {
         let export = pin!(async {
             let mut export = match with_timeout(WRITE_PATIENCE, Export::begin(self.gateway, stream)).await {
                 Ok(Ok(Some(export))) => export,
-                Ok(_) => return End::Client,
+                Ok(_) => return End::Left,
                 Err(_) => return End::Stalled,
             };
             loop {
@@ -336,12 +298,12 @@ impl Server<'_, '_> {
                 match with_timeout(WRITE_PATIENCE, export.write_next(stream)).await {
                     Ok(Ok(true)) => continue,
                     Ok(Ok(false)) => {}
-                    Ok(Err(_)) => return End::Client,
+                    Ok(Err(_)) => return End::Left,
                     Err(_) => return End::Stalled,
                 }
                 let mut said = [0; 16];
                 match select(stream.read(&mut said), Timer::after(EXPORT_PAUSE)).await {
-                    Either::First(Ok(0) | Err(_)) => return End::Client,
+                    Either::First(Ok(0) | Err(_)) => return End::Left,
                     Either::First(Ok(_)) | Either::Second(()) => {}
                 }
             }

@@ -11,9 +11,9 @@ use super::pdu_of;
 use crate::config::{PORTS_MAX, PortId};
 use crate::gateway::{Gateway, PortAt, PortPlace, Status};
 use crate::modbus::Exception;
+use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{DIAGNOSTICS, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG};
 use crate::port::units::Unit;
-use crate::scanner::Pdu;
 use crate::stats::{Counters, Event};
 
 /// Bytes of the event log (6.10).

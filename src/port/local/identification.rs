@@ -2,8 +2,8 @@
 
 use super::pdu_of;
 use crate::modbus::Exception;
+use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION};
-use crate::scanner::Pdu;
 
 /// The objects by their ids: vendor, product code, revision; vendor's address, product name.
 const OBJECTS: [&str; 5] = [

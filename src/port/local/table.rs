@@ -9,9 +9,9 @@ use super::{image, pdu_of};
 use crate::config::{PORTS_MAX, PortId};
 use crate::gateway::{Gateway, PortAt, Status};
 use crate::modbus::Exception;
+use crate::modbus::Pdu;
 use crate::modbus::pdu::function::READ_INPUT_REGISTERS;
 use crate::port::units::{TROUBLES, UNITS_MAX, Unit};
-use crate::scanner::Pdu;
 use crate::stats::Event;
 
 /// The first register of the gateway's block.

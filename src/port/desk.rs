@@ -95,8 +95,8 @@ impl<'g> Desk<'g> {
     }
 
     /// The port's counters, units and channel.
-    pub(crate) fn place(&self) -> PortAt<'g> {
-        self.place
+    pub(crate) fn place(&self) -> &PortAt<'g> {
+        &self.place
     }
 
     // One place for each cell that would panic if it were lent twice.

@@ -6,6 +6,7 @@
 //! has open is bounded twice: by the `pipeline` setting (one more is answered 06h) and by frames (none free: the
 //! connection is not read until one of its own comes home).
 
+use core::convert::Infallible;
 use core::future::pending;
 use core::net::SocketAddr;
 use core::pin::pin;
@@ -83,7 +84,10 @@ impl Server<'_, '_> {
         let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
                 Some(_) if self.settings.framing == StreamFraming::Capture => self.export(&mut stream).await,
-                Some(origin) => self.serve(&mut stream, origin).await,
+                Some(origin) => {
+                    let Err(end) = self.serve(&mut stream, origin).await;
+                    end
+                }
                 None => End::Crowded,
             }
         } else {
@@ -146,75 +150,71 @@ impl Server<'_, '_> {
         Some(Origin { port: self.id, way: Way::Seat(self.index as u16), generation })
     }
 
-    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin) -> End {
+    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin) -> Result<Infallible, End> {
         let mut input = Input::new(self.settings.framing);
         loop {
-            let waits = match self.take_requests(stream, &mut input, origin).await {
-                Ok(waits) => waits,
-                Err(end) => return end,
-            };
-            let pause_end = if waits == Waits::No { input.pause_end() } else { Instant::MAX };
-            let space = input.space();
-            let deaf = waits == Waits::ForFrame || space.is_empty();
-            let read = async { if deaf { pending().await } else { stream.read(space).await } };
-            let answers = self.seat.answers.receive(self.gateway.pool());
-            let idle_until = self.idle_until();
-            let wake = until(idle_until.min(pause_end));
-            match select4(read, answers, self.seat.leave.wait(), wake).await {
-                Either4::First(Ok(0) | Err(_)) => return End::Left,
-                Either4::First(Ok(count)) => input.grew(count),
-                Either4::Second(frame) => {
-                    if let Err(end) = self.give(stream, frame).await {
-                        return end;
+            let reply = match self.take_requests(&mut input, origin)? {
+                Waits::ForReply(header, refusal) => Reply::Refusal(header, refusal),
+                waits => {
+                    let pause_end = if let Waits::No = waits { input.pause_end() } else { Instant::MAX };
+                    let space = input.space();
+                    let deaf = matches!(waits, Waits::ForFrame) || space.is_empty();
+                    let read = async { if deaf { pending().await } else { stream.read(space).await } };
+                    let answers = self.seat.answers.receive(self.gateway.pool());
+                    let idle_until = self.idle_until();
+                    let wake = until(idle_until.min(pause_end));
+                    match select4(read, answers, self.seat.leave.wait(), wake).await {
+                        Either4::First(Ok(0) | Err(_)) => return Err(End::Left),
+                        Either4::First(Ok(count)) => {
+                            input.grew(count);
+                            continue;
+                        }
+                        Either4::Second(frame) => Reply::Answer(frame),
+                        Either4::Third(()) => return Err(End::Crowded),
+                        Either4::Fourth(()) if idle_until <= Instant::now() => return Err(End::Stalled),
+                        Either4::Fourth(()) => continue,
                     }
                 }
-                Either4::Third(()) => return End::Crowded,
-                Either4::Fourth(()) if idle_until <= Instant::now() => return End::Stalled,
-                Either4::Fourth(()) => {}
-            }
+            };
+            self.write(stream, reply).await?;
         }
     }
 
-    /// Takes the requests that are whole, and says whether the next one has to wait.
-    async fn take_requests<S: TcpStream>(
-        &self,
-        stream: &mut S,
-        input: &mut Input,
-        origin: Origin,
-    ) -> Result<Waits, End> {
+    /// Takes the requests that are whole, and says what the next one has to wait for.
+    fn take_requests(&self, input: &mut Input, origin: Origin) -> Result<Waits, End> {
         loop {
             // RTU answers do not say which request they belong to.
             if self.settings.framing == StreamFraming::Rtu && self.open_requests() > 0 {
                 return Ok(Waits::ForAnswer);
             }
-            let consumed = match input.front() {
+            let mut refusal = None;
+            let (event, consumed) = match input.front() {
                 Ok(Parsed::Incomplete) => return Ok(Waits::No),
                 Ok(Parsed::Skip { consumed }) => {
                     self.place.stats.count(input.skip_event());
-                    self.tap(false, input.skip_event(), input.first(consumed));
-                    consumed
+                    (input.skip_event(), consumed)
                 }
-                Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, header, pdu) {
-                    Taken::Sent => {
-                        self.tap(false, Event::Request, input.first(consumed));
-                        consumed
+                Ok(Parsed::Frame { header, pdu, consumed }) => {
+                    match self.take(origin, header, pdu) {
+                        Taken::Sent => {}
+                        Taken::Refused(exception) => {
+                            let answer = exception.response(pdu.first().copied().unwrap_or(0));
+                            refusal = Some(Waits::ForReply(header, answer));
+                        }
+                        Taken::Starved => {
+                            self.place.stats.count(Event::BackPressure);
+                            return Ok(Waits::ForFrame);
+                        }
                     }
-                    Taken::Refused(exception) => {
-                        let answer = exception.response(pdu.first().copied().unwrap_or(0));
-                        self.tap(false, Event::Request, input.first(consumed));
-                        let mut out = [0; ADU_BYTES_MAX];
-                        let out = encode(self.settings.framing, header, &answer, &mut out);
-                        self.write(stream, out.unwrap_or(&[])).await?;
-                        consumed
-                    }
-                    Taken::Starved => {
-                        self.place.stats.count(Event::BackPressure);
-                        return Ok(Waits::ForFrame);
-                    }
-                },
+                    (Event::Request, consumed)
+                }
                 Err(_) => return Err(End::Malformed),
             };
+            self.tap(false, event, input.first(consumed));
             input.consume(consumed);
+            if let Some(refusal) = refusal {
+                return Ok(refusal);
+            }
         }
     }
 
@@ -250,25 +250,36 @@ impl Server<'_, '_> {
         Taken::Sent
     }
 
-    /// Gives an answer to the client; a frame that came home without one is only counted off.
-    async fn give<S: TcpStream>(&self, stream: &mut S, frame: Frame<'_>) -> Result<(), End> {
+    /// Writes what the client gets into `out`, and says how long that is; a frame that came home without an answer is only
+    /// counted off.
+    fn encode(&self, reply: Reply<'_>, out: &mut [u8; ADU_BYTES_MAX]) -> usize {
+        let frame = match reply {
+            Reply::Refusal(header, answer) => return self.put(header, &answer, out),
+            Reply::Answer(frame) => frame,
+        };
         self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
         let Envelope { stage, cause, transaction, unit, .. } = frame.envelope();
-        let header = Header { transaction, unit };
         if stage == Stage::Silence {
-            return Ok(());
+            return 0;
         }
-        let mut out = [0; ADU_BYTES_MAX];
-        let length = frame.pdu(|answer| {
+        frame.pdu(|answer| {
             self.place.stats.answered(answer, cause);
-            encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
-        });
-        drop(frame);
-        self.write(stream, out.get(..length).unwrap_or(&[])).await
+            self.put(Header { transaction, unit }, answer, out)
+        })
+    }
+
+    fn put(&self, header: Header, answer: &[u8], out: &mut [u8; ADU_BYTES_MAX]) -> usize {
+        encode(self.settings.framing, header, answer, out).map_or(0, <[u8]>::len)
     }
 
     /// Writes the frame of an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, frame: &[u8]) -> Result<(), End> {
+    async fn write<S: TcpStream>(&self, stream: &mut S, reply: Reply<'_>) -> Result<(), End> {
+        let mut out = [0; ADU_BYTES_MAX];
+        let length = self.encode(reply, &mut out);
+        let frame = out.get(..length).unwrap_or(&[]);
+        if frame.is_empty() {
+            return Ok(());
+        }
         self.tap(true, Event::Answer, frame);
         match within(WRITE_PATIENCE, pin!(stream.write_all(frame))).await {
             Some(Ok(())) => Ok(()),
@@ -332,15 +343,24 @@ impl Server<'_, '_> {
     }
 }
 
-/// Whether the next request of a connection has to wait.
-#[derive(Clone, Copy, PartialEq, Eq)]
+/// What the next request of a connection has to wait for.
 enum Waits {
-    /// It can be taken as soon as it has come.
+    /// Nothing: it can be taken as soon as it has come.
     No,
     /// The one before it has no answer yet.
     ForAnswer,
     /// There is no frame for it now.
     ForFrame,
+    /// The one before it is refused: this is the answer.
+    ForReply(Header, [u8; 2]),
+}
+
+/// What a client gets.
+enum Reply<'g> {
+    /// A refusal.
+    Refusal(Header, [u8; 2]),
+    /// What came home.
+    Answer(Frame<'g>),
 }
 
 /// What became of a request.

@@ -40,12 +40,14 @@ impl Joint {
     /// This read with all of `others` that can be joined, also when only what lies between makes them neighbours.
     pub(super) fn join_all<I: Iterator<Item = Self>>(mut self, others: impl Fn() -> I) -> Self {
         loop {
-            let joined = others().fold(self, |joined, other| joined.join(&other).unwrap_or(joined));
-            // Every round but the last makes the block longer, up to what one request can ask for.
-            if joined.block == self.block {
-                return joined;
+            let before = self.block;
+            for other in others() {
+                self = self.join(&other).unwrap_or(self);
             }
-            self = joined;
+            // Every round but the last makes the block longer, up to what one request can ask for.
+            if self.block == before {
+                return self;
+            }
         }
     }
 

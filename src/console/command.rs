@@ -4,7 +4,7 @@ use embassy_time::Instant;
 
 use super::ask::Ask;
 use super::frames::Frames;
-use super::help;
+use super::help::Help;
 use super::job::{Job, Wait};
 use super::session::{Begun, Session};
 use super::show::{Show, Table};
@@ -120,7 +120,7 @@ impl<'g> Session<'_, 'g> {
                 Wait::Sent
             }
             Command::Help => {
-                *job = Job::Help(help::topic(words)?);
+                *job = Job::Help(Help::parse(words)?);
                 Wait::Sent
             }
             Command::Ask(ask) => return self.ask(ask, words, job),

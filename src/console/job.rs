@@ -4,6 +4,7 @@ use embassy_time::Duration;
 
 use super::ask::Question;
 use super::frames::Frames;
+use super::help::Help;
 use super::points::PointJob;
 use super::scan::Scan;
 use super::session::Session;
@@ -71,7 +72,7 @@ pub(super) enum Came {
 pub(super) enum Job<'g> {
     /// None.
     Idle,
-    Help(&'static [&'static str]),
+    Help(Help),
     Show(Table),
     Frames(Frames<'g>),
     Ask(Question),
@@ -86,10 +87,9 @@ impl Job<'_> {
     pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
         match self {
             Self::Idle => Wait::End,
-            Self::Help(lines) => match lines.split_first() {
-                Some((line, behind)) => {
-                    *lines = behind;
-                    session.out.line(format_args!("{line}"));
+            Self::Help(help) => match help.next() {
+                Some((typed, does)) => {
+                    session.out.line(format_args!("{typed:32} {does}"));
                     Wait::Sent
                 }
                 None => Wait::End,

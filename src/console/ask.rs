@@ -7,7 +7,7 @@ use super::probe::harmless;
 use super::rows::{LINE_VALUES_MAX, Values};
 use super::session::{Begun, Session};
 use crate::config::{
-    KINDS, LineError, ORDERS, PortId, Problem, Settings, TYPES, Time, Word, Words, parse_number,
+    KINDS, ORDERS, PortId, Problem, Settings, TYPES, Time, Word, Words, Wrong, parse_number,
 };
 use crate::modbus::Exception;
 use crate::modbus::pdu::function::{DIAGNOSTICS, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS};
@@ -37,7 +37,7 @@ pub(super) struct Question {
 
 impl Session<'_, '_> {
     /// Asks what the words say.
-    pub(super) fn ask(&mut self, ask: Ask, words: &mut Words<'_>, job: &mut Job<'_>) -> Begun {
+    pub(super) fn ask(&mut self, ask: Ask, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
         let (question, port) =
             self.gateway.settings(|settings| parse(settings, ask, words, &mut self.request))?;
         if let Err(error) = self.take_turn(port) {
@@ -97,9 +97,9 @@ impl Question {
 fn parse(
     settings: &Settings,
     ask: Ask,
-    words: &mut Words,
+    words: &Words,
     request: &mut Pdu,
-) -> Result<(Question, PortId), LineError> {
+) -> Result<(Question, PortId), Wrong> {
     let mut question = Question {
         ask,
         unit: number(words.take(), "a unit from 0 to 255")?,
@@ -129,7 +129,7 @@ fn parse(
 
 impl Question {
     /// `holding 100 count 2 as f32`, or `holding 100 as f32 1.5 2`
-    fn table(&mut self, words: &mut Words, request: &mut Pdu) -> Result<(), LineError> {
+    fn table(&mut self, words: &Words, request: &mut Pdu) -> Result<(), Wrong> {
         self.kind = words.take().keyword(KINDS, "coil, discrete, input or holding")?;
         self.first = number(words.take(), "an address from 0 to 65535")?;
         let mut data = Pdu::new();
@@ -157,7 +157,7 @@ impl Question {
     }
 
     /// Appends value number `at` of a write.
-    fn append(&self, data: &mut Pdu, at: u16, word: Word<'_>) -> Result<(), LineError> {
+    fn append(&self, data: &mut Pdu, at: u16, word: Word<'_>) -> Result<(), Wrong> {
         if !self.kind.is_writable() {
             return Err(word.expected("coil or holding: the others cannot be written"));
         }
@@ -200,6 +200,6 @@ impl Question {
     }
 }
 
-fn number<T: TryFrom<u32>>(word: Word<'_>, expected: &'static str) -> Result<T, LineError> {
+fn number<T: TryFrom<u32>>(word: Word<'_>, expected: &'static str) -> Result<T, Wrong> {
     parse_number(word.text).and_then(|number| T::try_from(number).ok()).ok_or_else(|| word.expected(expected))
 }

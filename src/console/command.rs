@@ -8,7 +8,7 @@ use super::help::Help;
 use super::job::{Job, Wait};
 use super::session::{Begun, Session};
 use super::show::{Show, Table};
-use crate::config::{LineError, Words};
+use crate::config::{Words, Wrong};
 
 /// What a command's first word asks for.
 #[derive(Debug, Clone, Copy)]
@@ -102,9 +102,8 @@ pub(super) enum Watch {
 pub(super) const TOPICS_WATCH: &[(&str, Watch)] = &[("points", Watch::Points)];
 
 impl<'g> Session<'_, 'g> {
-    /// Begins what `line` says: a command that takes more than this step becomes the `job`.
-    pub(super) fn begin(&mut self, line: &str, job: &mut Job<'g>) -> Begun {
-        let words = &mut Words::new(line);
+    /// Begins what the words of a line say: a command that takes more than this step becomes the `job`.
+    pub(super) fn begin(&mut self, words: &Words<'_>, job: &mut Job<'g>) -> Begun {
         let verb = words.take();
         if verb.is_end() {
             return Ok(Wait::End);
@@ -173,11 +172,7 @@ const SHOW_EXPECTED: &str =
     "ports, routes, units, clients, stats, points, devices, config, network, log, frames or version";
 
 /// The last word of a line as a topic of `table`.
-fn topic<T: Copy>(
-    words: &mut Words,
-    table: &[(&'static str, T)],
-    expected: &'static str,
-) -> Result<T, LineError> {
+fn topic<T: Copy>(words: &Words, table: &[(&'static str, T)], expected: &'static str) -> Result<T, Wrong> {
     let topic = words.take().keyword(table, expected)?;
     words.end()?;
     Ok(topic)

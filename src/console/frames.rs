@@ -88,7 +88,7 @@ fn head(session: &mut Session<'_, '_>, frame: &Captured, follows: bool) {
 
 impl Session<'_, '_> {
     /// Writes the frames that come into the file that is named, or no more.
-    pub(super) fn capture(&mut self, words: &mut Words<'_>) -> Begun {
+    pub(super) fn capture(&mut self, words: &Words<'_>) -> Begun {
         let word = words.take();
         if word.is_end() {
             return Err(word.expected("a file, or off"));

@@ -2,7 +2,7 @@
 
 use core::str::Lines;
 
-use crate::config::{LineError, Words};
+use crate::config::{Words, Wrong};
 use crate::scanner::POINTS;
 
 /// What stands for the text of a command that a gateway without data points does not have.
@@ -192,7 +192,7 @@ pub(super) enum Help {
 
 impl Help {
     /// The text for the rest of a line that began with `help`.
-    pub(super) fn parse(words: &mut Words) -> Result<Self, LineError> {
+    pub(super) fn parse(words: &Words) -> Result<Self, Wrong> {
         if words.peek().is_end() {
             return Ok(Self::Overview(TOPICS));
         }

@@ -20,7 +20,7 @@ impl PointJob {
 
 impl Session<'_, '_> {
     /// Says that there are none.
-    pub(super) fn point(&mut self, _: PointCommand, words: &mut Words<'_>, _: &mut Job<'_>) -> Begun {
+    pub(super) fn point(&mut self, _: PointCommand, words: &Words<'_>, _: &mut Job<'_>) -> Begun {
         Err(words.take().error(Problem::NoPoints))
     }
 

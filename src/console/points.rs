@@ -11,7 +11,7 @@ use super::output::{NO_ROW, Written};
 use super::rows::{LINE_VALUES_MAX, Values, age, text};
 use super::session::{Begun, Session};
 use super::show::{Source, titled};
-use crate::config::{LineError, POINTS_MAX, PointAt, PointSettings, Problem, Settings, Words, parse_number};
+use crate::config::{POINTS_MAX, PointAt, PointSettings, Problem, Settings, Words, Wrong, parse_number};
 use crate::gateway::ApplyError;
 use crate::modbus::crc::crc16;
 use crate::scanner::{
@@ -61,7 +61,7 @@ pub(super) enum PointJob {
 
 impl Session<'_, '_> {
     /// Does what `command` and the words behind it say.
-    pub(super) fn point(&mut self, command: PointCommand, words: &mut Words<'_>, job: &mut Job<'_>) -> Begun {
+    pub(super) fn point(&mut self, command: PointCommand, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
         let Some(place) = self.gateway.scanner() else { return Ok(self.fail(&ApplyError::NoPoints)) };
         let mut cells = Cells::new();
         let ask = self.gateway.settings(|settings| parse(settings, command, words, &mut cells))?;
@@ -270,12 +270,7 @@ fn settled(place: &ScannerPlace, row: RowId, give_up: Instant) -> Option<bool> {
 }
 
 /// Reads the words behind `command`.
-fn parse(
-    settings: &Settings,
-    command: PointCommand,
-    words: &mut Words,
-    cells: &mut Cells,
-) -> Result<Ask, LineError> {
+fn parse(settings: &Settings, command: PointCommand, words: &Words, cells: &mut Cells) -> Result<Ask, Wrong> {
     if command == PointCommand::Mark {
         return range(settings, words);
     }
@@ -295,7 +290,7 @@ fn parse(
 }
 
 /// `meter 3 0-99`
-fn range(settings: &Settings, words: &mut Words) -> Result<Ask, LineError> {
+fn range(settings: &Settings, words: &Words) -> Result<Ask, Wrong> {
     let word = words.take();
     let device = settings.find_device(word.text).ok_or_else(|| word.error(Problem::NoSuchDevice))?;
     let word = words.take();
@@ -314,12 +309,7 @@ fn range(settings: &Settings, words: &mut Words) -> Result<Ask, LineError> {
 }
 
 /// `17 18`, or `at 3 17 18`: values from the first one on, or from another one.
-fn written(
-    point: &PointSettings,
-    row: RowId,
-    words: &mut Words,
-    cells: &mut Cells,
-) -> Result<Ask, LineError> {
+fn written(point: &PointSettings, row: RowId, words: &Words, cells: &mut Cells) -> Result<Ask, Wrong> {
     let mut first = 0;
     if words.peek().is("at") {
         words.take();

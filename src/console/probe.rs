@@ -6,7 +6,7 @@ use core::fmt;
 use embassy_time::{Duration, Instant};
 
 use crate::config::{
-    Framing, LineError, LineSettings, PortId, PortKind, Problem, SerialSettings, Settings, Side, Word,
+    Framing, LineSettings, PortId, PortKind, Problem, SerialSettings, Settings, Side, Word, Wrong,
 };
 use crate::modbus::pdu::function::{
     DIAGNOSTICS, READ_COILS, READ_DISCRETE_INPUTS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS,
@@ -20,7 +20,7 @@ const PROGRESS: Duration = Duration::from_secs(5);
 pub(super) fn serial_client<'s>(
     settings: &'s Settings,
     word: Word<'_>,
-) -> Result<(PortId, &'s SerialSettings), LineError> {
+) -> Result<(PortId, &'s SerialSettings), Wrong> {
     let port = settings.find(word.text).ok_or_else(|| word.error(Problem::NoSuchPort))?;
     match settings.port(port).map(|port| &port.kind) {
         Some(PortKind::Serial(serial)) if serial.side == Side::Client => Ok((port, serial)),

@@ -70,7 +70,7 @@ enum Stage {
 
 impl Session<'_, '_> {
     /// Looks for units as the words say.
-    pub(super) fn scan(&mut self, words: &mut Words<'_>, job: &mut Job<'_>) -> Begun {
+    pub(super) fn scan(&mut self, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
         let plan = self.gateway.settings(|settings| Plan::parse(settings, words))?;
         if let Err(error) = self.take_turn(plan.port) {
             return Ok(self.fail(&error));

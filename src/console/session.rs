@@ -8,7 +8,7 @@ use super::input::{Input, Typed};
 use super::job::{Came, Job, Wait};
 use super::output::Output;
 use crate::asking::{NotAsked, Turn};
-use crate::config::{LineError, PortId, Warning};
+use crate::config::{PortId, Warning, Words, Wrong};
 use crate::drafting::Unchanged;
 use crate::gateway::Gateway;
 use crate::hal::{StoreError, System};
@@ -99,10 +99,10 @@ impl<'s, 'g> Console<'s, 'g> {
         }
         match typed {
             Typed::More => Wait::Key,
-            Typed::Line => match session.begin(input.line(), job) {
-                Ok(wait) => wait,
-                Err(error) => session.fail(&error),
-            },
+            Typed::Line => {
+                let words = Words::new(input.line());
+                session.begin(&words, job).unwrap_or_else(|Wrong| session.fail(&words.wrong()))
+            }
             Typed::Wrong(error) => session.fail(&error),
             Typed::Complete => {
                 self.complete();
@@ -201,5 +201,5 @@ impl Session<'_, '_> {
     }
 }
 
-/// A line that cannot be run says so and is over.
-pub(super) type Begun = Result<Wait, LineError>;
+/// What a command waits for first, unless its words are wrong.
+pub(super) type Begun = Result<Wait, Wrong>;

@@ -12,8 +12,7 @@ use super::rows::{port_name, took};
 use super::session::{Begun, Session};
 use crate::asking::Turn;
 use crate::config::{
-    Framing, LineError, LineSettings, PortId, SerialClientSettings, Settings, Time, Words, number,
-    parse_units,
+    Framing, LineSettings, PortId, SerialClientSettings, Settings, Time, Words, Wrong, number, parse_units,
 };
 use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS};
 use crate::port::answer_tail::AnswerTail;
@@ -98,7 +97,7 @@ impl Series {
 
 impl Session<'_, '_> {
     /// Measures what the words say.
-    pub(super) fn tune(&mut self, words: &mut Words<'_>, job: &mut Job<'_>) -> Begun {
+    pub(super) fn tune(&mut self, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
         let tune = self.gateway.settings(|settings| Tune::parse(settings, words))?;
         if let Err(error) = self.take_turn(tune.port) {
             return Ok(self.fail(&error));
@@ -110,7 +109,7 @@ impl Session<'_, '_> {
 
 impl Tune {
     /// Reads `P1 units 1-5 count 1000`.
-    fn parse(settings: &Settings, words: &mut Words) -> Result<Self, LineError> {
+    fn parse(settings: &Settings, words: &Words) -> Result<Self, Wrong> {
         let (port, serial) = serial_client(settings, words.take())?;
         let mut units = None;
         let mut count = COUNT;

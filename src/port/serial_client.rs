@@ -3,6 +3,8 @@
 //! The line is opened, and opened again with back-off when it is lost. As soon as it has been silent for the gap, the
 //! desk gives the order whose turn it is; its response is written into the order's frame, which goes home.
 
+use core::pin::pin;
+
 use embassy_futures::select::select;
 use embassy_time::Instant;
 
@@ -15,7 +17,7 @@ use crate::port::copy::Copied;
 use crate::port::cut::Lane;
 use crate::port::desk::Desk;
 use crate::port::line::{Collision, LineLost, Opening};
-use crate::port::moment::until;
+use crate::port::moment::{apart, until};
 use crate::port::queue::Next;
 use crate::port::reply::Reply;
 use crate::stats::Event;
@@ -30,7 +32,7 @@ pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSetting
         let mut bus = opened.map(|line| Bus::new(line, desk, settings));
         if let Some(bus) = &mut bus {
             desk.open();
-            serve(desk, bus, &settings.client).await;
+            apart(pin!(serve(desk, bus, &settings.client))).await;
             opening.lost();
         }
         // The line is closed before it is opened again.
@@ -47,7 +49,7 @@ async fn serve<L: SerialLine>(desk: &Desk<'_>, bus: &mut Bus<'_, L>, client: &Se
             return;
         }
         let done = match desk.next() {
-            Next::Serve(frame, ticket) => carry_out(desk, bus, client, frame, ticket.unit).await,
+            Next::Serve(frame, ticket) => apart(pin!(carry_out(desk, bus, client, frame, ticket.unit))).await,
             Next::Wait(at) => bus.idle(select(desk.changed(), until(at))).await,
             Next::Empty => bus.idle(desk.changed()).await,
         };

@@ -8,6 +8,8 @@
 //! answer came. Meanwhile the connection is tried again in the background, at growing intervals, so that no request has to
 //! wait for the network's time-out but the first, and those of an asker with a back-off of his own, who makes such a try.
 
+use core::pin::pin;
+
 use embassy_time::{Duration, Instant, with_deadline, with_timeout};
 
 use crate::config::TcpClientSettings;
@@ -15,6 +17,7 @@ use crate::gateway::Status;
 use crate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream};
 use crate::port::desk::Desk;
 use crate::port::link::Link;
+use crate::port::moment::apart;
 use crate::port::sockets;
 use crate::stats::Event;
 
@@ -57,7 +60,7 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
                     desk.open();
                     // Lent and not moved: what a future is given it keeps twice.
                     let mut link = Link::new(desk, settings, stream, first_id);
-                    well = link.run().await;
+                    well = apart(pin!(link.run())).await;
                     link.into_stream().close().await;
                     place.socket.closed(places);
                     first_id = first_id.wrapping_add(ID_STRIDE);

@@ -11,10 +11,10 @@ use core::future::pending;
 use core::net::SocketAddr;
 use core::pin::pin;
 
-use embassy_futures::select::{Either, Either4, select, select4};
-use embassy_time::{Duration, Instant, Timer, with_timeout};
+use embassy_futures::select::{Either4, select4};
+use embassy_time::{Duration, Instant, Timer};
 
-use crate::capture::{Export, Tap};
+use crate::capture::Tap;
 use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState};
@@ -27,10 +27,12 @@ use crate::port::moment::{apart, until, within};
 use crate::port::stream::{Input, encode};
 use crate::stats::Event;
 
+// One of two: what an `async` function awaits stays in it, also behind a constant.
+#[cfg_attr(not(feature = "capture"), path = "tcp_server/no_export.rs")]
+mod export;
+
 /// A client that does not take an answer for so long is closed.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
-/// How often it is looked whether there are frames for a capture: what a busy line brings meanwhile fits into the ring.
-const EXPORT_PAUSE: Duration = Duration::from_millis(5);
 /// Pause after the listener failed.
 const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
@@ -295,36 +297,6 @@ impl Server<'_, '_> {
         let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
         let asker = || self.peer().map_or(0, |peer| peer.port());
         tap.passed(asker, sent, verdict, bytes);
-    }
-
-    /// Gives a client the frames of all ports as they come.
-    async fn export<S: TcpStream>(&self, stream: &mut S) -> End {
-        let leave = pin!(self.seat.leave.wait());
-        let export = pin!(async {
-            let mut export = match with_timeout(WRITE_PATIENCE, Export::begin(self.gateway, stream)).await {
-                Ok(Ok(Some(export))) => export,
-                Ok(_) => return End::Left,
-                Err(_) => return End::Stalled,
-            };
-            loop {
-                // Whoever takes no frame for so long takes none at all.
-                match with_timeout(WRITE_PATIENCE, export.write_next(stream)).await {
-                    Ok(Ok(true)) => continue,
-                    Ok(Ok(false)) => {}
-                    Ok(Err(_)) => return End::Left,
-                    Err(_) => return End::Stalled,
-                }
-                let mut said = [0; 16];
-                match select(stream.read(&mut said), Timer::after(EXPORT_PAUSE)).await {
-                    Either::First(Ok(0) | Err(_)) => return End::Left,
-                    Either::First(Ok(_)) | Either::Second(()) => {}
-                }
-            }
-        });
-        match select(leave, export).await {
-            Either::First(()) => End::Crowded,
-            Either::Second(end) => end,
-        }
     }
 
     /// When the client will have been idle too long; never while it waits for an answer.

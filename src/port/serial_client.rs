@@ -90,14 +90,12 @@ async fn carry_out<'g, L: SerialLine>(
         }
         desk.arrived(&frame);
     }
-    let mut request = [0; PDU_BYTES_MAX];
-    let length = frame.copy_pdu(&mut request);
-    let request = request.get(..length).unwrap_or(&[]);
     if arriving {
-        bus.note_copied(unit, request, frame.own_crc());
+        let crc = frame.own_crc();
+        frame.pdu(|request| bus.note_copied(unit, request, crc));
     }
     if unit == 0 {
-        bus.broadcast(request).await?;
+        bus.broadcast(&frame).await?;
         desk.done_silently(&frame);
         return Ok(());
     }
@@ -106,8 +104,14 @@ async fn carry_out<'g, L: SerialLine>(
     if !arriving && way == Way::Line {
         place.stats.count(Event::Stored);
     }
-    let outcome = match if arriving { Ok(()) } else { bus.send(unit, request).await? } {
-        Ok(()) => bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?,
+    let outcome = match if arriving { Ok(()) } else { bus.send(unit, &frame).await? } {
+        Ok(()) => {
+            // What comes takes its place in the frame.
+            let mut request = [0; PDU_BYTES_MAX];
+            let length = frame.copy_pdu(&mut request);
+            let request = request.get(..length).unwrap_or(&[]);
+            bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?
+        }
         Err(Collision) => Err(Failure::Collision),
     };
     if way == Way::Console {

@@ -22,7 +22,7 @@ use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
 use crate::port::moment::{until, within};
-use crate::port::stream::{Input, encode};
+use crate::port::stream::{Input, Pieces, encode};
 use crate::stats::{Event, LastError};
 
 // One of two: what an `async` function awaits stays in it, also behind a constant.
@@ -230,9 +230,9 @@ impl Server<'_, '_> {
                     Taken::Refused(exception) => {
                         let answer = exception.response(pdu.first().copied().unwrap_or(0));
                         self.tap(false, Event::Request, input.first(consumed));
-                        let mut out = [0; ADU_BYTES_MAX];
-                        let out = encode(self.settings.framing, header, &answer, &mut out);
-                        self.write(stream, out.unwrap_or(&[])).await?;
+                        let mut out = Pieces::new();
+                        self.frame(header, &answer, &mut out);
+                        self.write(stream, out.piece()).await?;
                         consumed
                     }
                     Taken::Starved => {
@@ -288,13 +288,25 @@ impl Server<'_, '_> {
         if stage == Stage::Silence {
             return Ok(());
         }
-        let mut out = [0; ADU_BYTES_MAX];
-        let length = frame.pdu(|answer| {
-            self.count_answer(answer, cause);
-            encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
-        });
-        drop(frame);
-        self.write(stream, out.get(..length).unwrap_or(&[])).await
+        frame.pdu(|answer| self.count_answer(answer, cause));
+        let mut out = Pieces::new();
+        loop {
+            frame.pdu(|answer| self.frame(header, answer, &mut out));
+            self.write(stream, out.piece()).await?;
+            if !out.goes_on() {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Puts the next piece of an answer's frame into `out`.
+    fn frame(&self, header: Header, answer: &[u8], out: &mut Pieces) {
+        let mut frame = [0; ADU_BYTES_MAX];
+        let frame = encode(self.settings.framing, header, answer, &mut frame).unwrap_or(&[]);
+        if out.is_new() {
+            self.tap(true, Event::Answer, frame);
+        }
+        out.take(frame);
     }
 
     fn count_answer(&self, answer: &[u8], cause: Cause) {
@@ -307,10 +319,9 @@ impl Server<'_, '_> {
         }
     }
 
-    /// Writes the frame of an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, frame: &[u8]) -> Result<(), End> {
-        self.tap(true, Event::Answer, frame);
-        match within(WRITE_PATIENCE, pin!(stream.write_all(frame))).await {
+    /// Writes a piece of an answer's frame. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+    async fn write<S: TcpStream>(&self, stream: &mut S, piece: &[u8]) -> Result<(), End> {
+        match within(WRITE_PATIENCE, pin!(stream.write_all(piece))).await {
             Some(Ok(())) => Ok(()),
             Some(Err(_)) => Err(End::Client),
             None => Err(End::Stalled),

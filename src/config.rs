@@ -59,7 +59,7 @@ pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
 pub(crate) use self::values::{number, parse_number, time};
-pub(crate) use self::words::{Word, Words};
+pub(crate) use self::words::{Word, Words, Wrong};
 use crate::route::{Destination, Route};
 use crate::scanner::DEVICES_MAX;
 

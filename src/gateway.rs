@@ -414,7 +414,7 @@ impl<'g> Gateway<'g> {
     }
 
     fn send_home(&self, frame: Frame<'_>, stage: Stage) {
-        frame.amend(|envelope| envelope.stage = stage);
+        frame.set_stage(stage);
         self.inbox.send(frame);
     }
 }

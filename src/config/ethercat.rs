@@ -4,9 +4,8 @@ use core::fmt::{self, Display};
 
 use super::port_keys::Key;
 use super::print::option;
-use super::problem::LineError;
 use super::values::name;
-use super::words::Words;
+use super::words::{Words, Wrong};
 use super::{Framing, LineSettings, Name, PortId, PortKind, SerialSettings, Settings, Side};
 
 /// How the process image meets the Modbus devices.
@@ -66,11 +65,7 @@ const ON_LOSS: &[(&str, OnLoss)] =
     &[("hold", OnLoss::Hold), ("clear", OnLoss::Clear), ("stop", OnLoss::Stop)];
 
 /// Sets what `key` says.
-pub(super) fn set_ethercat(
-    settings: &mut EthercatSettings,
-    key: Key,
-    words: &mut Words,
-) -> Result<(), LineError> {
+pub(super) fn set_ethercat(settings: &mut EthercatSettings, key: Key, words: &Words) -> Result<(), Wrong> {
     let value = words.take();
     match key {
         Key::Line if value.is("none") => settings.line = None,

@@ -10,9 +10,8 @@ use super::port_keys::{
     DOWN_AFTER, Key, LATE_WINDOW, LIFETIME, PIPELINE, RETRIES, TIMEOUT, allowed, auto_or_time, idle,
 };
 use super::print::{list, option};
-use super::problem::LineError;
 use super::values::{Time, listen, small, time};
-use super::words::{Word, Words};
+use super::words::{Word, Words, Wrong};
 use super::{MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, UDP_REQUESTS_MAX, UdpServerSettings};
 
 const DELAY: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(60);
@@ -38,11 +37,7 @@ pub(super) const TCP_CLIENT_EXPECTED: &str = "address, rtu, unit, in-flight, tim
      connect-delay, request-delay, idle, retries, late-window or down-after";
 
 /// Sets in a TCP client what `key` says.
-pub(super) fn set_tcp_client(
-    settings: &mut TcpClientSettings,
-    key: Key,
-    words: &mut Words,
-) -> Result<(), LineError> {
+pub(super) fn set_tcp_client(settings: &mut TcpClientSettings, key: Key, words: &Words) -> Result<(), Wrong> {
     if let Key::Stream(framing) = key {
         settings.framing = framing;
         return Ok(());
@@ -77,11 +72,7 @@ pub(super) const UDP_SERVER_KEYS: &[(&str, Key)] = &[
 pub(super) const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow";
 
 /// Sets in a UDP server what `key` says.
-pub(super) fn set_udp_server(
-    settings: &mut UdpServerSettings,
-    key: Key,
-    words: &mut Words,
-) -> Result<(), LineError> {
+pub(super) fn set_udp_server(settings: &mut UdpServerSettings, key: Key, words: &Words) -> Result<(), Wrong> {
     if key == Key::Allow {
         settings.allowed = allowed(words)?;
         return Ok(());
@@ -109,7 +100,7 @@ impl Display for UdpServerSettings {
 }
 
 /// Where a server is: `192.168.1.20:502`, `[fe80::1]:502`; without a port number it is Modbus's own.
-pub(super) fn server(word: Word) -> Result<SocketAddr, LineError> {
+pub(super) fn server(word: Word) -> Result<SocketAddr, Wrong> {
     let parsed = word.text.parse().ok().or_else(|| {
         let address: IpAddr = word.text.parse().ok()?;
         Some(SocketAddr::new(address, MODBUS_TCP_PORT))

@@ -4,9 +4,9 @@
 use super::Settings;
 use super::point_words::existing_point;
 use super::points::{PointAt, PointSettings};
-use super::problem::{LineError, Problem};
-use super::text::{Applied, CHANGED};
-use super::words::Word;
+use super::problem::Problem;
+use super::text::Changed;
+use super::words::{Word, Wrong};
 use crate::scanner::{Kind, VALUE_BYTES_MAX};
 
 /// What `point` says about other points, if it is to stand at `place`, or behind them.
@@ -16,7 +16,7 @@ pub(super) fn check_others(
     place: Option<usize>,
     name: Word,
     address: Word,
-) -> Result<(), LineError> {
+) -> Result<(), Wrong> {
     let place = place.unwrap_or(settings.points.len());
     let others = || settings.points.iter().enumerate().filter(|&(at, _)| at != place).map(|(_, other)| other);
     let shows = |other: &PointSettings| matches!(other.at, PointAt::Local { of: Some(of), .. } if usize::from(of) == place);
@@ -70,7 +70,7 @@ fn meet(one: Span, other: Span) -> bool {
 }
 
 /// Takes the device or the point that `word` names out of the settings.
-pub(super) fn delete_device(settings: &mut Settings, word: Word) -> Result<Applied, LineError> {
+pub(super) fn delete_device(settings: &mut Settings, word: Word) -> Result<Changed, Wrong> {
     let missing = || word.error(Problem::NoSuchDevice);
     let gone = settings.find_device(word.text).ok_or_else(missing)?;
     for point in &mut settings.points {
@@ -87,11 +87,11 @@ pub(super) fn delete_device(settings: &mut Settings, word: Word) -> Result<Appli
         }
     }
     settings.devices.remove(gone.into());
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
 /// See [`delete_device`].
-pub(super) fn delete_point(settings: &mut Settings, word: Word) -> Result<Applied, LineError> {
+pub(super) fn delete_point(settings: &mut Settings, word: Word) -> Result<Changed, Wrong> {
     let (gone, _) = existing_point(settings, word)?;
     let shows = |point: &PointSettings| matches!(point.at, PointAt::Local { of: Some(of), .. } if of == gone);
     if settings.points.iter().any(shows) {
@@ -105,5 +105,5 @@ pub(super) fn delete_point(settings: &mut Settings, word: Word) -> Result<Applie
             *of -= 1;
         }
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }

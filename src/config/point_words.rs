@@ -10,10 +10,10 @@ use heapless::String;
 
 use super::point_checks::check_others;
 use super::points::{DeviceSettings, Label, PointAt, PointName, PointSettings};
-use super::problem::{LineError, Problem};
-use super::text::{Applied, CHANGED};
+use super::problem::Problem;
+use super::text::Changed;
 use super::values::{is_name, medium, parse_number, small, time};
-use super::words::{Word, Words};
+use super::words::{Word, Words, Wrong};
 use super::{PortKind, Settings};
 use crate::scanner::{ByteOrder, Device, Kind, Modicon, Reading, ValueType, Writing};
 
@@ -89,7 +89,7 @@ pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
 struct Seen(u16);
 
 impl Seen {
-    fn once(&mut self, key: Key, word: Word) -> Result<(), LineError> {
+    fn once(&mut self, key: Key, word: Word) -> Result<(), Wrong> {
         let had = self.has(key);
         self.0 |= 1 << key as u8;
         if had { Err(word.error(Problem::Twice)) } else { Ok(()) }
@@ -101,7 +101,7 @@ impl Seen {
 }
 
 /// Reads a device up to the end of the line, and puts it into the settings.
-pub(super) fn device(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+pub(super) fn device(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word, "a name for the device, as for a port")?;
     let scanner = |port: &super::Port| port.kind == PortKind::Scanner;
@@ -130,11 +130,11 @@ pub(super) fn device(settings: &mut Settings, words: &mut Words) -> Result<Appli
         Some(old) => *old = new,
         None => settings.devices.push(new).map_err(|_| name_word.error(Problem::DevicesFull))?,
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
 /// Reads a point up to the end of the line, checks it against the others, and puts it into the settings.
-pub(super) fn point(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+pub(super) fn point(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word, "a name for the point, as for a port")?;
     let device = at(settings, words.take())?;
@@ -165,11 +165,11 @@ pub(super) fn point(settings: &mut Settings, words: &mut Words) -> Result<Applie
         Some(old) => *old = point,
         None => settings.points.push(point).map_err(|_| name_word.error(Problem::PointsFull))?,
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
 /// Where a point is: `local`, or the name of a device.
-fn at(settings: &Settings, word: Word) -> Result<PointAt, LineError> {
+fn at(settings: &Settings, word: Word) -> Result<PointAt, Wrong> {
     if word.is_end() {
         return Err(word.expected("the name of a device, or local"));
     }
@@ -181,7 +181,7 @@ fn at(settings: &Settings, word: Word) -> Result<PointAt, LineError> {
 }
 
 /// `holding 0`, or `40001`.
-fn address(words: &mut Words) -> Result<(Kind, u16), LineError> {
+fn address(words: &Words) -> Result<(Kind, u16), Wrong> {
     let word = words.take();
     if let Some(number) = parse_number(word.text) {
         let Modicon(kind, first) = Modicon::parse(number)
@@ -196,8 +196,8 @@ fn address(words: &mut Words) -> Result<(Kind, u16), LineError> {
 fn options<'w>(
     settings: &Settings,
     point: &mut PointSettings,
-    words: &mut Words<'w>,
-) -> Result<Option<Word<'w>>, LineError> {
+    words: &'w Words,
+) -> Result<Option<Word<'w>>, Wrong> {
     let mut seen = Seen::default();
     let mut count = None;
     if matches!(point.at, PointAt::Device { .. }) && !point.kind.is_writable() {
@@ -230,7 +230,7 @@ fn options<'w>(
     Ok(count)
 }
 
-fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &mut Words) -> Result<(), LineError> {
+fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) -> Result<(), Wrong> {
     match key {
         Key::Count => point.count = medium(words.take(), "values", 1..=1_968)?,
         Key::As => point.value = words.take().keyword(TYPES, "u16, i16, u32, i32 or f32")?,
@@ -282,7 +282,7 @@ fn set_write(point: &mut PointSettings, new: Writing) {
 }
 
 /// `low`, or a period such as `250ms`, in whole milliseconds.
-fn reading(word: Word) -> Result<Reading, LineError> {
+fn reading(word: Word) -> Result<Reading, Wrong> {
     if let Some(reading) = word.lookup(READINGS) {
         return Ok(reading);
     }
@@ -293,7 +293,7 @@ fn reading(word: Word) -> Result<Reading, LineError> {
 }
 
 /// A time in whole milliseconds.
-pub(super) fn whole_ms(word: Word, range: RangeInclusive<Duration>) -> Result<u32, LineError> {
+pub(super) fn whole_ms(word: Word, range: RangeInclusive<Duration>) -> Result<u32, Wrong> {
     let period = time(word, range)?;
     let whole = u32::try_from(period.as_millis()).ok();
     let whole = whole.filter(|ms| Duration::from_millis((*ms).into()) == period);
@@ -303,19 +303,19 @@ pub(super) fn whole_ms(word: Word, range: RangeInclusive<Duration>) -> Result<u3
 pub(super) fn existing_point<'s>(
     settings: &'s Settings,
     word: Word,
-) -> Result<(u8, &'s PointSettings), LineError> {
+) -> Result<(u8, &'s PointSettings), Wrong> {
     let place = settings.find_point(word.text);
     let found = place.and_then(|place| Some((place, settings.points.get(usize::from(place))?)));
     found.ok_or_else(|| word.error(Problem::NoSuchPoint))
 }
 
-fn name(word: Word, expected: &'static str) -> Result<PointName, LineError> {
+fn name(word: Word, expected: &'static str) -> Result<PointName, Wrong> {
     let name = if is_name(word) { String::try_from(word.text).ok() } else { None };
     name.ok_or_else(|| word.expected(expected))
 }
 
 /// `"Boiler 2"`, or a single word.
-fn label(words: &mut Words) -> Result<Label, LineError> {
+fn label(words: &Words) -> Result<Label, Wrong> {
     let word = words.take_quoted();
     let good = !word.text.contains(|character: char| character == '"' || character.is_control());
     let label = if good { Label::try_from(word.text).ok() } else { None };

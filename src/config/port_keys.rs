@@ -7,9 +7,8 @@ use heapless::{String, Vec};
 
 use super::ethercat::ETHERCAT_KEYS;
 use super::network_words::{TCP_CLIENT_KEYS, UDP_SERVER_KEYS};
-use super::problem::LineError;
 use super::values::{listen, medium, number, prefix, small, time};
-use super::words::{Word, Words};
+use super::words::{Word, Words, Wrong};
 use super::{
     Allowed, Driver, Framing, IpPrefix, Parity, RESERVED_MAX, SerialSettings, Side, StreamFraming,
     TcpServerSettings,
@@ -185,8 +184,8 @@ pub(super) fn set_serial(
     settings: &mut SerialSettings,
     key: Key,
     word: Word,
-    words: &mut Words,
-) -> Result<(), LineError> {
+    words: &Words,
+) -> Result<(), Wrong> {
     let SerialSettings { line, client, server, .. } = settings;
     match key {
         Key::Device => settings.device = device(words.take())?,
@@ -214,11 +213,7 @@ pub(super) fn set_serial(
 }
 
 /// Sets in a TCP server what `key` says.
-pub(super) fn set_tcp_server(
-    settings: &mut TcpServerSettings,
-    key: Key,
-    words: &mut Words,
-) -> Result<(), LineError> {
+pub(super) fn set_tcp_server(settings: &mut TcpServerSettings, key: Key, words: &Words) -> Result<(), Wrong> {
     if key == Key::Allow {
         settings.allowed = allowed(words)?;
         return Ok(());
@@ -247,13 +242,13 @@ pub(super) fn set_tcp_server(
 }
 
 /// `for 192.168.1.0/24,10.0.0.7`: what stands behind the number of reserved places.
-fn reserved_for(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineError> {
+fn reserved_for(words: &Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, Wrong> {
     words.take().keyword(&[("for", ())], "for and the addresses that the places are kept for")?;
     prefixes(words)
 }
 
 /// What stands behind `allow`: prefixes, or `*` for everybody.
-pub(super) fn allowed(words: &mut Words) -> Result<Allowed, LineError> {
+pub(super) fn allowed(words: &Words) -> Result<Allowed, Wrong> {
     if words.peek().is("*") {
         words.take();
         return Ok(Allowed::everybody());
@@ -262,7 +257,7 @@ pub(super) fn allowed(words: &mut Words) -> Result<Allowed, LineError> {
 }
 
 /// `192.168.1.0/24,10.0.0.7`
-fn prefixes(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineError> {
+fn prefixes(words: &Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, Wrong> {
     let mut prefixes = Vec::new();
     loop {
         let word = words.take();
@@ -279,15 +274,12 @@ fn prefixes(words: &mut Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, LineError>
 const _: () = assert!(RESERVED_MAX == 4, "the error text of `prefixes` names the number");
 
 /// A time after which a connection without requests is closed; 0 is never.
-pub(super) fn idle(word: Word) -> Result<Duration, LineError> {
+pub(super) fn idle(word: Word) -> Result<Duration, Wrong> {
     if word.text == "0" { Ok(Duration::from_ticks(0)) } else { time(word, IDLE) }
 }
 
 /// `auto` gives the setting back to the specification's rule.
-pub(super) fn auto_or_time(
-    word: Word,
-    range: RangeInclusive<Duration>,
-) -> Result<Option<Duration>, LineError> {
+pub(super) fn auto_or_time(word: Word, range: RangeInclusive<Duration>) -> Result<Option<Duration>, Wrong> {
     if word.is("auto") { Ok(None) } else { time(word, range).map(Some) }
 }
 
@@ -299,14 +291,14 @@ const DEVICE_EXPECTED: &str = match super::DEVICE_BYTES_MAX {
 };
 
 /// The device name that `word` is.
-pub(super) fn device<const N: usize>(word: Word) -> Result<String<N>, LineError> {
+pub(super) fn device<const N: usize>(word: Word) -> Result<String<N>, Wrong> {
     let good = !word.is_end() && word.text.bytes().all(|byte| byte.is_ascii_graphic());
     let name = if good { String::try_from(word.text).ok() } else { None };
     name.ok_or_else(|| word.expected(DEVICE_EXPECTED))
 }
 
 /// Data bits, parity, stop bits: `8E1`.
-fn format(word: Word) -> Result<(u8, Parity, u8), LineError> {
+fn format(word: Word) -> Result<(u8, Parity, u8), Wrong> {
     let parsed = match word.text.as_bytes() {
         &[data @ b'7'..=b'8', parity, stop @ b'1'..=b'2'] => {
             let parity = match parity.to_ascii_uppercase() {

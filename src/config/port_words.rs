@@ -12,10 +12,10 @@ use super::port_keys::{
     Key, SERIAL_EXPECTED, SERIAL_KEYS, TCP_SERVER_EXPECTED, TCP_SERVER_KEYS, device, set_serial,
     set_tcp_server,
 };
-use super::problem::{LineError, Problem};
+use super::problem::Problem;
 use super::unit_words::UnitDraft;
 use super::values::{listen, parse_number};
-use super::words::{Word, Words};
+use super::words::{Word, Words, Wrong};
 use super::{
     Driver, EthercatSettings, Framing, LineSettings, Port, PortKind, SerialClientSettings,
     SerialServerSettings, SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings,
@@ -77,7 +77,7 @@ impl<'a> Draft<'a> {
     }
 
     /// Reads a new port up to the end of the line.
-    pub(super) fn create(words: &mut Words<'a>) -> Result<Self, LineError> {
+    pub(super) fn create(words: &'a Words) -> Result<Self, Wrong> {
         let kind = words.take();
         match kind.keyword(&MEDIA, "serial, tcp, udp, scanner or ethercat")? {
             Medium::Serial => Self::create_serial(words),
@@ -96,7 +96,7 @@ impl<'a> Draft<'a> {
         }
     }
 
-    fn create_serial(words: &mut Words<'a>) -> Result<Self, LineError> {
+    fn create_serial(words: &'a Words) -> Result<Self, Wrong> {
         let place = words.take();
         let settings = SerialSettings {
             device: device(place)?,
@@ -127,7 +127,7 @@ impl<'a> Draft<'a> {
         draft.check()
     }
 
-    fn create_tcp(words: &mut Words<'a>) -> Result<Self, LineError> {
+    fn create_tcp(words: &'a Words) -> Result<Self, Wrong> {
         let sides = [
             ("server", Side::Server),
             ("slave", Side::Server),
@@ -140,7 +140,7 @@ impl<'a> Draft<'a> {
         }
     }
 
-    fn create_udp_server(words: &mut Words<'a>) -> Result<Self, LineError> {
+    fn create_udp_server(words: &'a Words) -> Result<Self, Wrong> {
         words.take().keyword(&[("server", ()), ("slave", ())], "server")?;
         let place = words.take();
         let settings = UdpServerSettings::new(listen(place)?);
@@ -150,7 +150,7 @@ impl<'a> Draft<'a> {
         draft.check()
     }
 
-    fn create_tcp_client(words: &mut Words<'a>) -> Result<Self, LineError> {
+    fn create_tcp_client(words: &'a Words) -> Result<Self, Wrong> {
         let place = words.take();
         let mut draft = Self::new(PortKind::TcpClient(TcpClientSettings::new(server(place)?)), place);
         draft.once(Key::Server, place)?;
@@ -158,7 +158,7 @@ impl<'a> Draft<'a> {
         draft.check()
     }
 
-    fn create_tcp_server(words: &mut Words<'a>) -> Result<Self, LineError> {
+    fn create_tcp_server(words: &'a Words) -> Result<Self, Wrong> {
         let place = words.take();
         let listen = listen(place)?;
         let mut settings = TcpServerSettings::new(listen.port);
@@ -176,7 +176,7 @@ impl<'a> Draft<'a> {
     }
 
     /// Reads changes of a port as it is, up to the end of the line.
-    pub(super) fn edit(port: &Port, words: &mut Words<'a>) -> Result<Self, LineError> {
+    pub(super) fn edit(port: &Port, words: &'a Words) -> Result<Self, Wrong> {
         let mut draft = Self::new(port.kind.clone(), words.peek());
         draft.units = UnitDraft::new(port.units);
         // An edit without words is a line that was not finished.
@@ -185,7 +185,7 @@ impl<'a> Draft<'a> {
         draft.check()
     }
 
-    fn read(&mut self, words: &mut Words<'a>) -> Result<(), LineError> {
+    fn read(&mut self, words: &'a Words) -> Result<(), Wrong> {
         while !words.peek().is_end() {
             self.word(words)?;
         }
@@ -196,7 +196,7 @@ impl<'a> Draft<'a> {
         self.seen & key.bit() != 0
     }
 
-    fn once(&mut self, key: Key, word: Word) -> Result<(), LineError> {
+    fn once(&mut self, key: Key, word: Word) -> Result<(), Wrong> {
         if self.has(key) {
             return Err(word.error(Problem::Twice));
         }
@@ -205,7 +205,7 @@ impl<'a> Draft<'a> {
     }
 
     /// Takes one word, with its value if it has one.
-    fn word(&mut self, words: &mut Words<'a>) -> Result<(), LineError> {
+    fn word(&mut self, words: &'a Words) -> Result<(), Wrong> {
         let word = words.take();
         if self.kind == PortKind::Scanner {
             return Err(word.error(Problem::NothingToSet));
@@ -264,7 +264,7 @@ impl<'a> Draft<'a> {
     }
 
     /// Checks, behind the last word, what words say about each other.
-    fn check(mut self) -> Result<Self, LineError> {
+    fn check(mut self) -> Result<Self, Wrong> {
         if self.kind.side() == Side::Client {
             if let Some(word) = self.units.word {
                 return Err(word.error(Problem::ServerOnly));
@@ -327,7 +327,7 @@ fn one_at_a_time(
     word: Option<Word>,
     several: &mut u8,
     default: u8,
-) -> Result<(), LineError> {
+) -> Result<(), Wrong> {
     if framing == StreamFraming::Rtu {
         if let Some(word) = word {
             return Err(word.error(Problem::OneAtATime));

@@ -25,6 +25,24 @@ pub struct LineError {
     pub problem: Problem,
 }
 
+impl LineError {
+    pub(super) fn new(column: usize, text: &str, problem: Problem) -> Self {
+        let mut word = String::new();
+        for character in text.chars() {
+            // A longer word is cut: the column finds it all the same.
+            if word.push(character).is_err() {
+                break;
+            }
+        }
+        Self { column, word, problem }
+    }
+
+    /// The line has more than [`LINE_BYTES_MAX`] bytes.
+    pub(crate) fn too_long() -> Self {
+        Self::new(LINE_BYTES_MAX + 1, "", Problem::LineTooLong)
+    }
+}
+
 impl fmt::Display for LineError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "column {}: ", self.column)?;

@@ -9,10 +9,10 @@ use embassy_time::Duration;
 
 use super::point_words::{PERIOD, whole_ms};
 use super::print::option;
-use super::problem::{LineError, Problem};
-use super::text::{Applied, CHANGED};
+use super::problem::Problem;
+use super::text::Changed;
 use super::values::{Time, medium, number, small};
-use super::words::{Word, Words};
+use super::words::{Word, Words, Wrong};
 use super::{PortKind, Settings};
 use crate::scanner::{Kind, POINTS};
 
@@ -121,7 +121,7 @@ pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
 }
 
 /// Reads a device up to the end of the line, and puts it into the settings.
-pub(super) fn slave(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+pub(super) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let word = words.take();
     if !settings.ports.iter().flatten().any(|port| matches!(port.kind, PortKind::Ethercat(_))) {
         return Err(word.error(Problem::NoEthercat));
@@ -151,11 +151,11 @@ pub(super) fn slave(settings: &mut Settings, words: &mut Words) -> Result<Applie
         // The number was checked.
         None => drop(settings.slaves.push(slave)),
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
 /// `10 count 18`
-fn table(slave: &mut SlaveSettings, kind: Kind, words: &mut Words) -> Result<(), LineError> {
+fn table(slave: &mut SlaveSettings, kind: Kind, words: &Words) -> Result<(), Wrong> {
     let first = words.take();
     let address = medium(first, "an address as it is on the wire", 0..=u16::MAX)?;
     let mut count = 1;
@@ -173,7 +173,7 @@ fn table(slave: &mut SlaveSettings, kind: Kind, words: &mut Words) -> Result<(),
 }
 
 /// `hold`, `clear` or `substitute 17`
-fn on_silence(slave: &mut SlaveSettings, words: &mut Words) -> Result<(), LineError> {
+fn on_silence(slave: &mut SlaveSettings, words: &Words) -> Result<(), Wrong> {
     slave.on_silence = words.take().keyword(ON_SILENCE, "hold, clear or substitute")?;
     if slave.on_silence == OnSilence::Substitute {
         slave.substitute = medium(words.take(), "a register's value", 0..=u16::MAX)?;
@@ -182,12 +182,12 @@ fn on_silence(slave: &mut SlaveSettings, words: &mut Words) -> Result<(), LineEr
 }
 
 /// Takes the device of this number away; those behind it move up.
-pub(super) fn delete_slave(settings: &mut Settings, word: Word) -> Result<Applied, LineError> {
+pub(super) fn delete_slave(settings: &mut Settings, word: Word) -> Result<Changed, Wrong> {
     let count = settings.slaves.len();
     let Some(last) = count.checked_sub(1) else { return Err(word.error(Problem::NoSlaves)) };
     let place = number(word, "a slave's number", 0..=last as u32)?;
     settings.slaves.remove(place as usize);
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
 /// The words behind the number.

@@ -15,7 +15,7 @@ use super::route_words::{self, route};
 use super::slaves;
 use super::unit_words;
 use super::values::{name, number};
-use super::words::{Word, Words};
+use super::words::{Word, Words, Wrong};
 use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side, gap_warning};
 use crate::route::{Destination, Route};
 use crate::scanner::POINTS;
@@ -28,8 +28,6 @@ pub struct Applied {
     /// What is unlikely to be meant.
     pub warning: Option<Warning>,
 }
-
-pub(super) const CHANGED: Applied = Applied { changed: true, warning: None };
 
 #[derive(Clone, Copy)]
 enum Verb {
@@ -63,16 +61,35 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
     if line.len() > LINE_BYTES_MAX {
         return Err(LineError::too_long());
     }
-    let mut words = Words::new(line);
-    let words = &mut words;
+    let words = Words::new(line);
+    let changed = match change(settings, &words) {
+        Ok(changed) => changed,
+        Err(Wrong) => return Err(words.wrong()),
+    };
+    let port = match changed {
+        Changed::Port(id) => settings.port(id),
+        Changed::Nothing | Changed::Other => None,
+    };
+    Ok(Applied { changed: changed != Changed::Nothing, warning: port.and_then(gap_warning) })
+}
+
+/// What a line changed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Changed {
+    Nothing,
+    Port(PortId),
+    Other,
+}
+
+fn change(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let verb = words.take();
     if verb.is_end() {
-        return Ok(Applied { changed: false, warning: None });
+        return Ok(Changed::Nothing);
     }
     match verb.keyword(VERBS, "port, route, device, point, slave, edit, insert, move, delete or network")? {
         Verb::Device | Verb::Point | Verb::Slave if !POINTS => Err(verb.error(Problem::NoPoints)),
         Verb::Port => port(settings, words),
-        Verb::Route => add_route(settings, words),
+        Verb::Route => put_route(settings, words, settings.routes.len(), false),
         Verb::Device => point_words::device(settings, words),
         Verb::Point => point_words::point(settings, words),
         Verb::Slave => slaves::slave(settings, words),
@@ -82,7 +99,7 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
         Verb::Delete => delete(settings, words),
         Verb::Network => {
             settings.network = own_network::own_network(words)?;
-            Ok(CHANGED)
+            Ok(Changed::Other)
         }
     }
 }
@@ -106,7 +123,7 @@ pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
     ports.chain(route_words::keywords()).chain(points)
 }
 
-fn port(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+fn port(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word)?;
     let draft = Draft::create(words)?;
@@ -134,7 +151,7 @@ fn put_port(
     port: Port,
     name: Word,
     place: Word,
-) -> Result<Applied, LineError> {
+) -> Result<Changed, Wrong> {
     let others = settings.ports.iter().enumerate().filter(|&(at, _)| at != id.index());
     for other in others.filter_map(|(_, other)| other.as_ref()) {
         match (&port.kind, &other.kind) {
@@ -168,24 +185,14 @@ fn put_port(
             return Err(name.error(Problem::RulesNeedTcp(rules)));
         }
     }
-    let warning = gap_warning(&port);
     if let Some(slot) = settings.ports.get_mut(id.index()) {
         *slot = Some(port);
     }
-    Ok(Applied { changed: true, warning })
-}
-
-fn add_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
-    put_route(settings, words, settings.routes.len(), false)
+    Ok(Changed::Port(id))
 }
 
 /// Reads a row and puts it at place `at`, counted from 0, instead of the rule there or before it.
-fn put_route(
-    settings: &mut Settings,
-    words: &mut Words,
-    at: usize,
-    replace: bool,
-) -> Result<Applied, LineError> {
+fn put_route(settings: &mut Settings, words: &Words, at: usize, replace: bool) -> Result<Changed, Wrong> {
     let first = words.peek();
     let route = route(settings, words)?;
     if let Some(same) = settings.routes.iter().position(|other| *other == route)
@@ -198,7 +205,7 @@ fn put_route(
         Some(old) => *old = route,
         None => settings.routes.insert(at, route).map_err(|_| first.error(Problem::RoutesFull))?,
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
 #[derive(Clone, Copy)]
@@ -220,7 +227,7 @@ const POINT: (&str, Thing) = ("point", Thing::Point);
 const SLAVE: (&str, Thing) = ("slave", Thing::Slave);
 const SLAVES: (&str, Thing) = ("slaves", Thing::Slaves);
 
-fn edit(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+fn edit(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     match words.take().keyword(&[PORT, ROUTE], "port or route")? {
         Thing::Port => {
             let name_word = words.take();
@@ -236,13 +243,13 @@ fn edit(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError
     }
 }
 
-fn insert_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+fn insert_route(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     words.take().keyword(&[ROUTE], "route")?;
     let at = route_place(settings, words.take())?;
     put_route(settings, words, at, false)
 }
 
-fn move_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+fn move_route(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     words.take().keyword(&[ROUTE], "route")?;
     let from = route_place(settings, words.take())?;
     let to = route_place(settings, words.take())?;
@@ -253,10 +260,10 @@ fn move_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, Lin
     } else {
         span.rotate_right(1)
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
-fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+fn delete(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let things = [PORT, ROUTE, ROUTES, DEVICE, POINT, SLAVE, SLAVES];
     match words.take().keyword(&things, "port, route, routes, device, point, slave or slaves")? {
         Thing::Port => {
@@ -309,10 +316,10 @@ fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineErr
             settings.slaves.clear();
         }
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
-fn existing_port<'s>(settings: &'s Settings, word: Word) -> Result<(PortId, &'s Port), LineError> {
+fn existing_port<'s>(settings: &'s Settings, word: Word) -> Result<(PortId, &'s Port), Wrong> {
     if word.is_end() {
         return Err(word.expected("a port name"));
     }
@@ -321,7 +328,7 @@ fn existing_port<'s>(settings: &'s Settings, word: Word) -> Result<(PortId, &'s 
 }
 
 /// The place, from 0, of the rule whose number is `word`.
-fn route_place(settings: &Settings, word: Word) -> Result<usize, LineError> {
+fn route_place(settings: &Settings, word: Word) -> Result<usize, Wrong> {
     let number = number(word, "a rule's number", 1..=ROUTES_MAX as u32)? as usize;
     let count = settings.routes.len();
     if number <= count { Ok(number - 1) } else { Err(word.error(Problem::NoSuchRoute(count))) }

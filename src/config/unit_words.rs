@@ -1,8 +1,8 @@
 //! The words of a server-side port that say what unit ids without a device of their own mean: 0, 255, 248 to 254.
 
-use super::problem::{LineError, Problem};
+use super::problem::Problem;
 use super::values::small;
-use super::words::{Word, Words};
+use super::words::{Word, Words, Wrong};
 use super::{Special, UnitPolicy};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,7 +37,7 @@ pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
 }
 
 /// A policy while a line is read.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct UnitDraft<'a> {
     pub(super) policy: UnitPolicy,
     /// The last word that set something.
@@ -51,7 +51,7 @@ impl<'a> UnitDraft<'a> {
     }
 
     /// Takes `word` and its value, if it is one of these words.
-    pub(super) fn take(&mut self, word: Word<'a>, words: &mut Words) -> Result<bool, LineError> {
+    pub(super) fn take(&mut self, word: Word<'a>, words: &Words) -> Result<bool, Wrong> {
         let Some(key) = word.lookup(KEYS) else { return Ok(false) };
         let bit = match key {
             Key::Broadcast => 1,
@@ -74,7 +74,7 @@ impl<'a> UnitDraft<'a> {
     }
 }
 
-fn meaning(words: &mut Words, broadcast: bool) -> Result<Special, LineError> {
+fn meaning(words: &Words, broadcast: bool) -> Result<Special, Wrong> {
     let word = words.take();
     if broadcast && word.lookup(&[ALL_LINES]).is_some() {
         return Ok(Special::AllLines);

@@ -63,7 +63,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     pub(crate) fn new(mut line: Line<'s, L>, desk: &'s Desk<'_>, settings: &'s SerialSettings) -> Self {
         line.active += settings.client.start_delay;
         let silence = settings.framing.silence(line.settings) + line.jitter;
-        let place = desk.place();
+        let place = *desk.place();
         let tap = Tap { capture: desk.gateway().capture(), port: desk.id(), kind: settings.framing.into() };
         let (begun, decoder) = (line.active, Decoder::default());
         Self { line, place, tap, settings, decoder, begun, pauses: false, silence }

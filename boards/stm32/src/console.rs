@@ -33,7 +33,8 @@ async fn run(mut board: Board, mut line: Line, flash: SettingsFlash, forget: boo
 
 async fn serve(board: &mut Board, line: &mut Line, flash: SettingsFlash, forget: bool) {
     // It is a format that every chip has.
-    line.configure(&LINE).unwrap();
+    // The kind tells enough: its hint as text would bring the tables of Unicode, 3 KiB, into the image.
+    line.configure(&LINE).map_err(|error| error.kind).unwrap();
     let flash = FlashStore::open(flash, SETTINGS_START).await.map(Mutex::new);
     let mut store = Settings::of(&flash);
     board.settings = start::settings(&mut store, forget).await.err();

@@ -19,7 +19,7 @@ impl Server<'_, '_> {
         let export = pin!(async {
             let mut export = match with_timeout(WRITE_PATIENCE, Export::begin(self.gateway, stream)).await {
                 Ok(Ok(Some(export))) => export,
-                Ok(_) => return End::Client,
+                Ok(_) => return End::Left,
                 Err(_) => return End::Stalled,
             };
             loop {
@@ -27,12 +27,12 @@ impl Server<'_, '_> {
                 match with_timeout(WRITE_PATIENCE, export.write_next(stream)).await {
                     Ok(Ok(true)) => continue,
                     Ok(Ok(false)) => {}
-                    Ok(Err(_)) => return End::Client,
+                    Ok(Err(_)) => return End::Left,
                     Err(_) => return End::Stalled,
                 }
                 let mut said = [0; 16];
                 match select(stream.read(&mut said), Timer::after(EXPORT_PAUSE)).await {
-                    Either::First(Ok(0) | Err(_)) => return End::Client,
+                    Either::First(Ok(0) | Err(_)) => return End::Left,
                     Either::First(Ok(_)) | Either::Second(()) => {}
                 }
             }

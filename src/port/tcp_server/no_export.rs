@@ -6,6 +6,6 @@ use crate::hal::TcpStream;
 impl Server<'_, '_> {
     /// There is nothing to give. Settings with such a server are refused before.
     pub(super) async fn export<S: TcpStream>(&self, _: &mut S) -> End {
-        End::Client
+        End::Left
     }
 }

@@ -18,7 +18,8 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::waitqueue::WakerRegistration;
 
-use crate::modbus::PDU_BYTES_MAX;
+use crate::modbus::{PDU_BYTES_MAX, Pdu};
+use crate::route::Sharing;
 
 mod channel;
 mod envelope;
@@ -217,8 +218,7 @@ impl<'p> Frame<'p> {
         self.with(|slot| slot.envelope).flatten().unwrap_or(Envelope::EMPTY)
     }
 
-    /// What `of` takes from the envelope.
-    pub fn look<R>(&self, of: impl Fn(&Envelope) -> R) -> R {
+    fn look<R>(&self, of: impl Fn(&Envelope) -> R) -> R {
         let there = self.with(|slot| slot.envelope.as_ref().map(&of)).flatten();
         there.unwrap_or_else(|| of(&Envelope::EMPTY))
     }
@@ -238,8 +238,22 @@ impl<'p> Frame<'p> {
         self.look(|envelope| envelope.target)
     }
 
-    /// Changes the envelope of a frame that has been addressed.
-    pub fn amend(&self, change: impl FnOnce(&mut Envelope)) {
+    /// Whether it is the request or the answer.
+    pub fn stage(&self) -> Stage {
+        self.look(|envelope| envelope.stage)
+    }
+
+    /// Whose answers will do for it.
+    pub fn sharing(&self) -> Sharing {
+        self.look(|envelope| envelope.sharing)
+    }
+
+    /// Notes whether it is the request or the answer from now on.
+    pub fn set_stage(&self, stage: Stage) {
+        self.amend(|envelope| envelope.stage = stage);
+    }
+
+    fn amend(&self, change: impl FnOnce(&mut Envelope)) {
         self.with(|slot| slot.envelope.as_mut().map(change));
     }
 
@@ -253,15 +267,12 @@ impl<'p> Frame<'p> {
         self.with(|slot| slot.pdu.get(..usize::from(slot.length)).map(f)).flatten().unwrap_or_default()
     }
 
-    /// Copies the bytes of the PDU that are there into `out`, and says how many they are.
-    pub fn copy_pdu(&self, out: &mut [u8; PDU_BYTES_MAX]) -> usize {
-        self.pdu(|pdu| {
-            // It is no longer than a PDU may be.
-            if let Some(out) = out.get_mut(..pdu.len()) {
-                out.copy_from_slice(pdu);
-            }
-            pdu.len()
-        })
+    /// The bytes of the PDU that are there.
+    pub fn content(&self) -> Pdu {
+        let mut content = Pdu::new();
+        // There is room: it is no longer than a PDU may be.
+        self.pdu(|pdu| content.extend_from_slice(pdu).unwrap_or_default());
+        content
     }
 
     /// The function code; 0 while there is none.

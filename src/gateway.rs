@@ -13,7 +13,7 @@ use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
 use crate::asking::Asking;
-use crate::capture::Capture;
+use crate::capture::{CAPTURE, Capture};
 use crate::config::{
     OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, StreamFraming, load_points,
 };
@@ -141,7 +141,7 @@ impl<'g> Gateway<'g> {
 
     /// The last frames of the serial lines, if the board has memory for them.
     pub fn capture(&self) -> Option<&'g Capture> {
-        self.capture
+        if CAPTURE { self.capture } else { None }
     }
 
     /// The data points, if the board has memory for them. Point N of the settings is row N, device N is device N.
@@ -244,7 +244,7 @@ impl<'g> Gateway<'g> {
             ethercat.check_settings(new)?;
         }
         let captures = |port: &Port| matches!(&port.kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture);
-        if new.ports.iter().flatten().any(captures) && self.capture.is_none() {
+        if new.ports.iter().flatten().any(captures) && self.capture().is_none() {
             return Err(ApplyError::NoCapture);
         }
         let mut points = Reloaded::Nothing;
@@ -414,7 +414,7 @@ impl<'g> Gateway<'g> {
     }
 
     fn send_home(&self, frame: Frame<'_>, stage: Stage) {
-        frame.amend(|envelope| envelope.stage = stage);
+        frame.set_stage(stage);
         self.inbox.send(frame);
     }
 }

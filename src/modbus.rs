@@ -10,6 +10,8 @@
 
 use core::fmt;
 
+use heapless::Vec;
+
 pub mod ascii;
 pub mod crc;
 pub mod delta;
@@ -19,6 +21,9 @@ pub mod tcp;
 
 /// Longest PDU in bytes (Application Protocol V1.1b3, clause 4.1): 256 of an RTU frame less unit and CRC.
 pub const PDU_BYTES_MAX: usize = 253;
+
+/// A PDU: function code and data.
+pub type Pdu = Vec<u8, PDU_BYTES_MAX>;
 
 /// A PDU that no framing can carry; the fact is its length in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]

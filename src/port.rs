@@ -25,6 +25,7 @@ pub(crate) mod desk;
 pub(crate) mod framing;
 pub(crate) mod line;
 pub(crate) mod link;
+pub(crate) mod listening;
 pub(crate) mod moment;
 pub(crate) mod reply;
 // One of two: what an `async` function awaits stays in it, also behind a constant.

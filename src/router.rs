@@ -9,8 +9,8 @@ use embassy_time::Instant;
 use crate::config::PortId;
 use crate::frame::{Cause, Channel, Envelope, Fill, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
+use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
-use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::local;
 use crate::route::{self, Decision};
 use crate::stats::{Event, LogEntry, Outcome};
@@ -20,7 +20,7 @@ impl Gateway<'_> {
     pub async fn route(&self) {
         loop {
             let frame = self.inbox.receive(self.pool()).await;
-            match frame.look(|envelope| envelope.stage) {
+            match frame.stage() {
                 Stage::Request => self.forward(frame),
                 Stage::Answering => {
                     let is_gone = self.is_gone(frame.origin());
@@ -48,15 +48,11 @@ impl Gateway<'_> {
         let decision = decision.unwrap_or(Decision::Refuse(Exception::ILLEGAL_VALUE));
         let count = |event| self.count_at(port, event);
         match decision {
-            Decision::Forward { port, unit, priority, sharing, addresses } => {
+            Decision::Forward { port, unit: target, priority, sharing, addresses } => {
                 match self.ports().get(port.index()) {
                     Some(place) => {
-                        frame.amend(|envelope| {
-                            (envelope.target, envelope.destination) = (unit, Some(port));
-                            envelope.priority = priority;
-                            envelope.sharing = sharing;
-                            envelope.addresses = addresses;
-                        });
+                        let to_port = Envelope { target, priority, sharing, addresses, ..envelope };
+                        frame.address(Envelope { destination: Some(port), ..to_port });
                         place.queue.send(frame);
                     }
                     None => self.refuse(frame, Exception::GATEWAY_NO_PATH),
@@ -92,18 +88,16 @@ impl Gateway<'_> {
     fn broadcast(&self, frame: Frame<'_>) {
         let envelope = frame.envelope();
         let origin = envelope.origin;
-        let mut request = [0; PDU_BYTES_MAX];
-        let length = frame.copy_pdu(&mut request);
-        let request = request.get(..length).unwrap_or(&[]);
+        let request = frame.content();
         let mut lines = 0;
         for (index, place) in self.ports().iter().enumerate() {
             let port = PortId(index as u8);
-            let rank = |settings: &_| route::leads_to(settings, origin.port, envelope.peer, request, port);
+            let rank = |settings: &_| route::leads_to(settings, origin.port, envelope.peer, &request, port);
             let Some(priority) = self.settings(rank) else { continue };
             // No frame is anybody's own here: a flood of broadcasts must not cost others theirs.
             let origin = Origin { way: Way::Nobody, ..origin };
             let to_port = Envelope { origin, target: 0, destination: Some(port), priority, ..envelope };
-            let Some(copy) = self.pool().fill(usize::MAX, request, to_port) else {
+            let Some(copy) = self.pool().fill(usize::MAX, &request, to_port) else {
                 self.count_at(origin.port, Event::QueueFull);
                 continue;
             };
@@ -119,12 +113,10 @@ impl Gateway<'_> {
 
     /// Sends a broadcast home: without an answer, unless its port is told to confirm what TCP clients write.
     pub(crate) fn finish_broadcast(&self, frame: Frame<'_>) {
-        let origin = frame.envelope().origin;
+        let origin = frame.origin();
         let confirm =
             self.settings(|settings| settings.port(origin.port).is_some_and(|port| port.units.confirm));
-        let mut request = [0; PDU_BYTES_MAX];
-        let length = frame.copy_pdu(&mut request);
-        match pdu::confirmation(request.get(..length).unwrap_or(&[])) {
+        match pdu::confirmation(&frame.content()) {
             Some(answer) if confirm && matches!(origin.way, Way::Seat(_)) => {
                 // It is a part of the request.
                 let _ = frame.replace(answer);

@@ -10,7 +10,8 @@ use heapless::Deque;
 
 use crate::config::PortId;
 use crate::frame::Cause;
-use crate::modbus::{Exception, pdu};
+use crate::modbus::Exception;
+use crate::modbus::pdu::{self, EXCEPTION_BIT};
 
 /// What a port counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -294,8 +295,19 @@ impl Counters {
         self.note_exception(exception, cause);
     }
 
+    /// Counts an answer that goes to a client; `cause` is behind it if it is an exception of the gateway.
+    pub(crate) fn answered(&self, answer: &[u8], cause: Cause) {
+        self.count(Event::Answer);
+        if let [function, code] = *answer
+            && function & EXCEPTION_BIT != 0
+        {
+            self.count(Event::Exception);
+            self.note_exception(Exception(code), cause);
+        }
+    }
+
     /// Notes what an exception that a client gets says of its request.
-    pub(crate) fn note_exception(&self, exception: Exception, cause: Cause) {
+    fn note_exception(&self, exception: Exception, cause: Cause) {
         match (exception, cause) {
             (Exception::BUSY, _) => self.count(Event::Busy),
             (Exception::ILLEGAL_FUNCTION, _) => self.note(LastError::Function),

@@ -4,7 +4,6 @@ use heapless::Vec;
 
 use super::LINE_BYTES_MAX;
 use super::problem::{LineError, Problem};
-use super::words::Word;
 
 /// The line that is being gathered.
 #[derive(Debug, Default)]
@@ -32,7 +31,7 @@ impl LineBuffer {
         core::str::from_utf8(&self.bytes).map_err(|error| {
             let good = self.bytes.get(..error.valid_up_to()).unwrap_or_default();
             let column = core::str::from_utf8(good).map_or(0, |good| good.chars().count()) + 1;
-            Word::end_at(column).error(Problem::NotText)
+            LineError::new(column, "", Problem::NotText)
         })
     }
 
@@ -40,12 +39,5 @@ impl LineBuffer {
     pub(crate) fn clear(&mut self) {
         self.bytes.clear();
         self.cut = false;
-    }
-}
-
-impl LineError {
-    /// The line has more than [`LINE_BYTES_MAX`] bytes.
-    pub(crate) fn too_long() -> Self {
-        Word::end_at(LINE_BYTES_MAX + 1).error(Problem::LineTooLong)
     }
 }

@@ -7,9 +7,9 @@ use core::net::Ipv4Addr;
 
 use heapless::String;
 
-use super::problem::{LineError, Problem};
+use super::problem::Problem;
 use super::values::parse_number;
-use super::words::{Word, Words};
+use super::words::{Word, Words, Wrong};
 
 /// Longest host name in bytes.
 pub const HOST_NAME_BYTES_MAX: usize = 32;
@@ -67,7 +67,7 @@ pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
 }
 
 /// Reads what stands behind `network`.
-pub(super) fn own_network(words: &mut Words) -> Result<OwnNetwork, LineError> {
+pub(super) fn own_network(words: &Words) -> Result<OwnNetwork, Wrong> {
     let network = match words.take().keyword(WAYS, "dhcp or address")? {
         Way::Dhcp => {
             let named = option(words, "name")?;
@@ -84,7 +84,7 @@ pub(super) fn own_network(words: &mut Words) -> Result<OwnNetwork, LineError> {
 }
 
 /// The word behind `keyword`, if that is next.
-fn option<'a>(words: &mut Words<'a>, keyword: &'static str) -> Result<Option<Word<'a>>, LineError> {
+fn option<'a>(words: &'a Words, keyword: &'static str) -> Result<Option<Word<'a>>, Wrong> {
     if words.peek().is_end() {
         return Ok(None);
     }
@@ -92,7 +92,7 @@ fn option<'a>(words: &mut Words<'a>, keyword: &'static str) -> Result<Option<Wor
     Ok(Some(words.take()))
 }
 
-fn host_name(word: Word) -> Result<HostName, LineError> {
+fn host_name(word: Word) -> Result<HostName, Wrong> {
     let good = word.text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
         && !word.text.is_empty()
         && !word.text.starts_with('-');
@@ -100,7 +100,7 @@ fn host_name(word: Word) -> Result<HostName, LineError> {
     name.ok_or_else(|| word.expected("a host name: letters, digits and -, at most 32"))
 }
 
-fn address(word: Word) -> Result<(Ipv4Addr, u8), LineError> {
+fn address(word: Word) -> Result<(Ipv4Addr, u8), Wrong> {
     let parsed = word.text.split_once('/').and_then(|(address, prefix)| {
         let address: Ipv4Addr = address.parse().ok()?;
         let prefix = parse_number(prefix).filter(|prefix| (1..=PREFIX_MAX).contains(prefix))?;
@@ -109,7 +109,7 @@ fn address(word: Word) -> Result<(Ipv4Addr, u8), LineError> {
     parsed.ok_or_else(|| word.expected("an address of a host and its prefix such as 192.168.1.5/24"))
 }
 
-fn gateway(word: Word, own: Ipv4Addr, prefix: u8) -> Result<Ipv4Addr, LineError> {
+fn gateway(word: Word, own: Ipv4Addr, prefix: u8) -> Result<Ipv4Addr, Wrong> {
     let gateway: Option<Ipv4Addr> = word.text.parse().ok();
     let gateway = gateway.ok_or_else(|| word.expected("the gateway's address such as 192.168.1.1"))?;
     let mask = mask(prefix.into());

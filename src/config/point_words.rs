@@ -9,11 +9,12 @@ use embassy_time::Duration;
 use heapless::String;
 
 use super::point_checks::check_others;
+use super::point_problem::PointProblem;
 use super::points::{DeviceSettings, Label, PointAt, PointName, PointSettings};
-use super::problem::{LineError, Problem};
-use super::text::{Applied, CHANGED};
+use super::problem::Problem;
+use super::text::Changed;
 use super::values::{is_name, medium, parse_number, small, time};
-use super::words::{Word, Words};
+use super::words::{Word, Words, Wrong};
 use super::{PortKind, Settings};
 use crate::scanner::{ByteOrder, Device, Kind, Modicon, Reading, ValueType, Writing};
 
@@ -75,13 +76,15 @@ const LOCAL_KEYS: &[(&str, Key)] = &[
     ("label", Key::Label),
 ];
 
-/// The words of these lines, besides names and numbers.
-pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
-    let keys = DEVICE_KEYS.iter().chain(POINT_KEYS).chain(&[("of", Key::Of), ("quality", Key::Quality)]);
+/// Gives `each` the words of these lines, besides names and numbers.
+pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {
+    DEVICE_KEYS.iter().for_each(|&(keyword, _)| each(keyword));
     // `label` is one word, though it stands in several lines.
-    let keys = keys.enumerate().filter(|&(at, &(_, key))| key != Key::Label || at < DEVICE_KEYS.len());
-    let types = TYPES.iter().map(|&(keyword, _)| keyword);
-    keys.map(|(_, &(keyword, _))| keyword).chain(KINDS.iter().map(|&(keyword, _)| keyword)).chain(types)
+    let others = POINT_KEYS.iter().filter(|(_, key)| *key != Key::Label);
+    others.for_each(|&(keyword, _)| each(keyword));
+    ["of", "quality"].into_iter().for_each(&mut *each);
+    KINDS.iter().for_each(|&(keyword, _)| each(keyword));
+    TYPES.iter().for_each(|&(keyword, _)| each(keyword));
 }
 
 /// Which words of a line have been.
@@ -89,7 +92,7 @@ pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
 struct Seen(u16);
 
 impl Seen {
-    fn once(&mut self, key: Key, word: Word) -> Result<(), LineError> {
+    fn once(&mut self, key: Key, word: Word) -> Result<(), Wrong> {
         let had = self.has(key);
         self.0 |= 1 << key as u8;
         if had { Err(word.error(Problem::Twice)) } else { Ok(()) }
@@ -101,12 +104,12 @@ impl Seen {
 }
 
 /// Reads a device up to the end of the line, and puts it into the settings.
-pub(super) fn device(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+pub(super) fn device(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word, "a name for the device, as for a port")?;
     let scanner = |port: &super::Port| port.kind == PortKind::Scanner;
     if !settings.ports.iter().flatten().any(scanner) {
-        return Err(name_word.error(Problem::NoScanner));
+        return Err(name_word.error(Problem::Points(PointProblem::NoScanner)));
     }
     words.take().keyword(&[("unit", ())], "unit and the device's unit id")?;
     let unit = small(words.take(), "a unit id", 1..=255)?;
@@ -128,13 +131,16 @@ pub(super) fn device(settings: &mut Settings, words: &mut Words) -> Result<Appli
     let new = DeviceSettings { name, device, label: device_label };
     match place.and_then(|place| settings.devices.get_mut(place)) {
         Some(old) => *old = new,
-        None => settings.devices.push(new).map_err(|_| name_word.error(Problem::DevicesFull))?,
+        None => settings
+            .devices
+            .push(new)
+            .map_err(|_| name_word.error(Problem::Points(PointProblem::DevicesFull)))?,
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
 /// Reads a point up to the end of the line, checks it against the others, and puts it into the settings.
-pub(super) fn point(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+pub(super) fn point(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word, "a name for the point, as for a port")?;
     let device = at(settings, words.take())?;
@@ -157,31 +163,36 @@ pub(super) fn point(settings: &mut Settings, words: &mut Words) -> Result<Applie
         return Err(count_word.error(problem));
     }
     if u32::from(first) + u32::from(point.cells()) > 65_536 {
-        return Err(address_word.error(Problem::AddressesEnd));
+        return Err(address_word.error(Problem::Points(PointProblem::AddressesEnd)));
     }
     let place = settings.find_point(&point.name).map(usize::from);
     check_others(settings, &point, place, name_word, address_word)?;
     match place.and_then(|place| settings.points.get_mut(place)) {
         Some(old) => *old = point,
-        None => settings.points.push(point).map_err(|_| name_word.error(Problem::PointsFull))?,
+        None => settings
+            .points
+            .push(point)
+            .map_err(|_| name_word.error(Problem::Points(PointProblem::PointsFull)))?,
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
 /// Where a point is: `local`, or the name of a device.
-fn at(settings: &Settings, word: Word) -> Result<PointAt, LineError> {
+fn at(settings: &Settings, word: Word) -> Result<PointAt, Wrong> {
     if word.is_end() {
         return Err(word.expected("the name of a device, or local"));
     }
     if word.is("local") {
         return Ok(PointAt::Local { of: None, quality: None });
     }
-    let device = settings.find_device(word.text).ok_or_else(|| word.error(Problem::NoSuchDevice))?;
+    let device = settings
+        .find_device(word.text)
+        .ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchDevice)))?;
     Ok(PointAt::Device { device, read: Reading::Normal, write: Writing::Manual, multiple: false })
 }
 
 /// `holding 0`, or `40001`.
-fn address(words: &mut Words) -> Result<(Kind, u16), LineError> {
+fn address(words: &Words) -> Result<(Kind, u16), Wrong> {
     let word = words.take();
     if let Some(number) = parse_number(word.text) {
         let Modicon(kind, first) = Modicon::parse(number)
@@ -196,8 +207,8 @@ fn address(words: &mut Words) -> Result<(Kind, u16), LineError> {
 fn options<'w>(
     settings: &Settings,
     point: &mut PointSettings,
-    words: &mut Words<'w>,
-) -> Result<Option<Word<'w>>, LineError> {
+    words: &'w Words,
+) -> Result<Option<Word<'w>>, Wrong> {
     let mut seen = Seen::default();
     let mut count = None;
     if matches!(point.at, PointAt::Device { .. }) && !point.kind.is_writable() {
@@ -216,21 +227,21 @@ fn options<'w>(
             count = Some(words.peek());
         }
         if matches!(key, Key::Write | Key::Multiple) && !point.kind.is_writable() {
-            return Err(word.error(Problem::NotWritable));
+            return Err(word.error(Problem::Points(PointProblem::NotWritable)));
         }
         if key == Key::As && point.kind.is_bits() {
-            return Err(word.error(Problem::BitsHaveNoType));
+            return Err(word.error(Problem::Points(PointProblem::BitsHaveNoType)));
         }
         let own = seen.has(Key::Count) || seen.has(Key::As);
         if seen.has(Key::Of) && own {
-            return Err(word.error(Problem::ValuesOfAnother));
+            return Err(word.error(Problem::Points(PointProblem::ValuesOfAnother)));
         }
         set(settings, point, key, words)?;
     }
     Ok(count)
 }
 
-fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &mut Words) -> Result<(), LineError> {
+fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) -> Result<(), Wrong> {
     match key {
         Key::Count => point.count = medium(words.take(), "values", 1..=1_968)?,
         Key::As => point.value = words.take().keyword(TYPES, "u16, i16, u32, i32 or f32")?,
@@ -254,10 +265,10 @@ fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &mut Wor
             let word = words.take();
             let (place, target) = existing_point(settings, word)?;
             if matches!(target.at, PointAt::Local { of: Some(_), .. }) || target.name == point.name {
-                return Err(word.error(Problem::ShowsAnother));
+                return Err(word.error(Problem::Points(PointProblem::ShowsAnother)));
             }
             if target.kind.is_bits() != point.kind.is_bits() {
-                return Err(word.error(Problem::BitsAndRegisters));
+                return Err(word.error(Problem::Points(PointProblem::BitsAndRegisters)));
             }
             (point.count, point.value) = (target.count, target.value);
             if let PointAt::Local { of, .. } = &mut point.at {
@@ -282,18 +293,18 @@ fn set_write(point: &mut PointSettings, new: Writing) {
 }
 
 /// `low`, or a period such as `250ms`, in whole milliseconds.
-fn reading(word: Word) -> Result<Reading, LineError> {
+fn reading(word: Word) -> Result<Reading, Wrong> {
     if let Some(reading) = word.lookup(READINGS) {
         return Ok(reading);
     }
     if !word.text.starts_with(|first: char| first.is_ascii_digit()) {
         return Err(word.expected("low, normal, high, manual, or a period such as 250ms"));
     }
-    whole_ms(word, PERIOD).map(Reading::Every)
+    whole_ms(word, &PERIOD).map(Reading::Every)
 }
 
 /// A time in whole milliseconds.
-pub(super) fn whole_ms(word: Word, range: RangeInclusive<Duration>) -> Result<u32, LineError> {
+pub(super) fn whole_ms(word: Word, range: &RangeInclusive<Duration>) -> Result<u32, Wrong> {
     let period = time(word, range)?;
     let whole = u32::try_from(period.as_millis()).ok();
     let whole = whole.filter(|ms| Duration::from_millis((*ms).into()) == period);
@@ -303,19 +314,19 @@ pub(super) fn whole_ms(word: Word, range: RangeInclusive<Duration>) -> Result<u3
 pub(super) fn existing_point<'s>(
     settings: &'s Settings,
     word: Word,
-) -> Result<(u8, &'s PointSettings), LineError> {
+) -> Result<(u8, &'s PointSettings), Wrong> {
     let place = settings.find_point(word.text);
     let found = place.and_then(|place| Some((place, settings.points.get(usize::from(place))?)));
-    found.ok_or_else(|| word.error(Problem::NoSuchPoint))
+    found.ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchPoint)))
 }
 
-fn name(word: Word, expected: &'static str) -> Result<PointName, LineError> {
+fn name(word: Word, expected: &'static str) -> Result<PointName, Wrong> {
     let name = if is_name(word) { String::try_from(word.text).ok() } else { None };
     name.ok_or_else(|| word.expected(expected))
 }
 
 /// `"Boiler 2"`, or a single word.
-fn label(words: &mut Words) -> Result<Label, LineError> {
+fn label(words: &Words) -> Result<Label, Wrong> {
     let word = words.take_quoted();
     let good = !word.text.contains(|character: char| character == '"' || character.is_control());
     let label = if good { Label::try_from(word.text).ok() } else { None };

@@ -4,9 +4,9 @@ use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
 
-use super::problem::{LineError, Problem};
-use super::values::{parse_number, prefix, small, time};
-use super::words::{Word, Words};
+use super::problem::Problem;
+use super::values::{parse_number, prefix, small, span, time};
+use super::words::{Word, Words, Wrong};
 use super::{IpPrefix, PortId, Settings};
 use crate::route::{
     AddressRange, Cut, Destination, Functions, Merge, Policy, Priority, Route, Tag, UnitRange,
@@ -19,7 +19,7 @@ const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99,
 const CACHE: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(60);
 
 /// Reads one row up to the end of the line and checks it against the ports.
-pub(super) fn route(settings: &Settings, words: &mut Words) -> Result<Route, LineError> {
+pub(super) fn route(settings: &Settings, words: &Words) -> Result<Route, Wrong> {
     let source_word = words.take();
     let source = port(settings, source_word)?;
     let units = units(words.take())?;
@@ -34,7 +34,7 @@ pub(super) fn route(settings: &Settings, words: &mut Words) -> Result<Route, Lin
     Ok(Route { source, units, peer, tag, destination, policy })
 }
 
-fn port(settings: &Settings, word: Word) -> Result<PortId, LineError> {
+fn port(settings: &Settings, word: Word) -> Result<PortId, Wrong> {
     if word.is_end() {
         return Err(word.expected("a port name"));
     }
@@ -42,18 +42,15 @@ fn port(settings: &Settings, word: Word) -> Result<PortId, LineError> {
 }
 
 /// The units that `word` names: `7`, `1-64` or `*`.
-pub(crate) fn units(word: Word) -> Result<UnitRange, LineError> {
-    let expected = "a unit id from 0 to 255, a range such as 1-64, or *";
+pub(crate) fn units(word: Word) -> Result<UnitRange, Wrong> {
     if word.text == "*" {
         return Ok(UnitRange::ALL);
     }
-    let unit = |text| parse_number(text).and_then(|unit| u8::try_from(unit).ok());
-    let (first, last) = word.text.split_once('-').unwrap_or((word.text, word.text));
-    let (Some(first), Some(last)) = (unit(first), unit(last)) else { return Err(word.expected(expected)) };
-    if last < first { Err(word.error(Problem::UnitsReversed)) } else { Ok(UnitRange { first, last }) }
+    let (first, last) = span(word, 0..=255, "a unit id from 0 to 255, a range such as 1-64, or *")?;
+    Ok(UnitRange { first: first as u8, last: last as u8 })
 }
 
-fn peer(settings: &Settings, source: PortId, word: Word) -> Result<Option<IpPrefix>, LineError> {
+fn peer(settings: &Settings, source: PortId, word: Word) -> Result<Option<IpPrefix>, Wrong> {
     if word.text == "*" {
         return Ok(None);
     }
@@ -67,7 +64,7 @@ fn peer(settings: &Settings, source: PortId, word: Word) -> Result<Option<IpPref
     Ok(Some(peer))
 }
 
-fn tag(word: Word, units: UnitRange) -> Result<Tag, LineError> {
+fn tag(word: Word, units: UnitRange) -> Result<Tag, Wrong> {
     let expected = "* (the unit id stays), +N or -N (is shifted), or =N (becomes N)";
     if word.text == "*" {
         return Ok(Tag::Keep);
@@ -89,7 +86,7 @@ fn tag(word: Word, units: UnitRange) -> Result<Tag, LineError> {
     Ok(tag)
 }
 
-fn destination(settings: &Settings, word: Word) -> Result<Destination, LineError> {
+fn destination(settings: &Settings, word: Word) -> Result<Destination, Wrong> {
     if word.is_end() {
         return Err(word.expected("a port name, local, discard or nopath"));
     }
@@ -142,17 +139,16 @@ const PRIORITIES: &[(&str, Priority)] =
 
 const CUTS: &[(&str, Cut)] = &[("auto", Cut::Auto), ("on", Cut::On), ("off", Cut::Off)];
 
-/// The words of the columns and options.
-pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
-    let keys = KEYS.iter().map(|&(keyword, _)| keyword);
-    let destinations = DESTINATIONS.iter().map(|&(keyword, _)| keyword);
-    let values =
-        PRIORITIES.iter().map(|&(keyword, _)| keyword).chain(CUTS.iter().map(|&(keyword, _)| keyword));
-    let merges = MERGES.iter().map(|&(keyword, _)| keyword);
-    keys.chain(destinations).chain(values).chain(merges)
+/// Gives `each` the words of the columns and options.
+pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {
+    KEYS.iter().for_each(|&(keyword, _)| each(keyword));
+    DESTINATIONS.iter().for_each(|&(keyword, _)| each(keyword));
+    PRIORITIES.iter().for_each(|&(keyword, _)| each(keyword));
+    CUTS.iter().for_each(|&(keyword, _)| each(keyword));
+    MERGES.iter().for_each(|&(keyword, _)| each(keyword));
 }
 
-fn options(words: &mut Words) -> Result<Policy, LineError> {
+fn options(words: &Words) -> Result<Policy, Wrong> {
     let mut policy = Policy::default();
     let mut seen = 0_u16;
     while !words.peek().is_end() {
@@ -181,7 +177,7 @@ fn options(words: &mut Words) -> Result<Policy, LineError> {
 }
 
 /// `on`, `off`, `adjacent`, or `near 8`.
-fn merge(words: &mut Words) -> Result<Merge, LineError> {
+fn merge(words: &Words) -> Result<Merge, Wrong> {
     match words.take().keyword(MERGES, "on, off, adjacent or near N")? {
         Some(merge) => Ok(merge),
         None => Ok(Merge::Near(small(words.take(), "addresses between two reads", 1..=u8::MAX)?)),
@@ -189,25 +185,20 @@ fn merge(words: &mut Words) -> Result<Merge, LineError> {
 }
 
 /// `500ms`: in whole milliseconds.
-fn cache(word: Word) -> Result<u16, LineError> {
-    let age = time(word, CACHE)?;
+fn cache(word: Word) -> Result<u16, Wrong> {
+    let age = time(word, &CACHE)?;
     let ms = u16::try_from(age.as_millis()).ok().filter(|ms| Duration::from_millis((*ms).into()) == age);
     ms.ok_or_else(|| word.expected("whole milliseconds"))
 }
 
 /// `100`, or `0-99`: addresses as they are on the wire.
-fn addresses(word: Word) -> Result<AddressRange, LineError> {
-    let (first, last) = word.text.split_once('-').unwrap_or((word.text, word.text));
-    let address = |text| parse_number(text).and_then(|address| u16::try_from(address).ok());
-    match (address(first), address(last)) {
-        (Some(first), Some(last)) if first <= last => Ok(AddressRange { first, last }),
-        (Some(_), Some(_)) => Err(word.error(Problem::UnitsReversed)),
-        _ => Err(word.expected("addresses from 0 to 65535, such as 0-99")),
-    }
+fn addresses(word: Word) -> Result<AddressRange, Wrong> {
+    let (first, last) = span(word, 0..=0xffff, "addresses from 0 to 65535, such as 0-99")?;
+    Ok(AddressRange { first: first as u16, last: last as u16 })
 }
 
 /// `3,4,16`, with ranges: `1-4,43`; or one of the sets that have a name.
-fn function_list(words: &mut Words) -> Result<Functions, LineError> {
+fn function_list(words: &Words) -> Result<Functions, Wrong> {
     let sets = [("readonly", Functions::READ_ONLY), ("all", Functions::ALL)];
     if let Some(set) = words.peek().lookup(&sets) {
         words.take();
@@ -215,16 +206,9 @@ fn function_list(words: &mut Words) -> Result<Functions, LineError> {
     }
     let mut functions = Functions::NONE;
     loop {
-        let word = words.take();
-        let (first, last) = word.text.split_once('-').unwrap_or((word.text, word.text));
-        let code = |text| small(Word { text, ..word }, "a function code", 1..=127).ok();
-        let (Some(first), Some(last)) = (code(first), code(last)) else {
-            return Err(word.expected("function codes from 1 to 127, such as 3,4,16 or 1-6"));
-        };
-        if last < first {
-            return Err(word.error(Problem::UnitsReversed));
-        }
-        functions = (first..=last).fold(functions, Functions::with);
+        let expected = "function codes from 1 to 127, such as 3,4,16 or 1-6";
+        let (first, last) = span(words.take(), 1..=127, expected)?;
+        functions = (first as u8..=last as u8).fold(functions, Functions::with);
         let next = words.peek();
         if next.is_end() || !next.listed {
             return Ok(functions);

@@ -3,19 +3,20 @@
 //! [`apply`] reads the whole line against the settings as they are, and only then puts the change in place. The
 //! console, the configuration file and what `show config` prints use the same lines.
 
+use core::mem::discriminant;
 use core::num::NonZeroU16;
 
 use super::own_network;
 use super::point_checks;
+use super::point_problem::PointProblem;
 use super::point_words;
 use super::port_keys;
-use super::port_words::Draft;
+use super::port_words::{self, Draft};
 use super::problem::{LineError, Problem, Rules, Warning};
 use super::route_words::{self, route};
 use super::slaves;
-use super::unit_words;
 use super::values::{name, number};
-use super::words::{Word, Words};
+use super::words::{Word, Words, Wrong};
 use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side, gap_warning};
 use crate::route::{Destination, Route};
 use crate::scanner::POINTS;
@@ -28,8 +29,6 @@ pub struct Applied {
     /// What is unlikely to be meant.
     pub warning: Option<Warning>,
 }
-
-pub(super) const CHANGED: Applied = Applied { changed: true, warning: None };
 
 #[derive(Clone, Copy)]
 enum Verb {
@@ -63,16 +62,35 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
     if line.len() > LINE_BYTES_MAX {
         return Err(LineError::too_long());
     }
-    let mut words = Words::new(line);
-    let words = &mut words;
+    let words = Words::new(line);
+    let changed = match change(settings, &words) {
+        Ok(changed) => changed,
+        Err(Wrong) => return Err(words.wrong()),
+    };
+    let port = match changed {
+        Changed::Port(id) => settings.port(id),
+        Changed::Nothing | Changed::Other => None,
+    };
+    Ok(Applied { changed: changed != Changed::Nothing, warning: port.and_then(gap_warning) })
+}
+
+/// What a line changed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Changed {
+    Nothing,
+    Port(PortId),
+    Other,
+}
+
+fn change(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let verb = words.take();
     if verb.is_end() {
-        return Ok(Applied { changed: false, warning: None });
+        return Ok(Changed::Nothing);
     }
     match verb.keyword(VERBS, "port, route, device, point, slave, edit, insert, move, delete or network")? {
         Verb::Device | Verb::Point | Verb::Slave if !POINTS => Err(verb.error(Problem::NoPoints)),
         Verb::Port => port(settings, words),
-        Verb::Route => add_route(settings, words),
+        Verb::Route => put_route(settings, words, settings.routes.len(), false),
         Verb::Device => point_words::device(settings, words),
         Verb::Point => point_words::point(settings, words),
         Verb::Slave => slaves::slave(settings, words),
@@ -82,7 +100,7 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
         Verb::Delete => delete(settings, words),
         Verb::Network => {
             settings.network = own_network::own_network(words)?;
-            Ok(CHANGED)
+            Ok(Changed::Other)
         }
     }
 }
@@ -95,18 +113,19 @@ pub fn is_implied(settings: &Settings, route: &Route) -> bool {
     !asks(route.source) || matches!(route.destination, Destination::Port(id) if asks(id))
 }
 
-/// The words that stand in rows and behind port names, besides names, numbers and addresses.
-pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
-    let ports = ["serial", "tcp", "udp", "scanner", "ethercat"]
-        .into_iter()
-        .chain(port_keys::keywords())
-        .chain(unit_words::keywords());
+/// Gives `each` the words that stand in rows and behind port names, besides names, numbers and addresses.
+pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
+    port_words::keywords(each);
+    port_keys::keywords(each);
+    route_words::keywords(each);
     // No word of a line that is refused.
-    let points = POINTS.then(|| point_words::keywords().chain(slaves::keywords())).into_iter().flatten();
-    ports.chain(route_words::keywords()).chain(points)
+    if POINTS {
+        point_words::keywords(each);
+        slaves::keywords(each);
+    }
 }
 
-fn port(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+fn port(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word)?;
     let draft = Draft::create(words)?;
@@ -121,7 +140,7 @@ fn port(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError
     put_port(
         settings,
         PortId(place as u8),
-        Port { name, kind: draft.kind, units: draft.units.policy },
+        Port { name, kind: draft.kind, units: draft.units },
         name_word,
         draft.place,
     )
@@ -134,7 +153,7 @@ fn put_port(
     port: Port,
     name: Word,
     place: Word,
-) -> Result<Applied, LineError> {
+) -> Result<Changed, Wrong> {
     let others = settings.ports.iter().enumerate().filter(|&(at, _)| at != id.index());
     for other in others.filter_map(|(_, other)| other.as_ref()) {
         match (&port.kind, &other.kind) {
@@ -148,19 +167,17 @@ fn put_port(
                 return Err(place.error(Problem::ListenTaken));
             }
             (PortKind::Ethercat(_), PortKind::Ethercat(_)) => {
-                return Err(place.error(Problem::EthercatTaken));
+                return Err(place.error(Problem::Points(PointProblem::EthercatTaken)));
             }
-            (PortKind::Scanner, PortKind::Scanner) => return Err(place.error(Problem::ScannerTaken)),
+            (PortKind::Scanner, PortKind::Scanner) => {
+                return Err(place.error(Problem::Points(PointProblem::ScannerTaken)));
+            }
             _ => {}
         }
     }
-    let old = settings.port(id).map(|port| &port.kind);
-    if old == Some(&PortKind::Scanner) && port.kind != PortKind::Scanner && !settings.devices.is_empty() {
-        return Err(name.error(Problem::ScannerInUse));
-    }
-    let is_ethercat = matches!(port.kind, PortKind::Ethercat(_));
-    if matches!(old, Some(PortKind::Ethercat(_))) && !is_ethercat && !settings.slaves.is_empty() {
-        return Err(name.error(Problem::EthercatInUse));
+    let changes = |old: &Port| discriminant(&old.kind) != discriminant(&port.kind);
+    if settings.port(id).is_some_and(changes) {
+        check_unused(settings, id, name)?;
     }
     if !port.kind.has_peers() {
         let by_address = settings.routes.iter().map(|route| route.source == id && route.peer.is_some());
@@ -168,24 +185,27 @@ fn put_port(
             return Err(name.error(Problem::RulesNeedTcp(rules)));
         }
     }
-    let warning = gap_warning(&port);
     if let Some(slot) = settings.ports.get_mut(id.index()) {
         *slot = Some(port);
     }
-    Ok(Applied { changed: true, warning })
+    Ok(Changed::Port(id))
 }
 
-fn add_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
-    put_route(settings, words, settings.routes.len(), false)
+/// An error if there are devices or slaves, and the port at `id` is the one that asks them.
+fn check_unused(settings: &Settings, id: PortId, word: Word) -> Result<(), Wrong> {
+    match settings.port(id).map(|port| &port.kind) {
+        Some(PortKind::Scanner) if !settings.devices.is_empty() => {
+            Err(word.error(Problem::Points(PointProblem::ScannerInUse)))
+        }
+        Some(PortKind::Ethercat(_)) if !settings.slaves.is_empty() => {
+            Err(word.error(Problem::Points(PointProblem::EthercatInUse)))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Reads a row and puts it at place `at`, counted from 0, instead of the rule there or before it.
-fn put_route(
-    settings: &mut Settings,
-    words: &mut Words,
-    at: usize,
-    replace: bool,
-) -> Result<Applied, LineError> {
+fn put_route(settings: &mut Settings, words: &Words, at: usize, replace: bool) -> Result<Changed, Wrong> {
     let first = words.peek();
     let route = route(settings, words)?;
     if let Some(same) = settings.routes.iter().position(|other| *other == route)
@@ -198,7 +218,7 @@ fn put_route(
         Some(old) => *old = route,
         None => settings.routes.insert(at, route).map_err(|_| first.error(Problem::RoutesFull))?,
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
 #[derive(Clone, Copy)]
@@ -220,13 +240,13 @@ const POINT: (&str, Thing) = ("point", Thing::Point);
 const SLAVE: (&str, Thing) = ("slave", Thing::Slave);
 const SLAVES: (&str, Thing) = ("slaves", Thing::Slaves);
 
-fn edit(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+fn edit(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     match words.take().keyword(&[PORT, ROUTE], "port or route")? {
         Thing::Port => {
             let name_word = words.take();
             let (id, old) = existing_port(settings, name_word)?;
             let draft = Draft::edit(old, words)?;
-            let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units.policy };
+            let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units };
             put_port(settings, id, port, name_word, draft.place)
         }
         _ => {
@@ -236,13 +256,13 @@ fn edit(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError
     }
 }
 
-fn insert_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+fn insert_route(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     words.take().keyword(&[ROUTE], "route")?;
     let at = route_place(settings, words.take())?;
     put_route(settings, words, at, false)
 }
 
-fn move_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+fn move_route(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     words.take().keyword(&[ROUTE], "route")?;
     let from = route_place(settings, words.take())?;
     let to = route_place(settings, words.take())?;
@@ -253,10 +273,10 @@ fn move_route(settings: &mut Settings, words: &mut Words) -> Result<Applied, Lin
     } else {
         span.rotate_right(1)
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
-fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineError> {
+fn delete(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let things = [PORT, ROUTE, ROUTES, DEVICE, POINT, SLAVE, SLAVES];
     match words.take().keyword(&things, "port, route, routes, device, point, slave or slaves")? {
         Thing::Port => {
@@ -267,14 +287,7 @@ fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineErr
             if let Some(rules) = Rules::of(settings.routes.iter().map(names)) {
                 return Err(word.error(Problem::PortInUse(rules)));
             }
-            let scans = settings.port(id).is_some_and(|port| port.kind == PortKind::Scanner);
-            if scans && !settings.devices.is_empty() {
-                return Err(word.error(Problem::ScannerInUse));
-            }
-            let exchanges = settings.port(id).is_some_and(|port| matches!(port.kind, PortKind::Ethercat(_)));
-            if exchanges && !settings.slaves.is_empty() {
-                return Err(word.error(Problem::EthercatInUse));
-            }
+            check_unused(settings, id, word)?;
             if let Some(slot) = settings.ports.get_mut(id.index()) {
                 *slot = None;
             }
@@ -288,31 +301,25 @@ fn delete(settings: &mut Settings, words: &mut Words) -> Result<Applied, LineErr
             words.end()?;
             settings.routes.clear();
         }
-        Thing::Device | Thing::Point if !POINTS => return Err(words.take().error(Problem::NoPoints)),
-        Thing::Device => {
-            let word = words.take();
-            words.end()?;
-            return point_checks::delete_device(settings, word);
-        }
-        Thing::Point => {
-            let word = words.take();
-            words.end()?;
-            return point_checks::delete_point(settings, word);
-        }
-        Thing::Slave => {
-            let word = words.take();
-            words.end()?;
-            return slaves::delete_slave(settings, word);
-        }
+        _ if !POINTS => return Err(words.take().error(Problem::NoPoints)),
         Thing::Slaves => {
             words.end()?;
             settings.slaves.clear();
         }
+        thing => {
+            let word = words.take();
+            words.end()?;
+            return match thing {
+                Thing::Device => point_checks::delete_device(settings, word),
+                Thing::Point => point_checks::delete_point(settings, word),
+                _ => slaves::delete_slave(settings, word),
+            };
+        }
     }
-    Ok(CHANGED)
+    Ok(Changed::Other)
 }
 
-fn existing_port<'s>(settings: &'s Settings, word: Word) -> Result<(PortId, &'s Port), LineError> {
+fn existing_port<'s>(settings: &'s Settings, word: Word) -> Result<(PortId, &'s Port), Wrong> {
     if word.is_end() {
         return Err(word.expected("a port name"));
     }
@@ -321,7 +328,7 @@ fn existing_port<'s>(settings: &'s Settings, word: Word) -> Result<(PortId, &'s 
 }
 
 /// The place, from 0, of the rule whose number is `word`.
-fn route_place(settings: &Settings, word: Word) -> Result<usize, LineError> {
+fn route_place(settings: &Settings, word: Word) -> Result<usize, Wrong> {
     let number = number(word, "a rule's number", 1..=ROUTES_MAX as u32)? as usize;
     let count = settings.routes.len();
     if number <= count { Ok(number - 1) } else { Err(word.error(Problem::NoSuchRoute(count))) }

@@ -6,8 +6,8 @@ use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
 
-use super::problem::{LineError, Problem};
-use super::words::Word;
+use super::problem::Problem;
+use super::words::{Word, Wrong};
 use super::{IpPrefix, Name, TcpListen};
 
 /// A time as the line language writes it: `0`, `750us`, `1.75ms`, `2s`.
@@ -62,7 +62,7 @@ fn digits(text: &str) -> Option<u64> {
 }
 
 /// The time that `word` is, within `range`.
-pub(crate) fn time(word: Word, range: RangeInclusive<Duration>) -> Result<Duration, LineError> {
+pub(crate) fn time(word: Word, range: &RangeInclusive<Duration>) -> Result<Duration, Wrong> {
     let time = Time::parse(word.text).ok_or_else(|| word.error(Problem::TimeUnit))?;
     if range.contains(&time) {
         return Ok(time);
@@ -71,24 +71,39 @@ pub(crate) fn time(word: Word, range: RangeInclusive<Duration>) -> Result<Durati
 }
 
 /// The number that `word` is, within `range`; `what` it counts stands in the error.
-pub(crate) fn number(word: Word, what: &'static str, range: RangeInclusive<u32>) -> Result<u32, LineError> {
+pub(crate) fn number(word: Word, what: &'static str, range: RangeInclusive<u32>) -> Result<u32, Wrong> {
     parse_number(word.text)
         .filter(|number| range.contains(number))
         .ok_or_else(|| word.error(Problem::Number { what, low: *range.start(), high: *range.end() }))
 }
 
 /// [`number`] for settings that are a byte.
-pub(super) fn small(word: Word, what: &'static str, range: RangeInclusive<u8>) -> Result<u8, LineError> {
+pub(super) fn small(word: Word, what: &'static str, range: RangeInclusive<u8>) -> Result<u8, Wrong> {
     let (low, high) = (u32::from(*range.start()), u32::from(*range.end()));
     let value = number(word, what, low..=high)?;
     u8::try_from(value).map_err(|_| word.error(Problem::Number { what, low, high }))
 }
 
 /// [`number`] for settings that are two bytes.
-pub(super) fn medium(word: Word, what: &'static str, range: RangeInclusive<u16>) -> Result<u16, LineError> {
+pub(super) fn medium(word: Word, what: &'static str, range: RangeInclusive<u16>) -> Result<u16, Wrong> {
     let (low, high) = (u32::from(*range.start()), u32::from(*range.end()));
     let value = number(word, what, low..=high)?;
     u16::try_from(value).map_err(|_| word.error(Problem::Number { what, low, high }))
+}
+
+/// The numbers of `1-64`, the first not above the last; a single one is both. Otherwise an error with what was `expected`.
+pub(super) fn span(
+    word: Word,
+    range: RangeInclusive<u32>,
+    expected: &'static str,
+) -> Result<(u32, u32), Wrong> {
+    let number = |text| parse_number(text).filter(|number| range.contains(number));
+    let (first, last) = word.text.split_once('-').unwrap_or((word.text, word.text));
+    match (number(first), number(last)) {
+        (Some(first), Some(last)) if first <= last => Ok((first, last)),
+        (Some(_), Some(_)) => Err(word.error(Problem::UnitsReversed)),
+        _ => Err(word.expected(expected)),
+    }
 }
 
 /// A decimal number without a sign.
@@ -108,7 +123,7 @@ pub(super) fn is_name(word: Word) -> bool {
 }
 
 /// The port name that `word` is.
-pub(super) fn name(word: Word) -> Result<Name, LineError> {
+pub(super) fn name(word: Word) -> Result<Name, Wrong> {
     let name = if is_name(word) { Name::try_from(word.text).ok() } else { None };
     name.ok_or_else(|| {
         word.expected(
@@ -118,7 +133,7 @@ pub(super) fn name(word: Word) -> Result<Name, LineError> {
 }
 
 /// The address or prefix that `word` is; bits behind the prefix are cleared.
-pub(super) fn prefix(word: Word) -> Result<IpPrefix, LineError> {
+pub(super) fn prefix(word: Word) -> Result<IpPrefix, Wrong> {
     parse_prefix(word.text)
         .ok_or_else(|| word.expected("an IP address or prefix, such as 192.168.1.7 or 192.168.1.0/24"))
 }
@@ -160,7 +175,7 @@ impl fmt::Display for IpPrefix {
 }
 
 /// Where a server listens: `502`, `127.0.0.1:5020`, `[::1]:502`.
-pub(super) fn listen(word: Word) -> Result<TcpListen, LineError> {
+pub(super) fn listen(word: Word) -> Result<TcpListen, Wrong> {
     parse_listen(word.text)
         .ok_or_else(|| word.expected("a TCP port from 1 to 65535, or ADDRESS:PORT such as 127.0.0.1:5020"))
 }

@@ -3,12 +3,12 @@
 //! Blanks, tabs and commas part words; `#` at the start of a word begins a comment. A comma is remembered, because a
 //! list (`functions 3,4,16`) goes on as long as commas do.
 
-use heapless::String;
+use core::cell::Cell;
 
-use super::problem::{LineError, Problem, WORD_BYTES_MAX};
+use super::problem::{LineError, Problem};
 
 /// One word, or the end of the line when `text` is empty.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct Word<'a> {
     /// The word as it stands in the line.
     pub(crate) text: &'a str,
@@ -16,14 +16,16 @@ pub(crate) struct Word<'a> {
     pub(crate) column: usize,
     /// Whether a comma stands before it.
     pub(crate) listed: bool,
+    wrong: &'a Cell<Option<LineError>>,
 }
 
-impl Word<'static> {
-    /// The end of a line, at `column`.
-    pub(crate) const fn end_at(column: usize) -> Self {
-        Self { text: "", column, listed: false }
-    }
-}
+/// The keywords of a table by their places: tables have values of many types.
+type Keywords<'t> = &'t dyn Fn(usize) -> Option<&'static str>;
+
+/// A word is wrong: [`Words::wrong`] knows which and why. Nearly everything that reads words may fail, and many of them in
+/// a row do: what they hand on must be small.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Wrong;
 
 impl Word<'_> {
     /// Whether this is the end of the line.
@@ -38,7 +40,8 @@ impl Word<'_> {
 
     /// What `table` has for this keyword.
     pub(crate) fn lookup<T: Copy>(&self, table: &[(&'static str, T)]) -> Option<T> {
-        table.iter().find(|(keyword, _)| self.is(keyword)).map(|&(_, value)| value)
+        let place = self.place(&|at| table.get(at).map(|&(keyword, _)| keyword))?;
+        table.get(place).map(|&(_, value)| value)
     }
 
     /// What `table` has for this keyword; otherwise an error with what was `expected` and the nearest keyword.
@@ -46,85 +49,98 @@ impl Word<'_> {
         &self,
         table: &[(&'static str, T)],
         expected: &'static str,
-    ) -> Result<T, LineError> {
-        self.lookup(table).ok_or_else(|| {
-            let near = table.iter().map(|&(keyword, _)| keyword).find(|keyword| is_near(self.text, keyword));
-            self.error(Problem::Expected { expected, near })
-        })
+    ) -> Result<T, Wrong> {
+        self.lookup(table)
+            .ok_or_else(|| self.unknown(&|at| table.get(at).map(|&(keyword, _)| keyword), expected))
+    }
+
+    fn place(&self, keywords: Keywords) -> Option<usize> {
+        (0..).map_while(keywords).position(|keyword| self.is(keyword))
+    }
+
+    fn unknown(&self, keywords: Keywords, expected: &'static str) -> Wrong {
+        let near = (0..).map_while(keywords).find(|keyword| is_near(self.text, keyword));
+        self.error(Problem::Expected { expected, near })
     }
 
     /// The error that this word is.
-    pub(crate) fn error(&self, problem: Problem) -> LineError {
-        let mut word = String::<WORD_BYTES_MAX>::new();
-        for character in self.text.chars() {
-            // A longer word is cut: the column finds it all the same.
-            if word.push(character).is_err() {
-                break;
-            }
-        }
-        LineError { column: self.column, word, problem }
+    pub(crate) fn error(&self, problem: Problem) -> Wrong {
+        self.wrong.set(Some(LineError::new(self.column, self.text, problem)));
+        Wrong
     }
 
     /// The error that something else was `expected` here.
-    pub(crate) fn expected(&self, expected: &'static str) -> LineError {
+    pub(crate) fn expected(&self, expected: &'static str) -> Wrong {
         self.error(Problem::Expected { expected, near: None })
     }
 }
 
-/// Reads a line word by word.
-#[derive(Debug, Clone)]
+/// Reads a line word by word, and keeps what is wrong with it.
 pub(crate) struct Words<'a> {
-    rest: &'a str,
-    column: usize,
+    rest: Cell<&'a str>,
+    column: Cell<usize>,
+    wrong: Cell<Option<LineError>>,
 }
 
 impl<'a> Words<'a> {
     /// At the start of `line`.
     pub(crate) fn new(line: &'a str) -> Self {
-        Self { rest: line, column: 1 }
+        Self { rest: Cell::new(line), column: Cell::new(1), wrong: Cell::new(None) }
+    }
+
+    /// What the last [`Wrong`] was about.
+    pub(crate) fn wrong(&self) -> LineError {
+        self.wrong.take().unwrap_or_else(LineError::too_long)
     }
 
     /// The next word, without taking it.
-    pub(crate) fn peek(&self) -> Word<'a> {
-        self.clone().take()
+    pub(crate) fn peek(&self) -> Word<'_> {
+        let (rest, column) = (self.rest.get(), self.column.get());
+        let word = self.take();
+        self.rest.set(rest);
+        self.column.set(column);
+        word
     }
 
     /// Takes the next word.
-    pub(crate) fn take(&mut self) -> Word<'a> {
-        let word_at = self.rest.find(|character| !is_separator(character)).unwrap_or(self.rest.len());
-        let separators = self.advance(word_at);
-        let column = self.column;
-        let listed = separators.contains(',');
-        if self.rest.starts_with('#') {
-            self.rest = "";
+    pub(crate) fn take(&self) -> Word<'_> {
+        let listed = self.advance_to(|character| !is_separator(character)).contains(',');
+        let column = self.column.get();
+        if self.rest.get().starts_with('#') {
+            self.rest.set("");
         }
-        let end = self.rest.find(is_separator).unwrap_or(self.rest.len());
-        Word { text: self.advance(end), column, listed }
+        Word { text: self.advance_to(is_separator), column, listed, wrong: &self.wrong }
     }
 
     /// Takes the next word, or all that stands between quotes, without them.
-    pub(crate) fn take_quoted(&mut self) -> Word<'a> {
-        let mut ahead = self.clone();
-        let word = ahead.take();
-        let quote_at = word.column - self.column;
-        let inside = word.text.starts_with('"').then(|| self.rest.get(quote_at + 1..)).flatten();
-        let Some((text, _)) = inside.and_then(|inside| inside.split_once('"')) else {
-            return self.take();
-        };
+    pub(crate) fn take_quoted(&self) -> Word<'_> {
+        let (rest, column) = (self.rest.get(), self.column.get());
+        let word = self.take();
+        let quote_at = word.column - column;
+        let inside = word.text.starts_with('"').then(|| rest.get(quote_at + 1..)).flatten();
+        let Some((text, _)) = inside.and_then(|inside| inside.split_once('"')) else { return word };
+        self.rest.set(rest);
+        self.column.set(column);
         self.advance(quote_at + 1 + text.len() + 1);
         Word { text, ..word }
     }
 
     /// An error unless the line ends here.
-    pub(crate) fn end(&mut self) -> Result<(), LineError> {
+    pub(crate) fn end(&self) -> Result<(), Wrong> {
         let word = self.take();
         if word.is_end() { Ok(()) } else { Err(word.expected("the end of the line")) }
     }
 
-    fn advance(&mut self, bytes: usize) -> &'a str {
-        let (passed, rest) = self.rest.split_at_checked(bytes).unwrap_or((self.rest, ""));
-        self.rest = rest;
-        self.column += passed.chars().count();
+    fn advance_to(&self, is_end: fn(char) -> bool) -> &'a str {
+        let rest = self.rest.get();
+        self.advance(rest.find(is_end).unwrap_or(rest.len()))
+    }
+
+    fn advance(&self, bytes: usize) -> &'a str {
+        let rest = self.rest.get();
+        let (passed, rest) = rest.split_at_checked(bytes).unwrap_or((rest, ""));
+        self.rest.set(rest);
+        self.column.set(self.column.get() + passed.chars().count());
         passed
     }
 }
@@ -160,8 +176,8 @@ mod tests {
 
     #[test]
     fn blanks_tabs_and_commas_part_words_and_a_comment_ends_the_line() {
-        let mut words = Words::new("  port\tP1,, 9600 # the rest");
-        let mut next = || {
+        let words = Words::new("  port\tP1,, 9600 # the rest");
+        let next = || {
             let word = words.take();
             (word.text, word.column, word.listed)
         };
@@ -174,7 +190,7 @@ mod tests {
 
     #[test]
     fn columns_count_characters_not_bytes() {
-        let mut words = Words::new("größe x");
+        let words = Words::new("größe x");
         assert_eq!(words.take().text, "größe");
         assert_eq!(words.take().column, 7);
     }

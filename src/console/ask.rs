@@ -7,7 +7,7 @@ use super::command::Session;
 use super::probe::request;
 use super::rows::{LINE_VALUES_MAX, Values};
 use crate::config::{
-    KINDS, LineError, ORDERS, PortId, Problem, Settings, TYPES, Time, Word, Words, parse_number,
+    KINDS, ORDERS, PortId, Problem, Settings, TYPES, Time, Word, Words, Wrong, parse_number,
 };
 use crate::hal::{Store, System};
 use crate::modbus::Exception;
@@ -37,10 +37,10 @@ struct Question {
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// Asks what the words say, and shows what came of it.
-    pub(super) async fn ask(&mut self, ask: Ask, words: &mut Words<'_>) -> Result<(), IO::Error> {
+    pub(super) async fn ask(&mut self, ask: Ask, words: &Words<'_>) -> Result<(), IO::Error> {
         let question = match self.gateway.settings(|settings| parse(settings, ask, words)) {
             Ok(question) => question,
-            Err(error) => return self.fail(format_args!("{error}")).await,
+            Err(Wrong) => return self.fail(format_args!("{}", words.wrong())).await,
         };
         let mut answer = Pdu::new();
         let asked = match self.gateway.turn(question.port) {
@@ -80,7 +80,7 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
 }
 
 /// Reads the words behind `ping`, `read` or `write`.
-fn parse(settings: &Settings, ask: Ask, words: &mut Words) -> Result<Question, LineError> {
+fn parse(settings: &Settings, ask: Ask, words: &Words) -> Result<Question, Wrong> {
     let unit = number(words.take(), "a unit from 0 to 255")?;
     let mut question = Question {
         unit,
@@ -108,7 +108,7 @@ fn parse(settings: &Settings, ask: Ask, words: &mut Words) -> Result<Question, L
 
 impl Question {
     /// `holding 100 count 2 as f32`, or `holding 100 as f32 1.5 2`
-    fn table(&mut self, ask: Ask, words: &mut Words) -> Result<(), LineError> {
+    fn table(&mut self, ask: Ask, words: &Words) -> Result<(), Wrong> {
         self.kind = words.take().keyword(KINDS, "coil, discrete, input or holding")?;
         self.first = number(words.take(), "an address from 0 to 65535")?;
         let mut data = Pdu::new();
@@ -137,7 +137,7 @@ impl Question {
     }
 
     /// Appends value number `at` of a write.
-    fn append(&self, data: &mut Pdu, at: u16, word: Word<'_>) -> Result<(), LineError> {
+    fn append(&self, data: &mut Pdu, at: u16, word: Word<'_>) -> Result<(), Wrong> {
         if !self.kind.is_writable() {
             return Err(word.expected("coil or holding: the others cannot be written"));
         }
@@ -180,6 +180,6 @@ impl Question {
     }
 }
 
-fn number<T: TryFrom<u32>>(word: Word<'_>, expected: &'static str) -> Result<T, LineError> {
+fn number<T: TryFrom<u32>>(word: Word<'_>, expected: &'static str) -> Result<T, Wrong> {
     parse_number(word.text).and_then(|number| T::try_from(number).ok()).ok_or_else(|| word.expected(expected))
 }

@@ -9,7 +9,7 @@ use super::ask::Ask;
 use super::help;
 use super::output::Output;
 use super::show::Show;
-use crate::config::{LineError, Words};
+use crate::config::{Words, Wrong};
 use crate::drafting;
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
@@ -129,31 +129,31 @@ pub(super) struct Session<'s, 'g, IO, S, Y> {
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// Runs `line`; what is wrong with it is said on the stream, and only the stream's own errors are returned.
     pub(super) async fn execute(&mut self, line: &str) -> Result<Next, IO::Error> {
-        let mut words = Words::new(line);
+        let words = Words::new(line);
         let verb = words.take();
         if verb.is_end() {
             return Ok(Next::Line);
         }
         match verb.keyword(COMMANDS, "a command (see help)") {
-            Err(error) => self.fail(format_args!("{error}")).await?,
+            Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
             Ok(Command::Settings) => self.change(line).await?,
-            Ok(Command::Show) => match topic(&mut words, TOPICS_SHOW, SHOW_EXPECTED) {
+            Ok(Command::Show) => match topic(&words, TOPICS_SHOW, SHOW_EXPECTED) {
                 Ok(show) => self.show(show).await?,
-                Err(error) => self.fail(format_args!("{error}")).await?,
+                Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
             },
-            Ok(Command::Ping) => self.ask(Ask::Ping, &mut words).await?,
-            Ok(Command::Scan) => self.scan(&mut words).await?,
-            Ok(Command::Tune) => self.tune(&mut words).await?,
-            Ok(Command::Capture) => self.capture(&mut words).await?,
+            Ok(Command::Ping) => self.ask(Ask::Ping, &words).await?,
+            Ok(Command::Scan) => self.scan(&words).await?,
+            Ok(Command::Tune) => self.tune(&words).await?,
+            Ok(Command::Capture) => self.capture(&words).await?,
             // Names begin with a letter.
             Ok(Command::Point(PointCommand::Read)) if begins_with_digit(&words) => {
-                self.ask(Ask::Read, &mut words).await?;
+                self.ask(Ask::Read, &words).await?;
             }
             Ok(Command::Point(PointCommand::Write)) if begins_with_digit(&words) => {
-                self.ask(Ask::Write, &mut words).await?;
+                self.ask(Ask::Write, &words).await?;
             }
-            Ok(Command::Point(command)) => self.point(command, &mut words).await?,
-            Ok(Command::Clear) => match topic(&mut words, TOPICS_CLEAR, "stats or log") {
+            Ok(Command::Point(command)) => self.point(command, &words).await?,
+            Ok(Command::Clear) => match topic(&words, TOPICS_CLEAR, "stats or log") {
                 Ok(Clear::Stats) => {
                     for place in self.gateway.places() {
                         place.stats.clear(Instant::now());
@@ -161,23 +161,23 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
                     }
                 }
                 Ok(Clear::Log) => self.gateway.log().clear(),
-                Err(error) => self.fail(format_args!("{error}")).await?,
+                Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
             },
-            Ok(Command::Watch) if !words.peek().is_end() => match topic(&mut words, TOPICS_WATCH, "points") {
+            Ok(Command::Watch) if !words.peek().is_end() => match topic(&words, TOPICS_WATCH, "points") {
                 Ok(Watch::Points) => self.watch_points().await?,
-                Err(error) => self.fail(format_args!("{error}")).await?,
+                Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
             },
-            Ok(Command::Help) => match help::topic(&mut words) {
+            Ok(Command::Help) => match help::topic(&words) {
                 Ok(lines) => {
                     for line in lines {
                         self.out.line(format_args!("{line}")).await?;
                     }
                 }
-                Err(error) => self.fail(format_args!("{error}")).await?,
+                Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
             },
             Ok(command) => match words.end() {
                 Ok(()) => return self.act(command).await,
-                Err(error) => self.fail(format_args!("{error}")).await?,
+                Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
             },
         }
         Ok(Next::Line)
@@ -254,11 +254,7 @@ fn begins_with_digit(words: &Words) -> bool {
 }
 
 /// The last word of a line as a topic of `table`.
-fn topic<T: Copy>(
-    words: &mut Words,
-    table: &[(&'static str, T)],
-    expected: &'static str,
-) -> Result<T, LineError> {
+fn topic<T: Copy>(words: &Words, table: &[(&'static str, T)], expected: &'static str) -> Result<T, Wrong> {
     let topic = words.take().keyword(table, expected)?;
     words.end()?;
     Ok(topic)

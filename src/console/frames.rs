@@ -47,14 +47,14 @@ impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     }
 
     /// Writes the frames that come into the file that is named, or no more.
-    pub(super) async fn capture(&mut self, words: &mut Words<'_>) -> Result<(), IO::Error> {
+    pub(super) async fn capture(&mut self, words: &Words<'_>) -> Result<(), IO::Error> {
         let word = words.take();
         let checked = match word.is_end() {
             true => Err(word.expected("a file, or off")),
             false => words.end(),
         };
-        if let Err(error) = checked {
-            return self.fail(format_args!("{error}")).await;
+        if checked.is_err() {
+            return self.fail(format_args!("{}", words.wrong())).await;
         }
         let file = Some(word.text).filter(|_| !word.is("off"));
         match self.system.capture(file) {

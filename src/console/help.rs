@@ -1,6 +1,6 @@
 //! What `help` says.
 
-use crate::config::{LineError, Words};
+use crate::config::{Words, Wrong};
 use crate::scanner::POINTS;
 
 /// What a command of data points has to say, where there are any.
@@ -223,7 +223,7 @@ const OVERVIEW: &[&str] = &[
 ];
 
 /// The text for the rest of a line that began with `help`.
-pub(super) fn topic(words: &mut Words) -> Result<&'static [&'static str], LineError> {
+pub(super) fn topic(words: &Words) -> Result<&'static [&'static str], Wrong> {
     if words.peek().is_end() {
         return Ok(OVERVIEW);
     }

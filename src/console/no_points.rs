@@ -11,8 +11,9 @@ use crate::hal::{Store, System};
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// Says that there are none.
-    pub(super) async fn point(&mut self, _: PointCommand, words: &mut Words<'_>) -> Result<(), IO::Error> {
-        self.fail(format_args!("{}", words.take().error(Problem::NoPoints))).await
+    pub(super) async fn point(&mut self, _: PointCommand, words: &Words<'_>) -> Result<(), IO::Error> {
+        words.take().error(Problem::NoPoints);
+        self.fail(format_args!("{}", words.wrong())).await
     }
 
     /// `watch points`

@@ -9,7 +9,9 @@ use heapless::Vec;
 use super::command::{PointCommand, Session};
 use super::rows::{LINE_VALUES_MAX, Values, age, text};
 use super::show::{NO_ROW, Source, Written, titled};
-use crate::config::{LineError, POINTS_MAX, PointAt, PointSettings, Problem, Settings, Words, parse_number};
+use crate::config::{
+    POINTS_MAX, PointAt, PointProblem, PointSettings, Problem, Settings, Words, Wrong, parse_number,
+};
 use crate::gateway::ApplyError;
 use crate::hal::{Store, System};
 use crate::modbus::crc::crc16;
@@ -50,18 +52,14 @@ enum Ask {
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// Does what `command` and the words behind it say, and shows what came of it.
-    pub(super) async fn point(
-        &mut self,
-        command: PointCommand,
-        words: &mut Words<'_>,
-    ) -> Result<(), IO::Error> {
+    pub(super) async fn point(&mut self, command: PointCommand, words: &Words<'_>) -> Result<(), IO::Error> {
         let Some(place) = self.gateway.scanner() else {
             return self.fail(format_args!("{}", ApplyError::NoPoints)).await;
         };
         let mut cells = Cells::new();
         let ask = match self.gateway.settings(|settings| parse(settings, command, words, &mut cells)) {
             Ok(ask) => ask,
-            Err(error) => return self.fail(format_args!("{error}")).await,
+            Err(Wrong) => return self.fail(format_args!("{}", words.wrong())).await,
         };
         let now = Instant::now();
         let done = place.change(|scanner| order(scanner, command, &ask, &cells, now));
@@ -247,18 +245,18 @@ async fn settled(place: &ScannerPlace, row: RowId) -> bool {
 }
 
 /// Reads the words behind `command`.
-fn parse(
-    settings: &Settings,
-    command: PointCommand,
-    words: &mut Words,
-    cells: &mut Cells,
-) -> Result<Ask, LineError> {
+fn parse(settings: &Settings, command: PointCommand, words: &Words, cells: &mut Cells) -> Result<Ask, Wrong> {
     if command == PointCommand::Mark {
         return range(settings, words);
     }
     let word = words.take();
-    let row = settings.find_point(word.text).ok_or_else(|| word.error(Problem::NoSuchPoint))?;
-    let point = settings.points.get(usize::from(row)).ok_or_else(|| word.error(Problem::NoSuchPoint))?;
+    let row = settings
+        .find_point(word.text)
+        .ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchPoint)))?;
+    let point = settings
+        .points
+        .get(usize::from(row))
+        .ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchPoint)))?;
     // What is done with a point that shows another one is done with that.
     let row = RowId(match point.at {
         PointAt::Local { of: Some(of), .. } => of,
@@ -272,9 +270,11 @@ fn parse(
 }
 
 /// `meter 3 0-99`
-fn range(settings: &Settings, words: &mut Words) -> Result<Ask, LineError> {
+fn range(settings: &Settings, words: &Words) -> Result<Ask, Wrong> {
     let word = words.take();
-    let device = settings.find_device(word.text).ok_or_else(|| word.error(Problem::NoSuchDevice))?;
+    let device = settings
+        .find_device(word.text)
+        .ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchDevice)))?;
     let word = words.take();
     let function = parse_number(word.text).and_then(|code| u8::try_from(code).ok());
     let function = function
@@ -291,12 +291,7 @@ fn range(settings: &Settings, words: &mut Words) -> Result<Ask, LineError> {
 }
 
 /// `17 18`, or `at 3 17 18`: values from the first one on, or from another one.
-fn written(
-    point: &PointSettings,
-    row: RowId,
-    words: &mut Words,
-    cells: &mut Cells,
-) -> Result<Ask, LineError> {
+fn written(point: &PointSettings, row: RowId, words: &Words, cells: &mut Cells) -> Result<Ask, Wrong> {
     let mut first = 0;
     if words.peek().is("at") {
         words.take();

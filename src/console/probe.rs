@@ -12,7 +12,7 @@ use heapless::Vec;
 
 use super::command::Session;
 use crate::config::{
-    Framing, LineError, LineSettings, PortId, PortKind, Problem, SerialSettings, Settings, Side, Word,
+    Framing, LineSettings, PortId, PortKind, Problem, SerialSettings, Settings, Side, Word, Wrong,
 };
 use crate::hal::{Store, System};
 use crate::modbus::pdu::function::{DIAGNOSTICS, REPORT_SERVER_ID};
@@ -26,7 +26,7 @@ const REQUEST_BYTES_MAX: usize = 5;
 pub(super) fn serial_client<'s>(
     settings: &'s Settings,
     word: Word<'_>,
-) -> Result<(PortId, &'s SerialSettings), LineError> {
+) -> Result<(PortId, &'s SerialSettings), Wrong> {
     let port = settings.find(word.text).ok_or_else(|| word.error(Problem::NoSuchPort))?;
     match settings.port(port).map(|port| &port.kind) {
         Some(PortKind::Serial(serial)) if serial.side == Side::Client => Ok((port, serial)),

@@ -15,7 +15,7 @@ use super::command::Session;
 use super::probe::{About, Watch, request, to_first_char};
 use super::show::{NO_ROW, Written};
 use crate::asking::Turn;
-use crate::config::{LineSettings, PortId, PortKind, Settings, Side, Time, Words};
+use crate::config::{LineSettings, PortId, PortKind, Settings, Side, Time, Words, Wrong};
 use crate::hal::{OpenErrorKind, Store, System};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
@@ -76,10 +76,10 @@ impl Search {
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// Looks for units as the words say.
-    pub(super) async fn scan(&mut self, words: &mut Words<'_>) -> Result<(), IO::Error> {
+    pub(super) async fn scan(&mut self, words: &Words<'_>) -> Result<(), IO::Error> {
         let plan = match self.gateway.settings(|settings| Plan::parse(settings, words)) {
             Ok(plan) => plan,
-            Err(error) => return self.fail(format_args!("{error}")).await,
+            Err(Wrong) => return self.fail(format_args!("{}", words.wrong())).await,
         };
         let gateway = self.gateway;
         let turn = match gateway.turn(plan.port) {

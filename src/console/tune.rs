@@ -12,8 +12,7 @@ use super::probe::{About, Watch, request, serial_client, to_first_char};
 use super::rows::{port_name, took};
 use crate::asking::Turn;
 use crate::config::{
-    Framing, LineError, LineSettings, PortId, SerialClientSettings, Settings, Time, Words, number,
-    parse_units,
+    Framing, LineSettings, PortId, SerialClientSettings, Settings, Time, Words, Wrong, number, parse_units,
 };
 use crate::hal::{Store, System};
 use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS};
@@ -62,7 +61,7 @@ struct Measured {
 
 impl Course {
     /// Reads `P1 units 1-5 count 1000`.
-    fn parse(settings: &Settings, words: &mut Words) -> Result<Self, LineError> {
+    fn parse(settings: &Settings, words: &Words) -> Result<Self, Wrong> {
         let (port, serial) = serial_client(settings, words.take())?;
         let mut units = None;
         let mut count = COUNT;
@@ -96,10 +95,10 @@ impl Course {
 
 impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
     /// Measures what the words say, and shows the line to type.
-    pub(super) async fn tune(&mut self, words: &mut Words<'_>) -> Result<(), IO::Error> {
+    pub(super) async fn tune(&mut self, words: &Words<'_>) -> Result<(), IO::Error> {
         let mut course = match self.gateway.settings(|settings| Course::parse(settings, words)) {
             Ok(course) => course,
-            Err(error) => return self.fail(format_args!("{error}")).await,
+            Err(Wrong) => return self.fail(format_args!("{}", words.wrong())).await,
         };
         let gateway = self.gateway;
         let turn = match gateway.turn(course.port) {

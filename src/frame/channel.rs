@@ -55,6 +55,11 @@ impl Channel {
         self.0.lock(|ends| ends.borrow_mut().take_first(pool))
     }
 
+    /// Drops all that is there: nobody waits for it any more.
+    pub(crate) fn clear(&self, pool: &FramePool<'_>) {
+        while self.try_receive(pool).is_some() {}
+    }
+
     /// Waits for the first frame.
     pub fn receive<'p>(&self, pool: &'p FramePool<'p>) -> impl Future<Output = Frame<'p>> {
         poll_fn(move |cx| {

@@ -7,6 +7,7 @@ use core::sync::atomic::{AtomicU16, Ordering};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Instant};
 
 use super::Shared;
 use crate::config::PortId;
@@ -156,6 +157,23 @@ impl<'g> PortAt<'g> {
             self.stats.count(trouble);
         }
         self.units(|units| units.damaged(unit, trouble));
+    }
+
+    /// `unit` answered `took` after the request's end.
+    pub(crate) fn answered(&self, unit: u8, took: Duration, exception: bool) {
+        self.units(|units| units.answered(unit, took, exception));
+        self.stats.count(Event::Answer);
+        if exception {
+            self.stats.count(Event::Exception);
+        }
+    }
+
+    /// `unit` gave no answer: see [`Units::timed_out`].
+    pub(crate) fn timed_out(&self, unit: u8, window: Duration, down_after: u8) {
+        self.stats.count(Event::Timeout);
+        if self.units(|units| units.timed_out(unit, Instant::now(), window, down_after)) {
+            self.stats.count(Event::Silent);
+        }
     }
 
     /// The port's settings are others: it begins anew.

@@ -65,7 +65,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         line.active += settings.client.start_delay;
         let silence = settings.framing.silence(&line.settings) + line.jitter;
         let SerialSettings { client, framing, .. } = *settings;
-        let place = desk.place();
+        let place = *desk.place();
         let tap = Tap { capture: desk.gateway().capture(), port: desk.id(), kind: framing.into() };
         let (begun, decoder) = (line.active, Decoder::default());
         Self { line, place, tap, client, framing, decoder, begun, pauses: false, silence }

@@ -15,7 +15,7 @@
 mod join;
 mod order;
 
-use core::cell::{Cell, RefCell};
+use core::cell::{Cell, RefCell, RefMut};
 
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
@@ -95,14 +95,28 @@ impl<'g> Desk<'g> {
     }
 
     /// The port's counters, units and channel.
-    pub(crate) fn place(&self) -> PortAt<'g> {
-        self.place
+    pub(crate) fn place(&self) -> &PortAt<'g> {
+        &self.place
+    }
+
+    // One place for each cell that would panic if it were lent twice.
+
+    fn queue(&self) -> RefMut<'_, PortQueue<Frame<'g>>> {
+        self.queue.borrow_mut()
+    }
+
+    fn current(&self) -> RefMut<'_, Vec<Current<'g>, FLIGHTS_MAX>> {
+        self.current.borrow_mut()
+    }
+
+    fn cache(&self) -> RefMut<'_, Cache> {
+        self.cache.borrow_mut()
     }
 
     /// Takes orders in for ever, and drops those whose time is over or whose asker is gone.
     pub(crate) async fn take_in(&self) {
         loop {
-            let deadline = self.queue.borrow().first_deadline().unwrap_or(Instant::MAX);
+            let deadline = self.queue().first_deadline().unwrap_or(Instant::MAX);
             match select(self.place.queue.receive(self.gateway.pool()), until(deadline)).await {
                 Either::First(frame) => self.admit(frame),
                 Either::Second(()) => self.sweep(),
@@ -114,7 +128,7 @@ impl<'g> Desk<'g> {
         let mut envelope = frame.envelope();
         if let Some(target) = self.unit {
             envelope.target = target;
-            frame.amend(|envelope| envelope.target = target);
+            frame.address(envelope);
         }
         let attempt = envelope.paced && self.pausing.get();
         let is_others = self.alone && envelope.origin.way != Way::Console;
@@ -126,11 +140,11 @@ impl<'g> Desk<'g> {
             return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
         let ticket = ticket(&envelope, frame.function());
-        if self.queue.borrow().len() >= WAITING_MAX {
+        if self.queue().len() >= WAITING_MAX {
             // Some of them may be nobody's.
             self.sweep();
         }
-        let refused = self.queue.borrow_mut().push(frame, ticket);
+        let refused = self.queue().push(frame, ticket);
         if let Some(refused) = refused {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
         }
@@ -140,7 +154,7 @@ impl<'g> Desk<'g> {
 
     /// Tells how many orders wait.
     fn count_waiting(&self) {
-        self.place.set_waiting(self.queue.borrow().len());
+        self.place.set_waiting(self.queue().len());
     }
 
     /// Sends home what must not be sent any more.
@@ -148,12 +162,12 @@ impl<'g> Desk<'g> {
         let now = Instant::now();
         let gate = self.gates(self.all_well(now));
         loop {
-            let unwanted = self.queue.borrow_mut().take_if(|frame, ticket| {
+            let unwanted = self.queue().take_if(|frame, ticket| {
                 if self.gateway.is_gone(frame.origin()) {
                     Some(Event::AskerGone)
                 } else if ticket.deadline <= now {
                     Some(Event::Expired)
-                } else if gate(ticket.unit) == Gate::Down && !frame.look(|envelope| envelope.paced) {
+                } else if gate(ticket.unit) == Gate::Down && !frame.envelope().paced {
                     Some(Event::UnitDown)
                 } else {
                     None
@@ -170,7 +184,7 @@ impl<'g> Desk<'g> {
     pub(crate) fn next(&self) -> Next<Frame<'g>> {
         let now = Instant::now();
         let all_well = self.all_well(now);
-        if !all_well || self.queue.borrow().first_deadline().is_some_and(|deadline| deadline <= now) {
+        if !all_well || self.queue().first_deadline().is_some_and(|deadline| deadline <= now) {
             self.sweep();
         }
         let gate = self.gates(all_well);
@@ -180,7 +194,7 @@ impl<'g> Desk<'g> {
             Gate::Down => self.place.units(|units| units.attempt(unit, now)),
         };
         loop {
-            let next = self.queue.borrow_mut().next(now, ready);
+            let next = self.queue().next(now, ready);
             match next {
                 // Others whose askers have gone are found out when their turn comes, or the queue is full.
                 Next::Serve(frame, _) if self.gateway.is_gone(frame.origin()) => {
@@ -190,7 +204,7 @@ impl<'g> Desk<'g> {
                     let current = self.start(&frame, &ticket, now);
                     // There is room: a port has at most as many orders open, and one that is not kept here is in its hands
                     // alone.
-                    let _ = self.current.borrow_mut().push(current);
+                    let _ = self.current().push(current);
                     self.count_waiting();
                     return Next::Serve(frame, ticket);
                 }
@@ -210,14 +224,14 @@ impl<'g> Desk<'g> {
             // A read is as long as another.
             let _ = leader.replace(&joint.block.request());
             // What comes is not the answer yet.
-            leader.amend(|envelope| envelope.cut = false);
+            leader.address(Envelope { cut: false, ..leader.envelope() });
         }
         let serves = |frame: &Frame<'g>| Some(joint?.serves(&Joint::of(frame)?));
         let joins = |frame: &Frame<'g>| {
             (frame.same_pdu(leader) || serves(frame) == Some(true)) && !self.gateway.is_gone(frame.origin())
         };
         let mut joined = None;
-        let mut queue = self.queue.borrow_mut();
+        let mut queue = self.queue();
         // From the last one on, each in front of the others: they ride in the order of arrival.
         while let Some(rider) = queue.companion(ticket, joins) {
             let theirs = block(&rider);
@@ -242,7 +256,7 @@ impl<'g> Desk<'g> {
     /// What is best asked for in place of `leader`, if its rule lets others join it.
     fn join(&self, leader: &Frame<'g>, ticket: &Ticket, now: Instant) -> Option<Joint> {
         let joint = Joint::of(leader)?;
-        let queue = self.queue.borrow();
+        let queue = self.queue();
         let is_there = |frame: &&Frame<'g>| !self.gateway.is_gone(frame.origin());
         let others = || queue.companions(ticket).filter(is_there).filter_map(Joint::of);
         let joins = self.place.units(|units| units.joins(ticket.unit, now));
@@ -251,7 +265,7 @@ impl<'g> Desk<'g> {
 
     /// Waits until an order waits.
     pub(crate) async fn wanted(&self) {
-        while self.queue.borrow().is_empty() {
+        while self.queue().is_empty() {
             self.changed().await;
         }
     }
@@ -274,13 +288,11 @@ impl<'g> Desk<'g> {
         if order.function() & EXCEPTION_BIT != 0 && current.part() {
             return self.part(order);
         }
-        let is_kept = order.look(|envelope| envelope.sharing.cache_ms > 0);
+        let is_kept = order.sharing().cache_ms > 0;
         if current.joined.is_none() && !is_kept && !order.is_laden() {
             return self.give(current.frame);
         }
-        let mut answer = [0; PDU_BYTES_MAX];
-        let length = order.copy_pdu(&mut answer);
-        let answer = answer.get(..length).unwrap_or(&[]);
+        let answer = &order.content();
         let give = |frame: Frame<'g>, asked| {
             let mut part = [0; PDU_BYTES_MAX];
             let answer = current.answer_to(asked, answer, &mut part);
@@ -314,9 +326,9 @@ impl<'g> Desk<'g> {
         // The device may have read before a write that has ended meanwhile.
         let is_old = current.writes_ended != self.writes_ended.get();
         let Some(block) = asked.filter(|_| !is_exception && !is_old) else { return };
-        let (unit, cache_ms) = frame.look(|envelope| (envelope.target, envelope.sharing.cache_ms));
-        if cache_ms > 0 {
-            self.cache.borrow_mut().keep(Question { unit, block }, answer, current.since);
+        if frame.sharing().cache_ms > 0 {
+            let unit = frame.target();
+            self.cache().keep(Question { unit, block }, answer, current.since);
         }
     }
 
@@ -326,9 +338,11 @@ impl<'g> Desk<'g> {
         self.place.stats.count(Event::Parted);
         self.place.units(|units| units.refused_join(unit, Instant::now()));
         let send_alone = |frame: Frame<'g>| {
-            frame.amend(|envelope| envelope.sharing.merge = Merge::Identical);
-            let ticket = ticket(&frame.envelope(), frame.function());
-            if let Some(refused) = self.queue.borrow_mut().put_back(frame, ticket) {
+            let mut envelope = frame.envelope();
+            envelope.sharing.merge = Merge::Identical;
+            frame.address(envelope);
+            let ticket = ticket(&envelope, frame.function());
+            if let Some(refused) = self.queue().put_back(frame, ticket) {
                 self.fail(refused, Event::QueueFull, Exception::BUSY);
             }
         };
@@ -346,7 +360,7 @@ impl<'g> Desk<'g> {
         }
         let Some(block) = block(&frame) else { return Some(frame) };
         let question = Question { unit: target, block };
-        let cache = self.cache.borrow();
+        let cache = self.cache();
         let Some(answer) = cache.answer(question, Instant::now(), sharing.cache()) else {
             return Some(frame);
         };
@@ -361,12 +375,12 @@ impl<'g> Desk<'g> {
     fn is_writing(&self, unit: u8) -> bool {
         let writes =
             |current: &Current<'g>| current.writes && [unit, BROADCAST].contains(&current.frame.target());
-        self.queue.borrow().writes_to(unit) || self.current.borrow().iter().any(writes)
+        self.queue().writes_to(unit) || self.current().iter().any(writes)
     }
 
     /// `order`, which was sent while it arrived, is whole: what it does is known by now.
     pub(crate) fn arrived(&self, order: &Frame<'g>) {
-        if let Some(current) = self.current.borrow_mut().iter_mut().find(|current| current.frame.is(order)) {
+        if let Some(current) = self.current().iter_mut().find(|current| current.frame.is(order)) {
             current.writes = !pdu::is_read(order.function());
             current.asked = block(order);
         }
@@ -374,7 +388,7 @@ impl<'g> Desk<'g> {
 
     /// Gives whoever asked `order` while its answer is still written into it.
     pub(crate) fn answering(&self, order: &Frame<'g>) {
-        order.amend(|envelope| envelope.stage = Stage::Answering);
+        order.set_stage(Stage::Answering);
         self.gateway.inbox.send(order.share());
     }
 
@@ -407,7 +421,7 @@ impl<'g> Desk<'g> {
             }
             false => self.again(frame, retries),
         };
-        let cause = order.look(|envelope| envelope.cause);
+        let Envelope { cause, .. } = order.envelope();
         while let Some(rider) = order.unload() {
             rider.blame(cause);
             repeated |= self.again(rider, retries);
@@ -419,12 +433,12 @@ impl<'g> Desk<'g> {
 
     /// Ends the carrying out of `order`.
     fn take(&self, order: &Frame<'g>) -> Option<Current<'g>> {
-        let mut current = self.current.borrow_mut();
+        let mut current = self.current();
         let at = current.iter().position(|current| current.frame.is(order))?;
         let ended = current.swap_remove(at);
         if ended.writes {
             self.writes_ended.set(self.writes_ended.get().wrapping_add(1));
-            self.cache.borrow_mut().written(order.target());
+            self.cache().written(order.target());
         }
         Some(ended)
     }
@@ -439,7 +453,7 @@ impl<'g> Desk<'g> {
         envelope.repeats += 1;
         frame.address(envelope);
         let ticket = ticket(&envelope, frame.function());
-        if let Some(refused) = self.queue.borrow_mut().push(frame, ticket) {
+        if let Some(refused) = self.queue().push(frame, ticket) {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
         }
         true
@@ -453,9 +467,9 @@ impl<'g> Desk<'g> {
     /// Closes the desk: whatever was on the wire is answered 0Bh, whatever waits or comes 0Ah.
     pub(crate) fn close(&self) {
         self.open.set(false);
-        self.cache.borrow_mut().clear();
+        self.cache().clear();
         loop {
-            let Some(Current { frame, .. }) = self.current.borrow_mut().pop() else { break };
+            let Some(Current { frame, .. }) = self.current().pop() else { break };
             while let Some(rider) = frame.unload() {
                 self.gateway.refuse(rider, Exception::GATEWAY_NO_RESPONSE);
             }
@@ -463,7 +477,7 @@ impl<'g> Desk<'g> {
                 self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
             }
         }
-        while let Some((frame, event)) = self.queue.borrow_mut().take_if(|_, _| Some(Event::NoPath)) {
+        while let Some((frame, event)) = self.queue().take_if(|_, _| Some(Event::NoPath)) {
             self.fail(frame, event, Exception::GATEWAY_NO_PATH);
         }
         self.count_waiting();
@@ -493,7 +507,7 @@ impl<'g> Desk<'g> {
             }
         });
         // A unit that is down gets one probe at a time.
-        let probed = || self.current.borrow().iter().any(|current| current.frame.target() == unit);
+        let probed = || self.current().iter().any(|current| current.frame.target() == unit);
         gate.unwrap_or_else(|| if probed() { Gate::Down } else { Gate::Open(Ready::Now) })
     }
 
@@ -507,5 +521,5 @@ impl<'g> Desk<'g> {
 
 /// Whether whoever asked `order` has been given it while its answer was still being written: it must not be sent home again.
 pub(crate) fn is_answering(order: &Frame<'_>) -> bool {
-    order.look(|envelope| envelope.stage) == Stage::Answering
+    order.stage() == Stage::Answering
 }

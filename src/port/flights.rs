@@ -64,7 +64,7 @@ impl<T> Flights<T> {
 
     /// Opens a request and gives its id; gives the request back when there is no [`Flights::room`].
     pub fn start(&mut self, order: T, unit: u8, now: Instant, timeout: Duration) -> Result<u16, T> {
-        self.lost.retain(|(_, until)| *until > now);
+        self.forget_lost(now);
         if self.room(now) != Some(now) {
             return Err(order);
         }
@@ -97,7 +97,7 @@ impl<T> Flights<T> {
     pub fn expire(&mut self, now: Instant, window: Duration) -> Option<Flight<T>> {
         let at = self.open.iter().position(|flight| flight.deadline <= now)?;
         let flight = self.open.remove(at);
-        self.lost.retain(|(_, until)| *until > now);
+        self.forget_lost(now);
         // `room` has kept a place for it.
         let _ = self.lost.push((flight.id, now + window));
         Some(flight)
@@ -111,6 +111,11 @@ impl<T> Flights<T> {
     /// When the first request's time is over.
     pub fn first_deadline(&self) -> Option<Instant> {
         self.open.iter().map(|flight| flight.deadline).min()
+    }
+
+    /// Forgets the ids whose windows are over.
+    fn forget_lost(&mut self, now: Instant) {
+        self.lost.retain(|(_, until)| *until > now);
     }
 
     fn is_lost(&self, id: u16) -> bool {

@@ -9,12 +9,12 @@ use embassy_time::Instant;
 use crate::config::{Framing, PortKind};
 use crate::frame::{Envelope, Frame};
 use crate::gateway::Gateway;
+use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{
     DIAGNOSTICS, ENCAPSULATED_INTERFACE, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG,
     MEI_DEVICE_IDENTIFICATION, REPORT_SERVER_ID,
 };
-use crate::modbus::{Exception, PDU_BYTES_MAX, pdu};
-use crate::scanner::Pdu;
+use crate::modbus::{Exception, pdu};
 
 mod diagnostics;
 mod identification;
@@ -30,67 +30,73 @@ const RUNNING: u8 = 0xff;
 const SERVER_ID: &[u8] = concat!("mobgate ", env!("CARGO_PKG_VERSION")).as_bytes();
 
 /// Answers `frame` and sends it home.
+// Not a part of the routing task's code: it is a port like the others, which happens to have no task.
+#[inline(never)]
 pub(crate) fn answer(gateway: &Gateway<'_>, frame: Frame<'_>) {
-    let mut request = [0; PDU_BYTES_MAX];
-    let length = frame.copy_pdu(&mut request);
-    let request = request.get(..length).unwrap_or(&[]);
+    let request = &frame.content();
     let envelope = frame.envelope();
-    let answer = match diagnostics::mode(gateway, envelope.origin.port, request) {
+    let mut answer = Pdu::new();
+    let answered = match diagnostics::mode(gateway, envelope.origin.port, request) {
         Mode::Silent => return gateway.unanswered(frame),
-        Mode::Restarted => pdu_of(&[request]),
+        Mode::Restarted => put(&mut answer, &[request]),
         Mode::Refused => Err(Exception::ILLEGAL_VALUE),
-        Mode::Answers => respond(gateway, &envelope, request),
+        Mode::Answers => respond(gateway, &envelope, request, &mut answer),
     };
-    gateway.events(|events| events.note(request, envelope.unit == 0, &answer));
-    match answer.map(|answer| frame.replace(&answer)) {
-        Ok(Ok(())) => gateway.answered(frame),
-        Ok(Err(_)) => gateway.refuse(frame, Exception::DEVICE_FAILURE),
+    gateway.events(|events| events.note(request, envelope.unit == 0, answered));
+    match answered {
+        Ok(()) => {
+            // It is no longer than a PDU may be.
+            let _ = frame.replace(&answer);
+            gateway.answered(frame);
+        }
         Err(exception) => gateway.refuse(frame, exception),
     }
 }
 
-/// The answer to `request`.
-fn respond(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8]) -> Result<Pdu, Exception> {
+/// Whether there is an answer, or which exception is the answer.
+type Answered = Result<(), Exception>;
+
+/// Writes the answer to `request`.
+fn respond(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8], answer: &mut Pdu) -> Answered {
     match *request {
         // A character that is part of frames cannot end them.
         [DIAGNOSTICS, 0, 3, b'0'..=b'9' | b'A'..=b'F' | b':' | b'\r', 0] if on_ascii(gateway, envelope) => {
             Err(Exception::ILLEGAL_VALUE)
         }
         // The port that the request came by changes the character, behind this answer.
-        [DIAGNOSTICS, 0, 3, _, 0] if on_ascii(gateway, envelope) => pdu_of(&[request]),
+        [DIAGNOSTICS, 0, 3, _, 0] if on_ascii(gateway, envelope) => put(answer, &[request]),
         [DIAGNOSTICS, high, low, ref data @ ..] => {
-            diagnostics::answer(gateway, envelope.origin.port, u16::from_be_bytes([high, low]), data)
+            diagnostics::answer(gateway, envelope.origin.port, u16::from_be_bytes([high, low]), data, answer)
         }
-        [GET_COMM_EVENT_COUNTER] => gateway.events(|events| pdu_of(&[request, &events.counter()])),
+        [GET_COMM_EVENT_COUNTER] => gateway.events(|events| put(answer, &[request, &events.counter()])),
         [GET_COMM_EVENT_LOG] => {
             let messages = diagnostics::messages(gateway, envelope.origin.port);
-            gateway.events(|events| events.log(messages))
+            gateway.events(|events| events.log(messages, answer))
         }
         [REPORT_SERVER_ID] => {
-            pdu_of(&[&[REPORT_SERVER_ID, SERVER_ID.len() as u8 + 1], SERVER_ID, &[RUNNING]])
+            put(answer, &[&[REPORT_SERVER_ID, SERVER_ID.len() as u8 + 1], SERVER_ID, &[RUNNING]])
         }
         [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, code, object] => {
-            identification::answer(code, object)
+            identification::answer(code, object, answer)
         }
-        _ => from_tables(gateway, request),
+        _ => from_tables(gateway, request, answer),
     }
 }
 
-/// The PDU of `parts`.
-fn pdu_of(parts: &[&[u8]]) -> Result<Pdu, Exception> {
-    let mut pdu = Pdu::new();
-    let written = parts.iter().try_for_each(|part| pdu.extend_from_slice(part));
-    written.map(|()| pdu).map_err(|_| Exception::DEVICE_FAILURE)
+/// Appends `parts` to `answer`.
+fn put(answer: &mut Pdu, parts: &[&[u8]]) -> Answered {
+    let written = parts.iter().try_for_each(|part| answer.extend_from_slice(part));
+    written.map_err(|_| Exception::DEVICE_FAILURE)
 }
 
 /// What the local points say to `request`, and behind them the table of the gateway's state.
-fn from_tables(gateway: &Gateway<'_>, request: &[u8]) -> Result<Pdu, Exception> {
-    let from_points = from_points(gateway, request);
-    match from_points {
-        Err(Exception::ILLEGAL_ADDRESS | Exception::ILLEGAL_FUNCTION) => {
-            table::answer(gateway, request).unwrap_or(from_points)
+fn from_tables(gateway: &Gateway<'_>, request: &[u8], answer: &mut Pdu) -> Answered {
+    match from_points(gateway, request) {
+        Ok(of_points) => put(answer, &[&of_points]),
+        Err(exception @ (Exception::ILLEGAL_ADDRESS | Exception::ILLEGAL_FUNCTION)) => {
+            table::answer(gateway, request, answer).unwrap_or(Err(exception))
         }
-        answer => answer,
+        Err(exception) => Err(exception),
     }
 }
 

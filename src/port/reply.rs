@@ -2,7 +2,7 @@
 
 use embassy_time::Instant;
 
-use crate::frame::Frame;
+use crate::frame::{Envelope, Frame};
 use crate::modbus::pdu::{self, End};
 use crate::port::arriving::{Arriving, Passing, is_whole};
 use crate::port::cut::Lane;
@@ -21,10 +21,10 @@ pub(crate) struct Reply<'r, 'g> {
 
 impl<'r, 'g> Reply<'r, 'g> {
     pub(crate) fn new(desk: &'r Desk<'g>, order: &'r Frame<'g>, unit: u8, request: &'r [u8]) -> Self {
-        let (cut, port) = order.look(|envelope| (envelope.cut, envelope.origin.port));
+        let Envelope { cut, origin, .. } = order.envelope();
         // Once begun, an answer cannot be stored any more: its end must be sure to be told.
         let has_end = || pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
-        let lane = || desk.gateway().settings(|settings| Lane::at(settings, port));
+        let lane = || desk.gateway().settings(|settings| Lane::at(settings, origin.port));
         let asker = if cut && has_end() { lane() } else { None };
         Self { desk, order, unit, request, asker, passing: Passing::Open }
     }

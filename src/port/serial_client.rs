@@ -9,7 +9,6 @@ use embassy_time::Instant;
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::{Cause, Fill, Frame, Way};
 use crate::hal::{SerialHost, SerialLine};
-use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::port::bus::{Bus, Failure};
 use crate::port::copy::Copied;
@@ -75,7 +74,7 @@ async fn carry_out<'g, L: SerialLine>(
     }
     let arriving = fill == Fill::Filling;
     if arriving {
-        let origin = frame.envelope().origin.port;
+        let origin = frame.origin().port;
         let input = desk.gateway().settings(|settings| Lane::at(settings, origin));
         // What is broken off comes again when it is whole.
         let may_wait = input.is_some_and(|lane| lane.framing == Framing::Rtu);
@@ -90,9 +89,7 @@ async fn carry_out<'g, L: SerialLine>(
         }
         desk.arrived(&frame);
     }
-    let mut request = [0; PDU_BYTES_MAX];
-    let length = frame.copy_pdu(&mut request);
-    let request = request.get(..length).unwrap_or(&[]);
+    let request = &frame.content();
     if arriving {
         bus.note_copied(unit, request, frame.own_crc());
     }
@@ -116,11 +113,7 @@ async fn carry_out<'g, L: SerialLine>(
     match outcome {
         Ok(took) => {
             let exception = frame.function() & EXCEPTION_BIT != 0;
-            place.units(|units| units.answered(unit, took, exception));
-            place.stats.count(Event::Answer);
-            if exception {
-                place.stats.count(Event::Exception);
-            }
+            place.answered(unit, took, exception);
             desk.done(&frame);
             return Ok(());
         }
@@ -130,12 +123,7 @@ async fn carry_out<'g, L: SerialLine>(
         }
         // Only the echo may have been damaged: the unit may have heard the request, and answer.
         Err(Failure::Collision) => place.units(|units| units.hold(unit, Instant::now(), window)),
-        Err(Failure::Timeout) => {
-            place.stats.count(Event::Timeout);
-            if place.units(|units| units.timed_out(unit, Instant::now(), window, client.down_after)) {
-                place.stats.count(Event::Silent);
-            }
-        }
+        Err(Failure::Timeout) => place.timed_out(unit, window, client.down_after),
     }
     desk.failed(&frame, client.retries);
     Ok(())

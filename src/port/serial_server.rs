@@ -53,7 +53,7 @@ impl<'g> Server<'_, 'g> {
     /// Nobody waits any more: answers that are there or still come are dropped.
     pub(crate) fn close(&self) {
         self.place.renew();
-        while self.place.queue.try_receive(self.gateway.pool()).is_some() {}
+        self.place.queue.clear(self.gateway.pool());
     }
 
     fn is_ours(&self, unit: u8) -> bool {

@@ -35,6 +35,13 @@ struct State {
     wanted_by: Option<PortId>,
 }
 
+impl State {
+    /// The lowest is the first to go.
+    fn rank(&self) -> (bool, Instant) {
+        (self.busy, if self.busy { self.opened } else { self.used })
+    }
+}
+
 impl Socket {
     /// No connection.
     pub(crate) const fn new() -> Self {
@@ -52,7 +59,7 @@ impl Socket {
 
     /// Whether requests are open on the connection from now on.
     pub(crate) fn busy(&self, busy: bool) {
-        let state = self.state.lock(Cell::get);
+        let state = self.state();
         if state.busy != busy {
             self.set(State { busy, used: Instant::now(), ..state });
         }
@@ -60,11 +67,15 @@ impl Socket {
 
     /// The port has no connection any more; wakes the port among `places` that waits for it.
     pub(crate) fn closed(&self, places: &[PortPlace]) {
-        let state = self.state.lock(Cell::get);
+        let state = self.state();
         self.set(State { open: false, busy: false, wanted_by: None, ..state });
         if let Some(place) = state.wanted_by.and_then(|id| places.get(id.index())) {
             place.socket.freed.signal(());
         }
+    }
+
+    fn state(&self) -> State {
+        self.state.lock(Cell::get)
     }
 
     fn set(&self, state: State) {
@@ -74,10 +85,16 @@ impl Socket {
 
 /// Asks one of the connections of `places` to go for the port `id`; says whether one will.
 pub(crate) fn ask_for_one(places: &[PortPlace], id: PortId) -> bool {
-    let open = places.iter().map(|place| (&place.socket, place.socket.state.lock(Cell::get)));
-    let can_go = open.filter(|(_, state)| state.open && state.wanted_by.is_none());
-    let first =
-        can_go.min_by_key(|(_, state)| (state.busy, if state.busy { state.opened } else { state.used }));
+    let mut first: Option<(&Socket, State)> = None;
+    for place in places {
+        let state = place.socket.state();
+        if state.open
+            && state.wanted_by.is_none()
+            && first.is_none_or(|(_, other)| state.rank() < other.rank())
+        {
+            first = Some((&place.socket, state));
+        }
+    }
     let Some((socket, state)) = first else { return false };
     socket.set(State { wanted_by: Some(id), ..state });
     socket.leave.signal(());

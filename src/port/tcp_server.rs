@@ -6,29 +6,33 @@
 //! has open is bounded twice: by the `pipeline` setting (one more is answered 06h) and by frames (none free: the
 //! connection is not read until one of its own comes home).
 
+use core::convert::Infallible;
 use core::future::pending;
 use core::net::SocketAddr;
 use core::pin::pin;
 
-use embassy_futures::select::{Either, Either4, select, select4};
-use embassy_time::{Duration, Instant, Timer, with_timeout};
+use embassy_futures::select::{Either4, select4};
+use embassy_time::{Duration, Instant, Timer};
 
-use crate::capture::{Export, Tap};
+use crate::capture::Tap;
 use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
-use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
-use crate::gateway::{Gateway, PortPlace, Seat, SeatState, Status};
+use crate::frame::{Envelope, Frame, Origin, Stage, Way};
+use crate::gateway::{Gateway, PortPlace, Seat, SeatState};
 use crate::hal::{TcpHost, TcpStream};
 use crate::modbus::Exception;
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::pdu;
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
+use crate::port::listening;
 use crate::port::moment::{until, within};
 use crate::port::stream::{Input, encode};
-use crate::stats::{Event, LastError};
+use crate::stats::Event;
+
+// One of two: what an `async` function awaits stays in it, also behind a constant.
+#[cfg_attr(not(feature = "capture"), path = "tcp_server/no_export.rs")]
+mod export;
 
 /// A client that does not take an answer for so long is closed.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
-/// How often it is looked whether there are frames for a capture: what a busy line brings meanwhile fits into the ring.
-const EXPORT_PAUSE: Duration = Duration::from_millis(5);
 /// Pause after the listener failed.
 const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
@@ -60,29 +64,15 @@ impl Terms {
     }
 }
 
-/// Why a connection ends.
-enum End {
-    /// The client closed it, or it broke.
-    Client,
-    /// The client was idle too long or does not read.
-    Stalled,
-    /// What came is no Modbus TCP.
-    Malformed,
-    /// Its place was needed.
-    Crowded,
-    /// Its address is not allowed.
-    Unwelcome,
-}
+/// Why a connection ends: what is counted then.
+type End = Event;
 
 impl Server<'_, '_> {
     /// Serves one client after the other, for ever.
     pub(crate) async fn run<H: TcpHost>(&self, host: &mut H) {
         loop {
             if let Err(error) = self.serve_next(host).await {
-                self.place.stats.note(LastError::Port);
-                if self.place.set_status(Status::Failed(error)) {
-                    log_warn!("TCP port {} cannot be opened: {}", self.settings.listen.port, error);
-                }
+                listening::fails(self.place, "TCP", self.settings.listen.port, error);
                 Timer::after(LISTEN_PAUSE).await;
             }
         }
@@ -90,29 +80,23 @@ impl Server<'_, '_> {
 
     async fn serve_next<H: TcpHost>(&self, host: &mut H) -> Result<(), crate::hal::OpenError> {
         host.listen(&self.settings.listen)?;
-        if self.place.set_status(Status::Open) {
-            self.place.stats.note(LastError::None);
-            log_info!("listening on TCP port {}", self.settings.listen.port);
-        }
+        listening::listens(self.place, "TCP", self.settings.listen.port);
         let (mut stream, peer) = host.accept(&self.settings.listen).await?;
         self.place.stats.count(Event::Connected);
         let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
                 Some(_) if self.settings.framing == StreamFraming::Capture => self.export(&mut stream).await,
-                Some(origin) => self.serve(&mut stream, origin).await,
+                Some(origin) => {
+                    let Err(end) = self.serve(&mut stream, origin).await;
+                    end
+                }
                 None => End::Crowded,
             }
         } else {
             End::Unwelcome
         };
         self.left();
-        self.place.stats.count(match end {
-            End::Client => Event::Left,
-            End::Stalled => Event::Stalled,
-            End::Malformed => Event::Malformed,
-            End::Crowded => Event::Crowded,
-            End::Unwelcome => Event::Unwelcome,
-        });
+        self.place.stats.count(end);
         stream.close().await;
         Ok(())
     }
@@ -125,7 +109,7 @@ impl Server<'_, '_> {
     /// The seat is empty: answers that still come find nobody.
     pub(crate) fn left(&self) {
         self.seat.update(|seat| seat.peer = None);
-        while self.seat.answers.try_receive(self.gateway.pool()).is_some() {}
+        self.seat.answers.clear(self.gateway.pool());
     }
 
     /// Takes the newcomer in and sees that there is room, or refuses it.
@@ -136,111 +120,103 @@ impl Server<'_, '_> {
             let marked = settings.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
             (marked, usize::from(settings.clients), usize::from(settings.reserved))
         })?;
-        let own = self.seat.update(|seat| {
-            let generation = seat.generation.wrapping_add(1);
-            let (port, peer) = (seat.port, Some(peer));
-            *seat = SeatState {
-                port,
-                peer,
-                marked,
-                generation,
-                since: now,
-                last_request: now,
-                ..SeatState::EMPTY
-            };
-            *seat
+        let generation = self.seat.update(|seat| {
+            let (port, generation) = (seat.port, seat.generation.wrapping_add(1));
+            let came = SeatState { since: now, last_request: now, ..SeatState::EMPTY };
+            *seat = SeatState { port, peer: Some(peer), marked, generation, ..came };
+            generation
         });
-        let seated = || {
-            let of_port =
-                |seat: &SeatState| seat.port == Some(self.id) && seat.peer.is_some() && !seat.leaving;
-            self.gateway
-                .seats()
-                .iter()
-                .map(|seat| (seat, seat.state()))
-                .filter(move |(_, seat)| of_port(seat))
-        };
+        let (mut seated, mut ordinary) = (0, 0);
+        let mut idle: Option<(&Seat, Instant)> = None;
+        for seat in self.gateway.seats() {
+            let state = seat.state();
+            if state.port != Some(self.id) || state.peer.is_none() || state.leaving {
+                continue;
+            }
+            seated += 1;
+            if state.marked {
+                continue;
+            }
+            ordinary += 1;
+            let may_go = state.open_requests == 0 && !core::ptr::eq(seat, self.seat);
+            if may_go && idle.is_none_or(|(_, since)| state.last_request < since) {
+                idle = Some((seat, state.last_request));
+            }
+        }
         let ordinary_max = clients.saturating_sub(reserved);
-        let ordinary = seated().filter(|(_, seat)| !seat.marked).count();
-        if seated().count() > clients || (!own.marked && ordinary > ordinary_max) {
-            let idle = seated().filter(|(seat, state)| {
-                !core::ptr::eq(*seat, self.seat) && !state.marked && state.open_requests == 0
-            });
-            let (seat, _) = idle.min_by_key(|(_, state)| state.last_request)?;
+        if seated > clients || (!marked && ordinary > ordinary_max) {
+            let (seat, _) = idle?;
             seat.update(|seat| seat.leaving = true);
             seat.leave.signal(());
         }
-        Some(Origin { port: self.id, way: Way::Seat(self.index as u16), generation: own.generation })
+        Some(Origin { port: self.id, way: Way::Seat(self.index as u16), generation })
     }
 
-    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin) -> End {
+    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin) -> Result<Infallible, End> {
         let mut input = Input::new(self.settings.framing);
         loop {
-            let waits = match self.take_requests(stream, &mut input, origin).await {
-                Ok(waits) => waits,
-                Err(end) => return end,
-            };
-            let pause_end = if waits == Waits::No { input.pause_end() } else { Instant::MAX };
-            let space = input.space();
-            let deaf = waits == Waits::ForFrame || space.is_empty();
-            let read = async { if deaf { pending().await } else { stream.read(space).await } };
-            let answers = self.seat.answers.receive(self.gateway.pool());
-            let idle_until = self.idle_until();
-            let wake = until(idle_until.min(pause_end));
-            match select4(read, answers, self.seat.leave.wait(), wake).await {
-                Either4::First(Ok(0) | Err(_)) => return End::Client,
-                Either4::First(Ok(count)) => input.grew(count),
-                Either4::Second(frame) => {
-                    if let Err(end) = self.give(stream, frame).await {
-                        return end;
+            let reply = match self.take_requests(&mut input, origin)? {
+                Waits::ForReply(header, refusal) => Reply::Refusal(header, refusal),
+                waits => {
+                    let pause_end = if let Waits::No = waits { input.pause_end() } else { Instant::MAX };
+                    let space = input.space();
+                    let deaf = matches!(waits, Waits::ForFrame) || space.is_empty();
+                    let read = async { if deaf { pending().await } else { stream.read(space).await } };
+                    let answers = self.seat.answers.receive(self.gateway.pool());
+                    let idle_until = self.idle_until();
+                    let wake = until(idle_until.min(pause_end));
+                    match select4(read, answers, self.seat.leave.wait(), wake).await {
+                        Either4::First(Ok(0) | Err(_)) => return Err(End::Left),
+                        Either4::First(Ok(count)) => {
+                            input.grew(count);
+                            continue;
+                        }
+                        Either4::Second(frame) => Reply::Answer(frame),
+                        Either4::Third(()) => return Err(End::Crowded),
+                        Either4::Fourth(()) if idle_until <= Instant::now() => return Err(End::Stalled),
+                        Either4::Fourth(()) => continue,
                     }
                 }
-                Either4::Third(()) => return End::Crowded,
-                Either4::Fourth(()) if idle_until <= Instant::now() => return End::Stalled,
-                Either4::Fourth(()) => {}
-            }
+            };
+            self.write(stream, reply).await?;
         }
     }
 
-    /// Takes the requests that are whole, and says whether the next one has to wait.
-    async fn take_requests<S: TcpStream>(
-        &self,
-        stream: &mut S,
-        input: &mut Input,
-        origin: Origin,
-    ) -> Result<Waits, End> {
+    /// Takes the requests that are whole, and says what the next one has to wait for.
+    fn take_requests(&self, input: &mut Input, origin: Origin) -> Result<Waits, End> {
         loop {
             // RTU answers do not say which request they belong to.
             if self.settings.framing == StreamFraming::Rtu && self.open_requests() > 0 {
                 return Ok(Waits::ForAnswer);
             }
-            let consumed = match input.front() {
+            let mut refusal = None;
+            let (event, consumed) = match input.front() {
                 Ok(Parsed::Incomplete) => return Ok(Waits::No),
                 Ok(Parsed::Skip { consumed }) => {
                     self.place.stats.count(input.skip_event());
-                    self.tap(false, input.skip_event(), input.first(consumed));
-                    consumed
+                    (input.skip_event(), consumed)
                 }
-                Ok(Parsed::Frame { header, pdu, consumed }) => match self.take(origin, header, pdu) {
-                    Taken::Sent => {
-                        self.tap(false, Event::Request, input.first(consumed));
-                        consumed
+                Ok(Parsed::Frame { header, pdu, consumed }) => {
+                    match self.take(origin, header, pdu) {
+                        Taken::Sent => {}
+                        Taken::Refused(exception) => {
+                            let answer = exception.response(pdu.first().copied().unwrap_or(0));
+                            refusal = Some(Waits::ForReply(header, answer));
+                        }
+                        Taken::Starved => {
+                            self.place.stats.count(Event::BackPressure);
+                            return Ok(Waits::ForFrame);
+                        }
                     }
-                    Taken::Refused(exception) => {
-                        let answer = exception.response(pdu.first().copied().unwrap_or(0));
-                        self.tap(false, Event::Request, input.first(consumed));
-                        let mut out = [0; ADU_BYTES_MAX];
-                        let out = encode(self.settings.framing, header, &answer, &mut out);
-                        self.write(stream, out.unwrap_or(&[])).await?;
-                        consumed
-                    }
-                    Taken::Starved => {
-                        self.place.stats.count(Event::BackPressure);
-                        return Ok(Waits::ForFrame);
-                    }
-                },
+                    (Event::Request, consumed)
+                }
                 Err(_) => return Err(End::Malformed),
             };
+            self.tap(false, event, input.first(consumed));
             input.consume(consumed);
+            if let Some(refusal) = refusal {
+                return Ok(refusal);
+            }
         }
     }
 
@@ -276,41 +252,40 @@ impl Server<'_, '_> {
         Taken::Sent
     }
 
-    /// Gives an answer to the client; a frame that came home without one is only counted off.
-    async fn give<S: TcpStream>(&self, stream: &mut S, frame: Frame<'_>) -> Result<(), End> {
+    /// Writes what the client gets into `out`, and says how long that is; a frame that came home without an answer is only
+    /// counted off.
+    fn encode(&self, reply: Reply<'_>, out: &mut [u8; ADU_BYTES_MAX]) -> usize {
+        let frame = match reply {
+            Reply::Refusal(header, answer) => return self.put(header, &answer, out),
+            Reply::Answer(frame) => frame,
+        };
         self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
-        let (stage, cause, header) = frame.look(|envelope| {
-            let header = Header { transaction: envelope.transaction, unit: envelope.unit };
-            (envelope.stage, envelope.cause, header)
-        });
+        let Envelope { stage, cause, transaction, unit, .. } = frame.envelope();
         if stage == Stage::Silence {
-            return Ok(());
+            return 0;
         }
-        let mut out = [0; ADU_BYTES_MAX];
-        let length = frame.pdu(|answer| {
-            self.count_answer(answer, cause);
-            encode(self.settings.framing, header, answer, &mut out).map_or(0, <[u8]>::len)
-        });
-        drop(frame);
-        self.write(stream, out.get(..length).unwrap_or(&[])).await
+        frame.pdu(|answer| {
+            self.place.stats.answered(answer, cause);
+            self.put(Header { transaction, unit }, answer, out)
+        })
     }
 
-    fn count_answer(&self, answer: &[u8], cause: Cause) {
-        self.place.stats.count(Event::Answer);
-        if let [function, code] = *answer
-            && function & EXCEPTION_BIT != 0
-        {
-            self.place.stats.count(Event::Exception);
-            self.place.stats.note_exception(Exception(code), cause);
-        }
+    fn put(&self, header: Header, answer: &[u8], out: &mut [u8; ADU_BYTES_MAX]) -> usize {
+        encode(self.settings.framing, header, answer, out).map_or(0, <[u8]>::len)
     }
 
     /// Writes the frame of an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, frame: &[u8]) -> Result<(), End> {
+    async fn write<S: TcpStream>(&self, stream: &mut S, reply: Reply<'_>) -> Result<(), End> {
+        let mut out = [0; ADU_BYTES_MAX];
+        let length = self.encode(reply, &mut out);
+        let frame = out.get(..length).unwrap_or(&[]);
+        if frame.is_empty() {
+            return Ok(());
+        }
         self.tap(true, Event::Answer, frame);
         match within(WRITE_PATIENCE, pin!(stream.write_all(frame))).await {
             Some(Ok(())) => Ok(()),
-            Some(Err(_)) => Err(End::Client),
+            Some(Err(_)) => Err(End::Left),
             None => Err(End::Stalled),
         }
     }
@@ -320,36 +295,6 @@ impl Server<'_, '_> {
         let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
         let asker = || self.peer().map_or(0, |peer| peer.port());
         tap.passed(asker, sent, verdict, bytes);
-    }
-
-    /// Gives a client the frames of all ports as they come.
-    async fn export<S: TcpStream>(&self, stream: &mut S) -> End {
-        let leave = pin!(self.seat.leave.wait());
-        let export = pin!(async {
-            let mut export = match with_timeout(WRITE_PATIENCE, Export::begin(self.gateway, stream)).await {
-                Ok(Ok(Some(export))) => export,
-                Ok(_) => return End::Client,
-                Err(_) => return End::Stalled,
-            };
-            loop {
-                // Whoever takes no frame for so long takes none at all.
-                match with_timeout(WRITE_PATIENCE, export.write_next(stream)).await {
-                    Ok(Ok(true)) => continue,
-                    Ok(Ok(false)) => {}
-                    Ok(Err(_)) => return End::Client,
-                    Err(_) => return End::Stalled,
-                }
-                let mut said = [0; 16];
-                match select(stream.read(&mut said), Timer::after(EXPORT_PAUSE)).await {
-                    Either::First(Ok(0) | Err(_)) => return End::Client,
-                    Either::First(Ok(_)) | Either::Second(()) => {}
-                }
-            }
-        });
-        match select(leave, export).await {
-            Either::First(()) => End::Crowded,
-            Either::Second(end) => end,
-        }
     }
 
     /// When the client will have been idle too long; never while it waits for an answer.
@@ -370,15 +315,24 @@ impl Server<'_, '_> {
     }
 }
 
-/// Whether the next request of a connection has to wait.
-#[derive(Clone, Copy, PartialEq, Eq)]
+/// What the next request of a connection has to wait for.
 enum Waits {
-    /// It can be taken as soon as it has come.
+    /// Nothing: it can be taken as soon as it has come.
     No,
     /// The one before it has no answer yet.
     ForAnswer,
     /// There is no frame for it now.
     ForFrame,
+    /// The one before it is refused: this is the answer.
+    ForReply(Header, [u8; 2]),
+}
+
+/// What a client gets.
+enum Reply<'g> {
+    /// A refusal.
+    Refusal(Header, [u8; 2]),
+    /// What came home.
+    Answer(Frame<'g>),
 }
 
 /// What became of a request.

@@ -16,15 +16,21 @@ use crate::config::{PortId, UDP_REQUESTS_MAX, UdpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Status};
 use crate::hal::{SocketLost, UdpHost, UdpSocket};
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::modbus::Exception;
+use crate::modbus::pdu;
 use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
-use crate::modbus::{Exception, PDU_BYTES_MAX};
-use crate::stats::{Event, LastError};
+use crate::port::listening;
+use crate::stats::Event;
 
 /// Pause after the socket failed.
 const BIND_PAUSE: Duration = Duration::from_secs(1);
 /// A datagram that is longer than a frame is seen to be.
 const DATAGRAM_BYTES_MAX: usize = ADU_BYTES_MAX + 1;
+
+/// Where the datagram of an answer is written.
+type Out = [u8; ADU_BYTES_MAX];
+/// Where it goes, and how long it is.
+type Reply = (SocketAddr, usize);
 
 /// A UDP server.
 pub(crate) struct Server<'s, 'g> {
@@ -58,22 +64,15 @@ impl<'s, 'g> Server<'s, 'g> {
     /// Keeps the socket open and answers, for ever.
     pub(crate) async fn run<H: UdpHost>(&self, host: &mut H) {
         loop {
+            let port = self.settings.listen.port;
             match host.bind(&self.settings.listen).await {
                 Ok(mut socket) => {
-                    if self.place.set_status(Status::Open) {
-                        self.place.stats.note(LastError::None);
-                        log_info!("listening on UDP port {}", self.settings.listen.port);
-                    }
+                    listening::listens(self.place, "UDP", port);
                     let SocketLost = self.serve(&mut socket).await;
                     self.place.stats.count(Event::LineLost);
                     self.place.set_status(Status::Lost);
                 }
-                Err(error) => {
-                    self.place.stats.note(LastError::Port);
-                    if self.place.set_status(Status::Failed(error)) {
-                        log_warn!("UDP port {} cannot be opened: {}", self.settings.listen.port, error);
-                    }
-                }
+                Err(error) => listening::fails(self.place, "UDP", port, error),
             }
             Timer::after(BIND_PAUSE).await;
         }
@@ -82,36 +81,33 @@ impl<'s, 'g> Server<'s, 'g> {
     /// Nobody waits any more: answers that are there or still come are dropped.
     pub(crate) fn close(&self) {
         self.place.renew();
-        while self.place.queue.try_receive(self.gateway.pool()).is_some() {}
+        self.place.queue.clear(self.gateway.pool());
     }
 
     async fn serve<S: UdpSocket>(&self, socket: &mut S) -> SocketLost {
         let mut datagram = [0; DATAGRAM_BYTES_MAX];
+        let mut out = [0; ADU_BYTES_MAX];
         let mut number = 0_u16;
         loop {
             let answers = self.place.queue.receive(self.gateway.pool());
             let reply = match select(answers, socket.receive(&mut datagram)).await {
-                Either::First(frame) => self.answer(frame),
+                Either::First(frame) => self.answer(&frame, &mut out),
                 Either::Second(Ok((length, peer))) => {
                     number = number.wrapping_add(1);
                     let received = datagram.get(..length).unwrap_or(&[]);
-                    self.take(received, peer, number)
+                    self.take(received, peer, number, &mut out)
                 }
                 Either::Second(Err(lost)) => return lost,
             };
-            let Some(Reply { peer, header, pdu, length }) = reply else { continue };
-            let mut out = [0; ADU_BYTES_MAX];
-            if let Ok(out) = tcp::encode(header, pdu.get(..length).unwrap_or(&[]), &mut out) {
-                self.tap(peer, true, Event::Answer, out);
-                if let Err(lost) = socket.send(out, peer).await {
-                    return lost;
-                }
+            let Some((peer, length)) = reply else { continue };
+            if let Err(lost) = socket.send(out.get(..length).unwrap_or(&[]), peer).await {
+                return lost;
             }
         }
     }
 
-    /// Takes a datagram in: sends its request to the router, or gives the exception that it is answered with.
-    fn take(&self, datagram: &[u8], peer: SocketAddr, number: u16) -> Option<Reply> {
+    /// Takes a datagram in: sends its request to the router, or writes the exception that it is answered with into `out`.
+    fn take(&self, datagram: &[u8], peer: SocketAddr, number: u16, out: &mut Out) -> Option<Reply> {
         let stats = &self.place.stats;
         if !self.settings.allowed.admits(peer.ip()) {
             stats.count(Event::Unwelcome);
@@ -124,36 +120,47 @@ impl<'s, 'g> Server<'s, 'g> {
                 return None;
             }
         };
-        let refuse = |event, exception: Exception| {
-            stats.count(event);
-            let [function, code] = exception.response(request.first().copied().unwrap_or(0));
-            Some(Reply::new(peer, header, &[function, code]))
-        };
         self.tap(peer, false, Event::Request, datagram);
+        let (event, exception) = match self.ask(header, request, peer, number) {
+            Ok(()) => return None,
+            Err(refusal) => refusal,
+        };
+        stats.count(event);
+        let answer = exception?.response(request.first().copied().unwrap_or(0));
+        self.reply(peer, header, &answer, out)
+    }
+
+    /// Sends a request to the router; else says what is counted, and by which exception it is answered, if it is.
+    fn ask(
+        &self,
+        header: Header,
+        request: &[u8],
+        peer: SocketAddr,
+        number: u16,
+    ) -> Result<(), (Event, Option<Exception>)> {
         let mut open = self.open.borrow_mut();
         let of_peer = || open.iter().filter(|open| open.peer == peer);
         if of_peer().any(|open| open.header == header) {
-            stats.count(Event::Duplicate);
-            return None;
+            return Err((Event::Duplicate, None));
         }
         if let Err(exception) = pdu::check_request(request) {
-            stats.note_refused(request, exception);
-            return refuse(Event::Refused, exception);
+            self.place.stats.note_refused(request, exception);
+            return Err((Event::Refused, Some(exception)));
         }
         let own = usize::from(self.settings.pipeline);
         if of_peer().count() >= own || open.len() >= usize::from(self.settings.requests) {
-            return refuse(Event::QueueFull, Exception::BUSY);
+            return Err((Event::QueueFull, Some(Exception::BUSY)));
         }
         let envelope = self.envelope(header.unit, peer, number);
         // The parser gives no longer PDU than fits.
         let Some(frame) = self.gateway.fill_for_port(self.id, request, envelope) else {
-            return refuse(Event::BackPressure, Exception::BUSY);
+            return Err((Event::BackPressure, Some(Exception::BUSY)));
         };
-        stats.count(Event::Request);
+        self.place.stats.count(Event::Request);
         // There is room: `requests` is at most what the table holds.
         let _ = open.push(Open { peer, header, number });
         self.gateway.inbox.send(frame);
-        None
+        Ok(())
     }
 
     /// Shows a frame from or to `peer` to whoever follows.
@@ -172,8 +179,8 @@ impl<'s, 'g> Server<'s, 'g> {
         }
     }
 
-    /// The answer in `frame`, for whoever asked; none when the frame came home without one.
-    fn answer(&self, frame: Frame<'_>) -> Option<Reply> {
+    /// Writes the answer in `frame` into `out`, for whoever asked; none when the frame came home without one.
+    fn answer(&self, frame: &Frame<'_>, out: &mut Out) -> Option<Reply> {
         let envelope = frame.envelope();
         let mut open = self.open.borrow_mut();
         let at = open.iter().position(|open| open.number == envelope.transaction)?;
@@ -181,31 +188,15 @@ impl<'s, 'g> Server<'s, 'g> {
         if envelope.stage == Stage::Silence {
             return None;
         }
-        self.place.stats.count(Event::Answer);
-        frame.pdu(|pdu| {
-            if let [function, code] = *pdu
-                && function & EXCEPTION_BIT != 0
-            {
-                self.place.stats.count(Event::Exception);
-                self.place.stats.note_exception(Exception(code), envelope.cause);
-            }
-            Some(Reply::new(peer, header, pdu))
-        })
+        let answer = frame.content();
+        self.place.stats.answered(&answer, envelope.cause);
+        self.reply(peer, header, &answer, out)
     }
-}
 
-/// An answer and where it goes.
-struct Reply {
-    peer: SocketAddr,
-    header: Header,
-    pdu: [u8; PDU_BYTES_MAX],
-    length: usize,
-}
-
-impl Reply {
-    fn new(peer: SocketAddr, header: Header, answer: &[u8]) -> Self {
-        let mut pdu = [0; PDU_BYTES_MAX];
-        pdu.iter_mut().zip(answer).for_each(|(byte, answer)| *byte = *answer);
-        Self { peer, header, pdu, length: answer.len() }
+    /// Writes `answer` into `out`.
+    fn reply(&self, peer: SocketAddr, header: Header, answer: &[u8], out: &mut Out) -> Option<Reply> {
+        let datagram = tcp::encode(header, answer, out).ok()?;
+        self.tap(peer, true, Event::Answer, datagram);
+        Some((peer, datagram.len()))
     }
 }

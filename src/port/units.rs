@@ -5,8 +5,7 @@
 //! once, and one in a while goes through as a probe, 1, 2, 4 ... 30 s apart, so that a dead unit does not slow the
 //! living ones. A unit that refused a joined read, or gave no answer, is asked for less at a time for a while.
 
-use core::iter::successors;
-use core::mem;
+use core::ops::Range;
 
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
@@ -107,41 +106,39 @@ impl Unit {
     }
 }
 
-/// The units of all ports, in one memory: each port's are a list in it.
+/// The units of all ports, in one memory, in which those of one port stand together.
 ///
 /// When all places are taken, the quietest healthy unit of the port that has most of them is forgotten, so no port can take the
 /// places of others that have few.
 pub struct AllUnits {
+    /// Port by port, each port's in the order of their first requests.
     units: Vec<Unit, ALL_UNITS_MAX>,
-    /// The place behind each one in its list, counted from 1; 0: it is the last.
-    next: [u16; ALL_UNITS_MAX],
     ports: [List; PORTS_MAX],
-    /// Places that were used before.
-    free: List,
 }
 
+/// Which units are a port's.
 #[derive(Clone, Copy)]
 struct List {
-    /// The first place, counted from 1; 0: the list is empty.
     first: u16,
+    /// Behind the last one.
+    end: u16,
     /// One of its units may be held or down.
     troubled: bool,
     frozen: bool,
 }
 
 impl List {
-    const EMPTY: Self = Self { first: 0, troubled: false, frozen: false };
+    const EMPTY: Self = Self { first: 0, end: 0, troubled: false, frozen: false };
+
+    fn places(self) -> Range<usize> {
+        self.first.into()..self.end.into()
+    }
 }
 
 impl AllUnits {
     /// None known.
     pub const fn new() -> Self {
-        Self {
-            units: Vec::new(),
-            next: [0; ALL_UNITS_MAX],
-            ports: [List::EMPTY; PORTS_MAX],
-            free: List::EMPTY,
-        }
+        Self { units: Vec::new(), ports: [List::EMPTY; PORTS_MAX] }
     }
 
     /// The units of `port`.
@@ -149,37 +146,39 @@ impl AllUnits {
         Units { all: self, port: port.index() }
     }
 
-    /// The places of a list, in their order.
-    fn places(&self, list: List) -> impl Iterator<Item = usize> {
-        let after = |place: &usize| usize::from(*self.next.get(*place)?).checked_sub(1);
-        successors(usize::from(list.first).checked_sub(1), after)
-    }
-
     fn list(&self, port: usize) -> List {
         self.ports.get(port).copied().unwrap_or(List::EMPTY)
     }
 
-    /// Takes `place` out of the list of `port`.
-    fn release(&mut self, port: usize, place: usize) {
-        let before = self.places(self.list(port)).take_while(|other| *other != place).last();
-        let Some(next) = self.next.get_mut(place) else { return };
-        let after = mem::replace(next, self.free.first);
-        self.free.first = place as u16 + 1;
-        match before {
-            Some(before) => self.next.get_mut(before).into_iter().for_each(|next| *next = after),
-            None => self.ports.get_mut(port).into_iter().for_each(|list| list.first = after),
+    /// Takes the unit at `place` out, which is one of `port`.
+    fn remove(&mut self, port: usize, place: usize) {
+        self.units.remove(place);
+        for (other, list) in self.ports.iter_mut().enumerate() {
+            list.first -= u16::from(other > port);
+            list.end -= u16::from(other >= port);
         }
     }
 
-    /// A place that no list has.
-    fn claim(&mut self, id: u8) -> Option<usize> {
-        let Some(place) = usize::from(self.free.first).checked_sub(1) else {
-            let place = self.units.len();
-            return self.units.push(Unit::new(id)).is_ok().then_some(place);
-        };
-        self.free.first = mem::take(self.next.get_mut(place)?);
-        *self.units.get_mut(place)? = Unit::new(id);
+    /// Puts `id` behind the units of `port`, and gives its place.
+    fn insert(&mut self, port: usize, id: u8) -> Option<usize> {
+        let place = self.list(port).places().end;
+        self.units.insert(place, Unit::new(id)).ok()?;
+        for (other, list) in self.ports.iter_mut().enumerate() {
+            list.first += u16::from(other > port);
+            list.end += u16::from(other >= port);
+        }
         Some(place)
+    }
+
+    /// Forgets the quietest healthy unit of `port`.
+    fn forget_one(&mut self, port: usize) {
+        let quietness = |place: &usize| {
+            let unit = self.units.get(*place)?;
+            Some((unit.is_down(), unit.held_until, unit.requests))
+        };
+        if let Some(quietest) = self.list(port).places().min_by_key(quietness) {
+            self.remove(port, quietest);
+        }
     }
 }
 
@@ -198,13 +197,21 @@ pub struct Units<'u> {
 impl Units<'_> {
     /// The known units in the order of their first request.
     pub fn iter(&self) -> impl Iterator<Item = &Unit> {
-        self.all.places(self.all.list(self.port)).filter_map(|place| self.all.units.get(place))
+        self.all.units.get(self.list().places()).unwrap_or(&[]).iter()
+    }
+
+    fn list(&self) -> List {
+        self.all.list(self.port)
+    }
+
+    fn find(&self, id: u8) -> Option<&Unit> {
+        self.iter().find(|unit| unit.id == id)
     }
 
     /// Forgets all.
     pub fn clear(&mut self) {
-        while let Some(first) = usize::from(self.all.list(self.port).first).checked_sub(1) {
-            self.all.release(self.port, first);
+        for place in self.list().places().rev() {
+            self.all.remove(self.port, place);
         }
     }
 
@@ -215,7 +222,7 @@ impl Units<'_> {
 
     /// Whether `id` may be asked at `now`.
     pub fn gate(&self, id: u8, now: Instant) -> Gate {
-        match self.iter().find(|unit| unit.id == id) {
+        match self.find(id) {
             Some(unit) if unit.held_until > now && unit.is_down() => Gate::Down,
             Some(unit) if unit.held_until > now => Gate::Open(Ready::At(unit.held_until)),
             _ => Gate::Open(Ready::Now),
@@ -224,7 +231,7 @@ impl Units<'_> {
 
     /// When `id` may be asked by somebody who spares units that are down by himself: as soon as no late answer can come.
     pub fn attempt(&self, id: u8, now: Instant) -> Ready {
-        match self.iter().find(|unit| unit.id == id) {
+        match self.find(id) {
             Some(unit) if unit.late_until > now => Ready::At(unit.late_until),
             _ => Ready::Now,
         }
@@ -232,7 +239,7 @@ impl Units<'_> {
 
     /// Whether a unit may be held or down: mostly none is, and none has to be looked at by itself.
     pub fn troubled(&self) -> bool {
-        self.all.list(self.port).troubled
+        self.list().troubled
     }
 
     /// Whether every unit may be asked at `now`, and none counts as down.
@@ -248,12 +255,12 @@ impl Units<'_> {
 
     /// Whether `id` counts as down, whatever is due.
     pub fn is_down(&self, id: u8) -> bool {
-        self.iter().any(|unit| unit.id == id && unit.is_down())
+        self.find(id).is_some_and(Unit::is_down)
     }
 
     /// Whether reads of `id` may be joined at `now`.
     pub fn joins(&self, id: u8, now: Instant) -> bool {
-        !self.iter().any(|unit| unit.id == id && unit.join_after > now)
+        self.find(id).is_none_or(|unit| unit.join_after <= now)
     }
 
     /// `id` refused a joined read.
@@ -291,18 +298,15 @@ impl Units<'_> {
 
     /// Whether an answer of `id` would be a late one at `now`.
     pub fn is_late(&self, id: u8, now: Instant) -> bool {
-        self.iter().any(|unit| unit.id == id && unit.late_until > now)
+        self.find(id).is_some_and(|unit| unit.late_until > now)
     }
 
     /// Sets what was counted to zero; the units' health stays.
     pub fn clear_counters(&mut self) {
-        let mut place = self.all.list(self.port).first;
-        while let Some(at) = usize::from(place).checked_sub(1) {
-            if let Some(unit) = self.all.units.get_mut(at) {
-                let Unit { silent, tried, held_until, late_until, join_after, .. } = *unit;
-                *unit = Unit { silent, tried, held_until, late_until, join_after, ..Unit::new(unit.id) };
-            }
-            place = self.all.next.get(at).copied().unwrap_or(0);
+        let places = self.list().places();
+        for unit in self.all.units.get_mut(places).unwrap_or(&mut []) {
+            let Unit { silent, tried, held_until, late_until, join_after, .. } = *unit;
+            *unit = Unit { silent, tried, held_until, late_until, join_after, ..Unit::new(unit.id) };
         }
     }
 
@@ -351,49 +355,35 @@ impl Units<'_> {
 
     /// The unit `id`, made if it is not known yet; none while nothing is learned.
     fn entry(&mut self, id: u8) -> Option<&mut Unit> {
-        let list = self.all.list(self.port);
+        let list = self.list();
         if list.frozen {
             return None;
         }
-        let is_known = |place: &usize| self.all.units.get(*place).is_some_and(|unit| unit.id == id);
-        let known = self.all.places(list).find(is_known);
-        let place = known.or_else(|| self.remember(id))?;
+        let known = self.iter().position(|unit| unit.id == id);
+        let place = match known {
+            Some(known) => list.places().start + known,
+            None => self.remember(id)?,
+        };
         self.all.units.get_mut(place)
     }
 
-    /// Makes a place for `id` at the end of the list.
+    /// Makes a place for `id`.
     fn remember(&mut self, id: u8) -> Option<usize> {
-        let units_of = |port| self.all.places(self.all.list(port)).count();
-        if units_of(self.port) >= UNITS_MAX {
-            self.forget_one(self.port);
-        } else if self.all.free.first == 0 && self.all.units.is_full() {
-            let most = (0..PORTS_MAX).max_by_key(|port| units_of(*port));
-            self.forget_one(most.unwrap_or(self.port));
+        if self.list().places().len() >= UNITS_MAX {
+            self.all.forget_one(self.port);
+        } else if self.all.units.is_full() {
+            let most = (0..PORTS_MAX).max_by_key(|port| self.all.list(*port).places().len());
+            self.all.forget_one(most.unwrap_or(self.port));
         }
-        let place = self.all.claim(id)?;
-        let link = place as u16 + 1;
-        match self.all.places(self.all.list(self.port)).last() {
-            Some(last) => *self.all.next.get_mut(last)? = link,
-            None => self.all.ports.get_mut(self.port)?.first = link,
-        }
-        Some(place)
-    }
-
-    /// Forgets the quietest healthy unit of `port`.
-    fn forget_one(&mut self, port: usize) {
-        let places = self.all.places(self.all.list(port));
-        let known = places.filter_map(|place| Some((place, self.all.units.get(place)?)));
-        let quietest = known.min_by_key(|(_, unit)| (unit.is_down(), unit.held_until, unit.requests));
-        if let Some((place, _)) = quietest {
-            self.all.release(port, place);
-        }
+        self.all.insert(self.port, id)
     }
 }
 
 impl Unit {
     /// The troubles that there were, and how often.
     pub fn troubles(&self) -> impl Iterator<Item = (Event, u16)> {
-        TROUBLES.into_iter().zip(self.troubles).filter(|(_, count)| *count > 0)
+        let counts = TROUBLES.iter().zip(&self.troubles);
+        counts.map(|(trouble, count)| (*trouble, *count)).filter(|(_, count)| *count > 0)
     }
 
     /// How often there was `trouble`.
@@ -403,8 +393,8 @@ impl Unit {
 
     fn count(&mut self, trouble: Event) {
         self.disturbed = true;
-        let counters = TROUBLES.into_iter().zip(&mut self.troubles);
-        for (_, count) in counters.filter(|(known, _)| *known == trouble) {
+        let place = TROUBLES.iter().position(|known| *known == trouble);
+        if let Some(count) = place.and_then(|place| self.troubles.get_mut(place)) {
             *count = count.saturating_add(1);
         }
     }

@@ -4,20 +4,15 @@
 //! upwards, then downwards, as long as the protocol's limit allows. Rows that are read may overlap; rows that are written
 //! may not, since their order matters. A single cell that is written by function 5 or 6 goes alone.
 
-use heapless::Vec;
-
 use super::kind::Kind;
 use super::row::{Entry, Row};
 use super::station::Device;
 use super::status::Status;
 use super::values::{Values, bit, copy_bits};
-use crate::modbus::PDU_BYTES_MAX;
+pub use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{
     WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER,
 };
-
-/// A request or an answer, from the function code on.
-pub type Pdu = Vec<u8, PDU_BYTES_MAX>;
 
 /// Neighbouring cells of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,8 +6,7 @@ use embassy_time::Duration;
 use heapless::Vec;
 
 use crate::config::{
-    Framing, LineError, LineSettings, Parity, PortId, Settings, Words, number, parse_number, parse_units,
-    time,
+    Framing, LineSettings, Parity, PortId, Settings, Words, Wrong, number, parse_number, parse_units, time,
 };
 use crate::console::probe::{request, serial_client};
 use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, REPORT_SERVER_ID};
@@ -44,7 +43,7 @@ pub(super) struct Plan {
 
 impl Plan {
     /// Reads `P1 9600 19200 units 1-32 timeout 100ms function 4`.
-    pub(super) fn parse(settings: &Settings, words: &mut Words) -> Result<Self, LineError> {
+    pub(super) fn parse(settings: &Settings, words: &Words) -> Result<Self, Wrong> {
         let (port, serial) = serial_client(settings, words.take())?;
         let mut plan = Self {
             port,
@@ -65,7 +64,7 @@ impl Plan {
                 // To unit 0 nobody answers.
                 plan.units.first = plan.units.first.max(1);
             } else if word.is("timeout") {
-                plan.timeout = Some(time(words.take(), TIMEOUT)?);
+                plan.timeout = Some(time(words.take(), &TIMEOUT)?);
             } else if word.is("function") {
                 let word = words.take();
                 let function = parse_number(word.text).and_then(|number| u8::try_from(number).ok());

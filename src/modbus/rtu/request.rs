@@ -56,11 +56,16 @@ pub fn request(received: &[u8]) -> Cut<'_> {
 ///
 /// In garbage every 65536th CRC is right by chance, so requests of known length are looked for first.
 pub fn request_at_pause(received: &[u8]) -> Cut<'_> {
-    let known = starts(received).filter_map(|(at, start)| Some((at, whole(start)??)));
-    let unknown = starts(received).filter(|(_, start)| matches!(whole(start), Some(None)));
-    for (at, frame) in known.chain(unknown) {
-        if let Ok((unit, pdu)) = decode(frame) {
-            return behind_noise(at, unit, pdu, frame.len());
+    for length_is_known in [true, false] {
+        for (at, start) in starts(received) {
+            let frame = match whole(start) {
+                Some(Some(frame)) if length_is_known => frame,
+                Some(None) if !length_is_known => start,
+                _ => continue,
+            };
+            if let Ok((unit, pdu)) = decode(frame) {
+                return behind_noise(at, unit, pdu, frame.len());
+            }
         }
     }
     Cut::Noise { consumed: received.len() }

@@ -1,6 +1,6 @@
 //! Reads that may be asked for together: which of those that wait become one, and what is asked then. Pure.
 
-use crate::frame::Frame;
+use crate::frame::{Envelope, Frame};
 use crate::modbus::pdu::Block;
 use crate::port::desk::order::block;
 use crate::route::{AddressRange, Merge};
@@ -20,8 +20,8 @@ pub(super) struct Joint {
 impl Joint {
     /// What `frame` asks for, if its rule lets others join it.
     pub(super) fn of(frame: &Frame<'_>) -> Option<Self> {
-        let (merge, addresses) = frame.look(|envelope| (envelope.sharing.merge, envelope.addresses));
-        let Merge::Near(gap_allowed) = merge else { return None };
+        let Merge::Near(gap_allowed) = frame.sharing().merge else { return None };
+        let Envelope { addresses, .. } = frame.envelope();
         Some(Self { block: block(frame)?, gap_allowed: gap_allowed.into(), gap: 0, addresses })
     }
 
@@ -40,12 +40,14 @@ impl Joint {
     /// This read with all of `others` that can be joined, also when only what lies between makes them neighbours.
     pub(super) fn join_all<I: Iterator<Item = Self>>(mut self, others: impl Fn() -> I) -> Self {
         loop {
-            let joined = others().fold(self, |joined, other| joined.join(&other).unwrap_or(joined));
-            // Every round but the last makes the block longer, up to what one request can ask for.
-            if joined.block == self.block {
-                return joined;
+            let before = self.block;
+            for other in others() {
+                self = self.join(&other).unwrap_or(self);
             }
-            self = joined;
+            // Every round but the last makes the block longer, up to what one request can ask for.
+            if self.block == before {
+                return self;
+            }
         }
     }
 

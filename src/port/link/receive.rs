@@ -6,7 +6,6 @@ use super::{End, Link};
 use crate::config::StreamFraming;
 use crate::frame::{Cause, Frame};
 use crate::hal::TcpStream;
-use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::{EXCEPTION_BIT, fits};
 use crate::modbus::rtu::{self, AtSilence, Received};
 use crate::modbus::tcp::{self, Header, Parsed};
@@ -67,11 +66,10 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
     /// Takes the RTU response, if it is whole.
     fn take_response(&mut self) {
         let Some(flight) = self.flights.first() else { return self.drop_noise() };
-        let mut request = [0; PDU_BYTES_MAX];
-        let length = flight.order.copy_pdu(&mut request);
+        let request = flight.order.content();
         let (id, unit) = (flight.id, flight.unit);
         let heard = self.input.get(..self.length).unwrap_or(&[]);
-        if let Received::Complete(pdu) = rtu::response(unit, request.get(..length).unwrap_or(&[]), heard) {
+        if let Received::Complete(pdu) = rtu::response(unit, &request, heard) {
             self.proven = true;
             self.tap(false, Event::Answer, heard);
             if let Some(flight) = self.flights.finish(id) {
@@ -105,9 +103,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
             return;
         }
         let Some(flight) = self.flights.first() else { return self.drop_noise() };
-        let mut request = [0; PDU_BYTES_MAX];
-        let length = flight.order.copy_pdu(&mut request);
-        let request = request.get(..length).unwrap_or(&[]);
+        let request = &flight.order.content();
         let (id, unit) = (flight.id, flight.unit);
         let place = self.desk.place();
         let heard = self.input.get(..self.length).unwrap_or(&[]);
@@ -158,10 +154,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         let place = self.desk.place();
         let open = self.flights.len();
         while let Some(flight) = self.flights.expire(now, window) {
-            place.stats.count(Event::Timeout);
-            if place.units(|units| units.timed_out(flight.unit, now, held, self.settings.down_after)) {
-                place.stats.count(Event::Silent);
-            }
+            place.timed_out(flight.unit, held, self.settings.down_after);
             self.desk.failed(&flight.order, self.settings.retries);
         }
         self.flights.len() < open
@@ -191,22 +184,15 @@ fn pair<'g>(
     if flight.unit != header.unit {
         return Err((asked, Event::WrongUnit));
     }
-    let mut request = [0; PDU_BYTES_MAX];
-    let length = flight.order.copy_pdu(&mut request);
-    fits(request.get(..length).unwrap_or(&[]), pdu).map_err(|_| (asked, Event::Misfit))?;
+    fits(&flight.order.content(), pdu).map_err(|_| (asked, Event::Misfit))?;
     flights.finish(header.transaction).ok_or((None, Event::Stray))
 }
 
 /// Sends the order home with `pdu` as its answer.
 fn answer<'g>(desk: &Desk<'g>, flight: Flight<Frame<'g>>, pdu: &[u8]) {
-    let place = desk.place();
     // It fits into the frame: it is no longer than a PDU may be.
     let _ = flight.order.replace(pdu);
     let exception = flight.order.function() & EXCEPTION_BIT != 0;
-    place.units(|units| units.answered(flight.unit, flight.sent.elapsed(), exception));
-    place.stats.count(Event::Answer);
-    if exception {
-        place.stats.count(Event::Exception);
-    }
+    desk.place().answered(flight.unit, flight.sent.elapsed(), exception);
     desk.done(&flight.order);
 }

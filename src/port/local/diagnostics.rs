@@ -7,13 +7,13 @@
 use embassy_time::Instant;
 use heapless::Deque;
 
-use super::pdu_of;
+use super::{Answered, put};
 use crate::config::{PORTS_MAX, PortId};
 use crate::gateway::{Gateway, PortAt, PortPlace, Status};
 use crate::modbus::Exception;
+use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{DIAGNOSTICS, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG};
 use crate::port::units::Unit;
-use crate::scanner::Pdu;
 use crate::stats::{Counters, Event};
 
 /// Bytes of the event log (6.10).
@@ -37,12 +37,18 @@ const UNIT_DOWN: u16 = 2;
 const NO_FRAME: u16 = 4;
 
 /// Answers sub-function `sub` with `data`, which came by `port`.
-pub(super) fn answer(gateway: &Gateway<'_>, port: PortId, sub: u16, data: &[u8]) -> Result<Pdu, Exception> {
+pub(super) fn answer(
+    gateway: &Gateway<'_>,
+    port: PortId,
+    sub: u16,
+    data: &[u8],
+    answer: &mut Pdu,
+) -> Answered {
     let place = gateway.ports().get(port.index()).ok_or(Exception::DEVICE_FAILURE)?;
     let header = [DIAGNOSTICS, (sub >> 8) as u8, sub as u8];
     // Return query data: the answer repeats the request.
     if sub == 0 {
-        return pdu_of(&[&header, data]);
+        return put(answer, &[&header, data]);
     }
     let counter = match sub {
         // Return the diagnostic register.
@@ -62,7 +68,7 @@ pub(super) fn answer(gateway: &Gateway<'_>, port: PortId, sub: u16, data: &[u8])
         }
         sub => counter(&place.stats, sub).ok_or(Exception::ILLEGAL_FUNCTION)?,
     };
-    pdu_of(&[&header, &counter.to_be_bytes()])
+    put(answer, &[&header, &counter.to_be_bytes()])
 }
 
 /// The state of all ports, as it is now: there is nothing to clear.
@@ -171,14 +177,14 @@ impl Events {
     }
 
     /// Notes a message to the own unit and its answer.
-    pub(super) fn note(&mut self, request: &[u8], broadcast: bool, answer: &Result<Pdu, Exception>) {
+    pub(super) fn note(&mut self, request: &[u8], broadcast: bool, answer: Answered) {
         let fetches = matches!(request, [GET_COMM_EVENT_COUNTER | GET_COMM_EVENT_LOG, ..]);
         if answer.is_ok() && !fetches {
             self.completed = self.completed.wrapping_add(1);
         }
         self.push(RECEIVED | if broadcast { BROADCAST } else { 0 });
         let exception = match answer {
-            Ok(_) => 0,
+            Ok(()) => 0,
             Err(Exception(1..=3)) => READ_EXCEPTION,
             Err(Exception(4)) => ABORT_EXCEPTION,
             Err(Exception(7)) => NAK_EXCEPTION,
@@ -202,14 +208,9 @@ impl Events {
     }
 
     /// The answer to FC 0Ch: the newest event first.
-    pub(super) fn log(&self, messages: u16) -> Result<Pdu, Exception> {
+    pub(super) fn log(&self, messages: u16, answer: &mut Pdu) -> Answered {
         let header = [GET_COMM_EVENT_LOG, 6 + self.log.len() as u8];
-        let mut answer = pdu_of(&[&header, &self.counter(), &messages.to_be_bytes()])?;
-        self.log
-            .iter()
-            .rev()
-            .try_for_each(|event| answer.push(*event))
-            .map_err(|_| Exception::DEVICE_FAILURE)?;
-        Ok(answer)
+        put(answer, &[&header, &self.counter(), &messages.to_be_bytes()])?;
+        self.log.iter().rev().try_for_each(|event| put(answer, &[&[*event]]))
     }
 }

@@ -1,9 +1,9 @@
 //! Read device identification (FC 2Bh, MEI type 0Eh), Application Protocol 6.21.
 
-use super::pdu_of;
+use super::{Answered, put};
 use crate::modbus::Exception;
+use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION};
-use crate::scanner::Pdu;
 
 /// The objects by their ids: vendor, product code, revision; vendor's address, product name.
 const OBJECTS: [&str; 5] = [
@@ -19,7 +19,7 @@ const BASIC: usize = 3;
 const CONFORMITY: u8 = 0x82;
 
 /// The objects from `first` on that `code` asks for: 1 the basic ones, 2 and 3 all there are, 4 this one. They fit into one answer.
-pub(super) fn answer(code: u8, first: u8) -> Result<Pdu, Exception> {
+pub(super) fn answer(code: u8, first: u8, answer: &mut Pdu) -> Answered {
     let end = match code {
         1 => BASIC,
         2 | 3 => OBJECTS.len(),
@@ -34,10 +34,9 @@ pub(super) fn answer(code: u8, first: u8) -> Result<Pdu, Exception> {
     let (more_follows, next) = (0, 0);
     let header =
         [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, code, CONFORMITY, more_follows, next, count];
-    let mut answer = pdu_of(&[&header])?;
+    put(answer, &[&header])?;
     for (id, object) in objects.iter().enumerate() {
-        let part = pdu_of(&[&[(start + id) as u8, object.len() as u8], object.as_bytes()])?;
-        answer.extend_from_slice(&part).map_err(|_| Exception::DEVICE_FAILURE)?;
+        put(answer, &[&[(start + id) as u8, object.len() as u8], object.as_bytes()])?;
     }
-    Ok(answer)
+    Ok(())
 }

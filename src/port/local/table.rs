@@ -5,13 +5,13 @@
 
 use embassy_time::Instant;
 
-use super::{image, pdu_of};
+use super::{Answered, image, put};
 use crate::config::{PORTS_MAX, PortId};
 use crate::gateway::{Gateway, PortAt, Status};
 use crate::modbus::Exception;
+use crate::modbus::Pdu;
 use crate::modbus::pdu::function::READ_INPUT_REGISTERS;
 use crate::port::units::{TROUBLES, UNITS_MAX, Unit};
-use crate::scanner::Pdu;
 use crate::stats::Event;
 
 /// The first register of the gateway's block.
@@ -64,8 +64,8 @@ pub const COUNTERS: [Event; 28] = [
     Event::Collision,
 ];
 
-/// The answer to `request`, if it is a read of this table.
-pub(super) fn answer(gateway: &Gateway<'_>, request: &[u8]) -> Option<Result<Pdu, Exception>> {
+/// Answers `request`, if it is a read of this table.
+pub(super) fn answer(gateway: &Gateway<'_>, request: &[u8], answer: &mut Pdu) -> Option<Answered> {
     let &[READ_INPUT_REGISTERS, a, b, c, d] = request else { return None };
     let (first, count) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
     if first < BASE {
@@ -74,14 +74,14 @@ pub(super) fn answer(gateway: &Gateway<'_>, request: &[u8]) -> Option<Result<Pdu
     if !(1..=REGISTERS_MAX).contains(&count) {
         return Some(Err(Exception::ILLEGAL_VALUE));
     }
-    let mut answer = pdu_of(&[&[READ_INPUT_REGISTERS, 2 * count as u8]]).ok()?;
+    // There is room for as many.
+    let _ = put(answer, &[&[READ_INPUT_REGISTERS, 2 * count as u8]]);
     for offset in 0..count {
         let value = first.checked_add(offset).and_then(|address| register(gateway, address));
         let Some(value) = value else { return Some(Err(Exception::ILLEGAL_ADDRESS)) };
-        // There is room, see above.
-        let _ = answer.extend_from_slice(&value.to_be_bytes());
+        let _ = put(answer, &[&value.to_be_bytes()]);
     }
-    Some(Ok(answer))
+    Some(Ok(()))
 }
 
 /// What stands at `address`.

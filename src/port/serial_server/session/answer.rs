@@ -5,8 +5,7 @@ use crate::config::Framing;
 use crate::frame::{Envelope, Fill, Frame};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::LINE_FEED;
-use crate::modbus::pdu::{self, EXCEPTION_BIT};
-use crate::modbus::{Exception, PDU_BYTES_MAX, rtu};
+use crate::modbus::{pdu, rtu};
 use crate::port::copy::{Copied, Form, copy};
 use crate::port::cut::Lane;
 use crate::port::framing::FRAME_CHARS_MAX;
@@ -30,10 +29,8 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             }
         }
         let crc = answer.own_crc().filter(|_| arriving);
-        let mut pdu = [0; PDU_BYTES_MAX];
-        let length = answer.copy_pdu(&mut pdu);
+        let pdu = &answer.content();
         drop(answer);
-        let pdu = pdu.get(..length).unwrap_or(&[]);
         if !arriving {
             self.send(&envelope, pdu).await?;
         } else {
@@ -91,14 +88,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);
         let until = self.line.active + shortest + self.line.jitter;
         self.answered = Some(Answered { unit: envelope.unit, crc, until });
-        let stats = &self.server.place.stats;
-        stats.count(Event::Answer);
-        if let [function, code] = *pdu
-            && function & EXCEPTION_BIT != 0
-        {
-            stats.count(Event::Exception);
-            stats.note_exception(Exception(code), envelope.cause);
-        }
+        self.server.place.stats.answered(pdu, envelope.cause);
         // The gateway's own unit has changed the character that ends frames; this answer still had the old one.
         if let (Ear::Ascii(ear), [pdu::function::DIAGNOSTICS, 0, 3, delimiter, 0], None) =
             (&mut self.ear, pdu, envelope.destination)

@@ -8,7 +8,8 @@ use heapless::String;
 
 use crate::capture::FrameKind;
 use crate::config::{
-    DEVICE_BYTES_MAX, Name, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time, is_implied,
+    DEVICE_BYTES_MAX, Endpoint, Name, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time,
+    is_implied,
 };
 use crate::gateway::{Gateway, Status};
 use crate::port::units::Unit;
@@ -109,7 +110,7 @@ pub(super) fn describe(kind: &PortKind) -> (String<12>, String<WHERE_BYTES_MAX>,
         ),
         PortKind::TcpClient(client) => (
             text(format_args!("tcp client")),
-            text(format_args!("{}", client.server)),
+            text(format_args!("{}", Endpoint(client.server))),
             framing(client.framing),
         ),
         PortKind::UdpServer(server) => {

@@ -112,15 +112,17 @@ pub fn is_implied(settings: &Settings, route: &Route) -> bool {
     !asks(route.source) || matches!(route.destination, Destination::Port(id) if asks(id))
 }
 
-/// The words that stand in rows and behind port names, besides names, numbers and addresses.
-pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
-    let ports = ["serial", "tcp", "udp", "scanner", "ethercat"]
-        .into_iter()
-        .chain(port_keys::keywords())
-        .chain(unit_words::keywords());
+/// Calls `each` with the words that stand in rows and behind port names, besides names, numbers and addresses.
+pub(crate) fn option_words(each: &mut dyn FnMut(&str)) {
+    ["serial", "tcp", "udp", "scanner", "ethercat"].into_iter().for_each(&mut *each);
+    port_keys::keywords().for_each(&mut *each);
+    unit_words::keywords().for_each(&mut *each);
+    route_words::keywords().for_each(&mut *each);
     // No word of a line that is refused.
-    let points = POINTS.then(|| point_words::keywords().chain(slaves::keywords())).into_iter().flatten();
-    ports.chain(route_words::keywords()).chain(points)
+    if POINTS {
+        point_words::keywords().for_each(&mut *each);
+        slaves::keywords().for_each(&mut *each);
+    }
 }
 
 fn port(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {

@@ -117,7 +117,7 @@ async fn work<S: Store>(console: &mut Console<'_, '_>, store: &mut S, wait: Wait
         Wait::Pause(time) | Wait::Rest(time) => Timer::after(time).await,
         Wait::Answer { .. } => {
             if let Some(turn) = &session.turn {
-                return Came::Answer(turn.ask(session.unit, &session.request, &mut session.answer).await);
+                return Came::Answer(turn.ask(session.unit, &mut session.pdu).await);
             }
         }
         Wait::Open { line, timeout, alone } => {

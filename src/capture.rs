@@ -23,6 +23,8 @@ pub mod pcapng;
 use self::bytes::Bytes;
 pub use self::export::Export;
 
+/// Whether frames are kept at all; without the feature `capture` nothing of it takes memory.
+pub const CAPTURE: bool = cfg!(feature = "capture");
 /// Frames that the ring remembers; half as many with the feature `small`.
 pub const FRAMES_MAX: usize = if cfg!(feature = "small") { 32 } else { 64 };
 /// Bytes of them all.

@@ -47,7 +47,7 @@
 //! # Limits
 //!
 //! With the feature `small` some are lower, for boards with little memory. Without the feature `points` the gateway asks nothing by
-//! itself: it holds no data points, and no memory for them.
+//! itself: it holds no data points, and no memory for them. Without `capture` it keeps no frames to be looked at.
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |

@@ -59,7 +59,7 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
     let is = |word: &str| verb.is_some_and(|verb| verb.eq_ignore_ascii_case(word));
     let second = words.next().is_none();
     let is_one_of = |words: &[&str]| words.iter().any(|word| is(word));
-    let ports = &mut |offer: &mut dyn FnMut(&str)| {
+    let ports = |offer: &mut dyn FnMut(&str)| {
         settings.ports.iter().flatten().for_each(|port| offer(&port.name));
     };
     if verb.is_none() || (is("help") && second) {
@@ -86,13 +86,13 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
         settings.devices.iter().for_each(|device| offer(&device.name));
         settings.points.iter().for_each(|point| offer(&point.name));
         offer("local");
-        option_words(offer);
+        option_words(&mut |word| offer(word));
     } else if is_one_of(&["scan", "tune"]) && second {
         ports(offer);
     } else if is_one_of(&["port", "route", "edit", "insert", "delete"]) {
         ports(offer);
         if !second {
-            option_words(offer);
+            option_words(&mut |word| offer(word));
         }
     }
 }

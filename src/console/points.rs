@@ -11,7 +11,9 @@ use super::output::{NO_ROW, Written};
 use super::rows::{LINE_VALUES_MAX, Values, age, text};
 use super::session::{Begun, Session};
 use super::show::{Source, titled};
-use crate::config::{POINTS_MAX, PointAt, PointSettings, Problem, Settings, Words, Wrong, parse_number};
+use crate::config::{
+    POINTS_MAX, PointAt, PointProblem, PointSettings, Problem, Settings, Words, Wrong, parse_number,
+};
 use crate::gateway::ApplyError;
 use crate::modbus::crc::crc16;
 use crate::scanner::{
@@ -275,8 +277,13 @@ fn parse(settings: &Settings, command: PointCommand, words: &Words, cells: &mut 
         return range(settings, words);
     }
     let word = words.take();
-    let row = settings.find_point(word.text).ok_or_else(|| word.error(Problem::NoSuchPoint))?;
-    let point = settings.points.get(usize::from(row)).ok_or_else(|| word.error(Problem::NoSuchPoint))?;
+    let row = settings
+        .find_point(word.text)
+        .ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchPoint)))?;
+    let point = settings
+        .points
+        .get(usize::from(row))
+        .ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchPoint)))?;
     // What is done with a point that shows another one is done with that.
     let row = RowId(match point.at {
         PointAt::Local { of: Some(of), .. } => of,
@@ -292,7 +299,9 @@ fn parse(settings: &Settings, command: PointCommand, words: &Words, cells: &mut 
 /// `meter 3 0-99`
 fn range(settings: &Settings, words: &Words) -> Result<Ask, Wrong> {
     let word = words.take();
-    let device = settings.find_device(word.text).ok_or_else(|| word.error(Problem::NoSuchDevice))?;
+    let device = settings
+        .find_device(word.text)
+        .ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchDevice)))?;
     let word = words.take();
     let function = parse_number(word.text).and_then(|code| u8::try_from(code).ok());
     let function = function

@@ -62,7 +62,7 @@ impl Plan {
                 // To unit 0 nobody answers.
                 plan.units.first = plan.units.first.max(1);
             } else if word.is("timeout") {
-                plan.timeout = Some(time(words.take(), TIMEOUT)?);
+                plan.timeout = Some(time(words.take(), &TIMEOUT)?);
             } else if word.is("function") {
                 let word = words.take();
                 let function = parse_number(word.text).and_then(|number| u8::try_from(number).ok());

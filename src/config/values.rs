@@ -62,7 +62,7 @@ fn digits(text: &str) -> Option<u64> {
 }
 
 /// The time that `word` is, within `range`.
-pub(crate) fn time(word: Word, range: RangeInclusive<Duration>) -> Result<Duration, Wrong> {
+pub(crate) fn time(word: Word, range: &RangeInclusive<Duration>) -> Result<Duration, Wrong> {
     let time = Time::parse(word.text).ok_or_else(|| word.error(Problem::TimeUnit))?;
     if range.contains(&time) {
         return Ok(time);

@@ -82,13 +82,13 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
         settings.devices.iter().for_each(|device| offer(&device.name));
         settings.points.iter().for_each(|point| offer(&point.name));
         offer("local");
-        option_words().for_each(offer);
+        option_words(&mut |word| offer(word));
     } else if ["scan", "tune"].into_iter().any(is) && second {
         settings.ports.iter().flatten().for_each(|port| offer(&port.name));
     } else if ["port", "route", "edit", "insert", "delete"].into_iter().any(is) {
         settings.ports.iter().flatten().for_each(|port| offer(&port.name));
         if !second {
-            option_words().for_each(offer);
+            option_words(&mut |word| offer(word));
         }
     }
 }

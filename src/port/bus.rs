@@ -97,12 +97,9 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         }
     }
 
-    /// Sends the `order` to every unit and waits out the turnaround delay (Serial Line 2.4.1).
-    pub(crate) async fn broadcast(&mut self, order: &Frame<'_>) -> Result<(), LineLost> {
-        // Nobody answers, so nobody can be asked again: a collision is counted, and that is all.
-        let _ = self.send(0, order).await?;
-        Timer::at(self.line.active + self.settings.client.turnaround).await;
-        Ok(())
+    /// The turnaround delay behind a broadcast (Serial Line 2.4.1).
+    pub(crate) fn turnaround(&self) -> Timer {
+        Timer::at(self.line.active + self.settings.client.turnaround)
     }
 
     /// Sends the order `frame` to `unit` while it arrives.
@@ -127,56 +124,17 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         reply: &mut Reply<'_, '_>,
     ) -> Result<Result<Duration, Failure>, LineLost> {
         let sent = self.line.active;
-        let outcome = self.response(reply, sent + self.settings.client.timeout).await?;
-        self.line.clear();
-        Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
-    }
-
-    /// Sends the `order` to `unit`.
-    pub(crate) async fn send(
-        &mut self,
-        unit: u8,
-        order: &Frame<'_>,
-    ) -> Result<Result<(), Collision>, LineLost> {
-        self.decoder.clear();
-        let mut frame = [0; FRAME_CHARS_MAX];
-        let encode = |request: &[u8]| {
-            let framed = self.settings.framing.encode(unit, request, LINE_FEED, &mut frame);
-            framed.map(<[u8]>::len).ok()
-        };
-        let length = order.pdu(encode).ok_or(LineLost)?;
-        let frame = frame.get(..length).unwrap_or(&[]);
-        let sent = self.line.send(frame).await;
-        self.line.stats.count(Event::Request);
-        self.tap.sent(self.line.active, Event::Request, frame);
-        if sent == Ok(Err(Collision)) {
-            self.line.clear();
-        }
-        sent
-    }
-
-    /// Notes a request that was sent while it arrived.
-    pub(crate) fn note_copied(&self, unit: u8, request: &[u8], crc: Option<u16>) {
-        let end = (crc, LINE_FEED);
-        self.tap.copied(self.line.active, Event::Request, self.settings.framing, (unit, request), end);
-    }
-
-    async fn response(
-        &mut self,
-        reply: &mut Reply<'_, '_>,
-        deadline: Instant,
-    ) -> Result<Result<(), Failure>, LineLost> {
+        let deadline = sent + self.settings.client.timeout;
         // A frame that has begun in time is heard to its end, but a line that babbles is not heard for ever.
         let longest = self.line.settings.chars(self.settings.framing.chars_max());
         let end = deadline + longest + self.silence;
-        let sent = self.line.active;
         // What was read with the request's echo, if anything was.
         let mut found = if self.line.heard().is_empty() { Found::Nothing } else { self.look(reply) };
-        loop {
+        let outcome = loop {
             match found {
                 Found::Nothing => {}
-                Found::Response => return Ok(Ok(())),
-                Found::Damaged(trouble) => return Ok(Err(Failure::Damaged(trouble))),
+                Found::Response => break Ok(()),
+                Found::Damaged(trouble) => break Err(Failure::Damaged(trouble)),
                 Found::Other => {
                     if !self.line.heard().is_empty() {
                         found = self.look(reply);
@@ -210,9 +168,40 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                 }
                 Either::Second(()) if Instant::now() < over => self.look(reply),
                 Either::Second(()) if has_begun => self.look_at_silence(reply),
-                Either::Second(()) => return Ok(Err(Failure::Timeout)),
+                Either::Second(()) => break Err(Failure::Timeout),
             };
+        };
+        self.line.clear();
+        Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
+    }
+
+    /// Sends the `order` to `unit`.
+    pub(crate) async fn send(
+        &mut self,
+        unit: u8,
+        order: &Frame<'_>,
+    ) -> Result<Result<(), Collision>, LineLost> {
+        self.decoder.clear();
+        let mut frame = [0; FRAME_CHARS_MAX];
+        let encode = |request: &[u8]| {
+            let framed = self.settings.framing.encode(unit, request, LINE_FEED, &mut frame);
+            framed.map(<[u8]>::len).ok()
+        };
+        let length = order.pdu(encode).ok_or(LineLost)?;
+        let frame = frame.get(..length).unwrap_or(&[]);
+        let sent = self.line.send(frame).await;
+        self.line.stats.count(Event::Request);
+        self.tap.sent(self.line.active, Event::Request, frame);
+        if sent == Ok(Err(Collision)) {
+            self.line.clear();
         }
+        sent
+    }
+
+    /// Notes a request that was sent while it arrived.
+    pub(crate) fn note_copied(&self, unit: u8, request: &[u8], crc: Option<u16>) {
+        let end = (crc, LINE_FEED);
+        self.tap.copied(self.line.active, Event::Request, self.settings.framing, (unit, request), end);
     }
 
     /// Whether something has begun of which more is to come.

@@ -278,8 +278,8 @@ impl<'g> Desk<'g> {
     }
 
     /// Waits until [`Desk::next`] may have something new to say.
-    pub(crate) async fn changed(&self) {
-        self.news.wait().await;
+    pub(crate) fn changed(&self) -> impl Future<Output = ()> {
+        self.news.wait()
     }
 
     /// Sends `order` home with what it holds by now as its answer.

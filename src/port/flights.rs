@@ -56,10 +56,13 @@ impl<T> Flights<T> {
         if self.open.is_full() {
             return None;
         }
-        let places = LOST_MAX.saturating_sub(self.open.len());
-        let waiting = self.lost.iter().map(|(_, until)| *until).filter(|until| *until > now);
+        let (mut lost, mut first) = (0, Instant::MAX);
+        for (_, until) in self.lost.iter().filter(|(_, until)| *until > now) {
+            lost += 1;
+            first = first.min(*until);
+        }
         // Each open request may come to be lost, too.
-        if waiting.clone().count() < places { Some(now) } else { waiting.min() }
+        Some(if lost + self.open.len() < LOST_MAX { now } else { first })
     }
 
     /// Opens a request and gives its id; gives the request back when there is no [`Flights::room`].
@@ -115,7 +118,9 @@ impl<T> Flights<T> {
 
     /// Forgets the ids whose windows are over.
     fn forget_lost(&mut self, now: Instant) {
-        self.lost.retain(|(_, until)| *until > now);
+        while let Some(over) = self.lost.iter().position(|(_, until)| *until <= now) {
+            self.lost.swap_remove(over);
+        }
     }
 
     fn is_lost(&self, id: u16) -> bool {

@@ -165,8 +165,8 @@ impl<'s, L: SerialLine> Line<'s, L> {
 
     /// Lets characters gather until `until`, where the board likes that better than to read each as it comes. Says whether that
     /// time has passed; nobody has looked at the line meanwhile.
-    pub(crate) async fn rest(&mut self, until: Instant) -> bool {
-        self.io.rest(until).await
+    pub(crate) fn rest(&mut self, until: Instant) -> impl Future<Output = bool> {
+        self.io.rest(until)
     }
 
     /// Sends `frame`; what was heard before is dropped. The line counts as active until its last bit has left.

@@ -23,7 +23,7 @@ use crate::modbus::Exception;
 use crate::modbus::pdu;
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
 use crate::port::listening;
-use crate::port::moment::{until, within};
+use crate::port::moment::{apart, until, within};
 use crate::port::stream::{Input, Pieces, encode};
 use crate::stats::Event;
 
@@ -85,9 +85,11 @@ impl Server<'_, '_> {
         self.place.stats.count(Event::Connected);
         let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
-                Some(_) if self.settings.framing == StreamFraming::Capture => self.export(&mut stream).await,
+                Some(_) if self.settings.framing == StreamFraming::Capture => {
+                    apart(pin!(self.export(&mut stream))).await
+                }
                 Some(origin) => {
-                    let Err(end) = self.serve(&mut stream, origin).await;
+                    let Err(end) = apart(pin!(self.serve(&mut stream, origin))).await;
                     end
                 }
                 None => End::Crowded,

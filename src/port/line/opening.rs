@@ -56,9 +56,10 @@ impl<'s> Opening<'s> {
         self.place.set_status(Status::Lost);
     }
 
-    /// Waits before the next attempt.
-    pub(crate) async fn pause(&mut self) {
-        Timer::after(self.pause).await;
+    /// The pause before the next attempt.
+    pub(crate) fn pause(&mut self) -> Timer {
+        let pause = Timer::after(self.pause);
         self.pause = (self.pause * 2).min(REOPEN_LONGEST);
+        pause
     }
 }

@@ -9,6 +9,7 @@ use heapless::{String, Vec};
 
 use super::history::History;
 use super::keys::{Key, Keys};
+use super::output::Output;
 use crate::config::LINE_BYTES_MAX;
 
 /// Bytes of echo that one key can cause.
@@ -44,8 +45,8 @@ pub(super) struct Editor {
     /// How far back in the history the line is from; 0: it is a new one, which `draft` keeps meanwhile.
     back: usize,
     draft: Vec<u8, LINE_BYTES_MAX>,
-    /// To be written to the terminal and cleared after each key.
-    pub(super) echo: String<ECHO_BYTES_MAX>,
+    /// To be written to the terminal after each key.
+    echo: String<ECHO_BYTES_MAX>,
 }
 
 impl Editor {
@@ -81,6 +82,12 @@ impl Editor {
         self.back = 0;
         self.draft.clear();
         self.redraw();
+    }
+
+    /// Writes what is to be seen since the last time.
+    pub(super) fn echo_to(&mut self, out: &mut Output) {
+        out.put(format_args!("{}", self.echo));
+        self.echo.clear();
     }
 
     /// Takes a byte.

@@ -35,7 +35,7 @@ impl Question {
 struct Kept {
     question: Question,
     sent: Instant,
-    length: usize,
+    length: u8,
 }
 
 /// The answers that one port keeps.
@@ -62,7 +62,7 @@ impl Cache {
             }
             self.remove_at(0);
         }
-        let kept = Kept { question, sent, length: answer.len() };
+        let kept = Kept { question, sent, length: answer.len() as u8 };
         // There is room for both now.
         if self.bytes.extend_from_slice(answer).is_ok() {
             let _ = self.kept.push(kept);
@@ -77,7 +77,7 @@ impl Cache {
             return None;
         }
         let start = self.start(index);
-        self.bytes.get(start..start + kept.length)
+        self.bytes.get(start..start + usize::from(kept.length))
     }
 
     /// Something was written to `unit`, or to all units.
@@ -109,13 +109,13 @@ impl Cache {
 
     fn remove_at(&mut self, index: usize) {
         let start = self.start(index);
-        let end = start + self.kept.remove(index).length;
+        let end = start + usize::from(self.kept.remove(index).length);
         self.bytes.copy_within(end.., start);
         self.bytes.truncate(self.bytes.len() - (end - start));
     }
 
     fn start(&self, index: usize) -> usize {
-        self.kept.iter().take(index).map(|kept| kept.length).sum()
+        self.kept.iter().take(index).map(|kept| usize::from(kept.length)).sum()
     }
 }
 

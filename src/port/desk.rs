@@ -51,7 +51,8 @@ pub(crate) struct Desk<'g> {
     /// The orders that are being carried out.
     current: RefCell<Vec<Current<'g>, FLIGHTS_MAX>>,
     cache: RefCell<Cache>,
-    writes_ended: Cell<u32>,
+    /// Far fewer end while one order is carried out than make it the same again.
+    writes_ended: Cell<u16>,
     open: Cell<bool>,
     /// It is closed for a pause, which an asker who spares servers by himself may end.
     pausing: Cell<bool>,
@@ -278,8 +279,8 @@ impl<'g> Desk<'g> {
     }
 
     /// Waits until [`Desk::next`] may have something new to say.
-    pub(crate) async fn changed(&self) {
-        self.news.wait().await;
+    pub(crate) fn changed(&self) -> impl Future<Output = ()> {
+        self.news.wait()
     }
 
     /// Sends `order` home with what it holds by now as its answer.

@@ -21,7 +21,7 @@ pub(super) struct Current<'g> {
     /// When it was given out.
     pub(super) since: Instant,
     /// Writes that had ended by then.
-    pub(super) writes_ended: u32,
+    pub(super) writes_ended: u16,
 }
 
 /// What `frame` asks for, if that is a block and sure: of a frame that still arrives nobody knows yet whether it is good.
@@ -74,5 +74,5 @@ pub(super) fn asker(envelope: &Envelope) -> Asker {
     let origin = envelope.origin;
     // A port has seats or a line, not both.
     let seat = if let Way::Seat(seat) = origin.way { seat } else { 0 };
-    Asker { address: envelope.peer, connection: u32::from(origin.port.0) << 16 | u32::from(seat) }
+    Asker::new(u32::from(origin.port.0) << 16 | u32::from(seat), envelope.peer)
 }

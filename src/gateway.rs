@@ -422,7 +422,7 @@ impl<'g> Gateway<'g> {
 }
 
 fn is_scanner(port: &Port) -> bool {
-    port.kind == PortKind::Scanner
+    matches!(port.kind, PortKind::Scanner)
 }
 
 /// Connections that a port needs: its clients, and one that is accepted to decide who goes.

@@ -48,8 +48,9 @@ impl Asker {
             Some(IpAddr::V4(address)) => address.to_bits(),
             // Two hosts for which this is the same share their turns, that is all.
             Some(IpAddr::V6(address)) => {
-                let segments = address.segments().into_iter().enumerate();
-                segments.fold(0, |folded, (at, segment)| folded ^ u32::from(segment) << (at % 2 * 16))
+                let bits = address.to_bits();
+                let half = (bits >> 64) as u64 ^ bits as u64;
+                (half >> 32) as u32 ^ half as u32
             }
         };
         Self { connection, address }

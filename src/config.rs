@@ -6,15 +6,18 @@
 
 mod address;
 mod ethercat;
+mod field;
 mod line;
 mod loader;
 mod network;
-mod network_words;
 mod own_network;
 mod point_checks;
+mod point_problem;
 mod point_words;
 mod points;
+mod port_fields;
 mod port_keys;
+mod port_values;
 mod port_words;
 mod print;
 mod problem;
@@ -23,7 +26,6 @@ mod saved;
 mod serial;
 mod slaves;
 mod text;
-mod unit_words;
 mod values;
 mod words;
 
@@ -32,6 +34,7 @@ mod tests;
 
 use heapless::{String, Vec};
 
+pub(crate) use self::address::Endpoint;
 pub use self::address::{Allowed, IpPrefix};
 pub use self::ethercat::{EthercatSettings, OnLoss};
 pub(crate) use self::line::LineBuffer;
@@ -42,6 +45,7 @@ pub use self::network::{
 };
 pub(crate) use self::own_network::keywords as network_words;
 pub use self::own_network::{HOST_NAME_BYTES_MAX, HostName, OwnNetwork, StaticAddress};
+pub use self::point_problem::PointProblem;
 pub(crate) use self::point_words::{KINDS, ORDERS, TYPES};
 pub use self::points::{
     DeviceSettings, LABEL_BYTES_MAX, Label, POINTS_MAX, PointAt, PointName, PointSettings,
@@ -61,7 +65,7 @@ pub use self::values::Time;
 pub(crate) use self::values::{number, parse_number, time};
 pub(crate) use self::words::{Word, Words, Wrong};
 use crate::route::{Destination, Route};
-use crate::scanner::DEVICES_MAX;
+use crate::scanner::{DEVICES_MAX, POINTS};
 
 /// Longest line of the line language in bytes. Settings at their limits print lines of about 600: what is printed can be read.
 pub const LINE_BYTES_MAX: usize = 640;
@@ -193,9 +197,11 @@ impl Clone for Settings {
         self.network.clone_from(network);
         self.ports.clone_from_slice(ports);
         copy_list(&mut self.routes, routes);
-        copy_list(&mut self.devices, devices);
-        copy_list(&mut self.points, points);
-        copy_list(&mut self.slaves, slaves);
+        if POINTS {
+            copy_list(&mut self.devices, devices);
+            copy_list(&mut self.points, points);
+            copy_list(&mut self.slaves, slaves);
+        }
     }
 }
 

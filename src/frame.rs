@@ -23,9 +23,11 @@ use crate::route::Sharing;
 
 mod channel;
 mod envelope;
+mod errand;
 
 pub use self::channel::Channel;
 pub use self::envelope::{Cause, Envelope, Origin, Stage, Way};
+pub(crate) use self::errand::Errand;
 
 /// How far a frame's PDU is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,6 +45,7 @@ pub struct Slot(Mutex<CriticalSectionRawMutex, RefCell<SlotState>>);
 
 struct SlotState {
     envelope: Option<Envelope>,
+    errand: Errand,
     pdu: [u8; PDU_BYTES_MAX],
     length: u8,
     /// How long the PDU will be, once that is known; else 0.
@@ -66,6 +69,7 @@ impl Slot {
     pub const fn new() -> Self {
         Self(Mutex::new(RefCell::new(SlotState {
             envelope: None,
+            errand: Errand::NONE,
             pdu: [0; PDU_BYTES_MAX],
             length: 0,
             expected: 0,
@@ -259,6 +263,16 @@ impl<'p> Frame<'p> {
     /// Notes what is behind the exception that the request is going to get.
     pub fn blame(&self, cause: Cause) {
         self.amend(|envelope| envelope.cause = cause);
+    }
+
+    /// What the port notes that carries the frame's order out.
+    pub(crate) fn errand(&self) -> Errand {
+        self.with(|slot| slot.errand).unwrap_or(Errand::NONE)
+    }
+
+    /// Notes that.
+    pub(crate) fn set_errand(&self, errand: Errand) {
+        self.with(|slot| slot.errand = errand);
     }
 
     /// Calls `f` with the bytes of the PDU that are there.

@@ -2,10 +2,6 @@
 
 use core::fmt::{self, Display};
 
-use super::port_keys::Key;
-use super::print::option;
-use super::values::name;
-use super::words::{Words, Wrong};
 use super::{Framing, LineSettings, Name, PortId, PortKind, SerialSettings, Settings, Side};
 
 /// How the process image meets the Modbus devices.
@@ -57,34 +53,8 @@ pub enum OnLoss {
     Clear,
 }
 
-pub(super) const ETHERCAT_KEYS: &[(&str, Key)] = &[("line", Key::Line), ("on-loss", Key::OnLoss)];
-
-pub(super) const ETHERCAT_EXPECTED: &str = "line or on-loss";
-
-const ON_LOSS: &[(&str, OnLoss)] =
+pub(super) const ON_LOSS: &[(&str, OnLoss)] =
     &[("hold", OnLoss::Hold), ("clear", OnLoss::Clear), ("stop", OnLoss::Stop)];
-
-/// Sets what `key` says.
-pub(super) fn set_ethercat(settings: &mut EthercatSettings, key: Key, words: &Words) -> Result<(), Wrong> {
-    let value = words.take();
-    match key {
-        Key::Line if value.is("none") => settings.line = None,
-        Key::Line => settings.line = Some(name(value)?),
-        Key::OnLoss => settings.on_loss = value.keyword(ON_LOSS, "hold, clear or stop")?,
-        _ => return Err(value.expected(ETHERCAT_EXPECTED)),
-    }
-    Ok(())
-}
-
-impl Display for EthercatSettings {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("ethercat")?;
-        if let Some(line) = &self.line {
-            option(f, "line", line, true)?;
-        }
-        option(f, "on-loss", self.on_loss, self.on_loss != OnLoss::default())
-    }
-}
 
 impl Display for OnLoss {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -2,6 +2,7 @@
 //! and what goes when a device or a point is deleted.
 
 use super::Settings;
+use super::point_problem::PointProblem;
 use super::point_words::existing_point;
 use super::points::{PointAt, PointSettings};
 use super::problem::Problem;
@@ -26,21 +27,21 @@ pub(super) fn check_others(
     if let PointAt::Local { of: Some(of), .. } = point.at
         && usize::from(of) >= place
     {
-        return Err(name.error(Problem::ShowsLater));
+        return Err(name.error(Problem::Points(PointProblem::ShowsLater)));
     }
     let changes = settings.points.get(place).is_some_and(|old| !is_same(old));
     let becomes_other = matches!(point.at, PointAt::Local { of: Some(_), .. });
     if others().any(shows) && (changes || becomes_other) {
-        return Err(name.error(Problem::PointShown));
+        return Err(name.error(Problem::Points(PointProblem::PointShown)));
     }
     if others().any(|other| spans(other).any(|theirs| spans(point).any(|own| meet(own, theirs))))
         || meets_itself(point)
     {
-        return Err(address.error(Problem::AddressTaken));
+        return Err(address.error(Problem::Points(PointProblem::AddressTaken)));
     }
     let bytes = others().map(PointSettings::bytes).sum::<usize>() + point.bytes();
     if bytes > VALUE_BYTES_MAX {
-        return Err(address.error(Problem::ValuesFull));
+        return Err(address.error(Problem::Points(PointProblem::ValuesFull)));
     }
     Ok(())
 }
@@ -71,12 +72,12 @@ fn meet(one: Span, other: Span) -> bool {
 
 /// Takes the device or the point that `word` names out of the settings.
 pub(super) fn delete_device(settings: &mut Settings, word: Word) -> Result<Changed, Wrong> {
-    let missing = || word.error(Problem::NoSuchDevice);
+    let missing = || word.error(Problem::Points(PointProblem::NoSuchDevice));
     let gone = settings.find_device(word.text).ok_or_else(missing)?;
     for point in &mut settings.points {
         let PointAt::Device { device, .. } = &point.at else { continue };
         if *device == gone {
-            return Err(word.error(Problem::DeviceInUse));
+            return Err(word.error(Problem::Points(PointProblem::DeviceInUse)));
         }
     }
     for point in &mut settings.points {
@@ -95,7 +96,7 @@ pub(super) fn delete_point(settings: &mut Settings, word: Word) -> Result<Change
     let (gone, _) = existing_point(settings, word)?;
     let shows = |point: &PointSettings| matches!(point.at, PointAt::Local { of: Some(of), .. } if of == gone);
     if settings.points.iter().any(shows) {
-        return Err(word.error(Problem::PointShown));
+        return Err(word.error(Problem::Points(PointProblem::PointShown)));
     }
     settings.points.remove(gone.into());
     for point in &mut settings.points {

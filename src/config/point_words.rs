@@ -9,6 +9,7 @@ use embassy_time::Duration;
 use heapless::String;
 
 use super::point_checks::check_others;
+use super::point_problem::PointProblem;
 use super::points::{DeviceSettings, Label, PointAt, PointName, PointSettings};
 use super::problem::Problem;
 use super::text::Changed;
@@ -75,13 +76,15 @@ const LOCAL_KEYS: &[(&str, Key)] = &[
     ("label", Key::Label),
 ];
 
-/// The words of these lines, besides names and numbers.
-pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
-    let keys = DEVICE_KEYS.iter().chain(POINT_KEYS).chain(&[("of", Key::Of), ("quality", Key::Quality)]);
+/// Gives `each` the words of these lines, besides names and numbers.
+pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {
+    DEVICE_KEYS.iter().for_each(|&(keyword, _)| each(keyword));
     // `label` is one word, though it stands in several lines.
-    let keys = keys.enumerate().filter(|&(at, &(_, key))| key != Key::Label || at < DEVICE_KEYS.len());
-    let types = TYPES.iter().map(|&(keyword, _)| keyword);
-    keys.map(|(_, &(keyword, _))| keyword).chain(KINDS.iter().map(|&(keyword, _)| keyword)).chain(types)
+    let others = POINT_KEYS.iter().filter(|(_, key)| *key != Key::Label);
+    others.for_each(|&(keyword, _)| each(keyword));
+    ["of", "quality"].into_iter().for_each(&mut *each);
+    KINDS.iter().for_each(|&(keyword, _)| each(keyword));
+    TYPES.iter().for_each(|&(keyword, _)| each(keyword));
 }
 
 /// Which words of a line have been.
@@ -106,7 +109,7 @@ pub(super) fn device(settings: &mut Settings, words: &Words) -> Result<Changed, 
     let name = name(name_word, "a name for the device, as for a port")?;
     let scanner = |port: &super::Port| port.kind == PortKind::Scanner;
     if !settings.ports.iter().flatten().any(scanner) {
-        return Err(name_word.error(Problem::NoScanner));
+        return Err(name_word.error(Problem::Points(PointProblem::NoScanner)));
     }
     words.take().keyword(&[("unit", ())], "unit and the device's unit id")?;
     let unit = small(words.take(), "a unit id", 1..=255)?;
@@ -128,7 +131,10 @@ pub(super) fn device(settings: &mut Settings, words: &Words) -> Result<Changed, 
     let new = DeviceSettings { name, device, label: device_label };
     match place.and_then(|place| settings.devices.get_mut(place)) {
         Some(old) => *old = new,
-        None => settings.devices.push(new).map_err(|_| name_word.error(Problem::DevicesFull))?,
+        None => settings
+            .devices
+            .push(new)
+            .map_err(|_| name_word.error(Problem::Points(PointProblem::DevicesFull)))?,
     }
     Ok(Changed::Other)
 }
@@ -157,13 +163,16 @@ pub(super) fn point(settings: &mut Settings, words: &Words) -> Result<Changed, W
         return Err(count_word.error(problem));
     }
     if u32::from(first) + u32::from(point.cells()) > 65_536 {
-        return Err(address_word.error(Problem::AddressesEnd));
+        return Err(address_word.error(Problem::Points(PointProblem::AddressesEnd)));
     }
     let place = settings.find_point(&point.name).map(usize::from);
     check_others(settings, &point, place, name_word, address_word)?;
     match place.and_then(|place| settings.points.get_mut(place)) {
         Some(old) => *old = point,
-        None => settings.points.push(point).map_err(|_| name_word.error(Problem::PointsFull))?,
+        None => settings
+            .points
+            .push(point)
+            .map_err(|_| name_word.error(Problem::Points(PointProblem::PointsFull)))?,
     }
     Ok(Changed::Other)
 }
@@ -176,7 +185,9 @@ fn at(settings: &Settings, word: Word) -> Result<PointAt, Wrong> {
     if word.is("local") {
         return Ok(PointAt::Local { of: None, quality: None });
     }
-    let device = settings.find_device(word.text).ok_or_else(|| word.error(Problem::NoSuchDevice))?;
+    let device = settings
+        .find_device(word.text)
+        .ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchDevice)))?;
     Ok(PointAt::Device { device, read: Reading::Normal, write: Writing::Manual, multiple: false })
 }
 
@@ -216,14 +227,14 @@ fn options<'w>(
             count = Some(words.peek());
         }
         if matches!(key, Key::Write | Key::Multiple) && !point.kind.is_writable() {
-            return Err(word.error(Problem::NotWritable));
+            return Err(word.error(Problem::Points(PointProblem::NotWritable)));
         }
         if key == Key::As && point.kind.is_bits() {
-            return Err(word.error(Problem::BitsHaveNoType));
+            return Err(word.error(Problem::Points(PointProblem::BitsHaveNoType)));
         }
         let own = seen.has(Key::Count) || seen.has(Key::As);
         if seen.has(Key::Of) && own {
-            return Err(word.error(Problem::ValuesOfAnother));
+            return Err(word.error(Problem::Points(PointProblem::ValuesOfAnother)));
         }
         set(settings, point, key, words)?;
     }
@@ -254,10 +265,10 @@ fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) 
             let word = words.take();
             let (place, target) = existing_point(settings, word)?;
             if matches!(target.at, PointAt::Local { of: Some(_), .. }) || target.name == point.name {
-                return Err(word.error(Problem::ShowsAnother));
+                return Err(word.error(Problem::Points(PointProblem::ShowsAnother)));
             }
             if target.kind.is_bits() != point.kind.is_bits() {
-                return Err(word.error(Problem::BitsAndRegisters));
+                return Err(word.error(Problem::Points(PointProblem::BitsAndRegisters)));
             }
             (point.count, point.value) = (target.count, target.value);
             if let PointAt::Local { of, .. } = &mut point.at {
@@ -289,11 +300,11 @@ fn reading(word: Word) -> Result<Reading, Wrong> {
     if !word.text.starts_with(|first: char| first.is_ascii_digit()) {
         return Err(word.expected("low, normal, high, manual, or a period such as 250ms"));
     }
-    whole_ms(word, PERIOD).map(Reading::Every)
+    whole_ms(word, &PERIOD).map(Reading::Every)
 }
 
 /// A time in whole milliseconds.
-pub(super) fn whole_ms(word: Word, range: RangeInclusive<Duration>) -> Result<u32, Wrong> {
+pub(super) fn whole_ms(word: Word, range: &RangeInclusive<Duration>) -> Result<u32, Wrong> {
     let period = time(word, range)?;
     let whole = u32::try_from(period.as_millis()).ok();
     let whole = whole.filter(|ms| Duration::from_millis((*ms).into()) == period);
@@ -306,7 +317,7 @@ pub(super) fn existing_point<'s>(
 ) -> Result<(u8, &'s PointSettings), Wrong> {
     let place = settings.find_point(word.text);
     let found = place.and_then(|place| Some((place, settings.points.get(usize::from(place))?)));
-    found.ok_or_else(|| word.error(Problem::NoSuchPoint))
+    found.ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchPoint)))
 }
 
 fn name(word: Word, expected: &'static str) -> Result<PointName, Wrong> {

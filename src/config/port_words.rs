@@ -3,42 +3,77 @@
 //! A [`Draft`] starts from the defaults or from the port as it is, takes word by word in any order, and is checked
 //! as a whole at the end of the line. What a port cannot use is refused, so that no setting is taken and ignored.
 
-use super::ethercat::{ETHERCAT_EXPECTED, ETHERCAT_KEYS, set_ethercat};
-use super::network_words::{
-    TCP_CLIENT_EXPECTED, TCP_CLIENT_KEYS, UDP_SERVER_EXPECTED, UDP_SERVER_KEYS, server, set_tcp_client,
-    set_udp_server,
-};
-use super::port_keys::{
-    Key, SERIAL_EXPECTED, SERIAL_KEYS, TCP_SERVER_EXPECTED, TCP_SERVER_KEYS, device, set_serial,
-    set_tcp_server,
-};
+use super::field::Field;
+use super::point_problem::PointProblem;
+use super::port_keys::{Key, UNIT_KEYS};
+use super::port_values::{device, server};
 use super::problem::Problem;
-use super::unit_words::UnitDraft;
 use super::values::{listen, parse_number};
 use super::words::{Word, Words, Wrong};
 use super::{
     Driver, EthercatSettings, Framing, LineSettings, Port, PortKind, SerialClientSettings,
     SerialServerSettings, SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings,
-    UdpServerSettings,
+    UdpServerSettings, UnitPolicy,
 };
 use crate::scanner::POINTS;
 
 /// A port's settings while a line is read.
 pub(super) struct Draft<'a> {
     pub(super) kind: PortKind,
+    /// What special unit ids mean.
+    pub(super) units: UnitPolicy,
     /// The word that names the device or the listening address, or else the line's first: blamed when that is taken.
     pub(super) place: Word<'a>,
-    /// What special unit ids mean.
-    pub(super) units: UnitDraft<'a>,
+    /// Bits of [`Key`].
     seen: u64,
-    /// The words that checks over the whole line blame.
-    format: Option<Word<'a>>,
-    client_only: Option<Word<'a>>,
-    server_only: Option<Word<'a>>,
-    driver_only: Option<Word<'a>>,
-    reserve: Option<Word<'a>>,
-    several: Option<Word<'a>>,
-    requests_only: Option<Word<'a>>,
+    blamed: Blamed<'a>,
+}
+
+/// The last word of each sort, for checks over the whole line to blame.
+#[derive(Default)]
+struct Blamed<'a>([Option<Word<'a>>; SORTS]);
+
+/// What settings have in common that only mean something beside others.
+#[derive(Clone, Copy)]
+enum Sort {
+    Format,
+    OfClient,
+    OfServer,
+    OfDriver,
+    Places,
+    OfRequests,
+    Several,
+    Units,
+}
+
+const SORTS: usize = Sort::Units as usize + 1;
+
+impl Sort {
+    const fn of(key: Key) -> Option<Self> {
+        Some(match key {
+            Key::Format | Key::Framing(_) => Self::Format,
+            Key::Timeout | Key::Retries | Key::Turnaround => Self::OfClient,
+            Key::StartDelay | Key::LateWindow | Key::DownAfter => Self::OfClient,
+            Key::AnswerWithin | Key::ReplyDelay => Self::OfServer,
+            Key::DriverBefore | Key::DriverAfter => Self::OfDriver,
+            Key::Reserve | Key::Clients => Self::Places,
+            Key::Idle | Key::Lifetime => Self::OfRequests,
+            Key::InFlight | Key::Pipeline => Self::Several,
+            Key::Broadcast | Key::Confirm(_) | Key::Unit255 | Key::ReservedUnits => Self::Units,
+            _ => return None,
+        })
+    }
+}
+
+impl<'a> Blamed<'a> {
+    fn get(&self, sort: Sort) -> Option<Word<'a>> {
+        self.0.get(sort as usize).copied().flatten()
+    }
+
+    /// An error if the line has a word of this sort.
+    fn refuse(&self, sort: Sort, problem: Problem) -> Result<(), Wrong> {
+        self.get(sort).map_or(Ok(()), |word| Err(word.error(problem)))
+    }
 }
 
 /// What a port's bytes travel on.
@@ -59,130 +94,53 @@ const MEDIA: [(&str, Medium); 5] = [
     ("ethercat", Medium::Ethercat),
 ];
 
+const SIDES: &[(&str, Side)] =
+    &[("server", Side::Server), ("slave", Side::Server), ("client", Side::Client), ("master", Side::Client)];
+
+/// Gives `each` the words that begin a port.
+pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {
+    MEDIA.iter().for_each(|&(keyword, _)| each(keyword));
+}
+
 impl<'a> Draft<'a> {
-    fn new(kind: PortKind, place: Word<'a>) -> Self {
-        Self {
-            kind,
-            place,
-            units: UnitDraft::default(),
-            seen: 0,
-            format: None,
-            client_only: None,
-            server_only: None,
-            driver_only: None,
-            reserve: None,
-            several: None,
-            requests_only: None,
-        }
+    fn new(kind: PortKind, units: UnitPolicy, place: Word<'a>) -> Self {
+        Self { kind, units, place, seen: 0, blamed: Blamed::default() }
     }
 
     /// Reads a new port up to the end of the line.
     pub(super) fn create(words: &'a Words) -> Result<Self, Wrong> {
-        let kind = words.take();
-        match kind.keyword(&MEDIA, "serial, tcp, udp, scanner or ethercat")? {
-            Medium::Serial => Self::create_serial(words),
-            Medium::Tcp => Self::create_tcp(words),
-            Medium::Udp => Self::create_udp_server(words),
-            Medium::Scanner | Medium::Ethercat if !POINTS => Err(kind.error(Problem::NoPoints)),
-            Medium::Scanner => {
-                words.end()?;
-                Ok(Self::new(PortKind::Scanner, kind))
-            }
-            Medium::Ethercat => {
-                let mut draft = Self::new(PortKind::Ethercat(EthercatSettings::default()), kind);
-                draft.read(words)?;
-                draft.check()
-            }
-        }
-    }
-
-    fn create_serial(words: &'a Words) -> Result<Self, Wrong> {
-        let place = words.take();
-        let settings = SerialSettings {
-            device: device(place)?,
-            framing: Framing::Rtu,
-            side: Side::Client,
-            line: LineSettings::DEFAULT,
-            client: SerialClientSettings::DEFAULT,
-            server: SerialServerSettings::DEFAULT,
-        };
-        let mut draft = Self::new(PortKind::Serial(settings), place);
-        draft.once(Key::Device, place)?;
+        let (kind, place) = new_port(words)?;
+        let mut draft = Self::new(kind, UnitPolicy::default(), place);
+        draft.seen = Key::Device.bit() | Key::Listen.bit() | Key::Server.bit();
         draft.read(words)?;
-        for (key, expected) in
-            [(Key::Framing(Framing::Rtu), "rtu or ascii"), (Key::Side(Side::Client), "client or server")]
-        {
-            if !draft.has(key) {
-                return Err(words.take().expected(expected));
-            }
-        }
-        let format_given = draft.has(Key::Format);
-        if let PortKind::Serial(settings) = &mut draft.kind
-            && settings.framing == Framing::Ascii
-            && !format_given
-        {
+        let end = words.take();
+        let (has_clients, has_format) = (draft.has(Key::Clients), draft.has(Key::Format));
+        let (has_framing, has_side) =
+            (draft.has(Key::Framing(Framing::Rtu)), draft.has(Key::Side(Side::Client)));
+        match &mut draft.kind {
+            PortKind::Serial(_) if !has_framing => return Err(end.expected("rtu or ascii")),
+            PortKind::Serial(_) if !has_side => return Err(end.expected("client or server")),
             // Serial Line 2.5.2: ASCII characters have 7 data bits.
-            settings.line.data_bits = 7;
+            PortKind::Serial(settings) if settings.framing == Framing::Ascii && !has_format => {
+                settings.line.data_bits = 7;
+            }
+            PortKind::TcpServer(settings) if !has_clients => {
+                settings.clients = settings.clients_of(settings.framing);
+            }
+            _ => {}
         }
-        draft.check()
-    }
-
-    fn create_tcp(words: &'a Words) -> Result<Self, Wrong> {
-        let sides = [
-            ("server", Side::Server),
-            ("slave", Side::Server),
-            ("client", Side::Client),
-            ("master", Side::Client),
-        ];
-        match words.take().keyword(&sides, "server or client")? {
-            Side::Server => Self::create_tcp_server(words),
-            Side::Client => Self::create_tcp_client(words),
-        }
-    }
-
-    fn create_udp_server(words: &'a Words) -> Result<Self, Wrong> {
-        words.take().keyword(&[("server", ()), ("slave", ())], "server")?;
-        let place = words.take();
-        let settings = UdpServerSettings::new(listen(place)?);
-        let mut draft = Self::new(PortKind::UdpServer(settings), place);
-        draft.once(Key::Listen, place)?;
-        draft.read(words)?;
-        draft.check()
-    }
-
-    fn create_tcp_client(words: &'a Words) -> Result<Self, Wrong> {
-        let place = words.take();
-        let mut draft = Self::new(PortKind::TcpClient(TcpClientSettings::new(server(place)?)), place);
-        draft.once(Key::Server, place)?;
-        draft.read(words)?;
-        draft.check()
-    }
-
-    fn create_tcp_server(words: &'a Words) -> Result<Self, Wrong> {
-        let place = words.take();
-        let listen = listen(place)?;
-        let mut settings = TcpServerSettings::new(listen.port);
-        settings.listen = listen;
-        let mut draft = Self::new(PortKind::TcpServer(settings), place);
-        draft.once(Key::Listen, place)?;
-        draft.read(words)?;
-        let clients_given = draft.has(Key::Clients);
-        if let PortKind::TcpServer(settings) = &mut draft.kind
-            && !clients_given
-        {
-            settings.clients = settings.clients_of(settings.framing);
-        }
-        draft.check()
+        draft.check()?;
+        Ok(draft)
     }
 
     /// Reads changes of a port as it is, up to the end of the line.
     pub(super) fn edit(port: &Port, words: &'a Words) -> Result<Self, Wrong> {
-        let mut draft = Self::new(port.kind.clone(), words.peek());
-        draft.units = UnitDraft::new(port.units);
+        let mut draft = Self::new(port.kind.clone(), port.units, words.peek());
         // An edit without words is a line that was not finished.
         draft.word(words)?;
         draft.read(words)?;
-        draft.check()
+        draft.check()?;
+        Ok(draft)
     }
 
     fn read(&mut self, words: &'a Words) -> Result<(), Wrong> {
@@ -196,142 +154,132 @@ impl<'a> Draft<'a> {
         self.seen & key.bit() != 0
     }
 
-    fn once(&mut self, key: Key, word: Word) -> Result<(), Wrong> {
+    /// Takes one word, with its value if it has one.
+    fn word(&mut self, words: &'a Words) -> Result<(), Wrong> {
+        let word = words.take();
+        let key = self.key(word)?;
         if self.has(key) {
             return Err(word.error(Problem::Twice));
         }
         self.seen |= key.bit();
-        Ok(())
-    }
-
-    /// Takes one word, with its value if it has one.
-    fn word(&mut self, words: &'a Words) -> Result<(), Wrong> {
-        let word = words.take();
-        if self.kind == PortKind::Scanner {
-            return Err(word.error(Problem::NothingToSet));
-        }
-        if self.units.take(word, words)? {
-            return Ok(());
-        }
-        let key = match &self.kind {
-            PortKind::Serial(_) if word.text.starts_with(|first: char| first.is_ascii_digit()) => {
-                if parse_number(word.text).is_some() {
-                    Key::Baud
-                } else {
-                    Key::Format
-                }
-            }
-            PortKind::Serial(_) => word.keyword(SERIAL_KEYS, SERIAL_EXPECTED)?,
-            PortKind::TcpServer(_) => word.keyword(TCP_SERVER_KEYS, TCP_SERVER_EXPECTED)?,
-            PortKind::TcpClient(_) => word.keyword(TCP_CLIENT_KEYS, TCP_CLIENT_EXPECTED)?,
-            PortKind::UdpServer(_) => word.keyword(UDP_SERVER_KEYS, UDP_SERVER_EXPECTED)?,
-            PortKind::Ethercat(_) => word.keyword(ETHERCAT_KEYS, ETHERCAT_EXPECTED)?,
-            PortKind::Scanner => return Err(word.error(Problem::NothingToSet)),
-        };
-        self.once(key, word)?;
-        if matches!(key, Key::InFlight | Key::Pipeline) {
-            self.several = Some(word);
-        }
         if matches!(key, Key::Device | Key::Listen | Key::Server) {
             self.place = words.peek();
         }
-        match &mut self.kind {
-            PortKind::Serial(settings) => {
-                match key {
-                    Key::Format | Key::Framing(_) => self.format = Some(word),
-                    Key::Timeout | Key::Retries | Key::Turnaround => self.client_only = Some(word),
-                    Key::StartDelay | Key::LateWindow | Key::DownAfter => self.client_only = Some(word),
-                    Key::AnswerWithin | Key::ReplyDelay => self.server_only = Some(word),
-                    Key::DriverBefore | Key::DriverAfter => self.driver_only = Some(word),
-                    _ => {}
-                }
-                set_serial(settings, key, word, words)
-            }
-            PortKind::TcpServer(settings) => {
-                if matches!(key, Key::Reserve | Key::Clients) {
-                    self.reserve = Some(words.peek());
-                }
-                if matches!(key, Key::Idle | Key::Pipeline | Key::Lifetime) {
-                    self.requests_only = Some(word);
-                }
-                set_tcp_server(settings, key, words)
-            }
-            PortKind::TcpClient(settings) => set_tcp_client(settings, key, words),
-            PortKind::UdpServer(settings) => set_udp_server(settings, key, words),
-            PortKind::Ethercat(settings) => set_ethercat(settings, key, words),
-            PortKind::Scanner => Ok(()),
+        if let Some(sort) = Sort::of(key)
+            && let Some(blamed) = self.blamed.0.get_mut(sort as usize)
+        {
+            *blamed = Some(if matches!(sort, Sort::Places) { words.peek() } else { word });
         }
+        let field = self.kind.field(key).or_else(|| self.units.field(key));
+        field.map_or(Ok(()), |field: Field| field.read(word, words))
     }
 
-    /// Checks, behind the last word, what words say about each other.
-    fn check(mut self) -> Result<Self, Wrong> {
-        if self.kind.side() == Side::Client {
-            if let Some(word) = self.units.word {
-                return Err(word.error(Problem::ServerOnly));
+    fn key(&self, word: Word) -> Result<Key, Wrong> {
+        match &self.kind {
+            PortKind::Scanner => return Err(word.error(Problem::Points(PointProblem::NothingToSet))),
+            PortKind::Serial(_) if word.text.starts_with(|first: char| first.is_ascii_digit()) => {
+                return Ok(if parse_number(word.text).is_some() { Key::Baud } else { Key::Format });
             }
-            self.units = UnitDraft::default();
+            _ => {}
         }
-        match &mut self.kind {
+        let (keys, expected) = self.kind.words();
+        word.lookup(UNIT_KEYS).map_or_else(|| word.keyword(keys, expected), Ok)
+    }
+
+    /// Checks, behind the last word, what words say about each other: what the port as it is now cannot use is refused, and
+    /// what it no longer can use is forgotten.
+    fn check(&mut self) -> Result<(), Wrong> {
+        let Self { kind, units, blamed, .. } = self;
+        if kind.side() == Side::Client {
+            blamed.refuse(Sort::Units, Problem::ServerOnly)?;
+            *units = UnitPolicy::default();
+        }
+        match kind {
             PortKind::Serial(settings) => {
                 if settings.framing == Framing::Rtu && settings.line.data_bits != 8 {
-                    return Err(self.format.unwrap_or(self.place).error(Problem::RtuDataBits));
+                    return Err(blamed.get(Sort::Format).unwrap_or(self.place).error(Problem::RtuDataBits));
                 }
-                // What the port as it is now cannot use is refused, and what it no longer can use is forgotten.
-                let (other_side, problem) = match settings.side {
-                    Side::Server => (self.client_only, Problem::ClientOnly),
-                    Side::Client => (self.server_only, Problem::ServerOnly),
-                };
-                if let Some(word) = other_side {
-                    return Err(word.error(problem));
-                }
-                match settings.side {
-                    Side::Server => settings.client = SerialClientSettings::DEFAULT,
-                    Side::Client => settings.server = SerialServerSettings::DEFAULT,
-                }
-                if settings.line.driver == Driver::Automatic {
-                    if let Some(word) = self.driver_only {
-                        return Err(word.error(Problem::DriverOnly));
-                    }
-                    let LineSettings { driver_before, driver_after, .. } = LineSettings::DEFAULT;
-                    settings.line = LineSettings { driver_before, driver_after, ..settings.line };
-                }
+                check_serial(settings, blamed)
             }
             PortKind::TcpServer(settings) => {
                 if settings.reserved > settings.clients {
-                    let word = self.reserve.unwrap_or(self.place);
+                    let word = blamed.get(Sort::Places).unwrap_or(self.place);
                     return Err(word.error(Problem::ReservedTooMany(settings.clients)));
                 }
+                let TcpServerSettings { idle, pipeline, lifetime, .. } = TcpServerSettings::new(1);
                 if settings.framing == StreamFraming::Capture {
-                    if let Some(word) = self.requests_only.or(self.units.word) {
-                        return Err(word.error(Problem::NoRequests));
+                    for sort in [Sort::OfRequests, Sort::Several, Sort::Units] {
+                        blamed.refuse(sort, Problem::NoRequests)?;
                     }
-                    let TcpServerSettings { idle, pipeline, lifetime, .. } = TcpServerSettings::new(1);
                     (settings.idle, settings.pipeline, settings.lifetime) = (idle, pipeline, lifetime);
-                    self.units = UnitDraft::default();
+                    *units = UnitPolicy::default();
                 }
-                let several = &mut settings.pipeline;
-                one_at_a_time(settings.framing, self.several, several, TcpServerSettings::new(1).pipeline)?;
+                one_at_a_time(settings.framing, blamed, &mut settings.pipeline, pipeline)
             }
             PortKind::TcpClient(settings) => {
-                one_at_a_time(settings.framing, self.several, &mut settings.in_flight, 1)?;
+                one_at_a_time(settings.framing, blamed, &mut settings.in_flight, 1)
             }
-            PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_) => {}
+            PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_) => Ok(()),
         }
-        Ok(self)
     }
+}
+
+/// Reads what a new port is, up to the word that names its place.
+fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
+    let word = words.take();
+    let medium = word.keyword(&MEDIA, "serial, tcp, udp, scanner or ethercat")?;
+    let side = match medium {
+        Medium::Tcp => words.take().keyword(SIDES, "server or client")?,
+        Medium::Udp => words.take().keyword(SIDES.get(..2).unwrap_or(SIDES), "server")?,
+        Medium::Scanner | Medium::Ethercat if !POINTS => return Err(word.error(Problem::NoPoints)),
+        Medium::Scanner => {
+            words.end()?;
+            return Ok((PortKind::Scanner, word));
+        }
+        Medium::Ethercat => return Ok((PortKind::Ethercat(EthercatSettings::default()), word)),
+        Medium::Serial => Side::Client,
+    };
+    let place = words.take();
+    let kind = match (medium, side) {
+        (Medium::Tcp, Side::Server) => {
+            let listen = listen(place)?;
+            PortKind::TcpServer(TcpServerSettings { listen, ..TcpServerSettings::new(listen.port) })
+        }
+        (Medium::Tcp, Side::Client) => PortKind::TcpClient(TcpClientSettings::new(server(place)?)),
+        (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(place)?)),
+        _ => PortKind::Serial(SerialSettings::new(device(place)?)),
+    };
+    Ok((kind, place))
+}
+
+fn check_serial(settings: &mut SerialSettings, blamed: &Blamed) -> Result<(), Wrong> {
+    match settings.side {
+        Side::Server => {
+            blamed.refuse(Sort::OfClient, Problem::ClientOnly)?;
+            settings.client = SerialClientSettings::DEFAULT;
+        }
+        Side::Client => {
+            blamed.refuse(Sort::OfServer, Problem::ServerOnly)?;
+            settings.server = SerialServerSettings::DEFAULT;
+        }
+    }
+    if settings.line.driver == Driver::Automatic {
+        blamed.refuse(Sort::OfDriver, Problem::DriverOnly)?;
+        let LineSettings { driver_before, driver_after, .. } = LineSettings::DEFAULT;
+        settings.line = LineSettings { driver_before, driver_after, ..settings.line };
+    }
+    Ok(())
 }
 
 /// RTU over TCP has no transaction ids: how many requests may be open is no setting there, and stays as it is by `default`.
 fn one_at_a_time(
     framing: StreamFraming,
-    word: Option<Word>,
+    blamed: &Blamed,
     several: &mut u8,
     default: u8,
 ) -> Result<(), Wrong> {
     if framing == StreamFraming::Rtu {
-        if let Some(word) = word {
-            return Err(word.error(Problem::OneAtATime));
-        }
+        blamed.refuse(Sort::Several, Problem::OneAtATime)?;
         *several = default;
     }
     Ok(())

@@ -2,16 +2,19 @@
 
 use core::fmt::{self, Display, Write};
 
-use embassy_time::Duration;
 use heapless::String;
 
+use super::address::Endpoint;
 use super::points::PointWords;
+use super::port_keys::UNIT_KEYS;
 use super::values::Time;
 use super::{
-    Driver, Framing, IpPrefix, LineSettings, OwnNetwork, Parity, Port, PortKind, SerialClientSettings,
-    SerialServerSettings, SerialSettings, Settings, Side, Special, TcpServerSettings, UnitPolicy,
+    EthercatSettings, Framing, IpPrefix, LineSettings, OwnNetwork, Parity, Port, PortKind, SerialSettings,
+    Settings, Side, Special, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
+    UnitPolicy,
 };
 use crate::route::{AddressRange, Cut, Functions, Merge, Policy, Priority, Route, Tag, UnitRange};
+use crate::scanner::POINTS;
 
 /// Longest baud rate and character format.
 pub const SPEED_BYTES_MAX: usize = 16;
@@ -40,6 +43,9 @@ pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<
 
 /// Devices, then points, then slaves.
 fn write_points(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
+    if !POINTS {
+        return None;
+    }
     if let Some(device) = settings.devices.get(n) {
         return Some(write!(out, "{device}"));
     }
@@ -54,19 +60,6 @@ fn write_points(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fm
 
 fn write_port(port: &Port, width: usize, out: &mut dyn Write) -> fmt::Result {
     write!(out, "port {:width$} {}{}", port.name, port.kind, port.units)
-}
-
-/// The words of a port about special unit ids, each with a blank before it; nothing for what is the default.
-impl Display for UnitPolicy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let changed = |special| special != Special::default();
-        option(f, "broadcast", self.broadcast, changed(self.broadcast))?;
-        if self.confirm {
-            f.write_str(" confirm-broadcast")?;
-        }
-        option(f, "unit-255", self.unit_255, changed(self.unit_255))?;
-        option(f, "reserved-units", self.reserved, changed(self.reserved))
-    }
 }
 
 impl Display for Special {
@@ -141,59 +134,58 @@ impl Display for AddressRange {
     }
 }
 
-/// The words behind a port's name.
+/// The words behind a port's name, of which those of `keys` only where a value is not the default.
 impl Display for PortKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Serial(settings) => settings.fmt(f),
-            Self::TcpServer(settings) => settings.fmt(f),
-            Self::TcpClient(settings) => settings.fmt(f),
-            Self::UdpServer(settings) => settings.fmt(f),
-            Self::Scanner => f.write_str("scanner"),
-            Self::Ethercat(settings) => settings.fmt(f),
-        }
-    }
-}
-
-impl Display for SerialSettings {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { device, framing, side, line, client, server } = self;
-        write!(f, "serial {device} {framing} {side} {line}")?;
-        if *side == Side::Server {
-            let default = SerialServerSettings::DEFAULT;
-            let (within, delay) = (server.answer_within, server.reply_delay);
-            option(f, "answer-within", Time(within), within != default.answer_within)?;
-            return option(f, "reply-delay", Time(delay), delay != default.reply_delay);
-        }
-        let default = SerialClientSettings::DEFAULT;
-        option(f, "timeout", Time(client.timeout), client.timeout != default.timeout)?;
-        option(f, "retries", client.retries, client.retries != default.retries)?;
-        option(f, "turnaround", Time(client.turnaround), client.turnaround != default.turnaround)?;
-        option(f, "start-delay", Time(client.start_delay), client.start_delay != default.start_delay)?;
-        if let Some(window) = client.late_window {
-            option(f, "late-window", Time(window), true)?;
-        }
-        option(f, "down-after", client.down_after, client.down_after != default.down_after)
-    }
-}
-
-impl Display for LineSettings {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.speed())?;
-        for (keyword, time) in [("char-timeout", self.char_timeout), ("gap", self.gap)] {
-            if let Some(time) = time {
-                option(f, keyword, Time(time), true)?;
+            Self::Serial(SerialSettings { device, framing, side, line, .. }) => {
+                write!(f, "serial {device} {framing} {side} {}", line.speed())
             }
+            Self::TcpServer(settings) => write!(f, "tcp server {}", settings.listen),
+            Self::TcpClient(settings) => write!(f, "tcp client {}", Endpoint(settings.server)),
+            Self::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
+            Self::Scanner => f.write_str("scanner"),
+            Self::Ethercat(_) => f.write_str("ethercat"),
+        }?;
+        let (mut own, mut default) = (self.clone(), self.plain());
+        let (keys, _) = self.words();
+        keys.iter().try_for_each(|&(keyword, key)| match (own.field(key), default.field(key)) {
+            (Some(own), Some(default)) => own.write(&default, keyword, f),
+            _ => Ok(()),
+        })
+    }
+}
+
+impl PortKind {
+    /// Such a port at the same place with nothing else set; of a serial line also with the same framing and side.
+    fn plain(&self) -> Self {
+        match self {
+            Self::Serial(SerialSettings { device, framing, side, .. }) => {
+                let plain = SerialSettings::new(device.clone());
+                Self::Serial(SerialSettings { framing: *framing, side: *side, ..plain })
+            }
+            Self::TcpServer(settings) => {
+                let mut plain = TcpServerSettings::new(settings.listen.port);
+                plain.listen = settings.listen;
+                plain.clients = plain.clients_of(settings.framing);
+                Self::TcpServer(plain)
+            }
+            Self::TcpClient(settings) => Self::TcpClient(TcpClientSettings::new(settings.server)),
+            Self::UdpServer(settings) => Self::UdpServer(UdpServerSettings::new(settings.listen)),
+            Self::Scanner => Self::Scanner,
+            Self::Ethercat(_) => Self::Ethercat(EthercatSettings::default()),
         }
-        match self.driver {
-            Driver::Automatic => {}
-            Driver::Rs485 => f.write_str(" rs485")?,
-            Driver::Rts => f.write_str(" rts")?,
-        }
-        let zero = Duration::from_ticks(0);
-        option(f, "driver-before", Time(self.driver_before), self.driver_before != zero)?;
-        option(f, "driver-after", Time(self.driver_after), self.driver_after != zero)?;
-        if self.echo { f.write_str(" echo") } else { Ok(()) }
+    }
+}
+
+/// The words of a port about special unit ids, each with a blank before it; nothing for what is the default.
+impl Display for UnitPolicy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (mut own, mut default) = (*self, Self::default());
+        UNIT_KEYS.iter().try_for_each(|&(keyword, key)| match (own.field(key), default.field(key)) {
+            (Some(own), Some(default)) => own.write(&default, keyword, f),
+            _ => Ok(()),
+        })
     }
 }
 
@@ -210,21 +202,6 @@ impl LineSettings {
         // It has room for the highest baud rate there is.
         let _ = write!(speed, "{baud} {data_bits}{parity}{stop_bits}");
         speed
-    }
-}
-
-impl Display for TcpServerSettings {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut default = Self::new(self.listen.port);
-        default.clients = default.clients_of(self.framing);
-        write!(f, "tcp server {}{}", self.listen, self.framing)?;
-        option(f, "clients", self.clients, self.clients != default.clients)?;
-        option(f, "idle", Time(self.idle), self.idle != default.idle)?;
-        option(f, "pipeline", self.pipeline, self.pipeline != default.pipeline)?;
-        option(f, "lifetime", Time(self.lifetime), self.lifetime != default.lifetime)?;
-        option(f, "reserve", self.reserved, self.reserved != 0)?;
-        list(f, " for ", &self.reserved_for)?;
-        list(f, " allow ", &self.allowed.0)
     }
 }
 
@@ -249,6 +226,17 @@ impl Display for Framing {
         f.pad(match self {
             Self::Rtu => "rtu",
             Self::Ascii => "ascii",
+        })
+    }
+}
+
+/// What stands behind the address.
+impl Display for StreamFraming {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Mbap => "",
+            Self::Rtu => " rtu",
+            Self::Capture => " capture",
         })
     }
 }

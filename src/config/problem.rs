@@ -8,8 +8,8 @@ use heapless::String;
 use thiserror::Error;
 
 use super::values::Time;
-use super::{LINE_BYTES_MAX, Name, POINTS_MAX, PORTS_MAX, ROUTES_MAX};
-use crate::scanner::{DEVICES_MAX, VALUE_BYTES_MAX};
+use super::{LINE_BYTES_MAX, Name, PORTS_MAX, PointProblem, ROUTES_MAX};
+use crate::scanner::POINTS;
 
 /// Bytes of a wrong word that an error keeps.
 pub const WORD_BYTES_MAX: usize = 32;
@@ -109,75 +109,9 @@ pub enum Problem {
     /// The gateway asks nothing by itself.
     #[error("this board has no data points")]
     NoPoints,
-    /// There is no port that asks devices.
-    #[error("no port asks devices: type port NAME scanner first")]
-    NoScanner,
-    /// A port without settings of its own.
-    #[error("a scanner has nothing to set")]
-    NothingToSet,
-    /// Another port asks devices.
-    #[error("another port is the scanner")]
-    ScannerTaken,
-    /// Another port asks for the MainDevice.
-    #[error("another port is that of EtherCAT")]
-    EthercatTaken,
-    /// The port asks devices.
-    #[error("this port asks the devices: delete those first")]
-    ScannerInUse,
-    /// There is no port that asks for the MainDevice.
-    #[error("no port asks for EtherCAT: type port NAME ethercat first")]
-    NoEthercat,
-    /// The port asks the slaves of the process image.
-    #[error("this port asks the slaves: delete those first")]
-    EthercatInUse,
-    /// There is no slave at all.
-    #[error("there are no slaves")]
-    NoSlaves,
-    /// No device has this name.
-    #[error("there is no device of this name")]
-    NoSuchDevice,
-    /// No point has this name.
-    #[error("there is no point of this name")]
-    NoSuchPoint,
-    /// [`DEVICES_MAX`] devices exist.
-    #[error("there are {DEVICES_MAX} devices already, the most there can be")]
-    DevicesFull,
-    /// [`POINTS_MAX`] points exist.
-    #[error("there are {POINTS_MAX} points already, the most there can be")]
-    PointsFull,
-    /// The values of all points are more than [`VALUE_BYTES_MAX`] bytes.
-    #[error("the values of all points would take more than {VALUE_BYTES_MAX} bytes")]
-    ValuesFull,
-    /// Points are read from the device.
-    #[error("points are in this device: delete those first")]
-    DeviceInUse,
-    /// Other points show the variable.
-    #[error("another point shows this one: delete or change that first")]
-    PointShown,
-    /// Only a variable of its own can be shown.
-    #[error("has no variable of its own")]
-    ShowsAnother,
-    /// A point stands behind the one that it shows, so that lines can be read in their order.
-    #[error("stands before the point that it would show: delete it first")]
-    ShowsLater,
-    /// A bit is no register.
-    #[error("is of bits where the other is of registers")]
-    BitsAndRegisters,
-    /// A bit is a bit.
-    #[error("is for registers only")]
-    BitsHaveNoType,
-    /// What a point shows has its own number and type.
-    #[error("cannot stand with of: the other point has the values")]
-    ValuesOfAnother,
-    /// The table cannot be written.
-    #[error("discrete inputs and input registers cannot be written")]
-    NotWritable,
-    /// Cells behind address 65535.
-    #[error("the cells go beyond address 65535")]
-    AddressesEnd,
-    /// Another point has these cells of the gateway's own unit.
-    #[error("another local point has cells there")]
-    AddressTaken,
+    /// Something about points, their devices, or slaves.
+    #[error(fmt = fmt_points)]
+    Points(PointProblem),
     /// RTU characters have 8 data bits (Serial Line 2.5.1).
     #[error("RTU needs 8 data bits, such as 8E1")]
     RtuDataBits,
@@ -234,6 +168,11 @@ pub enum Problem {
     /// Another rule says the same.
     #[error("rule {0} is the same")]
     SameRoute(NonZeroU16),
+}
+
+/// Where there are no points, no problem with them arises: their texts need not be in the image.
+fn fmt_points(problem: &PointProblem, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    if POINTS { fmt::Display::fmt(problem, f) } else { fmt::Display::fmt(&Problem::NoPoints, f) }
 }
 
 struct Suggestion(Option<&'static str>);

@@ -139,14 +139,13 @@ const PRIORITIES: &[(&str, Priority)] =
 
 const CUTS: &[(&str, Cut)] = &[("auto", Cut::Auto), ("on", Cut::On), ("off", Cut::Off)];
 
-/// The words of the columns and options.
-pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
-    let keys = KEYS.iter().map(|&(keyword, _)| keyword);
-    let destinations = DESTINATIONS.iter().map(|&(keyword, _)| keyword);
-    let values =
-        PRIORITIES.iter().map(|&(keyword, _)| keyword).chain(CUTS.iter().map(|&(keyword, _)| keyword));
-    let merges = MERGES.iter().map(|&(keyword, _)| keyword);
-    keys.chain(destinations).chain(values).chain(merges)
+/// Gives `each` the words of the columns and options.
+pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {
+    KEYS.iter().for_each(|&(keyword, _)| each(keyword));
+    DESTINATIONS.iter().for_each(|&(keyword, _)| each(keyword));
+    PRIORITIES.iter().for_each(|&(keyword, _)| each(keyword));
+    CUTS.iter().for_each(|&(keyword, _)| each(keyword));
+    MERGES.iter().for_each(|&(keyword, _)| each(keyword));
 }
 
 fn options(words: &Words) -> Result<Policy, Wrong> {
@@ -187,7 +186,7 @@ fn merge(words: &Words) -> Result<Merge, Wrong> {
 
 /// `500ms`: in whole milliseconds.
 fn cache(word: Word) -> Result<u16, Wrong> {
-    let age = time(word, CACHE)?;
+    let age = time(word, &CACHE)?;
     let ms = u16::try_from(age.as_millis()).ok().filter(|ms| Duration::from_millis((*ms).into()) == age);
     ms.ok_or_else(|| word.expected("whole milliseconds"))
 }

@@ -31,6 +31,20 @@ pub struct SerialSettings {
     pub server: SerialServerSettings,
 }
 
+impl SerialSettings {
+    /// An RTU client on `device` with the defaults.
+    pub(super) const fn new(device: String<DEVICE_BYTES_MAX>) -> Self {
+        Self {
+            device,
+            framing: Framing::Rtu,
+            side: Side::Client,
+            line: LineSettings::DEFAULT,
+            client: SerialClientSettings::DEFAULT,
+            server: SerialServerSettings::DEFAULT,
+        }
+    }
+}
+
 /// Speed, character format and silent intervals of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LineSettings {

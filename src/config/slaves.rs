@@ -7,6 +7,7 @@ use core::fmt::{self, Display};
 
 use embassy_time::Duration;
 
+use super::point_problem::PointProblem;
 use super::point_words::{PERIOD, whole_ms};
 use super::print::option;
 use super::problem::Problem;
@@ -115,16 +116,16 @@ const EXPECTED: &str = "coil, discrete, input, holding, read, check or on-silenc
 const ON_SILENCE: &[(&str, OnSilence)] =
     &[("hold", OnSilence::Hold), ("clear", OnSilence::Clear), ("substitute", OnSilence::Substitute)];
 
-/// The words of these lines that no other line has.
-pub(super) fn keywords() -> impl Iterator<Item = &'static str> {
-    ["on-silence", "substitute"].into_iter()
+/// Gives `each` the words of these lines that no other line has.
+pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {
+    ["on-silence", "substitute"].into_iter().for_each(each);
 }
 
 /// Reads a device up to the end of the line, and puts it into the settings.
 pub(super) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let word = words.take();
     if !settings.ports.iter().flatten().any(|port| matches!(port.kind, PortKind::Ethercat(_))) {
-        return Err(word.error(Problem::NoEthercat));
+        return Err(word.error(Problem::Points(PointProblem::NoEthercat)));
     }
     // One more than there are: it comes behind the others.
     let most = settings.slaves.len().min(SLAVES_MAX.saturating_sub(1));
@@ -141,7 +142,7 @@ pub(super) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, W
         }
         match key {
             Key::Table(kind) => table(&mut slave, kind, words)?,
-            Key::Read => slave.polling_ms = whole_ms(words.take(), PERIOD)?,
+            Key::Read => slave.polling_ms = whole_ms(words.take(), &PERIOD)?,
             Key::Check => slave.check = true,
             Key::OnSilence => on_silence(&mut slave, words)?,
         }
@@ -164,7 +165,7 @@ fn table(slave: &mut SlaveSettings, kind: Kind, words: &Words) -> Result<(), Wro
         count = medium(words.take(), "cells", 1..=u16::MAX)?;
     }
     if u32::from(address) + u32::from(count) > 65_536 {
-        return Err(first.error(Problem::AddressesEnd));
+        return Err(first.error(Problem::Points(PointProblem::AddressesEnd)));
     }
     if let Some((_, cells)) = Kind::ALL.into_iter().zip(&mut slave.cells).find(|(other, _)| *other == kind) {
         *cells = Cells { count, address };
@@ -184,7 +185,9 @@ fn on_silence(slave: &mut SlaveSettings, words: &Words) -> Result<(), Wrong> {
 /// Takes the device of this number away; those behind it move up.
 pub(super) fn delete_slave(settings: &mut Settings, word: Word) -> Result<Changed, Wrong> {
     let count = settings.slaves.len();
-    let Some(last) = count.checked_sub(1) else { return Err(word.error(Problem::NoSlaves)) };
+    let Some(last) = count.checked_sub(1) else {
+        return Err(word.error(Problem::Points(PointProblem::NoSlaves)));
+    };
     let place = number(word, "a slave's number", 0..=last as u32)?;
     settings.slaves.remove(place as usize);
     Ok(Changed::Other)

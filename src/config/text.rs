@@ -3,17 +3,18 @@
 //! [`apply`] reads the whole line against the settings as they are, and only then puts the change in place. The
 //! console, the configuration file and what `show config` prints use the same lines.
 
+use core::mem::discriminant;
 use core::num::NonZeroU16;
 
 use super::own_network;
 use super::point_checks;
+use super::point_problem::PointProblem;
 use super::point_words;
 use super::port_keys;
-use super::port_words::Draft;
+use super::port_words::{self, Draft};
 use super::problem::{LineError, Problem, Rules, Warning};
 use super::route_words::{self, route};
 use super::slaves;
-use super::unit_words;
 use super::values::{name, number};
 use super::words::{Word, Words, Wrong};
 use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side, gap_warning};
@@ -112,15 +113,16 @@ pub fn is_implied(settings: &Settings, route: &Route) -> bool {
     !asks(route.source) || matches!(route.destination, Destination::Port(id) if asks(id))
 }
 
-/// The words that stand in rows and behind port names, besides names, numbers and addresses.
-pub(crate) fn option_words() -> impl Iterator<Item = &'static str> {
-    let ports = ["serial", "tcp", "udp", "scanner", "ethercat"]
-        .into_iter()
-        .chain(port_keys::keywords())
-        .chain(unit_words::keywords());
+/// Gives `each` the words that stand in rows and behind port names, besides names, numbers and addresses.
+pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
+    port_words::keywords(each);
+    port_keys::keywords(each);
+    route_words::keywords(each);
     // No word of a line that is refused.
-    let points = POINTS.then(|| point_words::keywords().chain(slaves::keywords())).into_iter().flatten();
-    ports.chain(route_words::keywords()).chain(points)
+    if POINTS {
+        point_words::keywords(each);
+        slaves::keywords(each);
+    }
 }
 
 fn port(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
@@ -138,7 +140,7 @@ fn port(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     put_port(
         settings,
         PortId(place as u8),
-        Port { name, kind: draft.kind, units: draft.units.policy },
+        Port { name, kind: draft.kind, units: draft.units },
         name_word,
         draft.place,
     )
@@ -165,19 +167,17 @@ fn put_port(
                 return Err(place.error(Problem::ListenTaken));
             }
             (PortKind::Ethercat(_), PortKind::Ethercat(_)) => {
-                return Err(place.error(Problem::EthercatTaken));
+                return Err(place.error(Problem::Points(PointProblem::EthercatTaken)));
             }
-            (PortKind::Scanner, PortKind::Scanner) => return Err(place.error(Problem::ScannerTaken)),
+            (PortKind::Scanner, PortKind::Scanner) => {
+                return Err(place.error(Problem::Points(PointProblem::ScannerTaken)));
+            }
             _ => {}
         }
     }
-    let old = settings.port(id).map(|port| &port.kind);
-    if old == Some(&PortKind::Scanner) && port.kind != PortKind::Scanner && !settings.devices.is_empty() {
-        return Err(name.error(Problem::ScannerInUse));
-    }
-    let is_ethercat = matches!(port.kind, PortKind::Ethercat(_));
-    if matches!(old, Some(PortKind::Ethercat(_))) && !is_ethercat && !settings.slaves.is_empty() {
-        return Err(name.error(Problem::EthercatInUse));
+    let changes = |old: &Port| discriminant(&old.kind) != discriminant(&port.kind);
+    if settings.port(id).is_some_and(changes) {
+        check_unused(settings, id, name)?;
     }
     if !port.kind.has_peers() {
         let by_address = settings.routes.iter().map(|route| route.source == id && route.peer.is_some());
@@ -189,6 +189,19 @@ fn put_port(
         *slot = Some(port);
     }
     Ok(Changed::Port(id))
+}
+
+/// An error if there are devices or slaves, and the port at `id` is the one that asks them.
+fn check_unused(settings: &Settings, id: PortId, word: Word) -> Result<(), Wrong> {
+    match settings.port(id).map(|port| &port.kind) {
+        Some(PortKind::Scanner) if !settings.devices.is_empty() => {
+            Err(word.error(Problem::Points(PointProblem::ScannerInUse)))
+        }
+        Some(PortKind::Ethercat(_)) if !settings.slaves.is_empty() => {
+            Err(word.error(Problem::Points(PointProblem::EthercatInUse)))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Reads a row and puts it at place `at`, counted from 0, instead of the rule there or before it.
@@ -233,7 +246,7 @@ fn edit(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
             let name_word = words.take();
             let (id, old) = existing_port(settings, name_word)?;
             let draft = Draft::edit(old, words)?;
-            let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units.policy };
+            let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units };
             put_port(settings, id, port, name_word, draft.place)
         }
         _ => {
@@ -274,14 +287,7 @@ fn delete(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
             if let Some(rules) = Rules::of(settings.routes.iter().map(names)) {
                 return Err(word.error(Problem::PortInUse(rules)));
             }
-            let scans = settings.port(id).is_some_and(|port| port.kind == PortKind::Scanner);
-            if scans && !settings.devices.is_empty() {
-                return Err(word.error(Problem::ScannerInUse));
-            }
-            let exchanges = settings.port(id).is_some_and(|port| matches!(port.kind, PortKind::Ethercat(_)));
-            if exchanges && !settings.slaves.is_empty() {
-                return Err(word.error(Problem::EthercatInUse));
-            }
+            check_unused(settings, id, word)?;
             if let Some(slot) = settings.ports.get_mut(id.index()) {
                 *slot = None;
             }
@@ -295,25 +301,19 @@ fn delete(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
             words.end()?;
             settings.routes.clear();
         }
-        Thing::Device | Thing::Point if !POINTS => return Err(words.take().error(Problem::NoPoints)),
-        Thing::Device => {
-            let word = words.take();
-            words.end()?;
-            return point_checks::delete_device(settings, word);
-        }
-        Thing::Point => {
-            let word = words.take();
-            words.end()?;
-            return point_checks::delete_point(settings, word);
-        }
-        Thing::Slave => {
-            let word = words.take();
-            words.end()?;
-            return slaves::delete_slave(settings, word);
-        }
+        _ if !POINTS => return Err(words.take().error(Problem::NoPoints)),
         Thing::Slaves => {
             words.end()?;
             settings.slaves.clear();
+        }
+        thing => {
+            let word = words.take();
+            words.end()?;
+            return match thing {
+                Thing::Device => point_checks::delete_device(settings, word),
+                Thing::Point => point_checks::delete_point(settings, word),
+                _ => slaves::delete_slave(settings, word),
+            };
         }
     }
     Ok(Changed::Other)

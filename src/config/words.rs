@@ -19,6 +19,9 @@ pub(crate) struct Word<'a> {
     wrong: &'a Cell<Option<LineError>>,
 }
 
+/// The keywords of a table by their places: tables have values of many types.
+type Keywords<'t> = &'t dyn Fn(usize) -> Option<&'static str>;
+
 /// A word is wrong: [`Words::wrong`] knows which and why. Nearly everything that reads words may fail, and many of them in
 /// a row do: what they hand on must be small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,7 +40,8 @@ impl Word<'_> {
 
     /// What `table` has for this keyword.
     pub(crate) fn lookup<T: Copy>(&self, table: &[(&'static str, T)]) -> Option<T> {
-        table.iter().find(|(keyword, _)| self.is(keyword)).map(|&(_, value)| value)
+        let place = self.place(&|at| table.get(at).map(|&(keyword, _)| keyword))?;
+        table.get(place).map(|&(_, value)| value)
     }
 
     /// What `table` has for this keyword; otherwise an error with what was `expected` and the nearest keyword.
@@ -46,10 +50,17 @@ impl Word<'_> {
         table: &[(&'static str, T)],
         expected: &'static str,
     ) -> Result<T, Wrong> {
-        self.lookup(table).ok_or_else(|| {
-            let near = table.iter().map(|&(keyword, _)| keyword).find(|keyword| is_near(self.text, keyword));
-            self.error(Problem::Expected { expected, near })
-        })
+        self.lookup(table)
+            .ok_or_else(|| self.unknown(&|at| table.get(at).map(|&(keyword, _)| keyword), expected))
+    }
+
+    fn place(&self, keywords: Keywords) -> Option<usize> {
+        (0..).map_while(keywords).position(|keyword| self.is(keyword))
+    }
+
+    fn unknown(&self, keywords: Keywords, expected: &'static str) -> Wrong {
+        let near = (0..).map_while(keywords).find(|keyword| is_near(self.text, keyword));
+        self.error(Problem::Expected { expected, near })
     }
 
     /// The error that this word is.

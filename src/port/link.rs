@@ -20,7 +20,7 @@ use crate::port::desk::Desk;
 use crate::port::flights::Flights;
 use crate::port::moment::{until, within};
 use crate::port::queue::Next;
-use crate::port::stream::encode;
+use crate::port::stream::{Pieces, encode};
 use crate::stats::Event;
 
 mod receive;
@@ -77,7 +77,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             desk,
             settings,
             stream,
-            flights: Flights::new(first),
+            flights: Flights::new(first, settings.timeout),
             input: [0; INPUT_BYTES_MAX],
             length: 0,
             opened: now,
@@ -176,7 +176,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         let broadcast = unit == 0 && self.settings.framing == StreamFraming::Rtu;
         let mut id = 0;
         if !broadcast {
-            id = match self.flights.start(order.share(), unit, now, self.settings.timeout) {
+            id = match self.flights.start(order.share(), unit, now) {
                 Ok(id) => id,
                 // There is room, it was looked for just now.
                 Err(order) => {
@@ -210,16 +210,26 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             // What came before the request is no answer to it.
             self.drop_noise();
         }
-        let mut frame = [0; ADU_BYTES_MAX];
         let header = Header { transaction, unit };
-        let framing = self.settings.framing;
-        let length = order.pdu(|request| encode(framing, header, request, &mut frame).map_or(0, <[u8]>::len));
-        let frame = frame.get(..length).unwrap_or(&[]);
-        self.tap(true, Event::Request, frame);
-        // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-        match within(self.settings.timeout, pin!(self.stream.write_all(frame))).await {
-            Some(Ok(())) => Ok(()),
-            _ => Err(End::Lost),
+        let mut out = Pieces::new();
+        loop {
+            order.pdu(|request| self.frame(header, request, &mut out));
+            // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+            match within(self.settings.timeout, pin!(self.stream.write_all(out.piece()))).await {
+                Some(Ok(())) if out.goes_on() => {}
+                Some(Ok(())) => return Ok(()),
+                _ => return Err(End::Lost),
+            }
         }
+    }
+
+    /// Puts the next piece of a request's frame into `out`.
+    fn frame(&self, header: Header, request: &[u8], out: &mut Pieces) {
+        let mut frame = [0; ADU_BYTES_MAX];
+        let frame = encode(self.settings.framing, header, request, &mut frame).unwrap_or(&[]);
+        if out.is_new() {
+            self.tap(true, Event::Request, frame);
+        }
+        out.take(frame);
     }
 }

@@ -96,9 +96,9 @@ async fn carry_out<'g, L: SerialLine>(
         }
         desk.arrived(&frame);
     }
-    let request = &frame.content();
     if arriving {
-        bus.note_copied(unit, request, frame.own_crc());
+        let crc = frame.own_crc();
+        frame.pdu(|request| bus.note_copied(unit, request, crc));
     }
     let way = frame.origin().way;
     if unit != BROADCAST {
@@ -107,7 +107,7 @@ async fn carry_out<'g, L: SerialLine>(
             place.stats.count(Event::Stored);
         }
     }
-    let sent = if arriving { Ok(()) } else { bus.send(unit, request).await? };
+    let sent = if arriving { Ok(()) } else { bus.send(unit, &frame).await? };
     if unit == BROADCAST {
         // Nobody answers, so nobody can be asked again: a collision has been counted, and that is all.
         bus.turnaround().await;
@@ -115,7 +115,11 @@ async fn carry_out<'g, L: SerialLine>(
         return Ok(());
     }
     let outcome = match sent {
-        Ok(()) => bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?,
+        Ok(()) => {
+            // What comes takes its place in the frame.
+            let request = &frame.content();
+            bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?
+        }
         Err(Collision) => Err(Failure::Collision),
     };
     if way == Way::Console {

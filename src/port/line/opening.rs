@@ -37,7 +37,7 @@ impl<'s> Opening<'s> {
                 self.place.set_status(Status::Open);
                 self.place.stats.note(LastError::None);
                 self.pause = REOPEN_FIRST;
-                Some(Line::new(io, self.settings.line, jitter, &self.place.stats))
+                Some(Line::new(io, &self.settings.line, jitter, &self.place.stats))
             }
             Err(error) => {
                 self.place.stats.note(LastError::Port);

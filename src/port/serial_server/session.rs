@@ -160,7 +160,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             Ear::Rtu(ear) => ear.needs_silence() || !self.line.heard().is_empty(),
             Ear::Ascii(ear) => ear.in_frame(),
         };
-        let silence = self.server.settings.framing.silence(&self.line.settings) + self.line.jitter;
+        let silence = self.server.settings.framing.silence(self.line.settings) + self.line.jitter;
         if waits { self.line.active + silence } else { Instant::MAX }
     }
 

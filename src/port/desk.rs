@@ -20,7 +20,7 @@ use core::cell::{Cell, RefCell, RefMut};
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::Instant;
 use heapless::Vec;
 
 use crate::config::PortId;
@@ -196,24 +196,20 @@ impl<'g> Desk<'g> {
         };
         loop {
             let next = self.queue().next(now, ready);
-            match next {
-                // Others whose askers have gone are found out when their turn comes, or the queue is full.
-                Next::Serve(frame, _) if self.gateway.is_gone(frame.origin()) => {
-                    self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
-                }
-                Next::Serve(frame, ticket) => {
-                    frame.set_errand(self.start(&frame, &ticket, now));
-                    // There is room: a port has at most as many orders open, and one that is not kept here is in its hands
-                    // alone.
-                    let _ = self.current().push(frame.share());
-                    self.count_waiting();
-                    return Next::Serve(frame, ticket);
-                }
-                Next::Wait(_) | Next::Empty => {
-                    self.count_waiting();
-                    return next;
-                }
+            let Next::Serve(frame, ticket) = next else {
+                self.count_waiting();
+                return next;
+            };
+            // Others whose askers have gone are found out when their turn comes, or the queue is full.
+            if self.gateway.is_gone(frame.origin()) {
+                self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
+                continue;
             }
+            frame.set_errand(self.start(&frame, &ticket, now));
+            // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
+            let _ = self.current().push(frame.share());
+            self.count_waiting();
+            return Next::Serve(frame, ticket);
         }
     }
 
@@ -270,11 +266,10 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// Waits for `pause`, or until somebody asks who spares servers by himself: what he waits for is the next attempt.
-    pub(crate) async fn pause(&self, pause: Duration) {
-        self.pausing.set(true);
-        select(Timer::after(pause), self.wanted()).await;
-        self.pausing.set(false);
+    /// While it is `pausing`, it takes orders only of those who spare servers by themselves: what they wait for is the next
+    /// attempt.
+    pub(crate) fn set_pausing(&self, pausing: bool) {
+        self.pausing.set(pausing);
     }
 
     /// Waits until [`Desk::next`] may have something new to say.

@@ -3,6 +3,8 @@
 //! In [`Mode::Echo`] bytes go through the line editor, which echoes them; in [`Mode::Plain`] they are lines of text,
 //! answered without prompt or echo, with line numbers in errors. A line is run as a command; one of the settings'
 //! language changes the gateway's draft of the settings, which it then takes over.
+//!
+//! Only this file waits. All else are plain steps: each writes a piece of text and says what it waits for before the next one.
 
 mod ask;
 mod command;
@@ -11,32 +13,40 @@ mod editor;
 mod frames;
 mod help;
 mod history;
+mod input;
+mod job;
 mod keys;
 mod output;
-// One of two: what an `async` function awaits stays in it, also behind a constant.
+// One of two: what belongs to data points is a job of its own.
 #[cfg_attr(not(feature = "points"), path = "console/no_points.rs")]
 mod points;
 mod probe;
 mod rows;
 mod scan;
+mod session;
 mod show;
 #[cfg(test)]
 mod tests;
 mod tune;
 
+use core::future::pending;
+use core::pin::pin;
+
+use embassy_futures::select::{Either, select};
+use embassy_time::Timer;
 use embedded_io_async::{Read, Write};
 
-use self::command::{Next, Session};
-use self::complete::{Completion, candidates, complete};
-use self::editor::{Editor, Event};
-use self::output::Output;
-use crate::config::{LINE_BYTES_MAX, LineBuffer, LineError};
+use self::job::{Came, Wait};
+use self::session::Console;
+use crate::drafting;
 use crate::gateway::Gateway;
 use crate::hal::{Store, System};
 
 const PROMPT: &str = "mobgate> ";
 /// Bytes taken from the stream at a time.
 const CHUNK_BYTES_MAX: usize = 64;
+/// Bytes that may stop a command; what is behind them is the next command.
+const STOP_BYTES_MAX: usize = 16;
 
 /// Who is at the other end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,7 +63,7 @@ pub enum Mode {
 /// version begun in `store`: the next session needs another store, or one that has forgotten it.
 pub async fn run<IO, S, Y>(
     gateway: &Gateway<'_>,
-    stream: IO,
+    mut stream: IO,
     store: &mut S,
     system: &Y,
     mode: Mode,
@@ -63,111 +73,71 @@ where
     S: Store,
     Y: System,
 {
-    let (line_end, line_number) = match mode {
-        Mode::Echo => ("\r\n", None),
-        Mode::Plain => ("\n", Some(0)),
-    };
-    let out = Output::new(stream, line_end);
-    let mut session = Session { gateway, out, store, system, line_number };
-    match mode {
-        Mode::Echo => edited(&mut session).await,
-        Mode::Plain => piped(&mut session).await,
-    }
-}
-
-/// A session with a person at a terminal.
-async fn edited<IO: Read + Write, S: Store, Y: System>(
-    session: &mut Session<'_, '_, IO, S, Y>,
-) -> Result<(), IO::Error> {
-    let mut editor = Editor::new(PROMPT);
-    editor.start();
-    let mut chunk = [0; CHUNK_BYTES_MAX];
+    let mut console = Console::new(gateway, system, mode);
+    let mut wait = console.start();
+    let (mut chunk, mut keys, mut stop) = ([0; CHUNK_BYTES_MAX], 0..0, [0; STOP_BYTES_MAX]);
     loop {
-        session.out.text(&editor.echo).await?;
-        editor.echo.clear();
-        session.out.flush().await?;
-        let count = session.out.read(&mut chunk).await?;
-        if count == 0 {
-            return Ok(());
-        }
-        for &byte in chunk.iter().take(count) {
-            let event = editor.feed(byte);
-            session.out.text(&editor.echo).await?;
-            editor.echo.clear();
-            match event {
-                Event::Editing => {}
-                Event::Line => {
-                    if session.execute(editor.line()).await? == Next::Exit {
-                        return session.out.flush().await;
-                    }
-                    editor.start();
-                }
-                Event::LineTooLong => {
-                    session.fail(format_args!("{}", LineError::too_long())).await?;
-                    editor.start();
-                }
-                Event::Complete => tab(session, &mut editor).await?,
-                Event::Leave => {
-                    session.out.line(format_args!("exit")).await?;
-                    return session.out.flush().await;
+        stream.write_all(console.session.out.text.as_bytes()).await?;
+        console.session.out.text.clear();
+        let is_idle = matches!(wait, Wait::Key);
+        let came = if matches!(wait, Wait::Sent) {
+            Came::Nothing
+        } else if is_idle && let Some(key) = keys.next().and_then(|at| chunk.get(at)) {
+            Came::Key(*key)
+        } else {
+            stream.flush().await?;
+            // Not in a function: it would keep a second place for what it is given.
+            let mut work = pin!(work(&mut console, store, wait));
+            let into = if is_idle { &mut chunk[..] } else { &mut stop[..] };
+            let mut listens = wait.listens();
+            loop {
+                let read = async { if listens { stream.read(into).await } else { pending().await } };
+                match select(read, work.as_mut()).await {
+                    Either::Second(came) => break came,
+                    // Nobody can stop it any more, but somebody may read what comes of it.
+                    Either::First(Ok(0)) if matches!(wait, Wait::Answer { .. }) => listens = false,
+                    Either::First(read) => break Came::Typed(read?),
                 }
             }
+        };
+        match (wait, came) {
+            (Wait::Exit, _) => return Ok(()),
+            (Wait::Key, Came::Typed(count @ 1..)) => keys = 0..count,
+            _ => wait = console.step(came),
         }
     }
 }
 
-/// Completes the word at the cursor, or shows how it could go on.
-async fn tab<IO: Read + Write, S: Store, Y: System>(
-    session: &mut Session<'_, '_, IO, S, Y>,
-    editor: &mut Editor,
-) -> Result<(), IO::Error> {
-    let before = editor.before_cursor();
-    match session.gateway.settings(|settings| complete(before, settings)) {
-        Completion::None => editor.bell(),
-        Completion::Append(text) => editor.insert_text(&text),
-        Completion::Several => {
-            // As many as fit into a line of output.
-            let mut words = heapless::String::<LINE_BYTES_MAX>::new();
-            session.gateway.settings(|settings| {
-                candidates(before, settings, &mut |word| {
-                    let _ = words.push_str(word).and_then(|()| words.push_str("  "));
-                });
-            });
-            session.out.line(format_args!("")).await?;
-            session.out.line(format_args!("{words}")).await?;
-            editor.redraw();
-        }
-    }
-    Ok(())
-}
-
-/// A session with lines of text.
-async fn piped<IO: Read + Write, S: Store, Y: System>(
-    session: &mut Session<'_, '_, IO, S, Y>,
-) -> Result<(), IO::Error> {
-    let mut line = LineBuffer::default();
-    let mut chunk = [0; CHUNK_BYTES_MAX];
-    loop {
-        let count = session.out.read(&mut chunk).await?;
-        // The last line may lack its end.
-        let bytes: &[u8] = if count == 0 { b"\n" } else { chunk.get(..count).unwrap_or_default() };
-        for &byte in bytes {
-            if !line.feed(byte) {
-                continue;
-            }
-            session.line_number = session.line_number.map(|number| number.saturating_add(1));
-            let next = match line.text() {
-                Ok(text) => session.execute(text).await?,
-                Err(error) => session.fail(format_args!("{error}")).await.map(|()| Next::Line)?,
-            };
-            line.clear();
-            if next == Next::Exit {
-                return session.out.flush().await;
+/// Does what a step waits for.
+async fn work<S: Store>(console: &mut Console<'_, '_>, store: &mut S, wait: Wait) -> Came {
+    let Console { input, session, .. } = console;
+    match wait {
+        Wait::Sent | Wait::Exit | Wait::End => {}
+        Wait::Key => pending().await,
+        Wait::Pause(time) | Wait::Rest(time) => Timer::after(time).await,
+        Wait::Answer { .. } => {
+            if let Some(turn) = &session.turn {
+                return Came::Answer(turn.ask(session.unit, &mut session.pdu).await);
             }
         }
-        session.out.flush().await?;
-        if count == 0 {
-            return Ok(());
+        Wait::Open { line, timeout, alone } => {
+            if let Some(turn) = &session.turn {
+                return Came::Opened(turn.try_on(line, timeout, alone).await);
+            }
         }
+        Wait::Change => {
+            let changed = drafting::change(session.gateway, input.line()).await;
+            session.changed(changed);
+        }
+        Wait::Save => {
+            let saved = drafting::save(session.gateway, store).await;
+            session.saved(saved);
+        }
+        Wait::Load => {
+            let loaded = drafting::load(session.gateway, store).await;
+            session.loaded(loaded);
+        }
+        Wait::Reboot => session.system.reboot(),
     }
+    Came::Nothing
 }

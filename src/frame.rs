@@ -23,9 +23,11 @@ use crate::route::Sharing;
 
 mod channel;
 mod envelope;
+mod errand;
 
 pub use self::channel::Channel;
 pub use self::envelope::{Cause, Envelope, Origin, Stage, Way};
+pub(crate) use self::errand::Errand;
 
 /// How far a frame's PDU is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,6 +45,7 @@ pub struct Slot(Mutex<CriticalSectionRawMutex, RefCell<SlotState>>);
 
 struct SlotState {
     envelope: Option<Envelope>,
+    errand: Errand,
     pdu: [u8; PDU_BYTES_MAX],
     length: u8,
     /// How long the PDU will be, once that is known; else 0.
@@ -66,6 +69,7 @@ impl Slot {
     pub const fn new() -> Self {
         Self(Mutex::new(RefCell::new(SlotState {
             envelope: None,
+            errand: Errand::NONE,
             pdu: [0; PDU_BYTES_MAX],
             length: 0,
             expected: 0,
@@ -134,12 +138,8 @@ impl<'p> FramePool<'p> {
 
     /// A frame for `owner`: its reserved one if that is at home, else a shared one, else none.
     pub fn take(&'p self, owner: usize) -> Option<(FrameWriter<'p>, Frame<'p>)> {
-        let index = self.claim(owner, |slot| {
-            slot.handles = 2;
-            slot.restart();
-            slot.envelope = None;
-        })?;
-        Some((FrameWriter { frame: Frame { pool: self, index } }, Frame { pool: self, index }))
+        let frame = self.claim(owner)?;
+        Some((FrameWriter { frame: frame.share() }, frame))
     }
 
     /// A frame for `owner`, as [`take`](FramePool::take) finds it, which holds all of `pdu` in its `envelope`; none also when the
@@ -148,21 +148,24 @@ impl<'p> FramePool<'p> {
         if pdu.len() > PDU_BYTES_MAX {
             return None;
         }
-        let index = self.claim(owner, |slot| {
-            slot.handles = 1;
-            slot.restart();
+        let frame = self.claim(owner)?;
+        frame.with(|slot| {
             slot.put(pdu);
             slot.envelope = Some(envelope);
-        })?;
-        Some(Frame { pool: self, index })
+        });
+        Some(frame)
     }
 
-    /// The place of a free slot for `owner`, which `begin` makes one that is not free.
-    fn claim(&self, owner: usize, begin: impl Fn(&mut SlotState)) -> Option<u16> {
+    /// An empty frame for `owner`.
+    fn claim(&'p self, owner: usize) -> Option<Frame<'p>> {
         let own = owner < self.reserved && self.with(owner, |slot| slot.handles) == Some(0);
         let index = if own { owner } else { self.take_shared()? };
-        self.with(index, begin)?;
-        Some(index as u16)
+        self.with(index, |slot| {
+            slot.handles = 1;
+            slot.restart();
+            slot.envelope = None;
+        })?;
+        Some(Frame { pool: self, index: index as u16 })
     }
 
     /// Frames that nobody holds.
@@ -262,6 +265,16 @@ impl<'p> Frame<'p> {
         self.amend(|envelope| envelope.cause = cause);
     }
 
+    /// What the port notes that carries the frame's order out.
+    pub(crate) fn errand(&self) -> Errand {
+        self.with(|slot| slot.errand).unwrap_or(Errand::NONE)
+    }
+
+    /// Notes that.
+    pub(crate) fn set_errand(&self, errand: Errand) {
+        self.with(|slot| slot.errand = errand);
+    }
+
     /// Calls `f` with the bytes of the PDU that are there.
     pub fn pdu<R: Default>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
         self.with(|slot| slot.pdu.get(..usize::from(slot.length)).map(f)).flatten().unwrap_or_default()
@@ -316,8 +329,8 @@ impl<'p> Frame<'p> {
     }
 
     /// Waits until more than `length` bytes are there or no more come. One waiter at a time.
-    pub async fn more_than(&self, length: usize) -> (usize, Fill) {
-        poll_fn(|cx| {
+    pub fn more_than(&self, length: usize) -> impl Future<Output = (usize, Fill)> {
+        poll_fn(move |cx| {
             let (filled, fill) = self.filled();
             if filled > length || fill != Fill::Filling {
                 return Poll::Ready((filled, fill));
@@ -325,7 +338,6 @@ impl<'p> Frame<'p> {
             self.with(|slot| slot.waiting.register(cx.waker()));
             Poll::Pending
         })
-        .await
     }
 
     /// Empties the frame and gives a writer for its new content (an answer in the request's place).

@@ -5,6 +5,7 @@
 //! every TCP connection that it can hold. [`Gateway::apply`] takes settings over and restarts what differs.
 
 use core::cell::RefCell;
+use core::pin::pin;
 
 use embassy_futures::select::select;
 use embassy_sync::blocking_mutex::Mutex;
@@ -24,6 +25,7 @@ use crate::modbus::Exception;
 use crate::port::desk::Desk;
 use crate::port::ethercat::{ConfigError, EthercatPlace, LineWriter};
 use crate::port::local::Events;
+use crate::port::moment::apart;
 use crate::port::tcp_server::Terms;
 use crate::port::units::AllUnits;
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
@@ -319,7 +321,7 @@ impl<'g> Gateway<'g> {
                 }
                 Some(PortKind::UdpServer(settings)) => {
                     let server = udp_server::Server::new(self, place, id, settings);
-                    select(place.changed.wait(), server.run(datagrams)).await;
+                    select(place.changed.wait(), apart(pin!(server.run(datagrams)))).await;
                     server.close();
                 }
                 Some(PortKind::Scanner | PortKind::Ethercat(_)) => {
@@ -440,8 +442,12 @@ async fn play<H: SerialHost, C: TcpConnect>(
     connector: &mut C,
 ) {
     match kind {
-        Some(PortKind::Serial(settings)) => serial_client::run(desk, settings, lines).await,
-        Some(PortKind::TcpClient(settings)) => tcp_client::run(desk, settings, connector).await,
+        Some(PortKind::Serial(settings)) => {
+            serial_client::run(desk, settings, lines).await;
+        }
+        Some(PortKind::TcpClient(settings)) => {
+            apart(pin!(tcp_client::run(desk, settings, connector))).await;
+        }
         Some(PortKind::TcpServer(_) | PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_))
         | None => {
             desk.close();

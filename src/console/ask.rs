@@ -1,15 +1,14 @@
 //! `ping`, and `read` and `write` of a unit's tables: what is asked at once, past the rules.
 
 use embassy_time::Duration;
-use embedded_io_async::{Read, Write};
 
-use super::command::Session;
-use super::probe::request;
+use super::job::{Came, Job, Wait};
+use super::probe::harmless;
 use super::rows::{LINE_VALUES_MAX, Values};
+use super::session::{Begun, Session};
 use crate::config::{
     KINDS, ORDERS, PortId, Problem, Settings, TYPES, Time, Word, Words, Wrong, parse_number,
 };
-use crate::hal::{Store, System};
 use crate::modbus::Exception;
 use crate::modbus::pdu::function::{DIAGNOSTICS, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS};
 use crate::modbus::pdu::{EXCEPTION_BIT, check_request};
@@ -23,92 +22,114 @@ pub(super) enum Ask {
     Write,
 }
 
-/// A request, and how its answer is to be read.
-struct Question {
+/// What is asked, and how the answer is to be read.
+pub(super) struct Question {
+    ask: Ask,
     unit: u8,
-    port: PortId,
-    request: Pdu,
     kind: Kind,
     first: u16,
     count: u16,
     value: ValueType,
     order: ByteOrder,
+    /// Values that have been shown.
+    shown: usize,
 }
 
-impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
-    /// Asks what the words say, and shows what came of it.
-    pub(super) async fn ask(&mut self, ask: Ask, words: &Words<'_>) -> Result<(), IO::Error> {
-        let question = match self.gateway.settings(|settings| parse(settings, ask, words)) {
-            Ok(question) => question,
-            Err(Wrong) => return self.fail(format_args!("{}", words.wrong())).await,
-        };
-        let mut answer = Pdu::new();
-        let asked = match self.gateway.turn(question.port) {
-            Ok(turn) => turn.ask(question.unit, &question.request, &mut answer).await,
-            Err(error) => Err(error),
-        };
-        let took = match asked {
-            Ok(took) => took,
-            Err(error) => return self.fail(format_args!("{error}")).await,
-        };
-        let (unit, took) = (question.unit, Time(Duration::from_micros(took.as_micros())));
-        match *answer {
-            [function, code] if function & EXCEPTION_BIT != 0 => {
-                self.out.line(format_args!("unit {unit}: {} after {took}", Exception(code))).await
+impl Session<'_, '_> {
+    /// Asks what the words say.
+    pub(super) fn ask(&mut self, ask: Ask, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
+        let (question, port) =
+            self.gateway.settings(|settings| parse(settings, ask, words, &mut self.pdu))?;
+        if let Err(error) = self.take_turn(port) {
+            return Ok(self.fail(&error));
+        }
+        self.unit = question.unit;
+        *job = Job::Ask(question);
+        Ok(Wait::Answer { typed_ends: false })
+    }
+}
+
+impl Question {
+    /// Shows what came of it; behind that, the values that are left.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
+        let unit = self.unit;
+        match came {
+            Came::Answer(Err(error)) => return session.fail(&error),
+            Came::Answer(Ok(took)) => {
+                let took = Time(Duration::from_micros(took.as_micros()));
+                match *session.pdu {
+                    [function, code] if function & EXCEPTION_BIT != 0 => {
+                        session.out.line(format_args!("unit {unit}: {} after {took}", Exception(code)));
+                        return Wait::End;
+                    }
+                    _ if self.ask == Ask::Read => {}
+                    _ => {
+                        session.out.line(format_args!("unit {unit}: answer after {took}"));
+                        return Wait::End;
+                    }
+                }
+                if self.value.registers() == 2 {
+                    self.order.turn(session.pdu.get_mut(2..).unwrap_or_default());
+                }
             }
-            _ if ask == Ask::Read => self.values(&question, &answer).await,
-            _ => self.out.line(format_args!("unit {unit}: answer after {took}")).await,
+            _ => {}
         }
+        self.values(session)
     }
 
-    async fn values(&mut self, question: &Question, answer: &[u8]) -> Result<(), IO::Error> {
-        let mut data = Pdu::from_slice(answer.get(2..).unwrap_or(&[])).unwrap_or_default();
-        if question.value.registers() == 2 {
-            question.order.turn(&mut data);
+    fn values(&mut self, session: &mut Session<'_, '_>) -> Wait {
+        let at = self.shown;
+        let range = at..(at + LINE_VALUES_MAX).min(self.count.into());
+        if range.is_empty() {
+            return Wait::End;
         }
-        let mut at = 0;
-        while at < usize::from(question.count) {
-            let range = at..(at + LINE_VALUES_MAX).min(question.count.into());
-            let step = if question.kind.is_bits() { 1 } else { usize::from(question.value.registers()) };
-            let address = usize::from(question.first) + at * step;
-            at = range.end;
-            let values = Values { kind: question.kind, value: question.value, cells: &data, range };
-            self.out.line(format_args!("[{address}]{values}")).await?;
-        }
-        Ok(())
+        self.shown = range.end;
+        let step = if self.kind.is_bits() { 1 } else { usize::from(self.value.registers()) };
+        let address = usize::from(self.first) + at * step;
+        let cells = session.pdu.get(2..).unwrap_or_default();
+        let values = Values { kind: self.kind, value: self.value, cells, range };
+        session.out.line(format_args!("[{address}]{values}"));
+        Wait::Sent
     }
 }
 
-/// Reads the words behind `ping`, `read` or `write`.
-fn parse(settings: &Settings, ask: Ask, words: &Words) -> Result<Question, Wrong> {
-    let unit = number(words.take(), "a unit from 0 to 255")?;
+/// Reads the words behind `ping`, `read` or `write`: what goes into the `request`, and at which port.
+fn parse(
+    settings: &Settings,
+    ask: Ask,
+    words: &Words,
+    request: &mut Pdu,
+) -> Result<(Question, PortId), Wrong> {
     let mut question = Question {
-        unit,
-        port: PortId(0),
-        // The device gives it back (Application Protocol 6.8).
-        request: Pdu::from_slice(&request(DIAGNOSTICS)).unwrap_or_default(),
+        ask,
+        unit: number(words.take(), "a unit from 0 to 255")?,
         kind: Kind::Holding,
         first: 0,
         count: 1,
         value: ValueType::U16,
         order: ByteOrder::default(),
+        shown: 0,
     };
-    if ask != Ask::Ping {
-        question.table(ask, words)?;
+    request.clear();
+    if ask == Ask::Ping {
+        // The device gives it back (Application Protocol 6.8).
+        let _ = request.extend_from_slice(harmless(DIAGNOSTICS));
+    } else {
+        question.table(words, request)?;
     }
     let word = words.take();
     if !word.is("via") {
         return Err(word.expected("via and a port"));
     }
     let word = words.take();
-    question.port = settings.find(word.text).ok_or_else(|| word.error(Problem::NoSuchPort))?;
+    let port = settings.find(word.text).ok_or_else(|| word.error(Problem::NoSuchPort))?;
     words.end()?;
-    Ok(question)
+    Ok((question, port))
 }
 
 impl Question {
     /// `holding 100 count 2 as f32`, or `holding 100 as f32 1.5 2`
-    fn table(&mut self, ask: Ask, words: &Words) -> Result<(), Wrong> {
+    fn table(&mut self, words: &Words, request: &mut Pdu) -> Result<(), Wrong> {
         self.kind = words.take().keyword(KINDS, "coil, discrete, input or holding")?;
         self.first = number(words.take(), "an address from 0 to 65535")?;
         let mut data = Pdu::new();
@@ -119,9 +140,9 @@ impl Question {
                 self.value = words.take().keyword(TYPES, "u16, i16, u32, i32 or f32")?;
             } else if word.is("order") {
                 self.order = words.take().keyword(ORDERS, "0123, 2301, 1032 or 3210")?;
-            } else if ask == Ask::Read && word.is("count") {
+            } else if self.ask == Ask::Read && word.is("count") {
                 self.count = number(words.take(), "how many values")?;
-            } else if ask == Ask::Write {
+            } else if self.ask == Ask::Write {
                 self.append(&mut data, values, word)?;
                 values += 1;
             } else {
@@ -129,11 +150,10 @@ impl Question {
             }
         }
         let end = words.peek();
-        if ask == Ask::Write {
+        if self.ask == Ask::Write {
             self.count = values;
         }
-        self.request = self.request(ask, &data).ok_or_else(|| end.expected("what a frame can hold"))?;
-        Ok(())
+        self.put(&data, request).ok_or_else(|| end.expected("what a frame can hold"))
     }
 
     /// Appends value number `at` of a write.
@@ -160,23 +180,23 @@ impl Question {
         data.extend_from_slice(value.get(..bytes).unwrap_or(&[])).map_err(|_| full(0))
     }
 
-    /// The request for it, if one frame will do.
-    fn request(&self, ask: Ask, data: &[u8]) -> Option<Pdu> {
+    /// Puts the `request` for it together, if one frame will do.
+    fn put(&self, data: &[u8], request: &mut Pdu) -> Option<()> {
         let each = if self.kind.is_bits() { 1 } else { self.value.registers() };
         let cells = self.count.checked_mul(each)?;
-        let (write_function, read_function) = match self.kind {
-            Kind::Coil => (WRITE_MULTIPLE_COILS, self.kind.read_function()),
-            kind => (WRITE_MULTIPLE_REGISTERS, kind.read_function()),
+        let writes = self.ask == Ask::Write;
+        let function = match self.kind {
+            kind if !writes => kind.read_function(),
+            Kind::Coil => WRITE_MULTIPLE_COILS,
+            _ => WRITE_MULTIPLE_REGISTERS,
         };
-        let function = if ask == Ask::Write { write_function } else { read_function };
-        let mut request = Pdu::from_slice(&[function]).ok()?;
-        request.extend_from_slice(&self.first.to_be_bytes()).ok()?;
-        request.extend_from_slice(&cells.to_be_bytes()).ok()?;
-        if ask == Ask::Write {
+        let ([first, first_low], [count, count_low]) = (self.first.to_be_bytes(), cells.to_be_bytes());
+        request.extend_from_slice(&[function, first, first_low, count, count_low]).ok()?;
+        if writes {
             request.push(data.len() as u8).ok()?;
             request.extend_from_slice(data).ok()?;
         }
-        check_request(&request).ok().map(|()| request)
+        check_request(request).ok()
     }
 }
 

@@ -1,40 +1,32 @@
-//! The commands: one line in, its answer out.
-
-use core::fmt;
+//! The commands: what a line begins.
 
 use embassy_time::Instant;
-use embedded_io_async::{Read, Write};
 
 use super::ask::Ask;
-use super::help;
-use super::output::Output;
-use super::show::Show;
+use super::frames::Frames;
+use super::help::Help;
+use super::job::{Job, Wait};
+use super::session::{Begun, Session};
+use super::show::{Show, Table};
 use crate::config::{Words, Wrong};
-use crate::drafting;
-use crate::gateway::Gateway;
-use crate::hal::{Store, System};
-use crate::port::ethercat::{EthercatPlace, LineWriter};
 
 /// What a command's first word asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub(super) enum Command {
     Help,
     /// A line of the settings' language.
     Settings,
     Show,
     Clear,
-    /// `ping`
-    Ping,
+    Ask(Ask),
     Scan,
     Tune,
     Capture,
     Watch,
-    Save,
-    Load,
-    Reboot,
-    Exit,
     /// What is done with a data point at once.
     Point(PointCommand),
+    /// A command that has no words of its own.
+    Alone(Wait),
 }
 
 /// What is done with a point at once.
@@ -67,15 +59,15 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("begin", Command::Point(PointCommand::Begin)),
     ("finish", Command::Point(PointCommand::Finish)),
     ("clear", Command::Clear),
-    ("ping", Command::Ping),
+    ("ping", Command::Ask(Ask::Ping)),
     ("scan", Command::Scan),
     ("tune", Command::Tune),
     ("capture", Command::Capture),
     ("watch", Command::Watch),
-    ("save", Command::Save),
-    ("load", Command::Load),
-    ("reboot", Command::Reboot),
-    ("exit", Command::Exit),
+    ("save", Command::Alone(Wait::Save)),
+    ("load", Command::Alone(Wait::Load)),
+    ("reboot", Command::Alone(Wait::Reboot)),
+    ("exit", Command::Alone(Wait::Exit)),
 ];
 
 pub(super) const TOPICS_SHOW: &[(&str, Show)] = &[
@@ -109,149 +101,75 @@ pub(super) enum Watch {
 /// What is watched besides frames.
 pub(super) const TOPICS_WATCH: &[(&str, Watch)] = &[("points", Watch::Points)];
 
-/// Whether the session goes on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Next {
-    Line,
-    Exit,
-}
-
-/// What commands work on.
-pub(super) struct Session<'s, 'g, IO, S, Y> {
-    pub(super) gateway: &'s Gateway<'g>,
-    pub(super) out: Output<IO>,
-    pub(super) store: &'s mut S,
-    pub(super) system: &'s Y,
-    /// The number of the line for error texts, where input has lines and not a person before it.
-    pub(super) line_number: Option<u32>,
-}
-
-impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
-    /// Runs `line`; what is wrong with it is said on the stream, and only the stream's own errors are returned.
-    pub(super) async fn execute(&mut self, line: &str) -> Result<Next, IO::Error> {
-        let words = Words::new(line);
+impl<'g> Session<'_, 'g> {
+    /// Begins what the words of a line say: a command that takes more than this step becomes the `job`.
+    pub(super) fn begin(&mut self, words: &Words<'_>, job: &mut Job<'g>) -> Begun {
         let verb = words.take();
         if verb.is_end() {
-            return Ok(Next::Line);
+            return Ok(Wait::End);
         }
-        match verb.keyword(COMMANDS, "a command (see help)") {
-            Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
-            Ok(Command::Settings) => self.change(line).await?,
-            Ok(Command::Show) => match topic(&words, TOPICS_SHOW, SHOW_EXPECTED) {
-                Ok(show) => self.show(show).await?,
-                Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
-            },
-            Ok(Command::Ping) => self.ask(Ask::Ping, &words).await?,
-            Ok(Command::Scan) => self.scan(&words).await?,
-            Ok(Command::Tune) => self.tune(&words).await?,
-            Ok(Command::Capture) => self.capture(&words).await?,
+        let begins_with_digit = words.peek().text.starts_with(|first: char| first.is_ascii_digit());
+        Ok(match verb.keyword(COMMANDS, "a command (see help)")? {
+            Command::Settings => self.change(),
+            Command::Show => {
+                *job = match topic(words, TOPICS_SHOW, SHOW_EXPECTED)? {
+                    Show::Frames => Job::Frames(Frames::last(self.gateway)),
+                    show => Job::Show(Table::new(show)),
+                };
+                Wait::Sent
+            }
+            Command::Help => {
+                *job = Job::Help(Help::parse(words)?);
+                Wait::Sent
+            }
+            Command::Ask(ask) => return self.ask(ask, words, job),
+            Command::Scan => return self.scan(words, job),
+            Command::Tune => return self.tune(words, job),
+            Command::Capture => return self.capture(words),
             // Names begin with a letter.
-            Ok(Command::Point(PointCommand::Read)) if begins_with_digit(&words) => {
-                self.ask(Ask::Read, &words).await?;
+            Command::Point(PointCommand::Read) if begins_with_digit => {
+                return self.ask(Ask::Read, words, job);
             }
-            Ok(Command::Point(PointCommand::Write)) if begins_with_digit(&words) => {
-                self.ask(Ask::Write, &words).await?;
+            Command::Point(PointCommand::Write) if begins_with_digit => {
+                return self.ask(Ask::Write, words, job);
             }
-            Ok(Command::Point(command)) => self.point(command, &words).await?,
-            Ok(Command::Clear) => match topic(&words, TOPICS_CLEAR, "stats or log") {
-                Ok(Clear::Stats) => {
-                    for place in self.gateway.places() {
-                        place.stats.clear(Instant::now());
-                        place.units(|units| units.clear_counters());
-                    }
+            Command::Point(command) => return self.point(command, words, job),
+            Command::Clear => {
+                self.clear(topic(words, TOPICS_CLEAR, "stats or log")?);
+                Wait::End
+            }
+            Command::Watch if !words.peek().is_end() => match topic(words, TOPICS_WATCH, "points")? {
+                Watch::Points => self.watch_points(job),
+            },
+            Command::Watch => {
+                *job = Job::Frames(Frames::to_come(self.gateway));
+                Wait::Sent
+            }
+            Command::Alone(wait) => {
+                words.end()?;
+                if let Wait::Reboot = wait {
+                    self.out.line(format_args!("starting again"));
                 }
-                Ok(Clear::Log) => self.gateway.log().clear(),
-                Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
-            },
-            Ok(Command::Watch) if !words.peek().is_end() => match topic(&words, TOPICS_WATCH, "points") {
-                Ok(Watch::Points) => self.watch_points().await?,
-                Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
-            },
-            Ok(Command::Help) => match help::topic(&words) {
-                Ok(lines) => {
-                    for line in lines {
-                        self.out.line(format_args!("{line}")).await?;
-                    }
-                }
-                Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
-            },
-            Ok(command) => match words.end() {
-                Ok(()) => return self.act(command).await,
-                Err(Wrong) => self.fail(format_args!("{}", words.wrong())).await?,
-            },
-        }
-        Ok(Next::Line)
-    }
-
-    /// The commands without words of their own.
-    async fn act(&mut self, command: Command) -> Result<Next, IO::Error> {
-        match command {
-            Command::Watch => self.watch().await?,
-            Command::Save => self.save().await?,
-            Command::Load => self.load().await?,
-            Command::Exit => return Ok(Next::Exit),
-            Command::Reboot => {
-                self.out.line(format_args!("starting again")).await?;
-                self.out.flush().await?;
-                self.system.reboot();
+                wait
             }
-            Command::Help
-            | Command::Settings
-            | Command::Show
-            | Command::Clear
-            | Command::Point(_)
-            | Command::Ping
-            | Command::Scan
-            | Command::Tune
-            | Command::Capture => {}
-        }
-        Ok(Next::Line)
+        })
     }
 
-    async fn change(&mut self, line: &str) -> Result<(), IO::Error> {
-        let writer = || self.gateway.ethercat().map(EthercatPlace::line_writer);
-        let before = writer();
-        let changed = drafting::change(self.gateway, line).await;
-        if let Some(writer @ LineWriter::SettingsOver(_)) = writer().filter(|_| writer() != before) {
-            self.out.line(format_args!("warning: the line of the ethercat port: {writer}")).await?;
-        }
-        match changed {
-            Ok(Some(warning)) => self.out.line(format_args!("warning: {warning}")).await,
-            Ok(None) => Ok(()),
-            Err(error) => self.fail(format_args!("{error}")).await,
-        }
-    }
-
-    async fn save(&mut self) -> Result<(), IO::Error> {
-        match drafting::save(self.gateway, self.store).await {
-            Ok(()) => self.out.line(format_args!("saved")).await,
-            Err(error) => self.fail(format_args!("{error}")).await,
-        }
-    }
-
-    async fn load(&mut self) -> Result<(), IO::Error> {
-        match drafting::load(self.gateway, self.store).await {
-            Ok(0) => self.fail(format_args!("nothing is saved")).await,
-            Ok(_) => self.out.line(format_args!("loaded")).await,
-            Err(error) => self.fail(format_args!("{error}")).await,
-        }
-    }
-
-    /// Says what is wrong.
-    pub(super) async fn fail(&mut self, what: fmt::Arguments<'_>) -> Result<(), IO::Error> {
-        match self.line_number {
-            Some(number) => self.out.line(format_args!("error: line {number}, {what}")).await,
-            None => self.out.line(format_args!("error: {what}")).await,
+    fn clear(&self, what: Clear) {
+        match what {
+            Clear::Stats => {
+                for place in self.gateway.places() {
+                    place.stats.clear(Instant::now());
+                    place.units(|units| units.clear_counters());
+                }
+            }
+            Clear::Log => self.gateway.log().clear(),
         }
     }
 }
 
 const SHOW_EXPECTED: &str =
     "ports, routes, units, clients, stats, points, devices, config, network, log, frames or version";
-
-fn begins_with_digit(words: &Words) -> bool {
-    words.peek().text.starts_with(|first: char| first.is_ascii_digit())
-}
 
 /// The last word of a line as a topic of `table`.
 fn topic<T: Copy>(words: &Words, table: &[(&'static str, T)], expected: &'static str) -> Result<T, Wrong> {

@@ -1,87 +1,103 @@
 //! The last frames, and those that come: a line of text each, or a file.
 
-use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Timer};
-use embedded_io_async::{Read, Write};
+use embassy_time::Duration;
 
-use super::command::Session;
+use super::job::{Came, Wait};
 use super::rows::{Bytes, port_name, text};
-use crate::capture::{Capture, Captured, Head};
+use super::session::{Begun, Session};
+use crate::capture::{Capture, Captured, Following, Head};
 use crate::config::Words;
-use crate::gateway::ApplyError;
-use crate::hal::{Store, System};
+use crate::gateway::{ApplyError, Gateway};
 
 /// How often a watcher looks.
 const PAUSE: Duration = Duration::from_millis(50);
+/// Bytes of a frame that are shown at once: as ASCII each may take four characters.
+const PIECE_BYTES_MAX: usize = 128;
 
-impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
-    /// Shows the frames from number `cursor` on.
-    pub(super) async fn frames(&mut self, cursor: &mut u32) -> Result<(), IO::Error> {
-        let Some(capture) = self.gateway.capture() else {
-            return self.fail(format_args!("{}", ApplyError::NoCapture)).await;
-        };
-        // Those that come meanwhile are for the next call.
-        let end = capture.end();
-        while *cursor != end {
-            let Some(frame) = capture.next(cursor) else { break };
-            self.frame(&frame, *cursor > frame.missed + 1).await?;
-        }
-        Ok(())
+/// Frames that are being shown, in the order of their numbers.
+pub(super) struct Frames<'g> {
+    cursor: u32,
+    /// Those that come later are for the next look.
+    end: u32,
+    /// While others are waited for: until something is typed.
+    following: Option<Following<'g>>,
+    /// The one that is shown, and how much of it has been.
+    frame: Option<Captured>,
+    shown: usize,
+}
+
+impl<'g> Frames<'g> {
+    /// Those that are kept.
+    pub(super) fn last(gateway: &Gateway<'g>) -> Self {
+        let end = gateway.capture().map_or(0, Capture::end);
+        Self { cursor: 0, end, following: None, frame: None, shown: 0 }
     }
 
-    async fn frame(&mut self, frame: &Captured, follows: bool) -> Result<(), IO::Error> {
-        let Captured { head: Head { at, port, kind, sent, verdict, .. }, bytes, missed } = frame;
-        if *missed > 0 && follows {
-            self.out.line(format_args!("({missed} frames more)")).await?;
-        }
-        let time = text::<24>(format_args!("{}.{:06}", at.as_secs(), at.as_micros() % 1_000_000));
-        let name = port_name(self.gateway, *port);
-        let direction = if *sent { ">" } else { "<" };
-        let verdict = verdict.name();
-        self.out.text_only(format_args!("{time:>14} {name:15} {direction} {verdict:10} ")).await?;
-        // A frame is longer than a line of output may be.
-        for part in bytes.chunks(32) {
-            self.out.text_only(format_args!("{}", Bytes { kind: *kind, bytes: part })).await?;
-        }
-        self.out.line(format_args!("")).await
+    /// Those that come from now on.
+    pub(super) fn to_come(gateway: &Gateway<'g>) -> Self {
+        let last = Self::last(gateway);
+        Self { cursor: last.end, following: gateway.capture().map(Capture::follow), ..last }
     }
 
-    /// Writes the frames that come into the file that is named, or no more.
-    pub(super) async fn capture(&mut self, words: &Words<'_>) -> Result<(), IO::Error> {
-        let word = words.take();
-        let checked = match word.is_end() {
-            true => Err(word.expected("a file, or off")),
-            false => words.end(),
-        };
-        if checked.is_err() {
-            return self.fail(format_args!("{}", words.wrong())).await;
+    /// Shows a piece of the frame that is shown, or begins the next one.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
+        let Some(capture) = session.gateway.capture() else { return session.fail(&ApplyError::NoCapture) };
+        if matches!(came, Came::Typed(_)) {
+            return Wait::End;
         }
-        let file = Some(word.text).filter(|_| !word.is("off"));
-        match self.system.capture(file) {
-            Ok(()) => Ok(()),
-            Err(error) => self.fail(format_args!("{}: {error}", word.text)).await,
-        }
-    }
-
-    /// Shows frames as they come, until something is typed.
-    pub(super) async fn watch(&mut self) -> Result<(), IO::Error> {
-        let mut cursor = self.gateway.capture().map_or(0, |capture| capture.end());
-        let _following = self.gateway.capture().map(Capture::follow);
-        loop {
-            self.frames(&mut cursor).await?;
-            if self.stops(PAUSE).await? || self.gateway.capture().is_none() {
-                return Ok(());
+        if let Some(frame) = &self.frame {
+            let rest = frame.bytes.get(self.shown..).unwrap_or_default();
+            let piece = rest.get(..PIECE_BYTES_MAX).unwrap_or(rest);
+            session.out.put(format_args!("{}", Bytes { kind: frame.head.kind, bytes: piece }));
+            self.shown += piece.len();
+            if piece.len() == rest.len() {
+                session.out.end();
+                self.frame = None;
             }
+            return Wait::Sent;
         }
+        if self.cursor == self.end {
+            if self.following.is_none() {
+                return Wait::End;
+            }
+            self.end = capture.end();
+            return Wait::Pause(PAUSE);
+        }
+        self.frame = capture.next(&mut self.cursor);
+        self.shown = 0;
+        match &self.frame {
+            Some(frame) => head(session, frame, self.cursor > frame.missed + 1),
+            None => self.cursor = self.end,
+        }
+        Wait::Sent
     }
+}
 
-    /// Shows what there is to see, and waits for the next look; says whether something was typed instead.
-    pub(super) async fn stops(&mut self, pause: Duration) -> Result<bool, IO::Error> {
-        self.out.flush().await?;
-        let mut typed = [0; 16];
-        match select(self.out.read(&mut typed), Timer::after(pause)).await {
-            Either::First(read) => read.map(|_| true),
-            Either::Second(()) => Ok(false),
+/// Shows what is known of a frame, and how many before it are missing if it `follows` others.
+fn head(session: &mut Session<'_, '_>, frame: &Captured, follows: bool) {
+    let Captured { head: Head { at, port, sent, verdict, .. }, missed, .. } = frame;
+    if *missed > 0 && follows {
+        session.out.line(format_args!("({missed} frames more)"));
+    }
+    let time = text(format_args!("{}.{:06}", at.as_secs(), at.as_micros() % 1_000_000));
+    let name = port_name(session.gateway, *port);
+    let direction = if *sent { ">" } else { "<" };
+    let verdict = verdict.name();
+    session.out.put(format_args!("{time:>14} {name:15} {direction} {verdict:10} "));
+}
+
+impl Session<'_, '_> {
+    /// Writes the frames that come into the file that is named, or no more.
+    pub(super) fn capture(&mut self, words: &Words<'_>) -> Begun {
+        let word = words.take();
+        if word.is_end() {
+            return Err(word.expected("a file, or off"));
         }
+        words.end()?;
+        let file = Some(word.text).filter(|_| !word.is("off"));
+        Ok(match self.system.capture(file) {
+            Ok(()) => Wait::End,
+            Err(error) => self.fail(&format_args!("{}: {error}", word.text)),
+        })
     }
 }

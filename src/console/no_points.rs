@@ -2,23 +2,31 @@
 
 use core::fmt;
 
-use embedded_io_async::{Read, Write};
-
-use super::command::{PointCommand, Session};
-use super::show::{Source, Written};
+use super::command::PointCommand;
+use super::job::{Came, Job, Wait};
+use super::output::Written;
+use super::session::{Begun, Session};
+use super::show::Source;
 use crate::config::{Problem, Words};
-use crate::hal::{Store, System};
 
-impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
+/// There is none.
+pub(super) enum PointJob {}
+
+impl PointJob {
+    pub(super) fn step(&mut self, _: &mut Session<'_, '_>, _: Came) -> Wait {
+        match *self {}
+    }
+}
+
+impl Session<'_, '_> {
     /// Says that there are none.
-    pub(super) async fn point(&mut self, _: PointCommand, words: &Words<'_>) -> Result<(), IO::Error> {
-        words.take().error(Problem::NoPoints);
-        self.fail(format_args!("{}", words.wrong())).await
+    pub(super) fn point(&mut self, _: PointCommand, words: &Words<'_>, _: &mut Job<'_>) -> Begun {
+        Err(words.take().error(Problem::NoPoints))
     }
 
     /// `watch points`
-    pub(super) async fn watch_points(&mut self) -> Result<(), IO::Error> {
-        self.fail(format_args!("{}", Problem::NoPoints)).await
+    pub(super) fn watch_points(&mut self, _: &mut Job<'_>) -> Wait {
+        self.fail(&Problem::NoPoints)
     }
 }
 

@@ -1,64 +1,68 @@
-//! Lines of output to a stream, each formatted into a buffer of fixed size first.
+//! What a command has written and the stream has not taken yet.
 
 use core::fmt::{self, Write as _};
 
-use embedded_io_async::{Read, Write};
 use heapless::String;
 
+use super::job::Wait;
 use crate::config::LINE_BYTES_MAX;
 
-/// Longest line of output: a line of settings, or a rule's row in a table, and some more.
+/// Room for the longest line of output: a line of settings, or a rule's row in a table, and some more.
 const OUTPUT_BYTES_MAX: usize = LINE_BYTES_MAX + 128;
 
-/// The stream of a console.
-pub(super) struct Output<IO> {
-    stream: IO,
-    line: String<OUTPUT_BYTES_MAX>,
+/// What came of a place in a table, of which the first one has the heading: nothing behind the last one. A place that has no row at
+/// the moment writes nothing.
+pub(super) type Written = Option<fmt::Result>;
+
+pub(super) const NO_ROW: Written = Some(Ok(()));
+
+/// Text for the stream.
+pub(super) struct Output {
+    pub(super) text: String<OUTPUT_BYTES_MAX>,
     line_end: &'static str,
 }
 
-impl<IO: Read + Write> Output<IO> {
-    pub(super) fn new(stream: IO, line_end: &'static str) -> Self {
-        Self { stream, line: String::new(), line_end }
-    }
-
-    /// Writes `text` and ends the line.
-    pub(super) async fn line(&mut self, text: fmt::Arguments<'_>) -> Result<(), IO::Error> {
-        // No line is longer than the buffer; if one were, its end would be missing.
-        let _ = self.begin().write_fmt(text);
-        self.end().await
-    }
-
-    /// Where the next line is put together.
-    pub(super) fn begin(&mut self) -> &mut String<OUTPUT_BYTES_MAX> {
-        self.line.clear();
-        &mut self.line
-    }
-
-    /// Writes that line and ends it.
-    pub(super) async fn end(&mut self) -> Result<(), IO::Error> {
-        let text = self.line.trim_end();
-        self.stream.write_all(text.as_bytes()).await?;
-        self.stream.write_all(self.line_end.as_bytes()).await
+impl Output {
+    pub(super) fn new(line_end: &'static str) -> Self {
+        Self { text: String::new(), line_end }
     }
 
     /// Writes `text`, and does not end the line.
-    pub(super) async fn text_only(&mut self, text: fmt::Arguments<'_>) -> Result<(), IO::Error> {
-        // See `line`.
-        let _ = self.begin().write_fmt(text);
-        self.stream.write_all(self.line.as_bytes()).await
+    pub(super) fn put(&mut self, text: fmt::Arguments<'_>) {
+        // Of what has no room the end is missing.
+        let _ = self.text.write_fmt(text);
     }
 
-    /// Writes `text` as it is.
-    pub(super) async fn text(&mut self, text: &str) -> Result<(), IO::Error> {
-        self.stream.write_all(text.as_bytes()).await
+    /// Writes `text` and ends the line.
+    pub(super) fn line(&mut self, text: fmt::Arguments<'_>) {
+        self.put(text);
+        self.end();
     }
 
-    pub(super) async fn flush(&mut self) -> Result<(), IO::Error> {
-        self.stream.flush().await
+    /// Ends the line.
+    pub(super) fn end(&mut self) {
+        while self.text.ends_with(' ') {
+            self.text.pop();
+        }
+        while self.text.push_str(self.line_end).is_err() {
+            self.text.pop();
+        }
     }
 
-    pub(super) async fn read(&mut self, into: &mut [u8]) -> Result<usize, IO::Error> {
-        self.stream.read(into).await
+    /// Writes the next row that there is of a table, from `place` on.
+    pub(super) fn row(
+        &mut self,
+        place: &mut usize,
+        write: &mut dyn FnMut(usize, &mut dyn fmt::Write) -> Written,
+    ) -> Wait {
+        let start = self.text.len();
+        while write(*place, &mut self.text).is_some() {
+            *place += 1;
+            if self.text.len() > start {
+                self.end();
+                return Wait::Sent;
+            }
+        }
+        Wait::End
     }
 }

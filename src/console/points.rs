@@ -2,18 +2,19 @@
 
 use core::fmt;
 
-use embassy_time::{Duration, Instant, Timer};
-use embedded_io_async::{Read, Write};
+use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
-use super::command::{PointCommand, Session};
+use super::command::PointCommand;
+use super::job::{Came, Job, Wait};
+use super::output::{NO_ROW, Written};
 use super::rows::{LINE_VALUES_MAX, Values, age, text};
-use super::show::{NO_ROW, Source, Written, titled};
+use super::session::{Begun, Session};
+use super::show::{Source, titled};
 use crate::config::{
     POINTS_MAX, PointAt, PointProblem, PointSettings, Problem, Settings, Words, Wrong, parse_number,
 };
 use crate::gateway::ApplyError;
-use crate::hal::{Store, System};
 use crate::modbus::crc::crc16;
 use crate::scanner::{
     DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing,
@@ -50,61 +51,94 @@ enum Ask {
     },
 }
 
-impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
-    /// Does what `command` and the words behind it say, and shows what came of it.
-    pub(super) async fn point(&mut self, command: PointCommand, words: &Words<'_>) -> Result<(), IO::Error> {
-        let Some(place) = self.gateway.scanner() else {
-            return self.fail(format_args!("{}", ApplyError::NoPoints)).await;
-        };
+/// Points that are being shown.
+// There is one in a session.
+#[allow(clippy::large_enum_variant)]
+pub(super) enum PointJob {
+    /// One of them, from a line on, when what was asked for is done; or when it could have been.
+    One { row: RowId, until: Option<Instant>, line: usize },
+    /// Those whose status or values change: what has been shown of each, and the one that is looked at, from a line on.
+    Changing { shown: [Option<(u16, u16)>; POINTS_MAX], at: usize, line: usize },
+}
+
+impl Session<'_, '_> {
+    /// Does what `command` and the words behind it say.
+    pub(super) fn point(&mut self, command: PointCommand, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
+        let Some(place) = self.gateway.scanner() else { return Ok(self.fail(&ApplyError::NoPoints)) };
         let mut cells = Cells::new();
-        let ask = match self.gateway.settings(|settings| parse(settings, command, words, &mut cells)) {
-            Ok(ask) => ask,
-            Err(Wrong) => return self.fail(format_args!("{}", words.wrong())).await,
-        };
+        let ask = self.gateway.settings(|settings| parse(settings, command, words, &mut cells))?;
         let now = Instant::now();
-        let done = place.change(|scanner| order(scanner, command, &ask, &cells, now));
-        if let Err(refused) = done {
-            return self.fail(format_args!("{refused}")).await;
+        if let Err(refused) = place.change(|scanner| order(scanner, command, &ask, &cells, now)) {
+            return Ok(self.fail(&refused));
         }
-        match (&ask, command) {
-            (Ask::Range { .. }, _) | (_, PointCommand::Begin | PointCommand::Mark) => Ok(()),
+        Ok(match (ask, command) {
+            (Ask::Range { .. }, _) | (_, PointCommand::Begin | PointCommand::Mark) => Wait::End,
             (Ask::Row(row) | Ask::Put { row, .. }, _) => {
-                let row = *row;
-                if !settled(place, row).await {
-                    self.out.line(format_args!("it is not done yet: see show points")).await?;
-                }
-                self.lines_of(place, row, usize::MAX).await
+                *job = Job::Point(PointJob::One { row, until: Some(now + PATIENCE), line: 0 });
+                Wait::Sent
             }
-        }
+        })
     }
 
     /// `watch points`: the points, and from then on those whose status or values change, until something is typed.
-    pub(super) async fn watch_points(&mut self) -> Result<(), IO::Error> {
-        let Some(place) = self.gateway.scanner() else {
-            return self.fail(format_args!("{}", ApplyError::NoPoints)).await;
-        };
-        let mut shown = [None; POINTS_MAX];
-        loop {
-            let points = self.gateway.settings(|settings| settings.points.len());
-            for (id, shown) in (0..points).map(|at| RowId(at as u8)).zip(&mut shown) {
-                let now = place
-                    .with(|scanner| (scanner.status(id, Instant::now()).bits(), crc16(scanner.input(id))));
-                if shown.replace(now) != Some(now) {
-                    self.lines_of(place, id, LINE_VALUES_MAX).await?;
+    pub(super) fn watch_points(&mut self, job: &mut Job<'_>) -> Wait {
+        *job = Job::Point(PointJob::Changing { shown: [None; POINTS_MAX], at: 0, line: 0 });
+        Wait::Sent
+    }
+}
+
+impl PointJob {
+    /// Goes on behind what `came`.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
+        let Some(place) = session.gateway.scanner() else { return session.fail(&ApplyError::NoPoints) };
+        match self {
+            Self::One { row, until, line } => {
+                if let Some(give_up) = *until {
+                    match settled(place, *row, give_up) {
+                        None => return Wait::Rest(LOOK),
+                        Some(true) => {}
+                        Some(false) => {
+                            session.out.line(format_args!("it is not done yet: see show points"));
+                        }
+                    }
+                    *until = None;
                 }
+                lines_of(session, place, *row, line, usize::MAX)
             }
-            if self.stops(WATCH).await? {
-                return Ok(());
+            Self::Changing { .. } if matches!(came, Came::Typed(_)) => Wait::End,
+            Self::Changing { shown, at, line } => {
+                let points = session.gateway.settings(|settings| settings.points.len());
+                while let Some(shown) = shown.get_mut(*at).filter(|_| *at < points) {
+                    let id = RowId(*at as u8);
+                    let now = place.with(|scanner| {
+                        (scanner.status(id, Instant::now()).bits(), crc16(scanner.input(id)))
+                    });
+                    let changed = *line > 0 || shown.replace(now) != Some(now);
+                    if changed && let Wait::Sent = lines_of(session, place, id, line, LINE_VALUES_MAX) {
+                        return Wait::Sent;
+                    }
+                    *line = 0;
+                    *at += 1;
+                }
+                *at = 0;
+                Wait::Pause(WATCH)
             }
         }
     }
+}
 
-    /// A point and as many as `most` of its values.
-    async fn lines_of(&mut self, place: &ScannerPlace, id: RowId, most: usize) -> Result<(), IO::Error> {
-        let (gateway, now) = (self.gateway, Instant::now());
-        self.rows(|line, out| gateway.settings(|settings| point(settings, place, id, (line, most), now, out)))
-            .await
-    }
+/// Shows the next line of a point and as many as `most` of its values.
+fn lines_of(
+    session: &mut Session<'_, '_>,
+    place: &ScannerPlace,
+    id: RowId,
+    line: &mut usize,
+    most: usize,
+) -> Wait {
+    let (gateway, now) = (session.gateway, Instant::now());
+    session.out.row(line, &mut |line, out| {
+        gateway.settings(|settings| point(settings, place, id, (line, most), now, out))
+    })
 }
 
 /// `show points`: each takes two lines, of which the second has as many values as fit.
@@ -133,14 +167,12 @@ fn point(
     let (all, at) = (usize::from(point.count), row * LINE_VALUES_MAX);
     let count = all.min(most);
     let shown = count.checked_sub(at).filter(|shown| *shown > 0)?.min(LINE_VALUES_MAX);
-    let line = place.with(|scanner| {
+    let more = if at + shown < all && at + shown == count { " ..." } else { "" };
+    Some(place.with(|scanner| {
         let values =
             Values { kind: point.kind, value: point.value, cells: scanner.input(id), range: at..at + shown };
-        // A line has room for the longest values there are, but for fractions of many digits.
-        text::<256>(format_args!("{values}"))
-    });
-    let more = if at + shown < all && at + shown == count { " ..." } else { "" };
-    Some(write!(out, "  [{at}]{line}{more}"))
+        write!(out, "  [{at}]{values}{more}")
+    }))
 }
 
 /// What stands before a point's values.
@@ -157,9 +189,9 @@ fn head(
         PointAt::Device { device, .. } => settings.device_name(device),
         PointAt::Local { .. } => "local",
     };
-    let modicon = text::<8>(format_args!("{}", Modicon(point.kind, point.first)));
+    let modicon = text(format_args!("{}", Modicon(point.kind, point.first)));
     let old = match fresh {
-        Some(fresh) => text::<16>(format_args!("{}.{}s old", fresh.as_secs(), fresh.as_millis() / 100 % 10)),
+        Some(fresh) => text(format_args!("{}.{}s old", fresh.as_secs(), fresh.as_millis() / 100 % 10)),
         None => text(format_args!("never read")),
     };
     let label = &point.label;
@@ -190,7 +222,7 @@ fn device_row(source: &Source<'_, '_>, row: usize, out: &mut dyn fmt::Write) -> 
     let slave = settings.slaves.get(nth)?;
     let status = gateway.ethercat()?.slave_status(nth)?;
     let inputs = if status.alive == Some(false) { slave.on_silence.of_inputs() } else { "" };
-    let name = text::<15>(format_args!("slave {nth}"));
+    let name = text(format_args!("slave {nth}"));
     Some(write!(out, "{}", DeviceRow { name: &name, unit: slave.unit, status: &status, inputs, now }))
 }
 
@@ -229,19 +261,14 @@ impl fmt::Display for DeviceRow<'_> {
     }
 }
 
-/// Waits until nothing is on its way for the row, or nothing can be for some time; says whether.
-async fn settled(place: &ScannerPlace, row: RowId) -> bool {
-    let until = Instant::now() + PATIENCE;
+/// Whether nothing is on its way for the row any more: `false` when nothing can be for some time, `None` when that is not known
+/// yet.
+fn settled(place: &ScannerPlace, row: RowId, give_up: Instant) -> Option<bool> {
     let waits = Status::IN_PROGRESS.with(Status::READ_MARKED).with(Status::WRITE_MARKED);
-    loop {
-        let now = Instant::now();
-        let status = place.with(|scanner| scanner.status(row, now));
-        let idle = !status.any(waits) || status.any(Status::WRITE_BLOCKED);
-        if idle || status.any(Status::BACKING_OFF) || now >= until {
-            return idle;
-        }
-        Timer::after(LOOK).await;
-    }
+    let now = Instant::now();
+    let status = place.with(|scanner| scanner.status(row, now));
+    let idle = !status.any(waits) || status.any(Status::WRITE_BLOCKED);
+    (idle || status.any(Status::BACKING_OFF) || now >= give_up).then_some(idle)
 }
 
 /// Reads the words behind `command`.

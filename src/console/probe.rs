@@ -1,26 +1,20 @@
-//! What `scan` and `tune` have in common: a serial client's line, a harmless request, when an answer began, and whether the
-//! console still watches.
+//! What `scan` and `tune` have in common: a serial client's line, a harmless request, when an answer began, and when to tell
+//! how far they are.
 
 use core::fmt;
-use core::future::pending;
-use core::pin::pin;
 
-use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant};
-use embedded_io_async::{Read, Write};
-use heapless::Vec;
 
-use super::command::Session;
 use crate::config::{
     Framing, LineSettings, PortId, PortKind, Problem, SerialSettings, Settings, Side, Word, Wrong,
 };
-use crate::hal::{Store, System};
-use crate::modbus::pdu::function::{DIAGNOSTICS, REPORT_SERVER_ID};
+use crate::modbus::pdu::function::{
+    DIAGNOSTICS, READ_COILS, READ_DISCRETE_INPUTS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS,
+    REPORT_SERVER_ID,
+};
 
 /// How often the console is told at least how far a long command is: that somebody has gone is found out by it.
 const PROGRESS: Duration = Duration::from_secs(5);
-/// Bytes of the longest request.
-const REQUEST_BYTES_MAX: usize = 5;
 
 /// The port that `word` names, which must be a serial client.
 pub(super) fn serial_client<'s>(
@@ -35,13 +29,15 @@ pub(super) fn serial_client<'s>(
 }
 
 /// A request of `function` that changes nothing: one cell, the first one, or what is given back (8), or who the unit is (17).
-pub(super) fn request(function: u8) -> Vec<u8, REQUEST_BYTES_MAX> {
-    let request: &[u8] = match function {
+pub(super) fn harmless(function: u8) -> &'static [u8] {
+    match function {
+        READ_COILS => &[READ_COILS, 0, 0, 0, 1],
+        READ_DISCRETE_INPUTS => &[READ_DISCRETE_INPUTS, 0, 0, 0, 1],
+        READ_INPUT_REGISTERS => &[READ_INPUT_REGISTERS, 0, 0, 0, 1],
         DIAGNOSTICS => &[DIAGNOSTICS, 0, 0, 0xa5, 0x37],
         REPORT_SERVER_ID => &[REPORT_SERVER_ID],
-        function => &[function, 0, 0, 0, 1],
-    };
-    Vec::from_slice(request).unwrap_or_default()
+        _ => &[READ_HOLDING_REGISTERS, 0, 0, 0, 1],
+    }
 }
 
 /// The time to the first character of an answer with `pdu_bytes` that took so long to its end: what a time-out is for.
@@ -55,46 +51,21 @@ pub(super) fn to_first_char(
     took.checked_sub(behind).unwrap_or(Duration::from_ticks(0))
 }
 
-/// Whether the console is still there, and when it was told something last.
-pub(super) struct Watch {
-    told: Instant,
-    /// Its input has ended: it cannot stop anything any more, but it may read.
-    ended: bool,
-}
+/// When the console was told something last.
+pub(super) struct Told(Instant);
 
-impl Watch {
+impl Told {
     pub(super) fn new() -> Self {
-        Self { told: Instant::now(), ended: false }
+        Self(Instant::now())
     }
 
     /// Whether it is time to tell how far a command is.
     pub(super) fn is_due(&mut self) -> bool {
-        let due = self.told.elapsed() >= PROGRESS;
+        let due = self.0.elapsed() >= PROGRESS;
         if due {
-            self.told = Instant::now();
+            *self = Self::new();
         }
         due
-    }
-}
-
-impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
-    /// What comes of `work`; `None` when something is typed first.
-    pub(super) async fn unless_typed<T>(
-        &mut self,
-        watch: &mut Watch,
-        work: impl Future<Output = T>,
-    ) -> Result<Option<T>, IO::Error> {
-        let mut work = pin!(work);
-        loop {
-            let mut typed = [0; 16];
-            let read = async { if watch.ended { pending().await } else { self.out.read(&mut typed).await } };
-            match select(read, work.as_mut()).await {
-                Either::First(Ok(0)) => watch.ended = true,
-                Either::First(Ok(_)) => return Ok(None),
-                Either::First(Err(error)) => return Err(error),
-                Either::Second(done) => return Ok(Some(done)),
-            }
-        }
     }
 }
 

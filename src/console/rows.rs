@@ -8,7 +8,7 @@ use heapless::String;
 
 use crate::capture::FrameKind;
 use crate::config::{
-    DEVICE_BYTES_MAX, Name, PortId, PortKind, SPEED_BYTES_MAX, Settings, StreamFraming, Time, is_implied,
+    DEVICE_BYTES_MAX, Endpoint, PortId, PortKind, Settings, StreamFraming, Time, is_implied,
 };
 use crate::gateway::{Gateway, Status};
 use crate::port::units::Unit;
@@ -16,16 +16,22 @@ use crate::route::{Policy, Route};
 use crate::scanner::{Kind, ValueType};
 use crate::stats::{LogEntry, Outcome};
 
+/// The longest cell: a device, or an IPv6 address with its port.
+const CELL_BYTES_MAX: usize = if DEVICE_BYTES_MAX > 64 { DEVICE_BYTES_MAX } else { 64 };
+
+/// What stands in a cell.
+pub(super) type Cell = String<CELL_BYTES_MAX>;
+
 /// Text that is padded as a whole when it is printed.
-pub(super) fn text<const N: usize>(content: fmt::Arguments<'_>) -> String<N> {
-    let mut text = String::new();
-    // A column that is too narrow for its content would show nothing at all; the sizes are those of the contents.
+pub(super) fn text(content: fmt::Arguments<'_>) -> Cell {
+    let mut text = Cell::new();
+    // Of a longer one the end would be missing.
     let _ = fmt::Write::write_fmt(&mut text, content);
     text
 }
 
 /// The name of `port`, for when the settings are not at hand.
-pub(super) fn port_name(gateway: &Gateway<'_>, port: PortId) -> Name {
+pub(super) fn port_name(gateway: &Gateway<'_>, port: PortId) -> Cell {
     gateway.settings(|settings| text(format_args!("{}", settings.name(port))))
 }
 
@@ -60,12 +66,12 @@ impl fmt::Display for Values<'_> {
 }
 
 /// The time since `then` in whole seconds.
-pub(super) fn age(then: Instant, now: Instant) -> String<24> {
+pub(super) fn age(then: Instant, now: Instant) -> Cell {
     text(format_args!("{}s", now.saturating_duration_since(then).as_secs()))
 }
 
 /// A time in microseconds, if there is one.
-pub(super) fn took(us: Option<u32>) -> String<16> {
+pub(super) fn took(us: Option<u32>) -> Cell {
     match us {
         Some(us) => text(format_args!("{}", Time(Duration::from_micros(us.into())))),
         None => text(format_args!("-")),
@@ -92,39 +98,31 @@ pub(super) fn state(unit: &Unit, now: Instant) -> &'static str {
     }
 }
 
-/// A device, or an IPv6 address with its port.
-const WHERE_BYTES_MAX: usize = if DEVICE_BYTES_MAX > 56 { DEVICE_BYTES_MAX } else { 56 };
-
 /// A port's role, the place where it is, and how its line is set.
-pub(super) fn describe(kind: &PortKind) -> (String<12>, String<WHERE_BYTES_MAX>, String<SPEED_BYTES_MAX>) {
+pub(super) fn describe(kind: &PortKind) -> (Cell, Cell, Cell) {
     match kind {
-        PortKind::Serial(serial) => {
-            let role = text(format_args!("{} {}", serial.framing, serial.side));
-            (role, text(format_args!("{}", serial.device)), serial.line.speed())
-        }
-        PortKind::TcpServer(server) => (
-            text(format_args!("tcp server")),
-            text(format_args!("{}", server.listen)),
-            framing(server.framing),
+        PortKind::Serial(serial) => (
+            text(format_args!("{} {}", serial.framing, serial.side)),
+            text(format_args!("{}", serial.device)),
+            text(format_args!("{}", serial.line.speed())),
         ),
-        PortKind::TcpClient(client) => (
-            text(format_args!("tcp client")),
-            text(format_args!("{}", client.server)),
-            framing(client.framing),
-        ),
+        PortKind::TcpServer(server) => tcp("tcp server", &server.listen, server.framing),
+        PortKind::TcpClient(client) => tcp("tcp client", &Endpoint(client.server), client.framing),
         PortKind::UdpServer(server) => {
-            (text(format_args!("udp server")), text(format_args!("{}", server.listen)), String::new())
+            (text(format_args!("udp server")), text(format_args!("{}", server.listen)), Cell::new())
         }
-        PortKind::Ethercat(_) => (text(format_args!("ethercat")), String::new(), String::new()),
-        PortKind::Scanner => (text(format_args!("scanner")), String::new(), String::new()),
+        PortKind::Ethercat(_) => (text(format_args!("ethercat")), Cell::new(), Cell::new()),
+        PortKind::Scanner => (text(format_args!("scanner")), Cell::new(), Cell::new()),
     }
 }
 
-fn framing(framing: StreamFraming) -> String<SPEED_BYTES_MAX> {
-    let mut text = String::<SPEED_BYTES_MAX>::new();
-    // Longer than every one of them.
-    let _ = fmt::Write::write_fmt(&mut text, format_args!("{framing}"));
-    String::try_from(text.trim()).unwrap_or_default()
+fn tcp(role: &str, place: &dyn fmt::Display, framing: StreamFraming) -> (Cell, Cell, Cell) {
+    let framing = text(format_args!("{framing}"));
+    (
+        text(format_args!("{role}")),
+        text(format_args!("{place}")),
+        text(format_args!("{}", framing.trim_ascii())),
+    )
 }
 
 pub(super) struct StatusText(pub(super) Status);
@@ -165,7 +163,7 @@ impl fmt::Display for Row<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { settings, route } = self;
         let peer = match route.peer {
-            Some(peer) => text::<44>(format_args!("{peer}")),
+            Some(peer) => text(format_args!("{peer}")),
             None => text(format_args!("*")),
         };
         let kind = if is_implied(settings, route) { "implied" } else { "rule" };
@@ -186,7 +184,7 @@ impl fmt::Display for LogRow<'_> {
         let Self { settings, entry } = self;
         let LogEntry { unit, target, function, .. } = entry;
         let name = |id: PortId| settings.name(id);
-        let took = text::<16>(format_args!("{}", Time(Duration::from_micros(entry.took_us.into()))));
+        let took = text(format_args!("{}", Time(Duration::from_micros(entry.took_us.into()))));
         let (source, destination) = (name(entry.source), entry.destination.map_or("-", name));
         write!(f, "{source:15} {unit:>4} {destination:15} {target:>6} {function:>8} {took:>10} ")?;
         match entry.outcome {

@@ -6,22 +6,21 @@
 
 use core::fmt;
 
-use embassy_time::{Duration, Instant};
-use embedded_io_async::{Read, Write};
+use embassy_time::Instant;
 
 use self::identity::Identity;
 use self::plan::Plan;
-use super::command::Session;
-use super::probe::{About, Watch, request, to_first_char};
-use super::show::{NO_ROW, Written};
+use super::job::{Came, Job, Wait};
+use super::output::{NO_ROW, Written};
+use super::probe::{About, Told, harmless, to_first_char};
+use super::session::{Begun, Session};
 use crate::asking::Turn;
-use crate::config::{LineSettings, PortId, PortKind, Settings, Side, Time, Words, Wrong};
-use crate::hal::{OpenErrorKind, Store, System};
+use crate::config::{LineSettings, PortId, PortKind, Settings, Side, Time, Words};
+use crate::hal::OpenErrorKind;
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, REPORT_SERVER_ID};
 use crate::route::Destination;
-use crate::scanner::Pdu;
 use crate::stats::Event;
 
 mod identity;
@@ -30,20 +29,199 @@ mod plan;
 /// What is heard and cannot be read.
 const STRANGE: [Event; 6] =
     [Event::Parity, Event::Framing, Event::Noise, Event::BadCheck, Event::Short, Event::WrongUnit];
+/// What a character of another format is.
+const FLAWS: [Event; 2] = [Event::Parity, Event::Framing];
 /// Read device identification, the basic objects, from the first on.
 const IDENTIFY: [u8; 4] = [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, 1, 0];
 
-/// What has been found so far.
-struct Search {
+/// A scan that runs.
+pub(super) struct Scan {
+    plan: Plan,
     /// By unit id: the number of the speed and format at which it answered, from 1; 0: not yet.
     at: [u8; 256],
     begun: Instant,
-    watch: Watch,
-    /// The last one.
-    answer: Pdu,
+    told: Told,
+    stage: Stage,
+    /// The speed and format that is tried, and its number.
+    line: LineSettings,
+    nth: usize,
+    /// The next unit.
+    unit: usize,
+    /// How often something was counted at the port before: at this speed and format, and before this request.
+    strange: u32,
+    flaws: u32,
 }
 
-impl Search {
+/// How far a scan is: what it does next.
+#[derive(Debug, Clone, Copy)]
+enum Stage {
+    /// It tries the next speed and format.
+    Line,
+    /// The line opens.
+    Opening,
+    /// It asks the next unit.
+    Unit,
+    /// A unit is asked for something harmless, or who it is, by this question.
+    Asked,
+    Identified(&'static [u8]),
+    /// Everything has been tried: it shows what was found, from this place on.
+    Found(usize),
+}
+
+impl Session<'_, '_> {
+    /// Looks for units as the words say.
+    pub(super) fn scan(&mut self, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
+        let plan = self.gateway.settings(|settings| Plan::parse(settings, words))?;
+        if let Err(error) = self.take_turn(plan.port) {
+            return Ok(self.fail(&error));
+        }
+        let about = About(plan.time_from(0));
+        self.out.line(format_args!(
+            "about {about}; a key stops it. Others who ask by this port get 0A meanwhile."
+        ));
+        *job = Job::Scan(Scan {
+            line: plan.own,
+            plan,
+            at: [0; 256],
+            begun: Instant::now(),
+            told: Told::new(),
+            stage: Stage::Line,
+            nth: 0,
+            unit: 0,
+            strange: 0,
+            flaws: 0,
+        });
+        Ok(Wait::Sent)
+    }
+
+    /// How often `events` were counted at `port`, all together.
+    fn heard(&self, port: PortId, events: &[Event]) -> u32 {
+        let place = self.gateway.ports().get(port.index());
+        place.map_or(0, |place| events.iter().fold(0, |sum, event| sum.wrapping_add(place.stats.get(*event))))
+    }
+}
+
+impl Scan {
+    /// Goes on behind what `came`.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
+        match (self.stage, came) {
+            (Stage::Found(place), _) => return self.show(session, place),
+            (_, Came::Typed(_)) => self.end(session),
+            (Stage::Line, _) => return self.next_line(session),
+            (Stage::Opening, Came::Opened(Err(error))) => {
+                session.out.line(format_args!("{:12} {error}", self.line.speed()));
+                // Another speed or format may be supported; another device there is not.
+                match error.kind {
+                    OpenErrorKind::Unsupported => self.stage = Stage::Line,
+                    _ => self.end(session),
+                }
+            }
+            (Stage::Opening, _) => {
+                self.strange = session.heard(self.plan.port, &STRANGE);
+                self.unit = self.plan.units.first.into();
+                self.stage = Stage::Unit;
+            }
+            (Stage::Unit, _) => return self.next_unit(session),
+            (Stage::Asked, Came::Answer(asked)) => return self.asked(session, asked.is_ok()),
+            (Stage::Identified(question), Came::Answer(asked)) => {
+                // An exception has another function code.
+                if asked.is_ok() && session.pdu.first() == question.first() {
+                    session.out.put(format_args!("{}", Identity(&session.pdu)));
+                } else if question.len() > 1 {
+                    return self.identify(session, &[REPORT_SERVER_ID]);
+                }
+                session.out.end();
+                self.stage = Stage::Unit;
+            }
+            (Stage::Asked | Stage::Identified(_), _) => self.end(session),
+        }
+        Wait::Sent
+    }
+
+    /// The port gets its own settings again.
+    fn end(&mut self, session: &mut Session<'_, '_>) {
+        session.turn = None;
+        self.stage = Stage::Found(0);
+    }
+
+    /// Tries the next speed and format.
+    fn next_line(&mut self, session: &mut Session<'_, '_>) -> Wait {
+        let Some(line) = self.plan.line(self.nth) else {
+            self.end(session);
+            return Wait::Sent;
+        };
+        session.out.line(format_args!(
+            "{:12} about {} left",
+            line.speed(),
+            About(self.plan.time_from(self.nth))
+        ));
+        self.line = line;
+        self.nth += 1;
+        self.stage = Stage::Opening;
+        Wait::Open { line, timeout: self.plan.patience(&line), alone: true }
+    }
+
+    /// Asks the next unit that is still missing at this speed and format.
+    fn next_unit(&mut self, session: &mut Session<'_, '_>) -> Wait {
+        let last = usize::from(self.plan.units.last);
+        while self.at.get(self.unit).is_some_and(|at| *at > 0) {
+            self.unit += 1;
+        }
+        if self.unit > last {
+            let strange = session.heard(self.plan.port, &STRANGE).wrapping_sub(self.strange);
+            if strange > 0 {
+                let what = "things heard that cannot be read: another speed or format, or noise";
+                session.out.line(format_args!("{:12} {strange} {what}", self.line.speed()));
+            }
+            self.stage = Stage::Line;
+            return Wait::Sent;
+        }
+        if self.told.is_due() {
+            session.out.line(format_args!("{:12} unit {}", self.line.speed(), self.unit));
+        }
+        self.flaws = session.heard(self.plan.port, &FLAWS);
+        self.stage = Stage::Asked;
+        session.ask_unit(self.unit as u8, harmless(self.plan.function), true)
+    }
+
+    /// A unit was asked, or the line is not open any more.
+    fn asked(&mut self, session: &mut Session<'_, '_>, answered: bool) -> Wait {
+        let unit = self.unit;
+        self.unit += 1;
+        self.stage = Stage::Unit;
+        match session.turn.as_ref().and_then(Turn::outcome) {
+            // With a faulty character it was sent in another format, whatever its CRC says.
+            Some(Ok(took)) if answered && session.heard(self.plan.port, &FLAWS) == self.flaws => {
+                self.at.iter_mut().skip(unit).take(1).for_each(|at| *at = self.nth as u8);
+                let took = to_first_char(took, self.plan.framing, &self.line, session.pdu.len());
+                let (speed, took, how) = (self.line.speed(), Time(took), Answered(&session.pdu));
+                session.out.put(format_args!("unit {unit:>3} {speed:12} {took} {how}"));
+                self.identify(session, &IDENTIFY)
+            }
+            Some(_) => Wait::Sent,
+            None => {
+                session.fail(&"the line is not open any more: see show ports");
+                self.end(session);
+                Wait::Sent
+            }
+        }
+    }
+
+    /// Asks the unit that was found who it is.
+    fn identify(&mut self, session: &mut Session<'_, '_>, question: &'static [u8]) -> Wait {
+        self.stage = Stage::Identified(question);
+        session.ask_unit(session.unit, question, false)
+    }
+
+    fn show(&mut self, session: &mut Session<'_, '_>, mut place: usize) -> Wait {
+        let gateway = session.gateway;
+        let wait = session.out.row(&mut place, &mut |place, out| {
+            gateway.settings(|settings| self.write(&self.plan, settings, place, out))
+        });
+        self.stage = Stage::Found(place);
+        wait
+    }
+
     /// Writes what has been found in all, and the lines to type for it.
     fn write(&self, plan: &Plan, settings: &Settings, place: usize, out: &mut dyn fmt::Write) -> Written {
         let found = || self.at.iter().enumerate().filter(|(_, at)| **at > 0).map(|(unit, _)| unit);
@@ -52,7 +230,7 @@ impl Search {
             let (units, took) = (found().count(), self.begun.elapsed().as_secs());
             return Some(write!(out, "{units} units found in {took}s"));
         };
-        if let Some(line) = plan.lines().nth(nth) {
+        if let Some(line) = plan.line(nth) {
             let at = nth as u8 + 1;
             let units = UnitList { search: self, at };
             let is_there = self.at.contains(&at);
@@ -64,128 +242,13 @@ impl Search {
         }
         let is_routed = settings.routes.iter().any(|route| route.destination == Destination::Port(plan.port));
         let (first, last) = (found().next()?, found().next_back()?);
-        if is_routed || nth > plan.lines().count() {
+        if is_routed || nth > plan.lines_count() {
             return None;
         }
         let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
         let server = settings.ports.iter().flatten().find(|port| is_server(&port.kind));
         let source = server.map_or("SOURCE", |port| port.name.as_str());
         Some(write!(out, "route {source} {first}-{last} * * {name}"))
-    }
-}
-
-impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
-    /// Looks for units as the words say.
-    pub(super) async fn scan(&mut self, words: &Words<'_>) -> Result<(), IO::Error> {
-        let plan = match self.gateway.settings(|settings| Plan::parse(settings, words)) {
-            Ok(plan) => plan,
-            Err(Wrong) => return self.fail(format_args!("{}", words.wrong())).await,
-        };
-        let gateway = self.gateway;
-        let turn = match gateway.turn(plan.port) {
-            Ok(turn) => turn,
-            Err(error) => return self.fail(format_args!("{error}")).await,
-        };
-        let about = About(plan.time_from(0));
-        self.out
-            .line(format_args!(
-                "about {about}; a key stops it. Others who ask by this port get 0A meanwhile."
-            ))
-            .await?;
-        let mut search =
-            Search { at: [0; 256], begun: Instant::now(), watch: Watch::new(), answer: Pdu::new() };
-        for (nth, line) in plan.lines().enumerate() {
-            self.out
-                .line(format_args!("{:12} about {} left", line.speed(), About(plan.time_from(nth))))
-                .await?;
-            self.out.flush().await?;
-            if !self.scan_at(&plan, &turn, (nth, line), &mut search).await? {
-                break;
-            }
-        }
-        drop(turn);
-        self.rows(|place, out| gateway.settings(|settings| search.write(&plan, settings, place, out))).await
-    }
-
-    /// Asks every unit that is still missing at one speed and format; says whether to go on.
-    async fn scan_at(
-        &mut self,
-        plan: &Plan,
-        turn: &Turn<'_, '_>,
-        (nth, line): (usize, LineSettings),
-        search: &mut Search,
-    ) -> Result<bool, IO::Error> {
-        if let Err(error) = turn.try_on(line, plan.patience(&line), true).await {
-            self.out.line(format_args!("{:12} {error}", line.speed())).await?;
-            // Another speed or format may be supported; another device there is not.
-            return Ok(error.kind == OpenErrorKind::Unsupported);
-        }
-        let strange = self.heard(plan.port, &STRANGE);
-        for unit in plan.units.first..=plan.units.last {
-            if search.at.get(usize::from(unit)) != Some(&0) {
-                continue;
-            }
-            if search.watch.is_due() {
-                self.out.line(format_args!("{:12} unit {unit}", line.speed())).await?;
-                self.out.flush().await?;
-            }
-            let flaws = self.heard(plan.port, &[Event::Parity, Event::Framing]);
-            let request = request(plan.function);
-            let ask = turn.ask(unit, &request, &mut search.answer);
-            let Some(asked) = self.unless_typed(&mut search.watch, ask).await? else { return Ok(false) };
-            match (asked, turn.outcome()) {
-                (Ok(_), Some(Ok(took))) => {
-                    // With a faulty character it was sent in another format, whatever its CRC says.
-                    if self.heard(plan.port, &[Event::Parity, Event::Framing]) == flaws {
-                        search.at.iter_mut().skip(unit.into()).take(1).for_each(|at| *at = nth as u8 + 1);
-                        let took = to_first_char(took, plan.framing, &line, search.answer.len());
-                        self.tell_unit(turn, unit, &line, &mut search.answer, took).await?;
-                    }
-                }
-                (_, Some(_)) => {}
-                (_, None) => {
-                    self.fail(format_args!("the line is not open any more: see show ports")).await?;
-                    return Ok(false);
-                }
-            }
-        }
-        match self.heard(plan.port, &STRANGE).wrapping_sub(strange) {
-            0 => {}
-            strange => {
-                let what = "things heard that cannot be read: another speed or format, or noise";
-                self.out.line(format_args!("{:12} {strange} {what}", line.speed())).await?;
-            }
-        }
-        Ok(true)
-    }
-
-    /// Shows a unit that has been found, with what it says of itself.
-    async fn tell_unit(
-        &mut self,
-        turn: &Turn<'_, '_>,
-        unit: u8,
-        line: &LineSettings,
-        answer: &mut Pdu,
-        took: Duration,
-    ) -> Result<(), IO::Error> {
-        let (speed, took, how) = (line.speed(), Time(took), Answered(answer));
-        self.out.text_only(format_args!("unit {unit:>3} {speed:12} {took} {how}")).await?;
-        for question in [&IDENTIFY[..], &[REPORT_SERVER_ID]] {
-            let asked = turn.ask(unit, question, answer).await;
-            // An exception has another function code.
-            if asked.is_ok() && answer.first() == question.first() {
-                self.out.text_only(format_args!("{}", Identity(answer))).await?;
-                break;
-            }
-        }
-        self.out.line(format_args!("")).await?;
-        self.out.flush().await
-    }
-
-    /// How often `events` were counted at `port`, all together.
-    pub(super) fn heard(&self, port: PortId, events: &[Event]) -> u32 {
-        let place = self.gateway.ports().get(port.index());
-        place.map_or(0, |place| events.iter().fold(0, |sum, event| sum.wrapping_add(place.stats.get(*event))))
     }
 }
 
@@ -206,7 +269,7 @@ impl fmt::Display for Answered<'_> {
 
 /// The units that were found at one speed and format.
 struct UnitList<'s> {
-    search: &'s Search,
+    search: &'s Scan,
     at: u8,
 }
 

@@ -3,14 +3,15 @@
 use core::fmt;
 
 use embassy_time::Instant;
-use embedded_io_async::{Read, Write};
 
-use super::command::Session;
+use super::job::Wait;
+use super::output::{NO_ROW, Written};
 use super::points;
 use super::rows::{LogRow, Row, StatusText, Troubles, age, describe, state, text, took};
-use crate::config::{Port, PortId, PortKind, Settings, Side, write_line};
+use super::session::Session;
+use crate::config::{Endpoint, Port, PortId, PortKind, Settings, Side, write_line};
 use crate::gateway::{Gateway, PortAt};
-use crate::hal::{NetworkState, Store, System};
+use crate::hal::{NetworkState, System};
 use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::port::units::{UNITS_MAX, Unit};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
@@ -32,41 +33,29 @@ pub(super) enum Show {
     Version,
 }
 
-/// What came of a place in a table, of which the first one has the heading: nothing behind the last one. A place that has no row at
-/// the moment writes nothing.
-pub(super) type Written = Option<fmt::Result>;
+/// A table that is being shown. What it shows may change while the stream takes its time.
+pub(super) struct Table {
+    what: Show,
+    place: usize,
+    now: Instant,
+}
 
-pub(super) const NO_ROW: Written = Some(Ok(()));
-
-impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
-    /// Prints one table. What it shows may change while the stream takes its time.
-    pub(super) async fn show(&mut self, what: Show) -> Result<(), IO::Error> {
-        if what == Show::Frames {
-            return self.frames(&mut 0).await;
-        }
-        let (gateway, system, now) = (self.gateway, self.system, Instant::now());
-        self.rows(|place, out| {
-            gateway.settings(|settings| write(&Source { gateway, settings, now }, system, what, place, out))
-        })
-        .await
+impl Table {
+    pub(super) fn new(what: Show) -> Self {
+        Self { what, place: 0, now: Instant::now() }
     }
 
-    /// Prints what is written at each place, from 0.
-    pub(super) async fn rows(
-        &mut self,
-        write: impl Fn(usize, &mut dyn fmt::Write) -> Written,
-    ) -> Result<(), IO::Error> {
-        for place in 0.. {
-            let line = self.out.begin();
-            // A line has room for every row; of a longer event the end is missing.
-            if write(place, line).is_none() {
-                break;
-            }
-            if !line.is_empty() {
-                self.out.end().await?;
-            }
-        }
-        Ok(())
+    /// Shows the next row.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>) -> Wait {
+        let Session { gateway, system, out, .. } = session;
+        let (gateway, system) = (*gateway, *system);
+        let Self { what, place, now } = *self;
+        let mut next = place;
+        let wait = out.row(&mut next, &mut |place, out| {
+            gateway.settings(|settings| write(&Source { gateway, settings, now }, system, what, place, out))
+        });
+        self.place = next;
+        wait
     }
 }
 
@@ -89,7 +78,7 @@ impl<'t> Source<'t, '_> {
 /// Writes what stands at `place`, from 0, of a table.
 fn write(
     source: &Source<'_, '_>,
-    system: &impl System,
+    system: &dyn System,
     what: Show,
     place: usize,
     out: &mut dyn fmt::Write,
@@ -179,7 +168,7 @@ fn client(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writ
     let state = gateway.seats().get(nth)?.state();
     let (Some(port), Some(peer)) = (state.port, state.peer) else { return NO_ROW };
     let port = settings.name(port);
-    let peer = text::<60>(format_args!("{peer}"));
+    let peer = text(format_args!("{}", Endpoint(peer)));
     let (since, quiet) = (age(state.since, now), age(state.last_request, now));
     let (open, requests) = (state.open_requests, state.requests);
     let place = if state.marked { "reserved" } else { "ordinary" };
@@ -238,16 +227,16 @@ fn network(
         _ => return None,
     }
     let link = if link { "up" } else { "down" };
-    let shown = address.map_or(text(format_args!("-")), |own| text::<18>(format_args!("{own}")));
+    let shown = address.map_or(text(format_args!("-")), |own| text(format_args!("{own}")));
     let gateway = address.and_then(|own| own.gateway);
-    let gateway = gateway.map_or(text(format_args!("-")), |gateway| text::<15>(format_args!("{gateway}")));
+    let gateway = gateway.map_or(text(format_args!("-")), |gateway| text(format_args!("{gateway}")));
     let [a, b, c, d, e, f] = hardware;
-    let hardware = text::<17>(format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}"));
+    let hardware = text(format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}"));
     Some(write!(out, "{link:4} {shown:18} {gateway:15} {hardware} {}", settings.network))
 }
 
 /// First what the board and its controller have to tell, then the transactions, the oldest first.
-fn event(source: &Source<'_, '_>, system: &impl System, place: usize, out: &mut dyn fmt::Write) -> Written {
+fn event(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {
     let Source { gateway, settings, now } = *source;
     if let Some(event) = system.write_event(place, out) {
         return Some(event);
@@ -276,7 +265,7 @@ impl fmt::Write for Nowhere {
     }
 }
 
-fn version(source: &Source<'_, '_>, system: &impl System, place: usize, out: &mut dyn fmt::Write) -> Written {
+fn version(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {
     let Source { gateway, now, .. } = *source;
     let (version, board) = (env!("CARGO_PKG_VERSION"), system.name());
     let up = age(Instant::from_ticks(0), now);

@@ -5,21 +5,19 @@
 //! does is proposed. Whatever ends it, the port has its own settings again.
 
 use embassy_time::{Duration, Instant};
-use embedded_io_async::{Read, Write};
 
-use super::command::Session;
-use super::probe::{About, Watch, request, serial_client, to_first_char};
+use super::job::{Came, Job, Wait};
+use super::probe::{About, Told, harmless, serial_client, to_first_char};
 use super::rows::{port_name, took};
+use super::session::{Begun, Session};
 use crate::asking::Turn;
 use crate::config::{
     Framing, LineSettings, PortId, SerialClientSettings, Settings, Time, Words, Wrong, number, parse_units,
 };
-use crate::hal::{Store, System};
 use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS};
 use crate::port::answer_tail::AnswerTail;
 use crate::port::units::Units;
 use crate::route::UnitRange;
-use crate::scanner::Pdu;
 
 /// Requests to each unit unless the words say another number: one standard deviation of what is told is at most 8 %.
 const COUNT: u32 = 2_000;
@@ -35,8 +33,8 @@ const GAP_LONGEST: Duration = Duration::from_millis(100);
 const FUNCTIONS: [u8; 3] = [READ_HOLDING_REGISTERS, DIAGNOSTICS, READ_INPUT_REGISTERS];
 const TRIES: u32 = 2;
 
-/// What is measured, and what has come of it.
-struct Course {
+/// A measurement that runs.
+pub(super) struct Tune {
     port: PortId,
     framing: Framing,
     line: LineSettings,
@@ -44,22 +42,72 @@ struct Course {
     /// Those that are known at the port unless some are named.
     units: Option<UnitRange>,
     count: u32,
-    watch: Watch,
+    told: Told,
     /// What the slowest unit needs.
     p999_us: u32,
     /// The silence that a unit needs, if it is more than the port's.
-    gap: Option<Duration>,
+    longest_gap: Option<Duration>,
+    /// The unit that is measured, with which silence, and by which function if it is known.
+    unit: u8,
+    gap: Duration,
+    function: Option<u8>,
+    /// What is found out just now.
+    stage: Stage,
+    series: Series,
 }
 
-/// What was measured of a unit.
-struct Measured {
+/// How far the measurement of a unit is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    /// The next unit is due.
+    Unit,
+    /// The line opens with a gap.
+    Opening,
+    /// Whether it answers this one of the functions.
+    Function(usize),
+    /// Whether the gap is long enough.
+    Gap,
+    /// How long it takes.
+    Times,
+}
+
+/// Requests to a unit, one after the other.
+struct Series {
+    begun: Instant,
+    asked: u32,
+    /// So many requests, or until so many more than these got no answer.
+    count: u32,
+    lost_max: u32,
+    lost: u32,
     /// Of all answers.
     sum: Duration,
     tail: AnswerTail,
-    lost: u32,
 }
 
-impl Course {
+impl Series {
+    fn new(count: u32, lost_max: u32) -> Self {
+        let (sum, tail) = (Duration::from_ticks(0), AnswerTail::new());
+        Self { begun: Instant::now(), asked: 0, count, lost_max, lost: 0, sum, tail }
+    }
+
+    fn is_over(&self) -> bool {
+        self.lost > self.lost_max || self.asked >= self.count
+    }
+}
+
+impl Session<'_, '_> {
+    /// Measures what the words say.
+    pub(super) fn tune(&mut self, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
+        let tune = self.gateway.settings(|settings| Tune::parse(settings, words))?;
+        if let Err(error) = self.take_turn(tune.port) {
+            return Ok(self.fail(&error));
+        }
+        *job = Job::Tune(tune);
+        Ok(Wait::Sent)
+    }
+}
+
+impl Tune {
     /// Reads `P1 units 1-5 count 1000`.
     fn parse(settings: &Settings, words: &Words) -> Result<Self, Wrong> {
         let (port, serial) = serial_client(settings, words.take())?;
@@ -77,168 +125,176 @@ impl Course {
                 return Err(word.expected("units or count"));
             }
         }
-        let (framing, line, client) = (serial.framing, serial.line, serial.client);
-        let watch = Watch::new();
-        Ok(Self { port, framing, line, client, units, count, watch, p999_us: 0, gap: None })
+        Ok(Self {
+            port,
+            framing: serial.framing,
+            line: serial.line,
+            client: serial.client,
+            units,
+            count,
+            told: Told::new(),
+            p999_us: 0,
+            longest_gap: None,
+            unit: 0,
+            gap: Duration::from_ticks(0),
+            function: None,
+            stage: Stage::Unit,
+            series: Series::new(0, 0),
+        })
     }
 
-    /// The first unit above `unit` that is to be measured.
-    fn next(&self, unit: u8, is_known: impl Fn(u8) -> bool) -> Option<u8> {
-        let range = self.units.unwrap_or(UnitRange { first: 1, last: 255 });
-        (range.first..=range.last).find(|next| *next > unit && (self.units.is_some() || is_known(*next)))
-    }
-
-    fn patience(&self) -> Duration {
-        self.client.timeout.max(PATIENCE)
-    }
-}
-
-impl<IO: Read + Write, S: Store, Y: System> Session<'_, '_, IO, S, Y> {
-    /// Measures what the words say, and shows the line to type.
-    pub(super) async fn tune(&mut self, words: &Words<'_>) -> Result<(), IO::Error> {
-        let mut course = match self.gateway.settings(|settings| Course::parse(settings, words)) {
-            Ok(course) => course,
-            Err(Wrong) => return self.fail(format_args!("{}", words.wrong())).await,
-        };
-        let gateway = self.gateway;
-        let turn = match gateway.turn(course.port) {
-            Ok(turn) => turn,
-            Err(error) => return self.fail(format_args!("{error}")).await,
-        };
-        let place = gateway.place(course.port);
-        let is_known = |unit| {
-            let answered =
-                |units: &mut Units| units.iter().any(|known| known.id == unit && known.answers > 0);
-            place.is_some_and(|place| place.units(answered))
-        };
-        let mut unit = 0;
-        while let Some(next) = course.next(unit, is_known) {
-            unit = next;
-            if self.tune_unit(&mut course, &turn, unit).await?.is_none() {
-                break;
+    /// Goes on behind what `came`.
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
+        match (self.stage, came) {
+            (_, Came::Typed(_)) => self.propose(session),
+            (Stage::Unit, _) => self.next_unit(session),
+            (Stage::Opening, Came::Opened(Err(error))) => {
+                session.fail(&error);
+                self.propose(session)
             }
+            (Stage::Opening, _) => {
+                match self.function {
+                    Some(_) => self.begin(Stage::Gap, GAP_REQUESTS, GAP_LOST_MAX),
+                    None => self.begin(Stage::Function(0), TRIES, TRIES),
+                }
+                self.ask(session)
+            }
+            (_, Came::Answer(asked)) => {
+                self.note(session, asked.is_ok());
+                if self.series.is_over() { self.judge(session) } else { self.ask(session) }
+            }
+            _ => self.ask(session),
         }
-        drop(turn);
-        if unit == 0 {
-            return self
-                .fail(format_args!("no unit has answered at this port yet: name some, units 1-5"))
-                .await;
-        }
-        self.propose(&course).await
     }
 
-    /// Measures one unit; `None` when all shall end.
-    async fn tune_unit(
-        &mut self,
-        course: &mut Course,
-        turn: &Turn<'_, '_>,
-        unit: u8,
-    ) -> Result<Option<()>, IO::Error> {
-        let own = course.gap.unwrap_or(course.line.gap().max(course.line.t3_5()));
-        let mut gap = own;
-        let mut function = None;
-        // The first gap that is long enough, or else the port's own.
-        loop {
-            let line = LineSettings { gap: Some(gap), ..course.line };
-            if let Err(error) = turn.try_on(line, course.patience(), false).await {
-                self.fail(format_args!("{error}")).await?;
-                return Ok(None);
+    /// Begins with the next unit, or ends.
+    fn next_unit(&mut self, session: &mut Session<'_, '_>) -> Wait {
+        let place = session.gateway.place(self.port);
+        let is_known = |id| {
+            let answered = |units: &mut Units| units.iter().any(|known| known.id == id && known.answers > 0);
+            self.units.is_some() || place.is_some_and(|place| place.units(answered))
+        };
+        let UnitRange { first, last } = self.units.unwrap_or(UnitRange { first: 1, last: 255 });
+        let next = (first..=last).find(|id| *id > self.unit && is_known(*id));
+        match next {
+            Some(next) => {
+                self.unit = next;
+                self.gap = self.least_gap();
+                self.function = None;
+                self.open()
             }
-            if function.is_none() {
-                for tried in FUNCTIONS {
-                    let Some(some) = self.measure(course, turn, (unit, tried), TRIES, TRIES).await? else {
-                        return Ok(None);
-                    };
-                    function = (some.tail.count() > 0).then_some(tried);
-                    if function.is_some() {
-                        break;
-                    }
+            None if self.unit == 0 => {
+                session.fail(&"no unit has answered at this port yet: name some, units 1-5")
+            }
+            None => self.propose(session),
+        }
+    }
+
+    /// The silence that all units have needed so far.
+    fn least_gap(&self) -> Duration {
+        self.longest_gap.unwrap_or(self.line.gap().max(self.line.t3_5()))
+    }
+
+    /// Opens the line with the gap that is tried.
+    fn open(&mut self) -> Wait {
+        self.stage = Stage::Opening;
+        let line = LineSettings { gap: Some(self.gap), ..self.line };
+        Wait::Open { line, timeout: self.client.timeout.max(PATIENCE), alone: false }
+    }
+
+    fn begin(&mut self, stage: Stage, count: u32, lost_max: u32) {
+        self.stage = stage;
+        self.series = Series::new(count, lost_max);
+    }
+
+    /// Asks the unit once.
+    fn ask(&mut self, session: &mut Session<'_, '_>) -> Wait {
+        let Series { begun, asked, count, .. } = self.series;
+        if self.told.is_due() {
+            let left = About(begun.elapsed() * (count - asked) / asked.max(1));
+            session.out.line(format_args!("unit {}: {asked} of {count}, about {left} left", self.unit));
+        }
+        let function = match self.stage {
+            Stage::Function(nth) => FUNCTIONS.get(nth).copied(),
+            _ => self.function,
+        };
+        session.ask_unit(self.unit, harmless(function.unwrap_or(READ_HOLDING_REGISTERS)), true)
+    }
+
+    /// Notes how long the answer took, or that there was none.
+    fn note(&mut self, session: &Session<'_, '_>, answered: bool) {
+        self.series.asked += 1;
+        match session.turn.as_ref().and_then(Turn::outcome) {
+            Some(Ok(took)) if answered => {
+                let first = to_first_char(took, self.framing, &self.line, session.pdu.len());
+                self.series.sum += first;
+                self.series.tail.add(u32::try_from(first.as_micros()).unwrap_or(u32::MAX));
+            }
+            _ => self.series.lost += 1,
+        }
+    }
+
+    /// Goes on behind a series.
+    fn judge(&mut self, session: &mut Session<'_, '_>) -> Wait {
+        let Series { lost, sum, ref tail, .. } = self.series;
+        let (unit, count) = (self.unit, tail.count());
+        match self.stage {
+            Stage::Function(nth) if count > 0 => {
+                self.function = FUNCTIONS.get(nth).copied();
+                self.begin(Stage::Gap, GAP_REQUESTS, GAP_LOST_MAX);
+                return self.ask(session);
+            }
+            Stage::Function(nth) if nth + 1 < FUNCTIONS.len() => {
+                self.begin(Stage::Function(nth + 1), TRIES, TRIES);
+                return self.ask(session);
+            }
+            Stage::Function(_) => session.out.line(format_args!("unit {unit}: no answer")),
+            Stage::Gap if lost <= GAP_LOST_MAX => {
+                self.begin(Stage::Times, self.count, LOST_MAX);
+                return self.ask(session);
+            }
+            // The first gap that is long enough.
+            Stage::Gap if self.gap * 2 <= GAP_LONGEST => {
+                self.gap *= 2;
+                return self.open();
+            }
+            Stage::Gap => {
+                session.out.line(format_args!("unit {unit}: no gap helps: see its troubles in show units"))
+            }
+            _ => {
+                let (mean, p999) = (Time(sum / count.max(1)), took(tail.p999()));
+                let function = self.function.unwrap_or(READ_HOLDING_REGISTERS);
+                session.out.line(format_args!(
+                    "unit {unit}: {count} answers by function {function}, {lost} lost; {mean} on the average, 999 of 1000 within {p999}"
+                ));
+                self.p999_us = self.p999_us.max(tail.p999().unwrap_or(0));
+                if self.gap > self.least_gap() {
+                    self.longest_gap = Some(self.gap);
                 }
             }
-            let Some(function) = function else {
-                self.out.line(format_args!("unit {unit}: no answer")).await?;
-                return Ok(Some(()));
-            };
-            let some = self.measure(course, turn, (unit, function), GAP_REQUESTS, GAP_LOST_MAX).await?;
-            let Some(some) = some else { return Ok(None) };
-            if some.lost <= GAP_LOST_MAX {
-                break;
-            }
-            gap *= 2;
-            if gap > GAP_LONGEST {
-                self.out
-                    .line(format_args!("unit {unit}: no gap helps: see its troubles in show units"))
-                    .await?;
-                return Ok(Some(()));
-            }
         }
-        let function = function.unwrap_or(READ_HOLDING_REGISTERS);
-        let measured = self.measure(course, turn, (unit, function), course.count, LOST_MAX).await?;
-        let Some(Measured { sum, tail, lost }) = measured else { return Ok(None) };
-        let count = tail.count();
-        let (mean, p999) = (Time(sum / count.max(1)), took(tail.p999()));
-        self.out
-            .line(format_args!(
-                "unit {unit}: {count} answers by function {function}, {lost} lost; {mean} on the average, 999 of 1000 within {p999}"
-            ))
-            .await?;
-        course.p999_us = course.p999_us.max(tail.p999().unwrap_or(0));
-        if gap > own {
-            course.gap = Some(gap);
-        }
-        Ok(Some(()))
-    }
-
-    /// Asks a unit `count` times, or until more than `lost_max` got no answer; `None` when something is typed.
-    async fn measure(
-        &mut self,
-        course: &mut Course,
-        turn: &Turn<'_, '_>,
-        (unit, function): (u8, u8),
-        count: u32,
-        lost_max: u32,
-    ) -> Result<Option<Measured>, IO::Error> {
-        let mut measured = Measured { sum: Duration::from_ticks(0), tail: AnswerTail::new(), lost: 0 };
-        let (request, begun) = (request(function), Instant::now());
-        let mut answer = Pdu::new();
-        for nth in 0..count {
-            if course.watch.is_due() {
-                let left = About(begun.elapsed() * (count - nth) / nth.max(1));
-                self.out.line(format_args!("unit {unit}: {nth} of {count}, about {left} left")).await?;
-                self.out.flush().await?;
-            }
-            let ask = turn.ask(unit, &request, &mut answer);
-            let Some(asked) = self.unless_typed(&mut course.watch, ask).await? else { return Ok(None) };
-            if let (Ok(_), Some(Ok(took))) = (asked, turn.outcome()) {
-                let first = to_first_char(took, course.framing, &course.line, answer.len());
-                measured.sum += first;
-                measured.tail.add(u32::try_from(first.as_micros()).unwrap_or(u32::MAX));
-                continue;
-            }
-            measured.lost += 1;
-            if measured.lost > lost_max {
-                break;
-            }
-        }
-        Ok(Some(measured))
+        self.stage = Stage::Unit;
+        Wait::Sent
     }
 
     /// Shows the line to type.
-    async fn propose(&mut self, course: &Course) -> Result<(), IO::Error> {
-        if course.p999_us == 0 {
-            return Ok(());
+    fn propose(&self, session: &mut Session<'_, '_>) -> Wait {
+        if self.p999_us == 0 {
+            return Wait::End;
         }
-        let timeout = rounded_up(course.p999_us);
-        let name = port_name(self.gateway, course.port);
-        self.out.text_only(format_args!("edit port {name} timeout {}", Time(timeout))).await?;
-        if let Some(gap) = course.gap {
-            self.out.text_only(format_args!(" gap {}", Time(gap))).await?;
+        let timeout = rounded_up(self.p999_us);
+        let name = port_name(session.gateway, self.port);
+        let out = &mut session.out;
+        out.put(format_args!("edit port {name} timeout {}", Time(timeout)));
+        if let Some(gap) = self.longest_gap {
+            out.put(format_args!(" gap {}", Time(gap)));
         }
         // Behind a broadcast a unit is as busy as before an answer (Serial Line 2.4.1).
-        if timeout > course.client.turnaround {
-            self.out.text_only(format_args!(" turnaround {}", Time(timeout))).await?;
+        if timeout > self.client.turnaround {
+            out.put(format_args!(" turnaround {}", Time(timeout)));
         }
-        self.out.line(format_args!("")).await
+        out.end();
+        Wait::End
     }
 }
 

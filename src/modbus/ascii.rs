@@ -56,14 +56,19 @@ pub fn encode<'a>(
     let pdu = PduLength::check(pdu)?;
     // The LRC of the PDU less the unit is the LRC of both.
     let check = lrc(pdu).wrapping_sub(unit);
-    let bytes = core::iter::once(unit).chain(pdu.iter().copied()).chain([check]);
-    let digits = bytes.flat_map(digits);
-    let characters = [COLON].into_iter().chain(digits).chain([CARRIAGE_RETURN, end]);
     let mut length = 0;
-    for (place, character) in out.iter_mut().zip(characters) {
-        *place = character;
-        length += 1;
+    let mut put = |character| {
+        if let Some(place) = out.get_mut(length) {
+            *place = character;
+            length += 1;
+        }
+    };
+    put(COLON);
+    for part in [&[unit], pdu, &[check]] {
+        part.iter().flat_map(|&byte| digits(byte)).for_each(&mut put);
     }
+    put(CARRIAGE_RETURN);
+    put(end);
     Ok(&out[..length])
 }
 

@@ -39,7 +39,8 @@ impl AnswerTimes {
         let wanted = (total * percent).div_ceil(100).max(1);
         let mut below = 0;
         let mut start = 0;
-        for (count, end) in self.0.iter().zip(ENDS_US.into_iter().chain([2_048_000])) {
+        for (class, count) in self.0.iter().enumerate() {
+            let end = ENDS_US.get(class).copied().unwrap_or(2_048_000);
             let count = u32::from(*count);
             if below + count >= wanted && count > 0 {
                 let into = u64::from(end - start) * u64::from(wanted - below) / u64::from(count);

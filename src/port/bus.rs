@@ -11,7 +11,7 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::capture::Tap;
-use crate::config::{Framing, SerialClientSettings, SerialSettings};
+use crate::config::{Framing, SerialSettings};
 use crate::frame::Frame;
 use crate::gateway::{Gateway, PortAt};
 use crate::hal::SerialLine;
@@ -47,8 +47,7 @@ pub(crate) struct Bus<'s, L> {
     /// The units of the line.
     place: PortAt<'s>,
     tap: Tap<'s>,
-    client: SerialClientSettings,
-    framing: Framing,
+    settings: &'s SerialSettings,
     /// What has come of an ASCII response, judged character by character; an RTU response is judged as a whole.
     decoder: Decoder,
     /// When the frame began that is being heard.
@@ -61,14 +60,13 @@ pub(crate) struct Bus<'s, L> {
 
 impl<'s, L: SerialLine> Bus<'s, L> {
     /// A line that was just opened; nothing is sent during the start delay.
-    pub(crate) fn new(mut line: Line<'s, L>, desk: &'s Desk<'_>, settings: &SerialSettings) -> Self {
+    pub(crate) fn new(mut line: Line<'s, L>, desk: &'s Desk<'_>, settings: &'s SerialSettings) -> Self {
         line.active += settings.client.start_delay;
-        let silence = settings.framing.silence(&line.settings) + line.jitter;
-        let SerialSettings { client, framing, .. } = *settings;
+        let silence = settings.framing.silence(line.settings) + line.jitter;
         let place = *desk.place();
-        let tap = Tap { capture: desk.gateway().capture(), port: desk.id(), kind: framing.into() };
+        let tap = Tap { capture: desk.gateway().capture(), port: desk.id(), kind: settings.framing.into() };
         let (begun, decoder) = (line.active, Decoder::default());
-        Self { line, place, tap, client, framing, decoder, begun, pauses: false, silence }
+        Self { line, place, tap, settings, decoder, begun, pauses: false, silence }
     }
 
     /// Waits until the line has been silent for the gap; what comes meanwhile is counted and dropped.
@@ -99,12 +97,9 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         }
     }
 
-    /// Sends `request` to every unit and waits out the turnaround delay (Serial Line 2.4.1).
-    pub(crate) async fn broadcast(&mut self, request: &[u8]) -> Result<(), LineLost> {
-        // Nobody answers, so nobody can be asked again: a collision is counted, and that is all.
-        let _ = self.send(0, request).await?;
-        Timer::at(self.line.active + self.client.turnaround).await;
-        Ok(())
+    /// The turnaround delay behind a broadcast (Serial Line 2.4.1).
+    pub(crate) fn turnaround(&self) -> Timer {
+        Timer::at(self.line.active + self.settings.client.turnaround)
     }
 
     /// Sends the order `frame` to `unit` while it arrives.
@@ -117,7 +112,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     ) -> Result<Copied, LineLost> {
         self.decoder.clear();
         self.line.stats.count(Event::Request);
-        let (framing, envelope) = (self.framing, frame.envelope());
+        let (framing, envelope) = (self.settings.framing, frame.envelope());
         let (source, from) = (Some(envelope.origin.port), envelope.unit);
         let form = Form { framing, may_wait, delimiter: LINE_FEED, source, from, to: unit };
         copy(gateway, &mut self.line, frame, form).await
@@ -129,47 +124,17 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         reply: &mut Reply<'_, '_>,
     ) -> Result<Result<Duration, Failure>, LineLost> {
         let sent = self.line.active;
-        let outcome = self.response(reply, sent + self.client.timeout).await?;
-        self.line.clear();
-        Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
-    }
-
-    /// Sends `request` to `unit`.
-    pub(crate) async fn send(&mut self, unit: u8, request: &[u8]) -> Result<Result<(), Collision>, LineLost> {
-        self.decoder.clear();
-        let mut frame = [0; FRAME_CHARS_MAX];
-        let frame = self.framing.encode(unit, request, LINE_FEED, &mut frame).map_err(|_| LineLost)?;
-        let sent = self.line.send(frame).await;
-        self.line.stats.count(Event::Request);
-        self.tap.sent(self.line.active, Event::Request, frame);
-        if sent == Ok(Err(Collision)) {
-            self.line.clear();
-        }
-        sent
-    }
-
-    /// Notes a request that was sent while it arrived.
-    pub(crate) fn note_copied(&self, unit: u8, request: &[u8], crc: Option<u16>) {
-        let end = (crc, LINE_FEED);
-        self.tap.copied(self.line.active, Event::Request, self.framing, (unit, request), end);
-    }
-
-    async fn response(
-        &mut self,
-        reply: &mut Reply<'_, '_>,
-        deadline: Instant,
-    ) -> Result<Result<(), Failure>, LineLost> {
+        let deadline = sent + self.settings.client.timeout;
         // A frame that has begun in time is heard to its end, but a line that babbles is not heard for ever.
-        let longest = self.line.settings.chars(self.framing.chars_max());
+        let longest = self.line.settings.chars(self.settings.framing.chars_max());
         let end = deadline + longest + self.silence;
-        let sent = self.line.active;
         // What was read with the request's echo, if anything was.
         let mut found = if self.line.heard().is_empty() { Found::Nothing } else { self.look(reply) };
-        loop {
+        let outcome = loop {
             match found {
                 Found::Nothing => {}
-                Found::Response => return Ok(Ok(())),
-                Found::Damaged(trouble) => return Ok(Err(Failure::Damaged(trouble))),
+                Found::Response => break Ok(()),
+                Found::Damaged(trouble) => break Err(Failure::Damaged(trouble)),
                 Found::Other => {
                     if !self.line.heard().is_empty() {
                         found = self.look(reply);
@@ -203,14 +168,45 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                 }
                 Either::Second(()) if Instant::now() < over => self.look(reply),
                 Either::Second(()) if has_begun => self.look_at_silence(reply),
-                Either::Second(()) => return Ok(Err(Failure::Timeout)),
+                Either::Second(()) => break Err(Failure::Timeout),
             };
+        };
+        self.line.clear();
+        Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
+    }
+
+    /// Sends the `order` to `unit`.
+    pub(crate) async fn send(
+        &mut self,
+        unit: u8,
+        order: &Frame<'_>,
+    ) -> Result<Result<(), Collision>, LineLost> {
+        self.decoder.clear();
+        let mut frame = [0; FRAME_CHARS_MAX];
+        let encode = |request: &[u8]| {
+            let framed = self.settings.framing.encode(unit, request, LINE_FEED, &mut frame);
+            framed.map(<[u8]>::len).ok()
+        };
+        let length = order.pdu(encode).ok_or(LineLost)?;
+        let frame = frame.get(..length).unwrap_or(&[]);
+        let sent = self.line.send(frame).await;
+        self.line.stats.count(Event::Request);
+        self.tap.sent(self.line.active, Event::Request, frame);
+        if sent == Ok(Err(Collision)) {
+            self.line.clear();
         }
+        sent
+    }
+
+    /// Notes a request that was sent while it arrived.
+    pub(crate) fn note_copied(&self, unit: u8, request: &[u8], crc: Option<u16>) {
+        let end = (crc, LINE_FEED);
+        self.tap.copied(self.line.active, Event::Request, self.settings.framing, (unit, request), end);
     }
 
     /// Whether something has begun of which more is to come.
     fn has_begun(&self) -> bool {
-        match self.framing {
+        match self.settings.framing {
             Framing::Rtu => !self.line.heard().is_empty(),
             Framing::Ascii => self.decoder.in_frame(),
         }

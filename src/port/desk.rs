@@ -24,13 +24,13 @@ use embassy_time::{Duration, Instant, Timer};
 use heapless::Vec;
 
 use crate::config::PortId;
-use crate::frame::{Cause, Envelope, Frame, Stage, Way};
+use crate::frame::{Cause, Envelope, Errand, Frame, Stage, Way};
 use crate::gateway::{Gateway, PortAt};
 use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::cache::{Cache, Question};
 use crate::port::desk::join::Joint;
-use crate::port::desk::order::{Current, asker, block, ticket};
+use crate::port::desk::order::{asker, block, ticket};
 use crate::port::flights::FLIGHTS_MAX;
 use crate::port::moment::until;
 use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ready, Ticket, WAITING_MAX};
@@ -49,9 +49,10 @@ pub(crate) struct Desk<'g> {
     /// A console has the port for itself: all others are refused.
     alone: bool,
     /// The orders that are being carried out.
-    current: RefCell<Vec<Current<'g>, FLIGHTS_MAX>>,
+    current: RefCell<Vec<Frame<'g>, FLIGHTS_MAX>>,
     cache: RefCell<Cache>,
-    writes_ended: Cell<u32>,
+    /// Far fewer end while one order is carried out than make it the same again.
+    writes_ended: Cell<u16>,
     open: Cell<bool>,
     /// It is closed for a pause, which an asker who spares servers by himself may end.
     pausing: Cell<bool>,
@@ -105,7 +106,7 @@ impl<'g> Desk<'g> {
         self.queue.borrow_mut()
     }
 
-    fn current(&self) -> RefMut<'_, Vec<Current<'g>, FLIGHTS_MAX>> {
+    fn current(&self) -> RefMut<'_, Vec<Frame<'g>, FLIGHTS_MAX>> {
         self.current.borrow_mut()
     }
 
@@ -201,10 +202,10 @@ impl<'g> Desk<'g> {
                     self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
                 }
                 Next::Serve(frame, ticket) => {
-                    let current = self.start(&frame, &ticket, now);
+                    frame.set_errand(self.start(&frame, &ticket, now));
                     // There is room: a port has at most as many orders open, and one that is not kept here is in its hands
                     // alone.
-                    let _ = self.current().push(current);
+                    let _ = self.current().push(frame.share());
                     self.count_waiting();
                     return Next::Serve(frame, ticket);
                 }
@@ -217,7 +218,7 @@ impl<'g> Desk<'g> {
     }
 
     /// Lets the orders that can share the transaction of `leader` ride on it, and notes what its answer is good for.
-    fn start(&self, leader: &Frame<'g>, ticket: &Ticket, now: Instant) -> Current<'g> {
+    fn start(&self, leader: &Frame<'g>, ticket: &Ticket, now: Instant) -> Errand {
         let asked = block(leader);
         let joint = self.join(leader, ticket, now);
         if let Some(joint) = joint.filter(|joint| Some(joint.block) != asked) {
@@ -243,8 +244,7 @@ impl<'g> Desk<'g> {
             }
             leader.carry(rider);
         }
-        Current {
-            frame: leader.share(),
+        Errand {
             writes: ticket.access == Access::Write,
             asked,
             joined,
@@ -278,32 +278,33 @@ impl<'g> Desk<'g> {
     }
 
     /// Waits until [`Desk::next`] may have something new to say.
-    pub(crate) async fn changed(&self) {
-        self.news.wait().await;
+    pub(crate) fn changed(&self) -> impl Future<Output = ()> {
+        self.news.wait()
     }
 
     /// Sends `order` home with what it holds by now as its answer.
     pub(crate) fn done(&self, order: &Frame<'g>) {
-        let Some(current) = self.take(order) else { return };
-        if order.function() & EXCEPTION_BIT != 0 && current.part() {
+        let Some(frame) = self.take(order) else { return };
+        let errand = frame.errand();
+        if order.function() & EXCEPTION_BIT != 0 && errand.part(order) {
             return self.part(order);
         }
         let is_kept = order.sharing().cache_ms > 0;
-        if current.joined.is_none() && !is_kept && !order.is_laden() {
-            return self.give(current.frame);
+        if errand.joined.is_none() && !is_kept && !order.is_laden() {
+            return self.give(frame);
         }
         let answer = &order.content();
         let give = |frame: Frame<'g>, asked| {
             let mut part = [0; PDU_BYTES_MAX];
-            let answer = current.answer_to(asked, answer, &mut part);
-            self.keep(&current, &frame, asked, answer);
+            let answer = errand.answer_to(asked, answer, &mut part);
+            self.keep(&errand, &frame, asked, answer);
             if !is_answering(&frame) {
                 // It fitted into a frame of the same size.
                 let _ = frame.replace(answer);
             }
             self.give(frame);
         };
-        give(order.share(), current.asked);
+        give(frame, errand.asked);
         while let Some(rider) = order.unload() {
             self.place.stats.count(Event::Merged);
             let asked = block(&rider);
@@ -321,14 +322,14 @@ impl<'g> Desk<'g> {
     }
 
     /// Keeps the `answer` to a request for `asked` if it may be used again.
-    fn keep(&self, current: &Current<'g>, frame: &Frame<'g>, asked: Option<Block>, answer: &[u8]) {
+    fn keep(&self, errand: &Errand, frame: &Frame<'g>, asked: Option<Block>, answer: &[u8]) {
         let is_exception = answer.first().is_some_and(|function| function & EXCEPTION_BIT != 0);
         // The device may have read before a write that has ended meanwhile.
-        let is_old = current.writes_ended != self.writes_ended.get();
+        let is_old = errand.writes_ended != self.writes_ended.get();
         let Some(block) = asked.filter(|_| !is_exception && !is_old) else { return };
         if frame.sharing().cache_ms > 0 {
             let unit = frame.target();
-            self.cache().keep(Question { unit, block }, answer, current.since);
+            self.cache().keep(Question { unit, block }, answer, errand.since);
         }
     }
 
@@ -373,17 +374,14 @@ impl<'g> Desk<'g> {
 
     /// Whether a write to `unit` waits or is being carried out.
     fn is_writing(&self, unit: u8) -> bool {
-        let writes =
-            |current: &Current<'g>| current.writes && [unit, BROADCAST].contains(&current.frame.target());
+        let writes = |order: &Frame<'g>| order.errand().writes && [unit, BROADCAST].contains(&order.target());
         self.queue().writes_to(unit) || self.current().iter().any(writes)
     }
 
     /// `order`, which was sent while it arrived, is whole: what it does is known by now.
     pub(crate) fn arrived(&self, order: &Frame<'g>) {
-        if let Some(current) = self.current().iter_mut().find(|current| current.frame.is(order)) {
-            current.writes = !pdu::is_read(order.function());
-            current.asked = block(order);
-        }
+        let writes = !pdu::is_read(order.function());
+        order.set_errand(Errand { writes, asked: block(order), ..order.errand() });
     }
 
     /// Gives whoever asked `order` while its answer is still written into it.
@@ -399,8 +397,8 @@ impl<'g> Desk<'g> {
 
     /// Sends `order` home without an answer: a broadcast.
     pub(crate) fn done_silently(&self, order: &Frame<'g>) {
-        if let Some(current) = self.take(order) {
-            self.gateway.finish_broadcast(current.frame);
+        if let Some(frame) = self.take(order) {
+            self.gateway.finish_broadcast(frame);
         }
     }
 
@@ -410,9 +408,8 @@ impl<'g> Desk<'g> {
     /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until the
     /// late answer can no longer come.
     pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
-        let Some(current) = self.take(order) else { return };
-        current.part();
-        let frame = current.frame;
+        let Some(frame) = self.take(order) else { return };
+        frame.errand().part(&frame);
         // Where the answer has begun, nothing can follow it.
         let mut repeated = match is_answering(&frame) {
             true => {
@@ -432,11 +429,11 @@ impl<'g> Desk<'g> {
     }
 
     /// Ends the carrying out of `order`.
-    fn take(&self, order: &Frame<'g>) -> Option<Current<'g>> {
+    fn take(&self, order: &Frame<'g>) -> Option<Frame<'g>> {
         let mut current = self.current();
-        let at = current.iter().position(|current| current.frame.is(order))?;
+        let at = current.iter().position(|current| current.is(order))?;
         let ended = current.swap_remove(at);
-        if ended.writes {
+        if ended.errand().writes {
             self.writes_ended.set(self.writes_ended.get().wrapping_add(1));
             self.cache().written(order.target());
         }
@@ -469,7 +466,7 @@ impl<'g> Desk<'g> {
         self.open.set(false);
         self.cache().clear();
         loop {
-            let Some(Current { frame, .. }) = self.current().pop() else { break };
+            let Some(frame) = self.current().pop() else { break };
             while let Some(rider) = frame.unload() {
                 self.gateway.refuse(rider, Exception::GATEWAY_NO_RESPONSE);
             }
@@ -507,7 +504,7 @@ impl<'g> Desk<'g> {
             }
         });
         // A unit that is down gets one probe at a time.
-        let probed = || self.current().iter().any(|current| current.frame.target() == unit);
+        let probed = || self.current().iter().any(|order| order.target() == unit);
         gate.unwrap_or_else(|| if probed() { Gate::Down } else { Gate::Open(Ready::Now) })
     }
 

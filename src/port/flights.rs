@@ -23,8 +23,6 @@ pub struct Flight<T> {
     pub unit: u8,
     /// When it was sent.
     pub sent: Instant,
-    /// From here on there is no answer.
-    pub deadline: Instant,
 }
 
 /// The open requests of a connection.
@@ -33,12 +31,14 @@ pub struct Flights<T> {
     /// Each with the end of its window.
     lost: Vec<(u16, Instant), LOST_MAX>,
     next: u16,
+    /// So long after a request there is no answer to it.
+    timeout: Duration,
 }
 
 impl<T> Flights<T> {
-    /// None. Ids begin with `first`.
-    pub const fn new(first: u16) -> Self {
-        Self { open: Vec::new(), lost: Vec::new(), next: first }
+    /// None. Ids begin with `first`, and requests have their answers within `timeout`.
+    pub const fn new(first: u16, timeout: Duration) -> Self {
+        Self { open: Vec::new(), lost: Vec::new(), next: first, timeout }
     }
 
     /// Requests that are open.
@@ -56,14 +56,17 @@ impl<T> Flights<T> {
         if self.open.is_full() {
             return None;
         }
-        let places = LOST_MAX.saturating_sub(self.open.len());
-        let waiting = self.lost.iter().map(|(_, until)| *until).filter(|until| *until > now);
+        let (mut lost, mut first) = (0, Instant::MAX);
+        for (_, until) in self.lost.iter().filter(|(_, until)| *until > now) {
+            lost += 1;
+            first = first.min(*until);
+        }
         // Each open request may come to be lost, too.
-        if waiting.clone().count() < places { Some(now) } else { waiting.min() }
+        Some(if lost + self.open.len() < LOST_MAX { now } else { first })
     }
 
     /// Opens a request and gives its id; gives the request back when there is no [`Flights::room`].
-    pub fn start(&mut self, order: T, unit: u8, now: Instant, timeout: Duration) -> Result<u16, T> {
+    pub fn start(&mut self, order: T, unit: u8, now: Instant) -> Result<u16, T> {
         self.forget_lost(now);
         if self.room(now) != Some(now) {
             return Err(order);
@@ -73,7 +76,7 @@ impl<T> Flights<T> {
         }
         let id = self.next;
         self.next = id.wrapping_add(1);
-        let flight = Flight { id, order, unit, sent: now, deadline: now + timeout };
+        let flight = Flight { id, order, unit, sent: now };
         self.open.push(flight).map(|()| id).map_err(|flight| flight.order)
     }
 
@@ -95,7 +98,7 @@ impl<T> Flights<T> {
 
     /// Closes one request whose time is over; its answer may come for `window` more.
     pub fn expire(&mut self, now: Instant, window: Duration) -> Option<Flight<T>> {
-        let at = self.open.iter().position(|flight| flight.deadline <= now)?;
+        let at = self.open.iter().position(|flight| flight.sent + self.timeout <= now)?;
         let flight = self.open.remove(at);
         self.forget_lost(now);
         // `room` has kept a place for it.
@@ -110,12 +113,14 @@ impl<T> Flights<T> {
 
     /// When the first request's time is over.
     pub fn first_deadline(&self) -> Option<Instant> {
-        self.open.iter().map(|flight| flight.deadline).min()
+        self.open.iter().map(|flight| flight.sent + self.timeout).min()
     }
 
     /// Forgets the ids whose windows are over.
     fn forget_lost(&mut self, now: Instant) {
-        self.lost.retain(|(_, until)| *until > now);
+        while let Some(over) = self.lost.iter().position(|(_, until)| *until <= now) {
+            self.lost.swap_remove(over);
+        }
     }
 
     fn is_lost(&self, id: u16) -> bool {

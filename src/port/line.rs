@@ -35,7 +35,7 @@ pub(crate) struct Collision;
 /// An open line, its timing, and what was heard on it.
 pub(crate) struct Line<'s, L> {
     io: L,
-    pub(crate) settings: LineSettings,
+    pub(crate) settings: &'s LineSettings,
     /// How late a read may be behind the wire, on this board.
     pub(crate) jitter: Duration,
     pub(crate) stats: &'s Counters,
@@ -53,7 +53,7 @@ pub(crate) struct Line<'s, L> {
 }
 
 impl<'s, L: SerialLine> Line<'s, L> {
-    fn new(io: L, settings: LineSettings, jitter: Duration, stats: &'s Counters) -> Self {
+    fn new(io: L, settings: &'s LineSettings, jitter: Duration, stats: &'s Counters) -> Self {
         let active = Instant::now();
         Self {
             io,
@@ -165,8 +165,8 @@ impl<'s, L: SerialLine> Line<'s, L> {
 
     /// Lets characters gather until `until`, where the board likes that better than to read each as it comes. Says whether that
     /// time has passed; nobody has looked at the line meanwhile.
-    pub(crate) async fn rest(&mut self, until: Instant) -> bool {
-        self.io.rest(until).await
+    pub(crate) fn rest(&mut self, until: Instant) -> impl Future<Output = bool> {
+        self.io.rest(until)
     }
 
     /// Sends `frame`; what was heard before is dropped. The line counts as active until its last bit has left.

@@ -5,6 +5,7 @@
 //! leave the response timers running. By RTU over TCP one request is open at a time, and its answer is found by its length
 //! and CRC, or by the pause behind it.
 
+use core::convert::Infallible;
 use core::pin::pin;
 
 use embassy_futures::select::{Either4, select4};
@@ -19,7 +20,7 @@ use crate::port::desk::Desk;
 use crate::port::flights::Flights;
 use crate::port::moment::{until, within};
 use crate::port::queue::Next;
-use crate::port::stream::encode;
+use crate::port::stream::{Pieces, encode};
 use crate::stats::Event;
 
 mod receive;
@@ -52,8 +53,16 @@ pub(crate) struct Link<'l, 'g, S> {
     leaving: bool,
 }
 
+/// What a connection does next.
+enum Step<'g> {
+    /// It sends this order to this unit.
+    Send(Frame<'g>, u8),
+    /// Nothing before this time, unless something happens.
+    Wait(Instant),
+}
+
 /// Why a connection ends.
-enum End {
+pub(crate) enum End {
     /// It is not needed now.
     Unused,
     /// The server has closed it, or it broke.
@@ -68,7 +77,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             desk,
             settings,
             stream,
-            flights: Flights::new(first),
+            flights: Flights::new(first, settings.timeout),
             input: [0; INPUT_BYTES_MAX],
             length: 0,
             opened: now,
@@ -80,12 +89,11 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         }
     }
 
-    /// Carries orders out until the connection ends. Says whether the server is well as far as one can tell.
+    /// The connection has ended. Says whether the server is well as far as one can tell.
     ///
     /// What was open when the connection broke may have been carried out: it is answered 0Bh, but for reads that may be
     /// repeated. What has not been sent stays with the desk.
-    pub(crate) async fn run(&mut self) -> bool {
-        let end = self.serve().await;
+    pub(crate) fn ended(&mut self, end: End) -> bool {
         let cut = !self.flights.is_empty();
         while let Some(flight) = self.flights.pop() {
             flight.order.blame(Cause::Connection);
@@ -105,16 +113,20 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         self.stream
     }
 
-    async fn serve(&mut self) -> End {
+    /// Carries orders out until the connection ends.
+    pub(crate) async fn serve(&mut self) -> Result<Infallible, End> {
         let place = self.desk.place();
         loop {
             self.judge_pause();
             if self.expire() && self.is_astray() {
-                return End::Lost;
+                return Err(End::Lost);
             }
-            let due = match self.send_due().await {
-                Ok(due) => due,
-                Err(end) => return end,
+            let due = loop {
+                let now = Instant::now();
+                match self.step(now)? {
+                    Step::Send(order, unit) => self.send(order, unit, now).await?,
+                    Step::Wait(due) => break due,
+                }
             };
             place.socket.busy(!self.flights.is_empty());
             let deadline = self.flights.first_deadline().unwrap_or(Instant::MAX);
@@ -122,46 +134,39 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             let space = self.input.get_mut(self.length..).unwrap_or(&mut []);
             let read = self.stream.read(space);
             match select4(read, self.desk.changed(), until(wake), place.socket.leave.wait()).await {
-                Either4::First(Ok(0) | Err(_)) => return End::Lost,
-                Either4::First(Ok(count)) => {
-                    if let Err(end) = self.received(count) {
-                        return end;
-                    }
-                }
+                Either4::First(Ok(0) | Err(_)) => return Err(End::Lost),
+                Either4::First(Ok(count)) => self.received(count)?,
                 Either4::Second(()) | Either4::Third(()) => {}
                 Either4::Fourth(()) => self.leaving = true,
             }
         }
     }
 
-    /// Sends what may be sent now, and says when to look again if nothing happens.
-    async fn send_due(&mut self) -> Result<Instant, End> {
-        loop {
-            let now = Instant::now();
-            if self.leaving {
-                return if self.flights.is_empty() { Err(End::Unused) } else { Ok(Instant::MAX) };
-            }
-            if self.flights.len() >= usize::from(self.settings.in_flight) {
-                return Ok(Instant::MAX);
-            }
-            let Some(room) = self.flights.room(now) else { return Ok(Instant::MAX) };
-            let rested = self.active + self.settings.request_delay;
-            let due = room.max(rested).max(self.opened + self.settings.connect_delay);
-            if due > now {
-                return Ok(due);
-            }
-            if self.flights.is_empty() && self.is_astray() {
-                return Err(End::Lost);
-            }
-            match self.desk.next() {
-                Next::Serve(order, ticket) => self.send(order, ticket.unit, now).await?,
-                Next::Wait(until) => return Ok(until),
-                Next::Empty if self.settings.idle == Duration::from_ticks(0) => return Ok(Instant::MAX),
-                Next::Empty if !self.flights.is_empty() => return Ok(Instant::MAX),
-                Next::Empty => {
-                    let end = self.used + self.settings.idle;
-                    return if now >= end { Err(End::Unused) } else { Ok(end) };
-                }
+    /// What is to be done at `now`.
+    fn step(&mut self, now: Instant) -> Result<Step<'g>, End> {
+        if self.leaving {
+            return if self.flights.is_empty() { Err(End::Unused) } else { Ok(Step::Wait(Instant::MAX)) };
+        }
+        if self.flights.len() >= usize::from(self.settings.in_flight) {
+            return Ok(Step::Wait(Instant::MAX));
+        }
+        let Some(room) = self.flights.room(now) else { return Ok(Step::Wait(Instant::MAX)) };
+        let rested = self.active + self.settings.request_delay;
+        let due = room.max(rested).max(self.opened + self.settings.connect_delay);
+        if due > now {
+            return Ok(Step::Wait(due));
+        }
+        if self.flights.is_empty() && self.is_astray() {
+            return Err(End::Lost);
+        }
+        let stays = self.settings.idle == Duration::from_ticks(0) || !self.flights.is_empty();
+        match self.desk.next() {
+            Next::Serve(order, ticket) => Ok(Step::Send(order, ticket.unit)),
+            Next::Wait(until) => Ok(Step::Wait(until)),
+            Next::Empty if stays => Ok(Step::Wait(Instant::MAX)),
+            Next::Empty => {
+                let end = self.used + self.settings.idle;
+                if now >= end { Err(End::Unused) } else { Ok(Step::Wait(end)) }
             }
         }
     }
@@ -169,13 +174,9 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
     async fn send(&mut self, order: Frame<'g>, unit: u8, now: Instant) -> Result<(), End> {
         let place = self.desk.place();
         let broadcast = unit == 0 && self.settings.framing == StreamFraming::Rtu;
-        if broadcast {
-            let sent = self.write(0, unit, &order).await;
-            self.desk.done_silently(&order);
-            sent?;
-            self.active = now + TURNAROUND;
-        } else {
-            let id = match self.flights.start(order.share(), unit, now, self.settings.timeout) {
+        let mut id = 0;
+        if !broadcast {
+            id = match self.flights.start(order.share(), unit, now) {
                 Ok(id) => id,
                 // There is room, it was looked for just now.
                 Err(order) => {
@@ -184,9 +185,14 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
                 }
             };
             place.units(|units| units.asked(unit));
-            self.write(id, unit, &order).await?;
-            self.active = now;
         }
+        let sent = self.write(id, unit, &order).await;
+        self.active = now;
+        if broadcast {
+            self.desk.done_silently(&order);
+            self.active += TURNAROUND;
+        }
+        sent?;
         self.used = now;
         place.stats.count(Event::Request);
         Ok(())
@@ -204,16 +210,26 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             // What came before the request is no answer to it.
             self.drop_noise();
         }
-        let mut frame = [0; ADU_BYTES_MAX];
         let header = Header { transaction, unit };
-        let framing = self.settings.framing;
-        let length = order.pdu(|request| encode(framing, header, request, &mut frame).map_or(0, <[u8]>::len));
-        let frame = frame.get(..length).unwrap_or(&[]);
-        self.tap(true, Event::Request, frame);
-        // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-        match within(self.settings.timeout, pin!(self.stream.write_all(frame))).await {
-            Some(Ok(())) => Ok(()),
-            _ => Err(End::Lost),
+        let mut out = Pieces::new();
+        loop {
+            order.pdu(|request| self.frame(header, request, &mut out));
+            // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+            match within(self.settings.timeout, pin!(self.stream.write_all(out.piece()))).await {
+                Some(Ok(())) if out.goes_on() => {}
+                Some(Ok(())) => return Ok(()),
+                _ => return Err(End::Lost),
+            }
         }
+    }
+
+    /// Puts the next piece of a request's frame into `out`.
+    fn frame(&self, header: Header, request: &[u8], out: &mut Pieces) {
+        let mut frame = [0; ADU_BYTES_MAX];
+        let frame = encode(self.settings.framing, header, request, &mut frame).unwrap_or(&[]);
+        if out.is_new() {
+            self.tap(true, Event::Request, frame);
+        }
+        out.take(frame);
     }
 }

@@ -59,3 +59,24 @@ impl<F: Future + Unpin> Future for Within<F> {
         Pin::new(end).poll(context).map(|()| None)
     }
 }
+
+/// Polls `future` by code of its own, which does not become a part of whoever waits for it.
+///
+/// A future that contains many others is one large memory, and one function that finds everything in it by its distance from
+/// the beginning. Where a part has much code itself, that is shorter when it counts from its own beginning.
+pub(crate) fn apart<F: Future>(future: Pin<&mut F>) -> Apart<'_, F> {
+    Apart(future)
+}
+
+/// See [`apart`].
+#[must_use = "futures do nothing unless they are polled"]
+pub(crate) struct Apart<'f, F>(Pin<&'f mut F>);
+
+impl<F: Future> Future for Apart<'_, F> {
+    type Output = F::Output;
+
+    #[inline(never)]
+    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<F::Output> {
+        self.0.as_mut().poll(context)
+    }
+}

@@ -33,13 +33,33 @@ pub const PASSED_OVER_MAX: u8 = 16;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Asker {
     /// Tells the connections of an address, and the serial ports, apart. The first to be compared: mostly it tells.
-    pub connection: u32,
-    /// The client's address; all serial askers have none.
-    pub address: Option<IpAddr>,
+    connection: u32,
+    /// The client's address, in as little memory as tells it from others; all serial askers have 0.
+    address: u32,
 }
 
 impl Asker {
-    const NOBODY: Self = Self { connection: u32::MAX, address: None };
+    const NOBODY: Self = Self { connection: u32::MAX, address: 0 };
+
+    /// Who asks by `connection` from `address`; from a serial line there is none.
+    pub fn new(connection: u32, address: Option<IpAddr>) -> Self {
+        let address = match address {
+            None => 0,
+            Some(IpAddr::V4(address)) => address.to_bits(),
+            // Two hosts for which this is the same share their turns, that is all.
+            Some(IpAddr::V6(address)) => {
+                let bits = address.to_bits();
+                let half = (bits >> 64) as u64 ^ bits as u64;
+                (half >> 32) as u32 ^ half as u32
+            }
+        };
+        Self { connection, address }
+    }
+
+    /// Whether both ask from one address.
+    pub fn is_beside(&self, other: &Self) -> bool {
+        self.address == other.address
+    }
 }
 
 /// What the queue must know of an order.
@@ -100,8 +120,6 @@ struct Waiting<T> {
     priority: Priority,
     access: Access,
     deadline: Instant,
-    /// Position in the order of arrival.
-    arrival: u32,
 }
 
 impl<T> Waiting<T> {
@@ -117,15 +135,14 @@ struct Known {
     by_address: u32,
 }
 
-/// The last turns of the asker's address and of the asker, and its place in the order of arrival: the lowest is first.
-type Rank = (u32, u32, u32);
+/// The last turns of the asker's address and of the asker: the lowest is first.
+type Rank = (u32, u32);
 
 /// The orders that wait at one port.
 pub struct PortQueue<T> {
     /// In the order of arrival.
     waiting: Vec<Waiting<T>, WAITING_MAX>,
     askers: Vec<Known, ASKERS_MAX>,
-    arrivals: u32,
     turns: u32,
     /// Times that normal and low orders were passed over in a row.
     passed: [u8; 3],
@@ -134,7 +151,7 @@ pub struct PortQueue<T> {
 impl<T> PortQueue<T> {
     /// An empty queue.
     pub const fn new() -> Self {
-        Self { waiting: Vec::new(), askers: Vec::new(), arrivals: 0, turns: 0, passed: [0; 3] }
+        Self { waiting: Vec::new(), askers: Vec::new(), turns: 0, passed: [0; 3] }
     }
 
     /// Orders that wait.
@@ -157,15 +174,14 @@ impl<T> PortQueue<T> {
         } else {
             None
         };
-        self.arrivals = self.arrivals.wrapping_add(1);
-        let waiting = self.waiting(order, ticket, self.arrivals);
+        let waiting = self.waiting(order, ticket);
         let refused = self.waiting.push(waiting);
         refused.err().map(|refused| refused.order).or(evicted)
     }
 
-    fn waiting(&mut self, order: T, ticket: Ticket, arrival: u32) -> Waiting<T> {
+    fn waiting(&mut self, order: T, ticket: Ticket) -> Waiting<T> {
         let Ticket { asker, priority, unit, deadline, access } = ticket;
-        Waiting { order, asker: self.place_of(asker), unit, priority, access, deadline, arrival }
+        Waiting { order, asker: self.place_of(asker), unit, priority, access, deadline }
     }
 
     /// The order whose turn it is at `now`; `ready` says when a unit may be asked.
@@ -179,6 +195,7 @@ impl<T> PortQueue<T> {
                 _ => {
                     let rank = self.rank(waiting);
                     let first = &mut first[waiting.priority as usize];
+                    // Of equals the one that came first.
                     if first.is_none_or(|(other, _)| rank < other) {
                         *first = Some((rank, index));
                     }
@@ -200,10 +217,7 @@ impl<T> PortQueue<T> {
     }
 
     fn rank(&self, waiting: &Waiting<T>) -> Rank {
-        let age = self.arrivals.wrapping_sub(waiting.arrival);
-        let (by_address, turn) =
-            self.asker(waiting.asker).map_or((0, 0), |known| (known.by_address, known.turn));
-        (by_address, turn, u32::MAX - age)
+        self.asker(waiting.asker).map_or((0, 0), |known| (known.by_address, known.turn))
     }
 
     fn asker(&self, place: u8) -> Option<&Known> {
@@ -251,12 +265,10 @@ impl<T> PortQueue<T> {
     /// Puts an order back that has not been carried out after all, in front of all that wait: nothing that came after it may
     /// go before it, such as a write. Gives it back when there is no room any more.
     pub fn put_back(&mut self, order: T, ticket: Ticket) -> Option<T> {
-        let oldest = self.waiting.first().map(|waiting| waiting.arrival.wrapping_sub(1));
-        let arrival = oldest.unwrap_or(self.arrivals);
         if self.waiting.is_full() {
             return Some(order);
         }
-        let waiting = self.waiting(order, ticket, arrival);
+        let waiting = self.waiting(order, ticket);
         let refused = self.waiting.insert(0, waiting);
         refused.err().map(|refused| refused.order)
     }

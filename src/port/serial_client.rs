@@ -3,6 +3,8 @@
 //! The line is opened, and opened again with back-off when it is lost. As soon as it has been silent for the gap, the
 //! desk gives the order whose turn it is; its response is written into the order's frame, which goes home.
 
+use core::pin::pin;
+
 use embassy_futures::select::select;
 use embassy_time::Instant;
 
@@ -15,8 +17,8 @@ use crate::port::copy::Copied;
 use crate::port::cut::Lane;
 use crate::port::desk::Desk;
 use crate::port::line::{Collision, LineLost, Opening};
-use crate::port::moment::until;
-use crate::port::queue::Next;
+use crate::port::moment::{apart, until};
+use crate::port::queue::{BROADCAST, Next};
 use crate::port::reply::Reply;
 use crate::stats::Event;
 
@@ -30,7 +32,7 @@ pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSetting
         let mut bus = opened.map(|line| Bus::new(line, desk, settings));
         if let Some(bus) = &mut bus {
             desk.open();
-            serve(desk, bus, &settings.client).await;
+            apart(pin!(serve(desk, bus, &settings.client))).await;
             opening.lost();
         }
         // The line is closed before it is opened again.
@@ -46,12 +48,17 @@ async fn serve<L: SerialLine>(desk: &Desk<'_>, bus: &mut Bus<'_, L>, client: &Se
         if bus.silence().await.is_err() {
             return;
         }
-        let done = match desk.next() {
-            Next::Serve(frame, ticket) => carry_out(desk, bus, client, frame, ticket.unit).await,
-            Next::Wait(at) => bus.idle(select(desk.changed(), until(at))).await,
-            Next::Empty => bus.idle(desk.changed()).await,
+        let wake = match desk.next() {
+            Next::Serve(frame, ticket) => {
+                if apart(pin!(carry_out(desk, bus, client, frame, ticket.unit))).await.is_err() {
+                    return;
+                }
+                continue;
+            }
+            Next::Wait(at) => at,
+            Next::Empty => Instant::MAX,
         };
-        if done.is_err() {
+        if bus.idle(select(desk.changed(), until(wake))).await.is_err() {
             return;
         }
     }
@@ -89,22 +96,30 @@ async fn carry_out<'g, L: SerialLine>(
         }
         desk.arrived(&frame);
     }
-    let request = &frame.content();
     if arriving {
-        bus.note_copied(unit, request, frame.own_crc());
+        let crc = frame.own_crc();
+        frame.pdu(|request| bus.note_copied(unit, request, crc));
     }
-    if unit == 0 {
-        bus.broadcast(request).await?;
+    let way = frame.origin().way;
+    if unit != BROADCAST {
+        place.units(|units| units.asked(unit));
+        if !arriving && way == Way::Line {
+            place.stats.count(Event::Stored);
+        }
+    }
+    let sent = if arriving { Ok(()) } else { bus.send(unit, &frame).await? };
+    if unit == BROADCAST {
+        // Nobody answers, so nobody can be asked again: a collision has been counted, and that is all.
+        bus.turnaround().await;
         desk.done_silently(&frame);
         return Ok(());
     }
-    place.units(|units| units.asked(unit));
-    let way = frame.origin().way;
-    if !arriving && way == Way::Line {
-        place.stats.count(Event::Stored);
-    }
-    let outcome = match if arriving { Ok(()) } else { bus.send(unit, request).await? } {
-        Ok(()) => bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?,
+    let outcome = match sent {
+        Ok(()) => {
+            // What comes takes its place in the frame.
+            let request = &frame.content();
+            bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?
+        }
         Err(Collision) => Err(Failure::Collision),
     };
     if way == Way::Console {

@@ -5,6 +5,8 @@
 //! when the answer has been sent, when its time is, or as soon as anything else is heard: then the master has gone on,
 //! and an answer would run into the traffic. Answers to what is over find nobody.
 
+use core::pin::pin;
+
 use embassy_time::Instant;
 
 use crate::config::{PortId, SerialSettings};
@@ -13,6 +15,7 @@ use crate::gateway::{Gateway, PortPlace};
 use crate::hal::SerialHost;
 use crate::modbus::pdu;
 use crate::port::line::{LineLost, Opening};
+use crate::port::moment::apart;
 use crate::route::{self, Onward, onward};
 use crate::stats::Event;
 
@@ -40,7 +43,7 @@ impl<'g> Server<'_, 'g> {
             // Lent and not moved: what a future is given it keeps twice.
             let mut session = opening.opened(opened, jitter).map(|line| Session::new(self, line));
             if let Some(session) = &mut session {
-                let Err(LineLost) = session.serve().await;
+                let Err(LineLost) = apart(pin!(session.serve())).await;
             }
             if session.take().is_some() {
                 self.close();

@@ -11,7 +11,7 @@
 //! thread, as everybody has who is switched on, waits for a silence. ASCII frames need none of that: they have their
 //! beginnings and ends in them.
 
-use crate::modbus::PDU_BYTES_MAX;
+use crate::modbus::Pdu;
 use crate::modbus::pdu::{self, EXCEPTION_BIT, End, ResponseLength};
 use crate::modbus::rtu::{self, FRAME_BYTES_MAX, FRAME_BYTES_MIN};
 use crate::stats::LastError;
@@ -50,14 +50,7 @@ pub struct RtuEar {
 /// A request for another unit, whose answer is expected.
 struct Foreign {
     unit: u8,
-    request: [u8; PDU_BYTES_MAX],
-    length: usize,
-}
-
-impl Foreign {
-    fn request(&self) -> &[u8] {
-        self.request.get(..self.length).unwrap_or_default()
-    }
+    request: Pdu,
 }
 
 impl Default for RtuEar {
@@ -196,7 +189,7 @@ impl RtuEar {
     /// The length of the answer that is expected, if `so_far` can be the beginning of that.
     fn answer_length(&self, unit: u8, so_far: &[u8], is_ours: &impl Fn(u8) -> bool) -> Option<usize> {
         let expected = self.expected.as_ref().filter(|expected| expected.unit == unit && !is_ours(unit))?;
-        let ResponseLength::Known(length) = pdu::response_length(expected.request(), so_far) else {
+        let ResponseLength::Known(length) = pdu::response_length(&expected.request, so_far) else {
             return None;
         };
         match so_far {
@@ -216,15 +209,14 @@ impl RtuEar {
                 false => Heard::Garbage(LastError::Length),
             };
         }
-        let fits = |expected: &Foreign| expected.unit == unit && pdu::fits(expected.request(), pdu).is_ok();
+        let fits = |expected: &Foreign| expected.unit == unit && pdu::fits(&expected.request, pdu).is_ok();
         if expected.as_ref().is_some_and(fits) || !is_request {
             return Heard::ForeignAnswer;
         }
         // Nobody answers a broadcast.
         if unit != 0 {
-            let mut foreign = Foreign { unit, request: [0; PDU_BYTES_MAX], length: pdu.len() };
-            foreign.request.iter_mut().zip(pdu).for_each(|(place, byte)| *place = *byte);
-            self.expected = Some(foreign);
+            // A frame's PDU fits.
+            self.expected = Pdu::from_slice(pdu).ok().map(|request| Foreign { unit, request });
         }
         Heard::ForeignRequest
     }

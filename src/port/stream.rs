@@ -12,6 +12,47 @@ use crate::stats::Event;
 /// this is what a serial device server takes to send the rest of a frame, and a network to carry it.
 pub(crate) const RTU_PAUSE: Duration = Duration::from_millis(100);
 
+/// Bytes of a frame that a connection is given at a time: all of them, or with the feature `small` some, so that a future need
+/// not keep them all. A small board's network sends no piece by itself, but when its task's turn comes, whatever is there.
+const PIECE_BYTES: usize = if cfg!(feature = "small") { 64 } else { ADU_BYTES_MAX };
+
+/// A frame on its way out.
+pub(crate) struct Pieces {
+    piece: [u8; PIECE_BYTES],
+    length: usize,
+    given: usize,
+}
+
+impl Pieces {
+    /// Nothing has been given yet.
+    pub(crate) const fn new() -> Self {
+        Self { piece: [0; PIECE_BYTES], length: 0, given: 0 }
+    }
+
+    /// Whether nothing has been taken yet.
+    pub(crate) fn is_new(&self) -> bool {
+        self.given == 0
+    }
+
+    /// Takes the next piece of `frame`, of which all that were taken before have been given.
+    pub(crate) fn take(&mut self, frame: &[u8]) {
+        let rest = frame.get(self.given..).unwrap_or(&[]);
+        self.piece.iter_mut().zip(rest).for_each(|(byte, next)| *byte = *next);
+        self.length = rest.len().min(PIECE_BYTES);
+        self.given += self.length;
+    }
+
+    /// The piece.
+    pub(crate) fn piece(&self) -> &[u8] {
+        self.piece.get(..self.length).unwrap_or(&[])
+    }
+
+    /// Whether more may follow.
+    pub(crate) fn goes_on(&self) -> bool {
+        self.length == PIECE_BYTES
+    }
+}
+
 /// Bytes that came and are not consumed yet.
 pub(crate) struct Input {
     framing: StreamFraming,

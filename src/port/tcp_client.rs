@@ -8,13 +8,16 @@
 //! answer came. Meanwhile the connection is tried again in the background, at growing intervals, so that no request has to
 //! wait for the network's time-out but the first, and those of an asker with a back-off of his own, who makes such a try.
 
+use core::pin::pin;
+
 use embassy_time::{Duration, Instant, with_deadline, with_timeout};
 
-use crate::config::TcpClientSettings;
+use crate::config::{Endpoint, TcpClientSettings};
 use crate::gateway::Status;
 use crate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream};
 use crate::port::desk::Desk;
 use crate::port::link::Link;
+use crate::port::moment::apart;
 use crate::port::sockets;
 use crate::stats::Event;
 
@@ -45,41 +48,37 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
             }
         }
         let give_up = Instant::now() + settings.connect_timeout;
+        well = false;
         let error = loop {
             place.socket.freed.reset();
-            match with_deadline(give_up, connector.connect(settings.server)).await {
+            let error = match with_deadline(give_up, connector.connect(settings.server)).await {
                 Ok(Ok(stream)) => {
                     if place.set_status(Status::Open) {
-                        log_info!("connected to {}", settings.server);
+                        log_info!("connected to {}", Endpoint(settings.server));
                     }
                     place.stats.count(Event::Connected);
                     place.socket.opened();
                     desk.open();
                     // Lent and not moved: what a future is given it keeps twice.
                     let mut link = Link::new(desk, settings, stream, first_id);
-                    well = link.run().await;
+                    let Err(end) = apart(pin!(link.serve())).await;
+                    well = link.ended(end);
                     link.into_stream().close().await;
                     place.socket.closed(places);
                     first_id = first_id.wrapping_add(ID_STRIDE);
-                    break CLOSED_AT_ONCE;
+                    CLOSED_AT_ONCE
                 }
-                Ok(Err(error)) if error.kind == OpenErrorKind::Exhausted => {
-                    well = false;
-                    sockets::ask_for_one(places, desk.id());
-                    if Instant::now() >= give_up {
-                        break error;
-                    }
-                    let _ = with_timeout(SOCKET_PAUSE, place.socket.freed.wait()).await;
-                }
-                Ok(Err(error)) => {
-                    well = false;
-                    break error;
-                }
-                Err(_) => {
-                    well = false;
-                    break OpenError::new(OpenErrorKind::TimedOut, "");
-                }
+                Ok(Err(error)) => error,
+                Err(_) => OpenError::new(OpenErrorKind::TimedOut, ""),
+            };
+            if error.kind != OpenErrorKind::Exhausted {
+                break error;
             }
+            sockets::ask_for_one(places, desk.id());
+            if Instant::now() >= give_up {
+                break error;
+            }
+            let _ = with_timeout(SOCKET_PAUSE, place.socket.freed.wait()).await;
         };
         if well {
             pause = RETRY_FIRST;
@@ -87,7 +86,7 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
         }
         desk.close();
         if place.set_status(Status::Failed(error)) {
-            log_warn!("no connection to {}: {}", settings.server, error);
+            log_warn!("no connection to {}: {}", Endpoint(settings.server), error);
         }
         desk.pause(pause).await;
         pause = (pause * 2).min(RETRY_LONGEST);

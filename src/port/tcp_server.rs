@@ -23,8 +23,8 @@ use crate::modbus::Exception;
 use crate::modbus::pdu;
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
 use crate::port::listening;
-use crate::port::moment::{until, within};
-use crate::port::stream::{Input, encode};
+use crate::port::moment::{apart, until, within};
+use crate::port::stream::{Input, Pieces, encode};
 use crate::stats::Event;
 
 // One of two: what an `async` function awaits stays in it, also behind a constant.
@@ -85,9 +85,11 @@ impl Server<'_, '_> {
         self.place.stats.count(Event::Connected);
         let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
             match self.seat_down(peer) {
-                Some(_) if self.settings.framing == StreamFraming::Capture => self.export(&mut stream).await,
+                Some(_) if self.settings.framing == StreamFraming::Capture => {
+                    apart(pin!(self.export(&mut stream))).await
+                }
                 Some(origin) => {
-                    let Err(end) = self.serve(&mut stream, origin).await;
+                    let Err(end) = apart(pin!(self.serve(&mut stream, origin))).await;
                     end
                 }
                 None => End::Crowded,
@@ -252,42 +254,51 @@ impl Server<'_, '_> {
         Taken::Sent
     }
 
-    /// Writes what the client gets into `out`, and says how long that is; a frame that came home without an answer is only
-    /// counted off.
-    fn encode(&self, reply: Reply<'_>, out: &mut [u8; ADU_BYTES_MAX]) -> usize {
+    /// Writes what the client gets. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+    async fn write<S: TcpStream>(&self, stream: &mut S, reply: Reply<'_>) -> Result<(), End> {
+        let mut out = Pieces::new();
+        loop {
+            self.encode(&reply, &mut out);
+            if out.piece().is_empty() {
+                return Ok(());
+            }
+            match within(WRITE_PATIENCE, pin!(stream.write_all(out.piece()))).await {
+                Some(Ok(())) if out.goes_on() => {}
+                Some(Ok(())) => return Ok(()),
+                Some(Err(_)) => return Err(End::Left),
+                None => return Err(End::Stalled),
+            }
+        }
+    }
+
+    /// Puts the next piece of what the client gets into `out`; a frame that came home without an answer is only counted off.
+    fn encode(&self, reply: &Reply<'_>, out: &mut Pieces) {
         let frame = match reply {
-            Reply::Refusal(header, answer) => return self.put(header, &answer, out),
+            Reply::Refusal(header, answer) => return self.put(*header, answer, out),
             Reply::Answer(frame) => frame,
         };
-        self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
         let Envelope { stage, cause, transaction, unit, .. } = frame.envelope();
+        if out.is_new() {
+            self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
+        }
         if stage == Stage::Silence {
-            return 0;
+            return;
         }
         frame.pdu(|answer| {
-            self.place.stats.answered(answer, cause);
-            self.put(Header { transaction, unit }, answer, out)
-        })
+            if out.is_new() {
+                self.place.stats.answered(answer, cause);
+            }
+            self.put(Header { transaction, unit }, answer, out);
+        });
     }
 
-    fn put(&self, header: Header, answer: &[u8], out: &mut [u8; ADU_BYTES_MAX]) -> usize {
-        encode(self.settings.framing, header, answer, out).map_or(0, <[u8]>::len)
-    }
-
-    /// Writes the frame of an answer. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, reply: Reply<'_>) -> Result<(), End> {
-        let mut out = [0; ADU_BYTES_MAX];
-        let length = self.encode(reply, &mut out);
-        let frame = out.get(..length).unwrap_or(&[]);
-        if frame.is_empty() {
-            return Ok(());
+    fn put(&self, header: Header, answer: &[u8], out: &mut Pieces) {
+        let mut frame = [0; ADU_BYTES_MAX];
+        let frame = encode(self.settings.framing, header, answer, &mut frame).unwrap_or(&[]);
+        if out.is_new() {
+            self.tap(true, Event::Answer, frame);
         }
-        self.tap(true, Event::Answer, frame);
-        match within(WRITE_PATIENCE, pin!(stream.write_all(frame))).await {
-            Some(Ok(())) => Ok(()),
-            Some(Err(_)) => Err(End::Left),
-            None => Err(End::Stalled),
-        }
+        out.take(frame);
     }
 
     /// Shows a frame from or to the client to whoever follows.

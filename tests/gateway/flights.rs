@@ -8,13 +8,12 @@ const TIMEOUT: Duration = Duration::from_millis(100);
 
 #[test]
 fn sixteen_requests_can_be_open_and_no_more() {
-    let mut flights = Flights::new(65_530);
+    let mut flights = Flights::new(65_530, TIMEOUT);
     let now = Instant::from_secs(1);
-    let ids: Vec<u16> =
-        (0..FLIGHTS_MAX).map(|order| flights.start(order, 1, now, TIMEOUT).unwrap()).collect();
+    let ids: Vec<u16> = (0..FLIGHTS_MAX).map(|order| flights.start(order, 1, now).unwrap()).collect();
     assert_eq!(ids[..8], [65_530, 65_531, 65_532, 65_533, 65_534, 65_535, 0, 1]);
     assert_eq!(flights.room(now), None);
-    assert_eq!(flights.start(99, 1, now, TIMEOUT), Err(99));
+    assert_eq!(flights.start(99, 1, now), Err(99));
     assert_eq!(flights.finish(ids[3]).map(|flight| flight.order), Some(3));
     assert_eq!(flights.finish(ids[3]), None, "an answer is taken once");
     assert_eq!(flights.room(now), Some(now));
@@ -22,12 +21,12 @@ fn sixteen_requests_can_be_open_and_no_more() {
 
 #[test]
 fn when_too_many_ids_are_lost_the_next_request_waits_for_the_first_windows_end() {
-    let mut flights = Flights::new(0);
+    let mut flights = Flights::new(0, TIMEOUT);
     let mut now = Instant::from_secs(1);
     let window = Duration::from_secs(3_600);
     let mut sent = 0;
     while flights.room(now) == Some(now) {
-        flights.start((), 1, now, TIMEOUT).unwrap();
+        flights.start((), 1, now).unwrap();
         sent += 1;
         now += TIMEOUT;
         assert!(flights.expire(now, window).is_some());
@@ -45,13 +44,13 @@ proptest! {
         steps in prop::collection::vec((0..4_u8, 0..60_u64), 1..400),
     ) {
         let window = Duration::from_millis(window_ms);
-        let mut flights = Flights::new(first);
+        let mut flights = Flights::new(first, TIMEOUT);
         let mut now = Instant::from_secs(1);
         let mut open: Vec<u16> = Vec::new();
         let mut lost: Vec<(u16, Instant)> = Vec::new();
         for (step, ms) in steps {
             match step {
-                0 | 1 => match flights.start((), 5, now, TIMEOUT) {
+                0 | 1 => match flights.start((), 5, now) {
                     Ok(id) => {
                         prop_assert!(!open.contains(&id));
                         prop_assert!(!lost.iter().any(|&(other, until)| other == id && until > now));
@@ -66,7 +65,7 @@ proptest! {
                 _ => {
                     now += Duration::from_millis(ms);
                     while let Some(flight) = flights.expire(now, window) {
-                        prop_assert!(flight.deadline <= now);
+                        prop_assert!(flight.sent + TIMEOUT <= now);
                         open.retain(|id| *id != flight.id);
                         lost.push((flight.id, now + window));
                     }

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 fn ticket(address: u8, connection: u32) -> Ticket {
     let address = Some(IpAddr::V4(Ipv4Addr::new(10, 0, 0, address)));
-    let asker = Asker { address, connection };
+    let asker = Asker::new(connection, address);
     Ticket { asker, priority: Priority::Normal, unit: 1, deadline: Instant::MAX, access: Access::SharedRead }
 }
 

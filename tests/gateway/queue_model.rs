@@ -49,10 +49,9 @@ impl Model {
         let count = |like: &dyn Fn(&Asker) -> bool| {
             self.waiting.iter().filter(|(_, ticket)| like(&ticket.asker)).count()
         };
-        let of_address = |asker: &Asker| count(&|other| other.address == asker.address);
+        let of_address = |asker: &Asker| count(&|other| other.is_beside(asker));
         let of_connection = |asker: &Asker| count(&|other| other == asker);
-        newest(&of_address, &|_| true)
-            .or_else(|| newest(&of_connection, &|asker| asker.address == newcomer.address))
+        newest(&of_address, &|_| true).or_else(|| newest(&of_connection, &|asker| asker.is_beside(&newcomer)))
     }
 
     fn next(&mut self, held: u8) -> Next<Order> {
@@ -80,7 +79,7 @@ impl Model {
             let asker = self.waiting[*at].1.asker;
             let idle =
                 |like: &dyn Fn(&Asker) -> bool| self.turns.iter().rev().position(like).unwrap_or(usize::MAX);
-            (idle(&|other| other.address == asker.address), idle(&|other| *other == asker), Reverse(*at))
+            (idle(&|other| other.is_beside(&asker)), idle(&|other| *other == asker), Reverse(*at))
         });
         let (order, ticket) = self.waiting.remove(first.expect("one of this class is ready"));
         self.turns.push(ticket.asker);
@@ -131,7 +130,7 @@ fn any_step() -> impl Strategy<Value = Step> {
     let push = (0..5_u8, 0..3_u32, priority, 0..4_u8, access, 0..3_u8).prop_map(
         |(address, connection, priority, unit, access, what)| {
             let address = (address > 0).then(|| IpAddr::V4(Ipv4Addr::new(10, 0, 0, address)));
-            let asker = Asker { address, connection };
+            let asker = Asker::new(connection, address);
             Step::Push(what, Ticket { asker, priority, unit, deadline: Instant::MAX, access })
         },
     );

@@ -1,14 +1,12 @@
 //! What a scan tries: the words behind `scan`, the speeds and formats in their order, and the time that all of it takes.
 
-use core::iter::repeat_n;
-
 use embassy_time::Duration;
 use heapless::Vec;
 
 use crate::config::{
     Framing, LineSettings, Parity, PortId, Settings, Words, Wrong, number, parse_number, parse_units, time,
 };
-use crate::console::probe::{request, serial_client};
+use crate::console::probe::{harmless, serial_client};
 use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, REPORT_SERVER_ID};
 use crate::route::UnitRange;
 
@@ -35,7 +33,7 @@ pub(super) struct Plan {
     pub(super) port: PortId,
     pub(super) units: UnitRange,
     pub(super) framing: Framing,
-    own: LineSettings,
+    pub(super) own: LineSettings,
     bauds: Vec<u32, { BAUDS.len() }>,
     timeout: Option<Duration>,
     pub(super) function: u8,
@@ -68,9 +66,10 @@ impl Plan {
             } else if word.is("function") {
                 let word = words.take();
                 let function = parse_number(word.text).and_then(|number| u8::try_from(number).ok());
-                let harmless = |function: &u8| matches!(function, 1..=4 | &DIAGNOSTICS | &REPORT_SERVER_ID);
+                let changes_nothing =
+                    |function: &u8| matches!(function, 1..=4 | &DIAGNOSTICS | &REPORT_SERVER_ID);
                 plan.function = function
-                    .filter(harmless)
+                    .filter(changes_nothing)
                     .ok_or_else(|| word.expected("a function that changes nothing: 1 to 4, 8 or 17"))?;
             } else {
                 return Err(word.expected(EXPECTED));
@@ -82,15 +81,19 @@ impl Plan {
         Ok(plan)
     }
 
-    /// The line's settings, one after the other.
-    pub(super) fn lines(&self) -> impl Iterator<Item = LineSettings> {
-        let formats = if self.framing == Framing::Rtu { RTU_FORMATS } else { ASCII_FORMATS };
-        let each = self.bauds.iter().flat_map(move |baud| repeat_n(*baud, formats.len()).zip(formats));
-        each.map(|(baud, (data_bits, parity, stop_bits))| {
-            let line = LineSettings { baud, data_bits, parity, stop_bits, gap: None, ..self.own };
-            // What is set may be for another speed; less than the specification's is legal at none.
-            LineSettings { gap: self.own.gap.filter(|gap| *gap > line.t3_5()), ..line }
-        })
+    /// How many speeds and formats there are.
+    pub(super) fn lines_count(&self) -> usize {
+        self.bauds.len() * RTU_FORMATS.len()
+    }
+
+    /// The line's settings number `nth`.
+    pub(super) fn line(&self, nth: usize) -> Option<LineSettings> {
+        let formats = if self.framing == Framing::Rtu { &RTU_FORMATS } else { &ASCII_FORMATS };
+        let baud = *self.bauds.get(nth / formats.len())?;
+        let (data_bits, parity, stop_bits) = *formats.get(nth % formats.len())?;
+        let line = LineSettings { baud, data_bits, parity, stop_bits, gap: None, ..self.own };
+        // What is set may be for another speed; less than the specification's is legal at none.
+        Some(LineSettings { gap: self.own.gap.filter(|gap| *gap > line.t3_5()), ..line })
     }
 
     /// How long a unit has for the first character of its answer.
@@ -101,8 +104,11 @@ impl Plan {
     /// How long it takes from line number `nth` on, if no unit is there.
     pub(super) fn time_from(&self, nth: usize) -> Duration {
         let units = u32::from(self.units.last.saturating_sub(self.units.first)) + 1;
-        let request = self.framing.chars_of(request(self.function).len());
-        let each = |line: LineSettings| line.chars(request) + self.patience(&line) + line.gap();
-        self.lines().skip(nth).fold(Duration::from_ticks(0), |sum, line| sum + each(line) * units)
+        let request = self.framing.chars_of(harmless(self.function).len());
+        let mut sum = Duration::from_ticks(0);
+        for line in (nth..).map_while(|nth| self.line(nth)) {
+            sum += (line.chars(request) + self.patience(&line) + line.gap()) * units;
+        }
+        sum
     }
 }

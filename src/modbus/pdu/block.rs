@@ -1,6 +1,8 @@
 //! Blocks of neighbouring coils, inputs or registers that one read asks for: one block that covers several, and each one's
 //! part of the answer to it.
 
+use core::num::NonZeroU8;
+
 use super::Extent;
 use super::function::{READ_COILS, READ_DISCRETE_INPUTS, READ_INPUT_REGISTERS};
 use super::request::{READ_BITS_MAX, READ_REGISTERS_MAX};
@@ -9,7 +11,8 @@ use crate::modbus::PDU_BYTES_MAX;
 /// What a read by function 1 to 4 asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Block {
-    function: u8,
+    // Then no block at all takes no more memory than one.
+    function: NonZeroU8,
     first: u16,
     /// Not below `first`.
     last: u16,
@@ -21,13 +24,14 @@ impl Block {
     pub fn of(request: &[u8]) -> Option<Self> {
         let &[function @ READ_COILS..=READ_INPUT_REGISTERS, a, b, c, d] = request else { return None };
         let (first, quantity) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
+        let function = NonZeroU8::new(function)?;
         Self { function, first, last: first.checked_add(quantity.checked_sub(1)?)? }.if_readable()
     }
 
     /// The request that asks for it.
     pub fn request(&self) -> [u8; 5] {
         let ([a, b], [c, d]) = (self.first.to_be_bytes(), self.quantity().to_be_bytes());
-        [self.function, a, b, c, d]
+        [self.function.get(), a, b, c, d]
     }
 
     /// Its addresses.
@@ -57,7 +61,7 @@ impl Block {
     ) -> Option<&'a [u8]> {
         let offset = usize::from(wanted.first.checked_sub(self.first)?);
         let &[function, _, ref data @ ..] = answer else { return None };
-        if self.hull(wanted)? != *self || function != self.function {
+        if self.hull(wanted)? != *self || function != self.function.get() {
             return None;
         }
         let bytes = wanted.data_bytes();
@@ -82,7 +86,7 @@ impl Block {
     }
 
     fn is_bits(&self) -> bool {
-        matches!(self.function, READ_COILS | READ_DISCRETE_INPUTS)
+        matches!(self.function.get(), READ_COILS | READ_DISCRETE_INPUTS)
     }
 
     fn data_bytes(&self) -> usize {

@@ -1,6 +1,5 @@
 //! What a gateway can see for itself in a request, before it takes a device's time.
 
-use super::file_answer_length;
 use super::function::{
     DIAGNOSTICS, ENCAPSULATED_INTERFACE, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG, MASK_WRITE_REGISTER,
     MEI_DEVICE_IDENTIFICATION, READ_COILS, READ_DISCRETE_INPUTS, READ_EXCEPTION_STATUS, READ_FIFO_QUEUE,
@@ -8,6 +7,7 @@ use super::function::{
     REPORT_SERVER_ID, WRITE_FILE_RECORD, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL,
     WRITE_SINGLE_REGISTER,
 };
+use super::{ResponseLength, file_answer_length, response_length};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 
 /// Most coils or inputs in one read.
@@ -18,6 +18,8 @@ pub(super) const READ_REGISTERS_MAX: u16 = 125;
 const WRITE_BITS_MAX: u16 = 1968;
 /// Most registers in one write.
 const WRITE_REGISTERS_MAX: u16 = 123;
+/// Bits of a register.
+const REGISTER_BITS: usize = 16;
 /// Most registers written by function 23, whose header is longer.
 const READ_WRITE_REGISTERS_MAX: u16 = 121;
 
@@ -42,16 +44,9 @@ pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
 
 /// Whether `request` is a read whose answer no PDU could hold.
 pub(crate) fn is_beyond_response(request: &[u8]) -> bool {
-    let bytes = match *request {
-        [READ_COILS | READ_DISCRETE_INPUTS, _, _, high, low] => {
-            usize::from(u16::from_be_bytes([high, low])).div_ceil(8)
-        }
-        [READ_HOLDING_REGISTERS | READ_INPUT_REGISTERS, _, _, high, low] => {
-            2 * usize::from(u16::from_be_bytes([high, low]))
-        }
-        _ => 0,
-    };
-    2 + bytes > PDU_BYTES_MAX
+    let is_read = matches!(request, [READ_COILS..=READ_INPUT_REGISTERS, ..]);
+    let length = response_length(request, request.get(..1).unwrap_or(&[]));
+    is_read && matches!(length, ResponseLength::Known(length) if length > PDU_BYTES_MAX)
 }
 
 /// The length of the request that begins with `so_far`, the function code included, where its function tells it; a frame
@@ -94,8 +89,8 @@ fn possible(function: u8, fields: &[u8]) -> bool {
         }
         // Data has two bytes or, for sub-function 0, "N x 2"; devices exist that take any, so let them judge.
         (DIAGNOSTICS, fields) => fields.len() >= 2,
-        (WRITE_MULTIPLE_COILS, fields) => writes(fields, WRITE_BITS_MAX, |bits| bits.div_ceil(8)),
-        (WRITE_MULTIPLE_REGISTERS, fields) => writes(fields, WRITE_REGISTERS_MAX, |registers| 2 * registers),
+        (WRITE_MULTIPLE_COILS, fields) => writes(fields, WRITE_BITS_MAX, 1),
+        (WRITE_MULTIPLE_REGISTERS, fields) => writes(fields, WRITE_REGISTERS_MAX, REGISTER_BITS),
         (READ_FILE_RECORD, [count, groups @ ..]) => {
             usize::from(*count) == groups.len() && file_answer_length(groups).is_some()
         }
@@ -104,8 +99,7 @@ fn possible(function: u8, fields: &[u8]) -> bool {
         }
         (MASK_WRITE_REGISTER, fields) => fields.len() == 6,
         (READ_WRITE_MULTIPLE_REGISTERS, fields) => fields.split_at_checked(4).is_some_and(|(read, write)| {
-            reads(read, READ_REGISTERS_MAX)
-                && writes(write, READ_WRITE_REGISTERS_MAX, |registers| 2 * registers)
+            reads(read, READ_REGISTERS_MAX) && writes(write, READ_WRITE_REGISTERS_MAX, REGISTER_BITS)
         }),
         (READ_FIFO_QUEUE, fields) => fields.len() == 2,
         // Clause 6.21: read device ID codes 1 to 4, and an object.
@@ -120,16 +114,16 @@ fn reads(fields: &[u8], max: u16) -> bool {
     matches!(fields, [_, _, high, low] if (1..=max).contains(&u16::from_be_bytes([*high, *low])))
 }
 
-/// Address, a quantity from 1 to `max`, and the bytes that so many things take, counted and there.
-fn writes(fields: &[u8], max: u16, bytes: impl Fn(usize) -> usize) -> bool {
+/// Address, a quantity from 1 to `max`, and the bytes that so many things of `bits` take, counted and there.
+fn writes(fields: &[u8], max: u16, bits: usize) -> bool {
     let Some((head, [count, data @ ..])) = fields.split_at_checked(4) else {
         return false;
     };
     let [_, _, high, low] = head else {
         return false;
     };
-    let quantity = usize::from(u16::from_be_bytes([*high, *low]));
-    reads(head, max) && usize::from(*count) == bytes(quantity) && data.len() == bytes(quantity)
+    let bytes = (usize::from(u16::from_be_bytes([*high, *low])) * bits).div_ceil(8);
+    reads(head, max) && usize::from(*count) == bytes && data.len() == bytes
 }
 
 /// One or more groups of function 21, each with as many registers as it says (clause 6.15).

@@ -32,7 +32,7 @@ pub(super) enum Found {
 impl<L: SerialLine> Bus<'_, L> {
     /// Looks at what has come so far.
     pub(super) fn look(&mut self, reply: &mut Reply<'_, '_>) -> Found {
-        if self.framing == Framing::Ascii {
+        if self.settings.framing == Framing::Ascii {
             return self.look_for_ascii(reply);
         }
         self.begun = self.line.begun();
@@ -92,7 +92,7 @@ impl<L: SerialLine> Bus<'_, L> {
     /// Looks at what has come when nothing more is to come of it.
     pub(super) fn look_at_silence(&mut self, reply: &mut Reply<'_, '_>) -> Found {
         let (unit, request) = (reply.unit(), reply.request());
-        let found = match self.framing {
+        let found = match self.settings.framing {
             Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
                 AtSilence::Complete(pdu) => {
                     reply.whole(self.line.heard(), pdu);
@@ -135,7 +135,7 @@ impl<L: SerialLine> Bus<'_, L> {
     /// for: a sleep until it is due would end a little later than it comes.
     pub(super) fn due(&self, reply: &Reply<'_, '_>) -> Option<Instant> {
         let (Framing::Rtu, false, Some((&unit, so_far))) =
-            (self.framing, reply.is_passed_on(), self.line.heard().split_first())
+            (self.settings.framing, reply.is_passed_on(), self.line.heard().split_first())
         else {
             return None;
         };
@@ -154,12 +154,12 @@ impl<L: SerialLine> Bus<'_, L> {
         if !reply.is_passed_on() {
             return;
         }
-        let heard = match self.framing {
+        let heard = match self.settings.framing {
             Framing::Rtu => self.line.heard(),
             Framing::Ascii if self.decoder.in_frame() => self.decoder.bytes(),
             Framing::Ascii => return,
         };
-        let lane = Lane { framing: self.framing, line: self.line.settings };
+        let lane = Lane { framing: self.settings.framing, line: *self.line.settings };
         reply.hear(heard, self.begun + self.line.jitter, &lane);
     }
 

@@ -49,7 +49,7 @@ impl<L: SerialLine> Bus<'_, L> {
 
     /// The unit of the good frame that was heard, if it is one.
     fn sender(&mut self) -> Option<u8> {
-        match self.framing {
+        match self.settings.framing {
             Framing::Rtu => rtu::decode(self.line.heard()).ok().map(|(unit, _)| unit),
             Framing::Ascii => {
                 self.decoder.clear();

@@ -37,7 +37,7 @@ impl<'s> Opening<'s> {
                 self.place.set_status(Status::Open);
                 self.place.stats.note(LastError::None);
                 self.pause = REOPEN_FIRST;
-                Some(Line::new(io, self.settings.line, jitter, &self.place.stats))
+                Some(Line::new(io, &self.settings.line, jitter, &self.place.stats))
             }
             Err(error) => {
                 self.place.stats.note(LastError::Port);
@@ -56,9 +56,10 @@ impl<'s> Opening<'s> {
         self.place.set_status(Status::Lost);
     }
 
-    /// Waits before the next attempt.
-    pub(crate) async fn pause(&mut self) {
-        Timer::after(self.pause).await;
+    /// The pause before the next attempt.
+    pub(crate) fn pause(&mut self) -> Timer {
+        let pause = Timer::after(self.pause);
         self.pause = (self.pause * 2).min(REOPEN_LONGEST);
+        pause
     }
 }

@@ -133,7 +133,11 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
                 Either3::Second(frame) => self.take_answer(frame),
                 Either3::Third(()) if Instant::now() >= quiet => self.listen(true),
                 Either3::Third(()) if self.passing.is_due() => self.proceed(),
-                Either3::Third(()) => self.due().await?,
+                Either3::Third(()) => {
+                    if let Some(answer) = self.due() {
+                        self.answer(answer).await?;
+                    }
+                }
             }
         }
     }
@@ -156,7 +160,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             Ear::Rtu(ear) => ear.needs_silence() || !self.line.heard().is_empty(),
             Ear::Ascii(ear) => ear.in_frame(),
         };
-        let silence = self.server.settings.framing.silence(&self.line.settings) + self.line.jitter;
+        let silence = self.server.settings.framing.silence(self.line.settings) + self.line.jitter;
         if waits { self.line.active + silence } else { Instant::MAX }
     }
 
@@ -174,16 +178,16 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
         };
     }
 
-    /// The open request's time has come: its answer is sent, or there will be none.
-    async fn due(&mut self) -> Result<(), LineLost> {
+    /// The open request's time has come: its answer, which is to be sent, or there will be none.
+    fn due(&mut self) -> Option<Frame<'g>> {
         match mem::replace(&mut self.open, Open::None) {
-            Open::Ready { answer, .. } => self.answer(answer).await,
+            Open::Ready { answer, .. } => return Some(answer),
             Open::Asked { .. } => {
                 self.server.place.renew();
                 self.server.place.stats.count(Event::Timeout);
-                Ok(())
             }
-            Open::None => Ok(()),
+            Open::None => {}
         }
+        None
     }
 }

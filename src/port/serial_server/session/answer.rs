@@ -29,26 +29,28 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             }
         }
         let crc = answer.own_crc().filter(|_| arriving);
-        let pdu = &answer.content();
-        drop(answer);
         if !arriving {
-            self.send(&envelope, pdu).await?;
-        } else {
-            let end = (crc, self.delimiter());
-            let framing = self.server.settings.framing;
-            self.tap.copied(self.line.active, Event::Answer, framing, (envelope.unit, pdu), end);
+            self.send(&envelope, &answer).await?;
         }
-        self.answered(&envelope, pdu, crc.unwrap_or_else(|| rtu::check(envelope.unit, pdu)));
+        answer.pdu(|pdu| {
+            if arriving {
+                let end = (crc, self.delimiter());
+                let framing = self.server.settings.framing;
+                self.tap.copied(self.line.active, Event::Answer, framing, (envelope.unit, pdu), end);
+            }
+            self.answered(&envelope, pdu, crc.unwrap_or_else(|| rtu::check(envelope.unit, pdu)));
+        });
         Ok(())
     }
 
     /// Sends an answer that is whole.
-    async fn send(&mut self, envelope: &Envelope, pdu: &[u8]) -> Result<(), LineLost> {
+    async fn send(&mut self, envelope: &Envelope, answer: &Frame<'g>) -> Result<(), LineLost> {
         let mut frame = [0; FRAME_CHARS_MAX];
-        let framing = self.server.settings.framing;
-        let Ok(frame) = framing.encode(envelope.unit, pdu, self.delimiter(), &mut frame) else {
-            return Ok(());
-        };
+        let (framing, delimiter) = (self.server.settings.framing, self.delimiter());
+        let encode =
+            |pdu: &[u8]| framing.encode(envelope.unit, pdu, delimiter, &mut frame).map(<[u8]>::len).ok();
+        let Some(length) = answer.pdu(encode) else { return Ok(()) };
+        let frame = frame.get(..length).unwrap_or(&[]);
         // After a collision the master has heard no good answer, and asks again.
         let _ = self.line.send(frame).await?;
         self.tap.sent(self.line.active, Event::Answer, frame);

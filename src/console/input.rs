@@ -1,0 +1,88 @@
+//! What is typed or piped in, as lines.
+
+use super::editor::{Editor, Event};
+use super::output::Output;
+use super::{Mode, PROMPT};
+use crate::config::{LineBuffer, LineError};
+
+/// Where lines are put together.
+// There is one in a session, and the larger one is the one that boards have.
+#[allow(clippy::large_enum_variant)]
+pub(super) enum Input {
+    /// By a person at a terminal.
+    Keys(Editor),
+    /// Out of lines of text.
+    Text(LineBuffer),
+}
+
+/// What a byte made of the line.
+pub(super) enum Typed {
+    /// It is not ended.
+    More,
+    /// It is to be run.
+    Line,
+    /// It cannot be run.
+    Wrong(LineError),
+    /// The word at the cursor is to be completed.
+    Complete,
+    /// The session shall end.
+    Leave,
+}
+
+impl Input {
+    pub(super) fn new(mode: Mode) -> Self {
+        match mode {
+            Mode::Echo => Self::Keys(Editor::new(PROMPT)),
+            Mode::Plain => Self::Text(LineBuffer::default()),
+        }
+    }
+
+    /// Starts an empty line.
+    pub(super) fn start(&mut self, out: &mut Output) {
+        match self {
+            Self::Keys(editor) => {
+                editor.start();
+                editor.echo_to(out);
+            }
+            Self::Text(line) => line.clear(),
+        }
+    }
+
+    /// Takes a byte.
+    pub(super) fn feed(&mut self, byte: u8, out: &mut Output) -> Typed {
+        match self {
+            Self::Keys(editor) => {
+                let event = editor.feed(byte);
+                editor.echo_to(out);
+                match event {
+                    Event::Editing => Typed::More,
+                    Event::Line => Typed::Line,
+                    Event::LineTooLong => Typed::Wrong(LineError::too_long()),
+                    Event::Complete => Typed::Complete,
+                    Event::Leave => Typed::Leave,
+                }
+            }
+            Self::Text(line) => match line.feed(byte) {
+                true => line.text().err().map_or(Typed::Line, Typed::Wrong),
+                false => Typed::More,
+            },
+        }
+    }
+
+    /// The input has ended.
+    pub(super) fn end(&mut self, out: &mut Output) -> Typed {
+        match self {
+            Self::Keys(_) => Typed::Leave,
+            // The last line may lack its end.
+            Self::Text(_) => self.feed(b'\n', out),
+        }
+    }
+
+    /// The line that is to be run.
+    pub(super) fn line(&self) -> &str {
+        match self {
+            Self::Keys(editor) => editor.line(),
+            Self::Text(line) => line.text().unwrap_or_default(),
+        }
+    }
+}

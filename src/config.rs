@@ -34,6 +34,7 @@ mod tests;
 
 use heapless::{String, Vec};
 
+pub(crate) use self::address::Endpoint;
 pub use self::address::{Allowed, IpPrefix};
 pub use self::ethercat::{EthercatSettings, OnLoss};
 pub(crate) use self::line::LineBuffer;

@@ -1,10 +1,15 @@
-//! Addresses of peers: prefixes, and lists of those who may ask.
+//! Addresses of peers: prefixes, lists of those who may ask, and how addresses are printed.
 
-use core::net::IpAddr;
+use core::fmt::{self, Display};
+use core::net::{IpAddr, SocketAddr};
 
 use heapless::Vec;
 
 use super::RESERVED_MAX;
+
+/// Whether there are addresses of IPv6. Without the feature `ipv6` settings have none, and no peer comes from one: their
+/// code need not be in an image.
+pub(super) const IPV6: bool = cfg!(feature = "ipv6");
 
 /// Peers that may ask; empty: everybody may.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -34,18 +39,46 @@ pub struct IpPrefix {
 impl IpPrefix {
     /// Whether `peer` lies in the prefix. An IPv4 peer written as IPv6 (`::ffff:a.b.c.d`) counts as IPv4.
     pub fn contains(&self, peer: IpAddr) -> bool {
-        match (self.address.to_canonical(), peer.to_canonical()) {
+        let length = u32::from(self.length);
+        match (canonical(self.address), canonical(peer)) {
             (IpAddr::V4(own), IpAddr::V4(peer)) => {
-                let shift = 32 - u32::from(self.length.min(32));
-                own.to_bits().checked_shr(shift).unwrap_or(0)
-                    == peer.to_bits().checked_shr(shift).unwrap_or(0)
+                (own.to_bits() ^ peer.to_bits()).leading_zeros() >= length.min(32)
             }
-            (IpAddr::V6(own), IpAddr::V6(peer)) => {
-                let shift = 128 - u32::from(self.length.min(128));
-                own.to_bits().checked_shr(shift).unwrap_or(0)
-                    == peer.to_bits().checked_shr(shift).unwrap_or(0)
+            (IpAddr::V6(own), IpAddr::V6(peer)) if IPV6 => {
+                (own.to_bits() ^ peer.to_bits()).leading_zeros() >= length.min(128)
             }
             _ => false,
+        }
+    }
+}
+
+/// `::ffff:a.b.c.d` is how some systems write an IPv4 peer.
+pub(super) fn canonical(address: IpAddr) -> IpAddr {
+    if IPV6 { address.to_canonical() } else { address }
+}
+
+/// `192.168.1.7` for a whole address, `192.168.1.0/24` for a prefix.
+impl Display for IpPrefix {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bits = if self.address.is_ipv4() { 32 } else { 128 };
+        match self.address {
+            IpAddr::V6(address) if IPV6 => write!(f, "{address}"),
+            IpAddr::V6(_) => Ok(()),
+            IpAddr::V4(address) => write!(f, "{address}"),
+        }?;
+        if self.length == bits { Ok(()) } else { write!(f, "/{}", self.length) }
+    }
+}
+
+/// An address with its port number as it is printed: `192.168.1.7:502`, `[::1]:502`.
+pub(crate) struct Endpoint(pub(crate) SocketAddr);
+
+impl Display for Endpoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            SocketAddr::V6(endpoint) if IPV6 => write!(f, "{endpoint}"),
+            SocketAddr::V6(_) => Ok(()),
+            SocketAddr::V4(endpoint) => write!(f, "{}:{}", endpoint.ip(), endpoint.port()),
         }
     }
 }

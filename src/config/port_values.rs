@@ -1,10 +1,10 @@
 //! Values that only ports have: devices, formats, servers, lists of prefixes, what unit ids mean.
 
-use core::net::{IpAddr, SocketAddr};
+use core::net::SocketAddr;
 
 use heapless::{String, Vec};
 
-use super::values::{number, prefix};
+use super::values::{number, parse_endpoint, prefix};
 use super::words::{Word, Words, Wrong};
 use super::{IpPrefix, MODBUS_TCP_PORT, Parity, RESERVED_MAX, Special};
 
@@ -41,17 +41,9 @@ pub(super) fn format(word: Word) -> Result<(u8, Parity, u8), Wrong> {
 
 /// Where a server is: `192.168.1.20:502`, `[fe80::1]:502`; without a port number it is Modbus's own.
 pub(super) fn server(word: Word) -> Result<SocketAddr, Wrong> {
-    let parsed = word.text.parse().ok().or_else(|| {
-        let address: IpAddr = word.text.parse().ok()?;
-        Some(SocketAddr::new(address, MODBUS_TCP_PORT))
-    });
-    // An IPv6 zone would not be printed in the same way on every system.
-    let plain = |server: &SocketAddr| match server {
-        SocketAddr::V4(_) => true,
-        SocketAddr::V6(server) => server.scope_id() == 0 && server.flowinfo() == 0,
-    };
-    parsed
-        .filter(|server| server.port() != 0 && !server.ip().is_unspecified() && plain(server))
+    parse_endpoint(word.text)
+        .filter(|(address, _)| !address.is_unspecified())
+        .map(|(address, port)| SocketAddr::new(address, port.unwrap_or(MODBUS_TCP_PORT)))
         .ok_or_else(|| word.expected("the address of a server such as 192.168.1.20 or 192.168.1.20:502"))
 }
 

@@ -4,6 +4,7 @@ use core::fmt::{self, Display, Write};
 
 use heapless::String;
 
+use super::address::Endpoint;
 use super::points::PointWords;
 use super::port_keys::UNIT_KEYS;
 use super::values::Time;
@@ -141,7 +142,7 @@ impl Display for PortKind {
                 write!(f, "serial {device} {framing} {side} {}", line.speed())
             }
             Self::TcpServer(settings) => write!(f, "tcp server {}", settings.listen),
-            Self::TcpClient(settings) => write!(f, "tcp client {}", settings.server),
+            Self::TcpClient(settings) => write!(f, "tcp client {}", Endpoint(settings.server)),
             Self::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
             Self::Scanner => f.write_str("scanner"),
             Self::Ethercat(_) => f.write_str("ethercat"),

@@ -1,5 +1,8 @@
 //! The line language as its users meet it: what is accepted, and what each error says.
 
+// Only a gateway that was built without them has none.
+#[cfg(not(feature = "points"))]
+mod no_points;
 mod properties;
 
 extern crate std;

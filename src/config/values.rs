@@ -1,11 +1,12 @@
 //! Values inside a line: numbers, times, names, addresses.
 
 use core::fmt;
-use core::net::IpAddr;
+use core::net::{IpAddr, SocketAddr};
 use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
 
+use super::address::{Endpoint, IPV6, canonical};
 use super::problem::Problem;
 use super::words::{Word, Wrong};
 use super::{IpPrefix, Name, TcpListen};
@@ -143,35 +144,47 @@ fn parse_prefix(text: &str) -> Option<IpPrefix> {
         Some((address, length)) => (address, Some(parse_number(length)?)),
         None => (text, None),
     };
-    let address: IpAddr = address.parse().ok()?;
+    let address = parse_address(address)?;
     let bits = if address.is_ipv4() { 32 } else { 128 };
     let length = length.unwrap_or(bits);
     if length > bits {
         return None;
     }
-    // `::ffff:a.b.c.d` is how some systems write an IPv4 peer.
-    match address.to_canonical() {
+    match canonical(address) {
         IpAddr::V4(v4) => {
             let length = if bits == 128 { length.checked_sub(96)? } else { length };
             let mask = u32::MAX.checked_shl(32 - length).unwrap_or(0);
             let address = core::net::Ipv4Addr::from_bits(v4.to_bits() & mask);
             Some(IpPrefix { address: IpAddr::V4(address), length: length as u8 })
         }
-        IpAddr::V6(v6) => {
+        IpAddr::V6(v6) if IPV6 => {
             let mask = u128::MAX.checked_shl(128 - length).unwrap_or(0);
             let address = core::net::Ipv6Addr::from_bits(v6.to_bits() & mask);
             Some(IpPrefix { address: IpAddr::V6(address), length: length as u8 })
         }
+        IpAddr::V6(_) => None,
     }
 }
 
-/// `192.168.1.7` for a whole address, `192.168.1.0/24` for a prefix.
-impl fmt::Display for IpPrefix {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let bits = if self.address.is_ipv4() { 32 } else { 128 };
-        write!(f, "{}", self.address)?;
-        if self.length == bits { Ok(()) } else { write!(f, "/{}", self.length) }
+fn parse_address(text: &str) -> Option<IpAddr> {
+    if IPV6 { text.parse().ok() } else { text.parse().ok().map(IpAddr::V4) }
+}
+
+/// `192.168.1.20:502`, `[fe80::1]:502`, or an address alone.
+pub(super) fn parse_endpoint(text: &str) -> Option<(IpAddr, Option<u16>)> {
+    if let Some(address) = parse_address(text) {
+        return Some((address, None));
     }
+    let (address, port) = text.rsplit_once(':')?;
+    let address = match address.strip_prefix('[').and_then(|address| address.strip_suffix(']')) {
+        Some(v6) if IPV6 => IpAddr::V6(v6.parse().ok()?),
+        _ => IpAddr::V4(address.parse().ok()?),
+    };
+    Some((address, Some(port_number(port)?)))
+}
+
+fn port_number(text: &str) -> Option<u16> {
+    parse_number(text).and_then(|port| u16::try_from(port).ok()).filter(|&port| port != 0)
 }
 
 /// Where a server listens: `502`, `127.0.0.1:5020`, `[::1]:502`.
@@ -181,26 +194,18 @@ pub(super) fn listen(word: Word) -> Result<TcpListen, Wrong> {
 }
 
 fn parse_listen(text: &str) -> Option<TcpListen> {
-    let (address, port) = match text.rsplit_once(':') {
-        Some((address, port)) => (Some(address), port),
-        None => (None, text),
-    };
-    let address = match address
-        .map(|text| text.strip_prefix('[').and_then(|text| text.strip_suffix(']')).ok_or(text))
-    {
-        Some(Ok(v6)) => Some(IpAddr::V6(v6.parse().ok()?)),
-        Some(Err(v4)) => Some(IpAddr::V4(v4.parse().ok()?)),
-        None => None,
-    };
-    let port = parse_number(port).and_then(|port| u16::try_from(port).ok()).filter(|&port| port != 0)?;
-    Some(TcpListen { address, port })
+    if let Some(port) = port_number(text) {
+        return Some(TcpListen { address: None, port });
+    }
+    let (address, port) = parse_endpoint(text)?;
+    Some(TcpListen { address: Some(address), port: port? })
 }
 
 impl fmt::Display for TcpListen {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.address {
             None => write!(f, "{}", self.port),
-            Some(address) => write!(f, "{}", core::net::SocketAddr::new(address, self.port)),
+            Some(address) => Endpoint(SocketAddr::new(address, self.port)).fmt(f),
         }
     }
 }

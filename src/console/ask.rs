@@ -39,7 +39,7 @@ impl Session<'_, '_> {
     /// Asks what the words say.
     pub(super) fn ask(&mut self, ask: Ask, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
         let (question, port) =
-            self.gateway.settings(|settings| parse(settings, ask, words, &mut self.request))?;
+            self.gateway.settings(|settings| parse(settings, ask, words, &mut self.pdu))?;
         if let Err(error) = self.take_turn(port) {
             return Ok(self.fail(&error));
         }
@@ -57,7 +57,7 @@ impl Question {
             Came::Answer(Err(error)) => return session.fail(&error),
             Came::Answer(Ok(took)) => {
                 let took = Time(Duration::from_micros(took.as_micros()));
-                match *session.answer {
+                match *session.pdu {
                     [function, code] if function & EXCEPTION_BIT != 0 => {
                         session.out.line(format_args!("unit {unit}: {} after {took}", Exception(code)));
                         return Wait::End;
@@ -69,7 +69,7 @@ impl Question {
                     }
                 }
                 if self.value.registers() == 2 {
-                    self.order.turn(session.answer.get_mut(2..).unwrap_or_default());
+                    self.order.turn(session.pdu.get_mut(2..).unwrap_or_default());
                 }
             }
             _ => {}
@@ -86,7 +86,7 @@ impl Question {
         self.shown = range.end;
         let step = if self.kind.is_bits() { 1 } else { usize::from(self.value.registers()) };
         let address = usize::from(self.first) + at * step;
-        let cells = session.answer.get(2..).unwrap_or_default();
+        let cells = session.pdu.get(2..).unwrap_or_default();
         let values = Values { kind: self.kind, value: self.value, cells, range };
         session.out.line(format_args!("[{address}]{values}"));
         Wait::Sent

@@ -7,7 +7,9 @@ use embassy_time::{Duration, Instant};
 use heapless::String;
 
 use crate::capture::FrameKind;
-use crate::config::{DEVICE_BYTES_MAX, PortId, PortKind, Settings, StreamFraming, Time, is_implied};
+use crate::config::{
+    DEVICE_BYTES_MAX, Endpoint, PortId, PortKind, Settings, StreamFraming, Time, is_implied,
+};
 use crate::gateway::{Gateway, Status};
 use crate::port::units::Unit;
 use crate::route::{Policy, Route};
@@ -105,7 +107,7 @@ pub(super) fn describe(kind: &PortKind) -> (Cell, Cell, Cell) {
             text(format_args!("{}", serial.line.speed())),
         ),
         PortKind::TcpServer(server) => tcp("tcp server", &server.listen, server.framing),
-        PortKind::TcpClient(client) => tcp("tcp client", &client.server, client.framing),
+        PortKind::TcpClient(client) => tcp("tcp client", &Endpoint(client.server), client.framing),
         PortKind::UdpServer(server) => {
             (text(format_args!("udp server")), text(format_args!("{}", server.listen)), Cell::new())
         }

@@ -9,7 +9,7 @@ use super::output::{NO_ROW, Written};
 use super::points;
 use super::rows::{LogRow, Row, StatusText, Troubles, age, describe, state, text, took};
 use super::session::Session;
-use crate::config::{Port, PortId, PortKind, Settings, Side, write_line};
+use crate::config::{Endpoint, Port, PortId, PortKind, Settings, Side, write_line};
 use crate::gateway::{Gateway, PortAt};
 use crate::hal::{NetworkState, System};
 use crate::port::ethercat::{EthercatPlace, LineWriter};
@@ -168,7 +168,7 @@ fn client(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writ
     let state = gateway.seats().get(nth)?.state();
     let (Some(port), Some(peer)) = (state.port, state.peer) else { return NO_ROW };
     let port = settings.name(port);
-    let peer = text(format_args!("{peer}"));
+    let peer = text(format_args!("{}", Endpoint(peer)));
     let (since, quiet) = (age(state.since, now), age(state.last_request, now));
     let (open, requests) = (state.open_requests, state.requests);
     let place = if state.marked { "reserved" } else { "ordinary" };

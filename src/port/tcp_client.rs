@@ -12,7 +12,7 @@ use core::pin::pin;
 
 use embassy_time::{Duration, Instant, with_deadline, with_timeout};
 
-use crate::config::TcpClientSettings;
+use crate::config::{Endpoint, TcpClientSettings};
 use crate::gateway::Status;
 use crate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream};
 use crate::port::desk::Desk;
@@ -54,7 +54,7 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
             let error = match with_deadline(give_up, connector.connect(settings.server)).await {
                 Ok(Ok(stream)) => {
                     if place.set_status(Status::Open) {
-                        log_info!("connected to {}", settings.server);
+                        log_info!("connected to {}", Endpoint(settings.server));
                     }
                     place.stats.count(Event::Connected);
                     place.socket.opened();
@@ -86,7 +86,7 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
         }
         desk.close();
         if place.set_status(Status::Failed(error)) {
-            log_warn!("no connection to {}: {}", settings.server, error);
+            log_warn!("no connection to {}: {}", Endpoint(settings.server), error);
         }
         desk.pause(pause).await;
         pause = (pause * 2).min(RETRY_LONGEST);

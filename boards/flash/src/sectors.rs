@@ -31,19 +31,23 @@ impl<F: NorFlash> Sectors<F> {
     /// Bytes of a sector that are left.
     const SECTOR_BYTES: usize = F::ERASE_SIZE - MARKS_BYTES;
 
-    /// The two sectors at `start` of `flash`. What a power cut left half erased, or what was never used, is erased first.
-    pub async fn open(flash: F, start: u32) -> Result<Self, F::Error> {
+    /// The two sectors at `start` of `flash`.
+    pub const fn new(flash: F, start: u32) -> Self {
         const { assert!(MARK_BYTES.is_multiple_of(F::WRITE_SIZE), "a mark is whole flash words") };
         const { assert!(F::ERASE_SIZE.is_power_of_two() && F::ERASE_SIZE > 4 * MARKS_BYTES) };
-        let mut sectors = Self { flash, start };
+        Self { flash, start }
+    }
+
+    /// Erases what a power cut left half erased, and what was never used. It comes before all else.
+    pub async fn prepare(&mut self) -> Result<(), F::Error> {
         for index in 0..SECTORS {
             let mut marks = [0; MARKS_BYTES];
-            sectors.flash.read(sectors.base(index), &mut marks).await?;
+            self.flash.read(self.base(index), &mut marks).await?;
             if !is_good(&marks) {
-                sectors.erase_sector(index).await?;
+                self.erase_sector(index).await?;
             }
         }
-        Ok(sectors)
+        Ok(())
     }
 
     /// Where the sector begins in the flash.

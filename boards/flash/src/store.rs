@@ -65,21 +65,25 @@ struct Next {
 }
 
 impl<F: NorFlash> FlashStore<F> {
-    /// The store in the two sectors at `start` of `flash`. Finishes what a power cut interrupted.
-    pub async fn open(flash: F, start: u32) -> Result<Self, StoreError> {
-        let sectors = Sectors::open(flash, start).await.map_err(|_| StoreError::Failed)?;
+    /// The store in the two sectors at `start` of `flash`. Finishes what a power cut interrupted. Of a flash that fails
+    /// there is nothing to be read, and nothing is written to it until the next start.
+    pub async fn open(flash: F, start: u32) -> Self {
+        let mut sectors = Sectors::new(flash, start);
+        let prepared = sectors.prepare().await;
         let states = ArrayPageStates::new();
         let finder = Cache::new(states, ArrayPagePointers::new(), ArrayKeyPointers::new());
         let config = const { MapConfig::new(0..SECTORS * <Sectors<F> as NorFlash>::ERASE_SIZE as u32) };
         let mut store = Self {
             map: MapStorage::new(sectors, config, finder),
-            head: Ok(None),
+            head: Err(StoreError::Failed),
             buffer: [0; KEY_BYTES + PIECE_BYTES],
             next: None,
             piece: [0; PIECE_BYTES],
         };
-        store.head = store.find_head().await;
-        Ok(store)
+        if prepared.is_ok() {
+            store.head = store.find_head().await;
+        }
+        store
     }
 
     /// Forgets a version that was begun and not committed.

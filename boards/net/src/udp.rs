@@ -9,21 +9,23 @@ use mobgate::hal::{self, OpenError, OpenErrorKind, SocketLost, UdpHost};
 use crate::pool::{Lease, Sockets};
 use crate::tcp::{address, endpoint};
 
-/// Datagrams that a socket holds of each direction, as far as its buffer has room.
-const DATAGRAMS_MAX: usize = 4;
+/// Datagrams that a socket holds until they are received, as far as its buffer has room.
+const RECEIVED_MAX: usize = 4;
+/// Answers that wait for the network; the next one waits for them.
+const TO_SEND_MAX: usize = 2;
 
 /// Opens a UDP socket; every port has one of these.
 pub struct Datagrams {
     sockets: &'static Sockets,
-    received: [PacketMetadata; DATAGRAMS_MAX],
-    to_send: [PacketMetadata; DATAGRAMS_MAX],
+    received: [PacketMetadata; RECEIVED_MAX],
+    to_send: [PacketMetadata; TO_SEND_MAX],
 }
 
 impl Datagrams {
     /// Takes its socket from `sockets`.
     pub const fn new(sockets: &'static Sockets) -> Self {
-        let none = [PacketMetadata::EMPTY; DATAGRAMS_MAX];
-        Self { sockets, received: none, to_send: none }
+        let none = PacketMetadata::EMPTY;
+        Self { sockets, received: [none; RECEIVED_MAX], to_send: [none; TO_SEND_MAX] }
     }
 }
 

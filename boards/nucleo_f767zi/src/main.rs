@@ -55,20 +55,20 @@ async fn main(spawner: Spawner) {
     let forget = lights.button_is_held(&Input::new(p.PC13, Pull::Down)).await;
 
     let [ring1, ring2, ring3, ring4, ring5] = RINGS.take();
-    let setup = Uart::new_blocking_with_de(p.USART2, p.PD6, p.PD5, p.PD4, Serial::default()).unwrap();
+    let setup = Uart::new_blocking_with_de(p.USART2, p.PD6, p.PD5, p.PD4, Serial::default());
     let dma = Dma::new::<p::USART2, _, _>(p.DMA1_CH5, p.DMA1_CH6, Interrupts);
     let one = Line::new(0, setup, pac::USART2, dma, None, ring1);
-    let setup = Uart::new_blocking_with_de(p.USART6, p.PC7, p.PC6, p.PG12, Serial::default()).unwrap();
+    let setup = Uart::new_blocking_with_de(p.USART6, p.PC7, p.PC6, p.PG12, Serial::default());
     let dma = Dma::new::<p::USART6, _, _>(p.DMA2_CH1, p.DMA2_CH6, Interrupts);
     let two = Line::new(1, setup, pac::USART6, dma, None, ring2);
-    let setup = Uart::new_blocking_with_de(p.UART4, p.PC11, p.PC10, p.PA15, Serial::default()).unwrap();
+    let setup = Uart::new_blocking_with_de(p.UART4, p.PC11, p.PC10, p.PA15, Serial::default());
     let dma = Dma::new::<p::UART4, _, _>(p.DMA1_CH2, p.DMA1_CH4, Interrupts);
     let three = Line::new(2, setup, pac::UART4, dma, None, ring3);
-    let setup = Uart::new_blocking_with_de(p.UART5, p.PD2, p.PC12, p.PC8, Serial::default()).unwrap();
+    let setup = Uart::new_blocking_with_de(p.UART5, p.PD2, p.PC12, p.PC8, Serial::default());
     let dma = Dma::new::<p::UART5, _, _>(p.DMA1_CH0, p.DMA1_CH7, Interrupts);
     let four = Line::new(3, setup, pac::UART5, dma, None, ring4);
     let lines = Lines(LINES.init([one, two, three, four].map(Place::new)));
-    let setup = Uart::new_blocking(p.USART3, p.PD9, p.PD8, Serial::default()).unwrap();
+    let setup = Uart::new_blocking(p.USART3, p.PD9, p.PD8, Serial::default());
     let dma = Dma::new::<p::USART3, _, _>(p.DMA1_CH1, p.DMA1_CH3, Interrupts);
     let terminal = Line::new(4, setup, pac::USART3, dma, None, ring5);
 

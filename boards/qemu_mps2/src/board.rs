@@ -42,7 +42,7 @@ pub(crate) type Store = SharedStore<'static, NoopRawMutex, FileFlash>;
 pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
     static STORE: StaticCell<Mutex<NoopRawMutex, FlashStore<FileFlash>>> = StaticCell::new();
     let flash = FileFlash::open().expect("a file for the flash: see boards/qemu_mps2/emulate");
-    let store = block_on(FlashStore::open(flash, 0)).expect("a flash that can be read and written");
+    let store = block_on(FlashStore::open(flash, 0));
     let mut store = SharedStore::new(STORE.init(Mutex::new(store)));
     match block_on(drafting::load(gateway, &mut store)) {
         Ok(1..) => return store,

@@ -3,12 +3,10 @@
 use core::pin::pin;
 
 use embassy_executor::Spawner;
-use embassy_futures::join::join;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use mobgate::config::{LineSettings, Parity};
 use mobgate::console::{self, Mode};
-use mobgate::hal::{Store, StoreError};
 use mobgate_flash::{FlashStore, SharedStore};
 
 use crate::flash::{SETTINGS_START, SettingsFlash};
@@ -35,47 +33,25 @@ async fn serve(board: &mut Board, line: &mut Line, flash: SettingsFlash, forget:
     // It is a format that every chip has.
     // The kind tells enough: its hint as text would bring the tables of Unicode, 3 KiB, into the image.
     line.configure(&LINE).map_err(|error| error.kind).unwrap();
-    let flash = FlashStore::open(flash, SETTINGS_START).await.map(Mutex::new);
-    let mut store = Settings::of(&flash);
+    // A flash that failed leaves the console running: the store says so.
+    let flash = Mutex::<NoopRawMutex, _>::new(FlashStore::open(flash, SETTINGS_START).await);
+    let mut store = SharedStore::new(&flash);
     board.settings = start::settings(&mut store, forget).await.err();
     if let Some(problem) = &board.settings {
         defmt::warn!("settings: {}", defmt::Display2Format(problem));
     }
-    // An EtherCAT MainDevice may want them saved too.
-    let mut kept = Settings::of(&flash);
-    let sessions = async {
+    let sessions = pin!(async {
         loop {
             // A line never ends; `exit` begins a new session.
             let _ = console::run(gateway(), &mut *line, &mut store, &*board, Mode::Echo).await;
-            store = Settings::of(&flash);
+            store = SharedStore::new(&flash);
         }
-    };
-    join(gateway().keep_settings(&mut kept), sessions).await;
-}
-
-/// A handle of the store, or why there is none: a flash that failed leaves the console running.
-struct Settings<'a>(Result<SharedStore<'a, NoopRawMutex, SettingsFlash>, StoreError>);
-
-impl<'a> Settings<'a> {
-    fn of(flash: &'a Result<Mutex<NoopRawMutex, FlashStore<SettingsFlash>>, StoreError>) -> Self {
-        Self(flash.as_ref().map(SharedStore::new).map_err(|error| *error))
-    }
-
-    fn store(&mut self) -> Result<&mut SharedStore<'a, NoopRawMutex, SettingsFlash>, StoreError> {
-        self.0.as_mut().map_err(|error| *error)
-    }
-}
-
-impl Store for Settings<'_> {
-    async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
-        self.store()?.read(offset, into).await
-    }
-
-    async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
-        self.store()?.append(text).await
-    }
-
-    async fn commit(&mut self) -> Result<(), StoreError> {
-        self.store()?.commit().await
-    }
+    });
+    // An EtherCAT MainDevice may want them saved too. In an image without EtherCAT that would end at once, but its code and its memory
+    // would stay.
+    #[cfg(feature = "ethercat")]
+    let mut kept = SharedStore::new(&flash);
+    #[cfg(feature = "ethercat")]
+    let sessions = embassy_futures::join::join(pin!(gateway().keep_settings(&mut kept)), sessions);
+    sessions.await;
 }

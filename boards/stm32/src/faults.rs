@@ -1,5 +1,6 @@
 //! A panic or a fault: its words are kept for `show log`, and the board starts again.
 
+use core::arch::asm;
 use core::panic::PanicInfo;
 
 use cortex_m::peripheral::SCB;
@@ -18,4 +19,12 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     note(format_args!("{}", Fault(frame)));
     SCB::sys_reset()
+}
+
+/// A panic of embassy's drivers, which tell defmt and nobody else where they are. The fault's record has the address that
+/// this was called from.
+#[defmt::panic_handler]
+fn driver_panic() -> ! {
+    // SAFETY: an undefined instruction is a fault, which does not return.
+    unsafe { asm!("udf #0", options(noreturn)) }
 }

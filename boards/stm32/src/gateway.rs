@@ -10,6 +10,7 @@ use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate_board::liveness::Liveness;
 use mobgate_net::{Connector, Datagrams, TcpSockets};
+use static_cell::StaticCell;
 
 use crate::lines::Lines;
 use crate::network::Network;
@@ -29,7 +30,8 @@ const FRAMES: usize = RESERVED + 15;
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
 static PORT_PLACES: Ports<PORTS> = Ports::new();
-static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
+/// Made at the start: a seat that nobody has is not all zeros, and a static of them would lie in the flash as well.
+static SEAT_PLACES: StaticCell<[Seat; SEATS]> = StaticCell::new();
 // Images without it are smaller, see Cargo.toml.
 #[cfg(feature = "ethercat")]
 static CAPTURE: mobgate::capture::Capture = mobgate::capture::Capture::new();
@@ -39,7 +41,8 @@ static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
 /// The gateway.
 pub(crate) fn gateway() -> &'static Gateway<'static> {
     GATEWAY.get_or_init(|| {
-        let gateway = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network();
+        let seats = SEAT_PLACES.init_with(|| [const { Seat::new() }; SEATS]);
+        let gateway = Gateway::new(&POOL, &PORT_PLACES, seats).with_own_network();
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "ethercat")]
         let gateway = crate::ethercat::join(gateway).with_capture(&CAPTURE);

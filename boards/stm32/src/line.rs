@@ -20,7 +20,7 @@ use embassy_stm32::gpio::Output;
 use embassy_stm32::interrupt::typelevel::{Binding, Handler, Interrupt};
 use embassy_stm32::mode::Blocking;
 use embassy_stm32::pac::usart::Usart;
-use embassy_stm32::usart::{Config, DataBits, Instance, Parity, RxDma, StopBits, TxDma, Uart};
+use embassy_stm32::usart::{Config, ConfigError, DataBits, Instance, Parity, RxDma, StopBits, TxDma, Uart};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::waitqueue::AtomicWaker;
@@ -153,11 +153,11 @@ impl Dma {
 }
 
 impl Line {
-    /// Line number `number`, whose interrupt is bound to [`LineInterrupt`] of the same number. `driver` is the pin that
-    /// switches the transceiver, where `setup` has none.
+    /// Line number `number`, whose interrupt is bound to [`LineInterrupt`] of the same number. `setup` is with the default
+    /// configuration, which every UART has. `driver` is the pin that switches the transceiver, where `setup` has none.
     pub fn new(
         number: usize,
-        setup: Uart<'static, Blocking>,
+        setup: Result<Uart<'static, Blocking>, ConfigError>,
         uart: Usart,
         dma: Dma,
         driver: Option<Output<'static>>,
@@ -171,7 +171,7 @@ impl Line {
         let mut ring = unsafe { ReadableRingBuffer::new(channel, request, from, ring, Default::default()) };
         ring.start();
         let (transmit, request) = dma.transmit;
-        Self { setup, uart, shift, ring, transmit, request, mask: u8::MAX }
+        Self { setup: setup.unwrap(), uart, shift, ring, transmit, request, mask: u8::MAX }
     }
 
     /// Sets speed, character format and the driver's times, and forgets what was received before.

@@ -26,8 +26,8 @@ pub type Packets = PacketQueue<PACKETS_OUT, PACKETS>;
 
 /// Sockets at a time: accepted connections, made ones and UDP.
 const SOCKETS: usize = SEATS + CONNECTIONS_OUT;
-/// Half for each direction. A Modbus TCP frame has 260 bytes at most.
-const SOCKET_BYTES: usize = 528;
+/// Half for each direction: the longest frame of Modbus TCP.
+const SOCKET_BYTES: usize = 2 * 260;
 
 static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
     ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);

@@ -25,7 +25,7 @@ pub struct Tally {
 ///
 /// `open` opens the store in a flash, as at a start. `saves` is how many texts were saved before.
 pub fn sweep<S: Store, const WORD: usize, const SECTOR: usize>(
-    open: impl AsyncFn(SimFlash<WORD, SECTOR>) -> Result<S, StoreError>,
+    open: impl AsyncFn(SimFlash<WORD, SECTOR>) -> S,
     saves: usize,
     (old, new): (&[u8], &[u8]),
     seed: u64,
@@ -71,11 +71,11 @@ pub fn text(length: usize, seed: u64) -> Vec<u8> {
 }
 
 async fn save<S: Store, const WORD: usize, const SECTOR: usize>(
-    open: &impl AsyncFn(SimFlash<WORD, SECTOR>) -> Result<S, StoreError>,
+    open: &impl AsyncFn(SimFlash<WORD, SECTOR>) -> S,
     flash: &SimFlash<WORD, SECTOR>,
     text: &[u8],
 ) -> Result<(), StoreError> {
-    let mut store = open(flash.clone()).await?;
+    let mut store = open(flash.clone()).await;
     // In lines of some length, as settings are.
     for line in text.chunks(61) {
         store.append(line).await?;
@@ -84,10 +84,10 @@ async fn save<S: Store, const WORD: usize, const SECTOR: usize>(
 }
 
 async fn load<S: Store, const WORD: usize, const SECTOR: usize>(
-    open: &impl AsyncFn(SimFlash<WORD, SECTOR>) -> Result<S, StoreError>,
+    open: &impl AsyncFn(SimFlash<WORD, SECTOR>) -> S,
     flash: &SimFlash<WORD, SECTOR>,
 ) -> Result<Vec<u8>, StoreError> {
-    let mut store = open(flash.clone()).await?;
+    let mut store = open(flash.clone()).await;
     let (mut text, mut chunk) = (Vec::new(), [0; 64]);
     loop {
         match store.read(text.len(), &mut chunk).await? {

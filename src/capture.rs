@@ -30,6 +30,9 @@ pub const FRAMES_MAX: usize = if cfg!(feature = "small") { 32 } else { 64 };
 /// Bytes of them all.
 pub const BYTES_MAX: usize = if cfg!(feature = "small") { 1_024 } else { 2_048 };
 
+/// Bytes of one frame, where frames are kept.
+const FRAME_BYTES_MAX: usize = if CAPTURE { FRAME_CHARS_MAX } else { 0 };
+
 /// How a frame is framed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameKind {
@@ -68,7 +71,7 @@ pub struct Captured {
     /// What is known of it.
     pub head: Head,
     /// What was on the wire.
-    pub bytes: Vec<u8, FRAME_CHARS_MAX>,
+    pub bytes: Vec<u8, FRAME_BYTES_MAX>,
     /// Frames between this one and the one that was looked at before, which are lost.
     pub missed: u32,
 }

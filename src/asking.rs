@@ -155,8 +155,8 @@ impl Turn<'_, '_> {
         self.gateway.asking.outcome.lock(Cell::get)
     }
 
-    /// Asks `unit` and says how long its answer took, which goes into `answer`. The port spares no unit that is down.
-    pub(crate) async fn ask(&self, unit: u8, request: &[u8], answer: &mut Pdu) -> Result<Duration, NotAsked> {
+    /// Asks `unit` what `pdu` says, where its answer goes, and says how long that took. The port spares no unit that is down.
+    pub(crate) async fn ask(&self, unit: u8, pdu: &mut Pdu) -> Result<Duration, NotAsked> {
         let Self { gateway, port } = *self;
         let generation = gateway.asking.generation.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
         gateway.asking.outcome.lock(|last| last.set(None));
@@ -166,7 +166,7 @@ impl Turn<'_, '_> {
         let asked = Envelope { destination: Some(port), paced: true, ..asked };
         // A request is no longer than a PDU may be.
         let frame = loop {
-            match gateway.pool().fill(usize::MAX, request, asked) {
+            match gateway.pool().fill(usize::MAX, pdu, asked) {
                 Some(frame) => break frame,
                 None if Instant::now() > give_up => return Err(NotAsked::NoFrame),
                 None => Timer::after(FRAME_PAUSE).await,
@@ -180,9 +180,9 @@ impl Turn<'_, '_> {
             if envelope.origin.generation != generation {
                 continue;
             }
-            answer.clear();
+            pdu.clear();
             // It has room for every PDU.
-            answered.pdu(|pdu| answer.extend_from_slice(pdu).unwrap_or_default());
+            answered.pdu(|answer| pdu.extend_from_slice(answer).unwrap_or_default());
             return match envelope.stage {
                 Stage::Answer => Ok(now.elapsed()),
                 _ => Err(NotAsked::Broadcast),

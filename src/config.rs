@@ -62,7 +62,7 @@ pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
 pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
-pub(crate) use self::values::{number, parse_number, time};
+pub(crate) use self::values::{medium, number, parse_number, small, time};
 pub(crate) use self::words::{Word, Words, Wrong};
 use crate::route::{Destination, Route};
 use crate::scanner::{DEVICES_MAX, POINTS};

@@ -86,33 +86,24 @@ where
             Came::Key(*key)
         } else {
             stream.flush().await?;
+            // Not in a function: it would keep a second place for what it is given.
+            let mut work = pin!(work(&mut console, store, wait));
             let into = if is_idle { &mut chunk[..] } else { &mut stop[..] };
-            first(&mut stream, into, wait, work(&mut console, store, wait)).await?
+            let mut listens = wait.listens();
+            loop {
+                let read = async { if listens { stream.read(into).await } else { pending().await } };
+                match select(read, work.as_mut()).await {
+                    Either::Second(came) => break came,
+                    // Nobody can stop it any more, but somebody may read what comes of it.
+                    Either::First(Ok(0)) if matches!(wait, Wait::Answer { .. }) => listens = false,
+                    Either::First(read) => break Came::Typed(read?),
+                }
+            }
         };
         match (wait, came) {
             (Wait::Exit, _) => return Ok(()),
             (Wait::Key, Came::Typed(count @ 1..)) => keys = 0..count,
             _ => wait = console.step(came),
-        }
-    }
-}
-
-/// What comes first: what `work` brings, or what is typed, as far as it matters.
-async fn first<IO: Read>(
-    stream: &mut IO,
-    into: &mut [u8],
-    wait: Wait,
-    work: impl Future<Output = Came>,
-) -> Result<Came, IO::Error> {
-    let mut work = pin!(work);
-    let mut listens = wait.listens();
-    loop {
-        let read = async { if listens { stream.read(into).await } else { pending().await } };
-        match select(read, work.as_mut()).await {
-            Either::Second(came) => return Ok(came),
-            // Nobody can stop it any more, but somebody may read what comes of it.
-            Either::First(Ok(0)) if matches!(wait, Wait::Answer { .. }) => listens = false,
-            Either::First(read) => return read.map(Came::Typed),
         }
     }
 }
@@ -126,7 +117,7 @@ async fn work<S: Store>(console: &mut Console<'_, '_>, store: &mut S, wait: Wait
         Wait::Pause(time) | Wait::Rest(time) => Timer::after(time).await,
         Wait::Answer { .. } => {
             if let Some(turn) = &session.turn {
-                return Came::Answer(turn.ask(session.unit, &session.request, &mut session.answer).await);
+                return Came::Answer(turn.ask(session.unit, &mut session.pdu).await);
             }
         }
         Wait::Open { line, timeout, alone } => {

@@ -23,9 +23,11 @@ use crate::route::Sharing;
 
 mod channel;
 mod envelope;
+mod errand;
 
 pub use self::channel::Channel;
 pub use self::envelope::{Cause, Envelope, Origin, Stage, Way};
+pub(crate) use self::errand::Errand;
 
 /// How far a frame's PDU is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,6 +45,7 @@ pub struct Slot(Mutex<CriticalSectionRawMutex, RefCell<SlotState>>);
 
 struct SlotState {
     envelope: Option<Envelope>,
+    errand: Errand,
     pdu: [u8; PDU_BYTES_MAX],
     length: u8,
     /// How long the PDU will be, once that is known; else 0.
@@ -66,6 +69,7 @@ impl Slot {
     pub const fn new() -> Self {
         Self(Mutex::new(RefCell::new(SlotState {
             envelope: None,
+            errand: Errand::NONE,
             pdu: [0; PDU_BYTES_MAX],
             length: 0,
             expected: 0,
@@ -259,6 +263,25 @@ impl<'p> Frame<'p> {
     /// Notes what is behind the exception that the request is going to get.
     pub fn blame(&self, cause: Cause) {
         self.amend(|envelope| envelope.cause = cause);
+    }
+
+    /// What the port notes that carries the frame's order out.
+    pub(crate) fn errand(&self) -> Errand {
+        self.with(|slot| slot.errand).unwrap_or(Errand::NONE)
+    }
+
+    /// Changes that.
+    pub(crate) fn amend_errand(&self, change: impl FnOnce(&mut Errand)) {
+        self.with(|slot| change(&mut slot.errand));
+    }
+
+    /// A second handle to the same frame, whose holder notes `errand` of it.
+    pub(crate) fn share_for(&self, errand: Errand) -> Self {
+        self.with(|slot| {
+            slot.errand = errand;
+            slot.handles += 1;
+        });
+        Self { pool: self.pool, index: self.index }
     }
 
     /// Calls `f` with the bytes of the PDU that are there.

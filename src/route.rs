@@ -206,13 +206,13 @@ pub enum Destination {
 
 /// Which function codes a rule lets through: a set over 1 to 127.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Functions([u32; 4]);
+pub struct Functions([u16; 8]);
 
 impl Functions {
     /// Every code.
-    pub const ALL: Self = Self([!1, !0, !0, !0]);
+    pub const ALL: Self = Self([!1, !0, !0, !0, !0, !0, !0, !0]);
     /// No code; add some with [`Functions::with`].
-    pub const NONE: Self = Self([0; 4]);
+    pub const NONE: Self = Self([0; 8]);
     /// Codes that change nothing in the device. Not 43: besides the identification it carries CANopen requests, writes
     /// among them; nor 8, which can restart a device.
     pub const READ_ONLY: Self = Self::NONE
@@ -232,19 +232,19 @@ impl Functions {
     #[must_use]
     pub const fn with(self, function: u8) -> Self {
         let mut words = self.0;
-        words[word(function)] |= 1 << (function % 32);
+        words[word(function)] |= 1 << (function % 16);
         Self(words)
     }
 
     /// Whether `function` is in the set.
     pub const fn contains(&self, function: u8) -> bool {
-        self.0[word(function)] >> (function % 32) & 1 == 1
+        self.0[word(function)] >> (function % 16) & 1 == 1
     }
 }
 
 /// The word of a [`Functions`] that has the bit of `function`; an exception has its function's.
 const fn word(function: u8) -> usize {
-    (function & 0x7f) as usize / 32
+    (function & 0x7f) as usize / 16
 }
 
 /// Rank in a destination's queue.

@@ -78,14 +78,14 @@ pub(crate) fn number(word: Word, what: &'static str, range: RangeInclusive<u32>)
 }
 
 /// [`number`] for settings that are a byte.
-pub(super) fn small(word: Word, what: &'static str, range: RangeInclusive<u8>) -> Result<u8, Wrong> {
+pub(crate) fn small(word: Word, what: &'static str, range: RangeInclusive<u8>) -> Result<u8, Wrong> {
     let (low, high) = (u32::from(*range.start()), u32::from(*range.end()));
     let value = number(word, what, low..=high)?;
     u8::try_from(value).map_err(|_| word.error(Problem::Number { what, low, high }))
 }
 
 /// [`number`] for settings that are two bytes.
-pub(super) fn medium(word: Word, what: &'static str, range: RangeInclusive<u16>) -> Result<u16, Wrong> {
+pub(crate) fn medium(word: Word, what: &'static str, range: RangeInclusive<u16>) -> Result<u16, Wrong> {
     let (low, high) = (u32::from(*range.start()), u32::from(*range.end()));
     let value = number(word, what, low..=high)?;
     u16::try_from(value).map_err(|_| word.error(Problem::Number { what, low, high }))

@@ -7,12 +7,16 @@ use super::probe::harmless;
 use super::rows::{LINE_VALUES_MAX, Values};
 use super::session::{Begun, Session};
 use crate::config::{
-    KINDS, ORDERS, PortId, Problem, Settings, TYPES, Time, Word, Words, Wrong, parse_number,
+    KINDS, ORDERS, PortId, Problem, Settings, TYPES, Time, Word, Words, Wrong, medium, parse_number, small,
 };
 use crate::modbus::Exception;
 use crate::modbus::pdu::function::{DIAGNOSTICS, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS};
 use crate::modbus::pdu::{EXCEPTION_BIT, check_request};
 use crate::scanner::{ByteOrder, Kind, Pdu, ValueType};
+
+/// Function, address and count, and for a write the number of bytes behind them (Application Protocol 6).
+const READ_BYTES: usize = 5;
+const WRITE_HEAD_BYTES: usize = READ_BYTES + 1;
 
 /// What is asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +43,7 @@ impl Session<'_, '_> {
     /// Asks what the words say.
     pub(super) fn ask(&mut self, ask: Ask, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
         let (question, port) =
-            self.gateway.settings(|settings| parse(settings, ask, words, &mut self.request))?;
+            self.gateway.settings(|settings| parse(settings, ask, words, &mut self.pdu))?;
         if let Err(error) = self.take_turn(port) {
             return Ok(self.fail(&error));
         }
@@ -57,7 +61,7 @@ impl Question {
             Came::Answer(Err(error)) => return session.fail(&error),
             Came::Answer(Ok(took)) => {
                 let took = Time(Duration::from_micros(took.as_micros()));
-                match *session.answer {
+                match *session.pdu {
                     [function, code] if function & EXCEPTION_BIT != 0 => {
                         session.out.line(format_args!("unit {unit}: {} after {took}", Exception(code)));
                         return Wait::End;
@@ -69,7 +73,7 @@ impl Question {
                     }
                 }
                 if self.value.registers() == 2 {
-                    self.order.turn(session.answer.get_mut(2..).unwrap_or_default());
+                    self.order.turn(session.pdu.get_mut(2..).unwrap_or_default());
                 }
             }
             _ => {}
@@ -86,7 +90,7 @@ impl Question {
         self.shown = range.end;
         let step = if self.kind.is_bits() { 1 } else { usize::from(self.value.registers()) };
         let address = usize::from(self.first) + at * step;
-        let cells = session.answer.get(2..).unwrap_or_default();
+        let cells = session.pdu.get(2..).unwrap_or_default();
         let values = Values { kind: self.kind, value: self.value, cells, range };
         session.out.line(format_args!("[{address}]{values}"));
         Wait::Sent
@@ -102,7 +106,7 @@ fn parse(
 ) -> Result<(Question, PortId), Wrong> {
     let mut question = Question {
         ask,
-        unit: number(words.take(), "a unit from 0 to 255")?,
+        unit: small(words.take(), "a unit", 0..=u8::MAX)?,
         kind: Kind::Holding,
         first: 0,
         count: 1,
@@ -131,8 +135,11 @@ impl Question {
     /// `holding 100 count 2 as f32`, or `holding 100 as f32 1.5 2`
     fn table(&mut self, words: &Words, request: &mut Pdu) -> Result<(), Wrong> {
         self.kind = words.take().keyword(KINDS, "coil, discrete, input or holding")?;
-        self.first = number(words.take(), "an address from 0 to 65535")?;
-        let mut data = Pdu::new();
+        self.first = medium(words.take(), "an address", 0..=u16::MAX)?;
+        let writes = self.ask == Ask::Write;
+        // The head is filled in when the number of values is known.
+        let head = if writes { WRITE_HEAD_BYTES } else { READ_BYTES };
+        let _ = request.resize(head, 0);
         let mut values = 0;
         while !words.peek().is("via") && !words.peek().is_end() {
             let word = words.take();
@@ -140,66 +147,63 @@ impl Question {
                 self.value = words.take().keyword(TYPES, "u16, i16, u32, i32 or f32")?;
             } else if word.is("order") {
                 self.order = words.take().keyword(ORDERS, "0123, 2301, 1032 or 3210")?;
-            } else if self.ask == Ask::Read && word.is("count") {
-                self.count = number(words.take(), "how many values")?;
-            } else if self.ask == Ask::Write {
-                self.append(&mut data, values, word)?;
+            } else if word.is("count") && !writes {
+                let word = words.take();
+                let count = parse_number(word.text).and_then(|count| u16::try_from(count).ok());
+                self.count = count.ok_or_else(|| word.expected("how many values"))?;
+            } else if writes {
+                self.append(request, values, word)?;
                 values += 1;
             } else {
                 return Err(word.expected("count, as, order or via"));
             }
         }
-        let end = words.peek();
-        if self.ask == Ask::Write {
+        if writes {
             self.count = values;
         }
-        self.put(&data, request).ok_or_else(|| end.expected("what a frame can hold"))
+        self.fill_in(request, head).ok_or_else(|| words.peek().expected("what a frame can hold"))
     }
 
     /// Appends value number `at` of a write.
-    fn append(&self, data: &mut Pdu, at: u16, word: Word<'_>) -> Result<(), Wrong> {
+    fn append(&self, request: &mut Pdu, at: u16, word: Word<'_>) -> Result<(), Wrong> {
         if !self.kind.is_writable() {
             return Err(word.expected("coil or holding: the others cannot be written"));
         }
-        let full = |_| word.expected("no more values than a frame holds");
-        if self.kind.is_bits() {
-            let bit: u8 = number(word, "0 or 1")?;
-            if at.is_multiple_of(8) {
-                data.push(0).map_err(full)?;
+        let has_room = if self.kind.is_bits() {
+            let bit = parse_number(word.text).filter(|bit| *bit <= u8::MAX.into());
+            let bit = u8::from(bit.ok_or_else(|| word.expected("0 or 1"))? != 0) << (at % 8);
+            match request.last_mut() {
+                Some(byte) if !at.is_multiple_of(8) => {
+                    *byte |= bit;
+                    true
+                }
+                _ => request.push(bit).is_ok(),
             }
-            if let Some(byte) = data.last_mut() {
-                *byte |= u8::from(bit != 0) << (at % 8);
+        } else {
+            let value = self.value.parse(word.text);
+            let mut value = value.ok_or_else(|| word.expected("a value of this type"))?;
+            let bytes = 2 * usize::from(self.value.registers());
+            if bytes == 4 {
+                self.order.turn(&mut value);
             }
-            return Ok(());
-        }
-        let mut value = self.value.parse(word.text).ok_or_else(|| word.expected("a value of this type"))?;
-        let bytes = 2 * usize::from(self.value.registers());
-        if bytes == 4 {
-            self.order.turn(&mut value);
-        }
-        data.extend_from_slice(value.get(..bytes).unwrap_or(&[])).map_err(|_| full(0))
+            request.extend_from_slice(value.get(..bytes).unwrap_or(&[])).is_ok()
+        };
+        has_room.then_some(()).ok_or_else(|| word.expected("no more values than a frame holds"))
     }
 
-    /// Puts the `request` for it together, if one frame will do.
-    fn put(&self, data: &[u8], request: &mut Pdu) -> Option<()> {
+    /// Fills in what stands before the values of a `request`, if one frame will do.
+    fn fill_in(&self, request: &mut Pdu, head: usize) -> Option<()> {
         let each = if self.kind.is_bits() { 1 } else { self.value.registers() };
         let cells = self.count.checked_mul(each)?;
-        let writes = self.ask == Ask::Write;
         let function = match self.kind {
-            kind if !writes => kind.read_function(),
+            kind if self.ask == Ask::Read => kind.read_function(),
             Kind::Coil => WRITE_MULTIPLE_COILS,
             _ => WRITE_MULTIPLE_REGISTERS,
         };
         let ([first, first_low], [count, count_low]) = (self.first.to_be_bytes(), cells.to_be_bytes());
-        request.extend_from_slice(&[function, first, first_low, count, count_low]).ok()?;
-        if writes {
-            request.push(data.len() as u8).ok()?;
-            request.extend_from_slice(data).ok()?;
-        }
+        let bytes = (request.len() - head) as u8;
+        let fields = [function, first, first_low, count, count_low, bytes];
+        request.iter_mut().zip(fields).take(head).for_each(|(place, field)| *place = field);
         check_request(request).ok()
     }
-}
-
-fn number<T: TryFrom<u32>>(word: Word<'_>, expected: &'static str) -> Result<T, Wrong> {
-    parse_number(word.text).and_then(|number| T::try_from(number).ok()).ok_or_else(|| word.expected(expected))
 }

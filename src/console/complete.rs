@@ -48,7 +48,7 @@ pub(super) fn complete(before: &str, settings: &Settings) -> Completion {
 /// Calls `each` with every word that could stand for the last word of `before`.
 pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut(&str)) {
     let begun = last_word(before);
-    let mut offer = |word: &str| {
+    let offer: &mut dyn FnMut(&str) = &mut |word| {
         if word.get(..begun.len()).is_some_and(|start| start.eq_ignore_ascii_case(begun)) {
             each(word);
         }
@@ -58,6 +58,10 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
     let verb = words.next();
     let is = |word: &str| verb.is_some_and(|verb| verb.eq_ignore_ascii_case(word));
     let second = words.next().is_none();
+    let is_one_of = |words: &[&str]| words.iter().any(|word| is(word));
+    let ports = |offer: &mut dyn FnMut(&str)| {
+        settings.ports.iter().flatten().for_each(|port| offer(&port.name));
+    };
     if verb.is_none() || (is("help") && second) {
         COMMANDS.iter().for_each(|(word, _)| offer(word));
     } else if is("show") && second {
@@ -66,7 +70,7 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
         TOPICS_CLEAR.iter().for_each(|(word, _)| offer(word));
     } else if is("watch") && second {
         TOPICS_WATCH.iter().for_each(|(word, _)| offer(word));
-    } else if (is("insert") || is("move")) && second {
+    } else if is_one_of(&["insert", "move"]) && second {
         offer("route");
     } else if is("edit") && second {
         ["port", "route"].into_iter().for_each(offer);
@@ -74,19 +78,19 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
         network_words().for_each(offer);
     } else if is("delete") && second {
         ["port", "route", "routes", "device", "point", "slave", "slaves"].into_iter().for_each(offer);
-    } else if ["read", "write", "begin", "finish"].into_iter().any(is) {
+    } else if is_one_of(&["read", "write", "begin", "finish"]) {
         settings.points.iter().for_each(|point| offer(&point.name));
     } else if is("mark") {
         settings.devices.iter().for_each(|device| offer(&device.name));
-    } else if ["device", "point"].into_iter().any(is) {
+    } else if is_one_of(&["device", "point"]) {
         settings.devices.iter().for_each(|device| offer(&device.name));
         settings.points.iter().for_each(|point| offer(&point.name));
         offer("local");
         option_words(&mut |word| offer(word));
-    } else if ["scan", "tune"].into_iter().any(is) && second {
-        settings.ports.iter().flatten().for_each(|port| offer(&port.name));
-    } else if ["port", "route", "edit", "insert", "delete"].into_iter().any(is) {
-        settings.ports.iter().flatten().for_each(|port| offer(&port.name));
+    } else if is_one_of(&["scan", "tune"]) && second {
+        ports(offer);
+    } else if is_one_of(&["port", "route", "edit", "insert", "delete"]) {
+        ports(offer);
         if !second {
             option_words(&mut |word| offer(word));
         }

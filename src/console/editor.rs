@@ -42,9 +42,8 @@ pub(super) struct Editor {
     /// A key had no room: the line is not what was typed and must not run.
     cut: bool,
     history: History,
-    /// How far back in the history the line is from; 0: it is a new one, which `draft` keeps meanwhile.
+    /// How far back in the history the line is from; 0: it is a new one, which is the newest in the history meanwhile.
     back: usize,
-    draft: Vec<u8, LINE_BYTES_MAX>,
     /// To be written to the terminal after each key.
     echo: String<ECHO_BYTES_MAX>,
 }
@@ -60,7 +59,6 @@ impl Editor {
             cut: false,
             history: History::default(),
             back: 0,
-            draft: Vec::new(),
             echo: String::new(),
         }
     }
@@ -77,10 +75,10 @@ impl Editor {
 
     /// Starts an empty line.
     pub(super) fn start(&mut self) {
-        self.set(&[]);
+        self.forget_draft();
+        self.line.clear();
+        self.cursor = 0;
         self.cut = false;
-        self.back = 0;
-        self.draft.clear();
         self.redraw();
     }
 
@@ -157,6 +155,7 @@ impl Editor {
         if self.cut {
             return Event::LineTooLong;
         }
+        self.forget_draft();
         self.history.push(&self.line);
         Event::Line
     }
@@ -202,25 +201,30 @@ impl Editor {
 
     /// Shows the line `back` lines ago.
     fn browse(&mut self, back: Option<usize>) {
-        let line = match back {
-            Some(0) => Some(Ok(self.draft.clone())),
-            Some(back) => self.history.back(back).map(Vec::from_slice),
-            None => None,
-        };
-        let (Some(back), Some(Ok(line))) = (back, line) else { return self.bell() };
+        let Some(back) = back else { return self.bell() };
         if self.back == 0 {
-            self.draft.clone_from(&self.line);
+            self.history.keep(&self.line);
         }
-        self.back = back;
-        self.set(&line);
-        self.redraw();
+        // The new line is the newest.
+        match self.history.back(back + 1).map(Vec::from_slice) {
+            Some(Ok(line)) => {
+                self.back = back;
+                self.cursor = line.len();
+                self.line = line;
+                self.redraw();
+            }
+            _ => self.bell(),
+        }
+        if self.back == 0 {
+            self.history.forget();
+        }
     }
 
-    fn set(&mut self, line: &[u8]) {
-        self.line.clear();
-        // Every line came out of a buffer of the same size.
-        let _ = self.line.extend_from_slice(line);
-        self.cursor = self.line.len();
+    fn forget_draft(&mut self) {
+        if self.back > 0 {
+            self.history.forget();
+            self.back = 0;
+        }
     }
 
     fn print(&mut self, text: &str) {

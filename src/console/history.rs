@@ -12,7 +12,14 @@ pub(super) struct History(Vec<u8, HISTORY_BYTES_MAX>);
 impl History {
     /// Remembers `line`, unless it is empty or the newest one already.
     pub(super) fn push(&mut self, line: &[u8]) {
-        if line.is_empty() || self.back(1) == Some(line) || line.len() >= HISTORY_BYTES_MAX {
+        if !line.is_empty() && self.back(1) != Some(line) {
+            self.keep(line);
+        }
+    }
+
+    /// Remembers `line`, whatever it is.
+    pub(super) fn keep(&mut self, line: &[u8]) {
+        if line.len() >= HISTORY_BYTES_MAX {
             return;
         }
         while self.0.len() + line.len() + 1 > HISTORY_BYTES_MAX {
@@ -25,11 +32,16 @@ impl History {
         let _ = self.0.push(b'\n');
     }
 
+    /// Forgets the newest line.
+    pub(super) fn forget(&mut self) {
+        let newest = self.back(1).map_or(0, |line| line.len() + 1);
+        self.0.truncate(self.0.len() - newest);
+    }
+
     /// The line `back` lines ago; 1 is the newest.
     pub(super) fn back(&self, back: usize) -> Option<&[u8]> {
         // Behind the last LF there is an empty line, number 0.
-        let mut lines = self.0.rsplit(|&byte| byte == b'\n');
-        lines.nth(back).filter(|line| !line.is_empty())
+        self.0.rsplit(|&byte| byte == b'\n').nth(back)
     }
 }
 

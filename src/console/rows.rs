@@ -7,9 +7,7 @@ use embassy_time::{Duration, Instant};
 use heapless::String;
 
 use crate::capture::FrameKind;
-use crate::config::{
-    DEVICE_BYTES_MAX, Endpoint, PortId, PortKind, Settings, StreamFraming, Time, is_implied,
-};
+use crate::config::{DEVICE_BYTES_MAX, Endpoint, PortId, PortKind, Settings, Time, is_implied};
 use crate::gateway::{Gateway, Status};
 use crate::port::units::Unit;
 use crate::route::{Policy, Route};
@@ -28,6 +26,11 @@ pub(super) fn text(content: fmt::Arguments<'_>) -> Cell {
     // Of a longer one the end would be missing.
     let _ = fmt::Write::write_fmt(&mut text, content);
     text
+}
+
+/// [`text`] of one value.
+pub(super) fn cell(content: &dyn fmt::Display) -> Cell {
+    text(format_args!("{content}"))
 }
 
 /// The name of `port`, for when the settings are not at hand.
@@ -98,31 +101,22 @@ pub(super) fn state(unit: &Unit, now: Instant) -> &'static str {
     }
 }
 
-/// A port's role, the place where it is, and how its line is set.
-pub(super) fn describe(kind: &PortKind) -> (Cell, Cell, Cell) {
-    match kind {
-        PortKind::Serial(serial) => (
-            text(format_args!("{} {}", serial.framing, serial.side)),
-            text(format_args!("{}", serial.device)),
-            text(format_args!("{}", serial.line.speed())),
-        ),
-        PortKind::TcpServer(server) => tcp("tcp server", &server.listen, server.framing),
-        PortKind::TcpClient(client) => tcp("tcp client", &Endpoint(client.server), client.framing),
-        PortKind::UdpServer(server) => {
-            (text(format_args!("udp server")), text(format_args!("{}", server.listen)), Cell::new())
-        }
-        PortKind::Ethercat(_) => (text(format_args!("ethercat")), Cell::new(), Cell::new()),
-        PortKind::Scanner => (text(format_args!("scanner")), Cell::new(), Cell::new()),
-    }
-}
+/// Takes a port's role, the place where it is, and how its line is set.
+type Description<'d> = dyn FnMut(&dyn fmt::Display, &dyn fmt::Display, &dyn fmt::Display) + 'd;
 
-fn tcp(role: &str, place: &dyn fmt::Display, framing: StreamFraming) -> (Cell, Cell, Cell) {
-    let framing = text(format_args!("{framing}"));
-    (
-        text(format_args!("{role}")),
-        text(format_args!("{place}")),
-        text(format_args!("{}", framing.trim_ascii())),
-    )
+/// Describes a port to `show`.
+pub(super) fn describe(kind: &PortKind, show: &mut Description<'_>) {
+    match kind {
+        PortKind::Serial(serial) => {
+            let role = text(format_args!("{} {}", serial.framing, serial.side));
+            show(&role, &serial.device, &serial.line.speed());
+        }
+        PortKind::TcpServer(server) => show(&"tcp server", &server.listen, &server.framing),
+        PortKind::TcpClient(client) => show(&"tcp client", &Endpoint(client.server), &client.framing),
+        PortKind::UdpServer(server) => show(&"udp server", &server.listen, &""),
+        PortKind::Ethercat(_) => show(&"ethercat", &"", &""),
+        PortKind::Scanner => show(&"scanner", &"", &""),
+    }
 }
 
 pub(super) struct StatusText(pub(super) Status);

@@ -125,8 +125,8 @@ impl Scan {
             (Stage::Asked, Came::Answer(asked)) => return self.asked(session, asked.is_ok()),
             (Stage::Identified(question), Came::Answer(asked)) => {
                 // An exception has another function code.
-                if asked.is_ok() && session.answer.first() == question.first() {
-                    session.out.put(format_args!("{}", Identity(&session.answer)));
+                if asked.is_ok() && session.pdu.first() == question.first() {
+                    session.out.put(format_args!("{}", Identity(&session.pdu)));
                 } else if question.len() > 1 {
                     return self.identify(session, &[REPORT_SERVER_ID]);
                 }
@@ -193,8 +193,8 @@ impl Scan {
             // With a faulty character it was sent in another format, whatever its CRC says.
             Some(Ok(took)) if answered && session.heard(self.plan.port, &FLAWS) == self.flaws => {
                 self.at.iter_mut().skip(unit).take(1).for_each(|at| *at = self.nth as u8);
-                let took = to_first_char(took, self.plan.framing, &self.line, session.answer.len());
-                let (speed, took, how) = (self.line.speed(), Time(took), Answered(&session.answer));
+                let took = to_first_char(took, self.plan.framing, &self.line, session.pdu.len());
+                let (speed, took, how) = (self.line.speed(), Time(took), Answered(&session.pdu));
                 session.out.put(format_args!("unit {unit:>3} {speed:12} {took} {how}"));
                 self.identify(session, &IDENTIFY)
             }

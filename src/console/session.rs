@@ -33,11 +33,10 @@ pub(super) struct Session<'s, 'g> {
     line_number: Option<u32>,
     /// Who had the last word about the line of the EtherCAT port, before the command.
     line_writer: Option<LineWriter>,
-    /// The turn to ask units, while a command has it, and its question.
+    /// The turn to ask units, while a command has it, and what it asks; the answer comes in place of the request.
     pub(super) turn: Option<Turn<'s, 'g>>,
     pub(super) unit: u8,
-    pub(super) request: Pdu,
-    pub(super) answer: Pdu,
+    pub(super) pdu: Pdu,
 }
 
 impl<'s, 'g> Console<'s, 'g> {
@@ -54,8 +53,7 @@ impl<'s, 'g> Console<'s, 'g> {
             line_writer: None,
             turn: None,
             unit: 0,
-            request: Pdu::new(),
-            answer: Pdu::new(),
+            pdu: Pdu::new(),
         };
         Self { input: Input::new(mode), session, job: Job::Idle, ended: false }
     }
@@ -156,9 +154,9 @@ impl Session<'_, '_> {
     /// Asks `unit`.
     pub(super) fn ask_unit(&mut self, unit: u8, request: &[u8], typed_ends: bool) -> Wait {
         self.unit = unit;
-        self.request.clear();
+        self.pdu.clear();
         // No request is longer than a PDU may be.
-        let _ = self.request.extend_from_slice(request);
+        let _ = self.pdu.extend_from_slice(request);
         Wait::Answer { typed_ends }
     }
 

@@ -7,7 +7,7 @@ use embassy_time::Instant;
 use super::job::Wait;
 use super::output::{NO_ROW, Written};
 use super::points;
-use super::rows::{LogRow, Row, StatusText, Troubles, age, describe, state, text, took};
+use super::rows::{LogRow, Row, StatusText, Troubles, age, cell, describe, state, text, took};
 use super::session::Session;
 use crate::config::{Endpoint, Port, PortId, PortKind, Settings, Side, write_line};
 use crate::gateway::{Gateway, PortAt};
@@ -126,19 +126,25 @@ const LOG: &str = "      AGE SOURCE          UNIT DESTINATION     TARGET FUNCTIO
 fn port(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
     let Source { gateway, settings, .. } = *source;
     // Device names are 6 to 96 characters long.
-    let ports = || settings.ports.iter().flatten();
-    let width = ports().map(|port| describe(&port.kind).1.len()).fold("WHERE".len(), usize::max);
+    let mut width = "WHERE".len();
+    for port in settings.ports.iter().flatten() {
+        describe(&port.kind, &mut |_, place, _| width = width.max(cell(place).len()));
+    }
     let Some(row) = place.checked_sub(1) else {
         return Some(write!(out, "PORT            ROLE         {:width$} LINE         STATUS", "WHERE"));
     };
     let Some((port, place)) = source.port(row)? else { return NO_ROW };
-    let (role, place_name, line) = describe(&port.kind);
     let status = StatusText(place.status());
     // Who had the last word about the line of the EtherCAT port.
     let is_ethercat_line = settings.ethercat_line().is_some_and(|id| id.index() == row);
     let writer = gateway.ethercat().filter(|_| is_ethercat_line).map(EthercatPlace::line_writer);
     let writer = writer.filter(|writer| *writer != LineWriter::Settings);
-    let written = write!(out, "{:15} {role:12} {place_name:width$} {line:12} {status}", port.name);
+    let mut written = Ok(());
+    describe(&port.kind, &mut |role, place, line| {
+        let (role, place, line) = (cell(role), cell(place), cell(line));
+        let line = line.trim_ascii();
+        written = write!(out, "{:15} {role:12} {place:width$} {line:12} {status}", port.name);
+    });
     Some(written.and_then(|()| writer.map_or(Ok(()), |writer| write!(out, ", {writer}"))))
 }
 

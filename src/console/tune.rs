@@ -226,7 +226,7 @@ impl Tune {
         self.series.asked += 1;
         match session.turn.as_ref().and_then(Turn::outcome) {
             Some(Ok(took)) if answered => {
-                let first = to_first_char(took, self.framing, &self.line, session.answer.len());
+                let first = to_first_char(took, self.framing, &self.line, session.pdu.len());
                 self.series.sum += first;
                 self.series.tail.add(u32::try_from(first.as_micros()).unwrap_or(u32::MAX));
             }

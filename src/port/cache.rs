@@ -32,10 +32,18 @@ impl Question {
     }
 }
 
+/// An answer that is kept. Unit and length stand together in what the block leaves of eight bytes.
 struct Kept {
-    question: Question,
-    sent: Instant,
+    unit: u8,
     length: u8,
+    block: Block,
+    sent: Instant,
+}
+
+impl Kept {
+    fn answers(&self, question: Question) -> bool {
+        self.block == question.block && self.unit == question.unit
+    }
 }
 
 /// The answers that one port keeps.
@@ -54,7 +62,7 @@ impl Cache {
 
     /// Keeps `answer` to what was asked at `sent`.
     pub fn keep(&mut self, question: Question, answer: &[u8], sent: Instant) {
-        self.remove(|kept| kept.question == question);
+        self.remove(|kept| kept.answers(question));
         while self.kept.is_full() || ANSWER_BYTES_MAX - self.bytes.len() < answer.len() {
             if self.kept.is_empty() {
                 // It is longer than a PDU may be.
@@ -62,7 +70,8 @@ impl Cache {
             }
             self.remove_at(0);
         }
-        let kept = Kept { question, sent, length: answer.len() as u8 };
+        let Question { unit, block } = question;
+        let kept = Kept { unit, length: answer.len() as u8, block, sent };
         // There is room for both now.
         if self.bytes.extend_from_slice(answer).is_ok() {
             let _ = self.kept.push(kept);
@@ -71,7 +80,7 @@ impl Cache {
 
     /// The answer to `question`, unless it is older than `age`.
     pub fn answer(&self, question: Question, now: Instant, age: Duration) -> Option<&[u8]> {
-        let index = self.kept.iter().position(|kept| kept.question == question)?;
+        let index = self.kept.iter().position(|kept| kept.answers(question))?;
         let kept = self.kept.get(index)?;
         if now.saturating_duration_since(kept.sent) > age {
             return None;
@@ -82,7 +91,7 @@ impl Cache {
 
     /// Something was written to `unit`, or to all units.
     pub fn written(&mut self, unit: u8) {
-        self.remove(|kept| unit == BROADCAST || kept.question.unit == unit);
+        self.remove(|kept| unit == BROADCAST || kept.unit == unit);
     }
 
     /// Forgets all.

@@ -20,17 +20,17 @@ use core::cell::{Cell, RefCell, RefMut};
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::Instant;
 use heapless::Vec;
 
 use crate::config::PortId;
-use crate::frame::{Cause, Envelope, Frame, Stage, Way};
+use crate::frame::{Cause, Envelope, Errand, Frame, Stage, Way};
 use crate::gateway::{Gateway, PortAt};
 use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 use crate::port::cache::{Cache, Question};
 use crate::port::desk::join::Joint;
-use crate::port::desk::order::{Current, asker, block, ticket};
+use crate::port::desk::order::{asker, block, ticket};
 use crate::port::flights::FLIGHTS_MAX;
 use crate::port::moment::until;
 use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ready, Ticket, WAITING_MAX};
@@ -49,7 +49,7 @@ pub(crate) struct Desk<'g> {
     /// A console has the port for itself: all others are refused.
     alone: bool,
     /// The orders that are being carried out.
-    current: RefCell<Vec<Current<'g>, FLIGHTS_MAX>>,
+    current: RefCell<Vec<Frame<'g>, FLIGHTS_MAX>>,
     cache: RefCell<Cache>,
     /// Far fewer end while one order is carried out than make it the same again.
     writes_ended: Cell<u16>,
@@ -106,7 +106,7 @@ impl<'g> Desk<'g> {
         self.queue.borrow_mut()
     }
 
-    fn current(&self) -> RefMut<'_, Vec<Current<'g>, FLIGHTS_MAX>> {
+    fn current(&self) -> RefMut<'_, Vec<Frame<'g>, FLIGHTS_MAX>> {
         self.current.borrow_mut()
     }
 
@@ -196,29 +196,25 @@ impl<'g> Desk<'g> {
         };
         loop {
             let next = self.queue().next(now, ready);
-            match next {
-                // Others whose askers have gone are found out when their turn comes, or the queue is full.
-                Next::Serve(frame, _) if self.gateway.is_gone(frame.origin()) => {
-                    self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
-                }
-                Next::Serve(frame, ticket) => {
-                    let current = self.start(&frame, &ticket, now);
-                    // There is room: a port has at most as many orders open, and one that is not kept here is in its hands
-                    // alone.
-                    let _ = self.current().push(current);
-                    self.count_waiting();
-                    return Next::Serve(frame, ticket);
-                }
-                Next::Wait(_) | Next::Empty => {
-                    self.count_waiting();
-                    return next;
-                }
+            let Next::Serve(frame, ticket) = next else {
+                self.count_waiting();
+                return next;
+            };
+            // Others whose askers have gone are found out when their turn comes, or the queue is full.
+            if self.gateway.is_gone(frame.origin()) {
+                self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
+                continue;
             }
+            let current = frame.share_for(self.start(&frame, &ticket, now));
+            // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
+            let _ = self.current().push(current);
+            self.count_waiting();
+            return Next::Serve(frame, ticket);
         }
     }
 
     /// Lets the orders that can share the transaction of `leader` ride on it, and notes what its answer is good for.
-    fn start(&self, leader: &Frame<'g>, ticket: &Ticket, now: Instant) -> Current<'g> {
+    fn start(&self, leader: &Frame<'g>, ticket: &Ticket, now: Instant) -> Errand {
         let asked = block(leader);
         let joint = self.join(leader, ticket, now);
         if let Some(joint) = joint.filter(|joint| Some(joint.block) != asked) {
@@ -244,8 +240,7 @@ impl<'g> Desk<'g> {
             }
             leader.carry(rider);
         }
-        Current {
-            frame: leader.share(),
+        Errand {
             writes: ticket.access == Access::Write,
             asked,
             joined,
@@ -271,11 +266,10 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// Waits for `pause`, or until somebody asks who spares servers by himself: what he waits for is the next attempt.
-    pub(crate) async fn pause(&self, pause: Duration) {
-        self.pausing.set(true);
-        select(Timer::after(pause), self.wanted()).await;
-        self.pausing.set(false);
+    /// While it is `pausing`, it takes orders only of those who spare servers by themselves: what they wait for is the next
+    /// attempt.
+    pub(crate) fn set_pausing(&self, pausing: bool) {
+        self.pausing.set(pausing);
     }
 
     /// Waits until [`Desk::next`] may have something new to say.
@@ -285,26 +279,26 @@ impl<'g> Desk<'g> {
 
     /// Sends `order` home with what it holds by now as its answer.
     pub(crate) fn done(&self, order: &Frame<'g>) {
-        let Some(current) = self.take(order) else { return };
-        if order.function() & EXCEPTION_BIT != 0 && current.part() {
+        let Some((frame, errand)) = self.take(order) else { return };
+        if order.function() & EXCEPTION_BIT != 0 && errand.part(order) {
             return self.part(order);
         }
         let is_kept = order.sharing().cache_ms > 0;
-        if current.joined.is_none() && !is_kept && !order.is_laden() {
-            return self.give(current.frame);
+        if errand.joined.is_none() && !is_kept && !order.is_laden() {
+            return self.give(frame);
         }
         let answer = &order.content();
         let give = |frame: Frame<'g>, asked| {
             let mut part = [0; PDU_BYTES_MAX];
-            let answer = current.answer_to(asked, answer, &mut part);
-            self.keep(&current, &frame, asked, answer);
+            let answer = errand.answer_to(asked, answer, &mut part);
+            self.keep(&errand, &frame, asked, answer);
             if !is_answering(&frame) {
                 // It fitted into a frame of the same size.
                 let _ = frame.replace(answer);
             }
             self.give(frame);
         };
-        give(order.share(), current.asked);
+        give(frame, errand.asked);
         while let Some(rider) = order.unload() {
             self.place.stats.count(Event::Merged);
             let asked = block(&rider);
@@ -322,14 +316,14 @@ impl<'g> Desk<'g> {
     }
 
     /// Keeps the `answer` to a request for `asked` if it may be used again.
-    fn keep(&self, current: &Current<'g>, frame: &Frame<'g>, asked: Option<Block>, answer: &[u8]) {
+    fn keep(&self, errand: &Errand, frame: &Frame<'g>, asked: Option<Block>, answer: &[u8]) {
         let is_exception = answer.first().is_some_and(|function| function & EXCEPTION_BIT != 0);
         // The device may have read before a write that has ended meanwhile.
-        let is_old = current.writes_ended != self.writes_ended.get();
+        let is_old = errand.writes_ended != self.writes_ended.get();
         let Some(block) = asked.filter(|_| !is_exception && !is_old) else { return };
         if frame.sharing().cache_ms > 0 {
             let unit = frame.target();
-            self.cache().keep(Question { unit, block }, answer, current.since);
+            self.cache().keep(Question { unit, block }, answer, errand.since);
         }
     }
 
@@ -374,17 +368,15 @@ impl<'g> Desk<'g> {
 
     /// Whether a write to `unit` waits or is being carried out.
     fn is_writing(&self, unit: u8) -> bool {
-        let writes =
-            |current: &Current<'g>| current.writes && [unit, BROADCAST].contains(&current.frame.target());
+        let writes = |order: &Frame<'g>| order.errand().writes && [unit, BROADCAST].contains(&order.target());
         self.queue().writes_to(unit) || self.current().iter().any(writes)
     }
 
     /// `order`, which was sent while it arrived, is whole: what it does is known by now.
     pub(crate) fn arrived(&self, order: &Frame<'g>) {
-        if let Some(current) = self.current().iter_mut().find(|current| current.frame.is(order)) {
-            current.writes = !pdu::is_read(order.function());
-            current.asked = block(order);
-        }
+        let writes = !pdu::is_read(order.function());
+        let asked = block(order);
+        order.amend_errand(|errand| (errand.writes, errand.asked) = (writes, asked));
     }
 
     /// Gives whoever asked `order` while its answer is still written into it.
@@ -400,8 +392,8 @@ impl<'g> Desk<'g> {
 
     /// Sends `order` home without an answer: a broadcast.
     pub(crate) fn done_silently(&self, order: &Frame<'g>) {
-        if let Some(current) = self.take(order) {
-            self.gateway.finish_broadcast(current.frame);
+        if let Some((frame, _)) = self.take(order) {
+            self.gateway.finish_broadcast(frame);
         }
     }
 
@@ -411,9 +403,8 @@ impl<'g> Desk<'g> {
     /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until the
     /// late answer can no longer come.
     pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
-        let Some(current) = self.take(order) else { return };
-        current.part();
-        let frame = current.frame;
+        let Some((frame, errand)) = self.take(order) else { return };
+        errand.part(&frame);
         // Where the answer has begun, nothing can follow it.
         let mut repeated = match is_answering(&frame) {
             true => {
@@ -432,16 +423,17 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// Ends the carrying out of `order`.
-    fn take(&self, order: &Frame<'g>) -> Option<Current<'g>> {
+    /// Ends the carrying out of `order`, and tells what was noted of it.
+    fn take(&self, order: &Frame<'g>) -> Option<(Frame<'g>, Errand)> {
         let mut current = self.current();
-        let at = current.iter().position(|current| current.frame.is(order))?;
+        let at = current.iter().position(|current| current.is(order))?;
         let ended = current.swap_remove(at);
-        if ended.writes {
+        let errand = ended.errand();
+        if errand.writes {
             self.writes_ended.set(self.writes_ended.get().wrapping_add(1));
             self.cache().written(order.target());
         }
-        Some(ended)
+        Some((ended, errand))
     }
 
     /// Puts an order that got no answer back in the queue, or answers it 0Bh; says which.
@@ -470,7 +462,7 @@ impl<'g> Desk<'g> {
         self.open.set(false);
         self.cache().clear();
         loop {
-            let Some(Current { frame, .. }) = self.current().pop() else { break };
+            let Some(frame) = self.current().pop() else { break };
             while let Some(rider) = frame.unload() {
                 self.gateway.refuse(rider, Exception::GATEWAY_NO_RESPONSE);
             }
@@ -508,7 +500,7 @@ impl<'g> Desk<'g> {
             }
         });
         // A unit that is down gets one probe at a time.
-        let probed = || self.current().iter().any(|current| current.frame.target() == unit);
+        let probed = || self.current().iter().any(|order| order.target() == unit);
         gate.unwrap_or_else(|| if probed() { Gate::Down } else { Gate::Open(Ready::Now) })
     }
 

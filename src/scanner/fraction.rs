@@ -50,17 +50,26 @@ impl Decimal {
             }
             None => (text, 0),
         };
-        let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
-        let mut all = whole.bytes().chain(fraction.bytes());
-        if whole.len() + fraction.len() == 0 || !all.all(|digit| digit.is_ascii_digit()) {
-            return None;
+        let mut number = Self { point: exponent, digits: Vec::new() };
+        let (mut is_fraction, mut is_number) = (false, false);
+        for byte in digits.bytes() {
+            let is_leading = byte == b'0' && number.digits.is_empty();
+            match byte {
+                b'.' if !is_fraction => is_fraction = true,
+                b'0'..=b'9' => {
+                    is_number = true;
+                    number.point += i32::from(!is_fraction && !is_leading);
+                    number.point -= i32::from(is_fraction && is_leading);
+                    if !is_leading {
+                        // Digits of a longer text are cut off.
+                        let _ = number.digits.push(byte - b'0');
+                    }
+                }
+                _ => return None,
+            }
         }
-        let zeros = whole.bytes().chain(fraction.bytes()).take_while(|digit| *digit == b'0').count();
-        let point = i32::try_from(whole.len()).ok()? - i32::try_from(zeros).ok()? + exponent;
-        let digits = whole.bytes().chain(fraction.bytes()).skip(zeros).map(|digit| digit - b'0');
-        let mut number = Self { point, digits: digits.take(DIGITS_MAX).collect() };
         number.trim();
-        Some(number)
+        is_number.then_some(number)
     }
 
     fn trim(&mut self) {

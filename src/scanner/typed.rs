@@ -58,10 +58,12 @@ impl ValueType {
         if self == Self::F32 {
             return fraction::parse(text).map(|value| value.to_bits().to_be_bytes());
         }
-        let whole: i64 = match text.strip_prefix("0x") {
-            Some(digits) => u32::from_str_radix(digits, 16).ok()?.into(),
-            None => text.parse().ok()?,
+        let (digits, radix) = match text.strip_prefix("0x") {
+            Some(digits) => (digits, 16),
+            None => (text.strip_prefix('-').unwrap_or(text), 10),
         };
+        let magnitude = i64::from(u32::from_str_radix(digits, radix).ok()?);
+        let whole = if text.starts_with('-') { -magnitude } else { magnitude };
         let [a, b] = match self {
             Self::U16 => u16::try_from(whole).ok()?.to_be_bytes(),
             Self::I16 => i16::try_from(whole).ok()?.to_be_bytes(),

@@ -28,16 +28,17 @@ impl<const N: usize> Liveness<N> {
     ///
     /// The future is pinned by the caller: it would take its memory twice if it were moved in.
     pub async fn watch<F: Future>(&self, task: usize, mut future: Pin<&mut F>) -> F::Output {
+        let watched = self.0.get(task);
         poll_fn(|context| {
-            if let Some(watched) = self.0.get(task) {
+            if let Some(watched) = watched {
                 watched.waker.register(context.waker());
-                let output = future.as_mut().poll(context);
+            }
+            let output = future.as_mut().poll(context);
+            if let Some(watched) = watched {
                 // Behind the poll: one that never comes back is no answer, nor is the last one.
                 watched.answered.store(output.is_pending(), Ordering::Relaxed);
-                output
-            } else {
-                future.as_mut().poll(context)
             }
+            output
         })
         .await
     }

@@ -3,7 +3,6 @@
 use core::pin::pin;
 
 use embassy_executor::Spawner;
-use embassy_futures::join::join;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use mobgate::config::{LineSettings, Parity};
@@ -41,14 +40,20 @@ async fn serve(board: &mut Board, line: &mut Line, flash: SettingsFlash, forget:
     if let Some(problem) = &board.settings {
         defmt::warn!("settings: {}", defmt::Display2Format(problem));
     }
-    // An EtherCAT MainDevice may want them saved too.
-    let mut kept = SharedStore::new(&flash);
-    let sessions = async {
+    let sessions = pin!(async {
         loop {
             // A line never ends; `exit` begins a new session.
             let _ = console::run(gateway(), &mut *line, &mut store, &*board, Mode::Echo).await;
             store = SharedStore::new(&flash);
         }
+    });
+    // An EtherCAT MainDevice may want them saved too. In an image without EtherCAT that would end at once, but its code and its memory
+    // would stay.
+    #[cfg(feature = "ethercat")]
+    let sessions = async {
+        let mut kept = SharedStore::new(&flash);
+        let keep = pin!(gateway().keep_settings(&mut kept));
+        embassy_futures::join::join(keep, sessions).await;
     };
-    join(gateway().keep_settings(&mut kept), sessions).await;
+    sessions.await;
 }

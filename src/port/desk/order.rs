@@ -1,35 +1,18 @@
 //! What a desk must know of an order: its place in the queue, what it asks, and, once it is carried out, what its answer is
 //! good for.
 
-use embassy_time::Instant;
-
-use crate::frame::{Envelope, Fill, Frame, Way};
+use crate::frame::{Envelope, Errand, Fill, Frame, Way};
 use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::{self, Block};
 use crate::port::queue::{Access, Asker, Ticket};
 use crate::route::Merge;
-
-/// An order that is being carried out.
-pub(super) struct Current<'g> {
-    pub(super) frame: Frame<'g>,
-    /// Whether it may change something in its unit.
-    pub(super) writes: bool,
-    /// What its asker wants, if that is a block.
-    pub(super) asked: Option<Block>,
-    /// What is asked for in its place, where others have joined.
-    pub(super) joined: Option<Block>,
-    /// When it was given out.
-    pub(super) since: Instant,
-    /// Writes that had ended by then.
-    pub(super) writes_ended: u16,
-}
 
 /// What `frame` asks for, if that is a block and sure: of a frame that still arrives nobody knows yet whether it is good.
 pub(super) fn block(frame: &Frame<'_>) -> Option<Block> {
     if frame.filled().1 == Fill::Complete { frame.pdu(Block::of) } else { None }
 }
 
-impl<'g> Current<'g> {
+impl Errand {
     /// The answer to who wanted `asked`, which follows from the `answer` to what was asked for.
     pub(super) fn answer_to<'a>(
         &self,
@@ -44,11 +27,11 @@ impl<'g> Current<'g> {
         }
     }
 
-    /// Takes back that others have joined; says whether they had.
-    pub(super) fn part(&self) -> bool {
+    /// Takes back that others have joined the order `frame`; says whether they had.
+    pub(super) fn part(&self, frame: &Frame<'_>) -> bool {
         let (Some(asked), Some(_)) = (self.asked, self.joined) else { return false };
         // It was in there before.
-        let _ = self.frame.replace(&asked.request());
+        let _ = frame.replace(&asked.request());
         true
     }
 }

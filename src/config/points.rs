@@ -181,11 +181,11 @@ impl Display for DeviceSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, device, label } = self;
         write!(f, "device {name} unit {}", device.unit)?;
-        option(f, "order", &device.order, device.order != ByteOrder::default())?;
+        option(f, "order", device.order, device.order != ByteOrder::default())?;
         if device.check {
             f.write_str(" check")?;
         }
-        option(f, "label", &Quoted(label), !label.is_empty())
+        option(f, "label", Quoted(label), !label.is_empty())
     }
 }
 
@@ -210,26 +210,26 @@ impl Display for PointWords<'_> {
         };
         write!(f, " {kind} {first}")?;
         if let Some(of) = of {
-            option(f, "of", &of, true)?;
+            option(f, "of", of, true)?;
         } else {
             option(f, "count", count, *count != 1)?;
-            option(f, "as", &value.name(), *value != ValueType::default())?;
+            option(f, "as", value.name(), *value != ValueType::default())?;
         }
         match *at {
             PointAt::Device { read, write, multiple, .. } => {
-                option(f, "read", &read, read != Reading::Normal)?;
-                option(f, "write", &"auto", write == Writing::Auto)?;
+                option(f, "read", read, read != Reading::Normal)?;
+                option(f, "write", "auto", write == Writing::Auto)?;
                 if multiple {
                     f.write_str(" multiple")?;
                 }
             }
             PointAt::Local { quality, .. } => {
                 if let Some(quality) = quality {
-                    option(f, "quality", &quality, true)?;
+                    option(f, "quality", quality, true)?;
                 }
             }
         }
-        option(f, "label", &Quoted(label), !label.is_empty())
+        option(f, "label", Quoted(label), !label.is_empty())
     }
 }
 

@@ -202,12 +202,9 @@ impl fmt::Display for Rules {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let many = self.0.count_ones() > 1;
         f.write_str(if many { "rules" } else { "rule" })?;
-        let (mut rest, mut separator) = (self.0, "");
-        while rest != 0 {
-            write!(f, "{separator} {}", rest.trailing_zeros() + 1)?;
-            // Without its lowest bit.
-            rest &= rest - 1;
-            separator = ",";
+        let numbers = (0..ROUTES_MAX).filter(|at| self.0 >> at & 1 == 1).map(|at| at + 1);
+        for (nth, number) in numbers.enumerate() {
+            write!(f, "{} {number}", if nth == 0 { "" } else { "," })?;
         }
         f.write_str(if many { " name" } else { " names" })
     }

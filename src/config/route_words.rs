@@ -69,12 +69,14 @@ fn tag(word: Word, units: UnitRange) -> Result<Tag, Wrong> {
     if word.text == "*" {
         return Ok(Tag::Keep);
     }
-    let (sign, digits) = word.text.split_at_checked(1).unwrap_or_default();
-    let value = parse_number(digits).and_then(|value| u8::try_from(value).ok());
-    let by = match (sign, value) {
-        ("+", Some(by)) => i16::from(by),
-        ("-", Some(by)) => -i16::from(by),
-        ("=", Some(unit)) => return Ok(Tag::Set(unit)),
+    let value = |sign| {
+        let digits = word.text.strip_prefix(sign)?;
+        parse_number(digits).and_then(|value| u8::try_from(value).ok())
+    };
+    let by = match (value('+'), value('-'), value('=')) {
+        (Some(by), _, _) => i16::from(by),
+        (_, Some(by), _) => -i16::from(by),
+        (_, _, Some(unit)) => return Ok(Tag::Set(unit)),
         _ => return Err(word.expected(expected)),
     };
     let tag = if by == 0 { Tag::Keep } else { Tag::Shift(by) };

@@ -199,10 +199,10 @@ impl Display for SlaveSettings {
         write!(f, "unit {}", self.unit)?;
         for (kind, Cells { count, address }) in self.tables().filter(|(_, cells)| cells.count > 0) {
             write!(f, " {kind} {address}")?;
-            option(f, "count", &count, count != 1)?;
+            option(f, "count", count, count != 1)?;
         }
         let polling = Duration::from_millis(self.polling_ms.into());
-        option(f, "read", &Time(polling), self.polling_ms != POLLING_MS)?;
+        option(f, "read", Time(polling), self.polling_ms != POLLING_MS)?;
         if self.check {
             f.write_str(" check")?;
         }

@@ -270,9 +270,18 @@ impl<'p> Frame<'p> {
         self.with(|slot| slot.errand).unwrap_or(Errand::NONE)
     }
 
-    /// Notes that.
-    pub(crate) fn set_errand(&self, errand: Errand) {
-        self.with(|slot| slot.errand = errand);
+    /// Changes that.
+    pub(crate) fn amend_errand(&self, change: impl FnOnce(&mut Errand)) {
+        self.with(|slot| change(&mut slot.errand));
+    }
+
+    /// A second handle to the same frame, whose holder notes `errand` of it.
+    pub(crate) fn share_for(&self, errand: Errand) -> Self {
+        self.with(|slot| {
+            slot.errand = errand;
+            slot.handles += 1;
+        });
+        Self { pool: self.pool, index: self.index }
     }
 
     /// Calls `f` with the bytes of the PDU that are there.

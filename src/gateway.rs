@@ -224,10 +224,9 @@ impl<'g> Gateway<'g> {
     /// Takes `new` over: rules and what special units mean from the next request on; ports that differ in kind or its
     /// settings are started again, the others go on.
     pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
-        let wanted =
-            |settings: &Settings| settings.ports.iter().flatten().map(|port| seats_of(&port.kind)).sum();
-        if wanted(new) > self.seats.len() {
-            return Err(ApplyError::Seats { wanted: wanted(new), seats: self.seats.len() });
+        let wanted = new.ports.iter().flatten().map(|port| seats_of(&port.kind)).sum();
+        if wanted > self.seats.len() {
+            return Err(ApplyError::Seats { wanted, seats: self.seats.len() });
         }
         if new.ports.iter().skip(self.ports.len()).any(Option::is_some) {
             return Err(ApplyError::Ports(self.ports.len()));
@@ -307,7 +306,7 @@ impl<'g> Gateway<'g> {
         let Some(at) = self.place(id) else { return };
         let place = at.place();
         loop {
-            let mut kind = self.settings(|settings| settings.port(id).map(|port| port.kind.clone()));
+            let mut kind = self.settings(|settings| settings.port(id).cloned()).map(|port| port.kind);
             let alone = self.asking.try_on(id, kind.as_mut());
             at.units(|units| units.freeze(alone));
             place.renew();
@@ -422,7 +421,7 @@ impl<'g> Gateway<'g> {
 }
 
 fn is_scanner(port: &Port) -> bool {
-    port.kind == PortKind::Scanner
+    matches!(port.kind, PortKind::Scanner)
 }
 
 /// Connections that a port needs: its clients, and one that is accepted to decide who goes.

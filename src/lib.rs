@@ -47,7 +47,8 @@
 //! # Limits
 //!
 //! With the feature `small` some are lower, for boards with little memory. Without the feature `points` the gateway asks nothing by
-//! itself: it holds no data points, and no memory for them. Without `capture` it keeps no frames to be looked at.
+//! itself: it holds no data points, and no memory for them. Without the feature `ipv6` settings take addresses
+//! of IPv4 only, as boards with an Ethernet of their own do. Without `capture` it keeps no frames to be looked at.
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |

@@ -297,7 +297,7 @@ fn reading(word: Word) -> Result<Reading, Wrong> {
     if let Some(reading) = word.lookup(READINGS) {
         return Ok(reading);
     }
-    if !word.text.starts_with(|first: char| first.is_ascii_digit()) {
+    if !word.begins_with_digit() {
         return Err(word.expected("low, normal, high, manual, or a period such as 250ms"));
     }
     whole_ms(word, &PERIOD).map(Reading::Every)

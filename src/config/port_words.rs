@@ -103,16 +103,11 @@ pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {
 }
 
 impl<'a> Draft<'a> {
-    fn new(kind: PortKind, units: UnitPolicy, place: Word<'a>) -> Self {
-        Self { kind, units, place, seen: 0, blamed: Blamed::default() }
-    }
-
     /// Reads a new port up to the end of the line.
     pub(super) fn create(words: &'a Words) -> Result<Self, Wrong> {
         let (kind, place) = new_port(words)?;
-        let mut draft = Self::new(kind, UnitPolicy::default(), place);
-        draft.seen = Key::Device.bit() | Key::Listen.bit() | Key::Server.bit();
-        draft.read(words)?;
+        let seen = Key::Device.bit() | Key::Listen.bit() | Key::Server.bit();
+        let mut draft = Self::read(kind, UnitPolicy::default(), place, seen, words)?;
         let end = words.take();
         let (has_clients, has_format) = (draft.has(Key::Clients), draft.has(Key::Format));
         let (has_framing, has_side) =
@@ -135,19 +130,24 @@ impl<'a> Draft<'a> {
 
     /// Reads changes of a port as it is, up to the end of the line.
     pub(super) fn edit(port: &Port, words: &'a Words) -> Result<Self, Wrong> {
-        let mut draft = Self::new(port.kind.clone(), port.units, words.peek());
-        // An edit without words is a line that was not finished.
-        draft.word(words)?;
-        draft.read(words)?;
+        let mut draft = Self::read(port.kind.clone(), port.units, words.peek(), 0, words)?;
         draft.check()?;
         Ok(draft)
     }
 
-    fn read(&mut self, words: &'a Words) -> Result<(), Wrong> {
-        while !words.peek().is_end() {
-            self.word(words)?;
+    /// Reads the rest of the line on top of what there is. A line that has set nothing so far is not finished.
+    fn read(
+        kind: PortKind,
+        units: UnitPolicy,
+        place: Word<'a>,
+        seen: u64,
+        words: &'a Words,
+    ) -> Result<Self, Wrong> {
+        let mut draft = Self { kind, units, place, seen, blamed: Blamed::default() };
+        while draft.seen == 0 || !words.peek().is_end() {
+            draft.word(words)?;
         }
-        Ok(())
+        Ok(draft)
     }
 
     fn has(&self, key: Key) -> bool {
@@ -177,7 +177,7 @@ impl<'a> Draft<'a> {
     fn key(&self, word: Word) -> Result<Key, Wrong> {
         match &self.kind {
             PortKind::Scanner => return Err(word.error(Problem::Points(PointProblem::NothingToSet))),
-            PortKind::Serial(_) if word.text.starts_with(|first: char| first.is_ascii_digit()) => {
+            PortKind::Serial(_) if word.begins_with_digit() => {
                 return Ok(if parse_number(word.text).is_some() { Key::Baud } else { Key::Format });
             }
             _ => {}

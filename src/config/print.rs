@@ -59,7 +59,7 @@ fn write_points(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fm
 }
 
 fn write_port(port: &Port, width: usize, out: &mut dyn Write) -> fmt::Result {
-    write!(out, "port {:width$} {}{}", port.name, port.kind, port.units)
+    write!(out, "port {:width$} {}", port.name, Behind(port))
 }
 
 impl Display for Special {
@@ -134,25 +134,33 @@ impl Display for AddressRange {
     }
 }
 
-/// The words behind a port's name, of which those of `keys` only where a value is not the default.
-impl Display for PortKind {
+/// The words behind a port's name: what it is and where, then what is not so by default.
+struct Behind<'p>(&'p Port);
+
+impl Display for Behind<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Serial(SerialSettings { device, framing, side, line, .. }) => {
+        let Port { kind, units, .. } = self.0;
+        match kind {
+            PortKind::Serial(SerialSettings { device, framing, side, line, .. }) => {
                 write!(f, "serial {device} {framing} {side} {}", line.speed())
             }
-            Self::TcpServer(settings) => write!(f, "tcp server {}", settings.listen),
-            Self::TcpClient(settings) => write!(f, "tcp client {}", Endpoint(settings.server)),
-            Self::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
-            Self::Scanner => f.write_str("scanner"),
-            Self::Ethercat(_) => f.write_str("ethercat"),
+            PortKind::TcpServer(settings) => write!(f, "tcp server {}", settings.listen),
+            PortKind::TcpClient(settings) => write!(f, "tcp client {}", Endpoint(settings.server)),
+            PortKind::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
+            PortKind::Scanner => f.write_str("scanner"),
+            PortKind::Ethercat(_) => f.write_str("ethercat"),
         }?;
-        let (mut own, mut default) = (self.clone(), self.plain());
-        let (keys, _) = self.words();
-        keys.iter().try_for_each(|&(keyword, key)| match (own.field(key), default.field(key)) {
-            (Some(own), Some(default)) => own.write(&default, keyword, f),
-            _ => Ok(()),
-        })
+        let (mut own, mut default) = (kind.clone(), kind.plain());
+        let (mut own_units, mut default_units) = (*units, UnitPolicy::default());
+        let (keys, _) = kind.words();
+        for &(keyword, key) in keys.iter().chain(UNIT_KEYS) {
+            let own = own.field(key).or_else(|| own_units.field(key));
+            let default = default.field(key).or_else(|| default_units.field(key));
+            if let (Some(own), Some(default)) = (own, default) {
+                own.write(&default, keyword, f)?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -175,17 +183,6 @@ impl PortKind {
             Self::Scanner => Self::Scanner,
             Self::Ethercat(_) => Self::Ethercat(EthercatSettings::default()),
         }
-    }
-}
-
-/// The words of a port about special unit ids, each with a blank before it; nothing for what is the default.
-impl Display for UnitPolicy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (mut own, mut default) = (*self, Self::default());
-        UNIT_KEYS.iter().try_for_each(|&(keyword, key)| match (own.field(key), default.field(key)) {
-            (Some(own), Some(default)) => own.write(&default, keyword, f),
-            _ => Ok(()),
-        })
     }
 }
 

@@ -43,16 +43,15 @@ impl Time {
         if text == "0" {
             return Some(Duration::from_ticks(0));
         }
-        let unit_at = text.find(|character: char| character.is_ascii_alphabetic())?;
+        let unit_at = text.bytes().position(|byte| byte.is_ascii_alphabetic())?;
         let (number, unit) = text.split_at_checked(unit_at)?;
         let scale = UNITS_US.iter().find(|(name, _)| unit.eq_ignore_ascii_case(name))?.1;
         let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
-        let whole_us = digits(whole)?.checked_mul(scale)?;
         let parts = digits(fraction)?.checked_mul(scale)?;
         // `digits` bounds the length, so the power fits.
-        let per = 10_u64.pow(fraction.len() as u32);
-        parts.is_multiple_of(per).then_some(())?;
-        whole_us.checked_add(parts / per).map(Duration::from_micros)
+        let per = 10_u32.pow(fraction.len() as u32).into();
+        let us = digits(whole)?.checked_mul(scale)?.checked_add(parts / per)?;
+        parts.is_multiple_of(per).then_some(Duration::from_micros(us))
     }
 }
 
@@ -118,7 +117,7 @@ const RESERVED_NAMES: [&str; 3] = ["local", "discard", "nopath"];
 /// Whether `word` may be a name. It starts with a letter, so that a bare number in a rule can mean a TCP port.
 pub(super) fn is_name(word: Word) -> bool {
     let letters = word.text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte));
-    word.text.starts_with(|first: char| first.is_ascii_alphabetic())
+    word.text.as_bytes().first().is_some_and(u8::is_ascii_alphabetic)
         && letters
         && !RESERVED_NAMES.iter().any(|reserved| word.is(reserved))
 }

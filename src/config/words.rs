@@ -38,6 +38,11 @@ impl Word<'_> {
         self.text.eq_ignore_ascii_case(keyword)
     }
 
+    /// Whether the word begins as a number.
+    pub(crate) fn begins_with_digit(&self) -> bool {
+        self.text.as_bytes().first().is_some_and(u8::is_ascii_digit)
+    }
+
     /// What `table` has for this keyword.
     pub(crate) fn lookup<T: Copy>(&self, table: &[(&'static str, T)]) -> Option<T> {
         let place = self.place(&|at| table.get(at).map(|&(keyword, _)| keyword))?;
@@ -104,7 +109,7 @@ impl<'a> Words<'a> {
 
     /// Takes the next word.
     pub(crate) fn take(&self) -> Word<'_> {
-        let listed = self.advance_to(|character| !is_separator(character)).contains(',');
+        let listed = self.advance_to(|byte| !is_separator(byte)).contains(',');
         let column = self.column.get();
         if self.rest.get().starts_with('#') {
             self.rest.set("");
@@ -131,9 +136,9 @@ impl<'a> Words<'a> {
         if word.is_end() { Ok(()) } else { Err(word.expected("the end of the line")) }
     }
 
-    fn advance_to(&self, is_end: fn(char) -> bool) -> &'a str {
+    fn advance_to(&self, is_end: fn(u8) -> bool) -> &'a str {
         let rest = self.rest.get();
-        self.advance(rest.find(is_end).unwrap_or(rest.len()))
+        self.advance(rest.bytes().position(is_end).unwrap_or(rest.len()))
     }
 
     fn advance(&self, bytes: usize) -> &'a str {
@@ -145,8 +150,9 @@ impl<'a> Words<'a> {
     }
 }
 
-fn is_separator(character: char) -> bool {
-    character.is_ascii_whitespace() || character == ','
+/// No byte of a longer character is one.
+fn is_separator(byte: u8) -> bool {
+    byte.is_ascii_whitespace() || byte == b','
 }
 
 /// Whether `typed` is `keyword` with one letter wrong, missing, too many, or with two neighbours swapped.

@@ -108,7 +108,7 @@ impl<'g> Session<'_, 'g> {
         if verb.is_end() {
             return Ok(Wait::End);
         }
-        let begins_with_digit = words.peek().text.starts_with(|first: char| first.is_ascii_digit());
+        let begins_with_digit = words.peek().begins_with_digit();
         Ok(match verb.keyword(COMMANDS, "a command (see help)")? {
             Command::Settings => self.change(),
             Command::Show => {

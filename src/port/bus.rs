@@ -103,19 +103,19 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     }
 
     /// Sends the order `frame` to `unit` while it arrives.
-    pub(crate) async fn copy(
+    pub(crate) fn copy(
         &mut self,
         gateway: &Gateway<'_>,
         frame: &Frame<'_>,
         unit: u8,
         may_wait: bool,
-    ) -> Result<Copied, LineLost> {
+    ) -> impl Future<Output = Result<Copied, LineLost>> {
         self.decoder.clear();
         self.line.stats.count(Event::Request);
         let (framing, envelope) = (self.settings.framing, frame.envelope());
         let (source, from) = (Some(envelope.origin.port), envelope.unit);
         let form = Form { framing, may_wait, delimiter: LINE_FEED, source, from, to: unit };
-        copy(gateway, &mut self.line, frame, form).await
+        copy(gateway, &mut self.line, frame, form)
     }
 
     /// Waits for the response to what was just sent, and gives the time from the request's end to it.

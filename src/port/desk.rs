@@ -20,7 +20,7 @@ use core::cell::{Cell, RefCell, RefMut};
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::Instant;
 use heapless::Vec;
 
 use crate::config::PortId;
@@ -196,24 +196,20 @@ impl<'g> Desk<'g> {
         };
         loop {
             let next = self.queue().next(now, ready);
-            match next {
-                // Others whose askers have gone are found out when their turn comes, or the queue is full.
-                Next::Serve(frame, _) if self.gateway.is_gone(frame.origin()) => {
-                    self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
-                }
-                Next::Serve(frame, ticket) => {
-                    frame.set_errand(self.start(&frame, &ticket, now));
-                    // There is room: a port has at most as many orders open, and one that is not kept here is in its hands
-                    // alone.
-                    let _ = self.current().push(frame.share());
-                    self.count_waiting();
-                    return Next::Serve(frame, ticket);
-                }
-                Next::Wait(_) | Next::Empty => {
-                    self.count_waiting();
-                    return next;
-                }
+            let Next::Serve(frame, ticket) = next else {
+                self.count_waiting();
+                return next;
+            };
+            // Others whose askers have gone are found out when their turn comes, or the queue is full.
+            if self.gateway.is_gone(frame.origin()) {
+                self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
+                continue;
             }
+            let current = frame.share_for(self.start(&frame, &ticket, now));
+            // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
+            let _ = self.current().push(current);
+            self.count_waiting();
+            return Next::Serve(frame, ticket);
         }
     }
 
@@ -270,11 +266,10 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// Waits for `pause`, or until somebody asks who spares servers by himself: what he waits for is the next attempt.
-    pub(crate) async fn pause(&self, pause: Duration) {
-        self.pausing.set(true);
-        select(Timer::after(pause), self.wanted()).await;
-        self.pausing.set(false);
+    /// While it is `pausing`, it takes orders only of those who spare servers by themselves: what they wait for is the next
+    /// attempt.
+    pub(crate) fn set_pausing(&self, pausing: bool) {
+        self.pausing.set(pausing);
     }
 
     /// Waits until [`Desk::next`] may have something new to say.
@@ -284,8 +279,7 @@ impl<'g> Desk<'g> {
 
     /// Sends `order` home with what it holds by now as its answer.
     pub(crate) fn done(&self, order: &Frame<'g>) {
-        let Some(frame) = self.take(order) else { return };
-        let errand = frame.errand();
+        let Some((frame, errand)) = self.take(order) else { return };
         if order.function() & EXCEPTION_BIT != 0 && errand.part(order) {
             return self.part(order);
         }
@@ -381,7 +375,8 @@ impl<'g> Desk<'g> {
     /// `order`, which was sent while it arrived, is whole: what it does is known by now.
     pub(crate) fn arrived(&self, order: &Frame<'g>) {
         let writes = !pdu::is_read(order.function());
-        order.set_errand(Errand { writes, asked: block(order), ..order.errand() });
+        let asked = block(order);
+        order.amend_errand(|errand| (errand.writes, errand.asked) = (writes, asked));
     }
 
     /// Gives whoever asked `order` while its answer is still written into it.
@@ -397,7 +392,7 @@ impl<'g> Desk<'g> {
 
     /// Sends `order` home without an answer: a broadcast.
     pub(crate) fn done_silently(&self, order: &Frame<'g>) {
-        if let Some(frame) = self.take(order) {
+        if let Some((frame, _)) = self.take(order) {
             self.gateway.finish_broadcast(frame);
         }
     }
@@ -408,8 +403,8 @@ impl<'g> Desk<'g> {
     /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until the
     /// late answer can no longer come.
     pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
-        let Some(frame) = self.take(order) else { return };
-        frame.errand().part(&frame);
+        let Some((frame, errand)) = self.take(order) else { return };
+        errand.part(&frame);
         // Where the answer has begun, nothing can follow it.
         let mut repeated = match is_answering(&frame) {
             true => {
@@ -428,16 +423,17 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// Ends the carrying out of `order`.
-    fn take(&self, order: &Frame<'g>) -> Option<Frame<'g>> {
+    /// Ends the carrying out of `order`, and tells what was noted of it.
+    fn take(&self, order: &Frame<'g>) -> Option<(Frame<'g>, Errand)> {
         let mut current = self.current();
         let at = current.iter().position(|current| current.is(order))?;
         let ended = current.swap_remove(at);
-        if ended.errand().writes {
+        let errand = ended.errand();
+        if errand.writes {
             self.writes_ended.set(self.writes_ended.get().wrapping_add(1));
             self.cache().written(order.target());
         }
-        Some(ended)
+        Some((ended, errand))
     }
 
     /// Puts an order that got no answer back in the queue, or answers it 0Bh; says which.

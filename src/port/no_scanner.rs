@@ -5,7 +5,12 @@ use crate::gateway::{Gateway, PortPlace};
 use crate::port::ethercat::EthercatPlace;
 
 /// There is nothing to ask for. Settings with such a port are refused before.
-pub(crate) async fn run(_: &Gateway<'_>, place: &PortPlace, _: PortId, ethercat: Option<&EthercatPlace>) {
+pub(crate) fn run(
+    _: &Gateway<'_>,
+    place: &PortPlace,
+    _: PortId,
+    ethercat: Option<&EthercatPlace>,
+) -> impl Future<Output = ()> {
     ethercat.into_iter().for_each(|ethercat| _ = place.set_status(ethercat.controller().status()));
-    place.changed.wait().await
+    place.changed.wait()
 }

@@ -175,8 +175,9 @@ impl<T> PortQueue<T> {
             None
         };
         let waiting = self.waiting(order, ticket);
-        let refused = self.waiting.push(waiting);
-        refused.err().map(|refused| refused.order).or(evicted)
+        // There is room now.
+        let _ = self.waiting.push(waiting);
+        evicted
     }
 
     fn waiting(&mut self, order: T, ticket: Ticket) -> Waiting<T> {
@@ -269,8 +270,9 @@ impl<T> PortQueue<T> {
             return Some(order);
         }
         let waiting = self.waiting(order, ticket);
-        let refused = self.waiting.insert(0, waiting);
-        refused.err().map(|refused| refused.order)
+        // There is room.
+        let _ = self.waiting.insert(0, waiting);
+        None
     }
 
     /// Whether a write to `unit` waits.
@@ -348,25 +350,32 @@ impl<T> PortQueue<T> {
         of_address.for_each(|known| known.by_address = turn);
     }
 
-    /// The newest order of the address that has most of them, if that is more than `newcomer`'s would have.
+    /// The newest order of the address that has most of them, if that is more than `newcomer`'s would have; within that
+    /// address the same holds of its connections.
     fn crowder(&self, newcomer: Asker) -> Option<usize> {
-        let asker = |waiting: &Waiting<T>| self.ticket(waiting).asker;
-        let is_of = |waiting: &Waiting<T>, address| asker(waiting).address == address;
-        let count = |address| self.waiting.iter().filter(|other| is_of(other, address)).count();
-        let crowd = self.waiting.iter().map(|waiting| count(asker(waiting).address)).max()?;
-        if crowd > count(newcomer.address) + 1 {
-            return self.waiting.iter().rposition(|waiting| count(asker(waiting).address) == crowd);
+        self.crowd(newcomer, false).or_else(|| self.crowd(newcomer, true))
+    }
+
+    /// The newest order of the largest crowd, if that is larger than `newcomer`'s would be. A crowd is an address, or, `within`
+    /// the newcomer's address, a connection.
+    fn crowd(&self, newcomer: Asker, within: bool) -> Option<usize> {
+        let askers = || self.waiting.iter().map(|waiting| self.ticket(waiting).asker);
+        let size = |of: Asker| {
+            let is_of = |asker: &Asker| if within { *asker == of } else { asker.address == of.address };
+            askers().filter(is_of).count()
+        };
+        let mut newest = None;
+        let mut largest = size(newcomer) + 1;
+        for (index, asker) in askers().enumerate() {
+            if within && asker.address != newcomer.address {
+                continue;
+            }
+            let size = size(asker);
+            if size > largest || newest.is_some() && size == largest {
+                (newest, largest) = (Some(index), size);
+            }
         }
-        // Within an address the same holds of its connections.
-        let own = |of| self.waiting.iter().filter(|other| asker(other) == of).count();
-        let of_address = || self.waiting.iter().filter(|other| is_of(other, newcomer.address));
-        let crowd = of_address().map(|waiting| own(asker(waiting))).max()?;
-        if crowd <= own(newcomer) + 1 {
-            return None;
-        }
-        self.waiting
-            .iter()
-            .rposition(|waiting| is_of(waiting, newcomer.address) && own(asker(waiting)) == crowd)
+        newest
     }
 }
 

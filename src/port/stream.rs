@@ -1,6 +1,7 @@
 //! What a client sends over TCP, gathered and cut into requests: Modbus TCP, or RTU over TCP.
 
 use embassy_time::{Duration, Instant};
+use heapless::Vec;
 
 use crate::config::StreamFraming;
 use crate::modbus::PduLength;
@@ -18,15 +19,14 @@ const PIECE_BYTES: usize = if cfg!(feature = "small") { 64 } else { ADU_BYTES_MA
 
 /// A frame on its way out.
 pub(crate) struct Pieces {
-    piece: [u8; PIECE_BYTES],
-    length: usize,
+    piece: Vec<u8, PIECE_BYTES>,
     given: usize,
 }
 
 impl Pieces {
     /// Nothing has been given yet.
     pub(crate) const fn new() -> Self {
-        Self { piece: [0; PIECE_BYTES], length: 0, given: 0 }
+        Self { piece: Vec::new(), given: 0 }
     }
 
     /// Whether nothing has been taken yet.
@@ -37,19 +37,20 @@ impl Pieces {
     /// Takes the next piece of `frame`, of which all that were taken before have been given.
     pub(crate) fn take(&mut self, frame: &[u8]) {
         let rest = frame.get(self.given..).unwrap_or(&[]);
-        self.piece.iter_mut().zip(rest).for_each(|(byte, next)| *byte = *next);
-        self.length = rest.len().min(PIECE_BYTES);
-        self.given += self.length;
+        self.piece.clear();
+        // It is no longer than a piece may be.
+        let _ = self.piece.extend_from_slice(rest.get(..PIECE_BYTES).unwrap_or(rest));
+        self.given += self.piece.len();
     }
 
     /// The piece.
     pub(crate) fn piece(&self) -> &[u8] {
-        self.piece.get(..self.length).unwrap_or(&[])
+        &self.piece
     }
 
     /// Whether more may follow.
     pub(crate) fn goes_on(&self) -> bool {
-        self.length == PIECE_BYTES
+        self.piece.is_full()
     }
 }
 

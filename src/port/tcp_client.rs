@@ -10,7 +10,8 @@
 
 use core::pin::pin;
 
-use embassy_time::{Duration, Instant, with_deadline, with_timeout};
+use embassy_futures::select::select;
+use embassy_time::{Duration, Instant, Timer, with_deadline, with_timeout};
 
 use crate::config::{Endpoint, TcpClientSettings};
 use crate::gateway::Status;
@@ -88,7 +89,9 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
         if place.set_status(Status::Failed(error)) {
             log_warn!("no connection to {}: {}", Endpoint(settings.server), error);
         }
-        desk.pause(pause).await;
+        desk.set_pausing(true);
+        select(Timer::after(pause), desk.wanted()).await;
+        desk.set_pausing(false);
         pause = (pause * 2).min(RETRY_LONGEST);
     }
 }

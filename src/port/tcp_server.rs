@@ -71,41 +71,37 @@ impl Server<'_, '_> {
     /// Serves one client after the other, for ever.
     pub(crate) async fn run<H: TcpHost>(&self, host: &mut H) {
         loop {
-            if let Err(error) = self.serve_next(host).await {
-                listening::fails(self.place, "TCP", self.settings.listen.port, error);
-                Timer::after(LISTEN_PAUSE).await;
-            }
-        }
-    }
-
-    async fn serve_next<H: TcpHost>(&self, host: &mut H) -> Result<(), crate::hal::OpenError> {
-        host.listen(&self.settings.listen)?;
-        listening::listens(self.place, "TCP", self.settings.listen.port);
-        let (mut stream, peer) = host.accept(&self.settings.listen).await?;
-        self.place.stats.count(Event::Connected);
-        let end = if self.all_settings(|settings| settings.allowed.admits(peer.ip())) == Some(true) {
-            match self.seat_down(peer) {
-                Some(_) if self.settings.framing == StreamFraming::Capture => {
+            let listen = &self.settings.listen;
+            let accepted = match host.listen(listen) {
+                Ok(()) => {
+                    listening::listens(self.place, "TCP", listen.port);
+                    host.accept(listen).await
+                }
+                Err(error) => Err(error),
+            };
+            let (mut stream, peer) = match accepted {
+                Ok(accepted) => accepted,
+                Err(error) => {
+                    listening::fails(self.place, "TCP", self.settings.listen.port, error);
+                    Timer::after(LISTEN_PAUSE).await;
+                    continue;
+                }
+            };
+            self.place.stats.count(Event::Connected);
+            let end = match self.seat_down(peer) {
+                Ok(_) if self.settings.framing == StreamFraming::Capture => {
                     apart(pin!(self.export(&mut stream))).await
                 }
-                Some(origin) => {
+                Ok(origin) => {
                     let Err(end) = apart(pin!(self.serve(&mut stream, origin))).await;
                     end
                 }
-                None => End::Crowded,
-            }
-        } else {
-            End::Unwelcome
-        };
-        self.left();
-        self.place.stats.count(end);
-        stream.close().await;
-        Ok(())
-    }
-
-    /// What `of` takes from the server's settings; none when it is no server any more.
-    fn all_settings<R>(&self, of: impl FnOnce(&TcpServerSettings) -> R) -> Option<R> {
-        self.gateway.settings(|settings| settings.tcp_server(self.id).map(of))
+                Err(end) => end,
+            };
+            self.left();
+            self.place.stats.count(end);
+            stream.close().await;
+        }
     }
 
     /// The seat is empty: answers that still come find nobody.
@@ -115,13 +111,15 @@ impl Server<'_, '_> {
     }
 
     /// Takes the newcomer in and sees that there is room, or refuses it.
-    fn seat_down(&self, peer: SocketAddr) -> Option<Origin> {
+    fn seat_down(&self, peer: SocketAddr) -> Result<Origin, End> {
         let now = Instant::now();
         self.seat.leave.reset();
-        let (marked, clients, reserved) = self.all_settings(|settings| {
-            let marked = settings.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
-            (marked, usize::from(settings.clients), usize::from(settings.reserved))
-        })?;
+        let terms = self.gateway.settings(|settings| {
+            let server = settings.tcp_server(self.id).filter(|server| server.allowed.admits(peer.ip()))?;
+            let marked = server.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
+            Some((marked, usize::from(server.clients), usize::from(server.reserved)))
+        });
+        let Some((marked, clients, reserved)) = terms else { return Err(End::Unwelcome) };
         let generation = self.seat.update(|seat| {
             let (port, generation) = (seat.port, seat.generation.wrapping_add(1));
             let came = SeatState { since: now, last_request: now, ..SeatState::EMPTY };
@@ -147,11 +145,11 @@ impl Server<'_, '_> {
         }
         let ordinary_max = clients.saturating_sub(reserved);
         if seated > clients || (!marked && ordinary > ordinary_max) {
-            let (seat, _) = idle?;
+            let Some((seat, _)) = idle else { return Err(End::Crowded) };
             seat.update(|seat| seat.leaving = true);
             seat.leave.signal(());
         }
-        Some(Origin { port: self.id, way: Way::Seat(self.index as u16), generation })
+        Ok(Origin { port: self.id, way: Way::Seat(self.index as u16), generation })
     }
 
     async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin) -> Result<Infallible, End> {

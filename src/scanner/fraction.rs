@@ -44,7 +44,7 @@ impl Decimal {
 
     /// The text as a number, without its sign; `None` if it is none, and an empty number for 0.
     fn parse(text: &str) -> Option<Self> {
-        let (digits, exponent) = match text.split_once(['e', 'E']) {
+        let (digits, exponent) = match text.split_once('e').or_else(|| text.split_once('E')) {
             Some((digits, exponent)) => {
                 (digits, exponent.parse().ok().filter(|ten| (-999..=999).contains(ten))?)
             }
@@ -200,25 +200,16 @@ pub(super) fn write(value: f32, out: &mut impl Write) -> fmt::Result {
 /// The shortest number that is nearer to the float `bits` than to any other, and of several the nearest.
 fn shortest(bits: u32) -> Decimal {
     let steps = bits / IMPLIED;
-    let (mantissa, exponent) = match steps {
-        0 => (bits, EXPONENT_MIN),
-        _ => (bits % IMPLIED + IMPLIED, EXPONENT_MIN + steps as i32 - 1),
-    };
-    // The numbers below a power of two stand closer together.
-    let below = if mantissa == IMPLIED && steps > 1 { 1 } else { 2 };
-    let exact = Decimal::new(mantissa, exponent);
-    let low = Decimal::new(4 * mantissa - below, exponent - 2);
-    let high = Decimal::new(4 * mantissa + 2, exponent - 2);
-    let is_near = |number: &Decimal| {
-        // In the middle the even mantissa is taken.
-        if mantissa % 2 == 0 { low <= *number && *number <= high } else { low < *number && *number < high }
+    let exact = match steps {
+        0 => Decimal::new(bits, EXPONENT_MIN),
+        _ => Decimal::new(bits % IMPLIED + IMPLIED, EXPONENT_MIN + steps as i32 - 1),
     };
     for count in 1..exact.digits.len() {
         let (down, up) = exact.rounded(count);
         let upwards = exact.digits.get(count..).is_some_and(|rest| rest >= &[5][..]);
         let (first, second) = if upwards { (up, down) } else { (down, up) };
         for number in [first, second] {
-            if is_near(&number) {
+            if nearest(number.clone()) == bits {
                 return number;
             }
         }

@@ -50,10 +50,10 @@ async fn serve(board: &mut Board, line: &mut Line, flash: SettingsFlash, forget:
     // An EtherCAT MainDevice may want them saved too. In an image without EtherCAT that would end at once, but its code and its memory
     // would stay.
     #[cfg(feature = "ethercat")]
-    {
+    let sessions = async {
         let mut kept = SharedStore::new(&flash);
-        embassy_futures::join::join(pin!(gateway().keep_settings(&mut kept)), sessions).await;
-    }
-    #[cfg(not(feature = "ethercat"))]
+        let keep = pin!(gateway().keep_settings(&mut kept));
+        embassy_futures::join::join(keep, sessions).await;
+    };
     sessions.await;
 }

@@ -138,7 +138,7 @@ impl<'p> FramePool<'p> {
 
     /// A frame for `owner`: its reserved one if that is at home, else a shared one, else none.
     pub fn take(&'p self, owner: usize) -> Option<(FrameWriter<'p>, Frame<'p>)> {
-        let frame = self.claim(owner)?;
+        let frame = self.claim(owner, None)?;
         Some((FrameWriter { frame: frame.share() }, frame))
     }
 
@@ -148,22 +148,20 @@ impl<'p> FramePool<'p> {
         if pdu.len() > PDU_BYTES_MAX {
             return None;
         }
-        let frame = self.claim(owner)?;
-        frame.with(|slot| {
-            slot.put(pdu);
-            slot.envelope = Some(envelope);
-        });
-        Some(frame)
+        self.claim(owner, Some((pdu, envelope)))
     }
 
-    /// An empty frame for `owner`.
-    fn claim(&'p self, owner: usize) -> Option<Frame<'p>> {
+    /// A frame for `owner`, empty or with this content.
+    fn claim(&'p self, owner: usize, content: Option<(&[u8], Envelope)>) -> Option<Frame<'p>> {
         let own = owner < self.reserved && self.with(owner, |slot| slot.handles) == Some(0);
         let index = if own { owner } else { self.take_shared()? };
         self.with(index, |slot| {
             slot.handles = 1;
             slot.restart();
-            slot.envelope = None;
+            slot.envelope = content.map(|(_, envelope)| envelope);
+            if let Some((pdu, _)) = content {
+                slot.put(pdu);
+            }
         })?;
         Some(Frame { pool: self, index: index as u16 })
     }

@@ -20,23 +20,20 @@ impl Gateway<'_> {
     pub async fn route(&self) {
         loop {
             let frame = self.inbox.receive(self.pool()).await;
-            match frame.stage() {
-                Stage::Request => self.forward(frame),
-                Stage::Answering => {
-                    let is_gone = self.is_gone(frame.origin());
-                    self.deliver(frame, is_gone);
-                }
+            let envelope = frame.envelope();
+            match envelope.stage {
+                Stage::Request => self.forward(frame, &envelope),
+                Stage::Answering => self.deliver(frame, envelope.origin, self.is_gone(envelope.origin)),
                 Stage::Answer | Stage::Silence => {
-                    let outcome = self.note(&frame);
-                    self.deliver(frame, outcome == Outcome::AskerGone);
+                    let outcome = self.note(&frame, &envelope);
+                    self.deliver(frame, envelope.origin, outcome == Outcome::AskerGone);
                 }
             }
         }
     }
 
     /// Sends a request to where the routing table says.
-    fn forward(&self, frame: Frame<'_>) {
-        let envelope = frame.envelope();
+    fn forward(&self, frame: Frame<'_>, envelope: &Envelope) {
         if envelope.origin.way == Way::Console {
             return self.forward_asked(frame);
         }
@@ -51,7 +48,7 @@ impl Gateway<'_> {
             Decision::Forward { port, unit: target, priority, sharing, addresses } => {
                 match self.ports().get(port.index()) {
                     Some(place) => {
-                        let to_port = Envelope { target, priority, sharing, addresses, ..envelope };
+                        let to_port = Envelope { target, priority, sharing, addresses, ..*envelope };
                         frame.address(Envelope { destination: Some(port), ..to_port });
                         place.queue.send(frame);
                     }
@@ -127,8 +124,7 @@ impl Gateway<'_> {
     }
 
     /// Writes a transaction into the log that has come to its end, and says how it ended.
-    pub(crate) fn note(&self, frame: &Frame<'_>) -> Outcome {
-        let envelope = frame.envelope();
+    pub(crate) fn note(&self, frame: &Frame<'_>, envelope: &Envelope) -> Outcome {
         let (function, exception) = frame.pdu(|pdu| match *pdu {
             [function, code] if function & EXCEPTION_BIT != 0 => (function, Some(Exception(code))),
             [function, ..] => (function, None),
@@ -158,8 +154,7 @@ impl Gateway<'_> {
     }
 
     /// Gives a frame back to whoever asked, unless he has gone.
-    fn deliver(&self, frame: Frame<'_>, is_gone: bool) {
-        let origin = frame.origin();
+    fn deliver(&self, frame: Frame<'_>, origin: Origin, is_gone: bool) {
         match self.way_back(origin) {
             _ if is_gone => self.count_at(origin.port, Event::AskerGone),
             Some(channel) => channel.send(frame),

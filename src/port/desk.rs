@@ -309,7 +309,7 @@ impl<'g> Desk<'g> {
     /// Sends home `frame`, which holds its answer, unless whoever asked has it already.
     fn give(&self, frame: Frame<'g>) {
         if is_answering(&frame) {
-            self.gateway.note(&frame);
+            self.gateway.note(&frame, &frame.envelope());
         } else {
             self.gateway.answered(frame);
         }
@@ -408,7 +408,7 @@ impl<'g> Desk<'g> {
         // Where the answer has begun, nothing can follow it.
         let mut repeated = match is_answering(&frame) {
             true => {
-                self.gateway.note(&frame);
+                self.gateway.note(&frame, &frame.envelope());
                 false
             }
             false => self.again(frame, retries),

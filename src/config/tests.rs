@@ -186,15 +186,6 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("port local tcp server 1", "column 6: \"local\": expected a port name"),
         ("port sixteen--letters tcp server 1", "expected a port name"),
         ("port X", "column 7: end of line: expected serial, tcp, udp, scanner or ethercat"),
-        (
-            "port X ethercat line 7",
-            "column 22: \"7\": expected a port name: a letter, then letters, digits, - _ or ., at most 15, not local, discard or nopath",
-        ),
-        ("port X ethercat on-loss", "column 24: end of line: expected hold, clear or stop"),
-        (
-            "port X ethercat on-los stop",
-            "column 17: \"on-los\": expected line or on-loss; did you mean on-loss?",
-        ),
         ("port X udp client 1", "\"client\": expected server"),
         ("port X udp server 502 requests 33", "expected requests from 1 to 32"),
         ("port X tcp klient 1", "expected server or client; did you mean client?"),

@@ -1,4 +1,4 @@
-//! What lines of points say where there are none. Run by `cargo test -p mobgate --lib --no-default-features no_points`.
+//! What lines of points say where there are none. Run by `cargo test -p mobgate --lib --no-default-features --features ipv6`.
 
 use std::format;
 use std::string::ToString;

@@ -76,3 +76,22 @@ fn what_is_wrong_with_a_slave_is_said() {
     }
     assert!(error("slave 0 unit 1").contains("no port asks for EtherCAT: type port NAME ethercat first"));
 }
+
+#[test]
+fn what_is_wrong_with_the_port_is_said() {
+    let cases = [
+        (
+            "port X ethercat line 7",
+            "column 22: \"7\": expected a port name: a letter, then letters, digits, - _ or ., at most 15, not local, discard or nopath",
+        ),
+        ("port X ethercat on-loss", "column 24: end of line: expected hold, clear or stop"),
+        (
+            "port X ethercat on-los stop",
+            "column 17: \"on-los\": expected line or on-loss; did you mean on-loss?",
+        ),
+    ];
+    for (line, expected) in cases {
+        let error = error(line);
+        assert!(error.contains(expected), "{line}: {error}");
+    }
+}

@@ -45,7 +45,7 @@ use crate::hal::{Store, System};
 const PROMPT: &str = "mobgate> ";
 /// Bytes taken from the stream at a time.
 const CHUNK_BYTES_MAX: usize = 64;
-/// Bytes that may stop a command; what is behind them is the next command.
+/// Bytes that may stop a command; what is behind them, or behind the line that they begin, is the next command.
 const STOP_BYTES_MAX: usize = 16;
 
 /// Who is at the other end.
@@ -76,6 +76,8 @@ where
     let mut console = Console::new(gateway, system, mode);
     let mut wait = console.start();
     let (mut chunk, mut keys, mut stop) = ([0; CHUNK_BYTES_MAX], 0..0, [0; STOP_BYTES_MAX]);
+    // Whether the line that has stopped a command goes on.
+    let mut skips = false;
     loop {
         stream.write_all(console.session.out.text.as_bytes()).await?;
         console.session.out.text.clear();
@@ -102,10 +104,24 @@ where
         };
         match (wait, came) {
             (Wait::Exit, _) => return Ok(()),
-            (Wait::Key, Came::Typed(count @ 1..)) => keys = 0..count,
-            _ => wait = console.step(came),
+            (Wait::Key, Came::Typed(count @ 1..)) => {
+                let end = if skips { line_end(&chunk, count) } else { Some(0) };
+                skips = end.is_none();
+                keys = end.unwrap_or(count)..count;
+            }
+            (_, came) => {
+                if let Came::Typed(count @ 1..) = came {
+                    skips = mode == Mode::Plain && line_end(&stop, count).is_none();
+                }
+                wait = console.step(came);
+            }
         }
     }
+}
+
+/// The place behind the first line that ends within the first `count` of `bytes`.
+fn line_end(bytes: &[u8], count: usize) -> Option<usize> {
+    bytes.iter().take(count).position(|byte| *byte == b'\n').map(|end| end + 1)
 }
 
 /// Does what a step waits for.

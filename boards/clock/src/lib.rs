@@ -7,6 +7,8 @@
 //! simulations run side by side in one process.
 
 use std::cell::Cell;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
 use std::task::Waker;
 
 use embassy_time_driver::Driver;
@@ -46,11 +48,20 @@ impl Driver for HostClock {
     }
 }
 
-/// Microseconds since some time before the start. Without the detour through std's `Instant`, which checks what cannot be: this
-/// is called some twenty times for a transaction.
+/// When the clock was looked at first, in microseconds of the host's own; 0 before that.
+static STARTED: AtomicU64 = AtomicU64::new(0);
+
+/// Microseconds since the first look, as a board's clock starts with it. Without the detour through std's `Instant`, which
+/// checks what cannot be: this is called some twenty times for a transaction.
 fn wall_clock() -> u64 {
     let mut now = libc::timespec { tv_sec: 0, tv_nsec: 0 };
     // SAFETY: `now` is a place for what is written. Every host has this clock, so the call cannot fail.
     unsafe { libc::clock_gettime(libc::CLOCK_MONOTONIC, &mut now) };
-    now.tv_sec as u64 * 1_000_000 + now.tv_nsec as u64 / 1_000
+    let now = now.tv_sec as u64 * 1_000_000 + now.tv_nsec as u64 / 1_000;
+    let started = match STARTED.load(Relaxed) {
+        0 => STARTED.compare_exchange(0, now, Relaxed, Relaxed).err().unwrap_or(now),
+        started => started,
+    };
+    // Of two threads that look first, the one that came later may have read its time earlier.
+    now.saturating_sub(started)
 }

@@ -4,6 +4,7 @@ use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::process::Stdio;
+use std::time::Instant;
 
 use rustix::process::Signal;
 use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
@@ -32,6 +33,15 @@ fn several_sessions_at_once_see_the_same_settings() {
     let (mut one, mut two) = (session(console), session(console));
     converse(&mut one, "port P7 serial /dev/ttyS7 rtu client 9600 8N1\nshow config\n", "ttyS7");
     converse(&mut two, "show config\n", "ttyS7");
+}
+
+#[test]
+fn the_program_is_up_since_it_was_started_and_not_since_the_machine_was() {
+    let before = Instant::now();
+    let (_program, console) = with_console("port P502 tcp server {port}\n");
+    let said = converse(&mut session(console), "show version\n", "\n");
+    let up = said.trim_end().rsplit_once(", up ").and_then(|(_, up)| up.strip_suffix('s')).unwrap();
+    assert!(up.parse::<u64>().unwrap() <= before.elapsed().as_secs(), "{said}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::format;
 
-use super::{pipe, std, with_gateway};
+use super::{Memory, Mode, pipe, session, std, with_gateway};
 
 const POINTS: &str = "port scan scanner\ndevice meter unit 5\npoint power meter 40001 as f32 read manual write auto\n\
                       point kept local holding 7 count 3 as i16\npoint lamps local coil 0 count 4 label \"On, off\"\n\
@@ -54,5 +54,17 @@ fn what_cannot_be_done_with_a_point_is_said() {
             pipe(gateway, "begin power\nwrite power 1.5\nbegin power"),
             "power           meter           holding       0   40001 0180h to-write blocked; never read;\n  [0] 1.5\nerror: line 3, a safe write has begun\n"
         );
+    });
+}
+
+#[test]
+fn a_line_that_stops_a_command_is_no_command_itself_however_long_it_is() {
+    with_gateway(|gateway| {
+        pipe(gateway, POINTS);
+        let script = "watch points\nwhat stops a command needs no sense\nhelp exit\n";
+        // As it comes from somebody who types the first line, and the second one when it is watched.
+        let printed = session(gateway, &mut Memory::default(), Mode::Plain, script, 13);
+        assert!(!printed.contains("error"), "{printed}");
+        assert!(printed.ends_with("exit                             ends this session\n"), "{printed}");
     });
 }

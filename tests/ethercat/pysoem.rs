@@ -12,6 +12,7 @@ use mobgate::port::ethercat::{DEVICE, EthercatPlace, GatewayObjects};
 use mobgate_simulator::Device as ModbusDevice;
 use mobgate_simulator::esc::packet::{PacketSocket, serve};
 use mobgate_simulator::sub_device::{direct, line_of};
+use mobgate_simulator::wall_clock::host_milliseconds;
 use mobgate_simulator::world::Clock;
 
 use crate::bench::Shared;
@@ -78,7 +79,7 @@ async fn change_inputs(virtuals: Vec<Virtual>, devices: Vec<ModbusDevice>, limit
         Timer::after_millis(10).await;
     }
     for nth in (0..devices.len()).cycle() {
-        devices[nth].memory().input[place(nth, 2)] = Instant::now().as_millis() as u16;
+        devices[nth].memory().input[place(nth, 2)] = host_milliseconds() as u16;
         Timer::after(limit / 2).await;
     }
 }

@@ -11,6 +11,7 @@ use std::task::{Context, Poll, Wake, Waker};
 use embassy_time::Instant;
 use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::time::TimeSpec;
+use nix::time::{ClockId, clock_gettime};
 
 struct Woken(AtomicBool);
 
@@ -44,6 +45,15 @@ pub fn run_beside<T>(
             wait(&source, mobgate_clock::next_alarm().map(Instant::from_ticks))?;
         }
     }
+}
+
+/// Milliseconds of the host's own clock, which other programs have too.
+///
+/// # Panics
+/// If the host has none.
+pub fn host_milliseconds() -> u64 {
+    let now = clock_gettime(ClockId::CLOCK_MONOTONIC).unwrap();
+    now.tv_sec() as u64 * 1_000 + now.tv_nsec() as u64 / 1_000_000
 }
 
 /// Waits until something comes at `source`, or until that time.

@@ -24,6 +24,7 @@ pub(super) enum Wait {
     /// So long, or that something is typed.
     Pause(Duration),
     /// So long, whatever is typed.
+    // Only points want that.
     #[cfg_attr(not(feature = "points"), expect(dead_code))]
     Rest(Duration),
     /// The answer to the session's question, or that something is typed if that ends it.
@@ -78,6 +79,7 @@ pub(super) enum Job<'g> {
     Ask(Question),
     Scan(Scan),
     Tune(Tune),
+    // Without points there is no such command.
     #[cfg_attr(not(feature = "points"), expect(dead_code))]
     Point(PointJob),
 }

@@ -20,7 +20,7 @@ use crate::port::desk::Desk;
 use crate::port::flights::Flights;
 use crate::port::moment::{until, within};
 use crate::port::queue::Next;
-use crate::port::stream::{Pieces, encode};
+use crate::port::stream::Pieces;
 use crate::stats::Event;
 
 mod receive;
@@ -213,7 +213,8 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         let header = Header { transaction, unit };
         let mut out = Pieces::new();
         loop {
-            order.pdu(|request| self.frame(header, request, &mut out));
+            let begins = |frame: &[u8]| self.tap(true, Event::Request, frame);
+            order.pdu(|request| out.take(self.settings.framing, header, request, begins));
             // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
             match within(self.settings.timeout, pin!(self.stream.write_all(out.piece()))).await {
                 Some(Ok(())) if out.goes_on() => {}
@@ -221,15 +222,5 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
                 _ => return Err(End::Lost),
             }
         }
-    }
-
-    /// Puts the next piece of a request's frame into `out`.
-    fn frame(&self, header: Header, request: &[u8], out: &mut Pieces) {
-        let mut frame = [0; ADU_BYTES_MAX];
-        let frame = encode(self.settings.framing, header, request, &mut frame).unwrap_or(&[]);
-        if out.is_new() {
-            self.tap(true, Event::Request, frame);
-        }
-        out.take(frame);
     }
 }

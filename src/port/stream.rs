@@ -34,8 +34,20 @@ impl Pieces {
         self.given == 0
     }
 
-    /// Takes the next piece of `frame`, of which all that were taken before have been given.
-    pub(crate) fn take(&mut self, frame: &[u8]) {
+    /// Takes the next piece of the frame of `pdu`, all pieces before which have been given. Before the first one the whole frame
+    /// `begins`.
+    pub(crate) fn take(
+        &mut self,
+        framing: StreamFraming,
+        header: Header,
+        pdu: &[u8],
+        begins: impl FnOnce(&[u8]),
+    ) {
+        let mut frame = [0; ADU_BYTES_MAX];
+        let frame = encode(framing, header, pdu, &mut frame).unwrap_or(&[]);
+        if self.is_new() {
+            begins(frame);
+        }
         let rest = frame.get(self.given..).unwrap_or(&[]);
         self.piece.clear();
         // It is no longer than a piece may be.
@@ -132,7 +144,7 @@ impl Input {
 }
 
 /// Writes the frame of an answer into `out` and gives the part that it takes.
-pub(crate) fn encode<'a>(
+fn encode<'a>(
     framing: StreamFraming,
     header: Header,
     answer: &[u8],

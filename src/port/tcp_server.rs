@@ -21,10 +21,10 @@ use crate::gateway::{Gateway, PortPlace, Seat, SeatState};
 use crate::hal::{TcpHost, TcpStream};
 use crate::modbus::Exception;
 use crate::modbus::pdu;
-use crate::modbus::tcp::{ADU_BYTES_MAX, Header, Parsed};
+use crate::modbus::tcp::{Header, Parsed};
 use crate::port::listening;
 use crate::port::moment::{apart, until, within};
-use crate::port::stream::{Input, Pieces, encode};
+use crate::port::stream::{Input, Pieces};
 use crate::stats::Event;
 
 // One of two: what an `async` function awaits stays in it, also behind a constant.
@@ -291,12 +291,7 @@ impl Server<'_, '_> {
     }
 
     fn put(&self, header: Header, answer: &[u8], out: &mut Pieces) {
-        let mut frame = [0; ADU_BYTES_MAX];
-        let frame = encode(self.settings.framing, header, answer, &mut frame).unwrap_or(&[]);
-        if out.is_new() {
-            self.tap(true, Event::Answer, frame);
-        }
-        out.take(frame);
+        out.take(self.settings.framing, header, answer, |frame| self.tap(true, Event::Answer, frame));
     }
 
     /// Shows a frame from or to the client to whoever follows.

@@ -100,7 +100,8 @@ impl Asking {
         let (Some(trial), Some(PortKind::Serial(serial))) = (trial, kind) else { return false };
         serial.line = trial.line;
         let start_delay = Duration::from_ticks(0);
-        serial.client = SerialClientSettings { timeout: trial.timeout, start_delay, ..serial.client };
+        let (timeout, late_window) = (trial.timeout, None);
+        serial.client = SerialClientSettings { timeout, late_window, start_delay, ..serial.client };
         trial.alone
     }
 }

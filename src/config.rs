@@ -21,6 +21,7 @@ mod port_values;
 mod port_words;
 mod print;
 mod problem;
+mod proof;
 mod route_words;
 mod saved;
 mod serial;
@@ -53,6 +54,7 @@ pub use self::points::{
 pub(crate) use self::points::{Reloaded, load as load_points};
 pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
+pub use self::proof::{PROOFS_MAX, Proof, Proofs};
 pub(crate) use self::route_words::units as parse_units;
 pub use self::saved::{ReadError, read_store, write_store};
 pub use self::serial::{

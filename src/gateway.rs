@@ -16,13 +16,14 @@ use embassy_time::Instant;
 use crate::asking::Asking;
 use crate::capture::{CAPTURE, Capture};
 use crate::config::{
-    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, StreamFraming, load_points,
+    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, SerialSettings, Settings, Side, StreamFraming,
+    load_points,
 };
 use crate::drafting::Draft;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
-use crate::port::desk::Desk;
+use crate::port::desk::{Desk, Matching};
 use crate::port::ethercat::{ConfigError, EthercatPlace, LineWriter};
 use crate::port::local::Events;
 use crate::port::moment::apart;
@@ -332,7 +333,7 @@ impl<'g> Gateway<'g> {
                         Some(PortKind::TcpClient(settings)) => settings.unit,
                         _ => None,
                     };
-                    let desk = Desk::new(self, at, id, unit, alone);
+                    let desk = Desk::new(self, at, id, unit, kind.as_ref().and_then(matching), alone);
                     let part = play(&desk, kind.as_ref(), lines, connector);
                     select(place.changed.wait(), select(desk.take_in(), part)).await;
                     desk.close();
@@ -430,6 +431,19 @@ fn seats_of(kind: &PortKind) -> usize {
         PortKind::TcpServer(server) => usize::from(server.clients) + 1,
         PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) => 0,
         PortKind::Scanner | PortKind::Ethercat(_) => 0,
+    }
+}
+
+/// How a client-side port keeps responses apart, where they have no transaction ids.
+fn matching(kind: &PortKind) -> Option<Matching> {
+    match kind {
+        PortKind::Serial(SerialSettings { client, .. }) => {
+            Some(Matching { proofs: client.proofs, late_window: client.late_window() })
+        }
+        PortKind::TcpClient(client) if client.framing == StreamFraming::Rtu => {
+            Some(Matching { proofs: client.proofs, late_window: client.late_window() })
+        }
+        _ => None,
     }
 }
 

@@ -13,6 +13,7 @@ pub mod cut;
 pub mod ethercat;
 pub mod flights;
 pub mod local;
+pub mod outstanding;
 pub mod queue;
 pub mod relay;
 pub mod shared_bus;

@@ -46,8 +46,12 @@ pub enum Event {
     Misfit,
     /// An answer on a serial line that came when its time was over.
     Late,
+    /// A good frame of a unit on a serial line that answers nothing that was sent to it.
+    Unsolicited,
     /// The gateway's own request came back: the line hears itself, and its settings do not say `echo`.
     Echo,
+    /// A request by which a unit was to prove that it has answered all earlier ones.
+    Proof,
     /// A read sent once more.
     Retry,
     /// A read that shared the transaction of another one.
@@ -106,7 +110,7 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 43] = [
+    pub const ALL: [Self; 45] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -122,7 +126,9 @@ impl Event {
         Self::WrongUnit,
         Self::Misfit,
         Self::Late,
+        Self::Unsolicited,
         Self::Echo,
+        Self::Proof,
         Self::Retry,
         Self::Merged,
         Self::Parted,
@@ -170,7 +176,9 @@ impl Event {
             Self::WrongUnit => "wrong-unit",
             Self::Misfit => "misfit",
             Self::Late => "late",
+            Self::Unsolicited => "unsolicited",
             Self::Echo => "echo",
+            Self::Proof => "proofs",
             Self::Retry => "retries",
             Self::Merged => "merged",
             Self::Parted => "parted",

@@ -13,7 +13,7 @@ use super::print::list;
 use super::values::{Time, listen, name, number, time};
 use super::words::{Word, Words, Wrong};
 use super::{
-    Allowed, DEVICE_BYTES_MAX, Driver, Framing, IpPrefix, LineSettings, Name, OnLoss, RESERVED_MAX, Side,
+    Allowed, DEVICE_BYTES_MAX, Driver, Framing, IpPrefix, LineSettings, Name, OnLoss, Proofs, RESERVED_MAX, Side,
     Special, StreamFraming, TcpListen,
 };
 
@@ -51,6 +51,7 @@ pub(super) enum Field<'s> {
     Special(&'s mut Special, bool),
     Line(&'s mut Option<Name>),
     OnLoss(&'s mut OnLoss),
+    Proofs(&'s mut Proofs),
 }
 
 impl Field<'_> {
@@ -95,6 +96,7 @@ impl Field<'_> {
             Self::Line(place) if word.is("none") => *place = None,
             Self::Line(place) => *place = Some(name(word)?),
             Self::OnLoss(place) => *place = word.keyword(ON_LOSS, "hold, clear or stop")?,
+            Self::Proofs(place) => *place = Proofs::read(word, words)?,
             _ => {}
         }
         Ok(())
@@ -127,6 +129,7 @@ impl Field<'_> {
             Self::Special(meaning, _) => meaning,
             Self::Line(Some(name)) => name,
             Self::OnLoss(on_loss) => on_loss,
+            Self::Proofs(proofs) => proofs,
             Self::Reserve(places, peers, _) => {
                 write!(f, " {places}")?;
                 return list(f, " for ", peers);

@@ -5,7 +5,7 @@ use core::net::{IpAddr, SocketAddr};
 use embassy_time::Duration;
 use heapless::Vec;
 
-use super::{Allowed, IpPrefix, RESERVED_MAX};
+use super::{Allowed, IpPrefix, Proofs, RESERVED_MAX};
 
 /// TCP port number of Modbus (Messaging on TCP/IP 4.3.1.1).
 pub const MODBUS_TCP_PORT: u16 = 502;
@@ -143,16 +143,19 @@ pub struct TcpClientSettings {
     pub idle: Duration,
     /// Repeats of a read that got no response. Writes are never repeated.
     pub retries: u8,
-    /// How long after a time-out its answer may still come; `None`: `timeout`.
+    /// How long after a time-out its answer may still come, by its transaction id; with RTU over TCP as at a serial line.
+    /// `None`: `timeout`.
     pub late_window: Option<Duration>,
     /// Time-outs in a row after which a unit counts as down and fails at once; 0 never.
     pub down_after: u8,
+    /// What proves that a unit is in step; with RTU over TCP.
+    pub proofs: Proofs,
 }
 
 impl TcpClientSettings {
     /// Modbus TCP to `server`: one request at a time, 1 s for a response, 3 s to connect, closed after a minute, no repeats,
     /// down after three time-outs.
-    pub const fn new(server: SocketAddr) -> Self {
+    pub fn new(server: SocketAddr) -> Self {
         Self {
             server,
             framing: StreamFraming::Mbap,
@@ -166,6 +169,7 @@ impl TcpClientSettings {
             retries: 0,
             late_window: None,
             down_after: 3,
+            proofs: Proofs::default(),
         }
     }
 

@@ -80,6 +80,7 @@ impl SerialSettings {
             Key::StartDelay => Field::Time(&mut client.start_delay, &HOUR),
             Key::LateWindow => Field::AutoTime(&mut client.late_window, &HOUR),
             Key::DownAfter => Field::Small(&mut client.down_after, &DOWN_AFTER),
+            Key::Proof => Field::Proofs(&mut client.proofs),
             _ => return None,
         })
     }
@@ -116,6 +117,7 @@ impl TcpClientSettings {
             Key::Retries => Field::Small(&mut self.retries, &RETRIES),
             Key::LateWindow => Field::AutoTime(&mut self.late_window, &HOUR),
             Key::DownAfter => Field::Small(&mut self.down_after, &DOWN_AFTER),
+            Key::Proof => Field::Proofs(&mut self.proofs),
             _ => return None,
         })
     }

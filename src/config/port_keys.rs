@@ -24,6 +24,7 @@ pub(super) enum Key {
     StartDelay,
     LateWindow,
     DownAfter,
+    Proof,
     Listen,
     Clients,
     Idle,
@@ -91,6 +92,7 @@ impl Key {
             Self::Confirm(_) => 37,
             Self::Unit255 => 38,
             Self::ReservedUnits => 39,
+            Self::Proof => 40,
         }
     }
 }
@@ -124,6 +126,7 @@ const SERIAL_KEYS: Keys = &[
     ("start-delay", Key::StartDelay),
     ("late-window", Key::LateWindow),
     ("down-after", Key::DownAfter),
+    ("proof", Key::Proof),
 ];
 
 const TCP_SERVER_KEYS: Keys = &[
@@ -155,6 +158,7 @@ const TCP_CLIENT_KEYS: Keys = &[
     ("retries", Key::Retries),
     ("late-window", Key::LateWindow),
     ("down-after", Key::DownAfter),
+    ("proof", Key::Proof),
 ];
 
 const UDP_SERVER_KEYS: Keys = &[
@@ -193,10 +197,10 @@ impl PortKind {
 
 const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, \
      char-timeout, gap, rs485, rts, driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
-     down-after, answer-within or reply-delay";
+     down-after, proof, answer-within or reply-delay";
 const TCP_SERVER_EXPECTED: &str = "listen, rtu, capture, clients, idle, pipeline, lifetime, reserve or allow";
 const TCP_CLIENT_EXPECTED: &str = "address, rtu, unit, in-flight, timeout, connect-timeout, \
-     connect-delay, request-delay, idle, retries, late-window or down-after";
+     connect-delay, request-delay, idle, retries, late-window, down-after or proof";
 const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow";
 const ETHERCAT_EXPECTED: &str = "line or on-loss";
 

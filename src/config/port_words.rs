@@ -11,7 +11,7 @@ use super::problem::Problem;
 use super::values::{listen, parse_number};
 use super::words::{Word, Words, Wrong};
 use super::{
-    Driver, EthercatSettings, Framing, LineSettings, Port, PortKind, SerialClientSettings,
+    Driver, EthercatSettings, Framing, LineSettings, Port, PortKind, Proofs, SerialClientSettings,
     SerialServerSettings, SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings,
     UdpServerSettings, UnitPolicy,
 };
@@ -44,9 +44,10 @@ enum Sort {
     OfRequests,
     Several,
     Units,
+    OfRtu,
 }
 
-const SORTS: usize = Sort::Units as usize + 1;
+const SORTS: usize = Sort::OfRtu as usize + 1;
 
 impl Sort {
     const fn of(key: Key) -> Option<Self> {
@@ -54,6 +55,7 @@ impl Sort {
             Key::Format | Key::Framing(_) => Self::Format,
             Key::Timeout | Key::Retries | Key::Turnaround => Self::OfClient,
             Key::StartDelay | Key::LateWindow | Key::DownAfter => Self::OfClient,
+            Key::Proof => Self::OfRtu,
             Key::AnswerWithin | Key::ReplyDelay => Self::OfServer,
             Key::DriverBefore | Key::DriverAfter => Self::OfDriver,
             Key::Reserve | Key::Clients => Self::Places,
@@ -217,6 +219,10 @@ impl<'a> Draft<'a> {
                 one_at_a_time(settings.framing, blamed, &mut settings.pipeline, pipeline)
             }
             PortKind::TcpClient(settings) => {
+                if settings.framing != StreamFraming::Rtu {
+                    blamed.refuse(Sort::OfRtu, Problem::RtuOnly)?;
+                    settings.proofs = Proofs::default();
+                }
                 one_at_a_time(settings.framing, blamed, &mut settings.in_flight, 1)
             }
             PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_) => Ok(()),
@@ -256,6 +262,7 @@ fn check_serial(settings: &mut SerialSettings, blamed: &Blamed) -> Result<(), Wr
     match settings.side {
         Side::Server => {
             blamed.refuse(Sort::OfClient, Problem::ClientOnly)?;
+            blamed.refuse(Sort::OfRtu, Problem::ClientOnly)?;
             settings.client = SerialClientSettings::DEFAULT;
         }
         Side::Client => {

@@ -121,6 +121,9 @@ pub enum Problem {
     /// A number of open requests where there can be one.
     #[error("cannot be set with rtu, which carries one request at a time")]
     OneAtATime,
+    /// Transaction ids tell responses apart.
+    #[error("only used with rtu: by Modbus TCP, transaction ids tell responses apart")]
+    RtuOnly,
     /// A setting for requests where there are none.
     #[error("cannot be set with capture, which takes no requests")]
     NoRequests,

@@ -3,7 +3,7 @@
 use embassy_time::{Duration, TICK_HZ};
 use heapless::String;
 
-use super::{DEVICE_BYTES_MAX, Side};
+use super::{DEVICE_BYTES_MAX, Proof, Proofs, Side, proof::PROOFS_MAX};
 
 /// How frames look on a serial line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -161,13 +161,21 @@ pub struct SerialClientSettings {
     pub turnaround: Duration,
     /// Silence after the port is opened, for devices that are still starting.
     pub start_delay: Duration,
-    /// How long after a time-out the unit gets no request, because its answer may still come; `None`: `timeout`.
+    /// How long input is discarded after the line was opened, and how long a unit gets no request that could be given an
+    /// earlier response, where nothing proves that it is in step; `None`: `timeout`.
     pub late_window: Option<Duration>,
     /// Time-outs in a row after which a unit counts as down and fails at once; 0 never.
     pub down_after: u8,
+    /// What proves that a unit is in step.
+    pub proofs: Proofs,
 }
 
 impl SerialClientSettings {
+    /// How long something that was not asked for may still come.
+    pub fn late_window(&self) -> Duration {
+        self.late_window.unwrap_or(self.timeout)
+    }
+
     /// One second, no repeats, 100 ms after a broadcast, down after three.
     pub const DEFAULT: Self = Self {
         timeout: Duration::from_secs(1),
@@ -176,6 +184,7 @@ impl SerialClientSettings {
         start_delay: Duration::from_ticks(0),
         late_window: None,
         down_after: 3,
+        proofs: Proofs { all: Proof::Auto, of_units: [None; PROOFS_MAX] },
     };
 }
 

@@ -9,7 +9,7 @@ use heapless::String;
 use crate::capture::FrameKind;
 use crate::config::{DEVICE_BYTES_MAX, Endpoint, PortId, PortKind, Settings, Time, is_implied};
 use crate::gateway::{Gateway, Status};
-use crate::port::units::Unit;
+use crate::port::units::{State, Unit};
 use crate::route::{Policy, Route};
 use crate::scanner::{Kind, ValueType};
 use crate::stats::{LogEntry, Outcome};
@@ -93,12 +93,20 @@ impl fmt::Display for Troubles<'_> {
     }
 }
 
-pub(super) fn state(unit: &Unit, now: Instant) -> &'static str {
-    match unit {
-        _ if unit.is_down() => "down",
-        Unit { held_until, .. } if *held_until > now => "held",
-        _ => "up",
-    }
+/// How a unit is doing, and behind it what somebody can do about it.
+pub(super) fn describe_unit(unit: &Unit, state: State) -> (&'static str, &'static str) {
+    let state = match state {
+        State::Up => "up",
+        State::OutOfStep => "out-of-step",
+        State::Held => "held",
+        State::Down => "down",
+    };
+    let advice = match unit {
+        _ if unit.is_slow() => "slower than its time-out: tune",
+        Unit { unproven: true, .. } => "unproven",
+        _ => "",
+    };
+    (state, advice)
 }
 
 /// Takes a port's role, the place where it is, and how its line is set.

@@ -7,7 +7,7 @@ use embassy_time::Instant;
 use super::job::Wait;
 use super::output::{NO_ROW, Written};
 use super::points;
-use super::rows::{LogRow, Row, StatusText, Troubles, age, cell, describe, state, text, took};
+use super::rows::{LogRow, Row, StatusText, Troubles, age, cell, describe, describe_unit, text, took};
 use super::session::Session;
 use crate::config::{Endpoint, Port, PortId, PortKind, Settings, Side, write_line};
 use crate::gateway::{Gateway, PortAt};
@@ -117,7 +117,7 @@ pub(super) fn titled(
 }
 
 const ROUTES: &str = " NO SOURCE          UNITS   IP                 TAG  DESTINATION     KIND    POLICY";
-const UNITS: &str = "PORT            UNIT STATE   REQUESTS    ANSWERS EXCEPTIONS   TIMEOUTS      LAST       P50       P99 TROUBLES";
+const UNITS: &str = "PORT            UNIT STATE         REQUESTS    ANSWERS EXCEPTIONS   TIMEOUTS      LAST       P50       P99 TROUBLES";
 const CLIENTS: &str = "PORT            PEER                      SINCE     QUIET OPEN   REQUESTS PLACE";
 const STATS: &str = "PORT            EVENT              COUNT PER-MINUTE";
 const NETWORK: &str = "LINK ADDRESS            GATEWAY         ETHERNET          SETTING";
@@ -156,15 +156,20 @@ fn route(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
 
 fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
     let Some((port, place)) = source.port(nth / UNITS_MAX)? else { return NO_ROW };
-    let Some(unit) = place.units(|units| units.iter().nth(nth % UNITS_MAX).copied()) else { return NO_ROW };
+    let known = place.units(|units| {
+        let unit = *units.iter().nth(nth % UNITS_MAX)?;
+        Some((unit, units.state(&unit, source.now)))
+    });
+    let Some((unit, state)) = known else { return NO_ROW };
     let Unit { id, requests, answers, exceptions, timeouts, .. } = unit;
     let last = took((answers > 0).then_some(unit.took_us));
     let (half, most) = (took(unit.times.percentile(50)), took(unit.times.percentile(99)));
-    let (state, troubles) = (state(&unit, source.now), Troubles(&unit));
+    let ((state, advice), troubles) = (describe_unit(&unit, state), Troubles(&unit));
+    let gap = if advice.is_empty() || unit.troubles().next().is_none() { "" } else { "; " };
     Some(write!(
         out,
-        "{:15} {id:>4} {state:5} {requests:>10} {answers:>10} {exceptions:>10} {timeouts:>10} \
-         {last:>9} {half:>9} {most:>9} {troubles}",
+        "{:15} {id:>4} {state:11} {requests:>10} {answers:>10} {exceptions:>10} {timeouts:>10} \
+         {last:>9} {half:>9} {most:>9} {troubles}{gap}{advice}",
         port.name
     ))
 }

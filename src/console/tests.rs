@@ -228,7 +228,7 @@ fn counters_units_and_transactions_are_shown_and_cleared() {
         place.stats.count(Event::Timeout);
         let now = embassy_time::Instant::now();
         place.units(|units| units.asked(7));
-        place.units(|units| units.timed_out(7, now, embassy_time::Duration::from_ticks(0), 3));
+        place.units(|units| units.timed_out(7, now, 3));
         gateway.log().push(LogEntry {
             at: now,
             source: PortId(2),

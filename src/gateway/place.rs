@@ -169,9 +169,9 @@ impl<'g> PortAt<'g> {
     }
 
     /// `unit` gave no answer: see [`Units::timed_out`].
-    pub(crate) fn timed_out(&self, unit: u8, window: Duration, down_after: u8) {
+    pub(crate) fn timed_out(&self, unit: u8, down_after: u8) {
         self.stats.count(Event::Timeout);
-        if self.units(|units| units.timed_out(unit, Instant::now(), window, down_after)) {
+        if self.units(|units| units.timed_out(unit, Instant::now(), down_after)) {
             self.stats.count(Event::Silent);
         }
     }

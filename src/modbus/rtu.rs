@@ -91,10 +91,10 @@ pub enum Received<'a> {
 pub enum AtSilence<'a> {
     /// The response PDU: the CRC is right, and it fits the request.
     Complete(&'a [u8]),
-    /// A good frame of another unit. The response is still awaited (Serial Line V1.02, clause 2.4.1).
-    WrongUnit(u8),
-    /// A good frame of our unit that does not answer this request: perhaps a late answer to an earlier one.
-    Misfit(Misfit),
+    /// A good frame of another unit, with its PDU. The response is still awaited (Serial Line V1.02, clause 2.4.1).
+    WrongUnit(u8, &'a [u8]),
+    /// A good frame of our unit, with its PDU, that does not answer this request: perhaps a late answer to an earlier one.
+    Misfit(Misfit, &'a [u8]),
     /// It begins as our response does, and its CRC is wrong: the answer came, but damaged.
     Damaged,
     /// It begins as our response does, and its end is missing.
@@ -131,9 +131,9 @@ pub fn response<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> Received<'a
 pub fn response_at_silence<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> AtSilence<'a> {
     if let Ok((from, pdu)) = decode(received) {
         return match fits(request, pdu) {
-            _ if from != unit => AtSilence::WrongUnit(from),
+            _ if from != unit => AtSilence::WrongUnit(from, pdu),
             Ok(()) => AtSilence::Complete(pdu),
-            Err(misfit) => AtSilence::Misfit(misfit),
+            Err(misfit) => AtSilence::Misfit(misfit, pdu),
         };
     }
     for start in starts(unit, request, received) {

@@ -89,6 +89,18 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         }
     }
 
+    /// Discards what comes for so long after the line was opened: nobody knows what it answers.
+    pub(crate) async fn discard(&mut self, window: Duration) -> Result<(), LineLost> {
+        let end = self.line.active + window;
+        while let Either::First(read) = select(self.line.read(), until(end)).await {
+            read?;
+            self.line.stats.count(Event::Noise);
+            self.note(Event::Noise);
+            self.line.clear();
+        }
+        Ok(())
+    }
+
     /// Watches the idle line until `until` is over, or something comes.
     pub(crate) async fn idle<T>(&mut self, until: impl Future<Output = T>) -> Result<(), LineLost> {
         match select(self.line.read(), until).await {
@@ -111,7 +123,6 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         may_wait: bool,
     ) -> impl Future<Output = Result<Copied, LineLost>> {
         self.decoder.clear();
-        self.line.stats.count(Event::Request);
         let (framing, envelope) = (self.settings.framing, frame.envelope());
         let (source, from) = (Some(envelope.origin.port), envelope.unit);
         let form = Form { framing, may_wait, delimiter: LINE_FEED, source, from, to: unit };
@@ -175,22 +186,17 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
     }
 
-    /// Sends the `order` to `unit`.
+    /// Sends `request` to `unit`.
     pub(crate) async fn send(
         &mut self,
         unit: u8,
-        order: &Frame<'_>,
+        request: &[u8],
     ) -> Result<Result<(), Collision>, LineLost> {
         self.decoder.clear();
         let mut frame = [0; FRAME_CHARS_MAX];
-        let encode = |request: &[u8]| {
-            let framed = self.settings.framing.encode(unit, request, LINE_FEED, &mut frame);
-            framed.map(<[u8]>::len).ok()
-        };
-        let length = order.pdu(encode).ok_or(LineLost)?;
-        let frame = frame.get(..length).unwrap_or(&[]);
+        let framed = self.settings.framing.encode(unit, request, LINE_FEED, &mut frame);
+        let frame = framed.map_err(|_| LineLost)?;
         let sent = self.line.send(frame).await;
-        self.line.stats.count(Event::Request);
         self.tap.sent(self.line.active, Event::Request, frame);
         if sent == Ok(Err(Collision)) {
             self.line.clear();

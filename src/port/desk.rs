@@ -20,21 +20,22 @@ use core::cell::{Cell, RefCell, RefMut};
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
-use crate::config::PortId;
-use crate::frame::{Cause, Envelope, Errand, Frame, Stage, Way};
+use crate::config::{PortId, Proofs};
+use crate::frame::{Cause, Envelope, Errand, Fill, Frame, Stage, Way};
 use crate::gateway::{Gateway, PortAt};
 use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
-use crate::modbus::{Exception, PDU_BYTES_MAX};
+use crate::modbus::{Exception, PDU_BYTES_MAX, Pdu};
 use crate::port::cache::{Cache, Question};
 use crate::port::desk::join::Joint;
 use crate::port::desk::order::{asker, block, ticket};
 use crate::port::flights::FLIGHTS_MAX;
 use crate::port::moment::until;
 use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ready, Ticket, WAITING_MAX};
-use crate::port::units::Gate;
+use crate::port::outstanding::Purpose;
+use crate::port::units::{Care, Gate, Step};
 use crate::route::Merge;
 use crate::stats::Event;
 
@@ -58,6 +59,26 @@ pub(crate) struct Desk<'g> {
     pausing: Cell<bool>,
     /// Something changed: an order came or a unit's gate moved.
     news: Signal<NoopRawMutex, ()>,
+    /// What keeps responses apart; none where they have transaction ids.
+    matching: Option<Matching>,
+    /// What is sent before the order that was given out last.
+    proof: Cell<Option<Proving>>,
+}
+
+/// How a port keeps responses apart that have no transaction ids.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Matching {
+    /// What proves that a unit is in step.
+    pub(crate) proofs: Proofs,
+    /// How long an answer may be late where nothing proves anything.
+    pub(crate) late_window: Duration,
+}
+
+/// The request that an order waits for.
+#[derive(Debug, Clone, Copy)]
+struct Proving {
+    request: [u8; 5],
+    purpose: Purpose,
 }
 
 impl<'g> Desk<'g> {
@@ -67,6 +88,7 @@ impl<'g> Desk<'g> {
         place: PortAt<'g>,
         id: PortId,
         unit: Option<u8>,
+        matching: Option<Matching>,
         alone: bool,
     ) -> Self {
         Self {
@@ -82,6 +104,8 @@ impl<'g> Desk<'g> {
             open: Cell::new(true),
             pausing: Cell::new(false),
             news: Signal::new(),
+            matching,
+            proof: Cell::new(None),
         }
     }
 
@@ -205,7 +229,14 @@ impl<'g> Desk<'g> {
                 self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
                 continue;
             }
-            let current = frame.share_for(self.start(&frame, &ticket, now));
+            let in_step = match self.step(&frame, &ticket, now) {
+                Some(in_step) => in_step,
+                None => {
+                    self.postpone(frame, ticket);
+                    continue;
+                }
+            };
+            let current = frame.share_for(self.start(&frame, &ticket, in_step, now));
             // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
             let _ = self.current().push(current);
             self.count_waiting();
@@ -213,10 +244,94 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// Lets the orders that can share the transaction of `leader` ride on it, and notes what its answer is good for.
-    fn start(&self, leader: &Frame<'g>, ticket: &Ticket, now: Instant) -> Errand {
+    /// Whether the unit that `frame` is for is in step, so that it may share its transaction and be passed on while it arrives. None
+    /// when it must not be sent now. Notes what is to be sent before it.
+    fn step(&self, frame: &Frame<'g>, ticket: &Ticket, now: Instant) -> Option<bool> {
+        self.proof.set(None);
+        let unit = ticket.unit;
+        let Some(Matching { proofs, late_window }) = self.matching.filter(|_| unit != BROADCAST) else {
+            return Some(true);
+        };
+        self.place.units(|units| {
+            if units.is_in_step(unit, false) {
+                return Some(true);
+            }
+            if frame.filled().1 == Fill::Filling {
+                return None;
+            }
+            let care = Care { proof: proofs.of(unit), late_window };
+            let step = frame.pdu(|request| Some(units.step(unit, request, &care, now)))?;
+            match step {
+                Step::Direct => {}
+                Step::Prove(request, purpose) => self.proof.set(Some(Proving { request, purpose })),
+                Step::Wait => return None,
+            }
+            Some(false)
+        })
+    }
+
+    /// `frame` waits on. One that still arrives comes again when it is whole.
+    fn postpone(&self, frame: Frame<'g>, ticket: Ticket) {
+        if !frame.abandon() {
+            // Its place has just become free.
+            let _ = self.queue().put_back(frame, ticket);
+        }
+    }
+
+    /// What is to be sent for `order`: its request, or what has to be proved before.
+    pub(crate) fn request(&self, order: &Frame<'g>) -> Pdu {
+        let proof = self.proof.get().and_then(|proof| Pdu::from_slice(&proof.request).ok());
+        proof.unwrap_or_else(|| order.content())
+    }
+
+    /// Whether [`Desk::request`] is a proof.
+    pub(crate) fn is_proving(&self) -> bool {
+        self.proof.get().is_some()
+    }
+
+    /// `request` is sent to `unit` now.
+    pub(crate) fn sent(&self, unit: u8, request: &[u8]) {
+        let purpose = self.proof.get().map_or(Purpose::Request, |proof| proof.purpose);
+        let event = if purpose == Purpose::Request { Event::Request } else { Event::Proof };
+        self.place.stats.count(event);
+        if unit == BROADCAST {
+            return;
+        }
+        self.place.units(|units| {
+            if purpose == Purpose::Request {
+                units.asked(unit);
+            }
+            if self.matching.is_some() {
+                units.sent(unit, request, purpose);
+            }
+        });
+    }
+
+    /// `unit` has answered the proof that `order` waited for, which waits for its turn again: by then others may share its transaction.
+    pub(crate) fn proved(&self, order: &Frame<'g>, unit: u8) {
+        if let Some(Proving { purpose, .. }) = self.proof.take() {
+            self.place.units(|units| units.proved(unit, purpose));
+        }
+        if let Some((frame, _)) = self.take(order) {
+            let ticket = ticket(&frame.envelope(), frame.function());
+            self.postpone(frame, ticket);
+        }
+    }
+
+    /// The proof got no answer, and so `order` gets none.
+    pub(crate) fn not_proved(&self, order: &Frame<'g>, unit: u8, down_after: u8, retries: u8) {
+        self.proof.set(None);
+        // Who spares servers by himself is not held back.
+        let down_after = if order.envelope().paced { 0 } else { down_after };
+        self.place.units(|units| units.not_proved(unit, Instant::now(), down_after));
+        self.failed(order, retries);
+    }
+
+    /// Lets the orders that can share the transaction of `leader` ride on it if its unit is `in_step`, and notes what its answer is
+    /// good for.
+    fn start(&self, leader: &Frame<'g>, ticket: &Ticket, in_step: bool, now: Instant) -> Errand {
         let asked = block(leader);
-        let joint = self.join(leader, ticket, now);
+        let joint = if in_step { self.join(leader, ticket, now) } else { None };
         if let Some(joint) = joint.filter(|joint| Some(joint.block) != asked) {
             // A read is as long as another.
             let _ = leader.replace(&joint.block.request());
@@ -225,7 +340,9 @@ impl<'g> Desk<'g> {
         }
         let serves = |frame: &Frame<'g>| Some(joint?.serves(&Joint::of(frame)?));
         let joins = |frame: &Frame<'g>| {
-            (frame.same_pdu(leader) || serves(frame) == Some(true)) && !self.gateway.is_gone(frame.origin())
+            in_step
+                && (frame.same_pdu(leader) || serves(frame) == Some(true))
+                && !self.gateway.is_gone(frame.origin())
         };
         let mut joined = None;
         let mut queue = self.queue();

@@ -19,7 +19,7 @@ use crate::modbus::tcp::{ADU_BYTES_MAX, Header};
 use crate::port::desk::Desk;
 use crate::port::flights::Flights;
 use crate::port::moment::{until, within};
-use crate::port::queue::Next;
+use crate::port::queue::{BROADCAST, Next};
 use crate::port::stream::Pieces;
 use crate::stats::Event;
 
@@ -97,7 +97,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         let cut = !self.flights.is_empty();
         while let Some(flight) = self.flights.pop() {
             flight.order.blame(Cause::Connection);
-            self.desk.failed(&flight.order, self.settings.retries);
+            self.failed(&flight);
         }
         match end {
             End::Unused => true,
@@ -152,7 +152,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         }
         let Some(room) = self.flights.room(now) else { return Ok(Step::Wait(Instant::MAX)) };
         let rested = self.active + self.settings.request_delay;
-        let due = room.max(rested).max(self.opened + self.settings.connect_delay);
+        let due = room.max(rested).max(self.opened + self.settling());
         if due > now {
             return Ok(Step::Wait(due));
         }
@@ -172,7 +172,6 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
     }
 
     async fn send(&mut self, order: Frame<'g>, unit: u8, now: Instant) -> Result<(), End> {
-        let place = self.desk.place();
         let broadcast = unit == 0 && self.settings.framing == StreamFraming::Rtu;
         let mut id = 0;
         if !broadcast {
@@ -184,9 +183,10 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
                     return Ok(());
                 }
             };
-            place.units(|units| units.asked(unit));
         }
-        let sent = self.write(id, unit, &order).await;
+        let request = &self.desk.request(&order);
+        self.desk.sent(if broadcast { BROADCAST } else { unit }, request);
+        let sent = self.write(id, unit, request).await;
         self.active = now;
         if broadcast {
             self.desk.done_silently(&order);
@@ -194,8 +194,14 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         }
         sent?;
         self.used = now;
-        place.stats.count(Event::Request);
         Ok(())
+    }
+
+    /// How long nothing is sent after the connection was opened. What comes meanwhile by RTU answers nobody knows what.
+    fn settling(&self) -> Duration {
+        let discards = self.settings.framing == StreamFraming::Rtu;
+        let window = if discards { self.settings.late_window() } else { Duration::from_ticks(0) };
+        window.max(self.settings.connect_delay)
     }
 
     /// Shows a frame to whoever follows.
@@ -205,16 +211,16 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         tap.passed(|| tap.asker(), sent, verdict, bytes);
     }
 
-    async fn write(&mut self, transaction: u16, unit: u8, order: &Frame<'g>) -> Result<(), End> {
+    async fn write(&mut self, transaction: u16, unit: u8, request: &[u8]) -> Result<(), End> {
         if self.settings.framing == StreamFraming::Rtu {
             // What came before the request is no answer to it.
-            self.drop_noise();
+            self.judge_unawaited();
         }
         let header = Header { transaction, unit };
         let mut out = Pieces::new();
         loop {
             let begins = |frame: &[u8]| self.tap(true, Event::Request, frame);
-            order.pdu(|request| out.take(self.settings.framing, header, request, begins));
+            out.take(self.settings.framing, header, request, begins);
             // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
             match within(self.settings.timeout, pin!(self.stream.write_all(out.piece()))).await {
                 Some(Ok(())) if out.goes_on() => {}

@@ -14,6 +14,8 @@ pub(crate) struct Reply<'r, 'g> {
     order: &'r Frame<'g>,
     unit: u8,
     request: &'r [u8],
+    /// The order waits for this response, but wants another.
+    is_proof: bool,
     /// The line of whoever asked, if the response may be passed on while it arrives.
     asker: Option<Lane>,
     passing: Passing<'g>,
@@ -25,8 +27,10 @@ impl<'r, 'g> Reply<'r, 'g> {
         // Once begun, an answer cannot be stored any more: its end must be sure to be told.
         let has_end = || pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
         let lane = || desk.gateway().settings(|settings| Lane::at(settings, origin.port));
-        let asker = if cut && has_end() { lane() } else { None };
-        Self { desk, order, unit, request, asker, passing: Passing::Open }
+        let in_step = || desk.place().units(|units| units.is_in_step(unit, true));
+        let is_proof = desk.is_proving();
+        let asker = if cut && !is_proof && has_end() && in_step() { lane() } else { None };
+        Self { desk, order, unit, request, is_proof, asker, passing: Passing::Open }
     }
 
     /// The unit asked.
@@ -47,6 +51,11 @@ impl<'r, 'g> Reply<'r, 'g> {
     /// When there is something to do though nothing comes.
     pub(crate) fn due(&self) -> Instant {
         self.passing.due()
+    }
+
+    /// From now on the response is not passed on before it is whole.
+    pub(crate) fn store(&mut self) {
+        self.asker = None;
     }
 
     /// An ASCII frame begins, wherever the one before was; `may_pass`: it may be passed on while it arrives.
@@ -93,7 +102,7 @@ impl<'r, 'g> Reply<'r, 'g> {
             }
             Passing::Begun(_) => {}
             // A response fits into the frame: it is no longer than a PDU may be.
-            _ if !is_answering(self.order) => {
+            _ if !self.is_proof && !is_answering(self.order) => {
                 let _ = self.order.replace(pdu);
             }
             _ => {}

@@ -32,7 +32,9 @@ pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSetting
         let mut bus = opened.map(|line| Bus::new(line, desk, settings));
         if let Some(bus) = &mut bus {
             desk.open();
-            apart(pin!(serve(desk, bus, &settings.client))).await;
+            if bus.discard(settings.client.late_window()).await.is_ok() {
+                apart(pin!(serve(desk, bus, &settings.client))).await;
+            }
             opening.lost();
         }
         // The line is closed before it is opened again.
@@ -72,7 +74,6 @@ async fn carry_out<'g, L: SerialLine>(
     unit: u8,
 ) -> Result<(), LineLost> {
     let place = desk.place();
-    let window = client.late_window.unwrap_or(client.timeout);
     let fill = frame.filled().1;
     if fill == Fill::Broken {
         // Nothing of it has been sent, and nothing is.
@@ -87,7 +88,7 @@ async fn carry_out<'g, L: SerialLine>(
         let may_wait = input.is_some_and(|lane| lane.framing == Framing::Rtu);
         let copied = bus.copy(desk.gateway(), &frame, unit, may_wait).await?;
         if copied == Copied::Short {
-            place.units(|units| units.hold(unit, Instant::now(), window));
+            place.units(|units| units.sent_in_part(unit));
         }
         if copied != Copied::Whole {
             // The unit has not been asked: whoever sent this knows, and the far end rejects it.
@@ -100,14 +101,17 @@ async fn carry_out<'g, L: SerialLine>(
         let crc = frame.own_crc();
         frame.pdu(|request| bus.note_copied(unit, request, crc));
     }
-    let way = frame.origin().way;
-    if unit != BROADCAST {
-        place.units(|units| units.asked(unit));
-        if !arriving && way == Way::Line {
-            place.stats.count(Event::Stored);
-        }
+    if desk.is_proving() {
+        return prove(desk, bus, client, &frame, unit).await;
     }
-    let sent = if arriving { Ok(()) } else { bus.send(unit, &frame).await? };
+    let way = frame.origin().way;
+    if unit != BROADCAST && !arriving && way == Way::Line {
+        place.stats.count(Event::Stored);
+    }
+    // What comes takes its place in the frame.
+    let request = &frame.content();
+    desk.sent(unit, request);
+    let sent = if arriving { Ok(()) } else { bus.send(unit, request).await? };
     if unit == BROADCAST {
         // Nobody answers, so nobody can be asked again: a collision has been counted, and that is all.
         bus.turnaround().await;
@@ -115,11 +119,7 @@ async fn carry_out<'g, L: SerialLine>(
         return Ok(());
     }
     let outcome = match sent {
-        Ok(()) => {
-            // What comes takes its place in the frame.
-            let request = &frame.content();
-            bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?
-        }
+        Ok(()) => bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?,
         Err(Collision) => Err(Failure::Collision),
     };
     if way == Way::Console {
@@ -129,6 +129,9 @@ async fn carry_out<'g, L: SerialLine>(
         Ok(took) => {
             let exception = frame.function() & EXCEPTION_BIT != 0;
             place.answered(unit, took, exception);
+            if !exception {
+                place.units(|units| units.learn(unit, request));
+            }
             desk.done(&frame);
             return Ok(());
         }
@@ -137,9 +140,38 @@ async fn carry_out<'g, L: SerialLine>(
             frame.blame(Cause::Damage);
         }
         // Only the echo may have been damaged: the unit may have heard the request, and answer.
-        Err(Failure::Collision) => place.units(|units| units.hold(unit, Instant::now(), window)),
-        Err(Failure::Timeout) => place.timed_out(unit, window, client.down_after),
+        Err(Failure::Collision) => {}
+        Err(Failure::Timeout) => place.timed_out(unit, client.down_after),
     }
     desk.failed(&frame, client.retries);
+    Ok(())
+}
+
+/// Sends what has to be answered before the request in `frame` may be sent.
+async fn prove<'g, L: SerialLine>(
+    desk: &Desk<'g>,
+    bus: &mut Bus<'_, L>,
+    client: &SerialClientSettings,
+    frame: &Frame<'g>,
+    unit: u8,
+) -> Result<(), LineLost> {
+    let request = &desk.request(frame);
+    desk.sent(unit, request);
+    let outcome = match bus.send(unit, request).await? {
+        Ok(()) => bus.receive(&mut Reply::new(desk, frame, unit, request)).await?,
+        Err(Collision) => Err(Failure::Collision),
+    };
+    match outcome {
+        Ok(_) => {
+            desk.proved(frame, unit);
+            return Ok(());
+        }
+        Err(Failure::Damaged(trouble)) => {
+            desk.place().damaged(unit, trouble);
+            frame.blame(Cause::Damage);
+        }
+        Err(Failure::Timeout | Failure::Collision) => {}
+    }
+    desk.not_proved(frame, unit, client.down_after, client.retries);
     Ok(())
 }

@@ -1,17 +1,22 @@
 //! The health of the units behind a client-side port: pure, with time as a value.
 //!
-//! A unit that gave no answer is *held* for the late-reply window: its answer may still come, and must not be taken
-//! for the answer to the next request. A unit that timed out several times in a row is *down*: its requests fail at
-//! once, and one in a while goes through as a probe, 1, 2, 4 ... 30 s apart, so that a dead unit does not slow the
-//! living ones. A unit that refused a joined read, or gave no answer, is asked for less at a time for a while.
+//! A unit that may still answer earlier requests is *out of step* ([`outstanding`](crate::port::outstanding)): [`Units::step`]
+//! says whether a request may be sent as it is, or what proof goes first. A unit that gave several requests in a row no answer is
+//! *down*: its requests fail at once, and one in a while goes through as a probe, 1, 2, 4 ... 30 s apart, so that a dead unit
+//! does not slow the living ones. So far apart are proofs, too, that get no answer. A unit that refused a joined read, or gave
+//! no answer, is asked for less at a time for a while.
+
+mod in_step;
 
 use core::ops::Range;
 
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
-use crate::config::{PORTS_MAX, PortId};
+use crate::config::{PORTS_MAX, PortId, Proof};
+use crate::modbus::pdu::function::{READ_COILS, READ_INPUT_REGISTERS};
 use crate::port::answer_times::AnswerTimes;
+use crate::port::outstanding::{Match, Outstanding, Purpose, Settled, Shape};
 use crate::port::queue::Ready;
 use crate::stats::Event;
 
@@ -28,9 +33,20 @@ pub const PROBE_LONGEST: Duration = Duration::from_secs(30);
 /// How long reads are not joined that ask a unit which did not take that.
 pub const JOIN_PAUSE: Duration = Duration::from_secs(60);
 
+/// Proofs by function 8 without an answer behind which other requests were answered, until the unit is known to ignore them.
+const IGNORED_MAX: u8 = 3;
+/// So often it is tried again all the same, where nothing else can prove anything.
+const IGNORED_RETRY: u8 = 16;
+/// Late answers in a row after which a unit is slower than its time-out.
+const LATE_MAX: u8 = 3;
+/// Reads that a unit is known to answer, of different shapes: a proof is one of them.
+const READS_MAX: usize = 2;
+/// A read of functions 1 to 4.
+type Read = [u8; 5];
+
 /// What is counted of the troubles with one unit, under the names that the port's counters have. A character's parity and framing
 /// count once for each answer that they spoiled.
-pub const TROUBLES: [Event; 10] = [
+pub const TROUBLES: [Event; 11] = [
     Event::Silent,
     Event::BadCheck,
     Event::Short,
@@ -41,6 +57,7 @@ pub const TROUBLES: [Event; 10] = [
     Event::Late,
     Event::Echo,
     Event::Noise,
+    Event::Unsolicited,
 ];
 
 /// Whether a unit may be asked.
@@ -49,6 +66,39 @@ pub enum Gate {
     /// It may be asked, now or later.
     Open(Ready),
     /// It is down, and no probe is due.
+    Down,
+}
+
+/// What may be sent to a unit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    /// The request.
+    Direct,
+    /// This request first, for this purpose: its answer proves that nothing else is to come.
+    Prove(Read, Purpose),
+    /// Nothing before the unit's gate opens.
+    Wait,
+}
+
+/// How a port treats a unit that may be out of step.
+#[derive(Debug, Clone, Copy)]
+pub struct Care {
+    /// What proves that it is in step.
+    pub proof: Proof,
+    /// How long an answer may be late where nothing proves anything.
+    pub late_window: Duration,
+}
+
+/// How a unit is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    /// It answers.
+    Up,
+    /// It may still answer earlier requests.
+    OutOfStep,
+    /// It is not asked for a while.
+    Held,
+    /// Its requests fail at once.
     Down,
 }
 
@@ -69,18 +119,35 @@ pub struct Unit {
     pub times: AnswerTimes,
     /// By the places in [`TROUBLES`]; a counter that is full stays so.
     troubles: [u16; TROUBLES.len()],
+    /// A response is awaited.
+    open: bool,
     /// Since the last request something was heard that is no answer to it.
     disturbed: bool,
     /// From the end of the last request to its answer, in microseconds.
     pub took_us: u32,
     /// Time-outs since the last sign of life.
     pub silent: u8,
-    /// How often it has been tried since it is down, and once more; 0: it is not.
+    /// Probes and proofs without an answer since it is down or out of step.
     tried: u8,
-    /// No request before this time: a late answer may come, or the next probe is not due.
+    is_down: bool,
+    /// Something whole has been heard of it since the last request or proof.
+    heard: bool,
+    /// Something was late since it answered in time: then it need not wait for the next probe.
+    hurried: bool,
+    /// Late answers since the last one in time.
+    late: u8,
+    /// Proofs by function 8 in a row that it has left unanswered while it answered what came behind them.
+    ignored: u8,
+    /// The next proof is another one than by function 8, if there is one.
+    by_read: bool,
+    /// The late window of what is outstanding has been waited for, or is.
+    waited: bool,
+    /// Nothing proved that it was in step when it was asked last, only time.
+    pub unproven: bool,
+    /// Reads that it has answered; zeros: none.
+    reads: [Read; READS_MAX],
+    /// No request before this time: the next probe is not due, or a late answer may come.
     pub held_until: Instant,
-    /// The late answer may come until then, whatever is due.
-    late_until: Instant,
     /// Reads are not joined before this time.
     join_after: Instant,
 }
@@ -95,12 +162,21 @@ impl Unit {
             timeouts: 0,
             times: AnswerTimes::new(),
             troubles: [0; TROUBLES.len()],
+            open: false,
             disturbed: false,
             took_us: 0,
             silent: 0,
             tried: 0,
+            is_down: false,
+            heard: false,
+            hurried: false,
+            late: 0,
+            ignored: 0,
+            by_read: false,
+            waited: false,
+            unproven: false,
+            reads: [[0; 5]; READS_MAX],
             held_until: Instant::MIN,
-            late_until: Instant::MIN,
             join_after: Instant::MIN,
         }
     }
@@ -114,6 +190,7 @@ pub struct AllUnits {
     /// Port by port, each port's in the order of their first requests.
     units: Vec<Unit, ALL_UNITS_MAX>,
     ports: [List; PORTS_MAX],
+    outstanding: Outstanding,
 }
 
 /// Which units are a port's.
@@ -138,7 +215,7 @@ impl List {
 impl AllUnits {
     /// None known.
     pub const fn new() -> Self {
-        Self { units: Vec::new(), ports: [List::EMPTY; PORTS_MAX] }
+        Self { units: Vec::new(), ports: [List::EMPTY; PORTS_MAX], outstanding: Outstanding::new() }
     }
 
     /// The units of `port`.
@@ -174,7 +251,7 @@ impl AllUnits {
     fn forget_one(&mut self, port: usize) {
         let quietness = |place: &usize| {
             let unit = self.units.get(*place)?;
-            Some((unit.is_down(), unit.held_until, unit.requests))
+            Some((unit.is_down, unit.held_until, unit.requests))
         };
         if let Some(quietest) = self.list(port).places().min_by_key(quietness) {
             self.remove(port, quietest);
@@ -208,14 +285,14 @@ impl Units<'_> {
         self.iter().find(|unit| unit.id == id)
     }
 
-    /// Forgets all.
+    /// Forgets all but what the units may still answer.
     pub fn clear(&mut self) {
         for place in self.list().places().rev() {
             self.all.remove(self.port, place);
         }
     }
 
-    /// While `frozen`, nothing is learned: who looks for units asks many that are not there.
+    /// While `frozen`, nothing is learned, and nothing proved: who looks for units asks many that are not there.
     pub fn freeze(&mut self, frozen: bool) {
         self.all.ports.get_mut(self.port).into_iter().for_each(|list| list.frozen = frozen);
     }
@@ -223,7 +300,7 @@ impl Units<'_> {
     /// Whether `id` may be asked at `now`.
     pub fn gate(&self, id: u8, now: Instant) -> Gate {
         match self.find(id) {
-            Some(unit) if unit.held_until > now && unit.is_down() => Gate::Down,
+            Some(unit) if unit.held_until > now && unit.is_down => Gate::Down,
             Some(unit) if unit.held_until > now => Gate::Open(Ready::At(unit.held_until)),
             _ => Gate::Open(Ready::Now),
         }
@@ -232,7 +309,7 @@ impl Units<'_> {
     /// When `id` may be asked by somebody who spares units that are down by himself: as soon as no late answer can come.
     pub fn attempt(&self, id: u8, now: Instant) -> Ready {
         match self.find(id) {
-            Some(unit) if unit.late_until > now => Ready::At(unit.late_until),
+            Some(unit) if unit.waited && unit.held_until > now => Ready::At(unit.held_until),
             _ => Ready::Now,
         }
     }
@@ -286,6 +363,7 @@ impl Units<'_> {
             unit.took_us = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
             unit.times.add(unit.took_us);
             unit.alive();
+            (unit.open, unit.late, unit.hurried) = (false, 0, false);
         }
     }
 
@@ -296,60 +374,47 @@ impl Units<'_> {
         }
     }
 
-    /// Whether an answer of `id` would be a late one at `now`.
-    pub fn is_late(&self, id: u8, now: Instant) -> bool {
-        self.find(id).is_some_and(|unit| unit.late_until > now)
-    }
-
     /// Sets what was counted to zero; the units' health stays.
     pub fn clear_counters(&mut self) {
         let places = self.list().places();
         for unit in self.all.units.get_mut(places).unwrap_or(&mut []) {
-            let Unit { silent, tried, held_until, late_until, join_after, .. } = *unit;
-            *unit = Unit { silent, tried, held_until, late_until, join_after, ..Unit::new(unit.id) };
+            let Unit { id, requests, answers, exceptions, timeouts, times, troubles, took_us, .. } =
+                Unit::new(unit.id);
+            *unit = Unit { id, requests, answers, exceptions, timeouts, times, troubles, took_us, ..*unit };
         }
     }
 
     /// `id` answered, but the answer was damaged on its way, by `trouble`: it is alive.
     pub fn damaged(&mut self, id: u8, trouble: Event) {
+        self.frozen_asked_in_vain(id);
         if let Some(unit) = self.entry(id) {
             unit.count(trouble);
+            unit.open = false;
             unit.alive();
         }
     }
 
-    /// `id` gave no answer. It is held for `window`; after `down_after` such in a row (0: never) it is down. Says whether
-    /// nothing at all was heard.
-    pub fn timed_out(&mut self, id: u8, now: Instant, window: Duration, down_after: u8) -> bool {
+    /// `id` gave no answer; after `down_after` such in a row (0: never) it is down. Says whether nothing at all was heard.
+    pub fn timed_out(&mut self, id: u8, now: Instant, down_after: u8) -> bool {
         self.set_troubled(true);
+        self.frozen_asked_in_vain(id);
         let Some(unit) = self.entry(id) else { return false };
         let silent = !unit.disturbed;
         if silent {
             unit.count(Event::Silent);
         }
+        unit.open = false;
         unit.timeouts = unit.timeouts.wrapping_add(1);
-        unit.silent = unit.silent.saturating_add(1);
-        unit.late_until = now + window;
         // There are devices that do not answer what is too much for them.
         unit.join_after = now + JOIN_PAUSE;
-        if unit.is_down() && unit.held_until > now {
-            // It was asked several things at a time, and the first time-out of them has said so already.
-            return silent;
-        }
-        unit.held_until = now + window;
-        if down_after != 0 && unit.silent >= down_after {
-            unit.tried = unit.tried.saturating_add(1);
-            unit.held_until = now + window.max(unit.probe_after());
-        }
+        unit.unanswered(now, down_after);
         silent
     }
 
-    /// `id` is held for `window`: an answer that nobody waits for may come.
-    pub fn hold(&mut self, id: u8, now: Instant, window: Duration) {
-        self.set_troubled(true);
-        if let Some(unit) = self.entry(id) {
-            unit.held_until = unit.held_until.max(now + window);
-            unit.late_until = unit.late_until.max(now + window);
+    /// While nothing is learned, it is not known either what `id` may still answer.
+    fn frozen_asked_in_vain(&mut self, id: u8) {
+        if self.list().frozen {
+            self.sent_in_part(id);
         }
     }
 
@@ -401,19 +466,60 @@ impl Unit {
 
     /// Whether requests fail at once.
     pub fn is_down(&self) -> bool {
-        self.tried > 0
+        self.is_down
     }
 
-    /// How long after the latest try it is tried again.
-    fn probe_after(&self) -> Duration {
-        let doubled = self.tried.saturating_sub(1).min(8);
-        (PROBE_FIRST * (1 << doubled)).min(PROBE_LONGEST)
+    /// Whether its answers come, but only when their time is over.
+    pub fn is_slow(&self) -> bool {
+        self.late >= LATE_MAX
+    }
+
+    /// Nobody got an answer of it who asked.
+    fn unanswered(&mut self, now: Instant, down_after: u8) {
+        self.silent = self.silent.saturating_add(1);
+        if self.is_down && self.held_until > now {
+            // It was asked several things at a time, and the first time-out of them has said so already.
+            return;
+        }
+        if down_after != 0 && self.silent >= down_after {
+            self.is_down = true;
+            self.back_off(now);
+        }
+    }
+
+    /// The next probe or proof waits, each time for longer.
+    fn back_off(&mut self, now: Instant) {
+        let doubled = self.tried.min(8);
+        self.tried = self.tried.saturating_add(1);
+        self.held_until = now + (PROBE_FIRST * (1 << doubled)).min(PROBE_LONGEST);
     }
 
     fn alive(&mut self) {
         self.silent = 0;
         self.tried = 0;
+        self.is_down = false;
         // It need not wait for a probe any more.
-        self.held_until = self.held_until.min(self.late_until);
+        if !self.waited {
+            self.held_until = Instant::MIN;
+        }
+    }
+
+    /// Something came late: the unit lives, and can be probed. One that is always late is not hurried each time.
+    fn was_late(&mut self, purpose: Purpose, now: Instant) {
+        self.late = self.late.saturating_add(u8::from(purpose == Purpose::Request));
+        if !self.waited && !self.hurried {
+            self.hurried = self.is_slow();
+            self.held_until = self.held_until.min(now);
+        }
+    }
+
+    /// Remembers that it answers `read`, beside one of another shape.
+    fn remember(&mut self, read: Read) {
+        if self.reads.contains(&read) {
+            return;
+        }
+        let [first, second] = &mut self.reads;
+        let is_like = |known: &Read| *known == [0; 5] || Shape::of_request(known) == Shape::of_request(&read);
+        *(if is_like(first) { first } else { second }) = read;
     }
 }

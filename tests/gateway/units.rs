@@ -11,19 +11,18 @@ const DOWN_AFTER: u8 = 3;
 
 fn time_out(units: &mut Units, id: u8, now: Instant) {
     units.asked(id);
-    units.timed_out(id, now, WINDOW, DOWN_AFTER);
+    units.timed_out(id, now, DOWN_AFTER);
 }
 
 #[test]
-fn after_a_time_out_a_unit_is_held_for_the_window() {
+fn a_time_out_holds_up_nobody() {
     let (mut all, port) = (AllUnits::new(), PortId(0));
     let mut units = all.of(port);
     let now = Instant::from_secs(10);
     assert_eq!(units.gate(5, now), Gate::Open(Ready::Now));
     time_out(&mut units, 5, now);
-    assert_eq!(units.gate(5, now), Gate::Open(Ready::At(now + WINDOW)));
-    assert_eq!(units.gate(5, now + WINDOW), Gate::Open(Ready::Now));
-    assert_eq!(units.gate(6, now), Gate::Open(Ready::Now), "the other units go on");
+    assert_eq!(units.gate(5, now), Gate::Open(Ready::Now));
+    assert_eq!(units.gate(6, now), Gate::Open(Ready::Now));
 }
 
 #[test]
@@ -60,7 +59,7 @@ fn one_answer_makes_a_unit_well_again() {
         sign_of_life(&mut units);
         let now = Instant::from_secs(2000);
         time_out(&mut units, 5, now);
-        assert_eq!(units.gate(5, now), Gate::Open(Ready::At(now + WINDOW)), "held, not down");
+        assert_eq!(units.gate(5, now), Gate::Open(Ready::Now), "not down");
     }
 }
 
@@ -69,7 +68,7 @@ fn with_zero_a_unit_is_never_down() {
     let (mut all, port) = (AllUnits::new(), PortId(0));
     let mut units = all.of(port);
     for second in 0..100 {
-        units.timed_out(5, Instant::from_secs(second), WINDOW, 0);
+        units.timed_out(5, Instant::from_secs(second), 0);
         assert_ne!(units.gate(5, Instant::from_secs(second)), Gate::Down);
     }
 }

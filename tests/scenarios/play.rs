@@ -29,6 +29,8 @@ struct Stage<'s, 'r, 'g> {
     /// A tap on each wire, for noise.
     strangers: BTreeMap<String, LineEnd>,
     clients: Clients<'s>,
+    /// When the first step was taken.
+    begun: Instant,
 }
 
 /// Every case is played with this many seeds: they decide in which order tasks that could run do run.
@@ -66,6 +68,7 @@ impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
             devices: BTreeMap::new(),
             strangers: BTreeMap::new(),
             clients: Clients::new(&setup.client),
+            begun: Instant::now(),
         };
         for (name, bus) in &setup.bus {
             stage.connect_bus(world, name, bus)?;

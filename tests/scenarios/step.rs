@@ -10,7 +10,7 @@ pub(crate) enum Step {
     /// `wait 500ms`
     Wait(Duration),
     /// `at 2s`
-    At(Instant),
+    At(Duration),
     /// `console: delete port bus`; `console refuses: ...`
     Console { line: String, refused: bool },
     /// `port bus counted 2 timeouts`
@@ -142,7 +142,7 @@ pub(crate) fn step(line: &str) -> Result<Step, String> {
     let words: Vec<&str> = line.split_whitespace().collect();
     Ok(match &words[..] {
         ["wait", time] => Step::Wait(duration(time)?),
-        ["at", time] => Step::At(Instant::from_ticks(0) + duration(time)?),
+        ["at", time] => Step::At(duration(time)?),
         ["port", port, "counted", count, event] => {
             let event = Event::ALL.into_iter().find(|known| known.name() == *event);
             let event = event.ok_or("no counter has this name")?;

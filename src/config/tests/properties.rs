@@ -10,6 +10,7 @@ use proptest::prelude::*;
 
 use super::{PORTS, load, print, std};
 use crate::config::*;
+use crate::scanner::Kind;
 use crate::route::{
     AddressRange, Cut, Destination, Functions, Merge, Policy, Priority, Route, Sharing, Tag, UnitRange,
 };
@@ -69,6 +70,21 @@ fn any_server() -> impl Strategy<Value = SerialServerSettings> {
         .prop_map(|(answer_within, reply_delay)| SerialServerSettings { answer_within, reply_delay })
 }
 
+fn any_proofs() -> impl Strategy<Value = Proofs> {
+    let kinds = prop::sample::select(Kind::ALL.to_vec());
+    let read = (kinds, any::<u16>(), 1..=125_u16);
+    let proof = || {
+        let read = read.clone().prop_map(|(kind, address, count)| Proof::Read { kind, address, count });
+        prop_oneof![Just(Proof::Auto), Just(Proof::Diagnostic), read, Just(Proof::None)]
+    };
+    let units = (any::<u8>(), any::<u8>()).prop_map(|(a, b)| UnitRange { first: a.min(b), last: a.max(b) });
+    (proof(), prop::collection::vec((units, proof()), 0..=PROOFS_MAX)).prop_map(|(all, some)| {
+        let mut of_units = [None; PROOFS_MAX];
+        of_units.iter_mut().zip(some).for_each(|(place, proof)| *place = Some(proof));
+        Proofs { all, of_units }
+    })
+}
+
 fn any_client() -> impl Strategy<Value = SerialClientSettings> {
     let hour = 3_600_000_000;
     let late_window = prop::option::of(duration(0..=hour));
@@ -78,10 +94,10 @@ fn any_client() -> impl Strategy<Value = SerialClientSettings> {
         duration(0..=60_000_000),
         duration(0..=hour),
         late_window,
-        any::<u8>(),
+        (any::<u8>(), any_proofs()),
     )
-        .prop_map(|(timeout, retries, turnaround, start_delay, late_window, down_after)| {
-            SerialClientSettings { timeout, retries, turnaround, start_delay, late_window, down_after }
+        .prop_map(|(timeout, retries, turnaround, start_delay, late_window, (down_after, proofs))| {
+            SerialClientSettings { timeout, retries, turnaround, start_delay, late_window, down_after, proofs }
         })
 }
 
@@ -162,9 +178,11 @@ fn any_tcp_client() -> impl Strategy<Value = PortKind> {
     let delays = (duration(0..=60_000_000), duration(0..=60_000_000));
     let idle = prop_oneof![zero, duration(1_000_000..=86_400_000_000)];
     let late_window = prop::option::of(duration(0..=hour));
-    (place, duration(1_000..=hour), duration(1_000..=hour), delays, idle, 0..=10_u8, late_window, any::<u8>())
-        .prop_map(|(place, timeout, connect_timeout, delays, idle, retries, late_window, down_after)| {
+    let health = (late_window, any::<u8>(), any_proofs());
+    (place, duration(1_000..=hour), duration(1_000..=hour), delays, idle, 0..=10_u8, health).prop_map(
+        |(place, timeout, connect_timeout, delays, idle, retries, health)| {
             let (address, port, framing, unit, in_flight) = place;
+            let (late_window, down_after, proofs) = health;
             let (connect_delay, request_delay) = delays;
             PortKind::TcpClient(TcpClientSettings {
                 server: (address, port).into(),
@@ -179,8 +197,10 @@ fn any_tcp_client() -> impl Strategy<Value = PortKind> {
                 retries,
                 late_window,
                 down_after,
+                proofs: if framing == StreamFraming::Rtu { proofs } else { Proofs::default() },
             })
-        })
+        },
+    )
 }
 
 fn any_units() -> impl Strategy<Value = UnitPolicy> {

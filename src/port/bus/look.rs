@@ -43,11 +43,21 @@ impl<L: SerialLine> Bus<'_, L> {
         }
         self.pass_on(reply);
         match rtu::response(reply.unit(), reply.request(), self.line.heard()) {
-            Received::Complete(pdu) => {
-                reply.whole(self.line.heard(), pdu);
-                self.note(Event::Answer);
-                Found::Response
-            }
+            Received::Complete(pdu) => match self.judge(reply.unit(), pdu, true, Event::Misfit) {
+                Ok(()) => {
+                    reply.whole(self.line.heard(), pdu);
+                    self.note(Event::Answer);
+                    Found::Response
+                }
+                Err(event) => {
+                    let before = pdu.as_ptr().addr() - self.line.heard().as_ptr().addr();
+                    let end = before + pdu.len() + rtu::OVERHEAD_BYTES - 1;
+                    let found = self.other(reply.unit(), event);
+                    reply.store();
+                    self.line.consume(end);
+                    found
+                }
+            },
             Received::Partial => {
                 reply.not_yet(self.line.heard(), false);
                 Found::Nothing
@@ -70,12 +80,18 @@ impl<L: SerialLine> Bus<'_, L> {
                 (Ok(()), [from, response @ .., _])
                     if *from == unit && pdu::fits(request, response).is_ok() =>
                 {
-                    reply.whole(self.decoder.bytes(), response);
-                    self.note(Event::Answer);
-                    Found::Response
+                    match self.judge(unit, response, true, Event::Misfit) {
+                        Ok(()) => {
+                            reply.whole(self.decoder.bytes(), response);
+                            self.note(Event::Answer);
+                            Found::Response
+                        }
+                        Err(event) => self.other(unit, event),
+                    }
                 }
-                (Ok(()), [from, ..]) if *from != unit => self.other(unit, self.foreign(*from)),
+                (Ok(()), [from, response @ .., _]) if *from != unit => self.foreign(unit, *from, response),
                 (Ok(()), [_, response @ .., _]) if response == request => self.other(unit, Event::Echo),
+                (Ok(()), [_, response @ .., _]) => self.misfit(unit, response),
                 (Ok(()), _) => self.other(unit, Event::Misfit),
                 (Err(AsciiError::Lrc { .. }), _) => self.damage(unit, request, Event::BadCheck),
                 (Err(_), _) => self.damage(unit, request, Event::Short),
@@ -94,15 +110,18 @@ impl<L: SerialLine> Bus<'_, L> {
         let (unit, request) = (reply.unit(), reply.request());
         let found = match self.settings.framing {
             Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
-                AtSilence::Complete(pdu) => {
-                    reply.whole(self.line.heard(), pdu);
-                    self.note(Event::Answer);
-                    Found::Response
-                }
+                AtSilence::Complete(pdu) => match self.judge(unit, pdu, true, Event::Misfit) {
+                    Ok(()) => {
+                        reply.whole(self.line.heard(), pdu);
+                        self.note(Event::Answer);
+                        Found::Response
+                    }
+                    Err(event) => self.other(unit, event),
+                },
                 AtSilence::Damaged => self.damaged(Event::BadCheck),
                 AtSilence::Short => self.damaged(Event::Short),
-                AtSilence::WrongUnit(from) => self.other(unit, self.foreign(from)),
-                AtSilence::Misfit(_) => self.other(unit, Event::Misfit),
+                AtSilence::WrongUnit(from, response) => self.foreign(unit, from, response),
+                AtSilence::Misfit(_, response) => self.misfit(unit, response),
                 AtSilence::Noise => self.other(unit, Event::Noise),
             },
             Framing::Ascii => {
@@ -125,10 +144,24 @@ impl<L: SerialLine> Bus<'_, L> {
             && pdu::fits(request, request).is_err()
     }
 
-    /// What a good frame of another unit is.
-    fn foreign(&self, from: u8) -> Event {
-        let late = self.place.units(|units| units.is_late(from, Instant::now()));
-        if late { Event::Late } else { Event::WrongUnit }
+    /// Whether `response`, in a good frame of `unit`, is the one that is `awaited`; if not, it is a late one, or `other`.
+    fn judge(&self, unit: u8, response: &[u8], awaited: bool, other: Event) -> Result<(), Event> {
+        let judged = self.place.units(|units| units.heard(unit, response, awaited, Instant::now()));
+        judged.map_err(|event| if event == Event::Late { event } else { other })
+    }
+
+    /// A good frame of another unit than the one that is awaited; what is counted is counted with that one if it is no late one.
+    fn foreign(&self, awaited: u8, from: u8, response: &[u8]) -> Found {
+        match self.judge(from, response, false, Event::WrongUnit) {
+            Err(Event::Late) => self.other(from, Event::Late),
+            _ => self.other(awaited, Event::WrongUnit),
+        }
+    }
+
+    /// A good frame of the awaited `unit` that does not answer what it was asked.
+    fn misfit(&self, unit: u8, response: &[u8]) -> Found {
+        let judged = self.judge(unit, response, false, Event::Misfit);
+        self.other(unit, judged.err().unwrap_or(Event::Misfit))
     }
 
     /// When a response that has begun will have all but the last one of the characters that it has at least. That one is waited

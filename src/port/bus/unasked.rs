@@ -37,27 +37,38 @@ impl<L: SerialLine> Bus<'_, L> {
         if self.line.heard().is_empty() {
             return;
         }
-        let from =
-            self.sender().filter(|unit| self.place.units(|units| units.is_late(*unit, Instant::now())));
-        match from {
-            Some(unit) => self.place.disturbed(unit, Event::Late),
-            None => self.line.stats.count(Event::Noise),
+        let late = match self.settings.framing {
+            Framing::Rtu => rtu::decode(self.line.heard()).ok().map(|(unit, pdu)| self.unawaited(unit, pdu)),
+            Framing::Ascii => self.unawaited_ascii(),
+        };
+        if late.is_none() {
+            self.line.stats.count(Event::Noise);
         }
-        self.note(if from.is_some() { Event::Late } else { Event::Noise });
+        self.note(late.unwrap_or(Event::Noise));
         self.line.clear();
     }
 
-    /// The unit of the good frame that was heard, if it is one.
-    fn sender(&mut self) -> Option<u8> {
-        match self.settings.framing {
-            Framing::Rtu => rtu::decode(self.line.heard()).ok().map(|(unit, _)| unit),
-            Framing::Ascii => {
-                self.decoder.clear();
-                let frames = self.line.heard().iter().filter_map(|&character| {
-                    self.decoder.push(character).and_then(Result::ok).map(|(unit, _)| unit)
-                });
-                frames.last()
+    /// Judges every good ASCII frame that was heard; what the last one is.
+    fn unawaited_ascii(&mut self) -> Option<Event> {
+        self.decoder.clear();
+        let mut last = None;
+        for at in 0..self.line.heard().len() {
+            let Some(&character) = self.line.heard().get(at) else { break };
+            if let Some(Ok((unit, pdu))) = self.decoder.push(character) {
+                let judged = self.place.units(|units| units.heard(unit, pdu, false, Instant::now()));
+                let event = judged.err().unwrap_or(Event::Unsolicited);
+                self.place.disturbed(unit, event);
+                last = Some(event);
             }
         }
+        last
+    }
+
+    /// Judges and counts a good frame of `unit` that is not awaited.
+    pub(super) fn unawaited(&self, unit: u8, response: &[u8]) -> Event {
+        let judged = self.place.units(|units| units.heard(unit, response, false, Instant::now()));
+        let event = judged.err().unwrap_or(Event::Unsolicited);
+        self.place.disturbed(unit, event);
+        event
     }
 }

@@ -65,17 +65,27 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
 
     /// Takes the RTU response, if it is whole.
     fn take_response(&mut self) {
-        let Some(flight) = self.flights.first() else { return self.drop_noise() };
-        let request = flight.order.content();
+        let Some(flight) = self.flights.first() else { return self.take_unawaited() };
+        let request = self.desk.request(&flight.order);
         let (id, unit) = (flight.id, flight.unit);
         let heard = self.input.get(..self.length).unwrap_or(&[]);
         if let Received::Complete(pdu) = rtu::response(unit, &request, heard) {
-            self.proven = true;
-            self.tap(false, Event::Answer, heard);
-            if let Some(flight) = self.flights.finish(id) {
-                answer(self.desk, flight, pdu);
+            let before = pdu.as_ptr().addr() - heard.as_ptr().addr();
+            let end = before + pdu.len() + rtu::OVERHEAD_BYTES - 1;
+            match self.judge(unit, pdu, true, Event::Misfit) {
+                Ok(()) => {
+                    self.tap(false, Event::Answer, heard);
+                    self.proven = true;
+                    if let Some(flight) = self.flights.finish(id) {
+                        answer_rtu(self.desk, flight, &request, pdu);
+                    }
+                }
+                Err(event) => {
+                    self.tap(false, event, heard);
+                    self.desk.place().disturbed(unit, event);
+                }
             }
-            self.length = 0;
+            self.drop_first(end);
         } else if self.length >= rtu::FRAME_BYTES_MAX {
             // No frame is that long: keep the newest part, in which the response may be.
             self.input.copy_within(self.length - rtu::FRAME_BYTES_MAX / 2..self.length, 0);
@@ -102,31 +112,86 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         if self.pause_end() == Instant::MAX || (self.pause_end() > now && !over) {
             return;
         }
-        let Some(flight) = self.flights.first() else { return self.drop_noise() };
-        let request = &flight.order.content();
+        let Some(flight) = self.flights.first() else { return self.judge_unawaited() };
+        let request = &self.desk.request(&flight.order);
         let (id, unit) = (flight.id, flight.unit);
-        let place = self.desk.place();
         let heard = self.input.get(..self.length).unwrap_or(&[]);
         let judged = rtu::response_at_silence(unit, request, heard);
-        self.tap(false, verdict(&judged), heard);
-        match judged {
-            AtSilence::Complete(pdu) => {
+        let verdict = match judged {
+            AtSilence::Complete(pdu) => self.judge(unit, pdu, true, Event::Misfit).err().unwrap_or(Event::Answer),
+            AtSilence::Damaged => Event::BadCheck,
+            AtSilence::Short => Event::Short,
+            AtSilence::WrongUnit(from, pdu) => {
+                self.judge(from, pdu, false, Event::WrongUnit).err().unwrap_or(Event::WrongUnit)
+            }
+            AtSilence::Misfit(_, pdu) => {
+                self.judge(unit, pdu, false, Event::Misfit).err().unwrap_or(Event::Misfit)
+            }
+            AtSilence::Noise => Event::Noise,
+        };
+        self.tap(false, verdict, heard);
+        let place = self.desk.place();
+        match (judged, verdict) {
+            (AtSilence::Complete(pdu), Event::Answer) => {
                 self.proven = true;
                 if let Some(flight) = self.flights.finish(id) {
-                    answer(self.desk, flight, pdu);
+                    answer_rtu(self.desk, flight, request, pdu);
                 }
             }
-            damaged @ (AtSilence::Damaged | AtSilence::Short) => {
+            (_, Event::BadCheck | Event::Short) => {
                 self.proven = true;
-                place.damaged(unit, verdict(&damaged));
+                place.damaged(unit, verdict);
                 if let Some(flight) = self.flights.finish(id) {
                     flight.order.blame(Cause::Damage);
-                    self.desk.failed(&flight.order, self.settings.retries);
+                    self.failed(&flight);
                 }
             }
-            other => place.disturbed(unit, verdict(&other)),
+            _ => place.disturbed(unit, verdict),
         }
         self.length = 0;
+    }
+
+    /// Whether `response`, in a good frame of `unit`, is the one that is `awaited`; if not, it is a late one, or `other`.
+    fn judge(&self, unit: u8, response: &[u8], awaited: bool, other: Event) -> Result<(), Event> {
+        let now = Instant::now();
+        let judged = self.desk.place().units(|units| units.heard(unit, response, awaited, now));
+        judged.map_err(|event| if event == Event::Late { event } else { other })
+    }
+
+    /// No response is awaited, but one may come: it is judged when it is whole.
+    fn take_unawaited(&mut self) {
+        if self.heard < self.opened + self.settling() {
+            // What it answers, nobody knows.
+            self.drop_noise();
+        } else if self.length >= rtu::FRAME_BYTES_MAX {
+            self.judge_unawaited();
+        }
+    }
+
+    /// Judges what has come while no response was awaited.
+    pub(super) fn judge_unawaited(&mut self) {
+        let heard = self.input.get(..self.length).unwrap_or(&[]);
+        let Ok((unit, pdu)) = rtu::decode(heard) else { return self.drop_noise() };
+        let event = self.judge(unit, pdu, false, Event::Unsolicited).err().unwrap_or(Event::Unsolicited);
+        self.tap(false, event, heard);
+        self.desk.place().disturbed(unit, event);
+        self.length = 0;
+    }
+
+    /// The order of `flight` got no answer.
+    pub(super) fn failed(&self, flight: &Flight<Frame<'g>>) {
+        let (down_after, retries) = (self.settings.down_after, self.settings.retries);
+        if self.desk.is_proving() {
+            self.desk.not_proved(&flight.order, flight.unit, down_after, retries);
+        } else {
+            self.desk.failed(&flight.order, retries);
+        }
+    }
+
+    /// Drops the first `count` bytes of what has come.
+    fn drop_first(&mut self, count: usize) {
+        self.input.copy_within(count.min(self.length)..self.length, 0);
+        self.length = self.length.saturating_sub(count);
     }
 
     /// The first `count` bytes of what has come.
@@ -145,31 +210,19 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
 
     /// Gives up what has waited for its answer long enough; says whether something has.
     pub(super) fn expire(&mut self) -> bool {
-        let (now, window) = (Instant::now(), self.settings.late_window());
-        // Transaction ids tell late answers from others; RTU has none, so there the unit must not be asked meanwhile.
-        let held = match self.settings.framing {
-            StreamFraming::Mbap => Duration::from_ticks(0),
-            StreamFraming::Rtu | StreamFraming::Capture => window,
+        // Transaction ids tell late answers from others. RTU has none, and needs no places for lost ids.
+        let window = match self.settings.framing {
+            StreamFraming::Mbap => self.settings.late_window(),
+            StreamFraming::Rtu | StreamFraming::Capture => Duration::from_ticks(0),
         };
-        let place = self.desk.place();
-        let open = self.flights.len();
+        let (now, open) = (Instant::now(), self.flights.len());
         while let Some(flight) = self.flights.expire(now, window) {
-            place.timed_out(flight.unit, held, self.settings.down_after);
-            self.desk.failed(&flight.order, self.settings.retries);
+            if !self.desk.is_proving() {
+                self.desk.place().timed_out(flight.unit, self.settings.down_after);
+            }
+            self.failed(&flight);
         }
         self.flights.len() < open
-    }
-}
-
-/// What is counted for what was `found`.
-fn verdict(found: &AtSilence) -> Event {
-    match found {
-        AtSilence::Complete(_) => Event::Answer,
-        AtSilence::Damaged => Event::BadCheck,
-        AtSilence::Short => Event::Short,
-        AtSilence::WrongUnit(_) => Event::WrongUnit,
-        AtSilence::Misfit(_) => Event::Misfit,
-        AtSilence::Noise => Event::Noise,
     }
 }
 
@@ -195,4 +248,15 @@ fn answer<'g>(desk: &Desk<'g>, flight: Flight<Frame<'g>>, pdu: &[u8]) {
     let exception = flight.order.function() & EXCEPTION_BIT != 0;
     desk.place().answered(flight.unit, flight.sent.elapsed(), exception);
     desk.done(&flight.order);
+}
+
+/// Sends the order home with `pdu` as its answer, unless that was the proof that it waited for.
+fn answer_rtu<'g>(desk: &Desk<'g>, flight: Flight<Frame<'g>>, request: &[u8], pdu: &[u8]) {
+    if desk.is_proving() {
+        return desk.proved(&flight.order, flight.unit);
+    }
+    if pdu.first().is_some_and(|function| function & EXCEPTION_BIT == 0) {
+        desk.place().units(|units| units.learn(flight.unit, request));
+    }
+    answer(desk, flight, pdu);
 }

@@ -11,7 +11,7 @@ use crate::gateway::{Gateway, PortAt, Status};
 use crate::modbus::Exception;
 use crate::modbus::Pdu;
 use crate::modbus::pdu::function::READ_INPUT_REGISTERS;
-use crate::port::units::{TROUBLES, UNITS_MAX, Unit};
+use crate::port::units::{State, TROUBLES, UNITS_MAX, Unit};
 use crate::stats::Event;
 
 /// The first register of the gateway's block.
@@ -95,9 +95,13 @@ fn register(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
         UNITS..UNITS_END => {
             let (block, at) = (usize::from((address - UNITS) / UNIT_LENGTH), (address - UNITS) % UNIT_LENGTH);
             let place = gateway.place(PortId((block / UNITS_MAX) as u8));
-            let unit =
-                place.and_then(|place| place.units(|units| units.iter().nth(block % UNITS_MAX).copied()));
-            Some(unit.map_or(0, |unit| of_unit(&unit, at)))
+            let unit = place.and_then(|place| {
+                place.units(|units| {
+                    let unit = *units.iter().nth(block % UNITS_MAX)?;
+                    Some((unit, units.state(&unit, Instant::now())))
+                })
+            });
+            Some(unit.map_or(0, |(unit, state)| of_unit(&unit, state, at)))
         }
         _ => image::register(gateway.ethercat()?, address),
     }
@@ -136,7 +140,7 @@ fn of_port(place: &PortAt<'_>, at: u16) -> u16 {
     }
 }
 
-fn of_unit(unit: &Unit, at: u16) -> u16 {
+fn of_unit(unit: &Unit, state: State, at: u16) -> u16 {
     let percentile = |percent| unit.times.percentile(percent).unwrap_or(0);
     let wide = [
         unit.requests,
@@ -149,8 +153,12 @@ fn of_unit(unit: &Unit, at: u16) -> u16 {
     ];
     match usize::from(at) {
         0 => unit.id.into(),
-        1 if unit.is_down() => 2,
-        1 => u16::from(unit.held_until > Instant::now()),
+        1 => match state {
+            State::Up => 0,
+            State::Held => 1,
+            State::Down => 2,
+            State::OutOfStep => 3,
+        },
         at @ 2..16 => wide.get(at / 2 - 1).map_or(0, |value| half(*value, at as u16 % 2)),
         at => TROUBLES.get(at - 16).map_or(0, |trouble| unit.trouble(*trouble)),
     }

@@ -8,7 +8,7 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::Duration;
 use mobgate::capture::Capture;
-use mobgate::config::{Framing, Loader, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, apply};
+use mobgate::config::{Framing, Loader, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, Side, apply};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate::port::ethercat::EthercatPlace;
@@ -112,8 +112,18 @@ pub fn with_gateway_on<T>(
     let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };
     rig.gateway.apply(&settings).expect("settings that the gateway takes");
     rig.start(&world, size);
-    world.run_for(Duration::from_ticks(1));
+    world.run_for(discarding(&settings) + Duration::from_ticks(1));
     scenario(&mut world, &rig)
+}
+
+/// How long the clients on serial lines discard what they hear after the start, and send nothing.
+fn discarding(settings: &Settings) -> Duration {
+    let ports = settings.ports.iter().flatten();
+    let windows = ports.filter_map(|port| match &port.kind {
+        PortKind::Serial(serial) if serial.side == Side::Client => Some(serial.client.late_window()),
+        _ => None,
+    });
+    windows.max().unwrap_or(Duration::from_ticks(0))
 }
 
 fn parse(text: &str) -> Settings {

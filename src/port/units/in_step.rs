@@ -1,0 +1,175 @@
+//! Whether a unit is in step, and what proves it: the rules of [`outstanding`](crate::port::outstanding), applied to what is
+//! known of each unit.
+
+use super::*;
+
+impl Units<'_> {
+    /// Whether no earlier request of `id` can still be answered; `open`: but the one whose response is awaited.
+    pub fn is_in_step(&self, id: u8, open: bool) -> bool {
+        self.list().frozen || self.all.outstanding.is_in_step(self.port as u8, id, open)
+    }
+
+    /// How `unit` is doing.
+    pub fn state(&self, unit: &Unit, now: Instant) -> State {
+        match unit {
+            _ if unit.is_down => State::Down,
+            _ if unit.held_until > now => State::Held,
+            _ if !self.is_in_step(unit.id, unit.open) => State::OutOfStep,
+            _ => State::Up,
+        }
+    }
+
+    /// What may be sent to `id`, where `request` is to be sent.
+    pub fn step(&mut self, id: u8, request: &[u8], care: &Care, now: Instant) -> Step {
+        let port = self.port as u8;
+        let shape = Shape::of_request(request);
+        if self.list().frozen || self.all.outstanding.is_unique(port, id, &shape) {
+            return Step::Direct;
+        }
+        self.set_troubled(true);
+        match care.proof {
+            Proof::Auto => self.find_proof(id, care, now),
+            Proof::Diagnostic => self.by_diagnostic(now),
+            Proof::Read { kind, address, count } => {
+                let ([a, b], [c, d]) = (address.to_be_bytes(), count.to_be_bytes());
+                let read = [kind.read_function(), a, b, c, d];
+                if self.proves(id, &read) {
+                    Step::Prove(read, Purpose::Read)
+                } else {
+                    self.wait(id, care, now)
+                }
+            }
+            Proof::None => self.wait(id, care, now),
+        }
+    }
+
+    fn proves(&self, id: u8, read: &Read) -> bool {
+        self.all.outstanding.proves(self.port as u8, id, &Shape::of_request(read))
+    }
+
+    fn by_diagnostic(&mut self, now: Instant) -> Step {
+        Step::Prove(self.all.outstanding.diagnostic(now.as_ticks()), Purpose::Diagnostic)
+    }
+
+    /// Function 8, until the unit is known to ignore that; in turn with a read, which proves something if no response to what
+    /// was sent before looks like its own, and else tells at least whether function 8 is ignored.
+    fn find_proof(&mut self, id: u8, care: &Care, now: Instant) -> Step {
+        let Some(&Unit { reads, ignored, by_read, tried, .. }) = self.find(id) else {
+            return self.by_diagnostic(now);
+        };
+        let mut known = reads.iter().filter(|read| **read != [0; 5]);
+        let any = known.clone().next();
+        let answers_nothing = any.is_none() && tried >= IGNORED_MAX;
+        let diagnostic = ignored < IGNORED_MAX && !answers_nothing;
+        match known.find(|read| self.proves(id, read)).or(any.filter(|_| diagnostic)) {
+            Some(&read) if by_read || !diagnostic => Step::Prove(read, Purpose::Read),
+            _ if diagnostic => self.by_diagnostic(now),
+            _ => self.wait(id, care, now),
+        }
+    }
+
+    /// Waits until what is outstanding at `id` is not to be expected any more.
+    fn wait(&mut self, id: u8, care: &Care, now: Instant) -> Step {
+        let Some(unit) = self.entry(id) else { return Step::Direct };
+        if !unit.waited {
+            unit.waited = true;
+            unit.held_until = now + care.late_window;
+        }
+        if unit.held_until > now {
+            return Step::Wait;
+        }
+        unit.waited = false;
+        unit.unproven = true;
+        unit.ignored = match unit.ignored {
+            IGNORED_RETRY.. => IGNORED_MAX - 1,
+            ignored => ignored + 1,
+        };
+        let port = self.port as u8;
+        self.all.outstanding.settle_all(port, id);
+        Step::Direct
+    }
+
+    /// `request` is sent to `id` now.
+    pub fn sent(&mut self, id: u8, request: &[u8], purpose: Purpose) {
+        if self.list().frozen {
+            return;
+        }
+        let port = self.port as u8;
+        self.all.outstanding.sent(port, id, Shape::of_request(request), purpose);
+        if let Some(unit) = self.entry(id) {
+            (unit.open, unit.heard, unit.waited) = (true, false, false);
+        }
+    }
+
+    /// A part of a request was sent to `id` that may have been taken for a whole one: what it answers is not known.
+    pub fn sent_in_part(&mut self, id: u8) {
+        self.all.outstanding.forget(self.port as u8, id);
+    }
+
+    /// `id` has sent `response`, whole and undamaged. Says whether it is the one that is awaited, if that is `awaited` of `id`; or
+    /// else what is to be counted.
+    pub fn heard(&mut self, id: u8, response: &[u8], awaited: bool, now: Instant) -> Result<(), Event> {
+        if self.list().frozen {
+            return if awaited { Ok(()) } else { Err(Event::Unsolicited) };
+        }
+        let port = self.port as u8;
+        let Settled { whose, passed_diagnostic } = self.all.outstanding.heard(port, id, response);
+        if let Some(unit) = self.known(id) {
+            unit.heard = true;
+            unit.ignored = unit.ignored.saturating_add(u8::from(passed_diagnostic));
+            match whose {
+                Match::Latest(_) if awaited => {}
+                Match::Latest(purpose) | Match::Earlier(purpose) => unit.was_late(purpose, now),
+                Match::Several => unit.was_late(Purpose::Unsolicited, now),
+                Match::Unsolicited => {}
+            }
+        }
+        match whose {
+            Match::Latest(_) if awaited => Ok(()),
+            Match::Unsolicited => Err(Event::Unsolicited),
+            Match::Latest(_) | Match::Earlier(_) | Match::Several => Err(Event::Late),
+        }
+    }
+
+    /// `id` has answered the proof that was sent for this `purpose`.
+    pub fn proved(&mut self, id: u8, purpose: Purpose) {
+        if let Some(unit) = self.entry(id) {
+            unit.alive();
+            (unit.open, unit.by_read, unit.unproven, unit.hurried) = (false, false, false, false);
+            if purpose == Purpose::Diagnostic {
+                unit.ignored = 0;
+            }
+        }
+    }
+
+    /// `id` has not answered a proof, and so not the request that waited for it. The proof itself does not count towards being
+    /// down, but the next one waits, unless something else was heard meanwhile.
+    pub fn not_proved(&mut self, id: u8, now: Instant, down_after: u8) {
+        self.set_troubled(true);
+        let Some(unit) = self.entry(id) else { return };
+        (unit.open, unit.by_read) = (false, !unit.by_read);
+        if unit.heard {
+            return;
+        }
+        unit.silent = unit.silent.saturating_add(1);
+        unit.is_down |= down_after != 0 && unit.silent >= down_after;
+        if down_after != 0 {
+            unit.back_off(now);
+        }
+    }
+
+    /// `id` has answered `request`.
+    pub fn learn(&mut self, id: u8, request: &[u8]) {
+        if let [READ_COILS..=READ_INPUT_REGISTERS, ..] = request
+            && let (Ok(read), Some(unit)) = (request.try_into(), self.known(id))
+        {
+            unit.remember(read);
+        }
+    }
+
+    /// The unit `id` if it is known.
+    fn known(&mut self, id: u8) -> Option<&mut Unit> {
+        let places = self.list().places();
+        self.all.units.get_mut(places)?.iter_mut().find(|unit| unit.id == id)
+    }
+}

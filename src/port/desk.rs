@@ -212,13 +212,14 @@ impl<'g> Desk<'g> {
         if !all_well || self.queue().first_deadline().is_some_and(|deadline| deadline <= now) {
             self.sweep();
         }
-        let gate = self.gates(all_well);
-        let ready = |unit| match gate(unit) {
-            Gate::Open(ready) => ready,
-            // Only an asker who is not kept from it has an order here.
-            Gate::Down => self.place.units(|units| units.attempt(unit, now)),
-        };
         loop {
+            // An order that was postponed has closed its unit's gate.
+            let gate = self.gates(self.all_well(now));
+            let ready = |unit| match gate(unit) {
+                Gate::Open(ready) => ready,
+                // Only an asker who is not kept from it has an order here.
+                Gate::Down => self.place.units(|units| units.attempt(unit, now)),
+            };
             let next = self.queue().next(now, ready);
             let Next::Serve(frame, ticket) = next else {
                 self.count_waiting();
@@ -312,19 +313,27 @@ impl<'g> Desk<'g> {
         if let Some(Proving { purpose, .. }) = self.proof.take() {
             self.place.units(|units| units.proved(unit, purpose));
         }
-        if let Some((frame, _)) = self.take(order) {
-            let ticket = ticket(&frame.envelope(), frame.function());
-            self.postpone(frame, ticket);
-        }
+        self.take_back(order);
     }
 
-    /// The proof got no answer, and so `order` gets none.
+    /// The proof got no answer, and so `order` gets none, unless the unit has answered something else.
     pub(crate) fn not_proved(&self, order: &Frame<'g>, unit: u8, down_after: u8, retries: u8) {
         self.proof.set(None);
         // Who spares servers by himself is not held back.
         let down_after = if order.envelope().paced { 0 } else { down_after };
-        self.place.units(|units| units.not_proved(unit, Instant::now(), down_after));
-        self.failed(order, retries);
+        if self.place.units(|units| units.not_proved(unit, Instant::now(), down_after)) {
+            self.failed(order, retries);
+        } else {
+            self.take_back(order);
+        }
+    }
+
+    /// `order` waits for its turn again.
+    fn take_back(&self, order: &Frame<'g>) {
+        if let Some((frame, _)) = self.take(order) {
+            let ticket = ticket(&frame.envelope(), frame.function());
+            self.postpone(frame, ticket);
+        }
     }
 
     /// Lets the orders that can share the transaction of `leader` ride on it if its unit is `in_step`, and notes what its answer is

@@ -37,12 +37,15 @@ pub const JOIN_PAUSE: Duration = Duration::from_secs(60);
 const IGNORED_MAX: u8 = 3;
 /// So often it is tried again all the same, where nothing else can prove anything.
 const IGNORED_RETRY: u8 = 16;
+/// How long a unit has at least to send what is to come behind a late answer.
+const LATE_PAUSE: Duration = Duration::from_millis(100);
 /// Late answers in a row after which a unit is slower than its time-out.
 const LATE_MAX: u8 = 3;
 /// Reads that a unit is known to answer, of different shapes: a proof is one of them.
 const READS_MAX: usize = 2;
 /// A read of functions 1 to 4.
 type Read = [u8; 5];
+const NO_READ: Read = [0; 5];
 
 /// What is counted of the troubles with one unit, under the names that the port's counters have. A character's parity and framing
 /// count once for each answer that they spoiled.
@@ -175,7 +178,7 @@ impl Unit {
             by_read: false,
             waited: false,
             unproven: false,
-            reads: [[0; 5]; READS_MAX],
+            reads: [NO_READ; READS_MAX],
             held_until: Instant::MIN,
             join_after: Instant::MIN,
         }
@@ -504,13 +507,16 @@ impl Unit {
         }
     }
 
-    /// Something came late: the unit lives, and can be probed. One that is always late is not hurried each time.
-    fn was_late(&mut self, purpose: Purpose, now: Instant) {
+    /// Something came late: the unit lives, and can be probed, after a pause unless it is `in_step`: what else is to come may be
+    /// on its way. One that is always late is not hurried each time.
+    fn was_late(&mut self, purpose: Purpose, in_step: bool, now: Instant) {
         self.late = self.late.saturating_add(u8::from(purpose == Purpose::Request));
-        if !self.waited && !self.hurried {
-            self.hurried = self.is_slow();
-            self.held_until = self.held_until.min(now);
+        if self.waited || self.hurried {
+            return;
         }
+        self.hurried = self.is_slow();
+        let pause = LATE_PAUSE.max(Duration::from_micros(self.took_us.into()) * 2);
+        self.held_until = if in_step { now } else { now + pause };
     }
 
     /// Remembers that it answers `read`, beside one of another shape.
@@ -519,7 +525,7 @@ impl Unit {
             return;
         }
         let [first, second] = &mut self.reads;
-        let is_like = |known: &Read| *known == [0; 5] || Shape::of_request(known) == Shape::of_request(&read);
+        let is_like = |known: &Read| *known == NO_READ || Shape::of_request(known) == Shape::of_request(&read);
         *(if is_like(first) { first } else { second }) = read;
     }
 }

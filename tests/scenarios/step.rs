@@ -1,6 +1,6 @@
 //! Steps: one line each, a sentence whose first word says who acts.
 
-use embassy_time::{Duration, Instant};
+use embassy_time::Duration;
 use mobgate::stats::Event;
 
 use crate::words::{bytes, duration, number, request};

@@ -28,7 +28,7 @@ impl Units<'_> {
         }
         self.set_troubled(true);
         match care.proof {
-            Proof::Auto => self.find_proof(id, care, now),
+            Proof::Auto => self.find_proof(id, request, care, now),
             Proof::Diagnostic => self.by_diagnostic(now),
             Proof::Read { kind, address, count } => {
                 let ([a, b], [c, d]) = (address.to_be_bytes(), count.to_be_bytes());
@@ -53,16 +53,17 @@ impl Units<'_> {
 
     /// Function 8, until the unit is known to ignore that; in turn with a read, which proves something if no response to what
     /// was sent before looks like its own, and else tells at least whether function 8 is ignored.
-    fn find_proof(&mut self, id: u8, care: &Care, now: Instant) -> Step {
+    fn find_proof(&mut self, id: u8, request: &[u8], care: &Care, now: Instant) -> Step {
         let Some(&Unit { reads, ignored, by_read, tried, .. }) = self.find(id) else {
             return self.by_diagnostic(now);
         };
-        let mut known = reads.iter().filter(|read| **read != [0; 5]);
-        let any = known.clone().next();
+        let mut known = reads.into_iter().filter(|read| *read != NO_READ);
+        // What is asked for anyway does no harm.
+        let any = known.clone().next().or(as_read(request));
         let answers_nothing = any.is_none() && tried >= IGNORED_MAX;
         let diagnostic = ignored < IGNORED_MAX && !answers_nothing;
         match known.find(|read| self.proves(id, read)).or(any.filter(|_| diagnostic)) {
-            Some(&read) if by_read || !diagnostic => Step::Prove(read, Purpose::Read),
+            Some(read) if by_read || !diagnostic => Step::Prove(read, Purpose::Read),
             _ if diagnostic => self.by_diagnostic(now),
             _ => self.wait(id, care, now),
         }
@@ -114,13 +115,19 @@ impl Units<'_> {
         }
         let port = self.port as u8;
         let Settled { whose, passed_diagnostic } = self.all.outstanding.heard(port, id, response);
+        self.set_troubled(self.troubled() || !(awaited && matches!(whose, Match::Latest(_))));
+        let in_step = self.is_in_step(id, self.find(id).is_some_and(|unit| unit.open && !awaited));
         if let Some(unit) = self.known(id) {
             unit.heard = true;
+            if in_step && unit.waited {
+                // Nothing is left to be waited for.
+                (unit.waited, unit.held_until) = (false, now);
+            }
             unit.ignored = unit.ignored.saturating_add(u8::from(passed_diagnostic));
             match whose {
                 Match::Latest(_) if awaited => {}
-                Match::Latest(purpose) | Match::Earlier(purpose) => unit.was_late(purpose, now),
-                Match::Several => unit.was_late(Purpose::Unsolicited, now),
+                Match::Latest(purpose) | Match::Earlier(purpose) => unit.was_late(purpose, in_step, now),
+                Match::Several => unit.was_late(Purpose::Unsolicited, in_step, now),
                 Match::Unsolicited => {}
             }
         }
@@ -142,27 +149,26 @@ impl Units<'_> {
         }
     }
 
-    /// `id` has not answered a proof, and so not the request that waited for it. The proof itself does not count towards being
-    /// down, but the next one waits, unless something else was heard meanwhile.
-    pub fn not_proved(&mut self, id: u8, now: Instant, down_after: u8) {
+    /// `id` has not answered a proof. Says whether that leaves the request without an answer that waited for it: not if something
+    /// else was heard. The proof itself does not count towards being down, but the next one waits.
+    pub fn not_proved(&mut self, id: u8, now: Instant, down_after: u8) -> bool {
         self.set_troubled(true);
-        let Some(unit) = self.entry(id) else { return };
+        let Some(unit) = self.entry(id) else { return true };
         (unit.open, unit.by_read) = (false, !unit.by_read);
         if unit.heard {
-            return;
+            return false;
         }
         unit.silent = unit.silent.saturating_add(1);
         unit.is_down |= down_after != 0 && unit.silent >= down_after;
         if down_after != 0 {
             unit.back_off(now);
         }
+        true
     }
 
     /// `id` has answered `request`.
     pub fn learn(&mut self, id: u8, request: &[u8]) {
-        if let [READ_COILS..=READ_INPUT_REGISTERS, ..] = request
-            && let (Ok(read), Some(unit)) = (request.try_into(), self.known(id))
-        {
+        if let (Some(read), Some(unit)) = (as_read(request), self.known(id)) {
             unit.remember(read);
         }
     }
@@ -171,5 +177,13 @@ impl Units<'_> {
     fn known(&mut self, id: u8) -> Option<&mut Unit> {
         let places = self.list().places();
         self.all.units.get_mut(places)?.iter_mut().find(|unit| unit.id == id)
+    }
+}
+
+/// The read by functions 1 to 4 that `request` is.
+fn as_read(request: &[u8]) -> Option<Read> {
+    match request {
+        [READ_COILS..=READ_INPUT_REGISTERS, ..] => request.try_into().ok(),
+        _ => None,
     }
 }

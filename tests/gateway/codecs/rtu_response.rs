@@ -21,9 +21,10 @@ fn an_exception_ends_the_wait_with_its_fifth_byte() {
 
 #[test]
 fn a_late_answer_in_front_of_the_right_one_is_passed_over() {
-    let late = frame(17, &[3, 2, 0xAA, 0xBB]);
+    let other = [3, 2, 0xAA, 0xBB];
+    let late = frame(17, &other);
     let received = [&late[..], &frame(17, &ANSWER)].concat();
-    assert_eq!(response_at_silence(17, &READ, &late), AtSilence::Misfit(Misfit::Length));
+    assert_eq!(response_at_silence(17, &READ, &late), AtSilence::Misfit(Misfit::Length, &other));
     assert_eq!(response(17, &READ, &received[..late.len()]), Received::Partial);
     assert_eq!(response(17, &READ, &received), Received::Complete(&ANSWER));
 }
@@ -59,10 +60,10 @@ fn silence_tells_foreign_damaged_and_meaningless_bytes_apart() {
     assert_eq!(response_at_silence(17, &READ, &damaged), AtSilence::Damaged);
     assert_eq!(response_at_silence(17, &READ, &frame(17, &ANSWER)[..6]), AtSilence::Short);
     assert_eq!(response_at_silence(17, &READ, &[17, 0x83]), AtSilence::Short);
-    assert_eq!(response_at_silence(17, &READ, &frame(18, &ANSWER)), AtSilence::WrongUnit(18));
+    assert_eq!(response_at_silence(17, &READ, &frame(18, &ANSWER)), AtSilence::WrongUnit(18, &ANSWER));
     assert_eq!(
         response_at_silence(17, &READ, &frame(17, &[4, 2, 0, 0])),
-        AtSilence::Misfit(Misfit::Function)
+        AtSilence::Misfit(Misfit::Function, &[4, 2, 0, 0])
     );
     for noise in [&[][..], &[17], &[0, 0xFF], &[18, 3, 6], &[0; 300]] {
         assert_eq!(response_at_silence(17, &READ, noise), AtSilence::Noise);
@@ -74,7 +75,7 @@ fn a_good_frame_that_repeats_another_address_is_no_answer() {
     let (request, other) = ([6, 0, 1, 0, 3], [6, 0, 2, 0, 3]);
     let received = frame(17, &other);
     assert_eq!(response(17, &request, &received), Received::Partial);
-    assert_eq!(response_at_silence(17, &request, &received), AtSilence::Misfit(Misfit::Echo));
+    assert_eq!(response_at_silence(17, &request, &received), AtSilence::Misfit(Misfit::Echo, &other));
     let received = [&[0xFF][..], &received].concat();
     assert_eq!(response_at_silence(17, &request, &received), AtSilence::Noise);
 }
@@ -188,8 +189,9 @@ proptest! {
         let at_silence = response_at_silence(unit, &request, &line);
         match (decode(&line), at_silence) {
             // A frame that takes the whole line is judged as such.
-            (Ok((from, _)), AtSilence::WrongUnit(unit)) => prop_assert_eq!(from, unit),
-            (Ok((from, whole)), AtSilence::Misfit(misfit)) => {
+            (Ok((from, whole)), AtSilence::WrongUnit(unit, pdu)) => prop_assert_eq!((from, whole), (unit, pdu)),
+            (Ok((from, whole)), AtSilence::Misfit(misfit, pdu)) => {
+                prop_assert_eq!(whole, pdu);
                 prop_assert_eq!(from, unit);
                 prop_assert_eq!(fits(&request, whole), Err(misfit));
             }

@@ -130,7 +130,7 @@ fn tshark_decodes_a_thousand_transactions_by_tcp_and_on_the_line_and_counts_the_
 fn frames_by_udp_and_to_servers_are_decoded_too_and_only_while_somebody_follows() {
     const NETWORK: &str = "
         port U tcp client 10.0.1.1:502
-        port R tcp client 10.0.1.2:502 rtu
+        port R tcp client 10.0.1.2:502 rtu late-window 1ms
         port P502 udp server 502
         port wire tcp server 5029 capture
         route P502 5 * * U

@@ -12,6 +12,7 @@ mod ethercat;
 mod faults;
 mod figure;
 mod goodput;
+mod in_step;
 mod line;
 mod merging;
 mod paper;
@@ -32,6 +33,7 @@ fn main() {
         ("sharing", sharing::figures),
         ("merging", merging::figures),
         ("faults", faults::figures),
+        ("in_step", in_step::figures),
         ("shared_bus", shared_bus::figures),
         ("points", points::figures),
         ("ports", ports::figures),

@@ -13,8 +13,8 @@ use super::print::list;
 use super::values::{Time, listen, name, number, time};
 use super::words::{Word, Words, Wrong};
 use super::{
-    Allowed, DEVICE_BYTES_MAX, Driver, Framing, IpPrefix, LineSettings, Name, OnLoss, Proofs, RESERVED_MAX, Side,
-    Special, StreamFraming, TcpListen,
+    Allowed, DEVICE_BYTES_MAX, Driver, Framing, IpPrefix, LineSettings, Name, OnLoss, Proofs, RESERVED_MAX,
+    Side, Special, StreamFraming, TcpListen,
 };
 
 /// A number that may be set: what it counts, and its limits.

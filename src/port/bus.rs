@@ -187,11 +187,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     }
 
     /// Sends `request` to `unit`.
-    pub(crate) async fn send(
-        &mut self,
-        unit: u8,
-        request: &[u8],
-    ) -> Result<Result<(), Collision>, LineLost> {
+    pub(crate) async fn send(&mut self, unit: u8, request: &[u8]) -> Result<Result<(), Collision>, LineLost> {
         self.decoder.clear();
         let mut frame = [0; FRAME_CHARS_MAX];
         let framed = self.settings.framing.encode(unit, request, LINE_FEED, &mut frame);

@@ -525,7 +525,8 @@ impl Unit {
             return;
         }
         let [first, second] = &mut self.reads;
-        let is_like = |known: &Read| *known == NO_READ || Shape::of_request(known) == Shape::of_request(&read);
+        let is_like =
+            |known: &Read| *known == NO_READ || Shape::of_request(known) == Shape::of_request(&read);
         *(if is_like(first) { first } else { second }) = read;
     }
 }

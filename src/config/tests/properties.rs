@@ -10,10 +10,10 @@ use proptest::prelude::*;
 
 use super::{PORTS, load, print, std};
 use crate::config::*;
-use crate::scanner::Kind;
 use crate::route::{
     AddressRange, Cut, Destination, Functions, Merge, Policy, Priority, Route, Sharing, Tag, UnitRange,
 };
+use crate::scanner::Kind;
 
 fn duration(us: core::ops::RangeInclusive<u64>) -> impl Strategy<Value = Duration> {
     let (low, high) = (*us.start(), *us.end());
@@ -97,7 +97,15 @@ fn any_client() -> impl Strategy<Value = SerialClientSettings> {
         (any::<u8>(), any_proofs()),
     )
         .prop_map(|(timeout, retries, turnaround, start_delay, late_window, (down_after, proofs))| {
-            SerialClientSettings { timeout, retries, turnaround, start_delay, late_window, down_after, proofs }
+            SerialClientSettings {
+                timeout,
+                retries,
+                turnaround,
+                start_delay,
+                late_window,
+                down_after,
+                proofs,
+            }
         })
 }
 

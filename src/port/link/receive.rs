@@ -118,7 +118,9 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         let heard = self.input.get(..self.length).unwrap_or(&[]);
         let judged = rtu::response_at_silence(unit, request, heard);
         let verdict = match judged {
-            AtSilence::Complete(pdu) => self.judge(unit, pdu, true, Event::Misfit).err().unwrap_or(Event::Answer),
+            AtSilence::Complete(pdu) => {
+                self.judge(unit, pdu, true, Event::Misfit).err().unwrap_or(Event::Answer)
+            }
             AtSilence::Damaged => Event::BadCheck,
             AtSilence::Short => Event::Short,
             AtSilence::WrongUnit(from, pdu) => {

@@ -19,7 +19,9 @@ impl Stage<'_, '_, '_> {
     pub(super) fn act(&mut self, world: &mut World<'_>, step: &Step) -> Result<(), String> {
         match step {
             Step::Wait(time) => world.run_for(*time),
-            Step::At(at) if self.begun + *at < Instant::now() => return Err("that time has passed".to_owned()),
+            Step::At(at) if self.begun + *at < Instant::now() => {
+                return Err("that time has passed".to_owned());
+            }
             Step::At(at) => world.run_until(Timer::at(self.begun + *at)),
             Step::Console { line, refused } => {
                 match (self.rig.console(line), refused) {

@@ -63,7 +63,17 @@ pub fn confirmation(request: &[u8]) -> Option<&[u8]> {
     }
 }
 
-/// Whether a request with this function changes nothing, so that repeating it is harmless.
+/// Whether `request` changes nothing, so that repeating it is harmless: its function is a [read](is_read), or it asks for the
+/// device identification.
+pub const fn reads_only(request: &[u8]) -> bool {
+    match *request {
+        [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, ..] => true,
+        [function, ..] => is_read(function),
+        [] => false,
+    }
+}
+
+/// Whether every request with this function changes nothing.
 ///
 /// Not among them: diagnostics (8), whose sub-functions restart the device and clear its counters; the tunnel (43), because
 /// its MEI type 13 carries CANopen writes; and every code that the gateway does not know.

@@ -4,7 +4,7 @@ use super::function::{
     MASK_WRITE_REGISTER, READ_COILS, READ_FIFO_QUEUE, READ_INPUT_REGISTERS, READ_WRITE_MULTIPLE_REGISTERS,
     WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER,
 };
-use super::reads_only;
+use super::is_read;
 
 /// Most registers that function 24 reads: the count at the address in the request, and the queue behind it (clause 6.18).
 const FIFO_REGISTERS_MAX: u16 = 32;
@@ -48,7 +48,7 @@ pub fn touched(request: &[u8]) -> Touched {
             both.map(|(read, written)| [Some(read), Some(written)])
         }
         READ_FIFO_QUEUE => one(extent(false, 1, Some(FIFO_REGISTERS_MAX))),
-        _ if reads_only(request) => return Touched::Other,
+        _ if is_read(request) => return Touched::Other,
         _ => None,
     };
     cells.map_or(Touched::Unknown, Touched::Cells)

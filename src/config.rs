@@ -66,7 +66,7 @@ pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
 pub(crate) use self::values::{medium, number, parse_number, small, time};
 pub(crate) use self::words::{Word, Words, Wrong};
-use crate::route::{Destination, Route};
+use crate::route::{Destination, Route, comes_back, never_matches};
 use crate::scanner::{DEVICES_MAX, POINTS};
 
 /// Longest line of the line language in bytes. Settings at their limits print lines of about 600: what is printed can be read.
@@ -182,7 +182,39 @@ impl Settings {
 
     /// What is set, but unlikely to be meant.
     pub fn warnings(&self) -> impl Iterator<Item = Warning> {
-        self.ports.iter().flatten().filter_map(gap_warning)
+        let rules = (0..self.routes.len()).filter_map(|n| self.rule_warning(n));
+        self.ports.iter().flatten().filter_map(gap_warning).chain(rules)
+    }
+
+    /// What is unlikely to be meant about the rule at place `n`, from 0.
+    pub(crate) fn rule_warning(&self, n: usize) -> Option<Warning> {
+        let rules = Rules::one(n);
+        if let Some(takers) = never_matches(self, n) {
+            return Some(Warning::NeverMatch { rules, takers });
+        }
+        let (server, unit) = comes_back(self, n)?;
+        Some(Warning::Circle { rule: rules, unit, port: self.port(server)?.name.clone() })
+    }
+
+    /// A warning when rules below the one at place `n` never match because of that one.
+    fn shadow_warning(&self, n: usize) -> Option<Warning> {
+        let (mut rules, mut takers) = (Rules::default(), Rules::default());
+        for below in n + 1..self.routes.len() {
+            if let Some(above) = never_matches(self, below).filter(|above| above.contains(n)) {
+                rules.add(below);
+                takers = takers.with(above);
+            }
+        }
+        (rules != Rules::default()).then_some(Warning::NeverMatch { rules, takers })
+    }
+
+    /// What is unlikely to be meant about the port at `id`, or a rule that names it.
+    fn port_warning(&self, id: PortId) -> Option<Warning> {
+        let names =
+            |(_, route): &(usize, &Route)| route.source == id || route.destination == Destination::Port(id);
+        let rules = self.routes.iter().enumerate().filter(names);
+        let of_rules = || rules.map(|(n, _)| n).find_map(|n| self.rule_warning(n));
+        self.port(id).and_then(gap_warning).or_else(of_rules)
     }
 }
 

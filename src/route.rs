@@ -9,11 +9,19 @@ use embassy_time::Duration;
 
 use crate::config::{IpPrefix, PortId, PortKind, Settings, Side, Special, is_implied};
 use crate::modbus::Exception;
-use crate::modbus::pdu::{self, Extent};
+use crate::modbus::pdu;
 
 mod cut;
+mod functions;
+mod policy;
+mod review;
 
 pub use cut::{Onward, onward};
+pub use functions::Functions;
+pub use policy::{AddressRange, Forbidden, Policy};
+pub(crate) use review::{comes_back, never_matches};
+
+use review::takers;
 
 /// One row of the routing table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,25 +38,6 @@ pub struct Route {
     pub destination: Destination,
     /// What may pass, and how urgent it is.
     pub policy: Policy,
-}
-
-/// What a rule lets through, and with which rank.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Policy {
-    /// Which functions pass; others are answered 01h.
-    pub functions: Functions,
-    /// Data addresses that may be touched; a request for others is answered 02h.
-    pub addresses: AddressRange,
-    /// Data addresses that may be written; a write to others is answered 02h.
-    pub writes: AddressRange,
-    /// Rank in the destination's queue.
-    pub priority: Priority,
-    /// Functions that rank high whatever `priority` says.
-    pub urgent: Functions,
-    /// Whose answers will do for a read.
-    pub sharing: Sharing,
-    /// Whether frames from one serial line to another are passed on while they arrive.
-    pub cut: Cut,
 }
 
 /// Whose answers will do for a read besides one that is sent for it alone.
@@ -94,62 +83,6 @@ pub enum Cut {
     Off,
 }
 
-impl Default for Policy {
-    /// Everything passes, with normal priority.
-    fn default() -> Self {
-        Self {
-            functions: Functions::ALL,
-            addresses: AddressRange::ALL,
-            writes: AddressRange::ALL,
-            priority: Priority::Normal,
-            urgent: Functions::NONE,
-            sharing: Sharing::DEFAULT,
-            cut: Cut::Auto,
-        }
-    }
-}
-
-impl Policy {
-    /// The rank of `request`, or the exception that it gets.
-    pub fn admit(&self, request: &[u8]) -> Result<Priority, Exception> {
-        // A request of which only the unit has come, by a rule that needs no more of it.
-        let Some(&function) = request.first() else { return Ok(self.priority) };
-        if !self.functions.contains(function) {
-            return Err(Exception::ILLEGAL_FUNCTION);
-        }
-        for extent in pdu::extents(request).into_iter().flatten() {
-            if !self.addresses.contains(&extent) || (extent.write && !self.writes.contains(&extent)) {
-                return Err(Exception::ILLEGAL_ADDRESS);
-            }
-        }
-        Ok(if self.urgent.contains(function) { Priority::High } else { self.priority })
-    }
-}
-
-/// Data addresses from `first` to `last` as they are on the wire, both included.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct AddressRange {
-    /// Lowest address.
-    pub first: u16,
-    /// Highest address, not below `first`.
-    pub last: u16,
-}
-
-impl AddressRange {
-    /// Every address.
-    pub const ALL: Self = Self { first: 0, last: u16::MAX };
-
-    /// The addresses in both.
-    pub(crate) fn common(&self, other: &Self) -> Self {
-        Self { first: self.first.max(other.first), last: self.last.min(other.last) }
-    }
-
-    /// Whether all of `extent` is in the range. What runs over the end of the addresses is left to the device to refuse.
-    pub fn contains(&self, extent: &Extent) -> bool {
-        self.first <= extent.first && extent.last.min(u32::from(u16::MAX)) <= u32::from(self.last)
-    }
-}
-
 /// Unit ids from `first` to `last`, both included; `*` is 0 to 255.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct UnitRange {
@@ -174,20 +107,22 @@ impl UnitRange {
 pub enum Tag {
     /// `*`: the id stays.
     Keep,
-    /// `+100`, `-100`: the id is shifted. Settings are refused when the shift leaves 0 to 255 for any unit of the rule.
+    /// `+100`, `-100`: the id is shifted.
     Shift(i16),
     /// `=7`: the id becomes this one.
     Set(u8),
 }
 
 impl Tag {
-    /// The translated id, or `None` when a shift leaves 0 to 255.
+    /// The translated id. None where an id that was changed is not that of one unit: 1 to 247, or 255, the TCP device itself.
+    /// Settings are refused when that is so for any unit of the rule, or a request to one device would reach all.
     pub fn apply(self, unit: u8) -> Option<u8> {
-        match self {
-            Self::Keep => Some(unit),
-            Self::Shift(by) => u8::try_from(i16::from(unit) + by).ok(),
-            Self::Set(unit) => Some(unit),
-        }
+        let target = match self {
+            Self::Keep => return Some(unit),
+            Self::Shift(by) => u8::try_from(i16::from(unit) + by).ok()?,
+            Self::Set(unit) => unit,
+        };
+        matches!(target, 1..=247 | 255).then_some(target)
     }
 }
 
@@ -202,49 +137,6 @@ pub enum Destination {
     Discard,
     /// Nowhere, answered 0Ah.
     NoPath,
-}
-
-/// Which function codes a rule lets through: a set over 1 to 127.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Functions([u16; 8]);
-
-impl Functions {
-    /// Every code.
-    pub const ALL: Self = Self([!1, !0, !0, !0, !0, !0, !0, !0]);
-    /// No code; add some with [`Functions::with`].
-    pub const NONE: Self = Self([0; 8]);
-    /// Codes that change nothing in the device. Not 43: besides the identification it carries CANopen requests, writes
-    /// among them; nor 8, which can restart a device.
-    pub const READ_ONLY: Self = Self::NONE
-        .with(1)
-        .with(2)
-        .with(3)
-        .with(4)
-        .with(7)
-        .with(11)
-        .with(12)
-        .with(17)
-        .with(20)
-        .with(24)
-        .with(43);
-
-    /// The set and `function` besides.
-    #[must_use]
-    pub const fn with(self, function: u8) -> Self {
-        let mut words = self.0;
-        words[word(function)] |= 1 << (function % 16);
-        Self(words)
-    }
-
-    /// Whether `function` is in the set.
-    pub const fn contains(&self, function: u8) -> bool {
-        self.0[word(function)] >> (function % 16) & 1 == 1
-    }
-}
-
-/// The word of a [`Functions`] that has the bit of `function`; an exception has its function's.
-const fn word(function: u8) -> usize {
-    (function & 0x7f) as usize / 16
 }
 
 /// Rank in a destination's queue.
@@ -262,9 +154,12 @@ pub enum Priority {
 impl Route {
     /// Whether a request from `source` for `unit` by `peer` (none on serial ports) falls under this rule.
     pub fn matches(&self, source: PortId, unit: u8, peer: Option<IpAddr>) -> bool {
-        self.source == source
-            && self.units.contains(unit)
-            && self.peer.is_none_or(|prefix| peer.is_some_and(|peer| prefix.contains(peer)))
+        self.source == source && self.units.contains(unit) && self.is_for(peer)
+    }
+
+    /// Whether the rule is for `peer`, none on serial ports: a rule for an address is not for those that have none.
+    fn is_for(&self, peer: Option<IpAddr>) -> bool {
+        self.peer.is_none_or(|prefix| peer.is_some_and(|peer| prefix.contains(peer)))
     }
 }
 
@@ -290,6 +185,11 @@ pub enum Decision {
     Discard,
     /// An exception of the gateway.
     Refuse(Exception),
+    /// The answer of a write that was carried out, though nothing is.
+    Ignore {
+        /// It would have gone to all units of a line: they do not answer.
+        broadcast: bool,
+    },
     /// A broadcast to every line that [`leads_to`] says.
     AllLines,
     /// No rule matches, or the unit means nothing here: 0Ah to a TCP client, silence on a shared serial line.
@@ -338,6 +238,10 @@ pub fn decide(
     };
     let priority = match route.policy.admit(request) {
         Ok(priority) => priority,
+        Err(_) if route.policy.ignores(request) => {
+            let to_line = matches!(route.destination, Destination::Port(port) if is_line(settings, port));
+            return Decision::Ignore { broadcast: to_line && route.tag.apply(unit) == Some(0) };
+        }
         Err(exception) => return Decision::Refuse(exception),
     };
     match route.destination {
@@ -359,8 +263,8 @@ pub fn decide(
     }
 }
 
-/// Whether a broadcast from `source` by `peer` goes out on the serial line `port`, and with which rank: when a rule leads
-/// there for any unit, and lets `request` pass.
+/// Whether a broadcast from `source` by `peer` goes out on the serial line `port`, and with which rank: when rules lead there
+/// for any units, and all of them let `request` pass, since it reaches the units of all.
 pub fn leads_to(
     settings: &Settings,
     source: PortId,
@@ -368,11 +272,16 @@ pub fn leads_to(
     request: &[u8],
     port: PortId,
 ) -> Option<Priority> {
-    let by_peer =
-        |route: &&Route| route.peer.is_none_or(|prefix| peer.is_some_and(|peer| prefix.contains(peer)));
-    let mut rules = settings.routes.iter().filter(|route| route.source == source).filter(by_peer);
-    let rule = rules.find(|route| route.destination == Destination::Port(port))?;
-    if is_line(settings, port) { rule.policy.admit(request).ok() } else { None }
+    let leads = |(n, route): &(usize, &Route)| {
+        route.source == source
+            && route.is_for(peer)
+            && route.destination == Destination::Port(port)
+            && takers(settings, *n, |above| above.is_for(peer)).is_none()
+    };
+    let rules = settings.routes.iter().enumerate().filter(leads);
+    let mut ranks = rules.map(|(_, route)| route.policy.admit(request).ok());
+    let first = ranks.next().flatten().filter(|_| is_line(settings, port))?;
+    ranks.all(|rank| rank.is_some()).then_some(first)
 }
 
 /// Whether `port` is a serial line that the gateway asks on.

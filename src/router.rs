@@ -67,6 +67,10 @@ impl Gateway<'_> {
                 frame.blame(Cause::Unsent);
                 self.refuse(frame, exception);
             }
+            Decision::Ignore { broadcast } => {
+                count(Event::Ignored);
+                if broadcast { self.finish_broadcast(frame) } else { self.confirm(frame) }
+            }
             Decision::NoRule => {
                 count(Event::NoPath);
                 match envelope.origin.way {
@@ -113,13 +117,26 @@ impl Gateway<'_> {
         let origin = frame.origin();
         let confirm =
             self.settings(|settings| settings.port(origin.port).is_some_and(|port| port.units.confirm));
+        if confirm && matches!(origin.way, Way::Seat(_)) {
+            self.confirm(frame);
+        } else {
+            self.unanswered(frame);
+        }
+    }
+
+    /// Answers a write as a device does that has carried it out; other requests get no answer.
+    fn confirm(&self, frame: Frame<'_>) {
+        // A request that is still arriving: whoever sent it sends it again when it is whole, and can be answered.
+        if frame.abandon() {
+            return;
+        }
         match pdu::confirmation(&frame.content()) {
-            Some(answer) if confirm && matches!(origin.way, Way::Seat(_)) => {
+            Some(answer) => {
                 // It is a part of the request.
                 let _ = frame.replace(answer);
                 self.answered(frame);
             }
-            _ => self.unanswered(frame),
+            None => self.unanswered(frame),
         }
     }
 

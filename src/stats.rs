@@ -70,6 +70,8 @@ pub enum Event {
     QueueFull,
     /// Refused by a rule's function policy, or malformed.
     Refused,
+    /// A write that a rule forbids, answered as if it had been carried out.
+    Ignored,
     /// No rule, or the port that the rule names is off.
     NoPath,
     /// Dropped by a `discard` rule.
@@ -110,7 +112,7 @@ pub enum Event {
 
 impl Event {
     /// Every event, in the order in which they are shown.
-    pub const ALL: [Self; 45] = [
+    pub const ALL: [Self; 46] = [
         Self::Request,
         Self::Answer,
         Self::Exception,
@@ -138,6 +140,7 @@ impl Event {
         Self::AskerGone,
         Self::QueueFull,
         Self::Refused,
+        Self::Ignored,
         Self::NoPath,
         Self::Discarded,
         Self::BackPressure,
@@ -188,6 +191,7 @@ impl Event {
             Self::AskerGone => "asker-gone",
             Self::QueueFull => "queue-full",
             Self::Refused => "refused",
+            Self::Ignored => "ignored",
             Self::NoPath => "no-path",
             Self::Discarded => "discarded",
             Self::BackPressure => "back-pressure",

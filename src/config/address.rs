@@ -37,6 +37,11 @@ pub struct IpPrefix {
 }
 
 impl IpPrefix {
+    /// Whether all that lies in `other` lies in this prefix.
+    pub(crate) fn covers(&self, other: &Self) -> bool {
+        self.length <= other.length && self.contains(other.address)
+    }
+
     /// Whether `peer` lies in the prefix. An IPv4 peer written as IPv6 (`::ffff:a.b.c.d`) counts as IPv4.
     pub fn contains(&self, peer: IpAddr) -> bool {
         let length = u32::from(self.length);

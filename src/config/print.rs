@@ -7,13 +7,14 @@ use heapless::String;
 use super::address::Endpoint;
 use super::points::PointWords;
 use super::port_keys::UNIT_KEYS;
+use super::route_words::IDENTIFICATION;
 use super::values::Time;
 use super::{
     EthercatSettings, Framing, IpPrefix, LineSettings, OwnNetwork, Parity, Port, PortKind, SerialSettings,
     Settings, Side, Special, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
     UnitPolicy,
 };
-use crate::route::{AddressRange, Cut, Functions, Merge, Policy, Priority, Route, Tag, UnitRange};
+use crate::route::{AddressRange, Cut, Forbidden, Functions, Merge, Policy, Priority, Route, Tag, UnitRange};
 use crate::scanner::POINTS;
 
 /// Longest baud rate and character format.
@@ -95,11 +96,21 @@ impl Display for Policy {
         }
         option(f, "addresses", self.addresses, self.addresses != default.addresses)?;
         option(f, "writes", self.writes, self.writes != default.writes)?;
+        option(f, "forbidden", self.forbidden, self.forbidden != default.forbidden)?;
         option(f, "priority", self.priority, self.priority != default.priority)?;
         option(f, "urgent", self.urgent, self.urgent != default.urgent)?;
         option(f, "merge", self.sharing.merge, self.sharing.merge != default.sharing.merge)?;
         option(f, "cache", Time(self.sharing.cache()), self.sharing.cache_ms != default.sharing.cache_ms)?;
         option(f, "cut", self.cut, self.cut != default.cut)
+    }
+}
+
+impl Display for Forbidden {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Refuse => "refuse",
+            Self::Ignore => "ignore",
+        })
     }
 }
 
@@ -271,7 +282,7 @@ impl Display for Tag {
     }
 }
 
-/// `3,4,16` with ranges for three codes and more in a row: `1-6,15`.
+/// `3,4,16` with ranges for three codes and more in a row: `1-6,15`; `43/14` is last.
 impl Display for Functions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (mut code, mut separator) = (1, "");
@@ -291,7 +302,7 @@ impl Display for Functions {
             }
             separator = ",";
         }
-        Ok(())
+        if self.contains_identification() { write!(f, "{separator}{IDENTIFICATION}") } else { Ok(()) }
     }
 }
 

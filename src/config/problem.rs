@@ -143,10 +143,10 @@ pub enum Problem {
     #[error("another port listens there")]
     ListenTaken,
     /// The port is named by rules.
-    #[error("{0} this port: delete or edit first")]
+    #[error("{0} {verb} this port: delete or edit first", verb = .0.verb("names", "name"))]
     PortInUse(Rules),
     /// Rules name IP addresses for askers that would have none.
-    #[error("{0} it with an IP address, which askers on a serial line have not")]
+    #[error("{0} {verb} it with an IP address, which askers on a serial line have not", verb = .0.verb("names", "name"))]
     RulesNeedTcp(Rules),
     /// An IP address for askers that have none.
     #[error("askers of this source have no IP address: expected *")]
@@ -157,13 +157,13 @@ pub enum Problem {
     /// The last unit is before the first.
     #[error("the range ends before it starts")]
     UnitsReversed,
-    /// The shift makes unit ids that do not exist.
-    #[error("shifted, units {first} to {last} leave 0 to 255")]
-    ShiftOutside {
-        /// The rule's first unit.
-        first: u8,
-        /// The rule's last unit.
-        last: u8,
+    /// The tag makes a broadcast of a request to one unit, or a unit id that no unit has.
+    #[error("unit {unit} would become {target}, {}", TARGETS[usize::from(*target != 0)])]
+    TagOutside {
+        /// A unit of the rule.
+        unit: u8,
+        /// What would become of it.
+        target: i16,
     },
     /// A rule from a port to itself.
     #[error("source and destination are the same port")]
@@ -172,6 +172,8 @@ pub enum Problem {
     #[error("rule {0} is the same")]
     SameRoute(NonZeroU16),
 }
+
+const TARGETS: [&str; 2] = ["a broadcast to all units", "but units are 1 to 247, or 255"];
 
 /// Where there are no points, no problem with them arises: their texts need not be in the image.
 fn fmt_points(problem: &PointProblem, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -198,18 +200,43 @@ impl Rules {
         let set = named.take(ROUTES_MAX).enumerate().fold(0, |set, (at, named)| set | u64::from(named) << at);
         (set != 0).then_some(Self(set))
     }
+
+    /// The one at place `at`, counted from 0.
+    pub(super) fn one(at: usize) -> Self {
+        let mut one = Self::default();
+        one.add(at);
+        one
+    }
+
+    /// Adds the rule at place `at`, counted from 0.
+    pub(crate) fn add(&mut self, at: usize) {
+        self.0 |= 1_u64.checked_shl(at as u32).unwrap_or(0);
+    }
+
+    /// Whether the rule at place `at` is one of them.
+    pub(super) fn contains(&self, at: usize) -> bool {
+        self.0.checked_shr(at as u32).unwrap_or(0) & 1 == 1
+    }
+
+    /// All of both.
+    pub(super) fn with(self, others: Self) -> Self {
+        Self(self.0 | others.0)
+    }
+
+    fn verb<'v>(&self, one: &'v str, many: &'v str) -> &'v str {
+        if self.0.count_ones() > 1 { many } else { one }
+    }
 }
 
-/// `rule 3 names`, `rules 1, 3, 6 name`.
+/// `rule 3`, `rules 1, 3, 6`.
 impl fmt::Display for Rules {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let many = self.0.count_ones() > 1;
-        f.write_str(if many { "rules" } else { "rule" })?;
-        let numbers = (0..ROUTES_MAX).filter(|at| self.0 >> at & 1 == 1).map(|at| at + 1);
+        f.write_str(self.verb("rule", "rules"))?;
+        let numbers = (0..ROUTES_MAX).filter(|at| self.contains(*at)).map(|at| at + 1);
         for (nth, number) in numbers.enumerate() {
             write!(f, "{} {number}", if nth == 0 { "" } else { "," })?;
         }
-        f.write_str(if many { " name" } else { " names" })
+        Ok(())
     }
 }
 
@@ -225,11 +252,41 @@ pub enum Warning {
         /// What the specification asks for at this speed.
         t3_5: Duration,
     },
+    /// Rules that no request comes to.
+    NeverMatch {
+        /// The rules.
+        rules: Rules,
+        /// Those above that take all their requests. None: their units mean something else at their port.
+        takers: Rules,
+    },
+    /// A request that a rule sends to a server of the gateway itself, and that comes to the same rule again, for ever.
+    Circle {
+        /// The rule.
+        rule: Rules,
+        /// A unit for which that is so.
+        unit: u8,
+        /// The server.
+        port: Name,
+    },
 }
 
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self::GapBelowSpecification { port, gap, t3_5 } = self;
-        write!(f, "port {port}: gap {} is below the specification's {}", Time(*gap), Time(*t3_5))
+        match self {
+            Self::GapBelowSpecification { port, gap, t3_5 } => {
+                write!(f, "port {port}: gap {} is below the specification's {}", Time(*gap), Time(*t3_5))
+            }
+            Self::NeverMatch { rules, takers } => {
+                write!(f, "{rules} never {}: ", rules.verb("matches", "match"))?;
+                let its = rules.verb("its", "their");
+                if *takers == Rules::default() {
+                    return write!(f, "{its} units mean something else at {its} port");
+                }
+                write!(f, "{takers} {} all {its} requests", takers.verb("takes", "take"))
+            }
+            Self::Circle { rule, unit, port } => {
+                write!(f, "{rule} leads unit {unit} in a circle: its requests come back by port {port}")
+            }
+        }
     }
 }

@@ -9,11 +9,14 @@ use super::values::{parse_number, prefix, small, span, time};
 use super::words::{Word, Words, Wrong};
 use super::{IpPrefix, PortId, Settings};
 use crate::route::{
-    AddressRange, Cut, Destination, Functions, Merge, Policy, Priority, Route, Tag, UnitRange,
+    AddressRange, Cut, Destination, Forbidden, Functions, Merge, Policy, Priority, Route, Tag, UnitRange,
 };
 
-const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, priority high|normal|low, urgent 5,6, merge on|off|adjacent|near N, \
+const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, forbidden refuse|ignore, priority high|normal|low, urgent 5,6, merge on|off|adjacent|near N, \
      cache 1s or cut auto|on|off";
+
+/// Of function 43 only the device identification, by its MEI type.
+pub(super) const IDENTIFICATION: &str = "43/14";
 
 /// How old an answer from memory may be.
 const CACHE: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(60);
@@ -73,17 +76,24 @@ fn tag(word: Word, units: UnitRange) -> Result<Tag, Wrong> {
         let digits = word.text.strip_prefix(sign)?;
         parse_number(digits).and_then(|value| u8::try_from(value).ok())
     };
-    let by = match (value('+'), value('-'), value('=')) {
-        (Some(by), _, _) => i16::from(by),
-        (_, Some(by), _) => -i16::from(by),
-        (_, _, Some(unit)) => return Ok(Tag::Set(unit)),
+    let tag = match (value('+'), value('-'), value('=')) {
+        (Some(0), _, _) | (_, Some(0), _) => Tag::Keep,
+        (Some(by), _, _) => Tag::Shift(by.into()),
+        (_, Some(by), _) => Tag::Shift(-i16::from(by)),
+        (_, _, Some(unit)) => Tag::Set(unit),
         _ => return Err(word.expected(expected)),
     };
-    let tag = if by == 0 { Tag::Keep } else { Tag::Shift(by) };
-    if tag.apply(units.first).is_none() || tag.apply(units.last).is_none() {
-        return Err(word.error(Problem::ShiftOutside { first: units.first, last: units.last }));
+    match (units.first..=units.last).find(|unit| tag.apply(*unit).is_none()) {
+        Some(unit) => {
+            let target = match tag {
+                Tag::Keep => unit.into(),
+                Tag::Shift(by) => i16::from(unit) + by,
+                Tag::Set(target) => target.into(),
+            };
+            Err(word.error(Problem::TagOutside { unit, target }))
+        }
+        None => Ok(tag),
     }
-    Ok(tag)
 }
 
 fn destination(settings: &Settings, word: Word) -> Result<Destination, Wrong> {
@@ -103,6 +113,7 @@ enum Key {
     All,
     Addresses,
     Writes,
+    Forbidden,
     Priority,
     Urgent,
     Merge,
@@ -116,6 +127,7 @@ const KEYS: &[(&str, Key)] = &[
     ("functions", Key::Functions),
     ("addresses", Key::Addresses),
     ("writes", Key::Writes),
+    ("forbidden", Key::Forbidden),
     ("priority", Key::Priority),
     ("urgent", Key::Urgent),
     ("merge", Key::Merge),
@@ -134,6 +146,8 @@ const MERGES: &[(&str, Option<Merge>)] = &[
     ("near", None),
 ];
 
+const FORBIDDEN: &[(&str, Forbidden)] = &[("refuse", Forbidden::Refuse), ("ignore", Forbidden::Ignore)];
+
 const PRIORITIES: &[(&str, Priority)] =
     &[("high", Priority::High), ("normal", Priority::Normal), ("low", Priority::Low)];
 
@@ -143,6 +157,7 @@ const CUTS: &[(&str, Cut)] = &[("auto", Cut::Auto), ("on", Cut::On), ("off", Cut
 pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {
     KEYS.iter().for_each(|&(keyword, _)| each(keyword));
     DESTINATIONS.iter().for_each(|&(keyword, _)| each(keyword));
+    FORBIDDEN.iter().for_each(|&(keyword, _)| each(keyword));
     PRIORITIES.iter().for_each(|&(keyword, _)| each(keyword));
     CUTS.iter().for_each(|&(keyword, _)| each(keyword));
     MERGES.iter().for_each(|&(keyword, _)| each(keyword));
@@ -160,6 +175,7 @@ fn options(words: &Words) -> Result<Policy, Wrong> {
             Key::Functions => policy.functions = function_list(words)?,
             Key::Addresses => policy.addresses = addresses(words.take())?,
             Key::Writes => policy.writes = addresses(words.take())?,
+            Key::Forbidden => policy.forbidden = words.take().keyword(FORBIDDEN, "refuse or ignore")?,
             Key::Priority => policy.priority = words.take().keyword(PRIORITIES, "high, normal or low")?,
             Key::Urgent => policy.urgent = function_list(words)?,
             Key::Merge => policy.sharing.merge = merge(words)?,
@@ -197,7 +213,7 @@ fn addresses(word: Word) -> Result<AddressRange, Wrong> {
     Ok(AddressRange { first: first as u16, last: last as u16 })
 }
 
-/// `3,4,16`, with ranges: `1-4,43`; or one of the sets that have a name.
+/// `3,4,16`, with ranges: `1-4,43`, and `43/14` for the device identification alone; or one of the sets that have a name.
 fn function_list(words: &Words) -> Result<Functions, Wrong> {
     let sets = [("readonly", Functions::READ_ONLY), ("all", Functions::ALL)];
     if let Some(set) = words.peek().lookup(&sets) {
@@ -206,9 +222,14 @@ fn function_list(words: &Words) -> Result<Functions, Wrong> {
     }
     let mut functions = Functions::NONE;
     loop {
-        let expected = "function codes from 1 to 127, such as 3,4,16 or 1-6";
-        let (first, last) = span(words.take(), 1..=127, expected)?;
-        functions = (first as u8..=last as u8).fold(functions, Functions::with);
+        let word = words.take();
+        functions = if word.is(IDENTIFICATION) {
+            functions.with_identification()
+        } else {
+            let expected = "function codes from 1 to 127, such as 3,4,16 or 1-6, or 43/14";
+            let (first, last) = span(word, 1..=127, expected)?;
+            (first as u8..=last as u8).fold(functions, Functions::with)
+        };
         let next = words.peek();
         if next.is_end() || !next.listed {
             return Ok(functions);

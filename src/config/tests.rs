@@ -4,6 +4,7 @@
 #[cfg(not(feature = "points"))]
 mod no_points;
 mod properties;
+mod rules;
 // And only one that was built with them has slaves.
 #[cfg(feature = "points")]
 mod slaves;
@@ -122,55 +123,6 @@ fn options_come_in_any_order_and_case_with_commas_and_tabs() {
 }
 
 #[test]
-fn table_1_of_the_paper_is_accepted_row_by_row() {
-    let mut settings = load(
-        "port P1 serial uart1 rtu master 19200 8E1\n\
-         port P2 serial uart2 rtu slave 19200 8E1\n\
-         port P3 serial uart3 ascii master 9600 7E1\n\
-         port P4 serial uart4 ascii slave 9600 7E1\n\
-         port P502 tcp server 502\n",
-    );
-    apply_all(
-        &mut settings,
-        &[
-            "route P1   1-64   * * P2",
-            "route P2   1-64   * * P1",
-            "route P3   *      * * P4",
-            "route P4   *      * * P3",
-            "route P502 65-128 192.168.1.101 * P2",
-            "route P2   65-128 * * 502",
-        ],
-    );
-    assert_eq!(settings.routes.len(), 6);
-    assert_eq!(settings.routes[5].destination, Destination::Port(PortId(4)), "502 is P502");
-    let implied: Vec<bool> = settings.routes.iter().map(|route| is_implied(&settings, route)).collect();
-    assert_eq!(implied, [true, false, true, false, true, true]);
-}
-
-#[test]
-fn rules_are_read_by_value() {
-    let mut settings = load(PORTS);
-    apply_all(
-        &mut settings,
-        &[
-            "route P502 101-132 192.168.1.0/24 -100 P1 readonly priority high",
-            "route P502 255 * =17 local functions 3,4, 16-18",
-            "route P502 * * * discard all priority low",
-            "route P2 1 * +0 nopath functions readonly",
-        ],
-    );
-    let [first, second, third, fourth] = &settings.routes[..] else { panic!() };
-    assert_eq!((first.source, first.units), (PortId(4), UnitRange { first: 101, last: 132 }));
-    assert_eq!((first.tag, first.destination), (Tag::Shift(-100), Destination::Port(PortId(0))));
-    assert_eq!((first.policy.functions, first.policy.priority), (Functions::READ_ONLY, Priority::High));
-    assert_eq!((second.tag, second.destination), (Tag::Set(17), Destination::Local));
-    let list = Functions::NONE.with(3).with(4).with(16).with(17).with(18);
-    assert_eq!(second.policy.functions, list);
-    assert_eq!((third.units, third.policy.priority), (UnitRange::ALL, Priority::Low));
-    assert_eq!((fourth.tag, fourth.policy.functions), (Tag::Keep, Functions::READ_ONLY));
-}
-
-#[test]
 fn an_error_names_the_column_the_word_and_what_is_expected() {
     assert_eq!(
         error("port P9 serial uart9 rtu 81E client"),
@@ -229,8 +181,6 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("route P502 1 192.168.1 * P1", "\"192.168.1\": expected an IP address"),
         ("route P2 1 192.168.1.1 * P1", "\"192.168.1.1\": askers of this source"),
         ("route P502 1 * 7 P1", "\"7\": expected * (the unit id stays)"),
-        ("route P502 50-150 * -100 P1", "\"-100\": shifted, units 50 to 150 leave 0 to 255"),
-        ("route P502 * * +1 P1", "\"+1\": shifted, units 0 to 255 leave 0 to 255"),
         ("route P502 1 * * P502", "\"P502\": source and destination are the same port"),
         ("route P502 1 * * P1 readonly all", "\"all\": is set twice"),
         ("route P502 1 * * P1 functions", "end of line: expected function codes from 1 to 127"),
@@ -252,16 +202,6 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         let error = error(line);
         assert!(error.contains(expected), "{line}\n gives    {error}\n expected {expected}");
     }
-}
-
-#[test]
-fn a_second_identical_rule_is_refused() {
-    let mut settings = load(PORTS);
-    apply_all(&mut settings, &["route P502 1 * * P1", "route P502 2 * * P1"]);
-    let error = apply(&mut settings, "route 502 2-2 * +0 p1").unwrap_err().to_string();
-    assert_eq!(error, "column 7: \"502\": rule 2 is the same");
-    apply_all(&mut settings, &["edit route 2 P502 2 * * P1"]);
-    assert_eq!(settings.routes.len(), 2);
 }
 
 #[test]

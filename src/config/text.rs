@@ -17,7 +17,7 @@ use super::route_words::{self, route};
 use super::slaves;
 use super::values::{name, number};
 use super::words::{Word, Words, Wrong};
-use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side, gap_warning};
+use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side};
 use crate::route::{Destination, Route};
 use crate::scanner::POINTS;
 
@@ -67,11 +67,12 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
         Ok(changed) => changed,
         Err(Wrong) => return Err(words.wrong()),
     };
-    let port = match changed {
-        Changed::Port(id) => settings.port(id),
+    let warning = match changed {
+        Changed::Port(id) => settings.port_warning(id),
+        Changed::Rule(n) => settings.rule_warning(n).or_else(|| settings.shadow_warning(n)),
         Changed::Nothing | Changed::Other => None,
     };
-    Ok(Applied { changed: changed != Changed::Nothing, warning: port.and_then(gap_warning) })
+    Ok(Applied { changed: changed != Changed::Nothing, warning })
 }
 
 /// What a line changed.
@@ -79,6 +80,8 @@ pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> 
 pub(super) enum Changed {
     Nothing,
     Port(PortId),
+    /// The rule at this place, from 0, is new there.
+    Rule(usize),
     Other,
 }
 
@@ -218,7 +221,7 @@ fn put_route(settings: &mut Settings, words: &Words, at: usize, replace: bool) -
         Some(old) => *old = route,
         None => settings.routes.insert(at, route).map_err(|_| first.error(Problem::RoutesFull))?,
     }
-    Ok(Changed::Other)
+    Ok(Changed::Rule(at))
 }
 
 #[derive(Clone, Copy)]
@@ -273,7 +276,7 @@ fn move_route(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> 
     } else {
         span.rotate_right(1)
     }
-    Ok(Changed::Other)
+    Ok(Changed::Rule(to))
 }
 
 fn delete(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {

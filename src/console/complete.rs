@@ -135,6 +135,8 @@ mod tests {
         assert_eq!(appended("edit port meters tur").as_deref(), Some("naround "));
         assert_eq!(appended("help inse").as_deref(), Some("rt "));
         assert_eq!(appended("network dh").as_deref(), Some("cp "));
+        assert_eq!(appended("route P502 1 * * meters forb").as_deref(), Some("idden "));
+        assert_eq!(appended("route P502 1 * * meters forbidden ign").as_deref(), Some("ore "));
     }
 
     #[test]

@@ -40,10 +40,12 @@ port NAME ethercat [line PORT] [on-loss hold|clear|stop]
     (
         "route",
         "route SOURCE UNITS IP TAG DESTINATION [OPTION]...\ta rule behind the others; the first one that fits decides
-  OPTION: readonly|all|functions LIST, addresses RANGE, writes RANGE, priority high|normal|low, urgent LIST,
-          merge on|off|adjacent|near N, cache T, cut auto|on|off
+  OPTION: readonly|all|functions LIST, addresses RANGE, writes RANGE, forbidden refuse|ignore,
+          priority high|normal|low, urgent LIST, merge on|off|adjacent|near N, cache T, cut auto|on|off
   UNITS: 7, 1-64 or *    IP: address, prefix or *    TAG: * keeps the unit, +N or -N shifts it, =N sets it
   DESTINATION: a port, local, discard (no answer) or nopath (exception 0Ah)
+  LIST: 3,4,16 or 1-6; 43/14 is the device identification alone. What names no addresses passes no addresses RANGE,
+  what may write anywhere (8, 21, 43, unknown) no writes RANGE. ignore: 5, 6, 15, 16 are answered as if done
   merge on: identical reads that wait are one transaction; adjacent: also those that touch; near N: or are N apart
   route P502 101-132 192.168.1.0/24 -100 P3 readonly priority high",
     ),

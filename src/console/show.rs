@@ -151,7 +151,9 @@ fn port(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Writ
 fn route(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
     let settings = source.settings;
     let route = settings.routes.get(nth)?;
-    Some(write!(out, "{:>3} {}", nth + 1, Row { settings, route }))
+    let row = write!(out, "{:>3} {}", nth + 1, Row { settings, route });
+    let warn = |warning| write!(out, "  # {warning}");
+    Some(row.and_then(|()| settings.rule_warning(nth).map_or(Ok(()), warn)))
 }
 
 fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {

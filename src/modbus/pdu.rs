@@ -13,7 +13,7 @@ mod response;
 
 pub use ahead::{End, request_end, response_end};
 pub use block::Block;
-pub use extent::{Extent, extents};
+pub use extent::{Extent, Touched, touched};
 pub use function::{confirmation, is_broadcastable, is_read, name as function_name};
 pub(crate) use request::is_beyond_response;
 pub use request::{check_request, request_length};

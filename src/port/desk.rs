@@ -164,7 +164,7 @@ impl<'g> Desk<'g> {
         if !envelope.paced && self.gate(envelope.target) == Gate::Down {
             return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
-        let ticket = ticket(&envelope, frame.function());
+        let ticket = ticket(&envelope, frame.pdu(pdu::is_read));
         if self.queue().len() >= WAITING_MAX {
             // Some of them may be nobody's.
             self.sweep();
@@ -462,7 +462,7 @@ impl<'g> Desk<'g> {
             let mut envelope = frame.envelope();
             envelope.sharing.merge = Merge::Identical;
             frame.address(envelope);
-            let ticket = ticket(&envelope, frame.function());
+            let ticket = ticket(&envelope, frame.pdu(pdu::is_read));
             if let Some(refused) = self.queue().put_back(frame, ticket) {
                 self.fail(refused, Event::QueueFull, Exception::BUSY);
             }
@@ -500,7 +500,7 @@ impl<'g> Desk<'g> {
 
     /// `order`, which was sent while it arrived, is whole: what it does is known by now.
     pub(crate) fn arrived(&self, order: &Frame<'g>) {
-        let writes = !pdu::is_read(order.function());
+        let writes = !order.pdu(pdu::is_read);
         let asked = block(order);
         order.amend_errand(|errand| (errand.writes, errand.asked) = (writes, asked));
     }
@@ -565,13 +565,13 @@ impl<'g> Desk<'g> {
     /// Puts an order that got no answer back in the queue, or answers it 0Bh; says which.
     fn again(&self, frame: Frame<'g>, retries: u8) -> bool {
         let mut envelope = frame.envelope();
-        if envelope.paced || envelope.repeats >= retries || !pdu::is_read(frame.function()) {
+        if envelope.paced || envelope.repeats >= retries || !frame.pdu(pdu::is_read) {
             self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
             return false;
         }
         envelope.repeats += 1;
         frame.address(envelope);
-        let ticket = ticket(&envelope, frame.function());
+        let ticket = ticket(&envelope, frame.pdu(pdu::is_read));
         if let Some(refused) = self.queue().push(frame, ticket) {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
         }

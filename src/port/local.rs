@@ -104,7 +104,7 @@ fn from_points(gateway: &Gateway<'_>, request: &[u8]) -> Result<Pdu, Exception> 
     let points = gateway.scanner().filter(|scanner| scanner.with(|scanner| scanner.serves()));
     let points = points.ok_or(Exception::ILLEGAL_FUNCTION)?;
     let now = Instant::now();
-    if request.first().is_some_and(|function| pdu::is_read(*function)) {
+    if pdu::is_read(request) {
         points.with(|scanner| scanner.serve(request, now))
     } else {
         points.change(|scanner| scanner.serve(request, now))

@@ -1,10 +1,10 @@
 //! Where a request that is still arriving at a serial line may be passed on to, as far as its beginning tells.
 
-use super::{AddressRange, Cut, Destination, Functions, Policy, Special, meaning, rule};
+use super::{Cut, Destination, Policy, Special, meaning, rule};
 use crate::config::{Driver, PortId, PortKind, SerialSettings, Settings, Side};
 use crate::modbus::pdu::function::{
-    MASK_WRITE_REGISTER, READ_COILS, READ_WRITE_MULTIPLE_REGISTERS, WRITE_MULTIPLE_COILS,
-    WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_REGISTER,
+    ENCAPSULATED_INTERFACE, MASK_WRITE_REGISTER, READ_COILS, READ_WRITE_MULTIPLE_REGISTERS,
+    WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_REGISTER,
 };
 use crate::port::cut::Lane;
 
@@ -65,12 +65,12 @@ fn passing_line(kind: &PortKind, wanted: Side) -> Option<Lane> {
 
 /// How many bytes of the PDU `policy` must see to decide; none when it must see all of them.
 fn needed(policy: &Policy, so_far: &[u8]) -> Option<usize> {
-    if policy.addresses == AddressRange::ALL && policy.writes == AddressRange::ALL {
-        let any = policy.functions == Functions::ALL && policy.urgent == Functions::NONE;
-        return Some(usize::from(!any));
-    }
     match so_far.first() {
+        _ if !policy.looks_at_functions() && !policy.looks_at_addresses() => Some(0),
         None => Some(1),
+        // The MEI type.
+        Some(&ENCAPSULATED_INTERFACE) => Some(2),
+        Some(_) if !policy.looks_at_addresses() => Some(1),
         // Address and quantity, or value.
         Some(
             &(READ_COILS..=WRITE_SINGLE_REGISTER

@@ -20,6 +20,7 @@ mod outcomes;
 mod points;
 mod queue;
 mod queue_model;
+mod rules;
 mod scan;
 mod serial_server;
 mod shared_bus;

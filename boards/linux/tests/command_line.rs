@@ -64,6 +64,22 @@ fn check_of_a_good_file_says_so_and_ends_with_0() {
 }
 
 #[test]
+fn check_says_which_rules_never_match_or_lead_in_a_circle() {
+    let file = file(
+        "port P502 tcp server 502\nport c tcp client 127.0.0.1:502\n\
+         route P502 1-9 * * c\nroute P502 5 * * c readonly\n",
+    );
+    let checked = output(&["--check", file.path().to_str().unwrap()]);
+    assert_eq!(checked.status.code(), Some(0));
+    let said = String::from_utf8(checked.stdout).unwrap();
+    assert!(said.contains(": rule 2 never matches: rule 1 takes all its requests\n"), "{said}");
+    assert!(
+        said.contains(": rule 1 leads unit 1 in a circle: its requests come back by port P502\n"),
+        "{said}"
+    );
+}
+
+#[test]
 fn check_of_a_file_that_does_not_exist_ends_with_1() {
     assert_eq!(output(&["--check", "/does/not/exist"]).status.code(), Some(1));
 }

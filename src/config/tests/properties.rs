@@ -11,7 +11,8 @@ use proptest::prelude::*;
 use super::{PORTS, load, print, std};
 use crate::config::*;
 use crate::route::{
-    AddressRange, Cut, Destination, Functions, Merge, Policy, Priority, Route, Sharing, Tag, UnitRange,
+    AddressRange, Cut, Destination, Forbidden, Functions, Merge, Policy, Priority, Route, Sharing, Tag,
+    UnitRange,
 };
 use crate::scanner::Kind;
 
@@ -280,7 +281,11 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
         Just(Functions::READ_ONLY),
         prop::collection::vec(1..=127_u8, 1..40)
             .prop_map(|codes| codes.into_iter().fold(Functions::NONE, Functions::with)),
+        prop::collection::vec(1..=127_u8, 0..40).prop_map(|codes| {
+            codes.into_iter().fold(Functions::NONE.with_identification(), Functions::with)
+        }),
     ];
+    let forbidden = prop_oneof![Just(Forbidden::Refuse), Just(Forbidden::Ignore)];
     let priority = prop_oneof![Just(Priority::High), Just(Priority::Normal), Just(Priority::Low)];
     let tag = (any::<u8>(), any::<u8>(), 0..3_u8, any::<u8>());
     let range = prop_oneof![
@@ -293,11 +298,12 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     let merge = prop_oneof![Just(Merge::Off), Just(Merge::Identical), any::<u8>().prop_map(Merge::Near)];
     let sharing = (merge, cache).prop_map(|(merge, cache_ms)| Sharing { merge, cache_ms });
     let cut = prop_oneof![Just(Cut::Auto), Just(Cut::On), Just(Cut::Off)];
-    let policy = (functions, range.clone(), range, priority, urgent, sharing, cut).prop_map(
-        |(functions, addresses, writes, priority, urgent, sharing, cut)| Policy {
+    let policy = (functions, range.clone(), range, forbidden, priority, urgent, sharing, cut).prop_map(
+        |(functions, addresses, writes, forbidden, priority, urgent, sharing, cut)| Policy {
             functions,
             addresses,
             writes,
+            forbidden,
             priority,
             urgent,
             sharing,
@@ -307,14 +313,14 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     (0..count, tag, prop::option::of(any_prefix()), destination, policy).prop_map(
         move |(source, (a, b, kind, value), peer, destination, policy)| {
             let units = UnitRange { first: a.min(b), last: a.max(b) };
-            // A shift within what the range leaves on either side.
-            let (down, up) = (i16::from(units.first), 255 - i16::from(units.last));
-            let shift = i16::from(value) % (down + up + 1) - down;
             let tag = match kind {
                 0 => Tag::Set(value),
-                1 if shift != 0 => Tag::Shift(shift),
+                1 => Tag::Shift(i16::from(value) - i16::from(units.first)),
                 _ => Tag::Keep,
             };
+            let is_good =
+                tag != Tag::Shift(0) && (units.first..=units.last).all(|unit| tag.apply(unit).is_some());
+            let tag = if is_good { tag } else { Tag::Keep };
             let has_peers = ports[source as usize].kind.has_peers();
             let source = PortId(source);
             let destination =

@@ -4,6 +4,10 @@ use super::function::{
     MASK_WRITE_REGISTER, READ_COILS, READ_FIFO_QUEUE, READ_INPUT_REGISTERS, READ_WRITE_MULTIPLE_REGISTERS,
     WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER,
 };
+use super::is_read;
+
+/// Most registers that function 24 reads: the count at the address in the request, and the queue behind it (clause 6.18).
+const FIFO_REGISTERS_MAX: u16 = 32;
 
 /// Neighbouring addresses, as they are on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,19 +20,36 @@ pub struct Extent {
     pub last: u32,
 }
 
-/// What `request` reads and writes: at most one extent of each. Functions that carry no data addresses have none.
-pub fn extents(request: &[u8]) -> [Option<Extent>; 2] {
+/// What a request does to the data addresses of a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Touched {
+    /// It reads or writes these: at most one extent of each.
+    Cells([Option<Extent>; 2]),
+    /// It changes nothing, and reads something that has no data address.
+    Other,
+    /// The request does not say it, or not yet.
+    Unknown,
+}
+
+/// What `request`, or what has arrived of one, does to data addresses.
+pub fn touched(request: &[u8]) -> Touched {
     let word = |at: usize| Some(u16::from_be_bytes([*request.get(at)?, *request.get(at + 1)?]));
     let extent = |write, at, count: Option<u16>| {
         let (first, count) = (word(at)?, count?);
         Some(Extent { write, first, last: u32::from(first) + u32::from(count).saturating_sub(1) })
     };
-    match request.first().copied().unwrap_or(0) {
-        READ_COILS..=READ_INPUT_REGISTERS => [extent(false, 1, word(3)), None],
-        WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER | MASK_WRITE_REGISTER => [extent(true, 1, Some(1)), None],
-        WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS => [extent(true, 1, word(3)), None],
-        READ_WRITE_MULTIPLE_REGISTERS => [extent(false, 1, word(3)), extent(true, 5, word(7))],
-        READ_FIFO_QUEUE => [extent(false, 1, Some(1)), None],
-        _ => [None, None],
-    }
+    let one = |extent: Option<Extent>| extent.map(|extent| [Some(extent), None]);
+    let cells = match request.first().copied().unwrap_or(0) {
+        READ_COILS..=READ_INPUT_REGISTERS => one(extent(false, 1, word(3))),
+        WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER | MASK_WRITE_REGISTER => one(extent(true, 1, Some(1))),
+        WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS => one(extent(true, 1, word(3))),
+        READ_WRITE_MULTIPLE_REGISTERS => {
+            let both = extent(false, 1, word(3)).zip(extent(true, 5, word(7)));
+            both.map(|(read, written)| [Some(read), Some(written)])
+        }
+        READ_FIFO_QUEUE => one(extent(false, 1, Some(FIFO_REGISTERS_MAX))),
+        _ if is_read(request) => return Touched::Other,
+        _ => None,
+    };
+    cells.map_or(Touched::Unknown, Touched::Cells)
 }

@@ -46,10 +46,7 @@ pub const MEI_DEVICE_IDENTIFICATION: u8 = 14;
 ///
 /// Diagnostics (8) count: a restart may be wanted of all. Codes that the gateway does not know are left to the user.
 pub fn is_broadcastable(request: &[u8]) -> bool {
-    let only_asks = |function| {
-        is_read(function) || matches!(function, READ_WRITE_MULTIPLE_REGISTERS | ENCAPSULATED_INTERFACE)
-    };
-    request.first().is_some_and(|function| !only_asks(*function))
+    !is_read(request) && !matches!(request, [] | [READ_WRITE_MULTIPLE_REGISTERS | ENCAPSULATED_INTERFACE, ..])
 }
 
 /// How much of `request`, a write, its answer repeats; `None` for functions whose answer says more (clause 6).
@@ -63,23 +60,26 @@ pub fn confirmation(request: &[u8]) -> Option<&[u8]> {
     }
 }
 
-/// Whether a request with this function changes nothing, so that repeating it is harmless.
+/// Whether `request` changes nothing, so that repeating it is harmless.
 ///
-/// Not among them: diagnostics (8), whose sub-functions restart the device and clear its counters; the tunnel (43), because
-/// its MEI type 13 carries CANopen writes; and every code that the gateway does not know.
-pub const fn is_read(function: u8) -> bool {
+/// Not so: diagnostics (8), whose sub-functions restart the device and clear its counters; the tunnel (43) but for the device
+/// identification, because its MEI type 13 carries CANopen writes; and every code that the gateway does not know.
+pub const fn is_read(request: &[u8]) -> bool {
     matches!(
-        function,
-        READ_COILS
-            | READ_DISCRETE_INPUTS
-            | READ_HOLDING_REGISTERS
-            | READ_INPUT_REGISTERS
-            | READ_EXCEPTION_STATUS
-            | GET_COMM_EVENT_COUNTER
-            | GET_COMM_EVENT_LOG
-            | REPORT_SERVER_ID
-            | READ_FILE_RECORD
-            | READ_FIFO_QUEUE
+        *request,
+        [
+            READ_COILS
+                | READ_DISCRETE_INPUTS
+                | READ_HOLDING_REGISTERS
+                | READ_INPUT_REGISTERS
+                | READ_EXCEPTION_STATUS
+                | GET_COMM_EVENT_COUNTER
+                | GET_COMM_EVENT_LOG
+                | REPORT_SERVER_ID
+                | READ_FILE_RECORD
+                | READ_FIFO_QUEUE,
+            ..
+        ] | [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, ..]
     )
 }
 

@@ -3,7 +3,7 @@
 
 use crate::frame::{Envelope, Errand, Fill, Frame, Way};
 use crate::modbus::PDU_BYTES_MAX;
-use crate::modbus::pdu::{self, Block};
+use crate::modbus::pdu::Block;
 use crate::port::queue::{Access, Asker, Ticket};
 use crate::route::Merge;
 
@@ -36,9 +36,9 @@ impl Errand {
     }
 }
 
-/// What the queue must know of an order.
-pub(super) fn ticket(envelope: &Envelope, function: u8) -> Ticket {
-    let access = match pdu::is_read(function) {
+/// What the queue must know of an order, which is a read or not.
+pub(super) fn ticket(envelope: &Envelope, is_read: bool) -> Ticket {
+    let access = match is_read {
         false => Access::Write,
         true if envelope.sharing.merge == Merge::Off => Access::Read,
         true => Access::SharedRead,

@@ -128,8 +128,11 @@ fn function_codes_0_and_above_127_are_refused_and_all_others_can_pass() {
 
 #[test]
 fn nothing_that_can_write_counts_as_a_read() {
-    let reads: Vec<u8> = (0..=255).filter(|&function| is_read(function)).collect();
+    let reads: Vec<u8> = (0..=255).filter(|&function| is_read(&[function, 0, 0, 0, 1])).collect();
     assert_eq!(reads, [1, 2, 3, 4, 7, 11, 12, 17, 20, 24]);
+    let types: Vec<u8> = (0..=255).filter(|&mei| is_read(&[43, mei, 1, 0])).collect();
+    assert_eq!(types, [14], "of function 43 only the device identification");
+    assert!(!is_read(&[43]) && !is_read(&[]));
 }
 
 #[test]

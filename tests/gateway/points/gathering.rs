@@ -71,6 +71,50 @@ fn single_cells_are_written_by_functions_5_and_6_each_alone_and_gathered_by_15_a
 }
 
 #[test]
+fn a_row_in_a_safe_write_is_not_written_along_with_its_neighbour_nor_read_along() {
+    let (mut scanner, device) = scanner();
+    let manual = |first| Row { read: Reading::Manual, ..row(device, Kind::Holding, first, 2) };
+    let (below, blocked, above) = (manual(0), manual(2), manual(4));
+    let [below, blocked, above] = [below, blocked, above].map(|row| add(&mut scanner, row));
+    // It was marked before the safe write began, and keeps that mark: half of the new values must not go.
+    for id in [below, blocked, above] {
+        scanner.put(id, 0, 2, &[0, 1, 0, 1], START).unwrap();
+    }
+    scanner.begin(blocked).unwrap();
+    scanner.put(blocked, 0, 1, &[0, 7], START).unwrap();
+    let frames = requests(&mut scanner, 0);
+    assert_eq!(frames, [[16, 0, 0, 0, 2, 4, 0, 1, 0, 1], [16, 0, 4, 0, 2, 4, 0, 1, 0, 1]]);
+    scanner.put(blocked, 1, 1, &[0, 8], START).unwrap();
+    scanner.finish(blocked).unwrap();
+    assert_eq!(requests(&mut scanner, 1), [[16, 0, 2, 0, 2, 4, 0, 7, 0, 8]]);
+    for id in [below, blocked, above] {
+        scanner.read(id, at(2)).unwrap();
+    }
+    scanner.begin(blocked).unwrap();
+    assert_eq!(requests(&mut scanner, 2), [[3, 0, 0, 0, 2], [3, 0, 4, 0, 2]]);
+}
+
+#[test]
+fn writes_that_overlap_go_one_after_the_other_in_their_order() {
+    for first in [true, false] {
+        let (mut scanner, device) = scanner();
+        let manual = |first, count| Row { read: Reading::Manual, ..row(device, Kind::Holding, first, count) };
+        let low = add(&mut scanner, manual(0, 4));
+        let high = add(&mut scanner, manual(2, 4));
+        let mut put =
+            |id, value| scanner.put(id, 0, 4, &[0, value, 0, value, 0, value, 0, value], START).unwrap();
+        let (ids, addresses) = if first { ([low, high], [0, 2]) } else { ([high, low], [2, 0]) };
+        put(ids[0], 1);
+        put(ids[1], 2);
+        let frames = requests(&mut scanner, 0);
+        assert_eq!(frames.len(), 2, "what was written last must be what stays");
+        for (frame, (address, value)) in frames.iter().zip(addresses.into_iter().zip(1..)) {
+            assert_eq!(*frame, [16, 0, address, 0, 4, 8, 0, value, 0, value, 0, value, 0, value]);
+        }
+    }
+}
+
+#[test]
 fn writes_go_before_reads_and_in_their_order() {
     let (mut scanner, device) = scanner();
     let first = add(&mut scanner, row(device, Kind::Holding, 0, 1));

@@ -1,7 +1,6 @@
 //! The console at a terminal: the program's own, and one that joins a gateway by `mobgate console`.
 
 use std::fs::File;
-use std::io::Write;
 use std::process::{Child, Command, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};

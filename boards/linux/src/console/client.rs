@@ -42,51 +42,60 @@ fn converse(join: &Join) -> Result<Option<bool>, String> {
     let stream = socket::connect(join.socket.as_deref())?;
     let fault = |error: io::Error| format!("console: {error}");
     if !join.line.is_empty() {
-        let line = join.line.join(" ") + "\n";
-        greet(&stream, Hello::Lines)
-            .and_then(|()| (&stream).write_all(line.as_bytes()))
-            .and_then(|()| stream.shutdown(Shutdown::Write))
-            .map_err(fault)?;
+        greet(&stream, Hello::Lines);
+        send(&stream, (join.line.join(" ") + "\n").as_bytes());
         return print(&stream).map_err(fault);
     }
     let terminal = stdin().is_terminal() && stdout().is_terminal();
-    let raw = Arc::new(Mutex::new(None));
-    if terminal {
-        restore_at_signals(&raw).map_err(fault)?;
-        *raw.lock().unwrap_or_else(PoisonError::into_inner) = RawMode::enter();
-    }
-    greet(&stream, if terminal { Hello::Terminal } else { Hello::Lines }).map_err(fault)?;
+    let _raw_until_the_end = if terminal { Some(Raw::enter().map_err(fault)?) } else { None };
+    greet(&stream, if terminal { Hello::Terminal } else { Hello::Lines });
     let to = stream.try_clone().map_err(fault)?;
     // Of its own, because the gateway may want its answers to be read before it reads on.
-    thread::spawn(move || send(&to));
-    let carried_out = print(&stream);
-    drop(raw.lock().unwrap_or_else(PoisonError::into_inner).take());
+    thread::spawn(move || send(&to, stdin()));
     // At a terminal the user has seen what came of each line.
-    carried_out.map(|all| if terminal { all.map(|_| true) } else { all }).map_err(fault)
+    print(&stream).map(|all| if terminal { all.map(|_| true) } else { all }).map_err(fault)
 }
 
-fn greet(mut stream: &UnixStream, hello: Hello) -> io::Result<()> {
-    hello.byte().map_or(Ok(()), |byte| stream.write_all(&[byte]))
+/// Begins the session. If the gateway has ended it already, it has said why.
+fn greet(mut stream: &UnixStream, hello: Hello) {
+    if let Some(byte) = hello.byte() {
+        let _ = stream.write_all(&[byte]);
+    }
 }
 
-/// Brings the terminal's mode back before a signal ends the program.
-fn restore_at_signals(raw: &Arc<Mutex<Option<RawMode>>>) -> io::Result<()> {
-    let mut signals = Signals::new([SIGHUP, SIGINT, SIGQUIT, SIGTERM])?;
-    let raw = raw.clone();
-    thread::spawn(move || {
-        for signal in signals.forever() {
-            drop(raw.lock().unwrap_or_else(PoisonError::into_inner).take());
-            let _ = emulate_default_handler(signal);
-        }
-    });
-    Ok(())
+/// The terminal's raw mode, which ends with this, or before a signal ends the program.
+struct Raw(Arc<Mutex<Option<RawMode>>>);
+
+impl Raw {
+    fn enter() -> io::Result<Self> {
+        let mut signals = Signals::new([SIGHUP, SIGINT, SIGQUIT, SIGTERM])?;
+        let raw = Self(Arc::new(Mutex::new(RawMode::enter())));
+        let shared = Self(raw.0.clone());
+        thread::spawn(move || {
+            for signal in signals.forever() {
+                shared.leave();
+                let _ = emulate_default_handler(signal);
+            }
+        });
+        Ok(raw)
+    }
+
+    fn leave(&self) {
+        drop(self.0.lock().unwrap_or_else(PoisonError::into_inner).take());
+    }
 }
 
-/// Sends standard input till its end. Where the session ends first there is nobody to tell.
-fn send(mut stream: &UnixStream) {
+impl Drop for Raw {
+    fn drop(&mut self) {
+        self.leave();
+    }
+}
+
+/// Sends `input` till its end. Where the session ends first there is nobody to tell.
+fn send(mut stream: &UnixStream, mut input: impl Read) {
     let mut piece = [0; 4096];
     loop {
-        match stdin().read(&mut piece) {
+        match input.read(&mut piece) {
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             Ok(count @ 1..) if stream.write_all(&piece[..count]).is_ok() => {}
             _ => break,

@@ -1,7 +1,7 @@
 //! The console: a session of lines over any stream, typed by a person or piped in.
 //!
 //! In [`Mode::Echo`] bytes go through the line editor, which echoes them; in [`Mode::Plain`] they are lines of text,
-//! answered without prompt or echo, with line numbers in errors. A line is run as a command; one of the settings'
+//! answered without prompt or echo, with line numbers in errors; in [`Mode::Network`] the first of them is watched as well. A line is run as a command; one of the settings'
 //! language changes the gateway's draft of the settings, which it then takes over.
 //!
 //! Only this file waits. All else are plain steps: each writes a piece of text and says what it waits for before the next one.
@@ -11,6 +11,7 @@ mod command;
 mod complete;
 mod editor;
 mod frames;
+mod guard;
 mod help;
 mod history;
 mod input;
@@ -36,6 +37,7 @@ use embassy_futures::select::{Either, select};
 use embassy_time::Timer;
 use embedded_io_async::{Read, Write};
 
+pub use self::guard::Foreign;
 use self::job::{Came, Wait};
 use self::session::Console;
 use crate::drafting;
@@ -53,11 +55,36 @@ const STOP_BYTES_MAX: usize = 16;
 pub enum Mode {
     /// A terminal that sends every key: lines are edited here and echoed.
     Echo,
+    /// The same, the program's own terminal: Ctrl-C, on an empty line and once more, ends the session with [`Ended::Stopped`].
+    Foreground,
     /// A program, a file, or a terminal that edits lines itself.
     Plain,
+    /// The same over a network, where anything may come: what is not [`Foreign`] is a session.
+    Network,
 }
 
-/// Runs a session until `exit`, the end of input, or an error of the stream.
+impl Mode {
+    /// Whether keys come, and not lines.
+    fn edits(self) -> bool {
+        matches!(self, Self::Echo | Self::Foreground)
+    }
+}
+
+/// How a session has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// By `exit`, or by the end of input.
+    Left {
+        /// Some line was answered by an error.
+        refused: bool,
+    },
+    /// By Ctrl-C: the program shall end.
+    Stopped,
+    /// It was none.
+    Foreign(Foreign),
+}
+
+/// Runs a session until `exit`, the end of input, or an error of the stream; says which of the first two, or what it was instead.
 ///
 /// The future takes less than 7 kB on a chip of 32 bits. Dropping it while `save` runs leaves a
 /// version begun in `store`: the next session needs another store, or one that has forgotten it.
@@ -67,7 +94,7 @@ pub async fn run<IO, S, Y>(
     store: &mut S,
     system: &Y,
     mode: Mode,
-) -> Result<(), IO::Error>
+) -> Result<Ended, IO::Error>
 where
     IO: Read + Write,
     S: Store,
@@ -103,7 +130,7 @@ where
             }
         };
         match (wait, came) {
-            (Wait::Exit, _) => return Ok(()),
+            (Wait::Exit, _) => return Ok(console.session.ended),
             (Wait::Key, Came::Typed(count @ 1..)) => {
                 let end = if skips { line_end(&chunk, count) } else { Some(0) };
                 skips = end.is_none();
@@ -111,7 +138,7 @@ where
             }
             (_, came) => {
                 if let Came::Typed(count @ 1..) = came {
-                    skips = mode == Mode::Plain && line_end(&stop, count).is_none();
+                    skips = !mode.edits() && line_end(&stop, count).is_none();
                 }
                 wait = console.step(came);
             }

@@ -17,6 +17,8 @@ const ECHO_BYTES_MAX: usize = 192;
 /// Columns of a terminal. A longer line scrolls sideways, because how a terminal wraps is not known.
 const COLUMNS: usize = 80;
 const BELL: char = '\x07';
+/// Said at the first Ctrl-C of the two.
+const STOP_HINT: &str = "press Ctrl-C again to stop the gateway\r\n";
 
 /// What the editor needs its owner to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,11 +33,16 @@ pub(super) enum Event {
     Complete,
     /// End the session.
     Leave,
+    /// End the program.
+    Stop,
 }
 
 /// The line being edited.
 pub(super) struct Editor {
     prompt: &'static str,
+    /// Ctrl-C on an empty line, twice in a row, ends the program; whether the first one has come.
+    stops: bool,
+    stop_asked: bool,
     keys: Keys,
     line: Vec<u8, LINE_BYTES_MAX>,
     cursor: usize,
@@ -49,10 +56,12 @@ pub(super) struct Editor {
 }
 
 impl Editor {
-    /// An editor that has not shown its `prompt` yet.
-    pub(super) fn new(prompt: &'static str) -> Self {
+    /// An editor that has not shown its `prompt` yet. If it `stops`, Ctrl-C may end the program.
+    pub(super) fn new(prompt: &'static str, stops: bool) -> Self {
         Self {
             prompt,
+            stops,
+            stop_asked: false,
             keys: Keys::default(),
             line: Vec::new(),
             cursor: 0,
@@ -91,6 +100,7 @@ impl Editor {
     /// Takes a byte.
     pub(super) fn feed(&mut self, byte: u8) -> Event {
         let Some(key) = self.keys.feed(byte) else { return Event::Editing };
+        let stop_asked = core::mem::take(&mut self.stop_asked);
         match key {
             Key::Insert(byte) => self.insert(byte),
             Key::Enter => return self.enter(),
@@ -115,8 +125,16 @@ impl Editor {
                 self.redraw();
             }
             Key::Complete => return Event::Complete,
+            Key::Cancel if stop_asked => {
+                self.print("^C\r\n");
+                return Event::Stop;
+            }
             Key::Cancel => {
                 self.print("^C\r\n");
+                if self.stops && self.line.is_empty() {
+                    self.stop_asked = true;
+                    self.print(STOP_HINT);
+                }
                 self.start();
             }
             Key::Unknown => self.bell(),
@@ -246,7 +264,7 @@ mod tests {
 
     /// Types `bytes` and gives the line and the cursor, the line as another one would see it.
     fn typed(bytes: &str) -> (String, usize) {
-        let mut editor = Editor::new("> ");
+        let mut editor = Editor::new("> ", false);
         for &byte in bytes.as_bytes() {
             if editor.feed(byte) == Event::Line {
                 editor.start();
@@ -280,7 +298,7 @@ mod tests {
 
     #[test]
     fn a_line_that_had_no_room_does_not_run() {
-        let mut editor = Editor::new("> ");
+        let mut editor = Editor::new("> ", false);
         let feed = |editor: &mut Editor, byte| {
             let event = editor.feed(byte);
             editor.echo.clear();
@@ -300,7 +318,7 @@ mod tests {
 
     #[test]
     fn typing_at_the_end_echoes_only_the_key_and_elsewhere_redraws() {
-        let mut editor = Editor::new("> ");
+        let mut editor = Editor::new("> ", false);
         editor.start();
         assert_eq!(editor.echo.as_str(), "\r> \x1b[K\r\x1b[2C");
         editor.echo.clear();
@@ -315,7 +333,7 @@ mod tests {
 
     #[test]
     fn a_long_line_scrolls_so_that_the_cursor_is_on_the_screen() {
-        let mut editor = Editor::new("> ");
+        let mut editor = Editor::new("> ", false);
         for n in 0..LINE_BYTES_MAX {
             editor.echo.clear();
             editor.feed(b'a' + (n % 26) as u8);
@@ -325,8 +343,26 @@ mod tests {
     }
 
     #[test]
+    fn ctrl_c_clears_a_line_asks_on_an_empty_one_and_stops_only_then() {
+        let mut editor = Editor::new("> ", true);
+        let feed = |editor: &mut Editor, bytes: &[u8]| {
+            editor.echo.clear();
+            bytes.iter().map(|byte| editor.feed(*byte)).last()
+        };
+        assert_eq!(feed(&mut editor, b"abc\x03"), Some(Event::Editing));
+        assert!(!editor.echo.contains("again") && editor.line().is_empty());
+        assert_eq!(feed(&mut editor, b"\x03"), Some(Event::Editing));
+        assert!(editor.echo.contains("press Ctrl-C again to stop the gateway"));
+        // Any other key takes it back.
+        assert_eq!(feed(&mut editor, b"a\x7f\x03"), Some(Event::Editing));
+        assert_eq!(feed(&mut editor, b"\x03"), Some(Event::Stop));
+        let mut joined = Editor::new("> ", false);
+        assert_eq!(feed(&mut joined, b"\x03\x03\x03"), Some(Event::Editing));
+    }
+
+    #[test]
     fn ctrl_d_leaves_only_on_an_empty_line() {
-        let mut editor = Editor::new("> ");
+        let mut editor = Editor::new("> ", false);
         assert_eq!(editor.feed(4), Event::Leave);
         editor.feed(b'a');
         assert_eq!(editor.feed(4), Event::Editing);

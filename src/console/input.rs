@@ -1,6 +1,7 @@
 //! What is typed or piped in, as lines.
 
 use super::editor::{Editor, Event};
+use super::guard::{Foreign, Guard};
 use super::output::Output;
 use super::{Mode, PROMPT};
 use crate::config::{LineBuffer, LineError};
@@ -11,8 +12,8 @@ use crate::config::{LineBuffer, LineError};
 pub(super) enum Input {
     /// By a person at a terminal.
     Keys(Editor),
-    /// Out of lines of text.
-    Text(LineBuffer),
+    /// Out of lines of text, which come over a network if they are watched.
+    Text(LineBuffer, Option<Guard>),
 }
 
 /// What a byte made of the line.
@@ -27,13 +28,19 @@ pub(super) enum Typed {
     Complete,
     /// The session shall end.
     Leave,
+    /// The program shall end.
+    Stop,
+    /// This is no session.
+    Foreign(Foreign),
 }
 
 impl Input {
     pub(super) fn new(mode: Mode) -> Self {
         match mode {
-            Mode::Echo => Self::Keys(Editor::new(PROMPT)),
-            Mode::Plain => Self::Text(LineBuffer::default()),
+            Mode::Echo => Self::Keys(Editor::new(PROMPT, false)),
+            Mode::Foreground => Self::Keys(Editor::new(PROMPT, true)),
+            Mode::Plain => Self::Text(LineBuffer::default(), None),
+            Mode::Network => Self::Text(LineBuffer::default(), Some(Guard::default())),
         }
     }
 
@@ -44,7 +51,7 @@ impl Input {
                 editor.start();
                 editor.echo_to(out);
             }
-            Self::Text(line) => line.clear(),
+            Self::Text(line, _) => line.clear(),
         }
     }
 
@@ -60,11 +67,13 @@ impl Input {
                     Event::LineTooLong => Typed::Wrong(LineError::too_long()),
                     Event::Complete => Typed::Complete,
                     Event::Leave => Typed::Leave,
+                    Event::Stop => Typed::Stop,
                 }
             }
-            Self::Text(line) => match line.feed(byte) {
-                true => line.text().err().map_or(Typed::Line, Typed::Wrong),
-                false => Typed::More,
+            Self::Text(line, guard) => match guard.as_mut().and_then(|guard| guard.feed(byte)) {
+                Some(foreign) => Typed::Foreign(foreign),
+                None if line.feed(byte) => line.text().err().map_or(Typed::Line, Typed::Wrong),
+                None => Typed::More,
             },
         }
     }
@@ -74,7 +83,7 @@ impl Input {
         match self {
             Self::Keys(_) => Typed::Leave,
             // The last line may lack its end.
-            Self::Text(_) => self.feed(b'\n', out),
+            Self::Text(..) => self.feed(b'\n', out),
         }
     }
 
@@ -82,7 +91,7 @@ impl Input {
     pub(super) fn line(&self) -> &str {
         match self {
             Self::Keys(editor) => editor.line(),
-            Self::Text(line) => line.text().unwrap_or_default(),
+            Self::Text(line, _) => line.text().unwrap_or_default(),
         }
     }
 }

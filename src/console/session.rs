@@ -2,11 +2,11 @@
 
 use core::fmt;
 
-use super::Mode;
 use super::complete::{Completion, candidates, complete};
 use super::input::{Input, Typed};
 use super::job::{Came, Job, Wait};
 use super::output::Output;
+use super::{Ended, Mode};
 use crate::asking::{NotAsked, Turn};
 use crate::config::{PortId, Warning, Words, Wrong};
 use crate::drafting::Unchanged;
@@ -37,14 +37,13 @@ pub(super) struct Session<'s, 'g> {
     pub(super) turn: Option<Turn<'s, 'g>>,
     pub(super) unit: u8,
     pub(super) pdu: Pdu,
+    /// How the session ends, as far as it has come.
+    pub(super) ended: Ended,
 }
 
 impl<'s, 'g> Console<'s, 'g> {
     pub(super) fn new(gateway: &'s Gateway<'g>, system: &'s dyn System, mode: Mode) -> Self {
-        let (line_end, line_number) = match mode {
-            Mode::Echo => ("\r\n", None),
-            Mode::Plain => ("\n", Some(0)),
-        };
+        let (line_end, line_number) = if mode.edits() { ("\r\n", None) } else { ("\n", Some(0)) };
         let session = Session {
             gateway,
             system,
@@ -54,6 +53,7 @@ impl<'s, 'g> Console<'s, 'g> {
             turn: None,
             unit: 0,
             pdu: Pdu::new(),
+            ended: Ended::Left { refused: false },
         };
         Self { input: Input::new(mode), session, job: Job::Idle, ended: false }
     }
@@ -112,6 +112,14 @@ impl<'s, 'g> Console<'s, 'g> {
                 }
                 Wait::Exit
             }
+            Typed::Stop => {
+                session.ended = Ended::Stopped;
+                Wait::Exit
+            }
+            Typed::Foreign(foreign) => {
+                session.ended = Ended::Foreign(foreign);
+                Wait::Exit
+            }
         }
     }
 
@@ -138,6 +146,7 @@ impl<'s, 'g> Console<'s, 'g> {
 impl Session<'_, '_> {
     /// Says what is wrong; the command ends with that.
     pub(super) fn fail(&mut self, what: &dyn fmt::Display) -> Wait {
+        self.ended = Ended::Left { refused: true };
         match self.line_number {
             Some(number) => self.out.line(format_args!("error: line {number}, {what}")),
             None => self.out.line(format_args!("error: {what}")),

@@ -1,5 +1,6 @@
 //! Whole sessions, typed at a terminal or piped in, against a gateway whose ports nobody runs.
 
+mod ends;
 // Only a gateway that was built with them has some.
 #[cfg(feature = "points")]
 mod points;

@@ -4,19 +4,20 @@
 
 use std::convert::Infallible;
 use std::fs::File;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::Path;
-use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
-use embedded_io_async::{ErrorType, Write};
+use embedded_io_async::Write;
 use mobgate::capture::Export;
 use mobgate::gateway::Gateway;
 use mobgate::hal::{OpenError, OpenErrorKind};
+
+use crate::sink::Sink;
 
 /// How often the ring is emptied: what a busy line brings meanwhile fits into it.
 const PAUSE: Duration = Duration::from_millis(10);
@@ -56,7 +57,7 @@ pub async fn run(gateway: &Gateway<'_>, wanted: &Wanted) {
 }
 
 async fn write(gateway: &Gateway<'_>, file: File) -> io::Result<Infallible> {
-    let mut sink = Sink { file: Arc::new(file), blocks: Vec::new() };
+    let mut sink = Sink::new(file)?;
     let export = Export::begin(gateway, &mut sink).await?;
     let mut export = export.ok_or(io::Error::other("no frames are kept"))?;
     loop {
@@ -70,30 +71,4 @@ async fn write(gateway: &Gateway<'_>, file: File) -> io::Result<Infallible> {
 pub fn epoch_us() -> u64 {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_micros() as u64);
     now.saturating_sub(Instant::now().as_micros())
-}
-
-/// A file, and what is to be written next.
-struct Sink {
-    file: Arc<File>,
-    blocks: Vec<u8>,
-}
-
-impl ErrorType for Sink {
-    type Error = io::Error;
-}
-
-impl Write for Sink {
-    async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
-        self.blocks.extend_from_slice(from);
-        Ok(from.len())
-    }
-
-    async fn flush(&mut self) -> io::Result<()> {
-        if self.blocks.is_empty() {
-            return Ok(());
-        }
-        let (file, part) = (self.file.clone(), std::mem::take(&mut self.blocks));
-        // A disk or a pipe may take its time; the ports go on.
-        blocking::unblock(move || (&*file).write_all(&part)).await
-    }
 }

@@ -1,22 +1,23 @@
 //! The command line.
 
+use std::convert::Infallible;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 use mobgate::config::TcpListen;
 
-/// Where the console listens unless told otherwise.
-pub const CONSOLE_DEFAULT: TcpListen =
-    TcpListen { address: Some(IpAddr::V4(Ipv4Addr::LOCALHOST)), port: 5026 };
+/// Where the console listens on a port without an address.
+const THIS_MACHINE: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 
 const EXAMPLES: &str = "\
 Examples:
   mobgate                                  the demo: simulated devices behind Modbus TCP port 502 or 5020
   mobgate --config /etc/mobgate.conf       a gateway as the file says
   mobgate --check /etc/mobgate.conf        is the file good?
-  nc 127.0.0.1 5026                        the console, from another terminal
+  mobgate console                          the console of the gateway that runs, from another terminal
+  mobgate console show ports               one line of it
   mobgate esi mobgate.xml                  the EtherCAT SubDevice's description; `sii FILE`: its EEPROM's content
 
 A configuration file:
@@ -24,6 +25,7 @@ A configuration file:
   port P502 tcp server 502
   route P502 1-247 * * P1
 
+In the program's own terminal Ctrl-C ends a command, then clears the line, and twice on an empty line stops the gateway.
 SIGHUP reads the file again, SIGTERM and SIGINT end the program. RUST_LOG sets what is logged (info, debug, ...).
 
 Exit codes: 0 ended by a signal, or the checked file is good; 1 bad configuration, or a port cannot be opened;
@@ -37,7 +39,7 @@ Exit codes: 0 ended by a signal, or the checked file is good; 1 bad configuratio
 pub struct Options {
     /// Something else than running the gateway
     #[command(subcommand)]
-    pub make: Option<Make>,
+    pub instead: Option<Instead>,
 
     /// Read the settings from FILE, and let `save` write them there
     #[arg(long, value_name = "FILE")]
@@ -52,16 +54,46 @@ pub struct Options {
     pub listen: Option<TcpListen>,
 
     /// Say whether the settings in FILE are good, and end
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "demo", "listen", "console", "capture"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "demo", "listen", "console", "socket", "capture"])]
     pub check: Option<PathBuf>,
 
     /// Write the frames of all ports into FILE (PCAPNG), for Wireshark; the console's `capture` does so while it runs
     #[arg(long, value_name = "FILE")]
     pub capture: Option<PathBuf>,
 
-    /// Offer the console on a TCP port, to whoever can reach it and without a password [default: 127.0.0.1:5026]
+    /// Offer the console on a socket at PATH, for root, this user and the group mobgate [default: /run/mobgate/console, or else
+    /// $XDG_RUNTIME_DIR/mobgate/console, or else mobgate-UID/console in the folder for temporary files]
+    #[arg(long, value_name = "PATH|off")]
+    pub socket: Option<SocketPlace>,
+
+    /// Offer the console on a TCP port as well, to whoever can reach it and without a password [default: off]
     #[arg(long, value_name = "[ADDR:]PORT|off")]
     pub console: Option<ConsolePort>,
+}
+
+/// What is done instead of running the gateway.
+#[derive(Debug, Subcommand)]
+pub enum Instead {
+    /// Join the console of the gateway that runs on this machine, or have it carry out LINE
+    ///
+    /// Ctrl-D leaves. Lines may also come by a pipe. Exit codes: 0 all was carried out; 1 a line was refused; 2 bad command line;
+    /// 3 no gateway was reached, or it has ended the session.
+    Console(Join),
+    /// Write a file about the gateway as an EtherCAT SubDevice
+    #[command(flatten)]
+    Make(Make),
+}
+
+/// Which console is joined, and what for.
+#[derive(Debug, Args)]
+pub struct Join {
+    /// The gateway's socket, if it is not at one of the places by default
+    #[arg(long, value_name = "PATH")]
+    pub socket: Option<PathBuf>,
+
+    /// A line to carry out; in quotes if it has some
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    pub line: Vec<String>,
 }
 
 /// Files that say what the gateway is as an EtherCAT SubDevice.
@@ -86,7 +118,24 @@ impl Options {
     }
 }
 
-/// Where the console listens, if at all. A bare port number is one of this machine only.
+/// Where the console's socket is, if at all.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum SocketPlace {
+    /// There is none.
+    Off,
+    /// At this path.
+    At(PathBuf),
+}
+
+impl FromStr for SocketPlace {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        Ok(if text == "off" { Self::Off } else { Self::At(text.into()) })
+    }
+}
+
+/// Where the console listens by TCP, if at all. A bare port number is one of this machine only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ConsolePort(pub Option<TcpListen>);
 
@@ -98,7 +147,7 @@ impl FromStr for ConsolePort {
             return Ok(Self(None));
         }
         let TcpListen { address, port } = listen(text)?;
-        Ok(Self(Some(TcpListen { address: address.or(CONSOLE_DEFAULT.address), port })))
+        Ok(Self(Some(TcpListen { address: address.or(Some(THIS_MACHINE)), port })))
     }
 }
 

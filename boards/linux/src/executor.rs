@@ -131,11 +131,11 @@ mod tests {
     fn a_wake_from_another_thread_reaches_a_task() {
         #[embassy_executor::task]
         async fn answer(into: Rc<Cell<u32>>) {
-            let there = blocking::unblock(|| {
+            let there = crate::worker::once(|| {
                 std::thread::sleep(Duration::from_millis(5)); // the executor is asleep by then
                 7
             });
-            into.set(there.await);
+            into.set(there.await.unwrap());
         }
         let into = Rc::new(Cell::new(0));
         run(|spawner| spawner.spawn(answer(into.clone()).unwrap()), async {

@@ -36,22 +36,38 @@ pub(crate) fn port_denied() -> &'static str {
 
 /// The name of group `gid`, if the system's group file has it.
 fn group_name(gid: u32) -> Option<String> {
+    group(|_, id| id == gid).map(|(name, _)| name)
+}
+
+/// The id of the group called `name`, if the system's group file has it.
+pub(crate) fn group_id(name: &str) -> Option<u32> {
+    group(|known, _| known == name).map(|(_, id)| id)
+}
+
+/// The first group of the system's group file that `is_it`.
+fn group(is_it: impl Fn(&str, u32) -> bool) -> Option<(String, u32)> {
     let groups = std::fs::read_to_string("/etc/group").ok()?;
     groups.lines().find_map(|line| {
         let mut fields = line.split(':');
-        let name = fields.next()?;
-        (fields.nth(1)?.parse() == Ok(gid)).then(|| name.to_owned())
+        let (name, id) = (fields.next()?, fields.nth(1)?.parse().ok()?);
+        is_it(name, id).then(|| (name.to_owned(), id))
     })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{device_denied, keep};
+    use super::{device_denied, group_id, group_name, keep};
 
     #[test]
     fn a_hint_is_kept_once() {
         let first = keep("ask again".to_owned());
         assert!(std::ptr::eq(first, keep("ask again".to_owned())));
+    }
+
+    #[test]
+    fn groups_are_known_by_name_and_by_id() {
+        assert_eq!((group_id("root"), group_name(0).as_deref()), (Some(0), Some("root")));
+        assert_eq!(group_id("no such group"), None);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
+use std::rc::Rc;
 
 use clap::Parser;
 use embassy_executor::Spawner;
@@ -14,7 +15,8 @@ use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate::hal::{OpenError, System};
 use mobgate::scanner::ScannerPlace;
-use mobgate_linux::cli::Options;
+use mobgate_linux::cli::{Instead, Options};
+use mobgate_linux::console::{SESSIONS_MAX, Sessions, socket};
 use mobgate_linux::demo::Demo;
 use mobgate_linux::lines::Lines;
 use mobgate_linux::signals::{Signal as Caught, Signals};
@@ -31,8 +33,6 @@ const SEATS: usize = 256;
 const RESERVED: usize = SEATS + PORTS_MAX;
 /// As many again for those who ask several things at a time.
 const FRAMES: usize = 2 * RESERVED;
-/// Console sessions by TCP at a time.
-const CONSOLES: usize = 4;
 
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
@@ -82,12 +82,25 @@ async fn capture_into_file() {
 
 #[embassy_executor::task]
 async fn console_on_stdio(store: FileStore) {
-    console::on_stdio(&GATEWAY, store, &Process).await
+    if console::on_stdio(&GATEWAY, store, &Process).await {
+        log::info!("ended by Ctrl-C");
+        END.signal(End::Stop);
+    }
 }
 
-#[embassy_executor::task(pool_size = CONSOLES)]
-async fn console_on_tcp(sockets: TcpSockets, listen: TcpListen, store: FileStore) {
-    console::on_tcp(&GATEWAY, sockets, listen, store, &Process).await
+#[embassy_executor::task]
+async fn console_on_socket(sessions: Rc<Sessions>, listener: socket::Listener) {
+    console::on_socket(&sessions, listener).await
+}
+
+#[embassy_executor::task]
+async fn console_on_tcp(sessions: Rc<Sessions>, sockets: TcpSockets, listen: TcpListen) {
+    console::on_tcp(&sessions, sockets, listen).await
+}
+
+#[embassy_executor::task(pool_size = SESSIONS_MAX)]
+async fn console_session(sessions: Rc<Sessions>, number: usize, store: FileStore) {
+    sessions.serve(number, &GATEWAY, store, &Process).await
 }
 
 #[embassy_executor::task]
@@ -124,8 +137,9 @@ impl System for Process {
 
 fn main() -> ExitCode {
     let options = Options::parse();
-    let ended = match (&options.make, &options.check) {
-        (Some(make), _) => describe::write(make).map(|()| End::Stop),
+    let ended = match (&options.instead, &options.check) {
+        (Some(Instead::Console(join)), _) => return console::client::run(join),
+        (Some(Instead::Make(make)), _) => describe::write(make).map(|()| End::Stop),
         (None, Some(file)) => check(file).map(|()| End::Stop),
         (None, None) => run(options),
     };
@@ -151,8 +165,9 @@ fn run(options: Options) -> Result<End, String> {
     // First of all: who sees a port open may send a signal.
     let caught = Signals::catch().map_err(|error| format!("signals cannot be caught: {error}"))?;
     let sockets = TcpSockets::default();
+    let console = console::open_tcp(options.console, &sockets)?;
+    let (socket, _claim_until_the_end) = socket::open(options.socket.as_ref())?.unzip();
     let start = prepare(&options, &sockets)?;
-    let console = console::open(options.console, &sockets)?;
     if let Some(file) = &options.capture {
         CAPTURE_FILE.signal(Some(capture::create(file)?));
     }
@@ -162,7 +177,7 @@ fn run(options: Options) -> Result<End, String> {
 
     let _raw_until_the_end = RawMode::enter();
     let listen = console.as_ref().map(|(listen, _)| *listen);
-    let spawn = |spawner| spawn(spawner, options, sockets, caught, listen);
+    let spawn = |spawner| spawn(spawner, options, sockets, caught, (socket, listen));
     Ok(executor::run(spawn, async {
         // The tasks have been polled once, so they hold their listeners by themselves.
         drop((start, console));
@@ -175,7 +190,7 @@ fn spawn(
     options: Options,
     sockets: TcpSockets,
     caught: Signals,
-    console: Option<TcpListen>,
+    (socket, console): (Option<socket::Listener>, Option<TcpListen>),
 ) {
     let demo = options.runs_demo().then(Demo::default);
     let lines = demo.as_ref().map(|demo| Lines::with_demo(demo.serial())).unwrap_or_default();
@@ -193,10 +208,15 @@ fn spawn(
         spawner.spawn(demo_devices(demo).unwrap());
     }
     spawner.spawn(capture_into_file().unwrap());
+    let sessions = Rc::<Sessions>::default();
+    for number in 0..SESSIONS_MAX {
+        spawner.spawn(console_session(sessions.clone(), number, store.clone()).unwrap());
+    }
+    if let Some(listener) = socket {
+        spawner.spawn(console_on_socket(sessions.clone(), listener).unwrap());
+    }
     if let Some(listen) = console {
-        for _ in 0..CONSOLES {
-            spawner.spawn(console_on_tcp(sockets.clone(), listen, store.clone()).unwrap());
-        }
+        spawner.spawn(console_on_tcp(sessions, sockets, listen).unwrap());
     }
     spawner.spawn(console_on_stdio(store).unwrap());
 }

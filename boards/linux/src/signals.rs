@@ -3,8 +3,8 @@
 use std::io::{self, Read};
 use std::os::unix::net::UnixStream;
 
-use embassy_futures::select::{Either3, select3};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use embassy_futures::select::{Either4, select4};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use signal_hook::low_level::pipe;
 
 use crate::descriptor::Descriptor;
@@ -14,7 +14,7 @@ use crate::descriptor::Descriptor;
 pub enum Signal {
     /// SIGHUP: read the settings again.
     Reload,
-    /// SIGTERM or SIGINT: end.
+    /// SIGTERM, SIGINT or SIGQUIT: end.
     End(&'static str),
 }
 
@@ -23,21 +23,30 @@ pub enum Signal {
 pub struct Signals {
     hup: Descriptor<UnixStream>,
     int: Descriptor<UnixStream>,
+    quit: Descriptor<UnixStream>,
     term: Descriptor<UnixStream>,
 }
 
 impl Signals {
     /// From now on signals are kept until [`Signals::next`] gives them.
     pub fn catch() -> io::Result<Self> {
-        Ok(Self { hup: caught(SIGHUP)?, int: caught(SIGINT)?, term: caught(SIGTERM)? })
+        Ok(Self {
+            hup: caught(SIGHUP)?,
+            int: caught(SIGINT)?,
+            quit: caught(SIGQUIT)?,
+            term: caught(SIGTERM)?,
+        })
     }
 
     /// The next signal.
     pub async fn next(&mut self) -> Signal {
-        match select3(arrived(&mut self.hup), arrived(&mut self.int), arrived(&mut self.term)).await {
-            Either3::First(()) => Signal::Reload,
-            Either3::Second(()) => Signal::End("SIGINT"),
-            Either3::Third(()) => Signal::End("SIGTERM"),
+        let Self { hup, int, quit, term } = self;
+        match select4(arrived(hup), arrived(int), arrived(quit), arrived(term)).await {
+            Either4::First(()) => Signal::Reload,
+            Either4::Second(()) => Signal::End("SIGINT"),
+            // Ctrl-\ at the program's own terminal, which is raw till the end.
+            Either4::Third(()) => Signal::End("SIGQUIT"),
+            Either4::Fourth(()) => Signal::End("SIGTERM"),
         }
     }
 }

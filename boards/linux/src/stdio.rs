@@ -1,38 +1,41 @@
 //! The console on standard input and output.
 //!
-//! Worker threads do the reading and writing: epoll refuses files, and making a terminal non-blocking would do so to
-//! everything else that has it open, the shell included. On a terminal the console edits and echoes by itself, so the
+//! Threads do the reading and writing: epoll refuses files, and making a terminal non-blocking would do so to everything
+//! else that has it open, the shell included. On a terminal the console edits and echoes by itself, so the
 //! terminal is put into raw mode until [`RawMode`] is dropped.
 
-use std::io::{self, Stdin, Stdout, stdin, stdout};
+use std::io::{self, Read as _, Stdout, Write as _, stdin, stdout};
+use std::os::unix::net::UnixStream;
+use std::thread;
 
-use blocking::Unblock;
 use embedded_io_async::{ErrorType, Read, Write};
-use futures_lite::{AsyncReadExt, AsyncWriteExt};
 use rustix::process::getpgrp;
 use rustix::termios::{
     InputModes, LocalModes, OptionalActions, SpecialCodeIndex, Termios, isatty, tcgetattr, tcgetpgrp,
     tcsetattr,
 };
 
+use crate::descriptor::Descriptor;
+use crate::sink::Sink;
+
 /// Standard input and output as one stream.
 #[derive(Debug)]
 pub struct Stdio {
-    input: Unblock<Stdin>,
-    output: Unblock<Stdout>,
+    /// What a thread has read.
+    input: Descriptor<UnixStream>,
+    output: Sink<Stdout>,
     ended: bool,
 }
 
 impl Stdio {
-    /// The program's standard streams, or none when it runs in the background of a terminal: reading would stop it.
-    pub fn open() -> Option<Self> {
-        let background =
-            isatty(stdin()) && tcgetpgrp(stdin()).is_ok_and(|foreground| foreground != getpgrp());
-        (!background).then(|| Self {
-            input: Unblock::new(stdin()),
-            output: Unblock::new(stdout()),
-            ended: false,
-        })
+    /// The program's standard streams; an error when it runs in the background of a terminal: reading would stop it.
+    pub fn open() -> io::Result<Self> {
+        if isatty(stdin()) && tcgetpgrp(stdin()).is_ok_and(|foreground| foreground != getpgrp()) {
+            return Err(io::Error::other("in the background of a terminal"));
+        }
+        let (ours, theirs) = UnixStream::pair()?;
+        thread::Builder::new().name("stdin".into()).spawn(move || hand_on(theirs))?;
+        Ok(Self { input: Descriptor::new(ours)?, output: Sink::new(stdout())?, ended: false })
     }
 
     /// Whether a read has met the end of input.
@@ -47,7 +50,7 @@ impl ErrorType for Stdio {
 
 impl Read for Stdio {
     async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        let read = self.input.read(into).await;
+        let read = self.input.read_stream(into, |mut input, into| input.read(into)).await;
         self.ended = !matches!(read, Ok(1..));
         read
     }
@@ -63,6 +66,18 @@ impl Write for Stdio {
     }
 }
 
+/// Hands standard input on until one of the two ends.
+fn hand_on(mut to: UnixStream) {
+    let mut piece = [0; 4096];
+    loop {
+        match stdin().read(&mut piece) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Ok(count @ 1..) if to.write_all(&piece[..count]).is_ok() => {}
+            _ => return,
+        }
+    }
+}
+
 /// Holds the terminal in raw mode; dropping it, also by a panic, brings the old mode back.
 #[derive(Debug)]
 pub struct RawMode(Termios);
@@ -70,8 +85,8 @@ pub struct RawMode(Termios);
 impl RawMode {
     /// Puts standard input into raw mode when it is a terminal that this program may change.
     ///
-    /// Keys that make signals stay (Ctrl-C ends the program), all but the one that suspends it, because the shell
-    /// would be left with a raw terminal. Output keeps its line endings for log lines.
+    /// Ctrl-C becomes a key of the console, and Ctrl-Z none, because the shell would be left with a raw terminal; Ctrl-\ stays a
+    /// signal, for a program that does not react. Output keeps its line endings for log lines.
     pub fn enter() -> Option<Self> {
         let old = tcgetattr(stdin()).ok()?;
         if tcgetpgrp(stdin()).ok()? != getpgrp() {
@@ -80,6 +95,7 @@ impl RawMode {
         let mut raw = old.clone();
         raw.local_modes -= LocalModes::ICANON | LocalModes::ECHO | LocalModes::IEXTEN;
         raw.input_modes -= InputModes::ICRNL | InputModes::INLCR | InputModes::IXON;
+        raw.special_codes[SpecialCodeIndex::VINTR] = 0;
         raw.special_codes[SpecialCodeIndex::VSUSP] = 0;
         raw.special_codes[SpecialCodeIndex::VMIN] = 1;
         raw.special_codes[SpecialCodeIndex::VTIME] = 0;

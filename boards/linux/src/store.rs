@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 
 use mobgate::hal::{Store, StoreError};
 
+use crate::worker;
+
 /// Longest text that is written; far above what full settings come to.
 const TEXT_BYTES_MAX: usize = 256 * 1024;
 /// Permissions of a file that did not exist before.
@@ -54,7 +56,8 @@ impl Store for FileStore {
         let path = self.path()?.to_owned();
         let text = std::mem::take(&mut self.next);
         // fsync may take long, and the executor serves the lines meanwhile.
-        blocking::unblock(move || replace(&path, &text)).await.map_err(|error| failed(&error))
+        let replaced = worker::once(move || replace(&path, &text)).await;
+        replaced.flatten().map_err(|error| failed(&error))
     }
 }
 

@@ -21,6 +21,7 @@ use serial2::{CharSize, SerialPort, StopBits};
 
 use crate::descriptor::Descriptor;
 use crate::hint;
+use crate::worker::{self, Worker};
 
 mod low_latency;
 mod receiver;
@@ -39,8 +40,21 @@ pub struct TtyHost;
 pub struct Tty {
     io: Descriptor<File>,
     receiver: Receiver,
-    /// The same line, to switch its RTS, if that switches the transceiver's driver.
-    rts: Option<Arc<SerialPort>>,
+    /// If that switches the transceiver's driver.
+    rts: Option<Rts>,
+}
+
+/// The same line, to switch its RTS, and who waits until its characters have left.
+#[derive(Debug)]
+struct Rts {
+    port: Arc<SerialPort>,
+    worker: Worker,
+}
+
+impl Rts {
+    fn new(port: &SerialPort) -> io::Result<Self> {
+        Ok(Self { port: Arc::new(port.try_clone()?), worker: Worker::start()? })
+    }
 }
 
 impl SerialHost for TtyHost {
@@ -49,14 +63,15 @@ impl SerialHost for TtyHost {
     async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Tty, OpenError> {
         // An absolute name replaces the folder it is joined to.
         let (device, line) = (Path::new("/dev").join(device), *line);
-        let port = blocking::unblock(move || open(device, &line)).await?;
+        let failed = |_| OpenError::new(OpenErrorKind::Failed, "");
+        let port = worker::once(move || open(device, &line)).await.map_err(failed)??;
         let rts = match line.driver {
-            Driver::Rts => Some(port.try_clone().map_err(|_| OpenError::new(OpenErrorKind::Failed, ""))?),
+            Driver::Rts => Some(Rts::new(&port).map_err(failed)?),
             Driver::Automatic | Driver::Rs485 => None,
         };
         let io = Descriptor::new(File::from(OwnedFd::from(port)))
             .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
-        Ok(Tty { receiver: Receiver::new(&io), io, rts: rts.map(Arc::new) })
+        Ok(Tty { receiver: Receiver::new(&io), io, rts })
     }
 }
 
@@ -139,16 +154,17 @@ impl SerialLine for Tty {
     const RESTS: bool = true;
 
     async fn drive(&mut self, on: bool) -> io::Result<()> {
-        let Some(port) = self.rts.clone() else { return Ok(()) };
+        let Some(Rts { port, worker }) = &self.rts else { return Ok(()) };
         if on {
             return port.set_rts(true);
         }
         // An adapter may still hold characters back. Waiting for them blocks, so a worker does it.
-        blocking::unblock(move || {
+        let port = port.clone();
+        let off = move || {
             port.flush()?;
             port.set_rts(false)
-        })
-        .await
+        };
+        worker.run(off).await
     }
 
     async fn rest(&mut self, until: Instant) -> bool {

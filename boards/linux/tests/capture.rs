@@ -7,7 +7,7 @@ use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
 use std::path::Path;
 
-use common::{PATIENCE, Program, ask, free_port, mobgate, session, wait_for};
+use common::{PATIENCE, Program, ask, free_port, mobgate, wait_for};
 
 mod common;
 
@@ -16,7 +16,7 @@ fn frames_are_written_as_they_come_and_decoded_without_settings() {
     let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
     let file = folder.path().join("demo.pcapng");
     let mut command = mobgate();
-    command.args(["--listen", &format!("127.0.0.1:{port}"), "--console", "off", "--capture"]).arg(&file);
+    command.args(["--listen", &format!("127.0.0.1:{port}"), "--socket", "off", "--capture"]).arg(&file);
     let program = Program::start(&mut command, folder, port);
     let answer = ask(&mut program.connect(), 1, &[3, 0, 0, 0, 2]);
     assert_eq!(answer[..2], [3, 4]);
@@ -55,12 +55,12 @@ fn decoded(file: &Path) -> String {
 
 #[test]
 fn the_console_begins_and_ends_a_file_and_writes_over_none() {
-    let (folder, port, console) = (tempfile::tempdir().unwrap(), free_port(), free_port());
+    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
     let file = folder.path().join("later.pcapng");
     let mut command = mobgate();
-    command.args(["--listen", &format!("127.0.0.1:{port}"), "--console", &console.to_string()]);
+    command.args(["--listen", &format!("127.0.0.1:{port}"), "--socket"]).arg(folder.path().join("console"));
     let program = Program::start(&mut command, folder, port);
-    let mut console = session(console);
+    let mut console = program.session();
     let capture = format!("capture {}\n", file.display());
     console.write_all(capture.as_bytes()).unwrap();
     wait_for("the beginning of the file", || fs::read(&file).ok().filter(|written| !written.is_empty()));
@@ -76,7 +76,7 @@ fn the_console_begins_and_ends_a_file_and_writes_over_none() {
 }
 
 /// Reads until `text` has come, in however many pieces.
-fn read_until(console: &mut TcpStream, text: &str) {
+fn read_until(console: &mut impl Read, text: &str) {
     let (mut said, mut part) = (String::new(), [0; 512]);
     while !said.contains(text) {
         let count = console.read(&mut part).unwrap_or_else(|error| panic!("{error} after {said:?}"));
@@ -87,13 +87,13 @@ fn read_until(console: &mut TcpStream, text: &str) {
 
 #[test]
 fn frames_are_streamed_by_tcp_to_whoever_connects() {
-    let (folder, port, console, wire) = (tempfile::tempdir().unwrap(), free_port(), free_port(), free_port());
+    let (folder, port, wire) = (tempfile::tempdir().unwrap(), free_port(), free_port());
     let file = folder.path().join("streamed.pcapng");
     let mut command = mobgate();
-    command.args(["--listen", &format!("127.0.0.1:{port}"), "--console", &console.to_string()]);
+    command.args(["--listen", &format!("127.0.0.1:{port}"), "--socket"]).arg(folder.path().join("console"));
     let program = Program::start(&mut command, folder, port);
     let set = format!("port wire tcp server 127.0.0.1:{wire} capture\n");
-    session(console).write_all(set.as_bytes()).unwrap();
+    program.session().write_all(set.as_bytes()).unwrap();
     let mut stream = wait_for("the capture's port", || TcpStream::connect((Ipv4Addr::LOCALHOST, wire)).ok());
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
     let (mut streamed, mut part) = (Vec::new(), [0; 1024]);
@@ -113,7 +113,7 @@ fn frames_are_streamed_by_tcp_to_whoever_connects() {
 
 #[test]
 fn a_file_that_cannot_be_written_is_said_at_the_start() {
-    let output = common::output(&["--console", "off", "--capture", "/nowhere/capture.pcapng"]);
+    let output = common::output(&["--socket", "off", "--capture", "/nowhere/capture.pcapng"]);
     assert!(!output.status.success());
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(said.contains("/nowhere/capture.pcapng: "), "{said}");

@@ -96,7 +96,7 @@ fn check_finds_more_connections_than_there_are() {
 fn the_program_does_not_start_half_configured() {
     let port = free_port();
     let file = file(&BAD_LINE_7.replace("{port}", &port.to_string()));
-    let started = output(&["--config", file.path().to_str().unwrap(), "--console", "off"]);
+    let started = output(&["--config", file.path().to_str().unwrap(), "--socket", "off"]);
     assert_eq!(started.status.code(), Some(1));
     let said = String::from_utf8(started.stderr).unwrap();
     assert!(said.contains("line 7") && !said.contains("listening"), "{said}");
@@ -114,7 +114,7 @@ fn a_configured_port_that_is_taken_ends_the_start_with_a_hint() {
     let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let at = taken.local_addr().unwrap();
     let file = file(&format!("port P502 tcp server {at}\n"));
-    let started = output(&["--config", file.path().to_str().unwrap(), "--console", "off"]);
+    let started = output(&["--config", file.path().to_str().unwrap(), "--socket", "off"]);
     assert_eq!(started.status.code(), Some(1));
     let said = String::from_utf8(started.stderr).unwrap();
     assert!(said.contains("P502") && said.contains("in use") && said.contains("ss -ltnp"), "{said}");
@@ -191,7 +191,7 @@ fn the_journal_gets_priorities_and_no_times() {
     let port = free_port();
     fs::write(&file, fs::read_to_string(&file).unwrap().replace("{port}", &port.to_string())).unwrap();
     let mut command = mobgate();
-    command.env("JOURNAL_STREAM", "8:12345").arg("--config").arg(file.path()).args(["--console", "off"]);
+    command.env("JOURNAL_STREAM", "8:12345").arg("--config").arg(file.path()).args(["--socket", "off"]);
     let program = Program::start(&mut command, tempfile::tempdir().unwrap(), port);
     program.logs("<4>/dev/does-not-exist cannot be opened: not found");
 }

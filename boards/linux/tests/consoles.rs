@@ -1,36 +1,22 @@
-//! The console where the program offers it: standard input, a terminal, a TCP port.
+//! The console where the program offers it: standard input, a terminal, a socket, a TCP port.
 
 use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::os::unix::fs::PermissionsExt;
 use std::process::Stdio;
 use std::time::Instant;
 
 use rustix::process::Signal;
-use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
-use serial2::SerialPort;
 
-use common::{PATIENCE, Program, free_port, mobgate, output, session, wait_for, with_console};
+use common::{PATIENCE, Program, converse, free_port, mobgate, output, wait_for, with_console};
 
 mod common;
 
-/// Types `line`, and reads until `answer` has come.
-fn converse(session: &mut (impl Read + Write), line: &str, answer: &str) -> String {
-    session.write_all(line.as_bytes()).unwrap();
-    let mut heard = String::new();
-    while !heard.contains(answer) {
-        let mut piece = [0; 512];
-        let count = session.read(&mut piece).unwrap_or_else(|error| panic!("{error} after {heard:?}"));
-        assert!(count > 0, "the session ended after {heard:?}");
-        heard.push_str(&String::from_utf8_lossy(&piece[..count]));
-    }
-    heard
-}
-
 #[test]
 fn several_sessions_at_once_see_the_same_settings() {
-    let (_program, console) = with_console("port P502 tcp server {port}\n");
-    let (mut one, mut two) = (session(console), session(console));
+    let program = with_console("port P502 tcp server {port}\n");
+    let (mut one, mut two) = (program.session(), program.session());
     converse(&mut one, "port P7 serial /dev/ttyS7 rtu client 9600 8N1\nshow config\n", "ttyS7");
     converse(&mut two, "show config\n", "ttyS7");
 }
@@ -38,16 +24,16 @@ fn several_sessions_at_once_see_the_same_settings() {
 #[test]
 fn the_program_is_up_since_it_was_started_and_not_since_the_machine_was() {
     let before = Instant::now();
-    let (_program, console) = with_console("port P502 tcp server {port}\n");
-    let said = converse(&mut session(console), "show version\n", "\n");
+    let program = with_console("port P502 tcp server {port}\n");
+    let said = converse(&mut program.session(), "show version\n", "\n");
     let up = said.trim_end().rsplit_once(", up ").and_then(|(_, up)| up.strip_suffix('s')).unwrap();
     assert!(up.parse::<u64>().unwrap() <= before.elapsed().as_secs(), "{said}");
 }
 
 #[test]
 fn save_writes_the_file_that_check_finds_good() {
-    let (program, console) = with_console("port P502 tcp server {port}\n");
-    let mut console = session(console);
+    let program = with_console("port P502 tcp server {port}\n");
+    let mut console = program.session();
     console
         .write_all(b"port P7 serial /dev/ttyS7 rtu client 9600 8N1\nroute P502 1-9 * * P7\nsave\n")
         .unwrap();
@@ -58,31 +44,32 @@ fn save_writes_the_file_that_check_finds_good() {
 
 #[test]
 fn the_demo_cannot_save_and_says_how_it_could() {
-    let (port, console) = (free_port(), free_port());
+    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
     let mut command = mobgate();
-    command.args(["--listen", &port.to_string(), "--console", &console.to_string()]);
-    let _program = Program::start(&mut command, tempfile::tempdir().unwrap(), port);
-    converse(&mut session(console), "save\n", "start with --config FILE");
+    command.args(["--listen", &port.to_string(), "--socket"]).arg(folder.path().join("console"));
+    let program = Program::start(&mut command, folder, port);
+    converse(&mut program.session(), "save\n", "start with --config FILE");
 }
 
 #[test]
 fn reboot_starts_the_program_again_with_the_saved_settings() {
-    let (mut program, console) = with_console("port P502 tcp server {port}\n");
+    let mut program = with_console("port P502 tcp server {port}\n");
     let new = free_port();
     fs::write(program.config(), format!("port P502 tcp server {new}\n")).unwrap();
-    converse(&mut session(console), "reboot\n", "starting again");
+    converse(&mut program.session(), "reboot\n", "starting again");
     wait_for("the new port", || TcpStream::connect((Ipv4Addr::LOCALHOST, new)).ok());
     assert!(program.is_running(), "the process stays the same");
+    converse(&mut program.session(), "show version\n", "mobgate 0.");
     program.signal(Signal::TERM);
     assert_eq!(program.wait().code(), Some(0));
 }
 
 #[test]
-fn a_taken_console_port_ends_the_start_only_when_it_was_asked_for() {
+fn a_taken_console_port_ends_the_start() {
     let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let at = taken.local_addr().unwrap().port().to_string();
     let listen = free_port().to_string();
-    let started = output(&["--listen", &listen, "--console", &at]);
+    let started = output(&["--listen", &listen, "--console", &at, "--socket", "off"]);
     assert_eq!(started.status.code(), Some(1));
     assert!(String::from_utf8(started.stderr).unwrap().contains("console"));
 }
@@ -95,43 +82,207 @@ fn lines_of_a_file_on_standard_input_are_carried_out_and_the_gateway_goes_on() {
     // The last line lacks its end.
     fs::write(&lines, format!("port P502 tcp server 127.0.0.1:{port}\nshow config")).unwrap();
     let mut command = mobgate();
-    command.arg("--config").arg(config).args(["--console", "off"]).stdin(File::open(lines).unwrap());
+    command.arg("--config").arg(config).args(["--socket", "off"]).stdin(File::open(lines).unwrap());
     let mut program = Program::start(&mut command, folder, port);
     program.logs(&format!("port P502 tcp server 127.0.0.1:{port}"));
     assert!(program.is_running());
 }
 
-/// The program in a session of its own, whose terminal is a PTY; setsid(1) of util-linux makes the PTY its terminal.
-fn on_terminal() -> (Program, SerialPort, SerialPort) {
-    let (mut keyboard, terminal) = SerialPort::pair().unwrap();
-    keyboard.set_read_timeout(PATIENCE).unwrap();
-    let mut cooked = tcgetattr(&terminal).unwrap();
-    cooked.local_modes |= LocalModes::ICANON | LocalModes::ECHO | LocalModes::ISIG;
-    tcsetattr(&terminal, OptionalActions::Now, &cooked).unwrap();
-    let name = rustix::termios::ttyname(&terminal, Vec::new()).unwrap().into_string().unwrap();
-    let port = free_port();
-    let open = || File::options().read(true).write(true).open(&name).unwrap();
-    let mut command = std::process::Command::new("setsid");
-    command.args(["--ctty", "--wait", env!("CARGO_BIN_EXE_mobgate"), "--console", "off", "--listen"]);
-    command.arg(port.to_string()).stdin(Stdio::from(open()));
-    let program = Program::start_on(&mut command, Stdio::from(open()), tempfile::tempdir().unwrap(), port);
-    (program, keyboard, terminal)
+/// The program with a TCP server and a console on TCP, which is told here.
+fn on_tcp() -> (Program, u16) {
+    let (folder, port, console) = (tempfile::tempdir().unwrap(), free_port(), free_port());
+    let config = folder.path().join("mobgate.conf");
+    fs::write(&config, format!("port P502 tcp server 127.0.0.1:{port}\nroute P502 1 * * local readonly\n"))
+        .unwrap();
+    let mut command = mobgate();
+    command.arg("--config").arg(config).args([
+        "--socket",
+        "off",
+        "--console",
+        &format!("127.0.0.1:{console}"),
+    ]);
+    let program = Program::start(&mut command, folder, port);
+    (program, console)
 }
 
 #[test]
-fn a_terminal_gets_a_prompt_and_echo_and_is_restored_at_the_end() {
-    let (program, mut keyboard, terminal) = on_terminal();
-    let cooked = || tcgetattr(&terminal).unwrap().local_modes.contains(LocalModes::ICANON | LocalModes::ECHO);
-    converse(&mut keyboard, "", "mobgate> ");
-    converse(&mut keyboard, "show con", "show con");
-    converse(&mut keyboard, "fig\r", "serial demo rtu client");
-    assert!(!cooked());
-    // `exit` leads nowhere at a terminal: the gateway goes on, and so does its console.
-    keyboard.write_all(b"exit\r").unwrap();
-    program.logs("Ctrl-C ends it");
-    converse(&mut keyboard, "show ports\r", "P");
-    assert!(!cooked());
-    keyboard.write_all(b"\x03").unwrap();
-    assert_eq!(program.wait().code(), Some(0));
-    assert!(cooked(), "the terminal was left raw");
+fn what_a_browser_sends_to_the_tcp_console_is_not_carried_out() {
+    let (program, console) = on_tcp();
+    let connect = || {
+        let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, console)).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream
+    };
+    let body = "delete route 1\r\nsave\r\n";
+    let post =
+        format!("POST / HTTP/1.1\r\nHost: 127.0.0.1:{console}\r\nContent-Type: text/plain\r\n\r\n{body}");
+    let tls = [&b"\x16\x03\x01\x02\x00\x01\n"[..], body.as_bytes()].concat();
+    let telnet = [&b"\xff\xfd\x03\n"[..], body.as_bytes()].concat();
+    for (bytes, logged) in [(post.as_bytes(), "this is HTTP"), (&tls, "this is TLS"), (&telnet, "telnet")] {
+        let mut stream = connect();
+        stream.write_all(bytes).unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        assert_eq!(String::from_utf8_lossy(&answer), "", "nothing is said, and the session ends");
+        program.logs(logged);
+    }
+    converse(&mut connect(), "show routes\n", "readonly");
+    assert!(fs::read_to_string(program.config()).unwrap().contains("readonly"));
+}
+
+/// The TCP ports that the program listens on.
+fn tcp_listeners(program: &Program) -> usize {
+    let sockets: Vec<String> = fs::read_dir(format!("/proc/{}/fd", program.id()))
+        .unwrap()
+        .filter_map(|entry| Some(fs::read_link(entry.ok()?.path()).ok()?.to_str()?.to_owned()))
+        .filter_map(|target| Some(target.strip_prefix("socket:[")?.trim_end_matches(']').to_owned()))
+        .collect();
+    let tables = ["tcp", "tcp6"].map(|name| fs::read_to_string(format!("/proc/{}/net/{name}", program.id())));
+    let is_own_listener = |line: &&str| {
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        // State 0A listens; the tenth field is the inode.
+        fields[3] == "0A" && sockets.iter().any(|inode| inode == fields[9])
+    };
+    tables.iter().flatten().map(|table| table.lines().skip(1).filter(is_own_listener).count()).sum()
+}
+
+#[test]
+fn the_console_is_on_no_tcp_port_unless_one_is_named() {
+    assert_eq!(tcp_listeners(&Program::configured("port P502 tcp server {port}\n")), 1);
+    assert_eq!(tcp_listeners(&on_tcp().0), 2);
+}
+
+#[test]
+fn a_newcomer_gets_the_place_of_the_session_that_is_idle_for_longest_which_is_told() {
+    let program = with_console("port P502 tcp server {port}\n");
+    let mut sessions: Vec<_> = (0..4).map(|_| program.session()).collect();
+    // Each has its place when it has its answer; then the first one is used again.
+    for n in [0, 1, 2, 3, 0] {
+        converse(&mut sessions[n], "show version\n", "mobgate 0.");
+    }
+    converse(&mut program.session(), "show version\n", "mobgate 0.");
+    let mut said = String::new();
+    sessions[1].read_to_string(&mut said).unwrap();
+    assert!(said.contains("session ended: 4 at a time"), "{said:?}");
+    for n in [0, 2] {
+        converse(&mut sessions[n], "show version\n", "mobgate 0.");
+    }
+    program.logs("ended: 4 at a time");
+}
+
+#[test]
+fn a_second_gateway_finds_the_socket_in_use_and_one_that_was_killed_leaves_it_free() {
+    let program = with_console("port P502 tcp server {port}\n");
+    let socket = program.socket();
+    let second = output(&["--listen", &free_port().to_string(), "--socket", socket.to_str().unwrap()]);
+    let said = String::from_utf8(second.stderr).unwrap();
+    assert_eq!(second.status.code(), Some(1));
+    assert!(said.contains("in use by another gateway; --socket PATH names another one"), "{said}");
+
+    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
+    let path = folder.path().join("console");
+    let start = |folder| {
+        let mut command = mobgate();
+        command.args(["--listen", &port.to_string(), "--socket"]).arg(&path);
+        Program::start(&mut command, folder, port)
+    };
+    let killed = start(tempfile::tempdir().unwrap());
+    killed.signal(Signal::KILL);
+    assert_eq!(killed.wait().code(), None);
+    assert!(path.exists(), "kill -9 leaves the socket");
+    let program = start(folder);
+    converse(&mut program.session(), "show version\n", "mobgate 0.");
+    program.signal(Signal::TERM);
+    program.logs("ended by SIGTERM");
+    wait_for("the socket's end", || (!path.exists()).then_some(()));
+}
+
+#[test]
+fn by_default_the_socket_is_in_a_folder_of_its_own_and_is_found_there() {
+    // In namespaces of their own: with a /run that can be written to, and with one that cannot.
+    let script = r#"
+        mount -t tmpfs -o "$3" run /run
+        "$0" --listen "$1" </dev/null >/dev/null 2>"$2/log" &
+        for _ in $(seq 200); do "$0" console show version && break; sleep 0.1; done
+        timeout 3 "$0" --listen "$4" </dev/null 2>&1 >/dev/null | grep 'no console socket'
+        find /run "$2" -type s
+        kill "$!"; wait "$!"
+    "#;
+    for (options, place) in [("mode=755", "/run/mobgate/console"), ("ro", "/runtime/mobgate/console")] {
+        let folder = tempfile::tempdir().unwrap();
+        let runtime = folder.path().join("runtime");
+        fs::create_dir(&runtime).unwrap();
+        let (port, other) = (free_port().to_string(), free_port().to_string());
+        let mut command = std::process::Command::new("unshare");
+        command.args(["--user", "--map-root-user", "--mount", "--net", "sh", "-c", script]);
+        command.args([env!("CARGO_BIN_EXE_mobgate"), &port]).arg(folder.path()).args([options, &other]);
+        let output = command.env("XDG_RUNTIME_DIR", runtime).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert!(said.starts_with("mobgate 0."), "{said} {output:?}");
+        assert!(said.contains(&format!("{place}\n")), "{said}");
+        assert!(
+            said.contains(&format!("{place} is in use by another gateway; --socket PATH names")),
+            "{said}"
+        );
+    }
+}
+
+/// Runs `mobgate console` with `arguments`, and with `lines` on its standard input.
+fn client(program: &Program, arguments: &[&str], lines: &str) -> (Option<i32>, String) {
+    let input = program.config().with_file_name("lines");
+    fs::write(&input, lines).unwrap();
+    let mut command = mobgate();
+    command.arg("console").arg("--socket").arg(program.socket()).args(arguments);
+    let output = command.stdin(File::open(input).unwrap()).output().unwrap();
+    (output.status.code(), String::from_utf8(output.stdout).unwrap())
+}
+
+#[test]
+fn a_line_of_the_command_line_is_carried_out_and_the_status_says_whether_it_was_refused() {
+    let program = with_console("port P502 tcp server {port}\n");
+    let (status, said) = client(&program, &["show", "version"], "");
+    assert!(said.starts_with("mobgate 0.") && said.ends_with('\n'), "{said:?}");
+    assert_eq!(status, Some(0));
+    assert_eq!(client(&program, &["route", "P502", "2-9", "*", "-1", "local"], ""), (Some(0), String::new()));
+    let (status, said) = client(&program, &["shwo version"], "");
+    assert_eq!((status, said.starts_with("error: ")), (Some(1), true));
+    let (status, said) = client(&program, &[], "show config\nshwo\nshow version");
+    assert_eq!(status, Some(1));
+    for part in ["route P502", "error: line 2", "mobgate 0."] {
+        assert!(said.contains(part), "{part} is not in {said:?}");
+    }
+    // More than fits into the socket both ways.
+    let (status, said) = client(&program, &[], &"show config\n".repeat(20_000));
+    assert_eq!((status, said.lines().count()), (Some(0), 40_000));
+}
+
+#[test]
+fn without_a_gateway_the_client_says_how_to_name_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let socket = folder.path().join("console");
+    let asked = output(&["console", "--socket", socket.to_str().unwrap(), "show", "version"]);
+    assert_eq!(asked.status.code(), Some(3));
+    assert!(String::from_utf8(asked.stderr).unwrap().contains(socket.to_str().unwrap()));
+}
+
+#[test]
+fn others_than_root_the_own_user_and_the_group_are_refused() {
+    // Another user's process can only be had by root; else the decision alone is tested, beside its code.
+    if !rustix::process::geteuid().is_root() {
+        return;
+    }
+    // Where the other user gets at it.
+    let folder = tempfile::tempdir_in("/tmp").unwrap();
+    fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
+    let (port, socket) = (free_port(), folder.path().join("console"));
+    let mut command = mobgate();
+    command.args(["--listen", &port.to_string(), "--socket"]).arg(&socket);
+    let program = Program::start(&mut command, tempfile::tempdir().unwrap(), port);
+    let mut connect = std::process::Command::new("setpriv");
+    connect.args(["--reuid", "65534", "--regid", "65534", "--clear-groups", "socat", "-"]);
+    let asked =
+        connect.arg(format!("UNIX-CONNECT:{}", socket.display())).stdin(Stdio::null()).output().unwrap();
+    let said = String::from_utf8_lossy(&asked.stdout);
+    assert!(said.starts_with("error: the console is for root"), "{said:?} {asked:?}");
+    program.logs("console refused to user 65534");
 }

@@ -135,7 +135,7 @@ fn a_scan_finds_a_unit_and_leaves_the_port_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let name = folder.path().join("usb-adapter");
     let adapter = Adapter::plug(&name);
-    let (program, console) = common::with_console(&format!(
+    let program = common::with_console(&format!(
         "port P1 serial {} rtu client 115200\nport P502 tcp server {{port}}\nroute P502 * * * P1\n",
         name.display()
     ));
@@ -155,7 +155,7 @@ fn a_scan_finds_a_unit_and_leaves_the_port_as_it_was() {
             }
         }
     });
-    let mut console = common::session(console);
+    let mut console = program.session();
     console.write_all(b"scan P1 9600 19200 units 1-3 timeout 200ms\n").unwrap();
     let (mut said, mut part) = (String::new(), [0; 512]);
     while !said.contains("# units 1") {

@@ -31,7 +31,7 @@ fn without_descriptors_left_connections_wait_and_the_program_does_not_spin() {
     let config = folder.path().join("mobgate.conf");
     fs::write(&config, format!("port P502 tcp server {port} clients 100\n")).unwrap();
     let mut command = Command::new("sh");
-    let limited = "ulimit -n 40; exec \"$0\" --console off --config \"$1\"";
+    let limited = "ulimit -n 40; exec \"$0\" --socket off --config \"$1\"";
     command.args(["-c", limited, env!("CARGO_BIN_EXE_mobgate")]).arg(config);
     let program = Program::start(command.stdin(Stdio::null()), folder, port);
     let crowd: Vec<TcpStream> = (0..60).map(|_| program.connect()).collect();

@@ -101,7 +101,7 @@ pub(crate) async fn console(gateway: &Gateway<'_>, mut store: Store, board: Boar
     let sessions = async {
         loop {
             // After `exit` the next session begins: there is nowhere else to go.
-            let Ok(()) = console::run(gateway, &mut line, &mut store, &board, Mode::Echo).await;
+            let Ok(_) = console::run(gateway, &mut line, &mut store, &board, Mode::Echo).await;
         }
     };
     join(gateway.keep_settings(&mut kept), sessions).await;

@@ -22,7 +22,7 @@ pub async fn typed_slowly(gateway: &Gateway<'_>, parts: &[(Duration, &str)]) -> 
         (at, text.as_bytes())
     });
     let mut terminal = Terminal { parts: parts.collect(), printed: Vec::new() };
-    let Ok(()) = run(gateway, &mut terminal, &mut NoStore, &Simulator, Mode::Plain).await;
+    let Ok(_) = run(gateway, &mut terminal, &mut NoStore, &Simulator, Mode::Plain).await;
     String::from_utf8_lossy(&terminal.printed).into_owned()
 }
 

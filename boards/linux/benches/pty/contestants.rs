@@ -86,7 +86,7 @@ impl Contestant {
         };
         command.stdin(Stdio::null()).stdout(Stdio::null()).current_dir(folder);
         match self {
-            Self::Mobgate => command.arg("--config").arg(settings).args(["--console", "off"]),
+            Self::Mobgate => command.arg("--config").arg(settings).args(["--socket", "off"]),
             Self::Mbusd | Self::MbusdShortPause => {
                 command.args(["-d", "-v", "0", "-L", "-", "-c"]).arg(settings)
             }

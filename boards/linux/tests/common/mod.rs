@@ -5,6 +5,7 @@
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::{Arc, Mutex};
@@ -61,7 +62,7 @@ impl Program {
         let port = free_port();
         fs::write(folder.path().join("mobgate.conf"), settings.replace("{port}", &port.to_string())).unwrap();
         let mut command = mobgate();
-        command.arg("--config").arg(folder.path().join("mobgate.conf")).args(["--console", "off"]);
+        command.arg("--config").arg(folder.path().join("mobgate.conf")).args(["--socket", "off"]);
         Self::start(&mut command, folder, port)
     }
 
@@ -69,7 +70,7 @@ impl Program {
     pub(crate) fn demo() -> Self {
         let port = free_port();
         let mut command = mobgate();
-        command.args(["--listen", &format!("127.0.0.1:{port}"), "--console", "off"]);
+        command.args(["--listen", &format!("127.0.0.1:{port}"), "--socket", "off"]);
         Self::start(&mut command, tempfile::tempdir().unwrap(), port)
     }
 
@@ -114,6 +115,18 @@ impl Program {
 
     pub(crate) fn config(&self) -> PathBuf {
         self.folder.path().join("mobgate.conf")
+    }
+
+    /// Where the console's socket is, if the program was told to have it in its folder.
+    pub(crate) fn socket(&self) -> PathBuf {
+        self.folder.path().join("console")
+    }
+
+    /// A session of plain lines at the socket.
+    pub(crate) fn session(&self) -> UnixStream {
+        let session = UnixStream::connect(self.socket()).unwrap();
+        session.set_read_timeout(Some(PATIENCE)).unwrap();
+        session
     }
 
     pub(crate) fn log(&self) -> String {
@@ -180,22 +193,14 @@ fn gather(from: impl Read + Send + 'static, into: &Arc<Mutex<String>>) {
     });
 }
 
-/// The program with `settings`, as [`Program::configured`], and a console port, which it gives.
-pub(crate) fn with_console(settings: &str) -> (Program, u16) {
-    let (folder, port, console) = (tempfile::tempdir().unwrap(), free_port(), free_port());
+/// The program with `settings`, as [`Program::configured`], and a console at its socket.
+pub(crate) fn with_console(settings: &str) -> Program {
+    let (folder, port) = (tempfile::tempdir().unwrap(), free_port());
     let file = folder.path().join("mobgate.conf");
     fs::write(&file, settings.replace("{port}", &port.to_string())).unwrap();
     let mut command = mobgate();
-    command.arg("--config").arg(file).args(["--console", &console.to_string()]);
-    (Program::start(&mut command, folder, port), console)
-}
-
-/// A session at the console port.
-pub(crate) fn session(console: u16) -> TcpStream {
-    // The console opens a moment after the gateway's own ports.
-    let session = wait_for("the console", || TcpStream::connect((Ipv4Addr::LOCALHOST, console)).ok());
-    session.set_read_timeout(Some(PATIENCE)).unwrap();
-    session
+    command.arg("--config").arg(file).arg("--socket").arg(folder.path().join("console"));
+    Program::start(&mut command, folder, port)
 }
 
 /// Sends `pdu` to `unit` by Modbus TCP and gives the answer's PDU.
@@ -208,4 +213,17 @@ pub(crate) fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
     let mut answer = vec![0; usize::from(u16::from_be_bytes([head[4], head[5]])) - 1];
     stream.read_exact(&mut answer).unwrap();
     answer
+}
+
+/// Types `line`, and reads until `answer` has come.
+pub(crate) fn converse(session: &mut (impl Read + Write), line: &str, answer: &str) -> String {
+    session.write_all(line.as_bytes()).unwrap();
+    let mut heard = String::new();
+    while !heard.contains(answer) {
+        let mut piece = [0; 512];
+        let count = session.read(&mut piece).unwrap_or_else(|error| panic!("{error} after {heard:?}"));
+        assert!(count > 0, "the session ended after {heard:?}");
+        heard.push_str(&String::from_utf8_lossy(&piece[..count]));
+    }
+    heard
 }

@@ -1,9 +1,9 @@
 //! Data points between pymodbus and pymodbus: a controller's worked slave and master, each with the gateway as the other side.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
+use std::os::unix::net::UnixStream;
 
-use crate::common::{free_port, session, wait_for, with_console};
+use crate::common::{free_port, wait_for, with_console};
 use crate::lines::Line;
 use crate::outside::{Running, Tool, script};
 
@@ -30,7 +30,7 @@ fn server(port: u16) -> Running {
 }
 
 /// Types `lines`; all that is said until the version that is asked for behind them.
-fn console(session: &mut TcpStream, lines: &str) -> String {
+fn console(session: &mut UnixStream, lines: &str) -> String {
     session.write_all(format!("{lines}\nshow version\n").as_bytes()).unwrap();
     let mut said = String::new();
     while !said.contains("mobgate 0.") {
@@ -45,7 +45,7 @@ fn console(session: &mut TcpStream, lines: &str) -> String {
 #[test]
 fn the_worked_slave_is_read_and_written_by_pymodbus_over_tcp_and_a_serial_line() {
     let line = Line::without_server();
-    let (program, console_port) = with_console(&format!(
+    let program = with_console(&format!(
         "port P502 tcp server {{port}}
 port plc serial {} rtu server 115200 8E1
 route P502 1 * * local
@@ -54,7 +54,7 @@ route plc 1 * * local
         line.near_end().display()
     ));
     program.logs("is open");
-    let mut session = session(console_port);
+    let mut session = program.session();
     let said = console(
         &mut session,
         "write inputs 165\nwrite ints -4 -3 -2 -1 0 1 2 3\nwrite floats -1 -0.5 0 0.5 1 1.5 2 2.5",
@@ -75,7 +75,7 @@ route plc 1 * * local
 fn the_worked_master_polls_pymodbus_and_writes_to_it_by_hand_and_automatically() {
     let port = free_port();
     let _server = server(port);
-    let (program, console_port) = with_console(&format!(
+    let program = with_console(&format!(
         "port plc tcp client 127.0.0.1:{port} timeout 5s
 port P502 tcp server {{port}}
 port scan scanner
@@ -95,7 +95,7 @@ point s-ao local holding 101 of ao
 point s-fo local holding 110 of fo
 "
     ));
-    let mut session = session(console_port);
+    let mut session = program.session();
     wait_for("the first poll", || console(&mut session, "read af").contains("ok;").then_some(()));
     client(&format!("tcp:{}", program.port), "read");
     let said = console(

@@ -1,0 +1,122 @@
+//! `mobgate console`: joins the console of a gateway that runs on this machine.
+//!
+//! At a terminal each key goes to the gateway's line editor and what it draws comes back, so the terminal is raw till the end, also
+//! if that is a signal. Otherwise lines go there, from the command line or from standard input, and only answers come back.
+
+use std::io::{self, IsTerminal, Read, Write, stdin, stdout};
+use std::net::Shutdown;
+use std::os::unix::net::UnixStream;
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+use signal_hook::iterator::Signals;
+use signal_hook::low_level::emulate_default_handler;
+
+use super::hello::{Hello, carried_out};
+use super::socket;
+use crate::cli::Join;
+use crate::stdio::RawMode;
+
+/// A line was refused.
+const REFUSED: u8 = 1;
+/// No gateway was reached, or it has ended the session.
+const NOT_ASKED: u8 = 3;
+
+/// Joins the console until the session ends, or has one line carried out.
+pub fn run(join: &Join) -> ExitCode {
+    match converse(join) {
+        Ok(Some(true)) => ExitCode::SUCCESS,
+        Ok(Some(false)) => ExitCode::from(REFUSED),
+        Ok(None) => ExitCode::from(NOT_ASKED),
+        Err(fault) => {
+            eprintln!("mobgate: {fault}");
+            ExitCode::from(NOT_ASKED)
+        }
+    }
+}
+
+/// Whether the gateway has carried out what it was told, if it has said so.
+fn converse(join: &Join) -> Result<Option<bool>, String> {
+    let stream = socket::connect(join.socket.as_deref())?;
+    let fault = |error: io::Error| format!("console: {error}");
+    if !join.line.is_empty() {
+        greet(&stream, Hello::Lines);
+        send(&stream, (join.line.join(" ") + "\n").as_bytes());
+        return print(&stream).map_err(fault);
+    }
+    let terminal = stdin().is_terminal() && stdout().is_terminal();
+    let _raw_until_the_end = if terminal { Some(Raw::enter().map_err(fault)?) } else { None };
+    greet(&stream, if terminal { Hello::Terminal } else { Hello::Lines });
+    let to = stream.try_clone().map_err(fault)?;
+    // Of its own, because the gateway may want its answers to be read before it reads on.
+    thread::spawn(move || send(&to, stdin()));
+    // At a terminal the user has seen what came of each line.
+    print(&stream).map(|all| if terminal { all.map(|_| true) } else { all }).map_err(fault)
+}
+
+/// Begins the session. If the gateway has ended it already, it has said why.
+fn greet(mut stream: &UnixStream, hello: Hello) {
+    if let Some(byte) = hello.byte() {
+        let _ = stream.write_all(&[byte]);
+    }
+}
+
+/// The terminal's raw mode, which ends with this, or before a signal ends the program.
+struct Raw(Arc<Mutex<Option<RawMode>>>);
+
+impl Raw {
+    fn enter() -> io::Result<Self> {
+        let mut signals = Signals::new([SIGHUP, SIGINT, SIGQUIT, SIGTERM])?;
+        let raw = Self(Arc::new(Mutex::new(RawMode::enter())));
+        let shared = Self(raw.0.clone());
+        thread::spawn(move || {
+            for signal in signals.forever() {
+                shared.leave();
+                let _ = emulate_default_handler(signal);
+            }
+        });
+        Ok(raw)
+    }
+
+    fn leave(&self) {
+        drop(self.0.lock().unwrap_or_else(PoisonError::into_inner).take());
+    }
+}
+
+impl Drop for Raw {
+    fn drop(&mut self) {
+        self.leave();
+    }
+}
+
+/// Sends `input` till its end. Where the session ends first there is nobody to tell.
+fn send(mut stream: &UnixStream, mut input: impl Read) {
+    let mut piece = [0; 4096];
+    loop {
+        match input.read(&mut piece) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Ok(count @ 1..) if stream.write_all(&piece[..count]).is_ok() => {}
+            _ => break,
+        }
+    }
+    let _ = stream.shutdown(Shutdown::Write);
+}
+
+/// Prints what comes till the end of the session; gives what its last byte says.
+fn print(mut stream: &UnixStream) -> io::Result<Option<bool>> {
+    let (mut piece, mut last) = ([0; 4096], None);
+    loop {
+        let part = match stream.read(&mut piece) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            Ok(count @ 1..) => &piece[..count],
+            // The gateway has ended it, in whatever way.
+            _ => return Ok(last),
+        };
+        last = part.last().copied().and_then(carried_out);
+        let text = &part[..part.len() - usize::from(last.is_some())];
+        stdout().write_all(text)?;
+        stdout().flush()?;
+    }
+}

@@ -1,0 +1,240 @@
+//! The sessions that run at a time: whoever comes gets one, and the one in which nothing happens for longest makes way.
+
+use std::cell::Cell;
+use std::io;
+
+use embassy_futures::select::{Either3, select3};
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Instant, Timer};
+use embedded_io_async::{ErrorType, Read, Write};
+use mobgate::console::{self, Ended, Mode};
+use mobgate::gateway::Gateway;
+use mobgate::hal::System;
+
+use super::guest::Guest;
+use super::hello::{Hello, farewell};
+use crate::store::FileStore;
+
+/// Sessions at a time.
+pub const SESSIONS_MAX: usize = 4;
+/// A session in which nothing is typed or printed for so long ends.
+const IDLE_MAX: Duration = Duration::from_secs(30 * 60);
+
+/// The places for sessions, each of which a task serves.
+pub struct Sessions {
+    places: [Place; SESSIONS_MAX],
+    idle_max: Duration,
+}
+
+impl Default for Sessions {
+    fn default() -> Self {
+        Self { places: Default::default(), idle_max: IDLE_MAX }
+    }
+}
+
+/// A place for a session.
+struct Place {
+    /// When something was typed or printed last; none while it is free.
+    last: Cell<Option<Instant>>,
+    /// Who gets it next: at once, whoever has it.
+    next: Signal<NoopRawMutex, Guest>,
+}
+
+impl Default for Place {
+    fn default() -> Self {
+        Self { last: Cell::new(None), next: Signal::new() }
+    }
+}
+
+/// How a session came to its end.
+enum End {
+    Ended(io::Result<Ended>),
+    Idle,
+    Displaced(Guest),
+}
+
+impl Sessions {
+    /// Gives `guest` a free place, or that of the session in which nothing has happened for longest.
+    pub fn admit(&self, guest: Guest) {
+        // No time is before all others. There is a place.
+        let Some(place) = self.places.iter().min_by_key(|place| place.last.get()) else { return };
+        place.last.set(Some(Instant::now()));
+        place.next.signal(guest);
+    }
+
+    /// Serves the place of this `number`, for ever.
+    pub async fn serve(&self, number: usize, gateway: &Gateway<'_>, store: FileStore, system: &impl System) {
+        let place = &self.places[number];
+        let mut guest = place.next.wait().await;
+        loop {
+            log::info!("console session of {}", guest.who);
+            let end = {
+                let session = session(&mut guest, &place.last, gateway, store.clone(), system);
+                match select3(session, place.next.wait(), idle(&place.last, self.idle_max)).await {
+                    Either3::First(ended) => End::Ended(ended),
+                    Either3::Second(next) => End::Displaced(next),
+                    Either3::Third(()) => End::Idle,
+                }
+            };
+            let next = end_of(guest, end).await;
+            if next.is_none() && !place.next.signaled() {
+                place.last.set(None);
+            }
+            guest = match next {
+                Some(next) => next,
+                None => place.next.wait().await,
+            };
+        }
+    }
+}
+
+/// Runs the session of `guest`.
+async fn session(
+    guest: &mut Guest,
+    last: &Cell<Option<Instant>>,
+    gateway: &Gateway<'_>,
+    mut store: FileStore,
+    system: &impl System,
+) -> io::Result<Ended> {
+    let mode = guest.begin().await?;
+    console::run(gateway, Watched { guest, last }, &mut store, system, mode).await
+}
+
+/// Ends the session of `guest` with a word about why; gives who comes next, if that is why.
+async fn end_of(guest: Guest, end: End) -> Option<Guest> {
+    let who = guest.who.clone();
+    let (last, next) = match end {
+        End::Ended(Ok(Ended::Foreign(foreign))) => {
+            log::warn!("console session of {who} ended: {foreign}");
+            (Vec::new(), None)
+        }
+        End::Ended(Ok(ended)) if guest.hello != Hello::None => (vec![farewell(ended)], None),
+        End::Ended(ended) => {
+            log::debug!("console session of {who} has ended: {ended:?}");
+            (Vec::new(), None)
+        }
+        End::Idle => (word(&guest, "idle for too long"), None),
+        End::Displaced(next) => {
+            let reason = format!("{SESSIONS_MAX} at a time, and {} is newer than this idle one", next.who);
+            (word(&guest, &reason), Some(next))
+        }
+    };
+    guest.dismiss(&last).await;
+    next
+}
+
+/// Says why a session ends, in the log and to its user.
+fn word(guest: &Guest, reason: &str) -> Vec<u8> {
+    log::info!("console session of {} ended: {reason}", guest.who);
+    // The terminal of such a client has a prompt on its line, and is raw.
+    let line_end = if guest.hello.mode() == Mode::Echo { "\r\n" } else { "\n" };
+    format!("{line_end}session ended: {reason}{line_end}").into_bytes()
+}
+
+/// Ready when nothing has happened for `limit`.
+async fn idle(last: &Cell<Option<Instant>>, limit: Duration) {
+    while let Some(end) = last.get().map(|last| last + limit)
+        && end > Instant::now()
+    {
+        Timer::at(end).await;
+    }
+}
+
+/// A guest who notes when something was typed or printed last.
+struct Watched<'g> {
+    guest: &'g mut Guest,
+    last: &'g Cell<Option<Instant>>,
+}
+
+impl Watched<'_> {
+    fn note<T>(&self, done: io::Result<T>) -> io::Result<T> {
+        self.last.set(Some(Instant::now()));
+        done
+    }
+}
+
+impl ErrorType for Watched<'_> {
+    type Error = io::Error;
+}
+
+impl Read for Watched<'_> {
+    async fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let read = self.guest.read(into).await;
+        self.note(read)
+    }
+}
+
+impl Write for Watched<'_> {
+    async fn write(&mut self, from: &[u8]) -> io::Result<usize> {
+        let written = self.guest.write(from).await;
+        self.note(written)
+    }
+
+    async fn flush(&mut self) -> io::Result<()> {
+        self.guest.flush().await
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+    use std::io::Read as _;
+    use std::os::unix::net::UnixStream;
+
+    use embassy_futures::select::select;
+    use embassy_time::{Duration, Instant, Timer};
+    use mobgate::frame::FramePool;
+    use mobgate::gateway::{Gateway, Ports};
+    use mobgate::hal::System;
+    use mobgate_simulator::World;
+
+    use super::{IDLE_MAX, Sessions, idle};
+    use crate::console::guest::Guest;
+    use crate::console::peer::Peer;
+    use crate::reactor::block_on;
+    use crate::store::FileStore;
+
+    #[test]
+    fn a_session_is_idle_when_nothing_has_happened_for_the_limit_and_not_before() {
+        World::new(1).run_until(async {
+            let last = Cell::new(Some(Instant::now()));
+            let work = async {
+                Timer::after(IDLE_MAX - Duration::from_secs(1)).await;
+                last.set(Some(Instant::now()));
+                std::future::pending::<()>().await;
+            };
+            select(idle(&last, IDLE_MAX), work).await;
+            assert_eq!(Instant::now(), Instant::MIN + IDLE_MAX * 2 - Duration::from_secs(1));
+        });
+    }
+
+    struct Nothing;
+
+    impl System for Nothing {
+        fn name(&self) -> &str {
+            "test"
+        }
+
+        fn reboot(&self) {}
+    }
+
+    #[test]
+    fn an_idle_session_ends_and_says_so() {
+        let (pool, ports) = (FramePool::new(&[], 0), Ports::<0>::new());
+        let gateway = Gateway::new(&pool, &ports, &[]);
+        let sessions = Sessions { idle_max: Duration::from_millis(50), ..Sessions::default() };
+        let (mut ours, theirs) = UnixStream::pair().unwrap();
+        let peer = Peer::of(&theirs).unwrap();
+        sessions.admit(Guest::by_socket(theirs, &peer).unwrap());
+        let free_again = async {
+            while sessions.places.iter().any(|place| place.last.get().is_some()) {
+                Timer::after_millis(5).await;
+            }
+        };
+        block_on(select(sessions.serve(0, &gateway, FileStore::new(None), &Nothing), free_again));
+        let mut said = String::new();
+        ours.read_to_string(&mut said).unwrap();
+        assert!(said.contains("session ended: idle for too long"), "{said:?}");
+    }
+}

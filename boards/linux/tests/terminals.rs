@@ -1,0 +1,161 @@
+//! The console at a terminal: the program's own, and one that joins a gateway by `mobgate console`.
+
+use std::fs::File;
+use std::process::{Child, Command, Stdio};
+
+use rustix::process::{Pid, Signal, kill_process};
+use rustix::termios::{LocalModes, OptionalActions, SpecialCodeIndex, tcgetattr, tcsetattr};
+use serial2::SerialPort;
+
+use common::{PATIENCE, Program, converse, free_port, wait_for, with_console};
+
+mod common;
+
+/// A PTY: a keyboard with a screen, and the terminal's other end.
+struct Terminal {
+    keyboard: SerialPort,
+    end: SerialPort,
+    name: String,
+}
+
+impl Terminal {
+    fn new() -> Self {
+        let (mut keyboard, end) = SerialPort::pair().unwrap();
+        keyboard.set_read_timeout(PATIENCE).unwrap();
+        let mut cooked = tcgetattr(&end).unwrap();
+        cooked.local_modes |= LocalModes::ICANON | LocalModes::ECHO | LocalModes::ISIG;
+        tcsetattr(&end, OptionalActions::Now, &cooked).unwrap();
+        let name = rustix::termios::ttyname(&end, Vec::new()).unwrap().into_string().unwrap();
+        Self { keyboard, end, name }
+    }
+
+    fn open(&self) -> Stdio {
+        Stdio::from(File::options().read(true).write(true).open(&self.name).unwrap())
+    }
+
+    /// The program with this as its terminal, in a session of its own; setsid(1) of util-linux makes it so.
+    fn command(&self) -> Command {
+        let mut command = Command::new("setsid");
+        command.args(["--ctty", "--wait", env!("CARGO_BIN_EXE_mobgate")]).stdin(self.open());
+        command
+    }
+
+    /// A gateway with the demo's bus.
+    fn gateway(&self) -> Program {
+        let port = free_port();
+        let mut command = self.command();
+        command.args(["--socket", "off", "--listen"]).arg(port.to_string());
+        Program::start_on(&mut command, self.open(), tempfile::tempdir().unwrap(), port)
+    }
+
+    /// A session at the console of `program`.
+    fn join(&self, program: &Program) -> Child {
+        let mut command = self.command();
+        command.arg("console").arg("--socket").arg(program.socket()).stdout(self.open()).stderr(self.open());
+        command.spawn().unwrap()
+    }
+
+    fn is_cooked(&self) -> bool {
+        let modes = tcgetattr(&self.end).unwrap();
+        modes.local_modes.contains(LocalModes::ICANON | LocalModes::ECHO)
+            && modes.special_codes[SpecialCodeIndex::VINTR] == CTRL_C
+    }
+
+    /// Types `keys`, and reads until `answer` has come.
+    fn type_in(&mut self, keys: &str, answer: &str) -> String {
+        converse(&mut self.keyboard, keys, answer)
+    }
+}
+
+/// The character that a terminal in its usual mode makes a signal of.
+const CTRL_C: u8 = 3;
+
+fn status(mut child: Child) -> std::process::ExitStatus {
+    wait_for("the client's end", || child.try_wait().unwrap())
+}
+
+#[test]
+fn a_terminal_gets_a_prompt_and_echo_and_is_restored_at_the_end() {
+    let mut terminal = Terminal::new();
+    let program = terminal.gateway();
+    terminal.type_in("", "mobgate> ");
+    terminal.type_in("show con", "show con");
+    terminal.type_in("fig\r", "serial demo rtu client");
+    assert!(!terminal.is_cooked());
+    // `exit` leads nowhere at a terminal: the gateway goes on, and so does its console.
+    terminal.keyboard.write_all(b"exit\r").unwrap();
+    program.logs("the gateway goes on; Ctrl-C");
+    terminal.type_in("show ports\r", "P");
+    assert!(!terminal.is_cooked());
+    program.signal(Signal::TERM);
+    assert_eq!(program.wait().code(), Some(0));
+    assert!(terminal.is_cooked(), "the terminal was left raw");
+}
+
+#[test]
+fn ctrl_c_ends_what_runs_then_the_line_and_twice_on_an_empty_one_the_gateway() {
+    let mut terminal = Terminal::new();
+    let mut program = terminal.gateway();
+    for (command, begun, ended) in [
+        ("watch\r", "watch\r\n", "mobgate> "),
+        ("scan bus 300\r", "about", " units found in "),
+        ("tune bus units 1 count 1000\r", "about", "mobgate> "),
+    ] {
+        terminal.type_in(command, begun);
+        let said = terminal.type_in("\x03", ended);
+        assert!(!said.contains("again"), "{said:?}");
+        terminal.type_in("show version\r", "mobgate 0.");
+    }
+    let said = terminal.type_in("show lo\x03", "^C\r\n\rmobgate> ");
+    assert!(!said.contains("again"), "{said:?}");
+    terminal.type_in("\x03", "press Ctrl-C again to stop the gateway");
+    // A key in between takes it back.
+    terminal.type_in("show version\r", "mobgate 0.");
+    terminal.type_in("\x03", "press Ctrl-C again to stop the gateway");
+    assert!(program.is_running());
+    terminal.keyboard.write_all(b"\x03").unwrap();
+    assert_eq!(program.wait().code(), Some(0));
+    assert!(terminal.is_cooked(), "the terminal was left raw");
+}
+
+#[test]
+fn a_terminal_that_joins_has_prompt_tab_and_history_and_leaves_the_gateway_alone() {
+    let mut program = with_console("port P502 tcp server {port}\n");
+    let mut terminal = Terminal::new();
+    let client = terminal.join(&program);
+    terminal.type_in("", "mobgate> ");
+    assert!(!terminal.is_cooked());
+    terminal.type_in("show ver\t\r", "mobgate 0.");
+    terminal.type_in("shwo\r", "error: column 1");
+    terminal.type_in("\x1b[A\x1b[A\r", "mobgate 0.");
+    terminal.type_in("watch\r", "watch\r\n");
+    terminal.type_in("\x03", "mobgate> ");
+    let said = terminal.type_in("abc\x03\x03\x03show version\r", "mobgate 0.");
+    assert!(!said.contains("again"), "{said:?}");
+    terminal.keyboard.write_all(b"\x04").unwrap();
+    assert_eq!(status(client).code(), Some(0));
+    assert!(terminal.is_cooked(), "the terminal was left raw");
+    assert!(program.is_running());
+}
+
+#[test]
+fn a_terminal_that_joined_is_restored_at_signals_and_at_the_gateway_s_end() {
+    for signal in [Signal::TERM, Signal::HUP, Signal::INT, Signal::QUIT] {
+        let program = with_console("port P502 tcp server {port}\n");
+        let mut terminal = Terminal::new();
+        let client = terminal.join(&program);
+        terminal.type_in("", "mobgate> ");
+        kill_process(Pid::from_child(&client), signal).unwrap();
+        assert!(!status(client).success());
+        assert!(terminal.is_cooked(), "{signal:?} left the terminal raw");
+    }
+    for signal in [Signal::TERM, Signal::KILL] {
+        let program = with_console("port P502 tcp server {port}\n");
+        let mut terminal = Terminal::new();
+        let client = terminal.join(&program);
+        terminal.type_in("", "mobgate> ");
+        program.signal(signal);
+        assert_eq!(status(client).code(), Some(3));
+        assert!(terminal.is_cooked(), "the gateway's end left the terminal raw");
+    }
+}

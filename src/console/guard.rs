@@ -1,0 +1,120 @@
+//! What comes to a console on a network and is no session of it.
+//!
+//! A page on the web may let its reader's browser send text of its choice to any port that the browser can reach. The lines of that
+//! text would be commands, if the request's own first line did not give it away.
+
+use core::fmt;
+
+use crate::config::LINE_BYTES_MAX;
+
+/// What the bytes of a session turned out to be instead of lines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Foreign {
+    /// A request of HTTP.
+    Http,
+    /// A record of TLS.
+    Tls,
+    /// Negotiation of a telnet client.
+    Telnet,
+    /// A first line with control characters.
+    NotText,
+    /// A first line that is longer than any of the console.
+    TooLong,
+}
+
+impl fmt::Display for Foreign {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Http => "this is HTTP",
+            Self::Tls => "this is TLS",
+            Self::Telnet => "this is a telnet client that negotiates",
+            Self::NotText => "the first line is not text",
+            Self::TooLong => "the first line is too long",
+        })
+    }
+}
+
+/// What the version of a request begins with, whatever its method and its target are.
+const HTTP: &[u8] = b" http/";
+/// The first byte of a handshake record (RFC 8446, 5.1).
+const TLS_HANDSHAKE: u8 = 0x16;
+/// "Interpret as command" (RFC 854).
+const TELNET_IAC: u8 = 0xff;
+
+/// Looks at a session's bytes until its first line is over.
+#[derive(Debug, Default)]
+pub(super) struct Guard {
+    /// Bytes of the line.
+    count: usize,
+    /// How many bytes of [`HTTP`] have come last.
+    matched: usize,
+    /// The line was one of text.
+    passed: bool,
+}
+
+impl Guard {
+    /// Takes the next byte, before anything else does; gives what the session is if it is none.
+    pub(super) fn feed(&mut self, byte: u8) -> Option<Foreign> {
+        if self.passed {
+            return None;
+        }
+        if byte == b'\n' {
+            // A blank line says nothing.
+            self.passed = self.count > 0;
+            self.matched = 0;
+            return None;
+        }
+        let is_first = self.count == 0;
+        self.count += usize::from(!byte.is_ascii_whitespace() || !is_first);
+        self.matched = match HTTP.get(self.matched) {
+            Some(next) if byte.eq_ignore_ascii_case(next) => self.matched + 1,
+            _ => usize::from(byte == b' '),
+        };
+        match byte {
+            TLS_HANDSHAKE if is_first => Some(Foreign::Tls),
+            TELNET_IAC if is_first => Some(Foreign::Telnet),
+            _ if byte.is_ascii_control() && !byte.is_ascii_whitespace() => Some(Foreign::NotText),
+            _ if self.matched == HTTP.len() => Some(Foreign::Http),
+            _ if self.count > LINE_BYTES_MAX => Some(Foreign::TooLong),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+
+    fn found(bytes: &[u8]) -> Option<Foreign> {
+        let mut guard = Guard::default();
+        bytes.iter().find_map(|byte| guard.feed(*byte))
+    }
+
+    #[test]
+    fn requests_of_http_are_known_by_their_version_whatever_method_they_name() {
+        for line in
+            ["POST / HTTP/1.1\r\n", "\r\n\r\ndelete  http/1.0", "PRI * HTTP/2.0\r\n\r\nSM", "a  HTTP/1.1"]
+        {
+            assert_eq!(found(line.as_bytes()), Some(Foreign::Http), "{line:?}");
+        }
+        let long = [b"GET /", &[b'x'; LINE_BYTES_MAX][..]].concat();
+        assert_eq!(found(&long), Some(Foreign::TooLong));
+    }
+
+    #[test]
+    fn tls_telnet_and_control_characters_are_known_by_a_byte() {
+        assert_eq!(found(b"\x16\x03\x01\x02\x00"), Some(Foreign::Tls));
+        assert_eq!(found(b"\xff\xfd\x03"), Some(Foreign::Telnet));
+        assert_eq!(found(b"\x00\x03\x00\x08!"), Some(Foreign::NotText));
+        assert_eq!(found(b"show\x1b[A"), Some(Foreign::NotText));
+    }
+
+    #[test]
+    fn lines_of_the_console_pass_and_behind_the_first_one_everything_does() {
+        assert_eq!(found(b"\r\n  \r\nshow config\r\nlabel HTTP/1.1 \x16\xff\n"), None);
+        assert_eq!(found("point p d holding 0 label \"caf\u{e9} http\"\n".as_bytes()), None);
+        let full = [b" ".repeat(LINE_BYTES_MAX), b"x".repeat(LINE_BYTES_MAX), b"\n".to_vec()].concat();
+        assert_eq!(found(&full), None);
+    }
+}

@@ -47,8 +47,7 @@ impl SerialHost for TtyHost {
     type Line<'a> = Tty;
 
     async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Tty, OpenError> {
-        // An absolute name replaces the folder it is joined to.
-        let (device, line) = (Path::new("/dev").join(device), *line);
+        let (device, line) = (path(device), *line);
         let port = blocking::unblock(move || open(device, &line)).await?;
         let rts = match line.driver {
             Driver::Rts => Some(port.try_clone().map_err(|_| OpenError::new(OpenErrorKind::Failed, ""))?),
@@ -58,6 +57,12 @@ impl SerialHost for TtyHost {
             .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
         Ok(Tty { receiver: Receiver::new(&io), io, rts: rts.map(Arc::new) })
     }
+}
+
+/// The file that `device` names.
+pub(crate) fn path(device: &str) -> PathBuf {
+    // An absolute name replaces the folder it is joined to.
+    Path::new("/dev").join(device)
 }
 
 fn open(device: PathBuf, line: &LineSettings) -> Result<SerialPort, OpenError> {

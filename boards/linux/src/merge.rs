@@ -25,8 +25,8 @@ pub fn merge(old: &str, new: &str) -> String {
     }
     let items = new.lines().filter_map(Item::of).collect::<Vec<_>>();
     let plan = Plan::new(&before.lines, &items);
-    let merged = [Plan::in_place, Plan::in_order].into_iter().map(|arrange| arrange(&plan));
-    let merged = merged.filter(|text| !text.is_empty() && says_it(&Text::read(text))).next();
+    let mut merged = [Plan::in_place, Plan::in_order].into_iter().map(|arrange| arrange(&plan));
+    let merged = merged.find(|text| !text.is_empty() && says_it(&Text::read(text)));
     // Lines of settings alone can always be read.
     merged.map_or_else(|| new.to_owned(), |text| mark.to_owned() + &text)
 }

@@ -52,7 +52,7 @@ impl<'t> Text<'t> {
 
     /// What the settings are, whatever order lines have that may have any: only that of rules counts.
     fn things(&self) -> Vec<Item> {
-        let mut things = items(&self.settings);
+        let mut things = (0..).map_while(|n| printed(&self.settings, n)).collect::<Vec<_>>();
         things.sort_by(|one, other| (one.kind, &one.name).cmp(&(other.kind, &other.name)));
         things
     }
@@ -88,15 +88,11 @@ fn kind(verb: &str) -> Option<usize> {
     KINDS.iter().position(|kind| kind.eq_ignore_ascii_case(verb))
 }
 
-/// What `settings` print.
-fn items(settings: &Settings) -> Vec<Item> {
+/// What line `n` of those that `settings` print makes.
+fn printed(settings: &Settings, n: usize) -> Option<Item> {
     let mut text = String::new();
-    let line = |n| {
-        text.clear();
-        // A string takes all that is written.
-        write_line(settings, n, &mut text).map(|_| Item::of(&text))
-    };
-    (0..).map_while(line).flatten().collect()
+    // A string takes all that is written.
+    write_line(settings, n, &mut text).and_then(|_| Item::of(&text))
 }
 
 /// A line of a text.
@@ -136,11 +132,19 @@ impl<'t> Line<'t> {
 /// What a line of these words has just made.
 fn made(settings: &Settings, verb: &str, words: &[&str]) -> Option<Item> {
     let kind = kind(verb)?;
+    let counts = [
+        usize::from(settings.network.is_some()),
+        settings.ports.iter().flatten().count(),
+        settings.routes.len(),
+        settings.devices.len(),
+        settings.points.len(),
+        settings.slaves.len(),
+    ];
+    let first: usize = counts[..kind].iter().sum();
     let name = words.get(1).map(|name| name.to_lowercase());
-    let is_it =
-        |item: &Item| item.kind == kind && (item.name.is_empty() || Some(&item.name) == name.as_ref());
+    let is_it = |item: &Item| item.name.is_empty() || Some(&item.name) == name.as_ref();
     // A rule comes behind the others.
-    items(settings).into_iter().rev().find(is_it)
+    (first..first + counts[kind]).rev().filter_map(|n| printed(settings, n)).find(is_it)
 }
 
 /// The words of a line, and the comment behind them.

@@ -57,9 +57,14 @@ fn check(facts: &fs::Metadata) -> Result<(), Reason> {
 /// Puts `text` in place of the file at `path`: whoever reads it, also after a power cut, sees the old or the new text. The file
 /// keeps its mode and its owner, and a link to it stays a link.
 pub fn replace(path: &Path, text: &[u8]) -> io::Result<()> {
+    replace_like(path, path, text)
+}
+
+/// [`replace`], where the file gets the mode and the owner of the one at `like`.
+pub fn replace_like(path: &Path, like: &Path, text: &[u8]) -> io::Result<()> {
     let path = resolve(path);
     let folder = folder(&path);
-    let old = match fs::metadata(&path) {
+    let old = match fs::metadata(like) {
         Err(error) if error.kind() == ErrorKind::NotFound => None,
         facts => Some(facts?),
     };

@@ -51,7 +51,7 @@ impl FileStore {
         let aside = PathBuf::from(name);
         let known = self.known.borrow().clone().unwrap_or_default();
         let text = merge(&String::from_utf8_lossy(&known), text);
-        let kept = file::replace(&aside, text.as_bytes());
+        let kept = file::replace_like(&aside, path, text.as_bytes());
         kept.map_err(|error| format!("{}: {error}", aside.display())).map(|()| aside)
     }
 }
@@ -120,6 +120,7 @@ fn write(path: &Path, new: &str, is_known: impl FnOnce(&[u8]) -> bool) -> Result
 #[cfg(test)]
 mod tests {
     use std::fs;
+    use std::os::unix::fs::PermissionsExt;
 
     use mobgate::hal::{Store, StoreError};
 
@@ -224,7 +225,9 @@ mod tests {
         read(&mut store).unwrap();
         store.taken_over();
         fs::write(&path, "# edited\n").unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
         let aside = store.keep_aside(NEW).unwrap();
+        assert_eq!(fs::metadata(&aside).unwrap().permissions().mode() & 0o777, 0o600);
         assert_eq!(aside.file_name().unwrap(), "mobgate.conf.unsaved");
         assert_eq!(fs::read_to_string(&aside).unwrap(), format!("# the boiler\n{} # old\n", NEW.trim_end()));
         assert_eq!(fs::read_to_string(&path).unwrap(), "# edited\n");

@@ -284,12 +284,10 @@ fn seen_by(program: &Program) -> (String, usize) {
 
 #[test]
 fn a_full_disk_is_named_and_leaves_the_old_file() {
-    let full = "cp \"$1\"/mobgate.conf /tmp/.; mount -t tmpfs -o size=16k none \"$1\"\n\
-                cp /tmp/mobgate.conf \"$1\"; rm /tmp/mobgate.conf\n\
-                head -c 100000 /dev/zero >\"$1\"/filler 2>/dev/null || true";
-    // A temporary folder of its own, where nobody else's files are.
-    let full = format!("held=$(mktemp -d); {}", full.replace("/tmp/", "\"$held\"/"));
-    let (program, said) = save_where(&["--mount", "--map-root-user"], &full);
+    let full = "text=$(cat \"$1/mobgate.conf\"); mount -t tmpfs -o size=16k none \"$1\"
+        printf '%s\\n' \"$text\" >\"$1/mobgate.conf\"
+        head -c 100000 /dev/zero >\"$1/filler\" 2>/dev/null || true";
+    let (program, said) = save_where(&["--mount", "--map-root-user"], full);
     assert!(
         said.contains("error: line 2, the settings file cannot be read or written: the disk is full"),
         "{said}"

@@ -56,6 +56,7 @@ pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
 pub use self::proof::{PROOFS_MAX, Proof, Proofs};
 pub(crate) use self::route_words::units as parse_units;
+pub(crate) use self::saved::look_through;
 pub use self::saved::{ReadError, read_store, write_store};
 pub use self::serial::{
     Driver, Framing, LineSettings, Parity, SerialClientSettings, SerialServerSettings, SerialSettings,
@@ -65,20 +66,22 @@ pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
 pub(crate) use self::values::{medium, number, parse_number, small, time};
-pub(crate) use self::words::{Word, Words, Wrong};
+pub(crate) use self::words::{Word, Words, Wrong, find_word};
 use crate::route::{Destination, Route, comes_back, never_matches};
 use crate::scanner::{DEVICES_MAX, POINTS};
 
-/// Longest line of the line language in bytes. Settings at their limits print lines of about 600: what is printed can be read.
-pub const LINE_BYTES_MAX: usize = 640;
+/// Longest line of the line language in bytes. Settings at their limits print shorter ones: what is printed can be read.
+pub const LINE_BYTES_MAX: usize = if PATHS { 800 } else { 640 };
 /// Ports that settings can hold. With the feature `small`: as many as small boards run.
 pub const PORTS_MAX: usize = if cfg!(feature = "small") { 8 } else { 16 };
 /// Routing rules that settings can hold.
 pub const ROUTES_MAX: usize = 64;
 /// Longest port name in bytes.
 pub const NAME_BYTES_MAX: usize = 15;
-/// Longest device name in bytes: names under `/dev/serial/by-id` come near it. Boards with the feature `small` name UARTs.
-pub const DEVICE_BYTES_MAX: usize = if cfg!(feature = "small") { 15 } else { 96 };
+/// Longest device name in bytes: with the feature `paths` that of a file, since names under `/dev/serial/by-id` have more than
+/// 100. Boards name UARTs.
+pub const DEVICE_BYTES_MAX: usize = if PATHS { 255 } else { 15 };
+const PATHS: bool = cfg!(feature = "paths");
 /// Address prefixes in one list of a TCP server.
 pub const RESERVED_MAX: usize = 4;
 
@@ -99,8 +102,8 @@ impl PortId {
 /// Everything that `save` keeps and `show config` prints.
 #[derive(Debug, PartialEq, Eq, Default)]
 pub struct Settings {
-    /// How the board comes by its own address, where that is the gateway's business.
-    pub network: OwnNetwork,
+    /// How the board comes by its own address, where that is the gateway's business; `None`: as it does by default.
+    pub network: Option<OwnNetwork>,
     /// The ports; a place keeps its index while other ports come and go.
     pub ports: [Option<Port>; PORTS_MAX],
     /// The routing rules in the order in which they are tried.
@@ -117,7 +120,7 @@ impl Settings {
     /// No ports, no rules.
     pub const fn new() -> Self {
         Self {
-            network: OwnNetwork::DEFAULT,
+            network: None,
             ports: [const { None }; PORTS_MAX],
             routes: Vec::new(),
             devices: Vec::new(),
@@ -128,12 +131,17 @@ impl Settings {
 
     /// Forgets everything.
     pub fn clear(&mut self) {
-        self.network = OwnNetwork::DEFAULT;
+        self.network = None;
         self.ports.iter_mut().for_each(|port| *port = None);
         self.routes.clear();
         self.devices.clear();
         self.points.clear();
         self.slaves.clear();
+    }
+
+    /// How the board comes by its own address.
+    pub fn own_network(&self) -> OwnNetwork {
+        self.network.clone().unwrap_or_default()
     }
 
     /// The port at `id`.

@@ -45,6 +45,8 @@ use crate::gateway::Gateway;
 use crate::hal::{Store, System};
 
 const PROMPT: &str = "mobgate> ";
+/// The prompt while the settings in force are not saved.
+const PROMPT_UNSAVED: &str = "mobgate*> ";
 /// Bytes taken from the stream at a time.
 const CHUNK_BYTES_MAX: usize = 64;
 /// Bytes that may stop a command; what is behind them, or behind the line that they begin, is the next command.
@@ -172,8 +174,8 @@ async fn work<S: Store>(console: &mut Console<'_, '_>, store: &mut S, wait: Wait
             let changed = drafting::change(session.gateway, input.line()).await;
             session.changed(changed);
         }
-        Wait::Save => {
-            let saved = drafting::save(session.gateway, store).await;
+        Wait::Save { whatever } => {
+            let saved = drafting::save(session.gateway, store, whatever).await;
             session.saved(saved);
         }
         Wait::Load => {

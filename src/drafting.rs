@@ -5,9 +5,10 @@
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
+use heapless::String;
 use thiserror::Error;
 
-use crate::config::{self, LineError, LoadError, ReadError, Settings, Warning};
+use crate::config::{self, LineError, LoadError, ReadError, Settings, WORD_BYTES_MAX, Warning};
 use crate::gateway::{ApplyError, Gateway};
 use crate::hal::{Store, StoreError};
 
@@ -29,6 +30,30 @@ pub enum Unchanged {
     /// The board has not what they ask for.
     #[error(transparent)]
     Apply(#[from] ApplyError),
+    /// The board has not what a line in the store asks for.
+    #[error("saved settings: {0}")]
+    Refused(Refused),
+}
+
+/// The first line of a text that asks for what the board has not.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("line {line}, column {column}: \"{word}\": {error}")]
+pub struct Refused {
+    /// The line's number, from 1.
+    pub line: u32,
+    /// Where the word starts, in characters from 1.
+    pub column: usize,
+    /// The word that asks for it.
+    pub word: String<WORD_BYTES_MAX>,
+    /// What there is not.
+    pub error: ApplyError,
+}
+
+impl Refused {
+    fn new(number: u32, line: &str, settings: &Settings, error: ApplyError) -> Self {
+        let (column, word) = config::find_word(line, error.word(settings));
+        Self { line: number, column, word, error }
+    }
 }
 
 /// The draft, with whatever is left in it.
@@ -41,26 +66,77 @@ pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>
     let mut draft = draft(gateway).await;
     gateway.settings(|settings| draft.clone_from(settings));
     let applied = config::apply(&mut draft, line)?;
+    let differs = gateway.settings(|settings| *draft != *settings);
     gateway.apply(&draft)?;
+    if differs {
+        gateway.set_unsaved(true);
+    }
     Ok(applied.warning)
 }
 
-/// Makes the settings the text in `store`.
-pub async fn save(gateway: &Gateway<'_>, store: &mut impl Store) -> Result<(), StoreError> {
+/// Makes the settings the text in `store`, `whatever` somebody else may have written there.
+pub async fn save(gateway: &Gateway<'_>, store: &mut impl Store, whatever: bool) -> Result<(), StoreError> {
     let mut draft = draft(gateway).await;
     gateway.settings(|settings| draft.clone_from(settings));
-    config::write_store(&draft, store).await
+    // What is changed while they are written is not in there.
+    let unsaved = gateway.set_unsaved(false);
+    store.overwrite(whatever);
+    let saved = config::write_store(&draft, store).await;
+    if saved.is_err() && unsaved {
+        gateway.set_unsaved(true);
+    }
+    saved
 }
 
 /// Takes over the settings that the text in `store` says, if there is one; says how long it is.
 pub async fn load(gateway: &Gateway<'_>, store: &mut impl Store) -> Result<usize, Unchanged> {
     let mut draft = draft(gateway).await;
-    let bytes = config::read_store(store, &mut draft).await.map_err(|error| match error {
-        ReadError::Store(error) => Unchanged::Store(error),
-        ReadError::Text(error) => Unchanged::Text(error),
-    })?;
+    let bytes = read(gateway, store, &mut draft).await?;
     if bytes > 0 {
-        gateway.apply(&draft)?;
+        take_over(gateway, store, &draft)?;
     }
     Ok(bytes)
+}
+
+/// Reads the settings that the text in `store` says into `draft`, which is of no use after an error; says how long the text is.
+/// The board can have them.
+pub async fn read(
+    gateway: &Gateway<'_>,
+    store: &mut impl Store,
+    draft: &mut Settings,
+) -> Result<usize, Unchanged> {
+    let bytes = config::read_store(store, draft).await?;
+    let Err(error) = gateway.check(draft) else { return Ok(bytes) };
+    // Once more, for the line that asks for it. Only what all lines say together counts, so that is not looked at each time.
+    let mut refused = None;
+    let mut look = |number, line: &str, settings: &Settings| {
+        if refused.is_none()
+            && let Err(error) = gateway.check(settings)
+        {
+            refused = Some(Refused::new(number, line, settings, error));
+        }
+    };
+    config::look_through(store, draft, &mut look).await?;
+    Err(refused.map_or(Unchanged::Apply(error), Unchanged::Refused))
+}
+
+/// Takes over `settings`, which were read from `store`.
+pub fn take_over(
+    gateway: &Gateway<'_>,
+    store: &mut impl Store,
+    settings: &Settings,
+) -> Result<(), ApplyError> {
+    gateway.apply(settings)?;
+    store.taken_over();
+    gateway.set_unsaved(false);
+    Ok(())
+}
+
+impl From<ReadError> for Unchanged {
+    fn from(error: ReadError) -> Self {
+        match error {
+            ReadError::Store(error) => Self::Store(error),
+            ReadError::Text(error) => Self::Text(error),
+        }
+    }
 }

@@ -6,6 +6,8 @@
 
 use core::cell::RefCell;
 use core::pin::pin;
+use core::sync::atomic::AtomicBool;
+use core::sync::atomic::Ordering::Relaxed;
 
 use embassy_futures::select::select;
 use embassy_sync::blocking_mutex::Mutex;
@@ -24,58 +26,24 @@ use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Sta
 use crate::hal::{SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::{Desk, Matching};
-use crate::port::ethercat::{ConfigError, EthercatPlace, LineWriter};
+use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::port::local::Events;
 use crate::port::moment::apart;
 use crate::port::tcp_server::Terms;
 use crate::port::units::AllUnits;
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
-use crate::scanner::{Full, POINTS, ScannerPlace};
+use crate::scanner::{POINTS, ScannerPlace};
 use crate::stats::Log;
 
+mod check;
 mod place;
 mod seat;
 
+pub use self::check::ApplyError;
 pub use self::place::{PortAt, PortPlace, Ports, Status};
 pub use self::seat::{Seat, SeatState};
 
 type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
-
-/// Why settings were not taken over.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum ApplyError {
-    /// The TCP servers want more connections than the board has.
-    #[error(
-        "the TCP servers want {wanted} connections (one more each than its clients), this board has {seats}"
-    )]
-    Seats {
-        /// Connections wanted.
-        wanted: usize,
-        /// Connections there are.
-        seats: usize,
-    },
-    /// The board's network is not the gateway's.
-    #[error("network lines are for boards with a network of their own; here the operating system sets it")]
-    Network,
-    /// The board runs fewer ports.
-    #[error("this board runs {0} ports at most")]
-    Ports(usize),
-    /// The board has no memory for data points.
-    #[error("this board has no data points")]
-    NoPoints,
-    /// The board has no EtherCAT controller.
-    #[error("this board has no EtherCAT controller: it cannot have an ethercat port")]
-    NoEthercat,
-    /// The board has no memory for frames.
-    #[error("this board keeps no frames")]
-    NoCapture,
-    /// The data points take more than there is.
-    #[error(transparent)]
-    Points(#[from] Full),
-    /// The slaves of the EtherCAT port cannot be asked.
-    #[error(transparent)]
-    Slaves(#[from] ConfigError),
-}
 
 /// All that the tasks share.
 pub struct Gateway<'g> {
@@ -88,6 +56,10 @@ pub struct Gateway<'g> {
     settings: Shared<Settings>,
     /// Settings that are being changed, loaded or saved.
     pub(crate) draft: Draft,
+    /// Whether the settings in force are others than those that were loaded or saved last.
+    unsaved: AtomicBool,
+    /// Whether two names are one serial line's.
+    same_device: fn(&str, &str) -> bool,
     /// Whether the settings say the board's own address.
     owns_network: bool,
     network_changed: Signal<CriticalSectionRawMutex, ()>,
@@ -117,6 +89,8 @@ impl<'g> Gateway<'g> {
             inbox: Channel::new(),
             settings: Mutex::new(RefCell::new(Settings::new())),
             draft: Draft::new(Settings::new()),
+            unsaved: AtomicBool::new(false),
+            same_device: |one, other| one == other,
             owns_network: false,
             network_changed: Signal::new(),
             log: Log::new(),
@@ -126,6 +100,13 @@ impl<'g> Gateway<'g> {
             capture: None,
             ethercat: None,
         }
+    }
+
+    /// For a board whose serial lines have several names each: it says whether two of them are one line's.
+    #[must_use]
+    pub const fn with_same_device(mut self, same_device: fn(&str, &str) -> bool) -> Self {
+        self.same_device = same_device;
+        self
     }
 
     /// The gateway with data points, which take memory of their own.
@@ -174,7 +155,7 @@ impl<'g> Gateway<'g> {
     /// Waits until the settings say another way to come by the board's address; one task may wait.
     pub async fn new_network(&self) -> OwnNetwork {
         self.network_changed.wait().await;
-        self.settings(|settings| settings.network.clone())
+        self.settings(Settings::own_network)
     }
 
     /// The frames.
@@ -217,6 +198,18 @@ impl<'g> Gateway<'g> {
         self.settings.lock(|settings| f(&settings.borrow()))
     }
 
+    /// Whether the settings have changed since they were loaded or saved.
+    pub fn has_unsaved(&self) -> bool {
+        self.unsaved.load(Relaxed)
+    }
+
+    /// Notes whether they have; gives what was noted before.
+    pub fn set_unsaved(&self, unsaved: bool) -> bool {
+        let before = self.has_unsaved();
+        self.unsaved.store(unsaved, Relaxed);
+        before
+    }
+
     /// Changes the settings in force. Who changes more than what is looked up for each request tells the ports of it.
     pub(crate) fn change_settings<R>(&self, f: impl FnOnce(&mut Settings) -> R) -> R {
         self.settings.lock(|settings| f(&mut settings.borrow_mut()))
@@ -225,30 +218,7 @@ impl<'g> Gateway<'g> {
     /// Takes `new` over: rules and what special units mean from the next request on; ports that differ in kind or its
     /// settings are started again, the others go on.
     pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
-        let wanted = new.ports.iter().flatten().map(|port| seats_of(&port.kind)).sum();
-        if wanted > self.seats.len() {
-            return Err(ApplyError::Seats { wanted, seats: self.seats.len() });
-        }
-        if new.ports.iter().skip(self.ports.len()).any(Option::is_some) {
-            return Err(ApplyError::Ports(self.ports.len()));
-        }
-        if !self.owns_network && new.network != OwnNetwork::DEFAULT {
-            return Err(ApplyError::Network);
-        }
-        let has_points = !new.points.is_empty() || new.ports.iter().flatten().any(is_scanner);
-        if has_points && self.scanner().is_none() {
-            return Err(ApplyError::NoPoints);
-        }
-        if new.ethercat().is_some() && self.ethercat().is_none() {
-            return Err(ApplyError::NoEthercat);
-        }
-        if let Some(ethercat) = self.ethercat() {
-            ethercat.check_settings(new)?;
-        }
-        let captures = |port: &Port| matches!(&port.kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture);
-        if new.ports.iter().flatten().any(captures) && self.capture().is_none() {
-            return Err(ApplyError::NoCapture);
-        }
+        self.check(new)?;
         let mut points = Reloaded::Nothing;
         if let Some(place) = self.scanner() {
             let load = |scanner: &mut _| self.settings(|old| load_points(scanner, old, new, Instant::now()));
@@ -264,7 +234,7 @@ impl<'g> Gateway<'g> {
                 // What it has asked so far is nobody's question any more.
                 *changed |= points == Reloaded::All && new.as_ref().is_some_and(is_scanner);
             }
-            if settings.network != new.network {
+            if settings.own_network() != new.own_network() {
                 self.network_changed.signal(());
             }
             settings.clone_from(new);

@@ -227,6 +227,12 @@ pub trait Store {
 
     /// Makes the appended text the saved one, at once and whole.
     async fn commit(&mut self) -> Result<(), StoreError>;
+
+    /// The gateway has taken over what was read last. What somebody else writes from now on is not to be lost.
+    fn taken_over(&mut self) {}
+
+    /// Whether the next version replaces what is there even if somebody else has written it.
+    fn overwrite(&mut self, _whatever: bool) {}
 }
 
 /// Why settings could not be read or written.
@@ -238,12 +244,18 @@ pub enum StoreError {
     /// The text does not fit.
     #[error("the settings do not fit: {0} bytes at most")]
     Full(usize),
+    /// Somebody else has written what is stored.
+    #[error("the file was edited since it was read: `load` takes it over, `save force` writes over it")]
+    Edited,
     /// What is stored is not what was written.
     #[error("the saved settings are damaged")]
     Damaged,
     /// The medium refused.
     #[error("writing the settings failed")]
     Failed,
+    /// The medium refused, and says why.
+    #[error("the settings file cannot be read or written: {0}")]
+    Refused(&'static str),
 }
 
 /// How a board's own network does.

@@ -48,11 +48,14 @@
 //!
 //! With the feature `small` some are lower, for boards with little memory. Without the feature `points` the gateway asks nothing by
 //! itself: it holds no data points, and no memory for them. Without the feature `ipv6` settings take addresses
-//! of IPv4 only, as boards with an Ethernet of their own do. Without `capture` it keeps no frames to be looked at.
+//! of IPv4 only, as boards with an Ethernet of their own do. Without `capture` it keeps no frames to be looked at. Without `paths` names of serial devices are
+//! short, as boards need them.
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
 //! | [`config::PORTS_MAX`] | 16, small: 8 | a cabinet's worth of lines and listeners |
+//! | [`config::DEVICE_BYTES_MAX`] | 255, without `paths`: 15 | a file's name: adapters under `/dev/serial/by-id` have more than 100 |
+//! | [`config::LINE_BYTES_MAX`] | 800, without `paths`: 640 | the longest line that settings print |
 //! | [`config::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
 //! | [`port::queue::WAITING_MAX`] | 64, small: 24 | orders that wait at a port; one more is answered 06h |
 //! | [`port::cache::ANSWERS_MAX`] | 16, small: 8 | answers that a port keeps where a rule says `cache`, in [`port::cache::ANSWER_BYTES_MAX`] bytes |

@@ -35,6 +35,11 @@ impl LineBuffer {
         })
     }
 
+    /// Whether the line so far is `bytes`.
+    pub(crate) fn is(&self, bytes: &[u8]) -> bool {
+        self.bytes == bytes
+    }
+
     /// Starts the next line.
     pub(crate) fn clear(&mut self) {
         self.bytes.clear();

@@ -327,9 +327,11 @@ fn name(word: Word, expected: &'static str) -> Result<PointName, Wrong> {
 
 /// `"Boiler 2"`, or a single word.
 fn label(words: &Words) -> Result<Label, Wrong> {
+    // An empty one stands in quotes.
+    let is_missing = words.peek().is_end();
     let word = words.take_quoted();
     let good = !word.text.contains(|character: char| character == '"' || character.is_control());
-    let label = if good { Label::try_from(word.text).ok() } else { None };
+    let label = if good && !is_missing { Label::try_from(word.text).ok() } else { None };
     label.ok_or_else(|| word.expected("a label of at most 23 bytes, in quotes"))
 }
 

@@ -10,7 +10,7 @@ use super::{IpPrefix, MODBUS_TCP_PORT, Parity, RESERVED_MAX, Special};
 
 /// Names the limit as a number.
 const DEVICE_EXPECTED: &str = match super::DEVICE_BYTES_MAX {
-    96 => "a serial device such as uart1 or /dev/ttyUSB0, at most 96 characters",
+    255 => "a serial device such as uart1 or /dev/ttyUSB0, at most 255 characters",
     15 => "a serial device such as uart1, at most 15 characters",
     _ => panic!("another text is needed"),
 };

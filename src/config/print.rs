@@ -10,9 +10,8 @@ use super::port_keys::UNIT_KEYS;
 use super::route_words::IDENTIFICATION;
 use super::values::Time;
 use super::{
-    EthercatSettings, Framing, IpPrefix, LineSettings, OwnNetwork, Parity, Port, PortKind, SerialSettings,
-    Settings, Side, Special, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
-    UnitPolicy,
+    EthercatSettings, Framing, IpPrefix, LineSettings, Parity, Port, PortKind, SerialSettings, Settings,
+    Side, Special, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings, UnitPolicy,
 };
 use crate::route::{AddressRange, Cut, Forbidden, Functions, Merge, Policy, Priority, Route, Tag, UnitRange};
 use crate::scanner::POINTS;
@@ -24,9 +23,10 @@ pub const SPEED_BYTES_MAX: usize = 16;
 ///
 /// A line has every value that differs from the default, and always the baud rate and format.
 pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
-    let own_network = usize::from(settings.network != OwnNetwork::DEFAULT);
-    let Some(n) = n.checked_sub(own_network) else {
-        return Some(write!(out, "network {}", settings.network));
+    let n = match &settings.network {
+        Some(network) if n == 0 => return Some(write!(out, "network {network}")),
+        Some(_) => n - 1,
+        None => n,
     };
     let ports = || settings.ports.iter().flatten();
     let width = ports().map(|port| port.name.len()).max().unwrap_or(0);

@@ -27,14 +27,7 @@ pub struct LineError {
 
 impl LineError {
     pub(super) fn new(column: usize, text: &str, problem: Problem) -> Self {
-        let mut word = String::new();
-        for character in text.chars() {
-            // A longer word is cut: the column finds it all the same.
-            if word.push(character).is_err() {
-                break;
-            }
-        }
-        Self { column, word, problem }
+        Self { column, word: cut(text), problem }
     }
 
     /// The line has more than [`LINE_BYTES_MAX`] bytes.
@@ -53,8 +46,19 @@ impl fmt::Display for LineError {
 
 impl core::error::Error for LineError {}
 
+/// As much of a word as an error keeps: the column finds a longer one all the same.
+pub(super) fn cut(text: &str) -> String<WORD_BYTES_MAX> {
+    let mut word = String::new();
+    for character in text.chars() {
+        if word.push(character).is_err() {
+            break;
+        }
+    }
+    word
+}
+
 /// Why a word is wrong.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum Problem {
     /// Something else belongs here.
     #[error("expected {expected}{}", Suggestion(*near))]
@@ -136,9 +140,9 @@ pub enum Problem {
     /// More reserved places than there are.
     #[error("more places are reserved than the {0} that there are")]
     ReservedTooMany(u16),
-    /// Another port has this serial line.
-    #[error("another port has this device")]
-    DeviceTaken,
+    /// The port of this name has this serial line.
+    #[error("port {0} has this device")]
+    DeviceTaken(Name),
     /// Another port listens there.
     #[error("another port listens there")]
     ListenTaken,

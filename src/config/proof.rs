@@ -10,7 +10,7 @@ use crate::route::UnitRange;
 use crate::scanner::Kind;
 
 /// Ranges of units of a port that have a proof of their own.
-pub const PROOFS_MAX: usize = if cfg!(feature = "small") { 2 } else { 8 };
+pub const PROOFS_MAX: usize = if cfg!(feature = "small") { 2 } else { 4 };
 
 /// The request that is sent to a unit whose responses could otherwise be mixed up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -74,7 +74,7 @@ impl Proofs {
 /// Names the limit as a number.
 const PROOFS_EXPECTED: &str = match PROOFS_MAX {
     2 => "proofs for at most 2 ranges of units",
-    8 => "proofs for at most 8 ranges of units",
+    4 => "proofs for at most 4 ranges of units",
     _ => panic!("another text is needed"),
 };
 

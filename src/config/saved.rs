@@ -3,7 +3,7 @@
 use heapless::String;
 use thiserror::Error;
 
-use super::loader::{LoadError, Loader};
+use super::loader::{LoadError, Loader, Look};
 use super::print::write_line;
 use super::{LINE_BYTES_MAX, Settings};
 use crate::hal::{Store, StoreError};
@@ -25,7 +25,19 @@ pub enum ReadError {
 /// Reads the text in `store` into `settings`, which are of no use after an error; the number of its bytes, 0 when
 /// nothing is saved.
 pub async fn read_store(store: &mut impl Store, settings: &mut Settings) -> Result<usize, ReadError> {
-    let mut loader = Loader::new(settings);
+    feed(store, Loader::new(settings)).await
+}
+
+/// As [`read_store`]; `look` sees each line.
+pub(crate) async fn look_through<'s>(
+    store: &mut impl Store,
+    settings: &'s mut Settings,
+    look: &'s mut Look<'s>,
+) -> Result<usize, ReadError> {
+    feed(store, Loader::new(settings).with_look(look)).await
+}
+
+async fn feed(store: &mut impl Store, mut loader: Loader<'_>) -> Result<usize, ReadError> {
     let mut chunk = [0; CHUNK_BYTES_MAX];
     let mut offset = 0;
     loop {

@@ -10,6 +10,7 @@ mod rules;
 mod slaves;
 
 extern crate std;
+use std::borrow::ToOwned;
 use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -160,7 +161,7 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("port X tcp server 1 reserve 1 for ::1,::2,::3,::4,::5", "\"::5\": expected at most 4 prefixes"),
         ("port X tcp server 502", "\"502\": another port listens there"),
         ("port X tcp server 1.2.3.4:502", "another port listens there"),
-        ("port X serial uart1 rtu client", "\"uart1\": another port has this device"),
+        ("port X serial uart1 rtu client", "\"uart1\": port P1 has this device"),
         ("port X serial uart9 client", "column 27: end of line: expected rtu or ascii"),
         ("port X serial uart9 rtu", "end of line: expected client or server"),
         ("port X serial uart9 rtu client 0", "expected a baud rate from 1 to 10000000"),
@@ -328,7 +329,7 @@ fn a_gap_below_the_specification_draws_a_warning() {
 #[test]
 fn a_long_line_is_refused_as_a_whole() {
     let line = "route ".to_string() + &"1 ".repeat(5_000);
-    assert!(error(&line).contains("the line is longer than 640 bytes"));
+    assert!(error(&line).contains(&format!("the line is longer than {LINE_BYTES_MAX} bytes")));
     let mut settings = Settings::new();
     let mut loader = Loader::new(&mut settings);
     loader.feed(b"# short\n").unwrap();
@@ -350,6 +351,23 @@ fn a_configuration_text_is_read_in_pieces_of_any_size_with_either_line_end() {
         loader.finish().unwrap();
         assert_eq!(settings, expected);
     }
+}
+
+#[test]
+fn a_byte_order_mark_is_skipped_at_the_start_and_nowhere_else() {
+    let text = "\u{feff}".to_owned() + PORTS;
+    for size in [1, 2, 64] {
+        let mut settings = Settings::new();
+        let mut loader = Loader::new(&mut settings);
+        text.as_bytes().chunks(size).for_each(|piece| loader.feed(piece).unwrap());
+        loader.finish().unwrap();
+        assert_eq!(settings, load(PORTS));
+    }
+    let mut settings = Settings::new();
+    let error = Loader::new(&mut settings).feed("\u{feff}prot P1\n".as_bytes()).unwrap_err();
+    assert_eq!((error.line, error.error.column, error.error.word.as_str()), (1, 1, "prot"));
+    let error = Loader::new(&mut settings).feed("\n\u{feff}port P1\n".as_bytes()).unwrap_err();
+    assert_eq!((error.line, error.error.column), (2, 1));
 }
 
 #[test]
@@ -407,9 +425,10 @@ fn the_longest_lines_that_print_can_be_read() {
 #[test]
 fn the_boards_own_address_is_given_by_dhcp_or_set() {
     let mut settings = load(PORTS);
-    assert_eq!(settings.network, OwnNetwork::DEFAULT);
-    assert!(!print(&settings).contains("network"), "what is the default is not printed");
+    assert_eq!(settings.own_network(), OwnNetwork::DEFAULT);
+    assert!(!print(&settings).contains("network"), "what was not said is not printed");
     for line in [
+        "network dhcp",
         "network dhcp name cabinet-7",
         "network address 192.168.1.5/24",
         "network address 10.200.0.9/8 gateway 10.0.0.1",
@@ -419,7 +438,7 @@ fn the_boards_own_address_is_given_by_dhcp_or_set() {
         assert_eq!(load(&print(&settings)), settings);
     }
     apply(&mut settings, "network dhcp").unwrap();
-    assert_eq!(settings.network, OwnNetwork::DEFAULT);
+    assert_eq!(settings.own_network(), OwnNetwork::DEFAULT);
 }
 
 #[test]

@@ -102,7 +102,7 @@ fn change(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
         Verb::Move => move_route(settings, words),
         Verb::Delete => delete(settings, words),
         Verb::Network => {
-            settings.network = own_network::own_network(words)?;
+            settings.network = Some(own_network::own_network(words)?);
             Ok(Changed::Other)
         }
     }
@@ -158,10 +158,10 @@ fn put_port(
     place: Word,
 ) -> Result<Changed, Wrong> {
     let others = settings.ports.iter().enumerate().filter(|&(at, _)| at != id.index());
-    for other in others.filter_map(|(_, other)| other.as_ref()) {
-        match (&port.kind, &other.kind) {
+    for Port { name, kind: other, .. } in others.filter_map(|(_, other)| other.as_ref()) {
+        match (&port.kind, other) {
             (PortKind::Serial(own), PortKind::Serial(other)) if own.device == other.device => {
-                return Err(place.error(Problem::DeviceTaken));
+                return Err(place.error(Problem::DeviceTaken(name.clone())));
             }
             (PortKind::TcpServer(own), PortKind::TcpServer(other)) if own.listen.collides(&other.listen) => {
                 return Err(place.error(Problem::ListenTaken));

@@ -5,7 +5,9 @@
 
 use core::cell::Cell;
 
-use super::problem::{LineError, Problem};
+use heapless::String;
+
+use super::problem::{LineError, Problem, WORD_BYTES_MAX, cut};
 
 /// One word, or the end of the line when `text` is empty.
 #[derive(Clone, Copy)]
@@ -148,6 +150,23 @@ impl<'a> Words<'a> {
         self.column.set(self.column.get() + passed.chars().count());
         passed
     }
+}
+
+/// Where `text` stands in `line`, or else the first word: its column, and as much of it as an error keeps.
+pub(crate) fn find_word(line: &str, text: &str) -> (usize, String<WORD_BYTES_MAX>) {
+    let words = Words::new(line);
+    let mut found = words.peek();
+    loop {
+        let word = words.take();
+        if word.is_end() {
+            break;
+        }
+        if word.is(text) {
+            found = word;
+            break;
+        }
+    }
+    (found.column, cut(found.text))
 }
 
 /// No byte of a longer character is one.

@@ -25,6 +25,7 @@ pub(super) enum Command {
     Watch,
     /// What is done with a data point at once.
     Point(PointCommand),
+    Save,
     /// A command that has no words of its own.
     Alone(Wait),
 }
@@ -64,7 +65,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("tune", Command::Tune),
     ("capture", Command::Capture),
     ("watch", Command::Watch),
-    ("save", Command::Alone(Wait::Save)),
+    ("save", Command::Save),
     ("load", Command::Alone(Wait::Load)),
     ("reboot", Command::Alone(Wait::Reboot)),
     ("exit", Command::Alone(Wait::Exit)),
@@ -144,6 +145,14 @@ impl<'g> Session<'_, 'g> {
             Command::Watch => {
                 *job = Job::Frames(Frames::to_come(self.gateway));
                 Wait::Sent
+            }
+            Command::Save => {
+                let whatever = !words.peek().is_end();
+                if whatever {
+                    words.take().keyword(&[("force", ())], "force")?;
+                }
+                words.end()?;
+                Wait::Save { whatever }
             }
             Command::Alone(wait) => {
                 words.end()?;

@@ -82,6 +82,11 @@ impl Editor {
         text(self.line.get(..self.cursor).unwrap_or_default())
     }
 
+    /// Shows another prompt from the next line on.
+    pub(super) fn set_prompt(&mut self, prompt: &'static str) {
+        self.prompt = prompt;
+    }
+
     /// Starts an empty line.
     pub(super) fn start(&mut self) {
         self.forget_draft();

@@ -177,7 +177,11 @@ capture off\tends that
         "watch\tshows frames of all ports as they come, until a key or a line
 watch points\tshows data points whose status or values change, likewise",
     ),
-    ("save", "save\tkeeps the settings for the next start"),
+    (
+        "save",
+        "save\tkeeps the settings for the next start; till then the prompt is mobgate*>
+save force\talso where the file was edited since it was read",
+    ),
     ("load", "load\ttakes the saved settings back"),
     ("reboot", "reboot\tstarts again with the saved settings"),
     ("exit", "exit\tends this session"),

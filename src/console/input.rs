@@ -45,9 +45,10 @@ impl Input {
     }
 
     /// Starts an empty line.
-    pub(super) fn start(&mut self, out: &mut Output) {
+    pub(super) fn start(&mut self, prompt: &'static str, out: &mut Output) {
         match self {
             Self::Keys(editor) => {
+                editor.set_prompt(prompt);
                 editor.start();
                 editor.echo_to(out);
             }

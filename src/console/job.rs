@@ -39,7 +39,10 @@ pub(super) enum Wait {
     },
     /// That the line has changed the settings, that they are saved, or taken over.
     Change,
-    Save,
+    Save {
+        /// What somebody else has written there meanwhile is written over.
+        whatever: bool,
+    },
     Load,
     Reboot,
     /// The command is done.

@@ -6,7 +6,7 @@ use super::complete::{Completion, candidates, complete};
 use super::input::{Input, Typed};
 use super::job::{Came, Job, Wait};
 use super::output::Output;
-use super::{Ended, Mode};
+use super::{Ended, Mode, PROMPT, PROMPT_UNSAVED};
 use crate::asking::{NotAsked, Turn};
 use crate::config::{PortId, Warning, Words, Wrong};
 use crate::drafting::Unchanged;
@@ -63,7 +63,8 @@ impl<'s, 'g> Console<'s, 'g> {
         if self.ended {
             return Wait::Exit;
         }
-        self.input.start(&mut self.session.out);
+        let prompt = if self.session.gateway.has_unsaved() { PROMPT_UNSAVED } else { PROMPT };
+        self.input.start(prompt, &mut self.session.out);
         Wait::Key
     }
 

@@ -245,7 +245,7 @@ fn network(
     let gateway = gateway.map_or(text(format_args!("-")), |gateway| text(format_args!("{gateway}")));
     let [a, b, c, d, e, f] = hardware;
     let hardware = text(format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}"));
-    Some(write!(out, "{link:4} {shown:18} {gateway:15} {hardware} {}", settings.network))
+    Some(write!(out, "{link:4} {shown:18} {gateway:15} {hardware} {}", settings.own_network()))
 }
 
 /// First what the board and its controller have to tell, then the transactions, the oldest first.

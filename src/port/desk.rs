@@ -331,7 +331,7 @@ impl<'g> Desk<'g> {
     /// `order` waits for its turn again.
     fn take_back(&self, order: &Frame<'g>) {
         if let Some((frame, _)) = self.take(order) {
-            let ticket = ticket(&frame.envelope(), frame.function());
+            let ticket = ticket(&frame.envelope(), frame.pdu(pdu::is_read));
             self.postpone(frame, ticket);
         }
     }

@@ -94,7 +94,7 @@ fn own_server(settings: &Settings, client: PortId) -> Option<(PortId, IpAddr)> {
         _ => false,
     };
     let is_own = address.is_loopback()
-        || matches!(settings.network, OwnNetwork::Static(own) if IpAddr::V4(own.address) == address)
+        || matches!(settings.network, Some(OwnNetwork::Static(own)) if IpAddr::V4(own.address) == address)
         || settings.ports.iter().flatten().any(|port| listens(&port.kind));
     let from = match address {
         IpAddr::V4(address) if address.is_loopback() => IpAddr::V4(Ipv4Addr::LOCALHOST),

@@ -1,6 +1,9 @@
 //! The serial lines that the program knows: ttys by their file names and, in the demo, the simulated bus.
 
+use std::fs;
 use std::io;
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::path::PathBuf;
 
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Error, ErrorKind, ErrorType, Read, Write};
@@ -10,7 +13,8 @@ use mobgate_simulator::SimSerial;
 use mobgate_simulator::serial::SimLine;
 
 use crate::demo;
-use crate::tty::{Tty, TtyHost};
+use crate::file;
+use crate::tty::{self, Tty, TtyHost};
 
 /// The 16 ms for which an FTDI adapter may hold characters back, and the scheduler's delay.
 const READ_JITTER: Duration = Duration::from_millis(20);
@@ -41,6 +45,18 @@ impl SerialHost for Lines {
     fn read_jitter(&self) -> Duration {
         READ_JITTER
     }
+}
+
+/// Whether two names are one line's: they lead to one device, or will when it is plugged in.
+pub fn are_same(one: &str, other: &str) -> bool {
+    one == other || identity(one) == identity(other)
+}
+
+/// The number of a character device, or else the path at which it is missed.
+fn identity(device: &str) -> Result<u64, PathBuf> {
+    let path = tty::path(device);
+    let number = fs::metadata(&path).ok().filter(|facts| facts.file_type().is_char_device());
+    number.map(|facts| facts.rdev()).ok_or_else(|| file::resolve(&path))
 }
 
 /// An open line.

@@ -1,7 +1,7 @@
 //! mobgate as a Linux program: the gateway's statics and tasks, and what happens at the start, at signals and at the end.
 
 use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, ExitCode};
 use std::rc::Rc;
 
@@ -10,7 +10,8 @@ use embassy_executor::Spawner;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use mobgate::capture::Capture;
-use mobgate::config::{PORTS_MAX, PortId, TcpListen};
+use mobgate::config::{PORTS_MAX, PortId, Settings, TcpListen};
+use mobgate::drafting;
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate::hal::{OpenError, System};
@@ -19,13 +20,14 @@ use mobgate_linux::cli::{Instead, Options};
 use mobgate_linux::console::{SESSIONS_MAX, Sessions, socket};
 use mobgate_linux::demo::Demo;
 use mobgate_linux::lines::Lines;
+use mobgate_linux::reactor::block_on;
 use mobgate_linux::signals::{Signal as Caught, Signals};
 use mobgate_linux::start::prepare;
 use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
 use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
-use mobgate_linux::{capture, console, describe, executor, logging, settings};
+use mobgate_linux::{capture, console, describe, executor, lines, logging, settings};
 
 /// TCP connections of all servers together. Each takes a descriptor, of which a process has 1024 by default.
 const SEATS: usize = 256;
@@ -40,8 +42,10 @@ static PORT_PLACES: Ports<PORTS_MAX> = Ports::new();
 static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
 static POINTS: ScannerPlace = ScannerPlace::new();
 static CAPTURE: Capture = Capture::new();
-static GATEWAY: Gateway<'static> =
-    Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_scanner(&POINTS).with_capture(&CAPTURE);
+static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES)
+    .with_scanner(&POINTS)
+    .with_capture(&CAPTURE)
+    .with_same_device(lines::are_same);
 
 /// The file that frames are written to next, or none.
 static CAPTURE_FILE: capture::Wanted = Signal::new();
@@ -104,11 +108,14 @@ async fn console_session(sessions: Rc<Sessions>, number: usize, store: FileStore
 }
 
 #[embassy_executor::task]
-async fn signals(mut caught: Signals, config: Option<PathBuf>) {
+async fn signals(mut caught: Signals, mut store: FileStore) {
     loop {
-        match (caught.next().await, &config) {
-            (Caught::Reload, Some(file)) => reload(file),
-            (Caught::Reload, None) => END.signal(End::Stop),
+        match (caught.next().await, store.path()) {
+            (Caught::Reload, Ok(_)) => match reload(&mut store).await {
+                Ok(file) => log::info!("{file}: taken over"),
+                Err(fault) => log::error!("{fault}; everything stays as it was"),
+            },
+            (Caught::Reload, Err(_)) => END.signal(End::Stop),
             (Caught::End(name), _) => {
                 log::info!("ended by {name}");
                 END.signal(End::Stop);
@@ -153,7 +160,9 @@ fn main() -> ExitCode {
 
 /// Says whether the settings in `file` are good.
 fn check(file: &Path) -> Result<(), String> {
-    let settings = settings::read(file)?;
+    let mut settings = Settings::new();
+    let mut store = FileStore::untouched(Some(file.to_owned()));
+    block_on(settings::read(&GATEWAY, &mut store, &mut settings))?;
     GATEWAY.apply(&settings).map_err(|error| format!("{}: {error}", file.display()))?;
     settings.warnings().for_each(|warning| println!("{}: {warning}", file.display()));
     println!("{}: good", file.display());
@@ -167,17 +176,18 @@ fn run(options: Options) -> Result<End, String> {
     let sockets = TcpSockets::default();
     let console = console::open_tcp(options.console, &sockets)?;
     let (socket, _claim_until_the_end) = socket::open(options.socket.as_ref())?.unzip();
-    let start = prepare(&options, &sockets)?;
+    let mut store = FileStore::new(options.config.clone());
+    let start = prepare(&GATEWAY, &options, &mut store, &sockets)?;
     if let Some(file) = &options.capture {
         CAPTURE_FILE.signal(Some(capture::create(file)?));
     }
     CAPTURE.set_epoch(capture::epoch_us());
-    GATEWAY.apply(&start.settings).map_err(|error| error.to_string())?;
+    drafting::take_over(&GATEWAY, &mut store, &start.settings).map_err(|error| error.to_string())?;
     start.settings.warnings().for_each(|warning| log::warn!("{warning}"));
 
     let _raw_until_the_end = RawMode::enter();
     let listen = console.as_ref().map(|(listen, _)| *listen);
-    let spawn = |spawner| spawn(spawner, options, sockets, caught, (socket, listen));
+    let spawn = |spawner| spawn(spawner, options, store, sockets, caught, (socket, listen));
     Ok(executor::run(spawn, async {
         // The tasks have been polled once, so they hold their listeners by themselves.
         drop((start, console));
@@ -188,16 +198,16 @@ fn run(options: Options) -> Result<End, String> {
 fn spawn(
     spawner: Spawner,
     options: Options,
+    store: FileStore,
     sockets: TcpSockets,
     caught: Signals,
     (socket, console): (Option<socket::Listener>, Option<TcpListen>),
 ) {
     let demo = options.runs_demo().then(Demo::default);
     let lines = demo.as_ref().map(|demo| Lines::with_demo(demo.serial())).unwrap_or_default();
-    let store = FileStore::new(options.config.clone());
     // Each pool has room for what is spawned here, and this runs once: no `unwrap` can fail.
     spawner.spawn(router().unwrap());
-    spawner.spawn(signals(caught, options.config).unwrap());
+    spawner.spawn(signals(caught, store.clone()).unwrap());
     for index in 0..PORTS_MAX {
         spawner.spawn(port(PortId(index as u8), lines.clone()).unwrap());
     }
@@ -221,14 +231,18 @@ fn spawn(
     spawner.spawn(console_on_stdio(store).unwrap());
 }
 
-/// Takes over what the file says now, or nothing of it.
-fn reload(file: &Path) {
-    let applied =
-        settings::read(file).and_then(|settings| GATEWAY.apply(&settings).map_err(|error| error.to_string()));
-    match applied {
-        Ok(()) => log::info!("{}: taken over", file.display()),
-        Err(fault) => log::error!("{fault}; everything stays as it was"),
+/// Takes over what the file says now, or nothing of it; gives the file's name. What was not saved is kept beside it.
+async fn reload(store: &mut FileStore) -> Result<String, String> {
+    let file = store.path().map_err(|error| error.to_string())?.display().to_string();
+    // Nobody changes or saves settings meanwhile.
+    let mut draft = drafting::draft(&GATEWAY).await;
+    if GATEWAY.has_unsaved() {
+        let aside = store.keep_aside(&GATEWAY.settings(settings::print))?;
+        log::warn!("{}: has the changes that were not saved", aside.display());
     }
+    settings::read(&GATEWAY, store, &mut draft).await?;
+    drafting::take_over(&GATEWAY, store, &draft).map_err(|error| format!("{file}: {error}"))?;
+    Ok(file)
 }
 
 /// Puts a new process of the same program in this one's place; comes back with an error only.

@@ -1,37 +1,52 @@
 //! Settings from a file: read as a whole, checked as a whole, and only then taken over.
 
-use std::fs::File;
-use std::io::{ErrorKind, Read};
-use std::path::Path;
+use mobgate::config::{Loader, PortKind, Settings, TcpListen, TcpServerSettings, write_line};
+use mobgate::drafting::{self, Unchanged};
+use mobgate::gateway::Gateway;
+use mobgate::hal::StoreError;
 
-use mobgate::config::{Loader, PortKind, Settings, TcpListen, TcpServerSettings};
+use crate::store::FileStore;
 
-/// The settings that the file at `path` says, or what is wrong with it, and where.
-pub fn read(path: &Path) -> Result<Settings, String> {
-    let opened = File::open(path).map_err(|error| match error.kind() {
-        ErrorKind::NotFound => {
+/// Reads the settings that the file in `store` says into `settings`, if `gateway` can have them; or says what is wrong with it,
+/// and where.
+pub async fn read(
+    gateway: &Gateway<'_>,
+    store: &mut FileStore,
+    settings: &mut Settings,
+) -> Result<(), String> {
+    let path = store.path().map_err(|error| error.to_string())?.to_owned();
+    let fault = match drafting::read(gateway, store, settings).await {
+        // A file without a line is one, too.
+        Ok(0) if !path.exists() => {
             "no such file (an empty one is a good start: settings can be typed at the console)".to_owned()
         }
-        _ => error.to_string(),
-    });
-    opened.and_then(parse).map_err(|fault| format!("{}: {fault}", path.display()))
+        Ok(_) => return Ok(()),
+        Err(Unchanged::Text(error)) => error.to_string(),
+        Err(Unchanged::Refused(error)) => error.to_string(),
+        Err(Unchanged::Store(StoreError::Refused(reason))) => reason.to_owned(),
+        Err(error) => error.to_string(),
+    };
+    Err(format!("{}: {fault}", path.display()))
 }
 
 /// The settings that `text` says.
-pub fn parse(mut text: impl Read) -> Result<Settings, String> {
+pub fn parse(text: &str) -> Result<Settings, String> {
     let mut settings = Settings::new();
     let mut loader = Loader::new(&mut settings);
-    let mut piece = [0; 4096];
-    loop {
-        match text.read(&mut piece) {
-            Ok(0) => break,
-            Ok(count) => loader.feed(&piece[..count]).map_err(|error| error.to_string())?,
-            Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) => return Err(error.to_string()),
-        }
-    }
-    loader.finish().map_err(|error| error.to_string())?;
+    loader.feed(text.as_bytes()).and_then(|()| loader.finish()).map_err(|error| error.to_string())?;
     Ok(settings)
+}
+
+/// The lines that `settings` print.
+pub fn print(settings: &Settings) -> String {
+    let mut text = String::new();
+    let mut n = 0;
+    // A string takes all that is written.
+    while write_line(settings, n, &mut text).is_some() {
+        text.push('\n');
+        n += 1;
+    }
+    text
 }
 
 /// The names of the TCP servers, and where they listen.

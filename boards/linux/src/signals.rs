@@ -2,9 +2,11 @@
 
 use std::io::{self, Read};
 use std::os::unix::net::UnixStream;
+use std::sync::Arc;
 
 use embassy_futures::select::{Either4, select4};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
+use signal_hook::flag;
 use signal_hook::low_level::pipe;
 
 use crate::descriptor::Descriptor;
@@ -30,6 +32,8 @@ pub struct Signals {
 impl Signals {
     /// From now on signals are kept until [`Signals::next`] gives them.
     pub fn catch() -> io::Result<Self> {
+        // A file that gets longer than the system allows is an error where it is written, not the end of the program.
+        flag::register(SIGXFSZ, Arc::default())?;
         Ok(Self {
             hup: caught(SIGHUP)?,
             int: caught(SIGINT)?,

@@ -4,10 +4,13 @@ use std::path::Path;
 use std::rc::Rc;
 
 use mobgate::config::{Settings, TcpListen};
+use mobgate::gateway::Gateway;
 
 use crate::cli::Options;
 use crate::demo;
+use crate::reactor::block_on;
 use crate::settings::{self, tcp_servers};
+use crate::store::FileStore;
 use crate::tcp::{Listener, TcpSockets};
 
 /// Settings, and their listeners, which are held until the tasks that accept have taken them.
@@ -19,16 +22,28 @@ pub struct Start {
 }
 
 /// What the program starts with: the configuration file's settings, or the demo's.
-pub fn prepare(options: &Options, sockets: &TcpSockets) -> Result<Start, String> {
+pub fn prepare(
+    gateway: &Gateway<'_>,
+    options: &Options,
+    store: &mut FileStore,
+    sockets: &TcpSockets,
+) -> Result<Start, String> {
     match &options.config {
-        Some(file) => configured(file, options.listen, sockets),
+        Some(file) => configured(gateway, file, store, options.listen, sockets),
         None => demonstrated(options.listen, sockets),
     }
 }
 
 /// The file's settings. A TCP port that cannot be opened is an error: whoever configured it counts on it.
-fn configured(file: &Path, listen: Option<TcpListen>, sockets: &TcpSockets) -> Result<Start, String> {
-    let mut settings = settings::read(file)?;
+fn configured(
+    gateway: &Gateway<'_>,
+    file: &Path,
+    store: &mut FileStore,
+    listen: Option<TcpListen>,
+    sockets: &TcpSockets,
+) -> Result<Start, String> {
+    let mut settings = Settings::new();
+    block_on(settings::read(gateway, store, &mut settings))?;
     if let Some(listen) = listen
         && !settings::redirect(&mut settings, listen)
     {
@@ -47,7 +62,7 @@ fn demonstrated(listen: Option<TcpListen>, sockets: &TcpSockets) -> Result<Start
     for at in candidates {
         match sockets.open(at) {
             Ok(listener) => {
-                let settings = settings::parse(demo::settings_text(at).as_bytes())?;
+                let settings = settings::parse(&demo::settings_text(at))?;
                 print!("{}", demo::invitation(at));
                 return Ok(Start { settings, listeners: vec![listener] });
             }

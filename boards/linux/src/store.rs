@@ -1,45 +1,72 @@
-//! The settings' text in a file, which is replaced as a whole.
+//! The settings' text in a file, whose comments and order a save keeps.
 
-use std::fs::{self, File};
-use std::io::{self, ErrorKind, Write};
-use std::os::unix::fs::{FileExt, PermissionsExt};
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use mobgate::hal::{Store, StoreError};
 
+use crate::file::{self, TEXT_BYTES_MAX};
+use crate::merge::merge;
 use crate::worker;
 
-/// Longest text that is written; far above what full settings come to.
-const TEXT_BYTES_MAX: usize = 256 * 1024;
-/// Permissions of a file that did not exist before.
-const NEW_FILE_MODE: u32 = 0o644;
-
-/// The configuration file, or none when the program was started without one.
+/// The configuration file, or none when the program was started without one. Clones are the same file.
 #[derive(Debug, Clone)]
 pub struct FileStore {
     path: Option<PathBuf>,
+    /// What was read last.
+    read: Vec<u8>,
     /// The version that is being written.
-    next: Vec<u8>,
+    next: String,
+    /// It is written also where the file has been edited.
+    whatever: bool,
+    /// What the file had when the gateway took it over, or was given: what else stands there somebody else has written.
+    known: Rc<RefCell<Option<Vec<u8>>>>,
 }
 
 impl FileStore {
-    /// Keeps the settings in the file at `path`.
+    /// Keeps the settings in the file at `path`. Removes what an interrupted save has left beside it.
     pub fn new(path: Option<PathBuf>) -> Self {
-        Self { path, next: Vec::new() }
+        if let Some(path) = &path {
+            file::sweep(path);
+        }
+        Self::untouched(path)
     }
 
-    fn path(&self) -> Result<&Path, StoreError> {
+    /// The file at `path`, to be read only.
+    pub fn untouched(path: Option<PathBuf>) -> Self {
+        Self { path, read: Vec::new(), next: String::new(), whatever: false, known: Rc::default() }
+    }
+
+    /// Where the file is.
+    pub fn path(&self) -> Result<&Path, StoreError> {
         self.path.as_deref().ok_or(StoreError::Absent("start with --config FILE"))
+    }
+
+    /// Writes the settings that the lines of `text` say into a file beside this one, in its form: what a save would have made of
+    /// the text that was read. Gives its path.
+    pub fn keep_aside(&self, text: &str) -> Result<PathBuf, String> {
+        let path = self.path().map_err(|error| error.to_string())?;
+        let mut name = file::resolve(path).into_os_string();
+        name.push(".unsaved");
+        let aside = PathBuf::from(name);
+        let known = self.known.borrow().clone().unwrap_or_default();
+        let text = merge(&String::from_utf8_lossy(&known), text);
+        let kept = file::replace_like(&aside, path, text.as_bytes());
+        kept.map_err(|error| format!("{}: {error}", aside.display())).map(|()| aside)
     }
 }
 
 impl Store for FileStore {
     async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError> {
-        let file = match File::open(self.path()?) {
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(0),
-            opened => opened.map_err(|error| failed(&error))?,
-        };
-        file.read_at(into, offset as u64).map_err(|error| failed(&error))
+        if offset == 0 {
+            let text = file::read(self.path()?).map_err(StoreError::Refused)?;
+            self.read = text.unwrap_or_default();
+        }
+        let rest = self.read.get(offset..).unwrap_or_default();
+        let count = rest.len().min(into.len());
+        into[..count].copy_from_slice(&rest[..count]);
+        Ok(count)
     }
 
     async fn append(&mut self, text: &[u8]) -> Result<(), StoreError> {
@@ -48,95 +75,134 @@ impl Store for FileStore {
             self.next.clear();
             return Err(StoreError::Full(TEXT_BYTES_MAX));
         }
-        self.next.extend_from_slice(text);
+        self.next.push_str(&String::from_utf8_lossy(text));
         Ok(())
     }
 
     async fn commit(&mut self) -> Result<(), StoreError> {
         let path = self.path()?.to_owned();
-        let text = std::mem::take(&mut self.next);
+        let (text, whatever) = (std::mem::take(&mut self.next), std::mem::take(&mut self.whatever));
+        let known = self.known.borrow().clone();
+        let is_known = move |old: &[u8]| whatever || known.is_some_and(|known| known == old);
         // fsync may take long, and the executor serves the lines meanwhile.
-        let replaced = worker::once(move || replace(&path, &text)).await;
-        replaced.flatten().map_err(|error| failed(&error))
+        let written = worker::once(move || write(&path, &text, is_known)).await;
+        let written = written.map_err(|error| StoreError::Refused(file::reason(&error)))??;
+        *self.known.borrow_mut() = Some(written);
+        Ok(())
+    }
+
+    fn taken_over(&mut self) {
+        *self.known.borrow_mut() = Some(self.read.clone());
+    }
+
+    fn overwrite(&mut self, whatever: bool) {
+        self.whatever = whatever;
+        self.next.clear();
     }
 }
 
-fn failed(error: &io::Error) -> StoreError {
-    log::error!("settings file: {error}");
-    StoreError::Failed
-}
-
-/// Puts `text` in place of the file at `path`: whoever reads it, also after a power cut, sees the old or the new text.
-fn replace(path: &Path, text: &[u8]) -> io::Result<()> {
-    // A link stays a link: its target is replaced.
-    let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    let folder = match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
+/// Puts the settings that the lines of `new` say into the file at `path`, if its text `is_known`; gives what then stands there.
+fn write(path: &Path, new: &str, is_known: impl FnOnce(&[u8]) -> bool) -> Result<Vec<u8>, StoreError> {
+    file::sweep(path);
+    let old = match file::read(path).map_err(StoreError::Refused)? {
+        Some(old) if !is_known(&old) => return Err(StoreError::Edited),
+        old => old.unwrap_or_default(),
     };
-    let mode = fs::metadata(&path).map_or(NEW_FILE_MODE, |facts| facts.permissions().mode());
-    // In the same folder, because a rename does not cross file systems.
-    let mut next = tempfile::Builder::new().prefix(".mobgate-").tempfile_in(folder)?;
-    next.write_all(text)?;
-    next.as_file().set_permissions(fs::Permissions::from_mode(mode))?;
-    next.as_file().sync_all()?;
-    next.persist(&path)?;
-    File::open(folder)?.sync_all()
+    let text = merge(&String::from_utf8_lossy(&old), new).into_bytes();
+    if text.len() > TEXT_BYTES_MAX {
+        return Err(StoreError::Full(TEXT_BYTES_MAX));
+    }
+    file::replace(path, &text).map_err(|error| {
+        log::error!("{}: {error}", path.display());
+        StoreError::Refused(file::reason(&error))
+    })?;
+    Ok(text)
 }
 
 #[cfg(test)]
 mod tests {
     use std::fs;
-    use std::os::unix::fs::{PermissionsExt, symlink};
+    use std::os::unix::fs::PermissionsExt;
 
-    use crate::reactor::block_on;
     use mobgate::hal::{Store, StoreError};
 
-    use super::{FileStore, TEXT_BYTES_MAX};
+    use super::FileStore;
+    use crate::file::TEXT_BYTES_MAX;
+    use crate::reactor::block_on;
 
-    fn save(store: &mut FileStore, parts: &[&str]) {
+    const OLD: &str = "# the boiler\nport P1 serial uart1 rtu client # old\n";
+    const NEW: &str = "port P1 serial uart1 rtu client 9600 8E1\n";
+
+    fn save(store: &mut FileStore, text: &str) -> Result<(), StoreError> {
         block_on(async {
-            for part in parts {
-                store.append(part.as_bytes()).await.unwrap();
-            }
-            store.commit().await.unwrap();
-        });
+            store.append(text.as_bytes()).await?;
+            store.commit().await
+        })
+    }
+
+    fn read(store: &mut FileStore) -> Result<String, StoreError> {
+        let mut text = [0; 256];
+        let count = block_on(store.read(0, &mut text))?;
+        Ok(String::from_utf8_lossy(&text[..count]).into_owned())
+    }
+
+    /// A folder, its file with the old text, and the store there.
+    fn store() -> (tempfile::TempDir, std::path::PathBuf, FileStore) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mobgate.conf");
+        fs::write(&path, OLD).unwrap();
+        let store = FileStore::new(Some(path.clone()));
+        (folder, path, store)
     }
 
     #[test]
     fn what_is_committed_is_read_back_and_appended_text_alone_changes_nothing() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut store = FileStore::new(Some(folder.path().join("mobgate.conf")));
-        let mut text = [0; 64];
-        assert_eq!(block_on(store.read(0, &mut text)).unwrap(), 0);
-        save(&mut store, &["one\n", "two\n"]);
-        block_on(store.append(b"three\n")).unwrap();
-        assert_eq!(block_on(store.read(4, &mut text)).unwrap(), 4);
-        assert_eq!(&text[..4], b"two\n");
+        let (_folder, path, mut store) = store();
+        fs::remove_file(&path).unwrap();
+        assert_eq!(read(&mut store).unwrap(), "");
+        save(&mut store, NEW).unwrap();
+        block_on(store.append(b"port P2 tcp server 502\n")).unwrap();
+        assert_eq!(read(&mut store).unwrap(), NEW);
     }
 
     #[test]
-    fn the_files_mode_and_a_link_to_it_survive() {
-        let folder = tempfile::tempdir().unwrap();
-        let (file, link) = (folder.path().join("real.conf"), folder.path().join("link.conf"));
-        fs::write(&file, "old").unwrap();
-        fs::set_permissions(&file, fs::Permissions::from_mode(0o640)).unwrap();
-        symlink(&file, &link).unwrap();
-        save(&mut FileStore::new(Some(link.clone())), &["new"]);
-        assert_eq!(fs::read_to_string(&file).unwrap(), "new");
-        assert!(link.is_symlink());
-        assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o640);
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "a temporary file was left");
+    fn comments_stay_and_a_text_that_was_taken_over_is_replaced() {
+        let (_folder, path, mut store) = store();
+        read(&mut store).unwrap();
+        store.taken_over();
+        save(&mut store, NEW).unwrap();
+        let expected = format!("# the boiler\n{} # old\n", NEW.trim_end());
+        assert_eq!(fs::read_to_string(&path).unwrap(), expected);
+        save(&mut store, "port P1 tcp server 502\n").unwrap();
     }
 
     #[test]
-    fn a_folder_that_cannot_be_written_leaves_an_error() {
-        let mut store = FileStore::new(Some("/proc/mobgate.conf".into()));
-        let saved = block_on(async {
-            store.append(b"text").await?;
-            store.commit().await
-        });
-        assert_eq!(saved, Err(StoreError::Failed));
+    fn what_somebody_else_has_written_is_replaced_only_by_force_or_after_it_was_taken_over() {
+        let (_folder, path, mut store) = store();
+        read(&mut store).unwrap();
+        store.taken_over();
+        fs::write(&path, "# edited\n").unwrap();
+        assert_eq!(save(&mut store, NEW), Err(StoreError::Edited));
+        // That it was read and found wrong does not help.
+        read(&mut store).unwrap();
+        assert_eq!(save(&mut store.clone(), NEW), Err(StoreError::Edited));
+        assert_eq!(fs::read_to_string(&path).unwrap(), "# edited\n");
+        store.overwrite(true);
+        save(&mut store, NEW).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), format!("# edited\n{NEW}"));
+        fs::write(&path, "# edited again\n").unwrap();
+        assert_eq!(save(&mut store, NEW), Err(StoreError::Edited), "force is for once");
+        // Another session's store of the same file takes it over.
+        let mut other = store.clone();
+        read(&mut other).unwrap();
+        other.taken_over();
+        save(&mut store, NEW).unwrap();
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_leaves_a_reason() {
+        let mut store = FileStore::new(Some("/does/not/exist/mobgate.conf".into()));
+        assert_eq!(save(&mut store, NEW), Err(StoreError::Refused("there is no such folder")));
     }
 
     #[test]
@@ -147,12 +213,25 @@ mod tests {
 
     #[test]
     fn text_without_end_is_refused_and_forgotten() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut store = FileStore::new(Some(folder.path().join("mobgate.conf")));
+        let (_folder, _path, mut store) = store();
         let line = [b' '; 64 * 1024];
         let refused = (0..8).find_map(|_| block_on(store.append(&line)).err());
         assert_eq!(refused, Some(StoreError::Full(TEXT_BYTES_MAX)));
-        save(&mut store, &["short"]);
-        assert_eq!(block_on(store.read(0, &mut [0; 64])).unwrap(), 5);
+        store.overwrite(true);
+        save(&mut store, NEW).unwrap();
+    }
+
+    #[test]
+    fn what_is_kept_aside_is_what_a_save_would_have_made() {
+        let (_folder, path, mut store) = store();
+        read(&mut store).unwrap();
+        store.taken_over();
+        fs::write(&path, "# edited\n").unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
+        let aside = store.keep_aside(NEW).unwrap();
+        assert_eq!(fs::metadata(&aside).unwrap().permissions().mode() & 0o777, 0o600);
+        assert_eq!(aside.file_name().unwrap(), "mobgate.conf.unsaved");
+        assert_eq!(fs::read_to_string(&aside).unwrap(), format!("# the boiler\n{} # old\n", NEW.trim_end()));
+        assert_eq!(fs::read_to_string(&path).unwrap(), "# edited\n");
     }
 }

@@ -61,8 +61,7 @@ impl SerialHost for TtyHost {
     type Line<'a> = Tty;
 
     async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Tty, OpenError> {
-        // An absolute name replaces the folder it is joined to.
-        let (device, line) = (Path::new("/dev").join(device), *line);
+        let (device, line) = (path(device), *line);
         let failed = |_| OpenError::new(OpenErrorKind::Failed, "");
         let port = worker::once(move || open(device, &line)).await.map_err(failed)??;
         let rts = match line.driver {
@@ -73,6 +72,12 @@ impl SerialHost for TtyHost {
             .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
         Ok(Tty { receiver: Receiver::new(&io), io, rts })
     }
+}
+
+/// The file that `device` names.
+pub(crate) fn path(device: &str) -> PathBuf {
+    // An absolute name replaces the folder it is joined to.
+    Path::new("/dev").join(device)
 }
 
 fn open(device: PathBuf, line: &LineSettings) -> Result<SerialPort, OpenError> {

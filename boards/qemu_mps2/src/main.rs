@@ -74,7 +74,7 @@ fn main() -> ! {
     measure::start(core.SYST);
     uart::start();
     let store = board::load(&GATEWAY);
-    let (sockets, runner) = GATEWAY.settings(|settings| network::start(&settings.network));
+    let (sockets, runner) = GATEWAY.settings(|settings| network::start(&settings.own_network()));
     executor::run(|spawner| {
         // Each pool has room for what is spawned here, and this runs once.
         spawner.spawn(router().unwrap());

@@ -330,7 +330,7 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     )
 }
 
-fn any_network() -> impl Strategy<Value = OwnNetwork> {
+fn any_network() -> impl Strategy<Value = Option<OwnNetwork>> {
     let name = "([a-zA-Z0-9][-a-zA-Z0-9]{0,31})?";
     let dhcp = name.prop_map(|name| OwnNetwork::Dhcp { name: name.as_str().try_into().unwrap() });
     // Hosts 1 and 2 are in every network.
@@ -339,7 +339,7 @@ fn any_network() -> impl Strategy<Value = OwnNetwork> {
         let gateway = gateway.then_some((net | 2).into());
         OwnNetwork::Static(StaticAddress { address: (net | 1).into(), prefix, gateway })
     });
-    prop_oneof![Just(OwnNetwork::DEFAULT), dhcp, set]
+    prop::option::of(prop_oneof![Just(OwnNetwork::DEFAULT), dhcp, set])
 }
 
 /// What a line can say: a table is there with cells, and the value that substitutes when it does.

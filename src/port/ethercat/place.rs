@@ -251,6 +251,11 @@ impl EthercatPlace {
         self.state.lock(Cell::get).taken_over
     }
 
+    /// Whether the settings say the slaves of the configuration.
+    pub(crate) fn is_told(&self, settings: &Settings) -> bool {
+        self.configuration(|configuration| settings.slaves == configuration.slaves())
+    }
+
     /// Puts the configuration that was taken over into the settings; how their line is to be set, if it is not set so.
     pub(crate) fn tell(&self, settings: &mut Settings) -> Option<Speed> {
         let State { speed, .. } = self.state.lock(Cell::get);

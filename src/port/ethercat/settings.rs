@@ -20,7 +20,7 @@ impl Gateway<'_> {
                 ethercat.restore();
                 self.change_settings(|settings| settings.slaves.clear());
             }
-            let saved = drafting::save(self, store).await;
+            let saved = drafting::save(self, store, true).await;
             match saved {
                 Ok(()) => log_info!("the settings were saved for EtherCAT"),
                 Err(error) => log_warn!("the settings could not be saved for EtherCAT: {error}"),
@@ -31,9 +31,14 @@ impl Gateway<'_> {
 
     /// Puts what a MainDevice has had taken over into the settings.
     pub(crate) fn adopt(&self, ethercat: &EthercatPlace) {
-        if ethercat.has_news()
-            && let Some(speed) = self.change_settings(|settings| ethercat.tell(settings))
-        {
+        if !ethercat.has_news() {
+            return;
+        }
+        // A MainDevice that brings the same ones each time it starts changes nothing.
+        if !self.settings(|settings| ethercat.is_told(settings)) {
+            self.set_unsaved(true);
+        }
+        if let Some(speed) = self.change_settings(|settings| ethercat.tell(settings)) {
             self.set_speed(speed);
         }
     }
@@ -47,6 +52,7 @@ impl Gateway<'_> {
             let Speed { baud, parity, stop_bits } = speed;
             log_info!("EtherCAT sets {} to {speed}; it was {}", port.name, line.speed());
             *line = LineSettings { baud, parity, stop_bits, ..*line };
+            self.set_unsaved(true);
             Some(id)
         });
         if let Some(place) = changed.and_then(|id| self.place(id)) {

@@ -4,7 +4,8 @@ use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::thread;
 
-const PROMPT: &str = "mobgate> ";
+/// The prompt, and that while settings are not saved.
+const PROMPTS: [&str; 2] = ["mobgate> ", "mobgate*> "];
 
 /// A session at the terminal.
 pub struct Console(UnixStream);
@@ -21,22 +22,29 @@ impl Console {
 
     /// What is printed up to `end`.
     pub fn read_until(&mut self, end: &str) -> String {
+        self.read_until_any(&[end]).0
+    }
+
+    /// What is printed up to one of `ends`, and that one's length.
+    fn read_until_any(&mut self, ends: &[&str]) -> (String, usize) {
         let mut printed = Vec::new();
         let mut byte = [0];
-        while !printed.ends_with(end.as_bytes()) {
+        loop {
+            if let Some(end) = ends.iter().find(|end| printed.ends_with(end.as_bytes())) {
+                return (String::from_utf8(printed).unwrap(), end.len());
+            }
             let read = self.0.read_exact(&mut byte);
-            assert!(read.is_ok(), "no {end:?} in {:?}", String::from_utf8_lossy(&printed));
+            assert!(read.is_ok(), "no {ends:?} in {:?}", String::from_utf8_lossy(&printed));
             printed.push(byte[0]);
         }
-        String::from_utf8(printed).unwrap()
     }
 
     /// Types `command` and gives what is printed behind it, up to the next prompt.
     pub fn run(&mut self, command: &str) -> String {
         self.type_keys(&format!("{command}\r"));
         self.read_until(&format!("{command}\r\n"));
-        let mut printed = self.read_until(PROMPT);
-        printed.truncate(printed.len() - PROMPT.len());
+        let (mut printed, prompt) = self.read_until_any(&PROMPTS);
+        printed.truncate(printed.len() - prompt);
         printed.trim_matches(['\r', '\n']).to_owned()
     }
 

@@ -1,0 +1,381 @@
+//! New settings in an old text: lines that still say the same stay as they are, and so do comments, blank lines and the order.
+//!
+//! A line whose settings have changed is written anew in its place, with the comment behind it; lines of new settings go behind
+//! the last of their kind; lines whose settings are gone go with them. What the text then says is read back: where its order
+//! does not allow that (a rule would stand before its port), the lines come in the order of `show config`, each with the
+//! comments before it.
+
+use std::collections::HashMap;
+
+use mobgate::config::{LINE_BYTES_MAX, Settings, apply, write_line};
+
+/// What lines are about, in the order in which a text needs them.
+const KINDS: [&str; 6] = ["network", "port", "route", "device", "point", "slave"];
+const ROUTE: usize = 2;
+const BYTE_ORDER_MARK: &str = "\u{feff}";
+
+/// The text `old`, so that it says what `new` says: the lines that print settings.
+pub fn merge(old: &str, new: &str) -> String {
+    let (mark, text) = old.strip_prefix(BYTE_ORDER_MARK).map_or(("", old), |text| (BYTE_ORDER_MARK, text));
+    let (before, wanted) = (Text::read(text), Text::read(new));
+    let says_it = |text: &Text| text.is_good && text.things() == wanted.things();
+    // An empty file would be none.
+    if !old.is_empty() && says_it(&before) {
+        return old.to_owned();
+    }
+    let items = new.lines().filter_map(Item::of).collect::<Vec<_>>();
+    let plan = Plan::new(&before.lines, &items);
+    let mut merged = [Plan::in_place, Plan::in_order].into_iter().map(|arrange| arrange(&plan));
+    let merged = merged.find(|text| !text.is_empty() && says_it(&Text::read(text)));
+    // Lines of settings alone can always be read.
+    merged.map_or_else(|| new.to_owned(), |text| mark.to_owned() + &text)
+}
+
+/// A text, line by line, and what it says.
+struct Text<'t> {
+    lines: Vec<Line<'t>>,
+    settings: Box<Settings>,
+    /// No line is wrong.
+    is_good: bool,
+}
+
+impl<'t> Text<'t> {
+    fn read(text: &'t str) -> Self {
+        let mut read = Self { lines: Vec::new(), settings: Box::default(), is_good: true };
+        for raw in text.split_inclusive('\n') {
+            let line = Line::read(raw, &mut read.settings);
+            read.is_good &= !matches!(line.does, Does::Wrong);
+            read.lines.push(line);
+        }
+        read
+    }
+
+    /// What the settings are, whatever order lines have that may have any: only that of rules counts.
+    fn things(&self) -> Vec<Item> {
+        let mut things = (0..).map_while(|n| printed(&self.settings, n)).collect::<Vec<_>>();
+        things.sort_by(|one, other| (one.kind, &one.name).cmp(&(other.kind, &other.name)));
+        things
+    }
+}
+
+/// A line that makes something, as it is printed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Item {
+    kind: usize,
+    /// What tells it from others of its kind; rules have nothing that does.
+    name: String,
+    text: String,
+    /// Without the blanks that only align columns.
+    words: Vec<String>,
+}
+
+impl Item {
+    /// The printed `line`.
+    fn of(line: &str) -> Option<Self> {
+        let words = split(line).0.into_iter().map(str::to_owned).collect::<Vec<_>>();
+        let kind = kind(words.first()?)?;
+        let name = words.get(1).filter(|_| kind != ROUTE && kind != 0);
+        let name = name.map(|name| name.to_lowercase()).unwrap_or_default();
+        Some(Self { kind, name, text: line.to_owned(), words })
+    }
+
+    fn says_the_same(&self, other: &Self) -> bool {
+        self.words == other.words
+    }
+}
+
+fn kind(verb: &str) -> Option<usize> {
+    KINDS.iter().position(|kind| kind.eq_ignore_ascii_case(verb))
+}
+
+/// What line `n` of those that `settings` print makes.
+fn printed(settings: &Settings, n: usize) -> Option<Item> {
+    let mut text = String::new();
+    // A string takes all that is written.
+    write_line(settings, n, &mut text).and_then(|_| Item::of(&text))
+}
+
+/// A line of a text.
+struct Line<'t> {
+    /// With its end.
+    raw: &'t str,
+    /// From the `#` on.
+    comment: Option<&'t str>,
+    does: Does,
+}
+
+enum Does {
+    /// Nothing: it is blank, or a comment.
+    Nothing,
+    /// It makes this.
+    Makes(Item),
+    /// It changes or takes away what other lines have made.
+    Edits,
+    /// It cannot be read.
+    Wrong,
+}
+
+impl<'t> Line<'t> {
+    /// Reads a line on top of `settings`.
+    fn read(raw: &'t str, settings: &mut Settings) -> Self {
+        let line = raw.trim_end_matches(['\n', '\r']);
+        let (words, comment) = split(line);
+        let does = match (apply(settings, line), words.first()) {
+            (Err(_), _) => Does::Wrong,
+            (Ok(_), None) => Does::Nothing,
+            (Ok(_), Some(verb)) => made(settings, verb, &words).map_or(Does::Edits, Does::Makes),
+        };
+        Self { raw, comment, does }
+    }
+}
+
+/// What a line of these words has just made.
+fn made(settings: &Settings, verb: &str, words: &[&str]) -> Option<Item> {
+    let kind = kind(verb)?;
+    let counts = [
+        usize::from(settings.network.is_some()),
+        settings.ports.iter().flatten().count(),
+        settings.routes.len(),
+        settings.devices.len(),
+        settings.points.len(),
+        settings.slaves.len(),
+    ];
+    let first: usize = counts[..kind].iter().sum();
+    let name = words.get(1).map(|name| name.to_lowercase());
+    let is_it = |item: &Item| item.name.is_empty() || Some(&item.name) == name.as_ref();
+    // A rule comes behind the others.
+    (first..first + counts[kind]).rev().filter_map(|n| printed(settings, n)).find(is_it)
+}
+
+/// The words of a line, and the comment behind them.
+fn split(line: &str) -> (Vec<&str>, Option<&str>) {
+    let is_blank = |character: char| character.is_ascii_whitespace() || character == ',';
+    let (mut words, mut rest) = (Vec::new(), line);
+    loop {
+        rest = rest.trim_start_matches(is_blank);
+        if rest.is_empty() {
+            return (words, None);
+        }
+        if rest.starts_with('#') {
+            return (words, Some(rest.trim_end()));
+        }
+        let quoted = rest.strip_prefix('"').and_then(|rest| rest.find('"')).map(|end| end + 2);
+        let end = quoted.or_else(|| rest.find(is_blank)).unwrap_or(rest.len());
+        let (word, behind) = rest.split_at(end);
+        words.push(word);
+        rest = behind;
+    }
+}
+
+/// What becomes of the lines of an old text, and where new ones go.
+struct Plan<'t> {
+    lines: &'t [Line<'t>],
+    items: &'t [Item],
+    /// For each of the lines, the item that it is or becomes.
+    places: Vec<Option<usize>>,
+    /// Items in front of a line that they must not follow, and behind the line that they must follow.
+    before: HashMap<usize, Vec<usize>>,
+    behind: HashMap<usize, Vec<usize>>,
+    /// Items that go to the end.
+    last: Vec<usize>,
+}
+
+impl<'t> Plan<'t> {
+    fn new(lines: &'t [Line<'t>], items: &'t [Item]) -> Self {
+        let places = vec![None; lines.len()];
+        let mut plan =
+            Self { lines, items, places, before: HashMap::new(), behind: HashMap::new(), last: Vec::new() };
+        plan.place_named();
+        let rules = plan.place_rules();
+        plan.place_added(&rules);
+        plan
+    }
+
+    /// The lines that make things of these kinds, from the first on.
+    fn makers(&self, of: impl Fn(usize) -> bool) -> impl Iterator<Item = (usize, &'t Item)> {
+        self.lines.iter().enumerate().filter_map(move |(at, line)| match &line.does {
+            Does::Makes(item) if of(item.kind) => Some((at, item)),
+            _ => None,
+        })
+    }
+
+    /// Finds the lines of things that have names. Of two lines of one name the later one counts.
+    fn place_named(&mut self) {
+        let named = |item: &Item| (item.kind, item.name.clone());
+        let old = self.makers(|kind| kind != ROUTE).map(|(at, item)| (named(item), at));
+        let old = old.collect::<HashMap<_, _>>();
+        for (n, item) in self.items.iter().enumerate().filter(|(_, item)| item.kind != ROUTE) {
+            if let Some(&at) = old.get(&named(item)) {
+                self.places[at] = Some(n);
+            }
+        }
+    }
+
+    /// Finds the lines of rules, whose order counts: those that say the same are fixed, and what is between two of them takes
+    /// the place of what was there. Gives the rules that have found none.
+    fn place_rules(&mut self) -> Vec<usize> {
+        let old = self.makers(|kind| kind == ROUTE).collect::<Vec<_>>();
+        let new = self.items.iter().enumerate().filter(|(_, item)| item.kind == ROUTE).collect::<Vec<_>>();
+        let mut fixed = longest_common(old.len(), new.len(), |i, j| old[i].1.says_the_same(new[j].1));
+        fixed.push((old.len(), new.len()));
+        let (mut i, mut j, mut homeless) = (0, 0, Vec::new());
+        for (next_i, next_j) in fixed {
+            let replaced = (next_i - i).min(next_j - j);
+            for (old, new) in old[i..].iter().zip(&new[j..]).take(replaced) {
+                self.places[old.0] = Some(new.0);
+            }
+            let added = new[j + replaced..next_j].iter().map(|(n, _)| *n);
+            match (i + replaced).checked_sub(1).map(|at| old[at].0).filter(|at| self.places[*at].is_some()) {
+                Some(at) => self.behind.entry(at).or_default().extend(added),
+                None if next_i < old.len() => {
+                    let at = self.with_comments(old[next_i].0);
+                    self.before.entry(at).or_default().extend(added);
+                }
+                None => homeless.extend(added),
+            }
+            if let (Some(old), Some(new)) = (old.get(next_i), new.get(next_j)) {
+                self.places[old.0] = Some(new.0);
+            }
+            (i, j) = (next_i + 1, next_j + 1);
+        }
+        homeless
+    }
+
+    /// The first of the comment lines right above the line `at`, or that line itself.
+    fn with_comments(&self, at: usize) -> usize {
+        let is_comment = |line: &Line<'_>| line.comment.is_some() && matches!(line.does, Does::Nothing);
+        at - self.lines[..at].iter().rev().take_while(|line| is_comment(line)).count()
+    }
+
+    /// Finds places for what has none yet: behind the last line of its kind, or of those that it may need; and behind what is
+    /// added of those.
+    fn place_added(&mut self, rules: &[usize]) {
+        let is_placed = |plan: &Self, n: &usize| plan.places.contains(&Some(*n));
+        let added = (0..self.items.len()).filter(|n| match self.items[*n].kind {
+            ROUTE => rules.contains(n),
+            _ => !is_placed(self, n),
+        });
+        let mut least = None;
+        for n in added.collect::<Vec<_>>() {
+            let kind = self.items[n].kind;
+            let last_of = |of: &dyn Fn(usize) -> bool| {
+                let placed = |(at, _): &(usize, &Item)| self.places[*at].is_some();
+                self.makers(of).filter(placed).map(|(at, _)| at).last()
+            };
+            let spot = last_of(&|other| other == kind).or_else(|| last_of(&|other| other < kind)).max(least);
+            match spot {
+                Some(at) if self.last.is_empty() => self.behind.entry(at).or_default().push(n),
+                _ => self.last.push(n),
+            }
+            least = spot;
+        }
+    }
+
+    /// Each line where it was.
+    fn in_place(&self) -> String {
+        let mut text = self.text();
+        for at in 0..self.lines.len() {
+            self.before.get(&at).into_iter().flatten().for_each(|n| text.add(&self.items[*n].text));
+            text.add_line(self, at);
+            self.behind.get(&at).into_iter().flatten().for_each(|n| text.add(&self.items[*n].text));
+        }
+        self.last.iter().for_each(|n| text.add(&self.items[*n].text));
+        text.text
+    }
+
+    /// The lines in the order of the items, with the comments that were before them.
+    fn in_order(&self) -> String {
+        let mut blocks: HashMap<usize, Vec<usize>> = HashMap::new();
+        let mut pending = Vec::new();
+        for (at, place) in self.places.iter().enumerate() {
+            pending.push(at);
+            if let Some(n) = place {
+                blocks.insert(*n, std::mem::take(&mut pending));
+            }
+        }
+        let mut text = self.text();
+        for (n, item) in self.items.iter().enumerate() {
+            match blocks.get(&n) {
+                Some(lines) => lines.iter().for_each(|at| text.add_line(self, *at)),
+                None => text.add(&item.text),
+            }
+        }
+        pending.iter().for_each(|at| text.add_line(self, *at));
+        text.text
+    }
+
+    fn text(&self) -> Output {
+        let crlf = self.lines.first().is_some_and(|line| line.raw.ends_with("\r\n"));
+        Output { text: String::new(), line_end: if crlf { "\r\n" } else { "\n" } }
+    }
+}
+
+/// A text that is being written.
+struct Output {
+    text: String,
+    line_end: &'static str,
+}
+
+impl Output {
+    fn add_raw(&mut self, raw: &str) {
+        // The last line of the old text may have had no end.
+        if !self.text.is_empty() && !self.text.ends_with('\n') {
+            self.text.push_str(self.line_end);
+        }
+        self.text.push_str(raw);
+    }
+
+    fn add(&mut self, line: &str) {
+        self.add_raw(line);
+        self.text.push_str(self.line_end);
+    }
+
+    /// What has become of the line `at` of the old text.
+    fn add_line(&mut self, plan: &Plan<'_>, at: usize) {
+        let line = &plan.lines[at];
+        match (&line.does, plan.places[at]) {
+            (Does::Nothing, _) => self.add_raw(line.raw),
+            (Does::Makes(old), Some(n)) if old.says_the_same(&plan.items[n]) => self.add_raw(line.raw),
+            (_, Some(n)) => match (&plan.items[n].text, line.comment) {
+                (new, Some(comment)) if new.len() + 1 + comment.len() <= LINE_BYTES_MAX => {
+                    self.add(&format!("{new} {comment}"));
+                }
+                (new, comment) => {
+                    comment.into_iter().for_each(|comment| self.add(comment));
+                    self.add(new);
+                }
+            },
+            // What it did is in the lines that it did it to.
+            (Does::Edits, None) => line.comment.into_iter().for_each(|comment| self.add(comment)),
+            (Does::Makes(_) | Does::Wrong, None) => {}
+        }
+    }
+}
+
+/// Pairs of places of a longest common subsequence of two lists, whose elements `same` compares.
+fn longest_common(old: usize, new: usize, same: impl Fn(usize, usize) -> bool) -> Vec<(usize, usize)> {
+    let mut lengths = vec![vec![0_u32; new + 1]; old + 1];
+    for i in (0..old).rev() {
+        for j in (0..new).rev() {
+            lengths[i][j] = match same(i, j) {
+                true => lengths[i + 1][j + 1] + 1,
+                false => lengths[i + 1][j].max(lengths[i][j + 1]),
+            };
+        }
+    }
+    let (mut i, mut j, mut pairs) = (0, 0, Vec::new());
+    while i < old && j < new {
+        if same(i, j) {
+            pairs.push((i, j));
+            (i, j) = (i + 1, j + 1);
+        } else if lengths[i + 1][j] >= lengths[i][j + 1] {
+            i += 1;
+        } else {
+            j += 1;
+        }
+    }
+    pairs
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,332 @@
+//! Saves over files that people have written: by value, and for whatever settings and comments there are.
+
+use std::collections::BTreeMap;
+
+use proptest::prelude::*;
+
+use super::{Text, merge};
+use crate::settings::{parse, print};
+
+const FILE: &str = "\
+# Boiler house
+
+port  P1   serial /dev/ttyUSB0 rtu client 9600 8N1   # the burners
+port  P2   serial /dev/ttyUSB1 rtu client 9600 8N1   # the pumps
+port  P502 tcp server 502
+
+# SCADA reads all
+route P502 1-64 * * P1
+# except that one
+route P502 70 10.0.0.7 * P2 readonly
+
+# the end
+";
+
+/// What `FILE` is after a console has carried out `lines` and saved.
+fn after(lines: &[&str]) -> String {
+    changed(FILE, lines)
+}
+
+fn changed(file: &str, lines: &[&str]) -> String {
+    let mut settings = parse(file).unwrap();
+    for line in lines {
+        mobgate::config::apply(&mut settings, line).unwrap_or_else(|error| panic!("{line}: {error}"));
+    }
+    merge(file, &print(&settings))
+}
+
+#[test]
+fn a_file_that_says_so_already_stays_as_it_is() {
+    assert_eq!(after(&[]), FILE);
+    // Also one that gets there by a detour.
+    let detour = format!("{FILE}edit port P1 19200\ninsert route 1 P502 9 * * P2\nmove route 1 2\n");
+    assert_eq!(changed(&detour, &[]), detour);
+}
+
+#[test]
+fn a_changed_line_stands_where_its_old_one_stood_with_its_comment() {
+    let expected = FILE.replace(
+        "port  P2   serial /dev/ttyUSB1 rtu client 9600 8N1   # the pumps",
+        "port P2   serial /dev/ttyUSB1 rtu client 19200 8N1 # the pumps",
+    );
+    assert_eq!(after(&["edit port P2 19200"]), expected);
+    let expected = FILE.replace("route P502 1-64 * * P1", "route P502 1-64    * * P2");
+    assert_eq!(after(&["edit route 1 P502 1-64 * * P2"]), expected);
+}
+
+#[test]
+fn new_lines_go_behind_the_last_of_their_kind() {
+    let expected = FILE
+        .replace("server 502\n", "server 502\nport P3   tcp client 10.0.0.1:502\n")
+        .replace("P2 readonly\n", "P2 readonly\nroute P502 80      * * P3\n");
+    assert_eq!(after(&["port P3 tcp client 10.0.0.1", "route P502 80 * * P3"]), expected);
+    // A longer name widens the columns of new lines, and leaves old ones alone.
+    let expected = FILE.replace("server 502\n", "server 502\nport substation tcp client 10.0.0.1:502\n");
+    assert_eq!(after(&["port substation tcp client 10.0.0.1"]), expected);
+}
+
+#[test]
+fn removed_lines_go_and_nothing_else_is_lost() {
+    let expected = FILE.replace("route P502 1-64 * * P1\n", "");
+    assert_eq!(after(&["delete route 1"]), expected);
+    let expected =
+        expected.replace("port  P1   serial /dev/ttyUSB0 rtu client 9600 8N1   # the burners\n", "");
+    assert_eq!(after(&["delete route 1", "delete port P1"]), expected);
+    let comments = "# Boiler house\n\n\n# SCADA reads all\n# except that one\n\n# the end\n";
+    let all = ["delete routes", "delete port P1", "delete port P2", "delete port P502"];
+    assert_eq!(after(&all), comments);
+}
+
+#[test]
+fn rules_are_inserted_and_moved_where_their_order_wants_them() {
+    let expected = FILE.replace("# SCADA reads all\n", "route P502 9       * * P2\n# SCADA reads all\n");
+    assert_eq!(after(&["insert route 1 P502 9 * * P2"]), expected);
+    let expected = FILE.replace("* P1\n", "* P1\nroute P502 9       * * P2\n");
+    assert_eq!(after(&["insert route 2 P502 9 * * P2"]), expected);
+    let moved = after(&["move route 1 2"]);
+    assert_eq!(
+        print(&parse(&moved).unwrap()),
+        "\
+port P1   serial /dev/ttyUSB0 rtu client 9600 8N1
+port P2   serial /dev/ttyUSB1 rtu client 9600 8N1
+port P502 tcp server 502
+route P502 70      10.0.0.7 * P2 readonly
+route P502 1-64    * * P1
+"
+    );
+}
+
+#[test]
+fn lines_that_edit_others_end_up_in_those() {
+    let file = format!("{FILE}edit port P1 retries 2 # a bad cable\ndelete route 2\n");
+    let expected = FILE
+        .replace(
+            "port  P1   serial /dev/ttyUSB0 rtu client 9600 8N1   # the burners",
+            "port P1   serial /dev/ttyUSB0 rtu client 9600 8N1 retries 3 # the burners",
+        )
+        .replace("route P502 70 10.0.0.7 * P2 readonly\n", "");
+    assert_eq!(changed(&file, &["edit port P1 retries 3"]), format!("{expected}# a bad cable\n"));
+}
+
+#[test]
+fn a_rule_for_a_port_that_is_made_further_down_puts_the_file_into_order() {
+    let file = "\
+# line one
+port P1 serial uart1 rtu client
+port P502 tcp server 502
+route P502 1 * * P1 # mine
+# line two
+port P2 serial uart2 rtu client
+route P502 2 * * P2
+";
+    let expected = "\
+# line one
+port P1 serial uart1 rtu client
+port P502 tcp server 502
+# line two
+port P2 serial uart2 rtu client
+route P502 1       * * P2 # mine
+route P502 2 * * P2
+";
+    assert_eq!(changed(file, &["edit route 1 P502 1 * * P2"]), expected);
+    // A new port and its rule find their places without that.
+    let new = ["port P3 serial uart3 rtu client", "route P502 3 * * P3"];
+    let expected = file
+        .replace("uart2 rtu client\n", "uart2 rtu client\nport P3   serial uart3 rtu client 19200 8E1\n")
+        + "route P502 3       * * P3\n";
+    assert_eq!(changed(file, &new), expected);
+}
+
+#[test]
+fn points_and_their_labels_are_kept_too() {
+    let file = "\
+port scan scanner
+device boiler unit 1 label \"No. 1 # north\"   # by the door
+point temp boiler 40001 label \"T # 1\" # in K
+";
+    let expected = file.to_owned() + "point out  boiler holding 5\n";
+    assert_eq!(changed(file, &["point out boiler 40006"]), expected);
+    let expected = file.replace(
+        "point temp boiler 40001 label \"T # 1\" # in K",
+        "point temp boiler holding 2 label \"T # 1\" # in K",
+    );
+    assert_eq!(changed(file, &["point temp boiler 40003 label \"T # 1\""]), expected);
+}
+
+#[test]
+fn line_ends_a_byte_order_mark_and_a_missing_last_line_end_stay() {
+    let file = format!("\u{feff}{}", FILE.replace('\n', "\r\n"));
+    let expected = file.replace("server 502\r\n", "server 502\r\nport P3   tcp client 10.0.0.1:502\r\n");
+    assert_eq!(changed(&file, &["port P3 tcp client 10.0.0.1"]), expected);
+    let file = "port P1 tcp server 502";
+    assert_eq!(changed(file, &["edit port P1 rtu"]), "port P1 tcp server 502 rtu\n");
+    let expected = "port P1 tcp server 502\nport P2 tcp server 503\n";
+    assert_eq!(changed(file, &["port P2 tcp server 503"]), expected);
+}
+
+#[test]
+fn a_comment_that_does_not_fit_behind_a_line_stands_above_it() {
+    let comment = format!("# {}", "x".repeat(700));
+    let file = format!("port P1 tcp server 502 {comment}\n");
+    let prefixes = "10.0.0.0/8,192.168.100.0/24,192.168.101.0/24,192.168.102.0/24";
+    let edit = format!("edit port P1 allow {prefixes} clients 99");
+    let expected = format!("{comment}\nport P1 tcp server 502 clients 99 allow {prefixes}\n");
+    assert_eq!(changed(&file, &[&edit]), expected);
+}
+
+#[test]
+fn lines_that_cannot_be_read_give_way() {
+    let file = format!("prot P9\n{FILE}route P9 1 * * P1\n");
+    assert_eq!(merge(&file, &print(&parse(FILE).unwrap())), FILE);
+    assert_eq!(merge("# nothing yet\n", "\n"), "# nothing yet\n");
+    assert_eq!(merge("", "\n"), "\n", "an empty file would be none");
+    assert_eq!(merge("", "port P1 tcp server 502\n"), "port P1 tcp server 502\n");
+}
+
+/// Numbers from a seed.
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, count: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % count
+    }
+
+    fn of<'a>(&mut self, words: &[&'a str]) -> &'a str {
+        words[self.below(words.len())]
+    }
+}
+
+/// Lines that make settings: of few names, so that two such texts have much in common.
+fn settings_lines(dice: &mut Dice) -> Vec<String> {
+    let mut lines = Vec::new();
+    let names: Vec<_> =
+        ["P1", "P2", "bus", "plc", "gate"].into_iter().enumerate().filter(|_| dice.below(4) > 0).collect();
+    for (n, name) in &names {
+        let options = dice.of(&["", "", " retries 1", " timeout 300ms late-window 2s"]);
+        lines.push(match dice.below(3) {
+            0 => format!(
+                "port {name} serial uart{n} rtu client {}{options}",
+                dice.of(&["", "9600", "9600 8N1"])
+            ),
+            1 => format!("port {name} tcp client 10.0.0.{n}{options}"),
+            _ => format!("port {name} tcp server {}{}", 500 + n, dice.of(&["", " idle 5s", " rtu"])),
+        });
+    }
+    let servers: Vec<_> = lines.iter().filter(|line| line.contains("server")).cloned().collect();
+    for _ in 0..dice.below(8) {
+        if let (false, Some((_, to))) = (servers.is_empty(), names.get(dice.below(names.len().max(1)))) {
+            let from = servers[dice.below(servers.len())].split(' ').nth(1).unwrap().to_owned();
+            let to = if from == *to { "local" } else { to };
+            lines.push(format!("route {from} {} * * {to}", 1 + dice.below(5)));
+        }
+    }
+    if dice.below(2) == 0 {
+        lines.push("port scan scanner".into());
+        for n in 0..1 + dice.below(2) {
+            lines.push(format!(
+                "device d{n} unit {}{}",
+                1 + dice.below(2),
+                dice.of(&["", " label \"a # b, c\""])
+            ));
+            for m in 0..dice.below(3) {
+                lines.push(format!(
+                    "point p{n}{m} d{n} {}{}",
+                    dice.of(&["40001", "coil 7"]),
+                    dice.of(&["", " count 2"])
+                ));
+            }
+        }
+    }
+    lines
+}
+
+/// Such lines as somebody would have written them: with comments and blank lines, in any order that can be read.
+fn file(dice: &mut Dice, lines: Vec<String>) -> String {
+    let (mut text, mut waiting, mut n) = (String::new(), lines, 0);
+    let end = dice.of(&["\n", "\n", "\r\n"]);
+    while !waiting.is_empty() {
+        // One that does not need what is still waiting: a line before which all is in order.
+        let good = |at: usize| parse(&format!("{text}{}{end}", waiting[at])).is_ok();
+        let ready: Vec<_> = (0..waiting.len()).filter(|at| good(*at)).collect();
+        // Rules that are there twice are left out.
+        let Some(&at) = ready.get(dice.below(ready.len().max(1))) else { break };
+        let line = waiting.remove(at);
+        n += 1;
+        for _ in 0..dice.below(3) {
+            text += dice.of(&["", "   ", "# a comment", "  # port P1 tcp server 1", "#"]);
+            text += &format!(
+                "{}{end}",
+                if text.ends_with(['#', 't', '1']) { n.to_string() } else { String::new() }
+            );
+        }
+        text += &line.replacen(' ', dice.of(&[" ", "  ", "\t"]), 1);
+        text += &format!("{}{end}", dice.of(&["", "", "   # behind"]));
+    }
+    text
+}
+
+/// How often each comment stands in a text, those of removed lines aside.
+fn comments(text: &str) -> BTreeMap<&str, usize> {
+    let lines = text.lines().map(str::trim).filter(|line| line.starts_with('#'));
+    lines.fold(BTreeMap::new(), |mut counts, line| {
+        *counts.entry(line).or_default() += 1;
+        counts
+    })
+}
+
+/// The words of each line that makes something with a name, and the line.
+fn named(text: &str) -> BTreeMap<Vec<String>, String> {
+    let read = Text::read(text);
+    let made = read.lines.iter().filter_map(|line| match &line.does {
+        super::Does::Makes(item) if item.kind != super::ROUTE => {
+            Some((item.words.clone(), line.raw.to_owned()))
+        }
+        _ => None,
+    });
+    made.collect()
+}
+
+proptest! {
+    // Each reads some hundred texts.
+    #![proptest_config(ProptestConfig::with_cases(100))]
+
+    #[test]
+    fn what_is_saved_over_any_commented_file_is_read_back(old in any::<u64>(), new in any::<u64>()) {
+        let (mut one, mut other) = (Dice(old), Dice(new));
+        let lines = settings_lines(&mut one);
+        let old = file(&mut one, lines);
+        let wanted = file(&mut other, settings_lines(&mut Dice(new)));
+        let new = print(&parse(&wanted).unwrap());
+        let merged = merge(&old, &new);
+        prop_assert_eq!(Text::read(&merged).things(), Text::read(&new).things(), "{}\n--\n{}", old, merged);
+        prop_assert!(parse(&merged).is_ok());
+        prop_assert_eq!(comments(&merged), comments(&old));
+        // What says the same is the same, to the byte.
+        let (before, after) = (named(&old), named(&merged));
+        for (words, line) in before.iter().filter(|(words, _)| after.contains_key(*words)) {
+            prop_assert_eq!(line, &after[words]);
+        }
+        prop_assert_eq!(merge(&merged, &new), merged, "a second save changes nothing");
+    }
+
+    #[test]
+    fn one_change_leaves_all_other_lines_in_their_order(seed in any::<u64>()) {
+        let mut dice = Dice(seed);
+        let lines = settings_lines(&mut dice);
+        let old = file(&mut dice, lines);
+        let mut settings = parse(&old).unwrap();
+        let change = dice.of(&[
+            "edit port bus retries 3", "delete route 1", "delete route 2", "port new tcp client 10.9.9.9",
+            "edit port P1 timeout 7s", "delete point p00", "route P1 77 * * local", "delete port plc",
+        ]);
+        if mobgate::config::apply(&mut settings, change).is_ok() {
+            let merged = merge(&old, &print(&settings));
+            let count = |text: &str| text.lines().count();
+            let stayed: Vec<_> = old.lines().filter(|line| merged.lines().any(|other| other == *line)).collect();
+            let kept: Vec<_> = merged.lines().filter(|line| old.lines().any(|other| other == *line)).collect();
+            prop_assert_eq!(stayed, kept, "{}", change);
+            prop_assert!(count(&merged).abs_diff(count(&old)) <= 1);
+        }
+    }
+}

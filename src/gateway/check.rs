@@ -1,0 +1,121 @@
+//! Whether a board can have settings: what each of them asks for, against what there is.
+
+use super::{Gateway, is_scanner, seats_of};
+use crate::config::{Name, Port, PortKind, Settings, StreamFraming};
+use crate::port::ethercat::ConfigError;
+use crate::scanner::Full;
+
+/// Why settings were not taken over.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ApplyError {
+    /// The TCP servers want more connections than the board has.
+    #[error(
+        "the TCP servers want {wanted} connections (one more each than its clients), this board has {seats}"
+    )]
+    Seats {
+        /// Connections wanted.
+        wanted: usize,
+        /// Connections there are.
+        seats: usize,
+    },
+    /// Two ports are on one line, which has several names.
+    #[error("ports {one} and {other} are on the same device")]
+    SameDevice {
+        /// The first port.
+        one: Name,
+        /// The second one.
+        other: Name,
+    },
+    /// The board's network is not the gateway's.
+    #[error("network lines are for boards with a network of their own; here the operating system sets it")]
+    Network,
+    /// The board runs fewer ports.
+    #[error("this board runs {0} ports at most")]
+    Ports(usize),
+    /// The board has no memory for data points.
+    #[error("this board has no data points")]
+    NoPoints,
+    /// The board has no EtherCAT controller.
+    #[error("this board has no EtherCAT controller: it cannot have an ethercat port")]
+    NoEthercat,
+    /// The board has no memory for frames.
+    #[error("this board keeps no frames")]
+    NoCapture,
+    /// The data points take more than there is.
+    #[error(transparent)]
+    Points(#[from] Full),
+    /// The slaves of the EtherCAT port cannot be asked.
+    #[error(transparent)]
+    Slaves(#[from] ConfigError),
+}
+
+impl ApplyError {
+    /// The word to blame in the line that asks for what there is not; it may be another word than those of that line.
+    pub(crate) fn word<'s>(&self, settings: &'s Settings) -> &'s str {
+        match self {
+            Self::Network => "network",
+            Self::Seats { .. } => "clients",
+            Self::NoPoints => "scanner",
+            Self::NoEthercat => "ethercat",
+            Self::NoCapture => "capture",
+            Self::SameDevice { other, .. } => {
+                let port = settings.find(other).and_then(|id| settings.port(id));
+                port.and_then(device).unwrap_or_default()
+            }
+            Self::Ports(_) | Self::Points(_) | Self::Slaves(_) => "",
+        }
+    }
+}
+
+impl Gateway<'_> {
+    /// Whether the board can have `new`.
+    pub(crate) fn check(&self, new: &Settings) -> Result<(), ApplyError> {
+        let wanted = new.ports.iter().flatten().map(|port| seats_of(&port.kind)).sum();
+        if wanted > self.seats.len() {
+            return Err(ApplyError::Seats { wanted, seats: self.seats.len() });
+        }
+        if new.ports.iter().skip(self.ports.len()).any(Option::is_some) {
+            return Err(ApplyError::Ports(self.ports.len()));
+        }
+        if !self.owns_network && new.network.is_some() {
+            return Err(ApplyError::Network);
+        }
+        let has_points = !new.points.is_empty() || new.ports.iter().flatten().any(is_scanner);
+        if has_points && self.scanner().is_none() {
+            return Err(ApplyError::NoPoints);
+        }
+        if new.ethercat().is_some() && self.ethercat().is_none() {
+            return Err(ApplyError::NoEthercat);
+        }
+        if let Some(ethercat) = self.ethercat() {
+            ethercat.check_settings(new)?;
+        }
+        if new.ports.iter().flatten().any(captures) && self.capture().is_none() {
+            return Err(ApplyError::NoCapture);
+        }
+        self.check_devices(new)
+    }
+
+    /// An error if two ports are on one serial line.
+    fn check_devices(&self, new: &Settings) -> Result<(), ApplyError> {
+        let serial = || new.ports.iter().flatten().filter_map(|port| Some((&port.name, device(port)?)));
+        for (nth, (other, name)) in serial().enumerate() {
+            if let Some((one, _)) = serial().take(nth).find(|(_, before)| (self.same_device)(before, name)) {
+                return Err(ApplyError::SameDevice { one: one.clone(), other: other.clone() });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a serial port calls its line.
+fn device(port: &Port) -> Option<&str> {
+    match &port.kind {
+        PortKind::Serial(serial) => Some(&serial.device),
+        _ => None,
+    }
+}
+
+fn captures(port: &Port) -> bool {
+    matches!(&port.kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture)
+}

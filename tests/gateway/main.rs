@@ -13,6 +13,7 @@ mod cut_start;
 mod cut_through;
 mod cut_torture;
 mod flights;
+mod floods;
 mod frames;
 mod line;
 mod matrix;

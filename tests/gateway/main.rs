@@ -6,6 +6,7 @@ use mobgate_clock as _;
 mod answer_times;
 mod cache;
 mod capture;
+mod closing_server;
 mod cut_ascii;
 mod cut_pairs;
 mod cut_sharing;

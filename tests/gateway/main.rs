@@ -22,6 +22,7 @@ mod outcomes;
 mod points;
 mod queue;
 mod queue_model;
+mod random_frames;
 mod scan;
 mod serial_server;
 mod shared_bus;

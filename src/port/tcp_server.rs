@@ -74,11 +74,14 @@ type End = Event;
 impl Server<'_, '_> {
     /// Serves one client after the other, for ever.
     pub(crate) async fn run<H: TcpHost>(&self, host: &mut H) {
+        let mut window = Window::new(self.settings.pipeline);
         loop {
             let listen = &self.settings.listen;
             let accepted = match host.listen(listen) {
                 Ok(()) => {
                     listening::listens(self.place, "TCP", listen.port);
+                    // The listener is open meanwhile.
+                    until(window.turn).await;
                     host.accept(listen).await
                 }
                 Err(error) => Err(error),
@@ -92,7 +95,7 @@ impl Server<'_, '_> {
                 }
             };
             self.place.stats.count(Event::Connected);
-            let mut window = Window::new(self.settings.pipeline);
+            window = Window::new(self.settings.pipeline);
             let end = match self.seat_down(peer) {
                 Ok(_) if self.settings.framing == StreamFraming::Capture => {
                     apart(pin!(self.export(&mut stream))).await
@@ -106,10 +109,7 @@ impl Server<'_, '_> {
             self.left();
             self.place.stats.count(end);
             stream.close().await;
-            if !window.useful {
-                // Else connections that bring nothing could take all of the processor.
-                Timer::at(self.gateway.turns.take(Instant::now())).await;
-            }
+            window.ended(&self.gateway.turns);
         }
     }
 

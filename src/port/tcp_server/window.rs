@@ -41,10 +41,10 @@ impl Turns {
 pub(crate) struct Window {
     width: u8,
     width_max: u8,
-    /// When the next request may be taken.
-    turn: Instant,
+    /// When the next request, or the next connection, may be taken.
+    pub(crate) turn: Instant,
     /// Whether anything but refusals was answered.
-    pub(crate) useful: bool,
+    useful: bool,
 }
 
 impl Window {
@@ -66,6 +66,11 @@ impl Window {
             Some(width) => self.width = width,
             None => self.turn = turns.take(Instant::now()),
         }
+    }
+
+    /// The connection has ended: one that has brought nothing leaves the next one waiting for a turn.
+    pub(crate) fn ended(&mut self, turns: &Turns) {
+        self.turn = if self.useful { Instant::MIN } else { turns.take(Instant::now()) };
     }
 
     /// A request was answered.

@@ -135,11 +135,12 @@ fn come_and_go(port: u16, bytes: &[u8]) -> io::Result<()> {
 struct Crowd {
     epoll: rustix::fd::OwnedFd,
     members: Vec<Member>,
-    request: Vec<u8>,
 }
 
 struct Member {
     stream: TcpStream,
+    /// Its own: what all ask for would be asked for once.
+    request: Vec<u8>,
     open: usize,
     /// Bytes of answers that are not whole yet.
     input: Vec<u8>,
@@ -153,9 +154,12 @@ impl Crowd {
             let stream = connect(port)?;
             stream.set_nonblocking(true)?;
             epoll::add(&epoll, &stream, EventData::new_u64(key as u64), EventFlags::IN)?;
-            members.push(Member { stream, open: 0, input: Vec::new() });
+            let [function, _, _, rest @ ..] = pdu;
+            let [high, low] = (10 * key as u16).to_be_bytes();
+            let request = [&[0, 1, 0, 0, 0, 6, unit, function, high, low], &rest[..]].concat();
+            members.push(Member { stream, request, open: 0, input: Vec::new() });
         }
-        Ok(Self { epoll, members, request: [&[0, 1, 0, 0, 0, 6, unit], &pdu[..]].concat() })
+        Ok(Self { epoll, members })
     }
 
     /// Keeps everybody's requests open while it is `on`, and counts the answers.
@@ -170,7 +174,7 @@ impl Crowd {
             }
         }
         if on {
-            self.members.iter_mut().try_for_each(|member| member.ask(&self.request))?;
+            self.members.iter_mut().try_for_each(Member::ask)?;
         }
         Ok(())
     }
@@ -178,10 +182,10 @@ impl Crowd {
 
 impl Member {
     /// Opens as many requests as may be open.
-    fn ask(&mut self, request: &[u8]) -> io::Result<()> {
+    fn ask(&mut self) -> io::Result<()> {
         if self.open < OPEN {
             // There is room: what is open fits into the smallest buffer of a socket.
-            self.stream.write_all(&request.repeat(OPEN - self.open))?;
+            self.stream.write_all(&self.request.repeat(OPEN - self.open))?;
             self.open = OPEN;
         }
         Ok(())
@@ -276,7 +280,7 @@ pub(crate) fn figures(effort: Effort) {
     );
     for (name, kind) in KINDS {
         let flood = Flood::new(kind, gateway.program.port);
-        let rounds: Vec<(Second, Second)> = (0..effort.rounds(5))
+        let rounds: Vec<(Second, Second)> = (0..effort.rounds(9))
             .map(|_| {
                 let alone = gateway.second(&flood, false, effort.length(1_000));
                 (alone, gateway.second(&flood, true, effort.length(1_000)))

@@ -29,7 +29,7 @@ use crate::port::desk::{Desk, Matching};
 use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::port::local::Events;
 use crate::port::moment::apart;
-use crate::port::tcp_server::Terms;
+use crate::port::tcp_server::{Terms, Turns};
 use crate::port::units::AllUnits;
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
 use crate::scanner::{POINTS, ScannerPlace};
@@ -64,6 +64,8 @@ pub struct Gateway<'g> {
     owns_network: bool,
     network_changed: Signal<CriticalSectionRawMutex, ()>,
     log: Log,
+    /// Whose requests are refused share these.
+    pub(crate) turns: Turns,
     /// What a console asks past the rules.
     pub(crate) asking: Asking,
     /// What the own unit has done.
@@ -94,6 +96,7 @@ impl<'g> Gateway<'g> {
             owns_network: false,
             network_changed: Signal::new(),
             log: Log::new(),
+            turns: Turns::new(),
             asking: Asking::new(),
             events: Mutex::new(RefCell::new(Events::new())),
             scanner: None,

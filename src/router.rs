@@ -52,7 +52,10 @@ impl Gateway<'_> {
                         frame.address(Envelope { destination: Some(port), ..to_port });
                         place.queue.send(frame);
                     }
-                    None => self.refuse(frame, Exception::GATEWAY_NO_PATH),
+                    None => {
+                        frame.blame(Cause::Unsent);
+                        self.refuse(frame, Exception::GATEWAY_NO_PATH);
+                    }
                 }
             }
             Decision::AllLines => self.broadcast(frame),
@@ -75,6 +78,7 @@ impl Gateway<'_> {
                 count(Event::NoPath);
                 match envelope.origin.way {
                     Way::Seat(_) | Way::Port | Way::Console => {
+                        frame.blame(Cause::Unsent);
                         self.refuse(frame, Exception::GATEWAY_NO_PATH);
                     }
                     // On a shared bus the unit may be somebody else's.

@@ -385,11 +385,21 @@ impl<'g> Desk<'g> {
         if joins { Some(joint.join_all(others)) } else { None }
     }
 
-    /// Waits until an order waits.
+    /// Whether an order waits, or is to be sent again.
+    pub(crate) fn is_wanted(&self) -> bool {
+        !self.queue().is_empty() || !self.current().is_empty()
+    }
+
+    /// Waits until one does.
     pub(crate) async fn wanted(&self) {
-        while self.queue().is_empty() {
+        while !self.is_wanted() {
             self.changed().await;
         }
+    }
+
+    /// One of the orders that are being carried out, if there is one that `is_lost`.
+    pub(crate) fn lost(&self, is_lost: impl Fn(&Frame<'g>) -> bool) -> Option<Frame<'g>> {
+        self.current().iter().find(|order| is_lost(order)).map(Frame::share)
     }
 
     /// While it is `pausing`, it takes orders only of those who spare servers by themselves: what they wait for is the next

@@ -85,6 +85,11 @@ impl<T> Flights<T> {
         self.open.iter().find(|flight| flight.id == id)
     }
 
+    /// Whether an open request's order `is` the one looked for.
+    pub fn holds(&self, is: impl Fn(&T) -> bool) -> bool {
+        self.open.iter().any(|flight| is(&flight.order))
+    }
+
     /// The request that was opened first.
     pub fn first(&self) -> Option<&Flight<T>> {
         self.open.first()

@@ -7,7 +7,9 @@
 
 use core::convert::Infallible;
 use core::pin::pin;
+use core::task::Poll;
 
+use embassy_futures::poll_once;
 use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant};
 
@@ -15,8 +17,9 @@ use crate::capture::Tap;
 use crate::config::{StreamFraming, TcpClientSettings};
 use crate::frame::{Cause, Frame};
 use crate::hal::TcpStream;
+use crate::modbus::pdu;
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header};
-use crate::port::desk::Desk;
+use crate::port::desk::{Desk, is_answering};
 use crate::port::flights::Flights;
 use crate::port::moment::{until, within};
 use crate::port::queue::{BROADCAST, Next};
@@ -49,6 +52,8 @@ pub(crate) struct Link<'l, 'g, S> {
     heard: Instant,
     /// Whether a request was answered.
     proven: bool,
+    /// Reads that the connection before took along, unanswered, may be left.
+    lost: bool,
     /// The board needs the socket.
     leaving: bool,
 }
@@ -85,6 +90,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             used: now,
             heard: now,
             proven: false,
+            lost: true,
             leaving: false,
         }
     }
@@ -92,10 +98,16 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
     /// The connection has ended. Says whether the server is well as far as one can tell.
     ///
     /// What was open when the connection broke may have been carried out: it is answered 0Bh, but for reads that may be
-    /// repeated. What has not been sent stays with the desk.
+    /// repeated. What has not been sent stays with the desk. So do reads on a connection that has answered others: many a
+    /// server closes after an answer, before it sees what has been sent by then. The next connection begins with them.
     pub(crate) fn ended(&mut self, end: End) -> bool {
         let cut = !self.flights.is_empty();
+        let closed = self.proven && self.length == 0;
         while let Some(flight) = self.flights.pop() {
+            if closed && pdu::is_read(flight.order.function()) && !is_answering(&flight.order) {
+                self.desk.place().stats.count(Event::Retry);
+                continue;
+            }
             flight.order.blame(Cause::Connection);
             self.failed(&flight);
         }
@@ -122,6 +134,13 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
                 return Err(End::Lost);
             }
             let due = loop {
+                // What the server has closed by now would take the next request along.
+                let space = self.input.get_mut(self.length..).filter(|space| !space.is_empty());
+                let read = space.map_or(Poll::Pending, |space| poll_once(self.stream.read(space)));
+                if let Poll::Ready(read) = read {
+                    self.take(read.unwrap_or(0))?;
+                    continue;
+                }
                 let now = Instant::now();
                 match self.step(now)? {
                     Step::Send(order, unit) => self.send(order, unit, now).await?,
@@ -134,12 +153,16 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             let space = self.input.get_mut(self.length..).unwrap_or(&mut []);
             let read = self.stream.read(space);
             match select4(read, self.desk.changed(), until(wake), place.socket.leave.wait()).await {
-                Either4::First(Ok(0) | Err(_)) => return Err(End::Lost),
-                Either4::First(Ok(count)) => self.received(count)?,
+                Either4::First(read) => self.take(read.unwrap_or(0))?,
                 Either4::Second(()) | Either4::Third(()) => {}
                 Either4::Fourth(()) => self.leaving = true,
             }
         }
+    }
+
+    /// So many bytes have been read; none at the connection's end.
+    fn take(&mut self, count: usize) -> Result<(), End> {
+        if count == 0 { Err(End::Lost) } else { self.received(count) }
     }
 
     /// What is to be done at `now`.
@@ -158,6 +181,14 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         }
         if self.flights.is_empty() && self.is_astray() {
             return Err(End::Lost);
+        }
+        if self.lost {
+            let is_open = |order: &Frame<'g>| self.flights.holds(|open| open.is(order));
+            if let Some(order) = self.desk.lost(|order| !is_open(order)) {
+                let unit = order.target();
+                return Ok(Step::Send(order, unit));
+            }
+            self.lost = false;
         }
         let stays = self.settings.idle == Duration::from_ticks(0) || !self.flights.is_empty();
         match self.desk.next() {

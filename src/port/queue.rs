@@ -359,23 +359,29 @@ impl<T> PortQueue<T> {
     /// The newest order of the largest crowd, if that is larger than `newcomer`'s would be. A crowd is an address, or, `within`
     /// the newcomer's address, a connection.
     fn crowd(&self, newcomer: Asker, within: bool) -> Option<usize> {
-        let askers = || self.waiting.iter().map(|waiting| self.ticket(waiting).asker);
-        let size = |of: Asker| {
-            let is_of = |asker: &Asker| if within { *asker == of } else { asker.address == of.address };
-            askers().filter(is_of).count()
+        // Of each asker in the table: how many of its orders wait, and how many in its crowd.
+        let mut own = [0_u8; ASKERS_MAX];
+        for waiting in &self.waiting {
+            own.get_mut(usize::from(waiting.asker)).into_iter().for_each(|count| *count += 1);
+        }
+        let size = |of: Asker| -> u8 {
+            let is_of = |asker: Asker| if within { asker == of } else { asker.is_beside(&of) };
+            let those = self.askers.iter().zip(own).filter(|(known, count)| *count > 0 && is_of(known.asker));
+            those.map(|(_, count)| count).sum()
         };
-        let mut newest = None;
-        let mut largest = size(newcomer) + 1;
-        for (index, asker) in askers().enumerate() {
-            if within && asker.address != newcomer.address {
-                continue;
-            }
-            let size = size(asker);
-            if size > largest || newest.is_some() && size == largest {
-                (newest, largest) = (Some(index), size);
+        let more_than = size(newcomer) + 1;
+        // Mostly it is the newcomer's own address that has nearly all.
+        if !within && self.waiting.len() <= 2 * usize::from(more_than) - 1 {
+            return None;
+        }
+        let mut crowds = [0_u8; ASKERS_MAX];
+        for (crowd, (known, own)) in crowds.iter_mut().zip(self.askers.iter().zip(own)) {
+            if own > 0 && (!within || known.asker.is_beside(&newcomer)) {
+                *crowd = size(known.asker);
             }
         }
-        newest
+        let largest = crowds.iter().copied().max().filter(|largest| *largest > more_than)?;
+        self.waiting.iter().rposition(|waiting| crowds.get(usize::from(waiting.asker)) == Some(&largest))
     }
 }
 

@@ -43,7 +43,7 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
     loop {
         if well {
             desk.open();
-            if settings.idle > Duration::from_ticks(0) {
+            if settings.idle > Duration::from_ticks(0) && !desk.is_wanted() {
                 place.set_status(Status::Idle);
                 desk.wanted().await;
             }

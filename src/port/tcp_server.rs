@@ -16,7 +16,7 @@ use embassy_time::{Duration, Instant, Timer};
 
 use crate::capture::Tap;
 use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
-use crate::frame::{Envelope, Frame, Origin, Stage, Way};
+use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState};
 use crate::hal::{TcpHost, TcpStream};
 use crate::modbus::Exception;
@@ -30,6 +30,10 @@ use crate::stats::Event;
 // One of two: what an `async` function awaits stays in it, also behind a constant.
 #[cfg_attr(not(feature = "capture"), path = "tcp_server/no_export.rs")]
 mod export;
+mod window;
+
+pub(crate) use self::window::Turns;
+use self::window::Window;
 
 /// A client that does not take an answer for so long is closed.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
@@ -70,11 +74,14 @@ type End = Event;
 impl Server<'_, '_> {
     /// Serves one client after the other, for ever.
     pub(crate) async fn run<H: TcpHost>(&self, host: &mut H) {
+        let mut window = Window::new(self.settings.pipeline);
         loop {
             let listen = &self.settings.listen;
             let accepted = match host.listen(listen) {
                 Ok(()) => {
                     listening::listens(self.place, "TCP", listen.port);
+                    // The listener is open meanwhile.
+                    until(window.turn).await;
                     host.accept(listen).await
                 }
                 Err(error) => Err(error),
@@ -88,12 +95,13 @@ impl Server<'_, '_> {
                 }
             };
             self.place.stats.count(Event::Connected);
+            window = Window::new(self.settings.pipeline);
             let end = match self.seat_down(peer) {
                 Ok(_) if self.settings.framing == StreamFraming::Capture => {
                     apart(pin!(self.export(&mut stream))).await
                 }
                 Ok(origin) => {
-                    let Err(end) = apart(pin!(self.serve(&mut stream, origin))).await;
+                    let Err(end) = apart(pin!(self.serve(&mut stream, origin, &mut window))).await;
                     end
                 }
                 Err(end) => end,
@@ -101,6 +109,7 @@ impl Server<'_, '_> {
             self.left();
             self.place.stats.count(end);
             stream.close().await;
+            window.ended(&self.gateway.turns);
         }
     }
 
@@ -152,13 +161,22 @@ impl Server<'_, '_> {
         Ok(Origin { port: self.id, way: Way::Seat(self.index as u16), generation })
     }
 
-    async fn serve<S: TcpStream>(&self, stream: &mut S, origin: Origin) -> Result<Infallible, End> {
+    async fn serve<S: TcpStream>(
+        &self,
+        stream: &mut S,
+        origin: Origin,
+        window: &mut Window,
+    ) -> Result<Infallible, End> {
         let mut input = Input::new(self.settings.framing);
         loop {
-            let reply = match self.take_requests(&mut input, origin)? {
+            let reply = match self.take_requests(&mut input, origin, window)? {
                 Waits::ForReply(header, refusal) => Reply::Refusal(header, refusal),
                 waits => {
-                    let pause_end = if let Waits::No = waits { input.pause_end() } else { Instant::MAX };
+                    let pause_end = match waits {
+                        Waits::No => input.pause_end(),
+                        Waits::ForTurn(turn) => turn,
+                        _ => Instant::MAX,
+                    };
                     let space = input.space();
                     let deaf = matches!(waits, Waits::ForFrame) || space.is_empty();
                     let read = async { if deaf { pending().await } else { stream.read(space).await } };
@@ -178,22 +196,31 @@ impl Server<'_, '_> {
                     }
                 }
             };
+            match reply.is_refusal() {
+                true => window.refused(&self.gateway.turns),
+                false => window.answered(),
+            }
             self.write(stream, reply).await?;
         }
     }
 
     /// Takes the requests that are whole, and says what the next one has to wait for.
-    fn take_requests(&self, input: &mut Input, origin: Origin) -> Result<Waits, End> {
+    fn take_requests(&self, input: &mut Input, origin: Origin, window: &mut Window) -> Result<Waits, End> {
         loop {
             // RTU answers do not say which request they belong to.
             if self.settings.framing == StreamFraming::Rtu && self.open_requests() > 0 {
-                return Ok(Waits::ForAnswer);
+                return Ok(Waits::ForTurn(Instant::MAX));
+            }
+            let turn = window.opens(self.open_requests());
+            if turn > Instant::MIN && turn > Instant::now() {
+                return Ok(Waits::ForTurn(turn));
             }
             let mut refusal = None;
             let (event, consumed) = match input.front() {
                 Ok(Parsed::Incomplete) => return Ok(Waits::No),
                 Ok(Parsed::Skip { consumed }) => {
                     self.place.stats.count(input.skip_event());
+                    window.refused(&self.gateway.turns);
                     (input.skip_event(), consumed)
                 }
                 Ok(Parsed::Frame { header, pdu, consumed }) => {
@@ -323,8 +350,8 @@ impl Server<'_, '_> {
 enum Waits {
     /// Nothing: it can be taken as soon as it has come.
     No,
-    /// The one before it has no answer yet.
-    ForAnswer,
+    /// This moment, or, if that never comes, the answers to those before it.
+    ForTurn(Instant),
     /// There is no frame for it now.
     ForFrame,
     /// The one before it is refused: this is the answer.
@@ -337,6 +364,16 @@ enum Reply<'g> {
     Refusal(Header, [u8; 2]),
     /// What came home.
     Answer(Frame<'g>),
+}
+
+impl Reply<'_> {
+    /// Whether nobody was asked, or nobody is to answer.
+    fn is_refusal(&self) -> bool {
+        match self {
+            Self::Refusal(..) => true,
+            Self::Answer(frame) => frame.envelope().cause == Cause::Unsent || frame.stage() == Stage::Silence,
+        }
+    }
 }
 
 /// What became of a request.

@@ -150,7 +150,8 @@ fn closing_takes_a_bounded_time_when_the_peer_keeps_its_side_open() {
         let (stream, _) = sockets.accept(&listen).await.unwrap();
         let start = Instant::now();
         stream.close().await;
-        assert!(start.elapsed() < Duration::from_secs(2));
+        // Much later than it takes on a busy machine, and much earlier than TCP gives up.
+        assert!(start.elapsed() < Duration::from_secs(10));
     });
 }
 

@@ -99,15 +99,16 @@ fn a_line_that_babbles_stops_nobody_else() {
     let (noisy, quiet) = (folder.path().join("noisy"), folder.path().join("quiet"));
     let (babbler, mut adapter) = (Adapter::plug(&noisy), Adapter::plug(&quiet));
     let program = Program::configured(&format!(
-        "port N1 serial {} rtu client timeout 200ms\nport Q1 serial {} rtu client\n\
-         port P502 tcp server {{port}} lifetime 500ms\nroute P502 2 * * N1\nroute P502 1 * * Q1\n",
+        "port N1 serial {} rtu client timeout 200ms\nport Q1 serial {} rtu client timeout 10s\n\
+         port P502 tcp server {{port}} lifetime 2s\nroute P502 2 * * N1\nroute P502 1 * * Q1\n",
         noisy.display(),
         quiet.display()
     ));
     wait_for("both lines", || (program.log().matches("is open").count() == 2).then_some(()));
-    let end = Instant::now() + Duration::from_secs(3);
+    let end = Arc::new(AtomicBool::new(false));
+    let over = end.clone();
     let babble = thread::spawn(move || {
-        while Instant::now() < end {
+        while !over.load(Ordering::Relaxed) {
             // Full buffers are the point: whatever is not taken is written again.
             let _ = babbler.outside.write(&[0x55; 4096]);
         }
@@ -123,7 +124,7 @@ fn a_line_that_babbles_stops_nobody_else() {
         assert_eq!(ask(&mut client, 1, &READ), ANSWER);
     }
     assert_eq!(ask(&mut client, 2, &READ), NO_ANSWER, "the request's life is over");
-    assert!(Instant::now() < end, "the babble was over before the answers were");
+    end.store(true, Ordering::Relaxed);
     babble.join().unwrap();
     drop(answers.join().unwrap());
 }
@@ -197,21 +198,25 @@ fn a_master_behind_an_adapter_is_answered_in_both_framings() {
             name.display()
         ));
         program.logs("is open");
-        // Who is switched on hears a silence first, and silences are seen late.
-        thread::sleep(Duration::from_millis(100));
-        adapter.outside.set_read_timeout(common::PATIENCE).unwrap();
-        for _ in 0..3 {
+        adapter.outside.set_read_timeout(Duration::from_secs(2)).unwrap();
+        let mut answered = 0;
+        wait_for("three answers", || {
             // A repeat that comes as fast as an echo would be taken for one.
             thread::sleep(Duration::from_millis(50));
             adapter.outside.write_all(frame).unwrap();
             let mut answer = vec![0; frame.len()];
-            adapter.outside.read_exact(&mut answer).unwrap();
-            assert_eq!(answer, frame, "{framing}");
-        }
+            // Who is switched on hears a silence first: what comes before is no frame, and a busy machine sees silences late.
+            if adapter.outside.read_exact(&mut answer).is_ok() {
+                assert_eq!(answer, frame, "{framing}");
+                answered += 1;
+            }
+            (answered == 3).then_some(())
+        });
     }
 }
 
-/// A response is slept through until its last character is about to come; a character at 1200 baud takes 9 ms.
+/// A response is slept through until its last character is about to come; a character at 1200 baud takes 9 ms. On a busy machine
+/// it may come much later, so the silence that ends a frame is longer here than it has to be.
 #[test]
 fn a_response_at_the_pace_of_a_slow_wire_is_heard_and_one_that_stops_half_way_is_not_waited_for() {
     const CHARACTER: Duration = Duration::from_millis(9);
@@ -219,7 +224,7 @@ fn a_response_at_the_pace_of_a_slow_wire_is_heard_and_one_that_stops_half_way_is
     let name = folder.path().join("slow");
     let mut adapter = Adapter::plug(&name);
     let program = Program::configured(&format!(
-        "port P1 serial {} rtu client 1200 late-window 0\nport P502 tcp server {{port}}\nroute P502 * * * P1\n",
+        "port P1 serial {} rtu client 1200 gap 400ms timeout 5s late-window 0\nport P502 tcp server {{port}}\nroute P502 * * * P1\n",
         name.display()
     ));
     program.logs("is open");
@@ -239,7 +244,7 @@ fn a_response_at_the_pace_of_a_slow_wire_is_heard_and_one_that_stops_half_way_is
     assert_eq!(ask(&mut client, 1, &READ), ANSWER);
     let asked = Instant::now();
     assert_eq!(ask(&mut client, 1, &READ), NO_ANSWER);
-    assert!(asked.elapsed() < Duration::from_millis(900), "the silence tells, not the time-out");
+    assert!(asked.elapsed() < Duration::from_secs(4), "the silence tells, not the time-out");
     assert_eq!(ask(&mut client, 1, &READ), ANSWER);
     drop(device.join().unwrap());
 }

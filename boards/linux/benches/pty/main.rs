@@ -18,6 +18,7 @@ mod contestants;
 mod counts;
 #[path = "../../../../benches/figures/figure.rs"]
 mod figure;
+mod flood;
 mod lane;
 mod line;
 mod load;
@@ -47,7 +48,7 @@ impl Effort {
 type Group = fn(Effort);
 
 fn main() {
-    let groups: [(&str, Group); 10] = [
+    let groups: [(&str, Group); 11] = [
         ("unpaced", loads::unpaced),
         ("paced", loads::paced),
         ("strict", loads::strict),
@@ -57,6 +58,7 @@ fn main() {
         ("polite", loads::polite),
         ("tcp", loads::tcp),
         ("ports", ports::figures),
+        ("flood", flood::figures),
         ("counts", counts::figures),
     ];
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -24,7 +24,7 @@ pub(crate) struct Line {
 /// An interpreter beside other tests on a busy machine may be slow.
 const PYTHON_TIMEOUT: &str = "5s";
 /// Short, because tests wait for units that do not answer.
-const RUST_TIMEOUT: &str = "500ms";
+const RUST_TIMEOUT: &str = "1s";
 
 impl Line {
     /// `units` played by pymodbus.
@@ -77,10 +77,21 @@ impl Line {
 pub(crate) fn pymodbus(at: OsString, units: &[u8]) -> Running {
     let mut arguments = vec![script("server.py").into(), at];
     arguments.extend(units.iter().map(|unit| unit.to_string().into()));
-    let mut server = Tool::python().start(arguments);
+    ready(Tool::python().start(arguments), "pymodbus's server")
+}
+
+/// `unit` played by modbus-serial at a TCP port.
+pub(crate) fn modbus_serial(port: u16, unit: u8) -> Running {
+    let arguments = [port.to_string().into(), unit.to_string().into()];
+    let script = script("node/server.js").into();
+    ready(Tool::node().start([script].into_iter().chain(arguments)), "modbus-serial's server")
+}
+
+/// The server, once it says that it listens.
+fn ready(mut server: Running, name: &str) -> Running {
     let mut said = String::new();
     BufReader::new(server.0.stdout.as_mut().unwrap()).read_line(&mut said).unwrap();
-    assert_eq!(said, "ready\n", "pymodbus's server");
+    assert_eq!(said, "ready\n", "{name}");
     server
 }
 

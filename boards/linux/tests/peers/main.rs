@@ -1,13 +1,14 @@
-//! The real program between Modbus software by others: `mbpoll`, pymodbus and tokio-modbus ask by TCP; pymodbus, rmodbus
-//! and tokio-modbus answer by RTU on PTYs that `socat` joins.
+//! The real program between Modbus software by others: `mbpoll`, pymodbus, tokio-modbus and modbus-serial ask by TCP,
+//! modbus-serial also by RTU; pymodbus, rmodbus and tokio-modbus answer by RTU on PTYs that `socat` joins, modbus-serial by TCP.
 //!
 //! A missing outside program fails a test, with the command that installs it. Python is the virtual environment's that
-//! `tests/peers/setup` makes, or the one that the variable `MOBGATE_PYTHON` names.
+//! `tests/peers/setup` makes, or the one that the variable `MOBGATE_PYTHON` names; modbus-serial is what it installs for Node.js.
 
 #[path = "../common/mod.rs"]
 mod common;
 mod lines;
 mod mbpoll;
+mod modbus_serial;
 mod outside;
 mod pipelining;
 mod points;

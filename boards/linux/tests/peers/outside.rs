@@ -33,6 +33,15 @@ impl Tool {
         python
     }
 
+    /// A Node.js; its packages are those that `tests/peers/setup` has installed.
+    pub(crate) fn node() -> Self {
+        let installed =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/node/node_modules/modbus-serial");
+        let install = "apt-get install npm && tests/peers/setup";
+        assert!(installed.exists(), "modbus-serial is missing: {install}");
+        Self { program: "node".into(), install: install.into() }
+    }
+
     fn command(&self) -> Command {
         Command::new(&self.program)
     }

@@ -61,9 +61,13 @@ fn a_living_unit_answers_beside_a_dead_one_that_another_client_keeps_asking() {
         for _ in 0..3 {
             assert_eq!(ask(&mut impatient, 77, &READ), NO_ANSWER);
         }
-        let refused = Instant::now();
-        assert_eq!(ask(&mut impatient, 77, &READ), NO_ANSWER);
-        refused.elapsed()
+        // The shortest: between them the unit is probed, and the machine may be busy.
+        let refused = (0..5).map(|_| {
+            let asked = Instant::now();
+            assert_eq!(ask(&mut impatient, 77, &READ), NO_ANSWER);
+            asked.elapsed()
+        });
+        refused.min().unwrap()
     });
     let mut client = program.connect();
     let mut answers = 0;

@@ -6,7 +6,8 @@ use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate::ethercat::sync_manager::Channel;
 use mobgate_simulator::esc::{Chip, Kind, Segment};
 use mobgate_simulator::lan9252::Timing;
-use mobgate_simulator::{Lan9252, World};
+use mobgate_simulator::sub_device::direct;
+use mobgate_simulator::{Lan9252, Random, World};
 
 use crate::bench::{Bench, ERROR, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP};
 
@@ -91,16 +92,27 @@ fn statement_07_an_error_stands_until_it_is_acknowledged_or_init_is_asked_for() 
 
 #[test]
 fn statement_08_a_flag_is_never_seen_without_its_code() {
-    // Every access of the processor is followed by a look, which takes no time.
-    let mut rig = rig();
+    // Every access of the processor takes 5 us, and the MainDevice looks at every one.
+    let reach = |chip| {
+        let (esc, interrupt) = direct(chip);
+        (esc.with_pauses(Random::new(8), 5..=5), interrupt)
+    };
+    let mut rig = Rig::reached_by(&MAILBOX_128, Bench::default(), Duration::from_millis(2), reach);
+    let (mut raised, mut ended) = (0, 0);
+    let mut before = false;
     for control in [OP, PRE_OP | ERROR, 5, INIT, SAFE_OP, INIT | ERROR] {
-        rig.segment.poke(0, 0x0120, &control.to_le_bytes());
-        for _ in 0..40 {
+        assert_eq!(rig.segment.poke(0, 0x0120, &control.to_le_bytes()), 1);
+        for _ in 0..1_000 {
+            rig.world.run_for(Duration::from_micros(1));
             let bytes = rig.segment.fetch(0, 0x0130, 6).unwrap();
-            assert!(bytes[0] & 0x10 == 0 || bytes[4] != 0, "{bytes:02x?}");
-            rig.world.run_until(mobgate_simulator::world::yield_now());
+            let flag = bytes[0] & 0x10 != 0;
+            assert!(!flag || bytes[4] != 0, "{bytes:02x?}");
+            raised += u32::from(flag && !before);
+            ended += u32::from(before && !flag);
+            before = flag;
         }
     }
+    assert_eq!((raised, ended), (2, 2), "errors came and went");
 }
 
 #[test]
@@ -196,6 +208,40 @@ fn statement_13_in_op_the_watchdog_leads_to_safe_op() {
 }
 
 #[test]
+fn statement_13_outputs_of_before_the_watchdog_do_not_lead_to_op_again() {
+    let mut rig = in_state(OP);
+    rig.cycle(7);
+    rig.pass(110);
+    assert_eq!(rig.status(), (SAFE_OP | ERROR, 0x001b));
+    assert_eq!(rig.request(OP | ERROR), (SAFE_OP, 0), "it waits for new ones");
+    rig.pass(1_100);
+    assert_eq!(rig.status(), (SAFE_OP | ERROR, 0x001b));
+
+    // Nor do those that came and stopped in SafeOp.
+    rig.cycle(8);
+    rig.pass(110);
+    let images = rig.application().images;
+    assert_eq!(rig.request(OP | ERROR), (SAFE_OP, 0));
+    assert_eq!(rig.application().images, images, "the application got none of them");
+}
+
+#[test]
+fn statement_16_outputs_of_before_pre_op_do_not_lead_to_op_again() {
+    let mut rig = in_state(OP);
+    // No watchdog, which would end them too.
+    rig.write(0x0420, &[0, 0]);
+    rig.cycle(7);
+    assert_eq!(rig.request(PRE_OP), (PRE_OP, 0));
+    assert_eq!(rig.request(SAFE_OP), (SAFE_OP, 0));
+    let images = rig.application().images;
+    assert_eq!(rig.request(OP), (SAFE_OP, 0), "it waits for new ones");
+    assert_eq!(rig.application().images, images);
+    rig.cycle(9);
+    assert_eq!(rig.status(), (OP, 0));
+    assert_eq!(rig.application().outputs, [9; 120]);
+}
+
+#[test]
 fn statement_14_a_watchdog_of_0_never_ends_op() {
     let mut rig = in_state(SAFE_OP);
     rig.write(0x0420, &[0, 0]);
@@ -219,17 +265,19 @@ fn statement_14_the_watchdogs_divider_counts() {
 }
 
 #[test]
-fn statement_15_a_sync_manager_that_is_switched_off_in_op_ends_it() {
+fn statement_15_a_sync_manager_that_is_switched_off_ends_process_data() {
     for (channel, expected) in [
         (Channel::Outputs, (PRE_OP | ERROR, 0x001d)),
         (Channel::Inputs, (PRE_OP | ERROR, 0x001e)),
         (Channel::MailboxOut, (INIT | ERROR, 0x0016)),
         (Channel::MailboxIn, (INIT | ERROR, 0x0016)),
     ] {
-        let mut rig = in_state(OP);
-        rig.write(channel.registers() + 6, &[0]);
-        assert_eq!(rig.status(), expected, "{channel:?}");
-        assert_eq!(rig.application().stops, 1);
+        for state in [SAFE_OP, OP] {
+            let mut rig = in_state(state);
+            rig.write(channel.registers() + 6, &[0]);
+            assert_eq!(rig.status(), expected, "{channel:?} in {state}");
+            assert_eq!(rig.application().stops, usize::from(state == OP));
+        }
     }
 }
 

@@ -155,6 +155,29 @@ fn a_request_that_breaks_off_is_broken_off_on_the_other_line() {
 }
 
 #[test]
+fn what_answers_a_request_that_broke_off_where_it_looked_whole_is_no_answer_to_the_next_one() {
+    played(19_200, 19_200, "", |world, rig, devices| {
+        // A write whose first data happen to be the CRC of what the device's line has seen of it: the device takes it for a
+        // frame, and refuses it late.
+        devices[0].set_faults(
+            Faults::new(1).with(
+                When::Requests(1..=1),
+                Fault::Late(Duration::from_millis(60), Duration::from_millis(60)),
+            ),
+        );
+        let mut begin = rtu::frame(5, &[16, 0, 50, 0, 4, 8]);
+        begin[0] = 105;
+        let mut master = rig.master("up");
+        world.run_until(master.send_bytes(&begin));
+        world.run_for(Duration::from_millis(10));
+        let answer = world.run_until(master.request(105, &[16, 0, 50, 0, 1, 2, 1, 2]));
+        assert_eq!(answer, Answer::Pdu(vec![16, 0, 50, 0, 1]));
+        assert_eq!(devices[0].counters().requests[16], 2, "the device has heard two requests");
+        assert_eq!(counts(rig, "C")[2], 1);
+    });
+}
+
+#[test]
 fn a_malformed_request_is_broken_off_and_answered_by_the_gateway() {
     played(19_200, 19_200, "", |world, rig, devices| {
         // 126 registers are more than a read may ask for.

@@ -3,12 +3,12 @@
 use embassy_futures::block_on;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use embedded_storage_async::nor_flash::NorFlash;
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use mobgate::config::{Settings, read_store, write_store};
 use mobgate::hal::{Store, StoreError};
 use mobgate_clock as _;
 use mobgate_flash::{FlashStore, SharedStore, TEXT_BYTES_MAX, text_bytes_max};
-use mobgate_simulator::flash::SimFlash;
+use mobgate_simulator::flash::{PowerCut, SimFlash};
 
 /// As in an STM32H743: 32-byte words, sectors of 128 KiB.
 type Flash = SimFlash<32, { 128 * 1024 }>;
@@ -79,4 +79,82 @@ fn what_is_damaged_is_said_to_be_and_can_be_saved_over() {
     assert_eq!(read(&mut store), Err(StoreError::Damaged));
     save(&mut store, b"port P2\n").unwrap();
     assert_eq!(read(&mut store).unwrap(), b"port P2\n");
+}
+
+/// With short words, so that a part of what the map writes can be damaged alone.
+type FineFlash = SimFlash<4, { 8 * 1024 }>;
+
+/// Where `bytes` stand in the flash.
+fn place_of(flash: &FineFlash, bytes: &[u8]) -> u32 {
+    let mut all = vec![0; flash.capacity()];
+    block_on(flash.clone().read(0, &mut all)).unwrap();
+    all.windows(bytes.len()).position(|window| window == bytes).unwrap() as u32
+}
+
+#[test]
+fn settings_that_are_partly_of_an_older_save_are_damaged_and_no_settings() {
+    let flash = FineFlash::new(2, 5);
+    let mut store = block_on(FlashStore::open(flash.clone(), 0));
+    for text in ["port P1 rtu\n", "port P2 rtu\n", "port P3 rtu\n"] {
+        save(&mut store, text.as_bytes()).unwrap();
+    }
+    assert_eq!(read(&mut store).unwrap(), b"port P3 rtu\n");
+    // The item of the last text loses its check word, which makes it one that was taken back: the map then finds the item
+    // before it, which is whole and as long. Between check word and text are a word of lengths and the key.
+    let text = place_of(&flash, b"port P3");
+    let check = (text - size_of::<u16>() as u32 - 2 * 4) & !3;
+    block_on(flash.clone().write(check, &[0; 4])).unwrap();
+    let mut store = block_on(FlashStore::open(flash, 0));
+    assert_eq!(read(&mut store), Err(StoreError::Damaged));
+}
+
+/// A flash in which one value cannot be written: a bit of it turns, and no error says so.
+#[derive(Clone)]
+struct Worn {
+    flash: FineFlash,
+    value: u8,
+}
+
+impl ErrorType for Worn {
+    type Error = PowerCut;
+}
+
+impl ReadNorFlash for Worn {
+    const READ_SIZE: usize = FineFlash::READ_SIZE;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
+        self.flash.read(offset, bytes).await
+    }
+
+    fn capacity(&self) -> usize {
+        self.flash.capacity()
+    }
+}
+
+impl NorFlash for Worn {
+    const WRITE_SIZE: usize = FineFlash::WRITE_SIZE;
+    const ERASE_SIZE: usize = FineFlash::ERASE_SIZE;
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
+        let kept = |&byte: &u8| if byte == self.value { byte ^ 1 } else { byte };
+        let written: Vec<u8> = bytes.iter().map(kept).collect();
+        self.flash.write(offset, &written).await
+    }
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
+        self.flash.erase(from, to).await
+    }
+}
+
+#[test]
+fn a_save_that_does_not_read_back_has_failed_and_the_old_settings_hold() {
+    let worn = Worn { flash: FineFlash::new(2, 6), value: b'~' };
+    let mut store = block_on(FlashStore::open(worn.clone(), 0));
+    save(&mut store, b"port good\n").unwrap();
+    assert_eq!(save(&mut store, b"port ~\n"), Err(StoreError::Failed));
+    assert_eq!(read(&mut store).unwrap(), b"port good\n");
+    let mut store = block_on(FlashStore::open(worn, 0));
+    assert_eq!(read(&mut store).unwrap(), b"port good\n", "also after a restart");
+    save(&mut store, b"port better\n").unwrap();
+    assert_eq!(read(&mut store).unwrap(), b"port better\n");
 }

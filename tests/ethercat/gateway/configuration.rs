@@ -157,6 +157,28 @@ fn every_reason_fits_into_its_object() {
 }
 
 #[test]
+fn an_image_may_fill_its_room_to_the_last_byte_and_not_a_byte_more() {
+    with_objects(|place, mut objects| {
+        write(&mut objects, 0x2000, 1, 1).unwrap();
+        // 60 holding registers: 120 bytes each way.
+        configure(&mut objects, 0, &[1, 0, 0, 0, 0, 0, 0, 60, 0]);
+        let plan = |inputs, outputs| {
+            place.configuration(|configuration| configuration.plan(Room { inputs, outputs }).map(|_| ()))
+        };
+        assert_eq!(plan(120, 120), Ok(()));
+        assert_eq!(plan(119, 120), Err(ConfigError::InputsFull { slave: 0, room: 119 }));
+        assert_eq!(plan(120, 119), Err(ConfigError::OutputsFull { slave: 0, room: 119 }));
+
+        write(&mut objects, 0x2005, 1, 1).unwrap();
+        assert_eq!(layout(&mut objects, 0), [0, 0, 0, 0, 0, 119, 0, 0, 0, 119], "they are used to the last");
+        write(&mut objects, 0x2005, 2, 0).unwrap();
+        configure(&mut objects, 0, &[1, 0, 0, 1, 0, 0, 0, 60, 0]);
+        assert_eq!(write(&mut objects, 0x2005, 1, 1), Err(Abort::Incompatible));
+        assert_eq!(reason(&mut objects), "slave 0 ends past the 120 input bytes");
+    });
+}
+
+#[test]
 fn the_configuration_after_power_on_can_be_used() {
     let speed = Configuration::default().plan(Room::FIRST).unwrap();
     assert_eq!(speed.baud, 115_200);

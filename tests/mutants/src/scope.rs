@@ -1,0 +1,52 @@
+//! What is mutated, and which tests must notice.
+
+/// Files and folders with mutants. Tests inside them are left out.
+pub(crate) const PATHS: &[&str] = &[
+    // Codecs.
+    "src/modbus",
+    // Rules.
+    "src/route.rs",
+    "src/route",
+    "src/routing",
+    // What is asked next, and what an answer proves.
+    "src/port/queue.rs",
+    "src/port/units.rs",
+    "src/port/desk.rs",
+    "src/port/desk",
+    "src/port/outstanding.rs",
+    // Cut-through.
+    "src/port/cut.rs",
+    "src/port/copy.rs",
+    "src/port/arriving.rs",
+    "src/port/relay.rs",
+    "src/port/reply.rs",
+    // Scanner.
+    "src/scanner.rs",
+    "src/scanner",
+    "src/port/scanner.rs",
+    // EtherCAT.
+    "src/ethercat/al_state.rs",
+    "src/ethercat/mailbox.rs",
+    // Where a board keeps its settings.
+    "boards/flash/src",
+];
+
+/// Packages whose code is mutated, with their folder; their unit and integration tests are those that must notice.
+pub(crate) const PACKAGES: &[(&str, &str)] = &[("mobgate", ""), ("mobgate-flash", "boards/flash")];
+
+/// Beginnings of the names of tests that are not asked: they need other programs, or take their time from a clock of the
+/// machine.
+pub(crate) const LEFT_OUT: &[&str] = &["outside::", "pysoem::"];
+
+/// Random worlds: as many as notice most, since each mutant that lives through them costs their time.
+pub(crate) const ENVIRONMENT: &[(&str, &str)] = &[
+    ("MOBGATE_SEEDS", "12"),
+    ("MOBGATE_SECONDS", "1"),
+    ("PROPTEST_CASES", "64"),
+    ("PROPTEST_RNG_SEED", "1"),
+    ("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "1"),
+    ("RUST_BACKTRACE", "0"),
+];
+
+/// Features of the mutated build; code for others is no candidate.
+pub(crate) const FEATURES: &[&str] = &["points", "capture", "ipv6"];

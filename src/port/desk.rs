@@ -329,7 +329,8 @@ impl<'g> Desk<'g> {
     }
 
     /// `order` waits for its turn again.
-    fn take_back(&self, order: &Frame<'g>) {
+    pub(crate) fn take_back(&self, order: &Frame<'g>) {
+        self.proof.set(None);
         if let Some((frame, _)) = self.take(order) {
             let ticket = ticket(&frame.envelope(), frame.pdu(pdu::is_read));
             self.postpone(frame, ticket);

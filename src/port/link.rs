@@ -104,8 +104,12 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         let cut = !self.flights.is_empty();
         let closed = self.proven && self.length == 0;
         while let Some(flight) = self.flights.pop() {
-            if closed && pdu::is_read(flight.order.function()) && !is_answering(&flight.order) {
+            if closed && flight.order.pdu(pdu::is_read) && !is_answering(&flight.order) {
                 self.desk.place().stats.count(Event::Retry);
+                // Without transaction ids it has to be proved first that nothing of it is to come.
+                if self.settings.framing == StreamFraming::Rtu {
+                    self.desk.take_back(&flight.order);
+                }
                 continue;
             }
             flight.order.blame(Cause::Connection);

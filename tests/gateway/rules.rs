@@ -5,7 +5,7 @@ use std::net::IpAddr;
 use mobgate::config::{PortId, Settings, apply};
 use mobgate::modbus::Exception;
 use mobgate::modbus::pdu::check_request;
-use mobgate::route::{AddressRange, Decision, Functions, Policy, Priority, decide};
+use mobgate::route::{AddressRange, Decision, Functions, Onward, Policy, Priority, decide, onward};
 
 /// What a request does to a device (Application Protocol V1.1b3, clause 6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -236,4 +236,43 @@ fn urgent_functions_rank_high_and_others_as_the_rule_says() {
     assert_eq!(rank(&[43, 14, 1, 0]), Priority::High);
     assert_eq!(rank(&[43, 13, 1, 0]), Priority::Low);
     assert_eq!(rank(&[3, 0, 0, 0, 1]), Priority::Low);
+}
+
+#[test]
+fn a_frame_is_passed_on_as_soon_as_its_rule_can_judge_it() {
+    let settings = load(&[
+        "port plc serial uart2 rtu server",
+        "port bus serial uart1 rtu client",
+        "route plc 1 * * bus cut on",
+        "route plc 2 * * bus cut on readonly",
+        "route plc 3 * * bus cut on addresses 10-19",
+    ]);
+    let judged = |unit, so_far: &[u8]| match onward(&settings, PortId(0), unit, so_far, false) {
+        Onward::Whole => "whole",
+        Onward::Later => "later",
+        Onward::To(_) => "to",
+    };
+    assert_eq!(judged(1, &[]), "to");
+    for (so_far, expected) in [
+        (&[][..], "later"),
+        (&[3], "to"),
+        (&[6], "whole"),
+        (&[43], "later"),
+        (&[43, 14], "to"),
+        (&[43, 13], "whole"),
+    ] {
+        assert_eq!(judged(2, so_far), expected, "{so_far:?}");
+    }
+    for (request, does) in PUBLIC {
+        let Cells(read, written) = does else { continue };
+        let verdicts: Vec<_> = (0..=request.len()).map(|end| judged(3, &request[..end])).collect();
+        let decided = if request[0] == 24 { "whole" } else { "later" };
+        assert!(verdicts[1..3].iter().all(|verdict| *verdict == decided), "{request:?} {verdicts:?}");
+        let passes = is_allowed(*read) && is_allowed(*written) && request[0] != 24;
+        assert_eq!(verdicts.last(), Some(&if passes { "to" } else { "whole" }), "{request:?} {verdicts:?}");
+    }
+    for function in [7, 8, 17, 20, 21, 43, 65] {
+        assert_ne!(judged(3, &[function]), "to", "{function}");
+        assert_eq!(judged(3, &[function, 14, 0, 10]), "whole", "{function}");
+    }
 }

@@ -142,7 +142,7 @@ fn a_rule_that_never_matches_is_named_with_those_that_take_its_requests() {
         (&["* *"], "7 10.0.0.1", Some("rule 2 never matches: rule 1 takes all its requests")),
         (&["7 10.0.0.1"], "7 *", None),
         (&["7 10.0.0.0/8"], "7 10.1.0.0/16", Some("rule 2 never matches: rule 1 takes all its requests")),
-        (&["7 10.1.0.0/16"], "7 10.0.0.0/8", None),
+        (&["7 10.0.0.0/16"], "7 10.0.0.0/8", None),
         (&["7 10.1.0.0/16"], "7 10.2.0.0/16", None),
         // Several cover it together, in any order.
         (

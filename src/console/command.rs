@@ -146,14 +146,7 @@ impl<'g> Session<'_, 'g> {
                 *job = Job::Frames(Frames::to_come(self.gateway));
                 Wait::Sent
             }
-            Command::Save => {
-                let whatever = !words.peek().is_end();
-                if whatever {
-                    words.take().keyword(&[("force", ())], "force")?;
-                }
-                words.end()?;
-                Wait::Save { whatever }
-            }
+            Command::Save => save(words)?,
             Command::Alone(wait) => {
                 words.end()?;
                 if let Wait::Reboot = wait {
@@ -175,6 +168,16 @@ impl<'g> Session<'_, 'g> {
             Clear::Log => self.gateway.log().clear(),
         }
     }
+}
+
+/// `save`, or `save force`.
+fn save(words: &Words<'_>) -> Begun {
+    let whatever = !words.peek().is_end();
+    if whatever {
+        words.take().keyword(&[("force", ())], "force")?;
+    }
+    words.end()?;
+    Ok(Wait::Save { whatever })
 }
 
 const SHOW_EXPECTED: &str =

@@ -371,7 +371,7 @@ impl<T> PortQueue<T> {
         };
         let more_than = size(newcomer) + 1;
         // Mostly it is the newcomer's own address that has nearly all.
-        if !within && self.waiting.len() <= 2 * usize::from(more_than) - 1 {
+        if !within && self.waiting.len() < 2 * usize::from(more_than) {
             return None;
         }
         let mut crowds = [0_u8; ASKERS_MAX];

@@ -28,7 +28,7 @@ use crate::statistics::median;
 use crate::usage::Usage;
 
 /// Connections that ask in a flood, and requests that each has open at a time.
-const CONNECTIONS: usize = 240;
+const CONNECTIONS: usize = 200;
 const OPEN: usize = 16;
 /// Threads that connect again and again in a flood of connections.
 const CONNECTING: usize = 4;

@@ -42,8 +42,12 @@ fn when<'w, 's>(words: &'w [&'s str]) -> Result<(When, &'w [&'s str]), String> {
 fn fault(words: &[&str]) -> Result<Fault, String> {
     Ok(match words {
         ["dead"] => Fault::Dead,
+        ["unheard"] => Fault::Unheard,
+        ["hiccup", length] => Fault::Hiccup(duration(length)?, duration(length)?),
+        ["hiccup", least, "to", most] => Fault::Hiccup(duration(least)?, duration(most)?),
         ["late", by] => Fault::Late(duration(by)?, duration(by)?),
         ["late", least, "to", most] => Fault::Late(duration(least)?, duration(most)?),
+        ["late", "about", mean] => Fault::Lingers(duration(mean)?),
         ["bad", "crc"] => Fault::BadCrc,
         ["flipped", "bit"] => Fault::FlippedBit,
         ["lost", "byte"] => Fault::LostByte,

@@ -2,23 +2,25 @@
 //!
 //! A device hears whole frames: in RTU it wants t3.5 of silence behind a frame and drops one that has a silence over t1.5
 //! inside; a wrong check it drops in any case. It answers after its turnaround time. Its [`Faults`] then decide what the answer looks like on the
-//! wire. [`serve`] lets several devices share one connection to the bus, which costs less than one each.
+//! wire. It has one transmitter: answers leave whole and in the order of the requests, so that a late one delays those behind it.
+//! [`serve`] lets several devices share one connection to the bus, which costs less than one each.
 
 use std::cell::{RefCell, RefMut};
 use std::rc::Rc;
 
 use embassy_futures::select::{Either, select};
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Instant};
 use embedded_io_async::Write;
 use mobgate::config::Framing;
 
-use crate::fault::{Faults, Sent};
+use crate::fault::{Fault, Faults, Sent, Transmission};
 use crate::framing::{self, Listener};
-use crate::wire::{Heard, LineEnd};
+use crate::wire::{Heard, LineEnd, Silence};
 
 pub mod ascii;
 mod fresh;
 mod memory;
+mod outbox;
 pub mod rtu;
 pub mod tcp;
 #[cfg(test)]
@@ -26,6 +28,7 @@ mod tests;
 
 pub use fresh::Fresh;
 pub use memory::{Memory, TABLE_LENGTH};
+use outbox::Outbox;
 
 /// A device. Clones are the same device.
 #[derive(Clone)]
@@ -45,6 +48,8 @@ struct State {
     writes: Vec<Executed>,
     /// When its transmitter is free for the next answer.
     free: Instant,
+    /// When the hiccup ends that keeps it from answering.
+    stalled_until: Instant,
 }
 
 /// What a device has counted since the start.
@@ -90,6 +95,7 @@ impl Device {
             counters: Counters { requests: [0; 128], bad_crc: 0, gap_inside: 0 },
             writes: Vec::new(),
             free: Instant::MIN,
+            stalled_until: Instant::MIN,
         })))
     }
 
@@ -173,8 +179,8 @@ impl Device {
         serve(line, vec![self]).await;
     }
 
-    /// Takes a frame in; the pieces of the answer, if one is to be sent, go to `outbox`.
-    fn hear(&self, framing: Framing, heard: &Heard, line: &LineEnd, outbox: &mut Vec<Outgoing>) {
+    /// Takes a frame in; the answer, if one is to be sent, goes to `outbox`.
+    fn hear(&self, framing: Framing, heard: &Heard, line: &LineEnd, outbox: &mut Outbox) {
         let mut state = self.0.borrow_mut();
         if heard.gap_inside {
             state.counters.gap_inside += 1;
@@ -188,47 +194,83 @@ impl Device {
         if unit != state.unit && !broadcast {
             return;
         }
-        let begun_ns = heard.end_ns.saturating_sub(line.line().chars(heard.bytes.len()).as_nanos());
+        let line = line.line();
+        let begun_ns = heard.end_ns.saturating_sub(line.chars(heard.bytes.len()).as_nanos());
         if begun_ns < state.deaf_until.as_nanos() {
             return;
         }
-        let answer = state.execute(&pdu, broadcast);
         if broadcast {
+            state.execute(&pdu, true);
             return;
         }
-        let State { unit, turnaround, ref mut faults, free, .. } = *state;
-        // A device has one transmitter: what it still has to say goes first.
-        let mut at = (Instant::now() + turnaround).max(free);
         let frame = |unit, pdu: &[u8], _| framing::frame(framing, unit, pdu);
-        for piece in faults.transmission(framing, unit, &pdu, answer, frame) {
-            at += piece.pause;
-            let length = match &piece.what {
-                Sent::Bytes(bytes) | Sent::Flawed(bytes, _) => bytes.len(),
-                Sent::Close | Sent::Reset => 0,
-            };
-            outbox.push(Outgoing { at, what: piece.what });
-            at += line.line().chars(length);
+        let Some(mut transmission) = state.answer(framing, &pdu, frame) else { return };
+        // Each piece waits until the one before is on the wire.
+        let mut before = Duration::from_ticks(0);
+        let mut length = before;
+        for piece in &mut transmission.pieces {
+            piece.pause += before;
+            length += piece.pause;
+            before = line.chars(piece.what.length());
         }
-        state.free = at;
+        let silence = match framing {
+            Framing::Rtu => Duration::from_nanos(Silence::of(&line).between_ns),
+            Framing::Ascii => Duration::from_ticks(0),
+        };
+        let begin = state.begin(transmission.late).max(state.free + silence.max(state.turnaround));
+        state.free = begin + length + before;
         if state.rest > Duration::from_ticks(0) {
-            state.deaf_until = at + state.rest;
+            state.deaf_until = state.free + state.rest;
         }
+        outbox.push(begin, transmission.pieces);
     }
 
-    /// Takes a request in that came by TCP; the pieces of the answer go to `outbox`.
-    fn asked(&self, pdu: &[u8], frame: impl Fn(u8, &[u8], bool) -> Vec<u8>, outbox: &mut Vec<Outgoing>) {
+    /// Takes a request in that came by TCP; the answer goes to `outbox`, `in_order` behind those that it holds already.
+    fn asked(
+        &self,
+        pdu: &[u8],
+        in_order: bool,
+        frame: impl Fn(u8, &[u8], bool) -> Vec<u8>,
+        outbox: &mut Outbox,
+    ) {
         let mut state = self.0.borrow_mut();
-        let answer = state.execute(pdu, false);
-        let State { unit, turnaround, ref mut faults, .. } = *state;
-        let mut at = Instant::now() + turnaround;
-        for piece in faults.transmission(Framing::Rtu, unit, pdu, answer, frame) {
-            at += piece.pause;
-            outbox.push(Outgoing { at, what: piece.what });
+        let Some(transmission) = state.answer(Framing::Rtu, pdu, frame) else { return };
+        let mut begin = state.begin(transmission.late);
+        if in_order {
+            begin = begin.max(state.free + state.turnaround);
+            let pauses = transmission.pieces.iter().map(|piece| piece.pause);
+            state.free = pauses.fold(begin, |at, pause| at + pause);
         }
+        outbox.push(begin, transmission.pieces);
     }
 }
 
 impl State {
+    /// What is sent as the answer to `pdu`, if anything is.
+    fn answer(
+        &mut self,
+        framing: Framing,
+        pdu: &[u8],
+        frame: impl Fn(u8, &[u8], bool) -> Vec<u8>,
+    ) -> Option<Transmission> {
+        let hits = self.faults.draw(pdu);
+        if hits.contains(&Fault::Unheard) {
+            return None;
+        }
+        let answer = self.execute(pdu, false);
+        let transmission = self.faults.transmission(framing, self.unit, &hits, answer, frame)?;
+        // What comes in a hiccup does not prolong it.
+        if let (Some(stall), true) = (transmission.hiccup, self.stalled_until <= Instant::now()) {
+            self.stalled_until = Instant::now() + stall;
+        }
+        Some(transmission)
+    }
+
+    /// When the answer to a request of now begins, if the transmitter is free then.
+    fn begin(&self, late: Duration) -> Instant {
+        (Instant::now() + late).max(self.stalled_until) + self.turnaround
+    }
+
     fn execute(&mut self, pdu: &[u8], broadcast: bool) -> Vec<u8> {
         let function = pdu[0];
         self.counters.requests[usize::from(function & 0x7f)] += 1;
@@ -247,36 +289,18 @@ impl State {
     }
 }
 
-/// Bytes that are due to be sent.
-struct Outgoing {
-    at: Instant,
-    what: Sent,
-}
-
-/// Waits until something is due, and takes it out.
-async fn due(outbox: &mut Vec<Outgoing>) -> Sent {
-    let first = outbox.iter().enumerate().min_by_key(|(_, outgoing)| outgoing.at);
-    match first.map(|(index, outgoing)| (index, outgoing.at)) {
-        Some((index, at)) => {
-            Timer::at(at).await;
-            outbox.remove(index).what
-        }
-        None => std::future::pending().await,
-    }
-}
-
 /// Lets `devices` live at `line` in RTU, for ever. They hear the same frames; an answer that is late is sent then,
-/// whatever else is on the wire.
+/// whatever others have on the wire.
 pub async fn serve(line: LineEnd, devices: Vec<Device>) {
     serve_in(Framing::Rtu, line, devices).await;
 }
 
 /// [`serve`] in either framing.
 pub async fn serve_in(framing: Framing, mut line: LineEnd, devices: Vec<Device>) {
-    let mut outbox: Vec<Outgoing> = Vec::new();
+    let mut outbox = Outbox::new();
     let mut listener = Listener::new(line.clone(), framing);
     loop {
-        match select(listener.hear(), due(&mut outbox)).await {
+        match select(listener.hear(), outbox.due()).await {
             Either::First(heard) => {
                 devices.iter().for_each(|device| device.hear(framing, &heard, &line, &mut outbox));
             }

@@ -12,9 +12,13 @@ use crate::wire::{Flaw, LineEnd};
 /// Something that happens to an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// No answer.
+    /// No answer: the request is carried out, its response is lost.
     Dead,
-    /// The answer comes later, by a time between the two.
+    /// The request is lost: it is neither carried out nor answered.
+    Unheard,
+    /// The device stalls for a time between the two, then answers all that it has heard, in order.
+    Hiccup(Duration, Duration),
+    /// The answer comes later, by a time between the two. Those behind it wait for it.
     Late(Duration, Duration),
     /// The answer comes later, mostly by a little and now and then by much: an exponential distribution with this mean.
     Lingers(Duration),
@@ -84,6 +88,15 @@ pub struct Faults {
     injected: u64,
 }
 
+/// What is sent as the answer to a request.
+pub(crate) struct Transmission {
+    /// How much later than it should.
+    pub(crate) late: Duration,
+    /// How long the device stalls from the request on.
+    pub(crate) hiccup: Option<Duration>,
+    pub(crate) pieces: Vec<Piece>,
+}
+
 /// A part of a transmission.
 pub(crate) struct Piece {
     /// Before it.
@@ -99,6 +112,16 @@ pub(crate) enum Sent {
     Flawed(Vec<u8>, Flaw),
     Close,
     Reset,
+}
+
+impl Sent {
+    /// In characters.
+    pub(crate) fn length(&self) -> usize {
+        match self {
+            Self::Bytes(bytes) | Self::Flawed(bytes, _) => bytes.len(),
+            Self::Close | Self::Reset => 0,
+        }
+    }
 }
 
 impl Faults {
@@ -124,38 +147,11 @@ impl Faults {
         self.injected
     }
 
-    /// What goes on the wire instead of `unit`'s `answer` to `request`. `frame` makes a frame of unit and PDU, and is told
-    /// whether its transaction id is to be wrong.
-    pub(crate) fn transmission(
-        &mut self,
-        framing: Framing,
-        unit: u8,
-        request: &[u8],
-        answer: Vec<u8>,
-        frame: impl Fn(u8, &[u8], bool) -> Vec<u8>,
-    ) -> Vec<Piece> {
+    /// The faults that hit `request`, which is the next one.
+    pub(crate) fn draw(&mut self, request: &[u8]) -> Vec<Fault> {
         self.requests += 1;
-        let faults = self.draw(request);
-        self.injected += faults.len() as u64;
-        if faults.contains(&Fault::Dead) {
-            return Vec::new();
-        }
-        let mut unit = unit;
-        let mut pdu = answer;
-        for &fault in &faults {
-            forge(fault, &mut unit, &mut pdu);
-        }
-        let bytes = frame(unit, &pdu, faults.contains(&Fault::WrongTransaction));
-        let mut pieces = vec![Piece { pause: Duration::from_ticks(0), what: Sent::Bytes(bytes) }];
-        for &fault in &faults {
-            self.damage(framing, fault, &mut pieces);
-        }
-        pieces
-    }
-
-    fn draw(&mut self, request: &[u8]) -> Vec<Fault> {
         let Self { rules, random, requests, .. } = self;
-        let hits = |when: &When| match when {
+        let mut hits = |when: &When| match when {
             When::Always => true,
             When::Chance(probability) => random.chance(*probability),
             When::Every(nth) => requests.is_multiple_of(*nth),
@@ -163,13 +159,51 @@ impl Faults {
             When::During(time) => time.contains(&Instant::now()),
             When::Function(function) => request.first() == Some(function),
         };
-        let mut hits = hits;
-        rules.iter().filter(|(when, _)| hits(when)).map(|&(_, fault)| fault).collect()
+        let hits: Vec<Fault> = rules.iter().filter(|(when, _)| hits(when)).map(|&(_, fault)| fault).collect();
+        self.injected += hits.len() as u64;
+        hits
+    }
+
+    /// What `hits` make of `unit`'s `answer`. `frame` makes a frame of unit and PDU, and is told whether its transaction id is to
+    /// be wrong.
+    pub(crate) fn transmission(
+        &mut self,
+        framing: Framing,
+        mut unit: u8,
+        hits: &[Fault],
+        mut pdu: Vec<u8>,
+        frame: impl Fn(u8, &[u8], bool) -> Vec<u8>,
+    ) -> Option<Transmission> {
+        if hits.contains(&Fault::Dead) {
+            return None;
+        }
+        for &fault in hits {
+            forge(fault, &mut unit, &mut pdu);
+        }
+        let bytes = frame(unit, &pdu, hits.contains(&Fault::WrongTransaction));
+        let mut pieces = vec![Piece { pause: Duration::from_ticks(0), what: Sent::Bytes(bytes) }];
+        let (mut late, mut hiccup) = (Duration::from_ticks(0), None);
+        for &fault in hits {
+            match fault {
+                Fault::Late(least, most) => late += self.between(least, most),
+                Fault::Lingers(mean) => {
+                    let factor = self.random.exponential();
+                    late += Duration::from_ticks((mean.as_ticks() as f64 * factor) as u64);
+                }
+                Fault::Hiccup(least, most) => hiccup = Some(self.between(least, most)),
+                _ => self.damage(framing, fault, &mut pieces),
+            }
+        }
+        Some(Transmission { late, hiccup, pieces })
+    }
+
+    fn between(&mut self, least: Duration, most: Duration) -> Duration {
+        Duration::from_ticks(self.random.within(least.as_ticks()..=most.as_ticks()))
     }
 
     /// Faults of the transmission: its bytes no longer are what was meant.
     fn damage(&mut self, framing: Framing, fault: Fault, pieces: &mut Vec<Piece>) {
-        let Some(Piece { pause, what }) = pieces.last_mut() else { return };
+        let Some(Piece { what, .. }) = pieces.last_mut() else { return };
         match fault {
             Fault::Close => return *what = Sent::Close,
             Fault::Reset => return *what = Sent::Reset,
@@ -182,13 +216,6 @@ impl Faults {
         }
         let place = self.random.index(bytes.len());
         match fault {
-            Fault::Late(least, most) => {
-                *pause += Duration::from_ticks(self.random.within(least.as_ticks()..=most.as_ticks()));
-            }
-            Fault::Lingers(mean) => {
-                let factor = self.random.exponential();
-                *pause += Duration::from_ticks((mean.as_ticks() as f64 * factor) as u64);
-            }
             Fault::BadCrc => match (framing, &mut bytes[..]) {
                 // Another digit in the LRC, which stands before the line's end.
                 (Framing::Ascii, [.., digit, _, _]) => *digit = if *digit == b'0' { b'1' } else { b'0' },
@@ -219,7 +246,8 @@ impl Faults {
             // Done by `forge` or above, or no answer at all.
             Fault::Close | Fault::Reset | Fault::WrongTransaction | Fault::Flawed(_) => {}
             Fault::Dead | Fault::WrongUnit | Fault::WrongFunction | Fault::WrongLength => {}
-            Fault::WrongEcho | Fault::Exception(_) => {}
+            Fault::WrongEcho | Fault::Exception(_) | Fault::Unheard => {}
+            Fault::Late(..) | Fault::Lingers(_) | Fault::Hiccup(..) => {}
         }
     }
 }

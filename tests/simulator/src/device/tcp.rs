@@ -1,12 +1,13 @@
 //! Devices behind TCP, by Modbus TCP or RTU over TCP, written from the specification and not from the gateway's codecs.
 //!
-//! Each connection is served by itself. Requests are executed as they come and answered after the device's turnaround time,
-//! so answers of slow requests come behind those of quick ones. A device whose unit id is not asked for says nothing.
+//! Each connection is served by itself. Requests are executed as they come and answered after the device's turnaround time:
+//! in Modbus TCP each by itself, so that the answers of slow requests come behind those of quick ones; in RTU over TCP a device
+//! answers in order. A device whose unit id is not asked for says nothing.
 
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{Read, Write};
 
-use super::{Device, Outgoing, due, rtu};
+use super::{Device, Outbox, rtu};
 use crate::client::{frame, take_frame};
 use crate::fault::Sent;
 use crate::net::{ClientStream, Server};
@@ -31,11 +32,11 @@ pub async fn serve(server: Server, framing: Stream, devices: Vec<Device>, spawne
 
 /// Serves one connection to its end.
 async fn converse(mut stream: ClientStream, framing: Stream, devices: Vec<Device>) {
-    let mut outbox: Vec<Outgoing> = Vec::new();
+    let mut outbox = Outbox::new();
     let mut received = Vec::new();
     loop {
         let mut buffer = [0; 260];
-        match select(stream.read(&mut buffer), due(&mut outbox)).await {
+        match select(stream.read(&mut buffer), outbox.due()).await {
             Either::First(Ok(0) | Err(_)) => return,
             Either::First(Ok(count)) => {
                 received.extend_from_slice(&buffer[..count]);
@@ -54,7 +55,7 @@ async fn converse(mut stream: ClientStream, framing: Stream, devices: Vec<Device
 }
 
 /// Takes the requests that are whole.
-fn hear(framing: Stream, received: &mut Vec<u8>, devices: &[Device], outbox: &mut Vec<Outgoing>) {
+fn hear(framing: Stream, received: &mut Vec<u8>, devices: &[Device], outbox: &mut Outbox) {
     let asked = |unit| devices.iter().find(move |device| device.unit() == unit);
     match framing {
         Stream::Mbap => {
@@ -64,7 +65,7 @@ fn hear(framing: Stream, received: &mut Vec<u8>, devices: &[Device], outbox: &mu
                     frame(request.transaction ^ if wrong { 0x5a5a } else { 0 }, unit, pdu)
                 };
                 if let Some(device) = asked(request.unit) {
-                    device.asked(&request.pdu, answer, outbox);
+                    device.asked(&request.pdu, false, answer, outbox);
                 }
             }
         }
@@ -72,7 +73,7 @@ fn hear(framing: Stream, received: &mut Vec<u8>, devices: &[Device], outbox: &mu
         Stream::Rtu => {
             if let Some((unit, pdu)) = rtu::open(received).filter(|(_, pdu)| pdu.len() >= shortest(pdu)) {
                 if let Some(device) = asked(unit) {
-                    device.asked(pdu, |unit, pdu, _| rtu::frame(unit, pdu), outbox);
+                    device.asked(pdu, true, |unit, pdu, _| rtu::frame(unit, pdu), outbox);
                 }
                 received.clear();
             }

@@ -167,3 +167,117 @@ fn a_gap_inside_splits_the_answer_on_the_wire() {
     assert_eq!(world.run_until(ask(&mut master, 5, &READ)).unwrap().len(), 3);
     assert_eq!(device.faults_injected(), 1);
 }
+
+/// What a master hears that sends these requests to unit 5, so many milliseconds from the start on: the registers read, and when
+/// the answers have come, in milliseconds.
+fn answers(device: Device, requests: &[(u64, u8)]) -> Vec<(u8, u64)> {
+    let wire = Wire::new();
+    let mut world = World::new(1);
+    world.spawn(device.run(wire.tap(LINE)));
+    let (mut sender, hearer) = (wire.tap(LINE), wire.tap(LINE));
+    let number = sender.number();
+    let requests = requests.to_vec();
+    world.spawn(async move {
+        for (at_ms, register) in requests {
+            Timer::at(Instant::from_millis(at_ms)).await;
+            sender.write_all(&rtu::frame(5, &[3, 0, register, 0, 1])).await.unwrap();
+        }
+    });
+    let mut heard = Vec::new();
+    while let Some((bytes, at)) = world.run_until(async {
+        let frame = with_timeout(Duration::from_secs(20), hearer.frame(Silence::of(&LINE))).await.ok()?;
+        Some((frame.bytes, Instant::now().as_millis()))
+    }) {
+        if let Some((5, &[3, 2, 5, register])) = rtu::open(&bytes) {
+            heard.push((register, at));
+        }
+    }
+    assert_eq!(wire.collisions(), 0);
+    let of_device: Vec<_> = wire.frames().into_iter().filter(|frame| frame.from != number).collect();
+    assert_eq!(of_device.len(), heard.len(), "each answer is a frame of its own");
+    heard
+}
+
+#[test]
+fn a_late_answer_delays_those_behind_it() {
+    let late = Fault::Late(Duration::from_secs(2), Duration::from_secs(2));
+    let device = Device::new(5).with_faults(Faults::new(1).with(When::Requests(1..=1), late));
+    let heard = answers(device, &[(0, 1), (500, 2), (2_500, 3)]);
+    assert_eq!(heard.iter().map(|(register, _)| *register).collect::<Vec<_>>(), [1, 2, 3]);
+    assert!(heard[0].1 > 2_000 && heard[1].1 < 2_050 && heard[2].1 < 2_550, "{heard:?}");
+}
+
+#[test]
+fn two_halves_of_an_answer_have_no_other_between_them() {
+    let pause = Duration::from_millis(300);
+    let halves = Faults::new(1).with(When::Requests(1..=1), Fault::GapInside(pause));
+    let wire = Wire::new();
+    let mut world = World::new(1);
+    world.spawn(Device::new(5).with_faults(halves).run(wire.tap(LINE)));
+    let mut master = wire.tap(LINE);
+    let mut ask = |register| world.run_until(ask(&mut master, 5, &[3, 0, register, 0, 1])).unwrap();
+    let good = rtu::frame(5, &[3, 2, 5, 1]);
+    assert_eq!(ask(1), good[..3]);
+    // Asked between the halves.
+    assert_eq!(ask(2), good[3..]);
+    let mut buffer = [0; 64];
+    let mut hear = async || {
+        let count = master.read(&mut buffer).await.unwrap();
+        buffer[..count].to_vec()
+    };
+    let first = world.run_until(hear());
+    assert_eq!(first, [5], "then the other one");
+}
+
+#[test]
+fn answers_in_a_stream_are_whole_and_in_rtu_in_order() {
+    for (in_order, expected) in [(true, vec![1, 1, 2]), (false, vec![2, 1, 1])] {
+        let mut world = World::new(1);
+        let late = Fault::Late(Duration::from_secs(2), Duration::from_secs(2));
+        let first = |fault| (When::Requests(1..=1), fault);
+        let faults = [first(late), first(Fault::GapInside(Duration::from_secs(2)))];
+        let faults =
+            faults.into_iter().fold(Faults::new(1), |faults, (when, fault)| faults.with(when, fault));
+        let device = Device::new(5).with_faults(faults);
+        let mut outbox = super::Outbox::new();
+        let mut ask = |register| {
+            let frame = |unit, pdu: &[u8], _| rtu::frame(unit, pdu);
+            device.asked(&[3, 0, register, 0, 1], in_order, frame, &mut outbox);
+        };
+        ask(1);
+        ask(2);
+        let mut pieces = Vec::new();
+        for _ in 0..3 {
+            let crate::fault::Sent::Bytes(bytes) = world.run_until(outbox.due()) else { panic!() };
+            pieces.push(bytes);
+        }
+        let [one, two] = [1, 2].map(|register| rtu::frame(5, &[3, 2, 5, register]));
+        let is = |piece: &Vec<u8>| {
+            if *piece == two { 2 } else { u8::from(one[..3] == **piece || one[3..] == **piece) }
+        };
+        assert_eq!(pieces.iter().map(is).collect::<Vec<_>>(), expected);
+    }
+}
+
+#[test]
+fn a_device_in_a_hiccup_answers_all_that_it_has_heard_when_it_ends() {
+    let hiccup = Fault::Hiccup(Duration::from_secs(2), Duration::from_secs(2));
+    let device = Device::new(5).with_faults(Faults::new(1).with(When::Always, hiccup));
+    let heard = answers(device, &[(0, 1), (500, 2), (1_500, 3), (2_500, 4)]);
+    assert_eq!(heard.iter().map(|(register, _)| *register).collect::<Vec<_>>(), [1, 2, 3, 4]);
+    assert!(heard[0].1 > 2_000 && heard[2].1 < 2_080, "{heard:?}");
+    assert!(heard[3].1 > 4_500, "the next one begins behind the first, {heard:?}");
+}
+
+#[test]
+fn a_request_that_is_lost_is_not_carried_out_and_one_whose_response_is_lost_is() {
+    for (fault, written) in [(Fault::Unheard, 0), (Fault::Dead, 1)] {
+        let wire = Wire::new();
+        let mut world = World::new(1);
+        let device = Device::new(5).with_faults(Faults::new(1).with(When::Always, fault));
+        world.spawn(device.clone().run(wire.tap(LINE)));
+        assert_eq!(world.run_until(ask(&mut wire.tap(LINE), 5, &[6, 0, 1, 0, 2])), None);
+        assert_eq!(device.writes().len(), written, "{fault:?}");
+        assert_eq!(device.faults_injected(), 1);
+    }
+}

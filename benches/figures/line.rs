@@ -5,6 +5,7 @@ use mobgate::config::LineSettings;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::client::load::ClosedLoop;
 use mobgate_simulator::rig::machine;
+use mobgate_simulator::timing::{char_bits, t3_5_ns};
 use mobgate_simulator::{Client, Device, Random, rig};
 
 use crate::{Target, figure};
@@ -40,12 +41,12 @@ impl Speed {
 
     /// Request, t3.5, turnaround, and a response of `chars` characters, in seconds.
     fn transaction(&self, chars: usize) -> f64 {
-        let bits = (REQUEST_CHARS + chars) as f64 * f64::from(self.0.bits_per_char());
+        let bits = (REQUEST_CHARS + chars) as f64 * char_bits(&self.0) as f64;
         bits / f64::from(self.0.baud) + self.t3_5() + seconds(TURNAROUND)
     }
 
     pub(crate) fn t3_5(&self) -> f64 {
-        if self.0.baud > 19_200 { 0.001_75 } else { 3.5 * 11.0 / f64::from(self.0.baud) }
+        t3_5_ns(&self.0) as f64 / 1e9
     }
 
     /// The shortest legal time from one transaction to the next, in seconds.

@@ -1,9 +1,10 @@
-//! Several saturated lines of one gateway: whether they carry as much together as each for itself.
+//! Several saturated lines of one gateway: whether they carry as much together as each for itself, and beside one that is at fault.
 
 use embassy_time::{Duration, Instant};
 use mobgate_simulator::client::load::ClosedLoop;
+use mobgate_simulator::fault::{When, babble};
 use mobgate_simulator::rig::machine;
-use mobgate_simulator::{Device, rig};
+use mobgate_simulator::{Device, Fault, Faults, Random, rig};
 
 use crate::line::{TURNAROUND, read};
 use crate::{Target, figure};
@@ -12,16 +13,43 @@ const RUN: Duration = Duration::from_secs(60);
 const LINES: u8 = 4;
 /// Clients of each line.
 const CLIENTS: u8 = 8;
+/// Of a client whose line is at fault, before it asks again.
+const THOUGHT: Duration = Duration::from_millis(1);
+/// Bytes of noise at a time, and what is between them.
+const NOISE_BYTES: usize = 5;
+const NOISE_PAUSE: Duration = Duration::from_millis(20);
 
 pub(crate) fn figures() {
     for baud in [9_600, 19_200, 115_200] {
-        let ratio = carried(baud, LINES) / carried(baud, 1);
+        let all = carried(baud, LINES, None);
+        let ratio = sum(&all) / sum(&carried(baud, 1, None));
         figure(&format!("ports_{LINES}_over_1_{baud}"), ratio, "x", Target::AtLeast(3.98));
+        let healthy = |carried: &[f64]| sum(&carried[..usize::from(LINES) - 1]);
+        for trouble in [Trouble::Dead, Trouble::Babbling, Trouble::Noise] {
+            let share = healthy(&carried(baud, LINES, Some(trouble))) / healthy(&all);
+            let name = format!("beside_{trouble:?}_port_{baud}").to_lowercase();
+            figure(&name, 100.0 * share, "%", Target::AtLeast(95.0));
+        }
     }
 }
 
-/// Transactions on all lines together, when so many of them are busy.
-fn carried(baud: u32, busy: u8) -> f64 {
+/// What is wrong with the last line.
+#[derive(Debug, Clone, Copy)]
+enum Trouble {
+    /// Its device does not answer.
+    Dead,
+    /// Somebody on it never stops sending.
+    Babbling,
+    /// There are a few random bytes on it, again and again.
+    Noise,
+}
+
+fn sum(carried: &[f64]) -> f64 {
+    carried.iter().sum()
+}
+
+/// Transactions on each line, when so many of them are busy.
+fn carried(baud: u32, busy: u8, trouble: Option<Trouble>) -> Vec<f64> {
     let line =
         |nth| format!("port P{nth} serial bus{nth} rtu client {baud} 8E1\nroute P502 {nth} * * P{nth}\n");
     let lines: String = (1..=LINES).map(line).collect();
@@ -34,15 +62,29 @@ fn carried(baud: u32, busy: u8) -> f64 {
                 device
             })
             .collect();
+        let last = format!("bus{LINES}");
+        let noise =
+            |pause| babble(rig.wire(&last).tap(rig.end(&last).line()), Random::new(17), NOISE_BYTES, pause);
+        match trouble {
+            None => {}
+            Some(Trouble::Dead) => {
+                devices[usize::from(LINES) - 1].set_faults(Faults::new(17).with(When::Always, Fault::Dead));
+            }
+            Some(Trouble::Babbling) => drop(world.spawn(noise(Duration::from_ticks(0)))),
+            Some(Trouble::Noise) => drop(world.spawn(noise(NOISE_PAUSE))),
+        }
         let until = Instant::now() + RUN;
         for host in 1..=busy * CLIENTS {
             let mut client = rig.client(machine(host), 502);
             let unit = 1 + (host - 1) / CLIENTS;
-            world.spawn(async move {
-                ClosedLoop::until(until).run(&mut client, || (unit, read(host).to_vec()), |_, _, _| {}).await
-            });
+            // Who is refused at once would ask again at once, and time stood still.
+            let patience = if trouble.is_some() && unit == LINES { THOUGHT } else { Duration::from_ticks(0) };
+            let load = ClosedLoop::until(until).thinking(patience);
+            world.spawn(
+                async move { load.run(&mut client, || (unit, read(host).to_vec()), |_, _, _| {}).await },
+            );
         }
         world.run_for(RUN);
-        devices.iter().map(|device| device.counters().requests[3] as f64).sum()
+        devices.iter().map(|device| device.counters().requests[3] as f64).collect()
     })
 }

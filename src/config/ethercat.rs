@@ -11,6 +11,8 @@ pub struct EthercatSettings {
     pub on_loss: OnLoss,
     /// The RTU client whose speed and format the MainDevice sets; none: it sets none.
     pub line: Option<Name>,
+    /// Outputs are read from the controller until two readings agree, for an SPI that may turn bits: about half as much traffic again.
+    pub prove_outputs: bool,
 }
 
 impl Settings {

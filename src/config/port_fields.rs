@@ -51,6 +51,7 @@ impl PortKind {
             Self::Ethercat(settings) => match key {
                 Key::Line => Some(Field::Line(&mut settings.line)),
                 Key::OnLoss => Some(Field::OnLoss(&mut settings.on_loss)),
+                Key::ProveOutputs(prove) => Some(Field::Flag(&mut settings.prove_outputs, prove)),
                 _ => None,
             },
         }

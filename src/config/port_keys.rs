@@ -46,6 +46,7 @@ pub(super) enum Key {
     Confirm(bool),
     Unit255,
     ReservedUnits,
+    ProveOutputs(bool),
 }
 
 impl Key {
@@ -93,6 +94,7 @@ impl Key {
             Self::Unit255 => 38,
             Self::ReservedUnits => 39,
             Self::Proof => 40,
+            Self::ProveOutputs(_) => 41,
         }
     }
 }
@@ -169,7 +171,13 @@ const UDP_SERVER_KEYS: Keys = &[
     ("allow", Key::Allow),
 ];
 
-const ETHERCAT_KEYS: Keys = &[("line", Key::Line), ("on-loss", Key::OnLoss)];
+const ETHERCAT_KEYS: Keys = &[
+    ("line", Key::Line),
+    ("on-loss", Key::OnLoss),
+    ("prove-outputs", Key::ProveOutputs(true)),
+    // For `edit`: a flag has no value that could say so.
+    ("no-prove-outputs", Key::ProveOutputs(false)),
+];
 
 /// The words about unit ids without a device of their own, which every server-side port has: 0, 255, 248 to 254.
 pub(super) const UNIT_KEYS: Keys = &[
@@ -202,7 +210,7 @@ const TCP_SERVER_EXPECTED: &str = "listen, rtu, capture, clients, idle, pipeline
 const TCP_CLIENT_EXPECTED: &str = "address, rtu, unit, in-flight, timeout, connect-timeout, \
      connect-delay, request-delay, idle, retries, late-window, down-after or proof";
 const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow";
-const ETHERCAT_EXPECTED: &str = "line or on-loss";
+const ETHERCAT_EXPECTED: &str = "line, on-loss or prove-outputs";
 
 /// Gives `each` the words that set something.
 pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {

@@ -23,7 +23,7 @@ port NAME serial DEVICE rtu|ascii client|server [BAUD] [FORMAT] [OPTION VALUE]..
 port NAME tcp|udp server [ADDRESS:]PORT [OPTION VALUE]...
 port NAME tcp client ADDRESS:PORT [OPTION VALUE]...
 port NAME scanner\tasks the devices of data points, by the rules for its name
-port NAME ethercat [line PORT] [on-loss hold|clear|stop]
+port NAME ethercat [line PORT] [on-loss hold|clear|stop] [prove-outputs|no-prove-outputs]
 \tasks the devices of the EtherCAT process image
   serial: 19200 8E1 (ascii 7E1), gap T|auto, char-timeout T|auto, echo|no-echo, rs232|rs485|rts;
           with rs485 or rts: driver-before T, driver-after T

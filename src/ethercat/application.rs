@@ -35,6 +35,12 @@ pub trait Application {
     /// Which PDOs a SyncManager carries, in their order; before the first call they are those of the device's table.
     fn assigned(&mut self, _channel: Channel, _pdos: &[u16]) {}
 
+    /// Whether outputs are taken only when two readings in a row agree, on a bus that may turn bits in process data. That doubles
+    /// their traffic.
+    fn proves_outputs(&self) -> bool {
+        false
+    }
+
     /// Takes the outputs of a PDO, always those of one frame. Called in Op only, for each assigned PDO.
     fn outputs(&mut self, pdo: u16, bytes: &[u8]);
 

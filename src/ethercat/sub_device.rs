@@ -44,8 +44,6 @@ pub struct SubDevice<E, A> {
     images: Images,
     /// The events that raise the interrupt, as far as the controller was told.
     mask: Option<Events>,
-    /// Outputs are read until two readings agree.
-    proves_outputs: bool,
     /// Op was asked for, and waits for outputs until then.
     op_deadline: Option<Instant>,
 }
@@ -63,16 +61,8 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             coe: Coe::default(),
             images: Images::default(),
             mask: None,
-            proves_outputs: false,
             op_deadline: None,
         }
-    }
-
-    /// The same on a bus that may turn bits in process data: outputs are taken only when two readings in a row agree. That
-    /// doubles their traffic.
-    #[must_use]
-    pub fn proving_outputs(self) -> Self {
-        Self { proves_outputs: true, ..self }
     }
 
     /// The state it is in.

@@ -7,6 +7,7 @@ use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::rig::machine;
+use mobgate_simulator::timing::chars_ns;
 use mobgate_simulator::{Device, Fault, Faults, Master, Rig, World, framing};
 
 use super::cut_through::{READ, between, counts};
@@ -79,8 +80,9 @@ fn assert_no_pause(case: &str, rig: &Rig<'_>, wire: &str) {
     let end = rig.end(wire);
     let frames = rig.wire(wire).frames();
     for frame in frames.iter().filter(|frame| frame.from == end.number()) {
-        let took = Duration::from_nanos(frame.end_ns - frame.start_ns);
-        assert!(took <= end.line().chars(frame.bytes.len()), "{case}: {took:?} for {:02x?}", frame.bytes);
+        let took = frame.end_ns - frame.start_ns;
+        let length = chars_ns(&end.line(), frame.bytes.len() as u64);
+        assert!(took <= length, "{case}: {took} ns for {:02x?}", frame.bytes);
     }
 }
 

@@ -6,6 +6,7 @@ use mobgate::modbus::delta::CrcDelta;
 use mobgate::modbus::pdu::{End, request_end, response_end};
 use mobgate::port::cut::{Lane, start};
 use mobgate_simulator::device::rtu;
+use mobgate_simulator::timing::char_bits;
 use proptest::prelude::{any, prop};
 use proptest::{prop_assert_eq, proptest};
 
@@ -101,7 +102,7 @@ fn earliest_us(input: &Lane, output: &Lane, bytes: usize) -> f64 {
             [there(0)].into_iter().chain(digits).chain([check, check, end, end]).collect()
         }
     };
-    let us = |lane: &Lane| f64::from(lane.line.bits_per_char()) * 1e6 / f64::from(lane.line.baud);
+    let us = |lane: &Lane| char_bits(&lane.line) as f64 * 1e6 / f64::from(lane.line.baud);
     let starts = needed
         .iter()
         .enumerate()

@@ -1,4 +1,6 @@
 //! Frames passed on while they arrive, under random faults, framings, speeds and competition: no answer is ever the wrong one.
+//!
+//! `MOBGATE_SEED=17 cargo test cut_torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many, as CI does.
 
 use embassy_time::{Duration, Instant, Timer};
 use mobgate::config::Framing;
@@ -6,15 +8,21 @@ use mobgate::stats::Event;
 use mobgate_simulator::client::load::ClosedLoop;
 use mobgate_simulator::device::Fresh;
 use mobgate_simulator::fault::When;
+use mobgate_simulator::random::each_seed;
 use mobgate_simulator::rig::{Size, machine};
-use mobgate_simulator::{Device, Fault, Faults, Master, Random, Rig, framing, rig};
+use mobgate_simulator::wire::WireFrame;
+use mobgate_simulator::{Device, Fault, Faults, Master, Random, framing, rig};
 
 /// Registers that differ at every read.
 const FRESH: u8 = 100;
 const TRANSACTIONS: u32 = 150;
+/// Worlds of a plain `cargo test`.
 const WORLDS: u64 = 60;
 /// On some boards.
 const LATE_READS: Duration = Duration::from_micros(300);
+
+/// In a device's answer. Shorter than any t3.5: nobody takes the rest for the beginning of something.
+const PAUSE: Duration = Duration::from_micros(1_200);
 
 /// What came of a world.
 #[derive(Default)]
@@ -58,8 +66,7 @@ fn faults(seed: u64) -> Faults {
         Fault::WrongFunction,
         Fault::WrongLength,
         Fault::NoiseAfter(3),
-        // Shorter than any t3.5: nobody takes the rest for the beginning of something.
-        Fault::GapInside(Duration::from_micros(1_200)),
+        Fault::GapInside(PAUSE),
         Fault::Exception(4),
     ];
     kinds.into_iter().fold(Faults::new(seed), |faults, fault| faults.with(When::Chance(0.02), fault))
@@ -154,42 +161,42 @@ fn world(seed: u64) -> (u32, Outcome) {
         for device in devices {
             assert_eq!(device.counters().gap_inside, 0, "{case}: a copy with a gap");
         }
-        assert_silences(&case, rig, up);
+        // Pauses in a master's ASCII frames are in their copies as well, but none longer than t1.5. A device's pause is in the copy
+        // of its answer, whatever t1.5 is on a faster line.
+        for (wire, pause) in [("up", PAUSE), ("down", Duration::from_ticks(0))] {
+            let hasty = rig.wire(wire).hasty_frames(rig.end(wire), LATE_READS, pause);
+            let before =
+                |frame: &WireFrame| frame.start_ns <= hasty.first().map_or(0, |hasty| hasty.start_ns);
+            let frames: Vec<_> = rig.wire(wire).frames().into_iter().filter(before).collect();
+            let last = &frames[frames.len().saturating_sub(4)..];
+            assert_eq!(hasty, [], "{case}, wire {wire}, of the last of {last:?}");
+        }
         (rig.counted("C", Event::Cut) + rig.counted("S", Event::Cut), outcome)
     })
-}
-
-/// Every frame that the gateway has sent to the devices stood behind t3.5. Pauses in a master's ASCII frames are in their
-/// copies as well, but none longer than t1.5.
-fn assert_silences(case: &str, rig: &Rig<'_>, up: Line) {
-    let (line, gateway) = (rig.end("down").line(), rig.end("down").number());
-    // The clock's tick is a microsecond.
-    let is_silence = |gap_ns: u64| gap_ns + 1_000 >= line.t3_5().as_micros() * 1_000;
-    let is_pause = |gap_ns| up.framing == Framing::Ascii && gap_ns <= line.t1_5().as_micros() * 1_000;
-    // A device that answers late may begin right before the gateway does, which has not read its first character yet.
-    let unheard_ns = (line.chars(1) + LATE_READS).as_micros() * 1_000;
-    let frames = rig.wire("down").frames();
-    for (before, frame) in frames.iter().zip(&frames[1..]).filter(|(_, frame)| frame.from == gateway) {
-        let gap = frame.gap_ns.unwrap_or(u64::MAX);
-        let unheard = before.from != gateway && frame.start_ns <= before.start_ns + unheard_ns;
-        assert!(is_silence(gap) || is_pause(gap) || unheard, "{case}: a silence of {gap} ns");
-    }
 }
 
 #[test]
 fn no_answer_is_the_wrong_one_whatever_happens_to_frames_on_their_way() {
     let mut total = Outcome::default();
-    let mut passed = 0;
-    for seed in 0..WORLDS {
+    let (mut passed, mut all) = (0, 0);
+    each_seed(WORLDS, |seed| {
         let (cut, outcome) = world(seed);
+        all += TRANSACTIONS;
         passed += cut;
         total.good += outcome.good;
         total.refused += outcome.refused;
         total.silent += outcome.silent;
         total.damaged += outcome.damaged;
+    });
+    // The assertion below says whether that is enough.
+    println!("figure cut_torture_good {:.2} % >=50 ok", 100.0 * f64::from(total.good) / f64::from(all));
+    // One world may be a bad one.
+    if all > 10 * TRANSACTIONS {
+        assert!(passed > all / 2, "{passed} frames were passed on while they arrived");
+        assert!(total.good > all / 2, "{} good answers of {all}", total.good);
+        assert!(
+            total.refused > 0 && total.silent > 0 && total.damaged > 0,
+            "every kind of bad day was there"
+        );
     }
-    let all = WORLDS as u32 * TRANSACTIONS;
-    assert!(passed > all / 2, "{passed} frames were passed on while they arrived");
-    assert!(total.good > all / 2, "{} good answers", total.good);
-    assert!(total.refused > 0 && total.silent > 0 && total.damaged > 0, "every kind of bad day was there");
 }

@@ -1,6 +1,7 @@
 //! What transactions take by the formulas, in seconds; direct, stored, and passed on while they arrive.
 
 use mobgate::config::{Framing, LineSettings};
+use mobgate_simulator::timing::{char_bits, t3_5_ns};
 
 use super::{TURNAROUND, UNIT_FUNCTION_COUNT};
 
@@ -34,12 +35,12 @@ impl Line {
 
     /// Seconds of one character.
     pub(super) fn tc(self) -> f64 {
-        f64::from(self.settings.bits_per_char()) / f64::from(self.settings.baud)
+        char_bits(&self.settings) as f64 / f64::from(self.settings.baud)
     }
 
     /// The silence that the gateway keeps before a frame.
     pub(super) fn t3_5(self) -> f64 {
-        if self.settings.baud > 19_200 { 0.001_75 } else { 3.5 * self.tc() }
+        t3_5_ns(&self.settings) as f64 / 1e9
     }
 
     /// The silence by which a frame's end is heard.

@@ -31,8 +31,8 @@ fn one_router([up, down]: [Line; 2], registers: u8) {
     figure(&format!("stored_{name}"), stored / standard, "x", Target::None);
     let bound = (formula + 2.0 * TICK) / standard;
     figure(&format!("cut_{name}"), cut.worst / standard, "x", Target::AtMost(bound));
-    let error = 1e6 * (cut.worst - formula) / 2.0;
-    figure(&format!("cut_error_{name}"), error, "us/frame", Target::AtMost(1.0));
+    let error = 1e6 * (cut.worst - formula);
+    figure(&format!("cut_error_{name}"), error, "us", Target::AtMost(1.0));
     figure(&format!("cut_to_stored_{name}"), cut.worst / stored, "x", Target::AtMost(1.0));
     figure(&format!("cut_gaps_{name}"), f64::from(cut.gaps), "frames", Target::AtMost(0.0));
 }

@@ -87,7 +87,7 @@ fn what_is_wrong_with_the_port_is_said() {
         ("port X ethercat on-loss", "column 24: end of line: expected hold, clear or stop"),
         (
             "port X ethercat on-los stop",
-            "column 17: \"on-los\": expected line or on-loss; did you mean on-loss?",
+            "column 17: \"on-los\": expected line, on-loss or prove-outputs; did you mean on-loss?",
         ),
     ];
     for (line, expected) in cases {

@@ -44,7 +44,7 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         }
         let start = self.device.memory.start(Channel::Outputs);
         self.images.outputs_valid = false;
-        match self.proves_outputs {
+        match self.application.proves_outputs() {
             true => read_agreed(&mut self.esc, start, image).await?,
             false => self.esc.read(start, image).await?,
         }

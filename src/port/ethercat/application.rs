@@ -121,6 +121,10 @@ fn copy_entry(buffer: &[u8], sub: u8, into: &mut [u8]) -> Result<(), Abort> {
 }
 
 impl Application for GatewayObjects<'_> {
+    fn proves_outputs(&self) -> bool {
+        self.place.proves_outputs()
+    }
+
     fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort> {
         match (at.index, at.sub) {
             (0x2021 | 0x2023, sub) => self.place.inputs(|buffer| copy_entry(buffer, sub, into))?,

@@ -46,6 +46,7 @@ struct State {
     /// Whether the line is there that the port is to set.
     has_line: bool,
     on_loss: OnLoss,
+    proves_outputs: bool,
     /// Whether a configuration is in use.
     running: bool,
     /// The settings have slaves that are to be asked as soon as there are port and line.
@@ -69,6 +70,7 @@ impl State {
         has_port: false,
         has_line: false,
         on_loss: OnLoss::Stop,
+        proves_outputs: false,
         running: false,
         wanted: false,
         taken_over: false,
@@ -96,6 +98,11 @@ impl EthercatPlace {
     /// Whether a configuration is in use (2005h:02).
     pub fn is_running(&self) -> bool {
         self.state.lock(Cell::get).running
+    }
+
+    /// Whether outputs are read from the controller until two readings agree.
+    pub(super) fn proves_outputs(&self) -> bool {
+        self.state.lock(Cell::get).proves_outputs
     }
 
     /// How the slave `nth` is doing, if there is one.
@@ -299,6 +306,7 @@ impl EthercatPlace {
             state.has_port = port.is_some();
             state.has_line = sets_none || line != Speed::NONE;
             state.on_loss = port.map(|port| port.on_loss).unwrap_or_default();
+            state.proves_outputs = port.is_some_and(|port| port.prove_outputs);
             state.line = line;
             state.wanted |= other_slaves && !settings.slaves.is_empty();
         });

@@ -4,6 +4,7 @@
 use embassy_time::Duration;
 use mobgate::config::LineSettings;
 use mobgate_simulator::Random;
+use mobgate_simulator::timing::{chars_ns, t3_5_ns};
 
 use super::bench::{MS, SETUP, Setup, TURNAROUND, with_devices};
 use super::virtual_devices::virtual_devices;
@@ -33,7 +34,8 @@ fn bytes(kind: usize, cells: u16) -> usize {
 /// everything that can be written.
 pub(crate) fn exchanges(setup: Setup) -> (Vec<Duration>, Vec<Duration>) {
     let line = LineSettings { baud: setup.baud, ..LineSettings::DEFAULT };
-    let time = |chars: usize| line.chars(chars) + 2 * line.t3_5() + TURNAROUND;
+    let time =
+        |chars: usize| Duration::from_nanos(chars_ns(&line, chars as u64) + 2 * t3_5_ns(&line)) + TURNAROUND;
     let kinds = virtual_devices().into_iter().flat_map(|device| device.ranges.into_iter().enumerate());
     let kinds: Vec<_> = kinds.map(|(kind, (cells, _))| (kind, bytes(kind, cells))).collect();
     let reads = kinds.iter().map(|(_, bytes)| time(8 + 5 + bytes));

@@ -15,7 +15,8 @@ use mobgate::config::Framing;
 
 use crate::fault::{Fault, Faults, Sent, Transmission};
 use crate::framing::{self, Listener};
-use crate::wire::{Heard, LineEnd, Silence};
+use crate::timing::{chars_ns, t3_5_ns};
+use crate::wire::{Heard, LineEnd};
 
 pub mod ascii;
 mod fresh;
@@ -195,7 +196,7 @@ impl Device {
             return;
         }
         let line = line.line();
-        let begun_ns = heard.end_ns.saturating_sub(line.chars(heard.bytes.len()).as_nanos());
+        let begun_ns = heard.end_ns.saturating_sub(chars_ns(&line, heard.bytes.len() as u64));
         if begun_ns < state.deaf_until.as_nanos() {
             return;
         }
@@ -211,10 +212,10 @@ impl Device {
         for piece in &mut transmission.pieces {
             piece.pause += before;
             length += piece.pause;
-            before = line.chars(piece.what.length());
+            before = Duration::from_nanos(chars_ns(&line, piece.what.length() as u64));
         }
         let silence = match framing {
-            Framing::Rtu => Duration::from_nanos(Silence::of(&line).between_ns),
+            Framing::Rtu => Duration::from_nanos(t3_5_ns(&line)),
             Framing::Ascii => Duration::from_ticks(0),
         };
         let begin = state.begin(transmission.late).max(state.free + silence.max(state.turnaround));

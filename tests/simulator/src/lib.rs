@@ -22,8 +22,10 @@ pub mod power_cuts;
 pub mod random;
 pub mod rig;
 pub mod serial;
+pub mod share;
 pub mod shared_bus;
 pub mod sub_device;
+pub mod timing;
 #[cfg(feature = "masters")] // For MainDevices in other programs, and controllers of those.
 pub mod wall_clock;
 pub mod wire;

@@ -6,6 +6,7 @@ use mobgate::config::Framing;
 
 use crate::client::{Answer, Reply};
 use crate::framing::{self, Listener};
+use crate::timing;
 use crate::wire::{Heard, LineEnd};
 
 /// A master. It keeps no silence by itself, except that it hears a frame's end by the silence behind it.
@@ -56,7 +57,7 @@ impl Master {
     /// The next frame, within the master's patience.
     pub async fn receive(&mut self) -> Option<Heard> {
         // A frame that has begun in time is heard to its end.
-        let longest = self.line.line().chars(513);
+        let longest = Duration::from_nanos(timing::chars_ns(&self.line.line(), 513));
         with_timeout(self.patience + longest, self.listener.hear()).await.ok()
     }
 }

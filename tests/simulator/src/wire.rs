@@ -15,6 +15,7 @@ use mobgate::config::{LineSettings, Parity};
 use mobgate::hal::Flaws;
 
 use crate::random::mix;
+use crate::timing::{char_bits, chars_ns, t1_5_ns, t3_5_ns};
 
 mod end;
 mod record;
@@ -98,12 +99,6 @@ struct Run {
     end_ns: u64,
 }
 
-/// The exact time of `count` characters, rounded up to a nanosecond.
-fn chars_ns(line: &LineSettings, count: u64) -> u64 {
-    let bits = u128::from(count) * u128::from(line.bits_per_char());
-    (bits * 1_000_000_000).div_ceil(u128::from(line.baud)) as u64
-}
-
 fn now_ns() -> u64 {
     Instant::now().as_micros() * 1_000
 }
@@ -150,6 +145,23 @@ impl Wire {
     /// The last frames on the wire, oldest first: at most [`FRAMES_MAX`].
     pub fn frames(&self) -> Vec<WireFrame> {
         self.0.borrow().record.frames.iter().cloned().collect()
+    }
+
+    /// The frames of `end` that stood behind too short a silence: less than the line's gap, t3.5 if it says nothing. A pause of
+    /// up to t1.5 inside a frame may be, or of `pause` where that is longer, and the clock knows no time to less than a tick. `end` cannot heed what it has not heard: what another began to send less than a
+    /// character, and `reaction`, before.
+    pub fn hasty_frames(&self, end: &LineEnd, reaction: Duration, pause: Duration) -> Vec<WireFrame> {
+        let (line, number) = (end.line(), end.number());
+        let silence_ns = line.gap.map_or(t3_5_ns(&line), |gap| gap.as_nanos());
+        let unheard_ns = chars_ns(&line, 1) + reaction.as_nanos() + TICK_NS;
+        let frames = self.frames();
+        let hasty = |(before, frame): &(&WireFrame, &WireFrame)| {
+            let gap_ns = frame.gap_ns.unwrap_or(u64::MAX);
+            let is_pause = before.from == number && gap_ns <= t1_5_ns(&line).max(pause.as_nanos()) + TICK_NS;
+            let unheard = before.from != number && frame.start_ns <= before.start_ns + unheard_ns;
+            frame.from == number && gap_ns + TICK_NS < silence_ns && !is_pause && !unheard
+        };
+        frames.iter().zip(frames.iter().skip(1)).filter(hasty).map(|(_, frame)| frame.clone()).collect()
     }
 
     /// How long anybody has been sending, in total.
@@ -282,12 +294,12 @@ impl Bus {
         let same = sent_as.baud == line.baud
             && sent_as.data_bits == line.data_bits
             && sent_as.parity == line.parity
-            && sent_as.bits_per_char() == line.bits_per_char()
+            && char_bits(sent_as) == char_bits(line)
             && sender.swapped == hearer.swapped;
         if same && !character.damaged && character.flaw.is_none() {
             return (character.byte, None);
         }
-        let same_bits = sent_as.baud == line.baud && sent_as.bits_per_char() == line.bits_per_char();
+        let same_bits = sent_as.baud == line.baud && char_bits(sent_as) == char_bits(line);
         let flaw = match character.flaw {
             _ if same => character.flaw,
             _ if !same_bits || sender.swapped != hearer.swapped => Some(Flaw::Framing),

@@ -39,6 +39,8 @@ pub struct Echo {
     pub stops: u64,
     /// Whether outputs are valid now.
     pub valid: bool,
+    /// Whether they are taken only when two readings agree.
+    pub proves: bool,
 }
 
 /// An [`Echo`] that a test looks into.
@@ -51,6 +53,10 @@ impl Application for SharedEcho {
     }
 
     fn write(&mut self, _at: Address, _value: &[u8]) {}
+
+    fn proves_outputs(&self) -> bool {
+        self.0.borrow().proves
+    }
 
     fn outputs(&mut self, _pdo: u16, bytes: &[u8]) {
         let mut echo = self.0.borrow_mut();

@@ -10,6 +10,7 @@ use ethercrab::subdevice_group::{Op, PreOp, SubDeviceGroup};
 use ethercrab::{MainDevice, PduLoop};
 use mobgate::ethercat::device::Device;
 use mobgate::ethercat::esc::Esc;
+use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::ethercat::sync_manager::Channel;
 
@@ -17,7 +18,8 @@ use super::{Counted, SharedEcho, direct, image, line_of, sequence, spawn};
 use crate::esc::cable::{Cable, SharedSegment};
 use crate::esc::master::{Storage, main_device, pump};
 use crate::esc::{Interrupt, SharedChip};
-use crate::{Random, World};
+use crate::lan9252::{Timing, Traffic};
+use crate::{Lan9252, Random, World};
 
 /// On its way, there and back.
 const FRAME_TIME: Duration = Duration::from_micros(50);
@@ -144,6 +146,40 @@ pub fn start_up<E: Esc + 'static>(
         desk.to_op(group, 1).await?;
         let (round_trips, frames) = (counts.watched.get(), desk.frames.get());
         Ok(StartUp { time: begin.elapsed(), round_trips, frames })
+    })
+}
+
+/// What a cycle of process data in Op costs on the SPI of a LAN9252, at most, when inputs are given with each outputs: the SubDevice as
+/// boards run it, which looks at events as well. `proves` as in [`Application::proves_outputs`].
+///
+/// [`Application::proves_outputs`]: mobgate::ethercat::application::Application::proves_outputs
+///
+/// # Errors
+/// What the MainDevice says.
+pub fn spi_traffic(device: &'static Device, cycles: u64, proves: bool) -> Result<Traffic, Error> {
+    let mut world = World::new(1);
+    let line = line_of(device);
+    let echo = SharedEcho::default();
+    echo.0.borrow_mut().proves = proves;
+    let chip = Lan9252::new(line.borrow().chip(0), Timing::USUAL);
+    let esc = Driver::new(chip.spi(), Wiring::default());
+    spawn(&world, SubDevice::new(device, esc, echo), chip.interrupt());
+    with_master(&mut world, cable(line), async |desk| {
+        let group = desk.to_pre_op().await?;
+        let sub_device = group.subdevice(desk.master, 0)?;
+        sub_device.sdo_write(0x1c32, 1, 0x01_u16).await?;
+        sub_device.sdo_write(0x1c33, 1, 0x22_u16).await?;
+        let group = desk.to_op(group, 1).await?;
+        Timer::after(CYCLE).await;
+        chip.take_traffic();
+        let mut most = Traffic::default();
+        for number in 2..cycles + 2 {
+            desk.exchange(&group, number).await?;
+            Timer::after(CYCLE).await;
+            let Traffic { bytes, selects } = chip.take_traffic();
+            most = Traffic { bytes: most.bytes.max(bytes), selects: most.selects.max(selects) };
+        }
+        Ok(most)
     })
 }
 

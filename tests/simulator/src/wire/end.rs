@@ -8,7 +8,8 @@ use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
 use mobgate::config::LineSettings;
 use mobgate::hal::Flaws;
 
-use super::{Bus, Flaw, TRANSMIT_CHARS_MAX, Wire, chars_ns, now_ns, tick_after};
+use super::{Bus, Flaw, TRANSMIT_CHARS_MAX, Wire, now_ns, tick_after};
+use crate::timing::{self, chars_ns};
 
 /// A participant's handle. Clones are the same participant; what one clone reads, the others do not.
 #[derive(Clone)]
@@ -28,14 +29,9 @@ pub struct Silence {
 }
 
 impl Silence {
-    /// t1.5 and t3.5 of `line`: 750 us and 1.750 ms above 19200 baud.
+    /// t1.5 and t3.5 of `line`.
     pub fn of(line: &LineSettings) -> Self {
-        if line.baud > 19_200 {
-            return Self { inside_ns: 750_000, between_ns: 1_750_000 };
-        }
-        let bits = u64::from(line.bits_per_char());
-        let half_chars = |count: u64| (count * bits * 1_000_000_000).div_ceil(2 * u64::from(line.baud));
-        Self { inside_ns: half_chars(3), between_ns: half_chars(7) }
+        Self { inside_ns: timing::t1_5_ns(line), between_ns: timing::t3_5_ns(line) }
     }
 }
 

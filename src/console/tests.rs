@@ -251,7 +251,7 @@ fn counters_units_and_transactions_are_shown_and_cleared() {
         assert_eq!(
             units.lines().nth(1),
             Some(
-                "P1                 7 up             1          0          0          1         -         -         - \
+                "P1                 7 up                   1          0          0          1         -         -         - \
                  1 silent"
             )
         );

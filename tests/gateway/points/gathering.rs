@@ -1,6 +1,6 @@
 //! Which rows go into one frame, when they are due, and that nothing is lost.
 
-use mobgate::scanner::{ByteOrder, Kind, Reading, Row, Scanner, Status, Writing};
+use mobgate::scanner::{ByteOrder, Full, Kind, Reading, Row, Scanner, Status, VALUE_BYTES_MAX, Writing};
 use mobgate_simulator::Random;
 use proptest::prelude::*;
 
@@ -67,6 +67,37 @@ fn single_cells_are_written_by_functions_5_and_6_each_alone_and_gathered_by_15_a
             false => assert_eq!(frames[0], [5, 0, 3, 0xff, 0]),
             true => assert_eq!(frames, [vec![15, 0, 3, 0, 2, 1, 3], vec![16, 0, 7, 0, 2, 4, 1, 1, 1, 1]]),
         }
+    }
+}
+
+#[test]
+fn bits_behind_the_last_coil_that_is_written_are_zero() {
+    let (mut scanner, device) = scanner();
+    let coils = Row { read: Reading::Manual, ..row(device, Kind::Coil, 0, 3) };
+    let id = add(&mut scanner, coils);
+    scanner.put(id, 0, 3, &[0b101], START).unwrap();
+    assert_eq!(requests(&mut scanner, 0), [[15, 0, 0, 0, 3, 1, 0b101]]);
+}
+
+#[test]
+fn what_was_asked_when_the_port_closed_is_asked_again() {
+    let (mut scanner, device) = scanner();
+    let id = add(&mut scanner, Row { read: Reading::Manual, ..row(device, Kind::Input, 7, 1) });
+    scanner.mark_range(device, 4, 7, 7, START).unwrap();
+    let asked = scanner.next(at(0)).unwrap();
+    assert_eq!(scanner.next(at(0)), None, "one request is open at a time");
+    scanner.forget_open();
+    assert_eq!(scanner.next(at(0)), Some(asked));
+    assert!(scanner.status(id, at(0)).any(Status::IN_PROGRESS));
+}
+
+#[test]
+fn after_a_restart_the_whole_memory_can_be_had_again() {
+    let mut scanner = Scanner::new();
+    for _ in 0..2 {
+        scanner.restart(START);
+        assert_eq!(scanner.allocate(VALUE_BYTES_MAX as u16), Ok(0));
+        assert_eq!(scanner.allocate(1), Err(Full::Values));
     }
 }
 
@@ -172,6 +203,24 @@ fn outputs_of_an_image_are_written_when_they_differ_from_what_was_read_back() {
     assert!(scanner.status(id, at(400)).any(Status::WRITE_MARKED));
     scanner.set_outputs(false);
     assert_eq!(scanner.next(at(400)), None, "what waits is dropped with the outputs");
+}
+
+#[test]
+fn every_output_bit_counts_and_what_stands_behind_the_last_one_does_not() {
+    let (mut scanner, device) = scanner();
+    let (input, output) = (scanner.allocate(2).unwrap(), scanner.allocate(2).unwrap());
+    let image = Row { input, output, write: Writing::OnChange, ..row(device, Kind::Coil, 0, 11) };
+    scanner.add_row(image, START).unwrap();
+    requests(&mut scanner, 0);
+    scanner.set_outputs(true);
+    let own = scanner.image(input, 2).to_vec();
+    for (bit, writes) in (0..16).map(|bit| (bit, usize::from(bit < 11))) {
+        scanner.image_mut(output, 2).copy_from_slice(&own);
+        scanner.image_mut(output, 2)[bit / 8] ^= 1 << (bit % 8);
+        let frames = requests(&mut scanner, 1_000 + 1_000 * bit as u64);
+        let written = frames.iter().filter(|pdu| pdu[0] == 15).count();
+        assert_eq!(written, writes, "bit {bit}");
+    }
 }
 
 #[test]

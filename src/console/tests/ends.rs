@@ -23,7 +23,7 @@ fn the_body_of_a_web_page_s_request_is_not_carried_out() {
         assert_eq!((printed.as_str(), end), ("", Ended::Foreign(Foreign::Http)));
         assert_eq!(config, SETTINGS_SHOWN);
     }
-    let long = format!("route {} HTTP/1.1\r\n\r\n{body}", "x".repeat(700));
+    let long = format!("route {} HTTP/1.1\r\n\r\n{body}", "x".repeat(LINE_BYTES_MAX));
     let (printed, end, config) = ended(Mode::Network, long.as_bytes(), 64);
     assert_eq!((printed.as_str(), end), ("", Ended::Foreign(Foreign::TooLong)));
     assert_eq!(config, SETTINGS_SHOWN);

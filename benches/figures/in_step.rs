@@ -27,7 +27,7 @@ const SERVER: &str = "10.0.1.1:502";
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// What a device does with function 8.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Diagnostics {
     Known,
     Refused,
@@ -35,7 +35,7 @@ enum Diagnostics {
 }
 
 /// How frames travel between the gateway and the device.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Wire {
     Rtu,
     Ascii,
@@ -43,6 +43,7 @@ enum Wire {
 }
 
 /// What happens in a world.
+#[derive(Debug)]
 struct Plan {
     seed: u64,
     wire: Wire,
@@ -272,7 +273,8 @@ async fn ask(mut client: Client, equal: bool, mut random: Random, until: Instant
 }
 
 fn draw(equal: bool, random: &mut Random) -> Vec<u8> {
-    let address = random.within(0..=99) as u8;
+    // Below the registers that differ at every read.
+    let address = random.within(0..=FRESH as u64 - 10) as u8;
     let count = random.within(1..=3) as u8;
     match if equal { 0 } else { random.index(5) } {
         0 => vec![3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8],

@@ -130,6 +130,8 @@ pub struct Settled {
     pub whose: Match,
     /// A proof by function 8 was sent before that request, and has not been answered.
     pub passed_diagnostic: bool,
+    /// It answers a proof by function 8, one way or another.
+    pub is_diagnostic: bool,
 }
 
 /// The outstanding requests of all ports, each unit's in the order in which they were sent.
@@ -252,15 +254,16 @@ impl Outstanding {
                 self.note_unsolicited(port, unit, response);
             }
             let whose = if forgotten { Match::Several } else { Match::Unsolicited };
-            return Settled { whose, passed_diagnostic: false };
+            return Settled { whose, passed_diagnostic: false, is_diagnostic: false };
         };
+        let is_diagnostic = entry.purpose == Purpose::Diagnostic;
         // A number of its own tells it from all that has been forgotten.
-        let has_number = entry.purpose == Purpose::Diagnostic && !is_exception(response);
+        let has_number = is_diagnostic && !is_exception(response);
         if self.has_forgotten(port, unit) && !has_number {
             // It may be the response to the latest one: then what was sent before that will not be answered.
             let mut before = self.of(port, unit).rev().skip(1);
             let passed_diagnostic = before.any(|(_, entry)| entry.purpose == Purpose::Diagnostic);
-            return Settled { whose: Match::Several, passed_diagnostic };
+            return Settled { whose: Match::Several, passed_diagnostic, is_diagnostic };
         }
         let whose = match () {
             () if several || entry.purpose == Purpose::Unsolicited => Match::Several,
@@ -268,7 +271,7 @@ impl Outstanding {
             () => Match::Earlier(entry.purpose),
         };
         if !is_proof(response) {
-            return Settled { whose, passed_diagnostic: false };
+            return Settled { whose, passed_diagnostic: false, is_diagnostic };
         }
         // One that came unsolicited may come again.
         let settled = if entry.purpose == Purpose::Unsolicited { at.checked_sub(1) } else { Some(at) };
@@ -276,7 +279,7 @@ impl Outstanding {
         if has_number && let Some(word) = self.word(port, unit) {
             *word &= !(1 << (unit % 32));
         }
-        Settled { whose, passed_diagnostic }
+        Settled { whose, passed_diagnostic, is_diagnostic }
     }
 
     /// The first request of `unit` that `response` fits, if there is one.

@@ -35,7 +35,7 @@ pub const JOIN_PAUSE: Duration = Duration::from_secs(60);
 
 /// Proofs by function 8 without an answer behind which other requests were answered, until the unit is known to ignore them.
 const IGNORED_MAX: u8 = 3;
-/// So often it is tried again all the same, where nothing else can prove anything.
+/// So many if it has answered one before; and after so many it is tried again all the same, where nothing else proves anything.
 const IGNORED_RETRY: u8 = 16;
 /// How long a unit has at least to send what is to come behind a late answer.
 const LATE_PAUSE: Duration = Duration::from_millis(100);
@@ -141,6 +141,8 @@ pub struct Unit {
     late: u8,
     /// Proofs by function 8 in a row that it has left unanswered while it answered what came behind them.
     ignored: u8,
+    /// It has answered a proof by function 8, one way or another.
+    answers_diagnostics: bool,
     /// The next proof is another one than by function 8, if there is one.
     by_read: bool,
     /// The late window of what is outstanding has been waited for, or is.
@@ -175,6 +177,7 @@ impl Unit {
             hurried: false,
             late: 0,
             ignored: 0,
+            answers_diagnostics: false,
             by_read: false,
             waited: false,
             unproven: false,
@@ -494,7 +497,9 @@ impl Unit {
     fn back_off(&mut self, now: Instant) {
         let doubled = self.tried.min(8);
         self.tried = self.tried.saturating_add(1);
-        self.held_until = now + (PROBE_FIRST * (1 << doubled)).min(PROBE_LONGEST);
+        // Where one answer was lost, another may have been: that is no reason to leave it alone for long.
+        let first = if self.is_down { PROBE_FIRST } else { LATE_PAUSE };
+        self.held_until = now + (first * (1 << doubled)).min(PROBE_LONGEST);
     }
 
     fn alive(&mut self) {

@@ -54,16 +54,21 @@ impl Units<'_> {
     /// Function 8, until the unit is known to ignore that; in turn with a read, which proves something if no response to what
     /// was sent before looks like its own, and else tells at least whether function 8 is ignored.
     fn find_proof(&mut self, id: u8, request: &[u8], care: &Care, now: Instant) -> Step {
-        let Some(&Unit { reads, ignored, by_read, tried, .. }) = self.find(id) else {
+        let Some(&Unit { reads, ignored, by_read, tried, answers_diagnostics, .. }) = self.find(id) else {
             return self.by_diagnostic(now);
         };
-        let mut known = reads.into_iter().filter(|read| *read != NO_READ);
+        let (shape, asked) = (Shape::of_request(request), as_read(request));
+        let known = || reads.into_iter().filter(|read| *read != NO_READ);
+        let answers_nothing = known().next().or(asked).is_none() && tried >= IGNORED_MAX;
+        let most = if answers_diagnostics { IGNORED_RETRY } else { IGNORED_MAX };
+        let diagnostic = ignored < most && !answers_nothing;
         // What is asked for anyway does no harm.
-        let any = known.clone().next().or(as_read(request));
-        let answers_nothing = any.is_none() && tried >= IGNORED_MAX;
-        let diagnostic = ignored < IGNORED_MAX && !answers_nothing;
-        match known.find(|read| self.proves(id, read)).or(any.filter(|_| diagnostic)) {
-            Some(read) if by_read || !diagnostic => Step::Prove(read, Purpose::Read),
+        let proving = known().chain(asked).find(|read| self.proves(id, read));
+        // It settles what was sent before the same read was sent for the first time.
+        let settling = || known().find(|read| !answers_diagnostics && Shape::of_request(read) != shape);
+        let telling = || known().next().or(asked).filter(|_| diagnostic && !answers_diagnostics);
+        match proving.or_else(settling).or_else(telling) {
+            Some(read) if by_read && !answers_diagnostics || !diagnostic => Step::Prove(read, Purpose::Read),
             _ if diagnostic => self.by_diagnostic(now),
             _ => self.wait(id, care, now),
         }
@@ -81,6 +86,7 @@ impl Units<'_> {
         }
         unit.waited = false;
         unit.unproven = true;
+        unit.answers_diagnostics = false;
         unit.ignored = match unit.ignored {
             IGNORED_RETRY.. => IGNORED_MAX - 1,
             ignored => ignored + 1,
@@ -114,7 +120,8 @@ impl Units<'_> {
             return if awaited { Ok(()) } else { Err(Event::Unsolicited) };
         }
         let port = self.port as u8;
-        let Settled { whose, passed_diagnostic } = self.all.outstanding.heard(port, id, response);
+        let Settled { whose, passed_diagnostic, is_diagnostic } =
+            self.all.outstanding.heard(port, id, response);
         self.set_troubled(self.troubled() || !(awaited && matches!(whose, Match::Latest(_))));
         let in_step = self.is_in_step(id, self.find(id).is_some_and(|unit| unit.open && !awaited));
         if let Some(unit) = self.known(id) {
@@ -123,7 +130,11 @@ impl Units<'_> {
                 // Nothing is left to be waited for.
                 (unit.waited, unit.held_until) = (false, now);
             }
-            unit.ignored = unit.ignored.saturating_add(u8::from(passed_diagnostic));
+            unit.answers_diagnostics |= is_diagnostic;
+            unit.ignored = match is_diagnostic {
+                true => 0,
+                false => unit.ignored.saturating_add(u8::from(passed_diagnostic)),
+            };
             match whose {
                 Match::Latest(_) if awaited => {}
                 Match::Latest(purpose) | Match::Earlier(purpose) => unit.was_late(purpose, in_step, now),

@@ -278,6 +278,14 @@ mod tests {
     }
 
     #[test]
+    fn an_identification_ends_when_the_device_falls_back() {
+        let mut machine = in_state(AlState::PreOp);
+        machine.identify(0x1234);
+        machine.fell(AlState::Init, AlStatusCode::InvalidMailbox);
+        assert_eq!((machine.status(), machine.code()), (0x11, 0x0016));
+    }
+
+    #[test]
     fn an_identification_never_hides_an_error() {
         let mut machine = faulty(AlState::Init);
         machine.identify(0x1234);

@@ -271,6 +271,17 @@ mod tests {
     }
 
     #[test]
+    fn a_message_takes_the_whole_mailbox_and_nothing_of_the_one_before_is_left_behind_it() {
+        let mut mailbox = started();
+        let mut buffer = [0xff; MAILBOX_BYTES_MAX];
+        send(&mut mailbox, 7);
+        let message = mailbox.next(&mut buffer).unwrap();
+        assert_eq!(message.len(), SIZE);
+        assert_eq!(message[..7], [1, 0, 0, 0, 0, 0x13, 7]);
+        assert!(message[7..].iter().all(|&byte| byte == 0), "{message:02x?}");
+    }
+
+    #[test]
     fn answers_keep_their_order_and_wait_for_the_mailbox() {
         let mut mailbox = started();
         send(&mut mailbox, 1);

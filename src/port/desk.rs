@@ -273,9 +273,12 @@ impl<'g> Desk<'g> {
 
     /// `frame` waits on. One that still arrives comes again when it is whole.
     fn postpone(&self, frame: Frame<'g>, ticket: Ticket) {
-        if !frame.abandon() {
-            // Its place has just become free.
-            let _ = self.queue().put_back(frame, ticket);
+        if frame.abandon() {
+            return;
+        }
+        let refused = self.queue().put_back(frame, ticket);
+        if let Some(refused) = refused {
+            self.fail(refused, Event::QueueFull, Exception::BUSY);
         }
     }
 
@@ -328,13 +331,19 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// `order` waits for its turn again.
+    /// `order` waits for its turn again, and so do those that ride on it, each by itself.
     pub(crate) fn take_back(&self, order: &Frame<'g>) {
         self.proof.set(None);
-        if let Some((frame, _)) = self.take(order) {
+        let Some((frame, errand)) = self.take(order) else { return };
+        errand.part(&frame);
+        let wait = |frame: Frame<'g>| {
             let ticket = ticket(&frame.envelope(), frame.pdu(pdu::is_read));
             self.postpone(frame, ticket);
+        };
+        while let Some(rider) = order.unload() {
+            wait(rider);
         }
+        wait(frame);
     }
 
     /// Lets the orders that can share the transaction of `leader` ride on it if its unit is `in_step`, and notes what its answer is

@@ -137,13 +137,14 @@ pub struct Outstanding {
     entries: Vec<Entry, OUTSTANDING_MAX>,
     /// A bit for each unit of which more was outstanding than is remembered.
     forgotten: [[u32; UNIT_WORDS]; PORTS_MAX],
-    number: u16,
+    /// Of the last proof by function 8, if there was one.
+    number: Option<u16>,
 }
 
 impl Outstanding {
     /// Nothing has been sent.
     pub const fn new() -> Self {
-        Self { entries: Vec::new(), forgotten: [[0; UNIT_WORDS]; PORTS_MAX], number: 0 }
+        Self { entries: Vec::new(), forgotten: [[0; UNIT_WORDS]; PORTS_MAX], number: None }
     }
 
     fn of(&self, port: u8, unit: u8) -> impl DoubleEndedIterator<Item = (usize, &Entry)> {
@@ -180,12 +181,11 @@ impl Outstanding {
     /// A proof by function 8, with a number that is not outstanding. `seed` is any number that is another at each start.
     pub fn diagnostic(&mut self, seed: u64) -> [u8; 5] {
         // A generator of all 65536 numbers (the multiplier is 1 more than a multiple of 4, the step is odd).
-        if self.number == 0 {
-            self.number = (seed ^ seed >> 16 ^ seed >> 32) as u16;
-        }
-        self.number = self.number.wrapping_mul(25_173).wrapping_add(13_849);
+        let last = self.number.unwrap_or((seed ^ seed >> 16 ^ seed >> 32) as u16);
+        let number = last.wrapping_mul(25_173).wrapping_add(13_849);
+        self.number = Some(number);
         let [function, high, low] = DIAGNOSTIC_PROOF;
-        let [number_high, number_low] = self.number.to_be_bytes();
+        let [number_high, number_low] = number.to_be_bytes();
         [function, high, low, number_high, number_low]
     }
 

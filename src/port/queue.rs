@@ -390,3 +390,35 @@ impl<T> Default for PortQueue<T> {
         Self::new()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use embassy_time::Instant;
+
+    use super::{Access, Asker, Next, PortQueue, Ready, Ticket};
+    use crate::route::Priority;
+
+    #[test]
+    fn when_the_turns_have_been_counted_to_their_end_everybody_starts_afresh() {
+        let mut queue = PortQueue::new();
+        let ask = |queue: &mut PortQueue<u32>, connection| {
+            let asker = Asker::new(connection, None);
+            let deadline = Instant::MAX;
+            let ticket =
+                Ticket { asker, priority: Priority::Normal, unit: 1, deadline, access: Access::Read };
+            assert_eq!(queue.push(connection, ticket), None);
+        };
+        let serve = |queue: &mut PortQueue<u32>| match queue.next(Instant::MIN, |_| Ready::Now) {
+            Next::Serve(order, _) => order,
+            other => panic!("{other:?}"),
+        };
+        (1..=3).for_each(|connection| ask(&mut queue, connection));
+        queue.turns = u32::MAX - 1;
+        // The last turn there is, and the first one.
+        assert_eq!((serve(&mut queue), queue.turns), (1, u32::MAX));
+        assert_eq!((serve(&mut queue), queue.turns), (2, 1));
+        ask(&mut queue, 2);
+        ask(&mut queue, 1);
+        assert_eq!([serve(&mut queue), serve(&mut queue), serve(&mut queue)], [3, 1, 2], "2 had its turn");
+    }
+}

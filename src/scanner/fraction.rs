@@ -268,7 +268,21 @@ mod tests {
 
     #[test]
     fn what_is_no_number_is_refused() {
-        for text in ["", "-", ".", "e5", "1e", "1.5.2", "0x10", "1,5", "--1", "1e1000000000000", "infinite"] {
+        for text in [
+            "",
+            "-",
+            ".",
+            "e5",
+            "1e",
+            "1.5.2",
+            "0x10",
+            "1,5",
+            "--1",
+            "1e1000",
+            "1e-1000",
+            "1e1000000000000",
+            "infinite",
+        ] {
             assert_eq!(parse(text), None, "{text}");
         }
     }
@@ -288,6 +302,8 @@ mod tests {
             "-Infinity",
             "1e40",
             "1e-60",
+            "1e999",
+            "-1e-999",
             "3.4028236e38",
             middle,
         ] {

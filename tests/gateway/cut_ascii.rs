@@ -132,3 +132,30 @@ fn an_ascii_device_that_pauses_inside_its_answers_is_answered_for_all_but_once()
         });
     }
 }
+
+#[test]
+fn what_is_read_together_with_the_end_of_its_frame_is_passed_on_as_well() {
+    for (up, down) in
+        [(Framing::Ascii, Framing::Rtu), (Framing::Ascii, Framing::Ascii), (Framing::Rtu, Framing::Ascii)]
+    {
+        let format = |framing| if framing == Framing::Rtu { "8E1" } else { "7E1" };
+        let settings = format!(
+            "port S serial up {up} server 19200 {}\nport C serial down {down} client 19200 {}\n\
+             route S 105 * -100 C cut on\n",
+            format(up),
+            format(down)
+        );
+        // More characters than LRC, carriage return and line feed.
+        let size = Size { late_reads: Duration::from_millis(5), ..Size::default() };
+        rig::with_gateway_of(size, 1, &settings, |world, rig| {
+            rig.attach(world, "down", [Device::new(5)]);
+            let mut master = rig.master("up");
+            for nth in 0..40 {
+                world.run_for(Duration::from_micros(130 * nth));
+                is_well(&format!("{up} to {down}, {nth}"), world, &mut master);
+            }
+            let (down_cut, up_cut) = (counts(rig, "C")[0], counts(rig, "S")[0]);
+            assert!(down_cut + up_cut > 20, "{up} to {down}: {down_cut}, {up_cut}");
+        });
+    }
+}

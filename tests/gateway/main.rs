@@ -20,6 +20,7 @@ mod frames;
 mod line;
 mod matrix;
 mod outcomes;
+mod outstanding;
 mod points;
 mod queue;
 mod queue_model;

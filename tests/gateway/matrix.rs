@@ -43,6 +43,9 @@ enum Outcome {
     Exception(u8),
 }
 
+/// The functions that change nothing in a device, as they are asked here.
+const READS: [u8; 11] = [1, 2, 3, 4, 7, 11, 12, 17, 20, 24, 43];
+
 /// The outcome of `function` when the device's answer suffers `fault`; nothing where there is no such fault.
 fn outcome(out: Out, function: u8, fault: Option<Fault>) -> Option<Outcome> {
     Some(match (out, fault) {
@@ -52,6 +55,10 @@ fn outcome(out: Out, function: u8, fault: Option<Fault>) -> Option<Outcome> {
         (Out::Tcp, Some(Fault::BadCrc)) | (Out::Rtu, Some(Fault::WrongTransaction)) => return None,
         (Out::Tcp, Some(Fault::NoiseAfter(_))) => Outcome::Answer,
         (Out::Rtu, Some(Fault::NoiseBefore(_))) => Outcome::Answer,
+        // Such a connection has answered before: a read goes again by the next one, if only the first one has none.
+        (_, Some(Fault::Close | Fault::Reset)) if function > 1 && READS.contains(&function) => {
+            Outcome::Answer
+        }
         // Where only a pause ends the answer, the noise is a part of it.
         (Out::Rtu, Some(Fault::NoiseAfter(_))) if !is_ended_by_pause(function) => Outcome::Answer,
         _ => Outcome::Exception(0x0b),

@@ -35,6 +35,15 @@ type Finder = Cache<
     u16,
 >;
 
+type Map<F> = MapStorage<u16, Sectors<F>, Finder>;
+
+/// A map that has not looked yet where its items are.
+fn map<F: NorFlash>(sectors: Sectors<F>) -> Map<F> {
+    let finder = Cache::new(ArrayPageStates::new(), ArrayPagePointers::new(), ArrayKeyPointers::new());
+    let config = const { MapConfig::new(0..SECTORS * <Sectors<F> as NorFlash>::ERASE_SIZE as u32) };
+    MapStorage::new(sectors, config, finder)
+}
+
 /// Longest text that two sectors of `F` hold: both copies fit into one of them, because the other one is being erased.
 pub const fn text_bytes_max<F: NorFlash>() -> usize {
     let sector = <Sectors<F> as NorFlash>::ERASE_SIZE - 2 * F::WRITE_SIZE;
@@ -46,7 +55,8 @@ pub const fn text_bytes_max<F: NorFlash>() -> usize {
 
 /// Keeps the settings in two sectors of `F`.
 pub struct FlashStore<F: NorFlash> {
-    map: MapStorage<u16, Sectors<F>, Finder>,
+    /// Always there but while it is made anew.
+    map: Option<Map<F>>,
     /// What holds, or why nothing can be read.
     head: Result<Option<Head>, StoreError>,
     /// Where the map puts an item together.
@@ -70,11 +80,8 @@ impl<F: NorFlash> FlashStore<F> {
     pub async fn open(flash: F, start: u32) -> Self {
         let mut sectors = Sectors::new(flash, start);
         let prepared = sectors.prepare().await;
-        let states = ArrayPageStates::new();
-        let finder = Cache::new(states, ArrayPagePointers::new(), ArrayKeyPointers::new());
-        let config = const { MapConfig::new(0..SECTORS * <Sectors<F> as NorFlash>::ERASE_SIZE as u32) };
         let mut store = Self {
-            map: MapStorage::new(sectors, config, finder),
+            map: Some(map(sectors)),
             head: Err(StoreError::Failed),
             buffer: [0; KEY_BYTES + PIECE_BYTES],
             next: None,
@@ -93,7 +100,8 @@ impl<F: NorFlash> FlashStore<F> {
 
     /// The head, if the whole text is as it says.
     async fn find_head(&mut self) -> Result<Option<Head>, StoreError> {
-        let found = self.map.fetch_item::<&[u8]>(&mut self.buffer, &HEAD_KEY).await.map_err(reason)?;
+        let map = self.map.as_mut().ok_or(StoreError::Failed)?;
+        let found = map.fetch_item::<&[u8]>(&mut self.buffer, &HEAD_KEY).await.map_err(reason)?;
         let Some(bytes) = found else { return Ok(None) };
         let head = Head::from_bytes(bytes).ok_or(StoreError::Damaged)?;
         self.check(&head).await?;
@@ -113,7 +121,8 @@ impl<F: NorFlash> FlashStore<F> {
 
     /// A piece of a copy. The last one may be longer than what is left of its text.
     async fn piece(&mut self, copy: u8, number: usize) -> Result<&[u8], StoreError> {
-        let found = self.map.fetch_item::<&[u8]>(&mut self.buffer, &key(copy, number)).await;
+        let map = self.map.as_mut().ok_or(StoreError::Failed)?;
+        let found = map.fetch_item::<&[u8]>(&mut self.buffer, &key(copy, number)).await;
         found.map_err(reason)?.ok_or(StoreError::Damaged)
     }
 
@@ -121,18 +130,27 @@ impl<F: NorFlash> FlashStore<F> {
     async fn begin(&mut self) -> Result<Next, StoreError> {
         if self.head == Err(StoreError::Damaged) {
             // Nothing can be read, so nothing is lost; and what is damaged might be in the way.
-            self.map.erase_all().await.map_err(reason)?;
+            self.erase().await?;
             self.head = Ok(None);
         }
         let holds = self.head?.map_or(1, |head| head.copy);
         Ok(Next { copy: 1 - holds, length: 0, digest: CRC.digest() })
     }
 
+    /// Erases all. The map's own erasing does not forget where items were: what is written then would not be found at the next
+    /// start.
+    async fn erase(&mut self) -> Result<(), StoreError> {
+        let erased = self.map.as_mut().ok_or(StoreError::Failed)?.erase_all().await;
+        self.map = self.map.take().map(|old| map(old.destroy().0));
+        erased.map_err(reason)
+    }
+
     /// Writes the last piece of `next`, which is `bytes` long.
     async fn store_piece(&mut self, next: &Next, bytes: usize) -> Result<(), StoreError> {
         let piece = self.piece.get(..bytes).unwrap_or_default();
         let key = key(next.copy, (next.length - 1) / PIECE_BYTES);
-        self.map.store_item(&mut self.buffer, &key, &piece).await.map_err(reason)
+        let map = self.map.as_mut().ok_or(StoreError::Failed)?;
+        map.store_item(&mut self.buffer, &key, &piece).await.map_err(reason)
     }
 
     /// Adds `text` to `next`; whole pieces are written.
@@ -164,10 +182,8 @@ impl<F: NorFlash> FlashStore<F> {
         let head = Head { copy: next.copy, length: next.length as u32, crc: next.digest.finalize() };
         // What does not read back is the medium's fault; the old text still holds.
         self.check(&head).await.map_err(|_| StoreError::Failed)?;
-        self.map
-            .store_item(&mut self.buffer, &HEAD_KEY, &head.to_bytes().as_slice())
-            .await
-            .map_err(reason)?;
+        let map = self.map.as_mut().ok_or(StoreError::Failed)?;
+        map.store_item(&mut self.buffer, &HEAD_KEY, &head.to_bytes().as_slice()).await.map_err(reason)?;
         Ok(head)
     }
 }

@@ -1,10 +1,13 @@
 //! What a console and a start see of the store.
 
+use std::cell::Cell;
+use std::rc::Rc;
+
 use embassy_futures::block_on;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use mobgate::config::{Settings, read_store, write_store};
+use mobgate::config::{PORTS_MAX, ROUTES_MAX, Settings, read_store, write_store};
 use mobgate::hal::{Store, StoreError};
 use mobgate_clock as _;
 use mobgate_flash::{FlashStore, SharedStore, TEXT_BYTES_MAX, text_bytes_max};
@@ -45,16 +48,18 @@ fn settings_survive_a_restart_and_a_chip_without_any_has_none() {
 
 #[test]
 fn the_longest_text_fits_again_and_again_and_a_longer_one_changes_nothing() {
-    assert_eq!(text_bytes_max::<Flash>(), TEXT_BYTES_MAX);
+    // The lines of a host's settings are longer than those of a board's, for which these sectors are.
+    const MOST: usize = text_bytes_max::<Flash>();
+    assert!(MOST >= (PORTS_MAX + ROUTES_MAX + 1) * 641 && MOST <= TEXT_BYTES_MAX);
     let flash = Flash::new(2, 2);
     let mut store = block_on(FlashStore::open(flash.clone(), 0));
     for fill in b'a'..b'h' {
-        save(&mut store, &vec![fill; TEXT_BYTES_MAX]).unwrap();
+        save(&mut store, &vec![fill; MOST]).unwrap();
     }
-    assert_eq!(save(&mut store, &vec![b'x'; TEXT_BYTES_MAX + 1]), Err(StoreError::Full(TEXT_BYTES_MAX)));
-    assert!(read(&mut store).unwrap() == vec![b'g'; TEXT_BYTES_MAX]);
+    assert_eq!(save(&mut store, &vec![b'x'; MOST + 1]), Err(StoreError::Full(MOST)));
+    assert!(read(&mut store).unwrap() == vec![b'g'; MOST]);
     let mut store = block_on(FlashStore::open(flash, 0));
-    assert!(read(&mut store).unwrap() == vec![b'g'; TEXT_BYTES_MAX]);
+    assert!(read(&mut store).unwrap() == vec![b'g'; MOST]);
 }
 
 #[test]
@@ -157,4 +162,94 @@ fn a_save_that_does_not_read_back_has_failed_and_the_old_settings_hold() {
     assert_eq!(read(&mut store).unwrap(), b"port good\n", "also after a restart");
     save(&mut store, b"port better\n").unwrap();
     assert_eq!(read(&mut store).unwrap(), b"port better\n");
+}
+
+#[test]
+fn whatever_word_is_damaged_the_settings_are_whole_or_said_to_be_damaged_and_then_can_be_saved_over() {
+    let flash = FineFlash::new(2, 7);
+    let mut store = block_on(FlashStore::open(flash.clone(), 0));
+    save(&mut store, b"port P1 rtu\n").unwrap();
+    save(&mut store, b"port P2 rtu\n").unwrap();
+    let mut all = vec![0; flash.capacity()];
+    block_on(flash.clone().read(0, &mut all)).unwrap();
+    let mut damaged = 0;
+    for word in (0..flash.capacity()).step_by(4).filter(|&word| all[word..word + 4] != [0xff; 4]) {
+        let flash = flash.copy(word as u64);
+        block_on(flash.clone().write(word as u32, &[0; 4])).unwrap();
+        let mut store = block_on(FlashStore::open(flash.clone(), 0));
+        if let Ok(text) = read(&mut store) {
+            let whole = [&b"port P2 rtu\n"[..], b"port P1 rtu\n", b""];
+            assert!(whole.contains(&&*text), "word {word:#x}: {}", text.escape_ascii());
+            continue;
+        }
+        damaged += 1;
+        assert_eq!(read(&mut store), Err(StoreError::Damaged), "word {word:#x}");
+        save(&mut store, b"port P3 rtu\n").unwrap_or_else(|error| panic!("word {word:#x}: {error:?}"));
+        let mut store = block_on(FlashStore::open(flash, 0));
+        assert_eq!(read(&mut store).unwrap(), b"port P3 rtu\n", "word {word:#x}");
+    }
+    assert!(damaged > 3, "{damaged}");
+}
+
+/// A flash that counts an error correction over each word, so that none may be written twice; and whose erasing fails so often.
+#[derive(Clone)]
+struct Strict {
+    flash: FineFlash,
+    failing: Rc<Cell<u32>>,
+}
+
+impl ErrorType for Strict {
+    type Error = PowerCut;
+}
+
+impl ReadNorFlash for Strict {
+    const READ_SIZE: usize = FineFlash::READ_SIZE;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
+        self.flash.read(offset, bytes).await
+    }
+
+    fn capacity(&self) -> usize {
+        self.flash.capacity()
+    }
+}
+
+impl NorFlash for Strict {
+    const WRITE_SIZE: usize = FineFlash::WRITE_SIZE;
+    const ERASE_SIZE: usize = FineFlash::ERASE_SIZE;
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
+        let mut there = vec![0; bytes.len()];
+        self.flash.read(offset, &mut there).await?;
+        assert!(there.iter().all(|&byte| byte == 0xff), "the word at {offset:#x} is written twice");
+        self.flash.write(offset, bytes).await
+    }
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
+        match self.failing.get() {
+            0 => self.flash.erase(from, to).await,
+            left => {
+                self.failing.set(left - 1);
+                Err(PowerCut)
+            }
+        }
+    }
+}
+
+#[test]
+fn after_an_erase_that_failed_no_word_is_written_twice_and_the_next_save_succeeds() {
+    let strict = Strict { flash: FineFlash::new(2, 8), failing: Rc::new(Cell::new(0)) };
+    let mut store = block_on(FlashStore::open(strict.clone(), 0));
+    let mut failed = 0;
+    for nth in 0..40 {
+        strict.failing.set(1);
+        let text = [b'a' + nth % 26; 900];
+        if save(&mut store, &text).is_err() {
+            failed += 1;
+            assert_eq!(strict.failing.get(), 0, "the erase");
+            save(&mut store, &text).unwrap();
+        }
+        assert!(read(&mut store).unwrap() == text, "save {nth}");
+    }
+    assert!(failed > 2, "{failed}");
 }

@@ -99,7 +99,7 @@ fn a_line_that_babbles_stops_nobody_else() {
     let (noisy, quiet) = (folder.path().join("noisy"), folder.path().join("quiet"));
     let (babbler, mut adapter) = (Adapter::plug(&noisy), Adapter::plug(&quiet));
     let program = Program::configured(&format!(
-        "port N1 serial {} rtu client timeout 200ms\nport Q1 serial {} rtu client timeout 10s\n\
+        "port N1 serial {} rtu client timeout 200ms\nport Q1 serial {} rtu client timeout 10s late-window 200ms\n\
          port P502 tcp server {{port}} lifetime 2s\nroute P502 2 * * N1\nroute P502 1 * * Q1\n",
         noisy.display(),
         quiet.display()
@@ -224,7 +224,8 @@ fn a_response_at_the_pace_of_a_slow_wire_is_heard_and_one_that_stops_half_way_is
     let name = folder.path().join("slow");
     let mut adapter = Adapter::plug(&name);
     let program = Program::configured(&format!(
-        "port P1 serial {} rtu client 1200 gap 400ms timeout 5s late-window 0\nport P502 tcp server {{port}}\nroute P502 * * * P1\n",
+        "port P1 serial {} rtu client 1200 gap 400ms timeout 5s late-window 0 proof none\n\
+         port P502 tcp server {{port}}\nroute P502 * * * P1\n",
         name.display()
     ));
     program.logs("is open");

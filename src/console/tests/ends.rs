@@ -1,6 +1,7 @@
 //! How sessions end, and whose bytes never become one.
 
 use super::*;
+use crate::config::LINE_BYTES_MAX;
 
 /// What a session of `mode` prints, how it ends, and the settings behind it.
 fn ended(mode: Mode, typed: &[u8], piece: usize) -> (String, Ended, String) {
@@ -23,7 +24,7 @@ fn the_body_of_a_web_page_s_request_is_not_carried_out() {
         assert_eq!((printed.as_str(), end), ("", Ended::Foreign(Foreign::Http)));
         assert_eq!(config, SETTINGS_SHOWN);
     }
-    let long = format!("route {} HTTP/1.1\r\n\r\n{body}", "x".repeat(700));
+    let long = format!("route {} HTTP/1.1\r\n\r\n{body}", "x".repeat(LINE_BYTES_MAX));
     let (printed, end, config) = ended(Mode::Network, long.as_bytes(), 64);
     assert_eq!((printed.as_str(), end), ("", Ended::Foreign(Foreign::TooLong)));
     assert_eq!(config, SETTINGS_SHOWN);

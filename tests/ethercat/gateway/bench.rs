@@ -28,6 +28,8 @@ pub(crate) struct Setup {
 }
 
 pub(crate) const MS: Duration = Duration::from_millis(1);
+/// A line's time-out by default.
+const LATE_WINDOW: Duration = Duration::from_secs(1);
 /// Of the simulated devices.
 pub(crate) const TURNAROUND: Duration = MS;
 pub(crate) const SETUP: Setup = Setup { baud: 115_200, polling_ms: 100, cycle_ms: 2, on_loss: "stop" };
@@ -132,6 +134,8 @@ impl Bench<'_> {
         gateway.sdo_write(0x2020, 2, 1_u16).await.unwrap();
         gateway.sdo_write(0x2020, 3, 2_u16).await.unwrap();
         gateway.sdo_write(0x2005, 1, 1_u16).await.unwrap();
+        // The line was opened anew: what comes for as long as an answer may be late is discarded, and nothing is asked.
+        Timer::after(LATE_WINDOW).await;
     }
 
     /// To Op, with `outputs`.

@@ -53,6 +53,17 @@ fn requests_of_any_function_are_answered_without_a_configuration() {
 }
 
 #[test]
+fn an_answer_of_two_bytes_is_no_exception_because_its_second_one_looks_like_it() {
+    with_device(|world, _, device, mut objects| {
+        // Read exception status: 0Ah and 0Bh are what the gateway itself says by an exception.
+        for status in [0x0a, 0x0b] {
+            device.set_answer(&[7, status]);
+            assert_eq!(ask(world, &mut objects, &[5, 7]), (1, 0, vec![7, status]));
+        }
+    });
+}
+
+#[test]
 fn the_longest_request_and_the_longest_answer_pass() {
     with_device(|world, _, device, mut objects| {
         let values: Vec<u8> = (0..246).map(|byte| byte as u8).collect();

@@ -88,6 +88,8 @@ def configure():
     write(0x2020, 2, 1, 2)
     write(0x2020, 3, 2, 2)
     write(0x2005, 1, 1, 2)
+    # The line is opened anew, and discards what comes for a second before it asks.
+    time.sleep(1.5)
     assert (read(0x2005, 1), read(0x2005, 2)) == (0, 1)
     for index, device in enumerate(devices, 0x2011):
         layout = [device["input"][name] for name in INPUT_ENTRIES]

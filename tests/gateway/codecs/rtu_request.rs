@@ -67,6 +67,16 @@ fn a_longer_buffer_than_a_frame_is_never_incomplete() {
     }
 }
 
+#[test]
+fn the_longest_frame_of_unknown_length_waits_for_its_pause() {
+    let pdu: Vec<u8> = [&[65][..], &[0; 252]].concat();
+    let longest = frame(17, &pdu);
+    assert_eq!(longest.len(), FRAME_BYTES_MAX);
+    assert_eq!(rtu::request(&longest), Cut::Incomplete);
+    let whole = Cut::Request { unit: 17, pdu: &pdu, consumed: FRAME_BYTES_MAX };
+    assert_eq!(rtu::request_at_pause(&longest), whole);
+}
+
 fn known() -> impl Strategy<Value = Vec<u8>> {
     let examples: Vec<&[u8]> = EXAMPLES.iter().map(|(request, _)| *request).collect();
     let known = prop::sample::select(examples).prop_map(<[u8]>::to_vec);

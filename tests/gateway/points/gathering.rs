@@ -1,6 +1,6 @@
 //! Which rows go into one frame, when they are due, and that nothing is lost.
 
-use mobgate::scanner::{ByteOrder, Kind, Reading, Row, Scanner, Status, Writing};
+use mobgate::scanner::{ByteOrder, Full, Kind, Reading, Row, Scanner, Status, VALUE_BYTES_MAX, Writing};
 use mobgate_simulator::Random;
 use proptest::prelude::*;
 
@@ -115,6 +115,37 @@ fn writes_that_overlap_go_one_after_the_other_in_their_order() {
 }
 
 #[test]
+fn bits_behind_the_last_coil_that_is_written_are_zero() {
+    let (mut scanner, device) = scanner();
+    let coils = Row { read: Reading::Manual, ..row(device, Kind::Coil, 0, 3) };
+    let id = add(&mut scanner, coils);
+    scanner.put(id, 0, 3, &[0b101], START).unwrap();
+    assert_eq!(requests(&mut scanner, 0), [[15, 0, 0, 0, 3, 1, 0b101]]);
+}
+
+#[test]
+fn what_was_asked_when_the_port_closed_is_asked_again() {
+    let (mut scanner, device) = scanner();
+    let id = add(&mut scanner, Row { read: Reading::Manual, ..row(device, Kind::Input, 7, 1) });
+    scanner.mark_range(device, 4, 7, 7, START).unwrap();
+    let asked = scanner.next(at(0)).unwrap();
+    assert_eq!(scanner.next(at(0)), None, "one request is open at a time");
+    scanner.forget_open();
+    assert_eq!(scanner.next(at(0)), Some(asked));
+    assert!(scanner.status(id, at(0)).any(Status::IN_PROGRESS));
+}
+
+#[test]
+fn after_a_restart_the_whole_memory_can_be_had_again() {
+    let mut scanner = Scanner::new();
+    for _ in 0..2 {
+        scanner.restart(START);
+        assert_eq!(scanner.allocate(VALUE_BYTES_MAX as u16), Ok(0));
+        assert_eq!(scanner.allocate(1), Err(Full::Values));
+    }
+}
+
+#[test]
 fn writes_go_before_reads_and_in_their_order() {
     let (mut scanner, device) = scanner();
     let first = add(&mut scanner, row(device, Kind::Holding, 0, 1));
@@ -216,6 +247,24 @@ fn outputs_of_an_image_are_written_when_they_differ_from_what_was_read_back() {
     assert!(scanner.status(id, at(400)).any(Status::WRITE_MARKED));
     scanner.set_outputs(false);
     assert_eq!(scanner.next(at(400)), None, "what waits is dropped with the outputs");
+}
+
+#[test]
+fn every_output_bit_counts_and_what_stands_behind_the_last_one_does_not() {
+    let (mut scanner, device) = scanner();
+    let (input, output) = (scanner.allocate(2).unwrap(), scanner.allocate(2).unwrap());
+    let image = Row { input, output, write: Writing::OnChange, ..row(device, Kind::Coil, 0, 11) };
+    scanner.add_row(image, START).unwrap();
+    requests(&mut scanner, 0);
+    scanner.set_outputs(true);
+    let own = scanner.image(input, 2).to_vec();
+    for (bit, writes) in (0..16).map(|bit| (bit, usize::from(bit < 11))) {
+        scanner.image_mut(output, 2).copy_from_slice(&own);
+        scanner.image_mut(output, 2)[bit / 8] ^= 1 << (bit % 8);
+        let frames = requests(&mut scanner, 1_000 + 1_000 * bit as u64);
+        let written = frames.iter().filter(|pdu| pdu[0] == 15).count();
+        assert_eq!(written, writes, "bit {bit}");
+    }
 }
 
 #[test]

@@ -142,11 +142,10 @@ fn a_range_that_no_frame_holds_is_split_and_read_and_written_whole() {
         let write = if kind.is_writable() { Writing::OnChange } else { Writing::Never };
         let range = Row { input, output, write, read: Reading::Every(50), ..row(device, kind, 100, count) };
         scanner.add_range(range, START).unwrap();
-        let mut reads = 0;
-        while exchange(&mut scanner, at(0)).is_some() {
-            reads += 1;
-        }
-        assert_eq!(reads, frames);
+        let requests: Vec<_> = std::iter::from_fn(|| exchange(&mut scanner, at(0))).collect();
+        assert_eq!(requests.len(), frames);
+        let cells = requests.iter().map(|request| u16::from_be_bytes([request.pdu[3], request.pdu[4]]));
+        assert_eq!(cells.sum::<u16>(), count, "and nothing behind it");
         let image = scanner.image(input, bytes).to_vec();
         for nth in 0..count {
             let address = 100 + nth;

@@ -99,7 +99,9 @@ fn ready(mut server: Running, name: &str) -> Running {
 pub(crate) fn program(lines: &[Line], routes: &str) -> Program {
     let port = |(index, line): (usize, &Line)| {
         let (device, timeout) = (line.near_end(), line.timeout);
-        format!("port P{} serial {} rtu client 115200 8N1 timeout {timeout}\n", index + 1, device.display())
+        // Nothing has been asked on these lines before: what comes at the start need not be discarded for as long.
+        let line = format!("rtu client 115200 8N1 timeout {timeout} late-window 200ms");
+        format!("port P{} serial {} {line}\n", index + 1, device.display())
     };
     let ports: String = lines.iter().enumerate().map(port).collect();
     let program = Program::configured(&format!("{ports}port P502 tcp server {{port}}\n{routes}"));

@@ -53,7 +53,7 @@ fn pymodbus_in_every_framing_of_a_network_asks_pymodbus_behind_tcp() {
     let _servers = [pymodbus(format!("tcp:{tcp}").into(), &[1]), pymodbus(format!("rtu:{rtu}").into(), &[2])];
     let program = Program::configured(&format!(
         "port T tcp client 127.0.0.1:{tcp} in-flight 4 timeout 5s
-         port R tcp client 127.0.0.1:{rtu} rtu timeout 5s
+         port R tcp client 127.0.0.1:{rtu} rtu timeout 5s late-window 200ms
          port P502 tcp server {{port}}
          port RS tcp server {rtu_server} rtu
          port US udp server {udp_server}

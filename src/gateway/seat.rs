@@ -38,7 +38,7 @@ pub struct SeatState {
     pub generation: u16,
     /// When the client came.
     pub since: Instant,
-    /// Its last request, or its coming.
+    /// When its last request came, or a part of one, or the client itself.
     pub last_request: Instant,
     /// Requests that are not answered yet.
     pub open_requests: u8,

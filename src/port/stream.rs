@@ -119,6 +119,11 @@ impl Input {
         self.length = self.length.saturating_sub(count);
     }
 
+    /// Whether nothing is there.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+
     /// Room for more.
     pub(crate) fn space(&mut self) -> &mut [u8] {
         self.bytes.get_mut(self.length..).unwrap_or(&mut [])

@@ -181,7 +181,9 @@ impl Server<'_, '_> {
                     let deaf = matches!(waits, Waits::ForFrame) || space.is_empty();
                     let read = async { if deaf { pending().await } else { stream.read(space).await } };
                     let answers = self.seat.answers.receive(self.gateway.pool());
-                    let idle_until = self.idle_until();
+                    // Who is kept waiting is not idle.
+                    let kept = matches!(waits, Waits::ForTurn(_));
+                    let idle_until = if kept { Instant::MAX } else { self.idle_until() };
                     let wake = until(idle_until.min(pause_end));
                     match select4(read, answers, self.seat.leave.wait(), wake).await {
                         Either4::First(Ok(0) | Err(_)) => return Err(End::Left),
@@ -196,9 +198,10 @@ impl Server<'_, '_> {
                     }
                 }
             };
-            match reply.is_refusal() {
-                true => window.refused(&self.gateway.turns),
-                false => window.answered(),
+            match reply.worth() {
+                Worth::Refused => window.refused(&self.gateway.turns),
+                Worth::Crowded => window.crowded(&self.gateway.turns),
+                Worth::Answered => window.answered(),
             }
             self.write(stream, reply).await?;
         }
@@ -217,7 +220,13 @@ impl Server<'_, '_> {
             }
             let mut refusal = None;
             let (event, consumed) = match input.front() {
-                Ok(Parsed::Incomplete) => return Ok(Waits::No),
+                Ok(Parsed::Incomplete) => {
+                    if !input.is_empty() {
+                        // The rest is on its way: others are idle.
+                        self.seat.update(|seat| seat.last_request = Instant::now());
+                    }
+                    return Ok(Waits::No);
+                }
                 Ok(Parsed::Skip { consumed }) => {
                     self.place.stats.count(input.skip_event());
                     window.refused(&self.gateway.turns);
@@ -367,13 +376,25 @@ enum Reply<'g> {
 }
 
 impl Reply<'_> {
-    /// Whether nobody was asked, or nobody is to answer.
-    fn is_refusal(&self) -> bool {
-        match self {
-            Self::Refusal(..) => true,
-            Self::Answer(frame) => frame.envelope().cause == Cause::Unsent || frame.stage() == Stage::Silence,
+    fn worth(&self) -> Worth {
+        let Self::Answer(frame) = self else { return Worth::Refused };
+        match frame.envelope().cause {
+            Cause::Unsent if frame.pdu(|pdu| pdu.get(1) == Some(&Exception::BUSY.0)) => Worth::Crowded,
+            Cause::Unsent => Worth::Refused,
+            _ if frame.stage() == Stage::Silence => Worth::Refused,
+            _ => Worth::Answered,
         }
     }
+}
+
+/// What a reply says of the requests that follow it.
+enum Worth {
+    /// Somebody was asked.
+    Answered,
+    /// Nobody was asked, or nobody is to answer.
+    Refused,
+    /// Too many wait.
+    Crowded,
 }
 
 /// What became of a request.

@@ -4,7 +4,8 @@
 //! once instead of waiting for a line. So each refusal narrows the window of its connection and each other answer widens
 //! it. When it is closed the connection has one request at a time, each when its turn has come: [`Turns`] are given to all
 //! such connections of the gateway together, one after the other. What a flood gets costs no more than that, however many
-//! take part; who is served as often as refused does not notice.
+//! take part; who is served as often as refused does not notice. A full queue closes the window at once: another request beside
+//! the others would be refused too.
 
 use core::cell::Cell;
 
@@ -64,8 +65,14 @@ impl Window {
     pub(crate) fn refused(&mut self, turns: &Turns) {
         match self.width.checked_sub(1) {
             Some(width) => self.width = width,
-            None => self.turn = turns.take(Instant::now()),
+            None => self.crowded(turns),
         }
+    }
+
+    /// A request was refused because too many wait where it goes.
+    pub(crate) fn crowded(&mut self, turns: &Turns) {
+        self.width = 0;
+        self.turn = turns.take(Instant::now());
     }
 
     /// The connection has ended: one that has brought nothing leaves the next one waiting for a turn.

@@ -242,7 +242,7 @@ impl Gateway {
              port P2 serial {} rtu client {baud} 8N2 timeout 50ms down-after 1\n\
              route P502 1-8 * * P1\n\
              route P502 20 * * P1 readonly\n\
-             route P502 21 * * P1 addresses 1000-2000\n\
+             route P502 21 * * P1 addresses 10000-20000\n\
              route P502 30 * * P2\n",
             line.device(),
             silent.device()

@@ -316,6 +316,8 @@ pub enum Special {
 }
 
 /// The kinds of port.
+// They lie in one table without a heap. On hosts the name of a serial device makes one much larger than the others.
+#[cfg_attr(feature = "paths", allow(clippy::large_enum_variant))]
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PortKind {
     /// An RS-485 or RS-232 line.

@@ -129,7 +129,7 @@ pub trait SerialLine: Read + Write {
         None
     }
 
-    /// Whether another line is sending what this one hears.
+    /// Whether another line is sending what this one hears, or has sent what `read` has not given yet: that is no silence.
     fn is_relayed(&self) -> bool {
         false
     }

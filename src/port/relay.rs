@@ -17,7 +17,7 @@ impl Relay {
     pub const OVER: Self = Self { left: 0, delta: 0 };
 
     /// A frame of which `left` characters are to come, its CRC included; the first half of that differs by the bits of `delta`.
-    pub(crate) const fn new(left: u32, delta: u8) -> Self {
+    pub const fn new(left: u32, delta: u8) -> Self {
         Self { left, delta }
     }
 

@@ -1,12 +1,14 @@
 //! Frames that are passed on while they arrive, from RTU line to RTU line, in virtual time.
 
-use embassy_time::Duration;
+use embassy_time::{Duration, Instant};
 use mobgate::config::Framing;
 use mobgate::stats::Event;
+use mobgate_simulator::client::load::ClosedLoop;
 use mobgate_simulator::client::{Answer, Reply};
 use mobgate_simulator::device::rtu;
 use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::machine;
+use mobgate_simulator::rig::{Size, machine};
+use mobgate_simulator::timing::t1_5_ns;
 use mobgate_simulator::{Device, Fault, Faults, Rig, World, rig};
 
 pub(crate) const READ: [u8; 5] = [3, 0, 7, 0, 1];
@@ -252,4 +254,40 @@ fn a_unit_that_is_down_is_refused_though_its_request_was_passed_on_early() {
         // Two of them waited for a proof that did not come.
         assert_eq!((rig.counted("C", Event::Timeout), rig.counted("C", Event::Proof)), (1, 2));
     });
+}
+
+#[test]
+fn an_answer_that_pauses_is_heard_to_its_end_where_reads_are_late() {
+    let late_reads = Duration::from_micros(300);
+    let size = Size { late_reads, ..Size::default() };
+    for (down, registers) in [(9_600, 4), (38_400, 4)] {
+        let settings = format!(
+            "port S serial up rtu server 38400\nport C serial down rtu client {down} timeout 50ms retries 0\n\
+             port T tcp server 502\nroute S * * * C cut on\nroute T * * * C\n"
+        );
+        rig::with_gateway_of(size, 1, &settings, |world, rig| {
+            let (device, other) = (Device::new(5), Device::new(6));
+            rig.attach(world, "down", [device.clone(), other]);
+            let mut client = rig.client(machine(1), 502);
+            world.spawn(async move {
+                let load = ClosedLoop::until(Instant::MAX);
+                load.run(&mut client, || (6, READ.to_vec()), |_, _, _| {}).await
+            });
+            let mut master = rig.master("up");
+            let t1_5_us = t1_5_ns(&rig.end("down").line()) / 1_000;
+            for pause_us in (0..1_900).step_by(20) {
+                let pause = Fault::GapInside(Duration::from_micros(pause_us));
+                device.set_faults(Faults::new(1).with(When::Always, pause));
+                let answer = world.run_until(master.request(5, &[3, 0, 7, 0, registers]));
+                let is_good = matches!(answer, Answer::Pdu(pdu) if pdu[..2] == [3, 2 * registers]);
+                // A longer pause ends what the board relays, and spoils an RTU frame.
+                assert!(is_good || pause_us >= t1_5_us, "{down}, a pause of {pause_us} us");
+                world.run_for(Duration::from_millis(20));
+            }
+            assert!(counts(rig, "S")[0] > 0);
+            let end = (rig.end("down"), Framing::Rtu);
+            let hasty = rig.wire("down").hasty_frames(end, late_reads, Duration::from_ticks(0));
+            assert_eq!(hasty, [], "{down}: requests in an answer that pauses");
+        });
+    }
 }

@@ -21,6 +21,11 @@ const WORLDS: u64 = 60;
 /// On some boards.
 const LATE_READS: Duration = Duration::from_micros(300);
 
+/// The most that may pass between two characters of an ASCII frame (Serial Line 2.5.2.1).
+const ASCII_PAUSE: Duration = Duration::from_secs(1);
+/// How much longer than it may take the gateway a master waits for an answer, which must have begun by then.
+const GRACE: Duration = Duration::from_millis(100);
+
 /// In a device's answer. Shorter than any t3.5: nobody takes the rest for the beginning of something.
 const PAUSE: Duration = Duration::from_micros(1_200);
 
@@ -130,10 +135,13 @@ fn world(seed: u64) -> (u32, Outcome) {
     let (up, down) = (Line::draw(&mut random), Line::draw(&mut random));
     let late_reads = if random.index(4) == 0 { LATE_READS } else { Duration::from_ticks(0) };
     let policy = ["", " readonly", " addresses 0-999"][random.index(3)];
+    // An ASCII line may take a second to see that an answer broke off.
+    let answer_within = Duration::from_millis(if down.framing == Framing::Ascii { 3_400 } else { 400 });
     let settings = format!(
-        "port S serial up {}\nport C serial down {} timeout 50ms down-after 0 retries 1\nport T tcp server 502\n\
+        "port S serial up {} answer-within {}ms\nport C serial down {} timeout 50ms down-after 0 retries 1\nport T tcp server 502\n\
          route S 101-102 * -100 C cut on{policy}\nroute T * * * C\n",
         up.port("server"),
+        answer_within.as_millis(),
         down.port("client")
     );
     let case = format!("seed {seed}, {up:?} to {down:?}{policy}, reads late by {late_reads:?}");
@@ -141,9 +149,7 @@ fn world(seed: u64) -> (u32, Outcome) {
         let devices =
             [1, 2].map(|unit| Device::new(unit).with_fresh(u16::from(FRESH)).with_faults(faults(seed)));
         rig.attach(world, "down", devices.clone());
-        // An ASCII line may take a second to see that an answer broke off.
-        let patience = Duration::from_millis(if down.framing == Framing::Ascii { 3_500 } else { 400 });
-        let mut master = rig.master("up").with_patience(patience);
+        let mut master = rig.master("up").with_patience(answer_within + GRACE);
         if random.index(2) == 0 {
             let mut client = rig.client(machine(1), 502);
             world.spawn(async move {
@@ -162,9 +168,11 @@ fn world(seed: u64) -> (u32, Outcome) {
             assert_eq!(device.counters().gap_inside, 0, "{case}: a copy with a gap");
         }
         // Pauses in a master's ASCII frames are in their copies as well, but none longer than t1.5. A device's pause is in the copy
-        // of its answer, whatever t1.5 is on a faster line.
-        for (wire, pause) in [("up", PAUSE), ("down", Duration::from_ticks(0))] {
-            let hasty = rig.wire(wire).hasty_frames(rig.end(wire), LATE_READS, pause);
+        // of its answer, whatever t1.5 is on a faster line, and an ASCII copy waits as long for what it does not know.
+        let pause = if up.framing == Framing::Ascii { ASCII_PAUSE } else { PAUSE };
+        for (wire, line, pause) in [("up", up, pause), ("down", down, Duration::from_ticks(0))] {
+            let end = (rig.end(wire), line.framing);
+            let hasty = rig.wire(wire).hasty_frames(end, LATE_READS, pause);
             let before =
                 |frame: &WireFrame| frame.start_ns <= hasty.first().map_or(0, |hasty| hasty.start_ns);
             let frames: Vec<_> = rig.wire(wire).frames().into_iter().filter(before).collect();

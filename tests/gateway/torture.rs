@@ -8,6 +8,7 @@
 use std::collections::HashMap;
 
 use embassy_time::{Duration, Instant, Timer};
+use mobgate::config::Framing;
 use mobgate_simulator::client::{Answer, NoReply};
 use mobgate_simulator::device::Fresh;
 use mobgate_simulator::fault::When;
@@ -86,8 +87,8 @@ fn live(seed: u64, share: &Share) {
         world.run_for(Duration::from_secs(60));
         assert_eq!(rig.frames_in_use(), 0, "frames that never came home");
         for line in ["a", "b"] {
-            let hasty =
-                rig.wire(line).hasty_frames(rig.end(line), Duration::from_ticks(0), Duration::from_ticks(0));
+            let end = (rig.end(line), Framing::Rtu);
+            let hasty = rig.wire(line).hasty_frames(end, Duration::from_ticks(0), Duration::from_ticks(0));
             assert_eq!(hasty, [], "line {line}");
         }
     });

@@ -80,9 +80,14 @@ pub(crate) fn is_running(from: usize) -> bool {
     RUNNING.load(Ordering::Relaxed) == from
 }
 
+/// Whether a relay of the characters of UART `from` was begun and not ended.
+pub(crate) fn is_begun(from: usize) -> bool {
+    FROM.load(Ordering::Relaxed) == from
+}
+
 /// Whether the relay of UART `from` was broken off.
 pub(crate) fn is_broken(from: usize) -> bool {
-    FROM.load(Ordering::Relaxed) == from
+    is_begun(from)
         && !is_running(from)
         && critical_section::with(|section| !RELAY.borrow(section).get().is_over())
 }

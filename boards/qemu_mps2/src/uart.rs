@@ -297,7 +297,7 @@ impl SerialLine for Line {
     }
 
     fn is_relayed(&self) -> bool {
-        relay::is_running(self.0)
+        relay::is_running(self.0) || relay::is_begun(self.0) && !self.uart().received.is_empty()
     }
 
     fn silence(&self) -> Duration {
@@ -324,7 +324,7 @@ impl Read for Line {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, Infallible> {
         poll_fn(|context| {
             self.uart().arrived.register(context.waker());
-            if self.is_relayed() {
+            if relay::is_running(self.0) {
                 return Poll::Pending;
             }
             match self.uart().take(into) {

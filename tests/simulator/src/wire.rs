@@ -11,7 +11,7 @@ use std::rc::Rc;
 use std::task::{Context, Waker};
 
 use embassy_time::{Duration, Instant};
-use mobgate::config::{LineSettings, Parity};
+use mobgate::config::{Framing, LineSettings, Parity};
 use mobgate::hal::Flaws;
 
 use crate::random::mix;
@@ -147,21 +147,32 @@ impl Wire {
         self.0.borrow().record.frames.iter().cloned().collect()
     }
 
-    /// The frames of `end` that stood behind too short a silence: less than the line's gap, t3.5 if it says nothing. A pause of
-    /// up to t1.5 inside a frame may be, or of `pause` where that is longer, and the clock knows no time to less than a tick. `end` cannot heed what it has not heard: what another began to send less than a
-    /// character, and `reaction`, before.
-    pub fn hasty_frames(&self, end: &LineEnd, reaction: Duration, pause: Duration) -> Vec<WireFrame> {
+    /// The frames of `end`, in `framing`, that stood behind too short a silence: less than the line's gap, t3.5 if it says nothing.
+    /// A pause of up to t1.5 inside a frame may be, or of `pause` where that is longer, and the clock knows no time to less than a
+    /// tick. `end` cannot heed what it has not heard: what another began to send less than a character, and `reaction`, before, or
+    /// in the middle of a frame of `end`.
+    pub fn hasty_frames(
+        &self,
+        (end, framing): (&LineEnd, Framing),
+        reaction: Duration,
+        pause: Duration,
+    ) -> Vec<WireFrame> {
         let (line, number) = (end.line(), end.number());
         let silence_ns = line.gap.map_or(t3_5_ns(&line), |gap| gap.as_nanos());
         let unheard_ns = chars_ns(&line, 1) + reaction.as_nanos() + TICK_NS;
         let frames = self.frames();
-        let hasty = |(before, frame): &(&WireFrame, &WireFrame)| {
+        let hasty = |index: &usize| {
+            let (before, frame) = (&frames[index - 1], &frames[*index]);
+            let own = frames[..*index].iter().rfind(|frame| frame.from == number);
             let gap_ns = frame.gap_ns.unwrap_or(u64::MAX);
-            let is_pause = before.from == number && gap_ns <= t1_5_ns(&line).max(pause.as_nanos()) + TICK_NS;
+            let pause = if before.from == number { pause } else { Duration::from_ticks(0) };
+            let pause_ns = t1_5_ns(&line).max(pause.as_nanos()) + TICK_NS;
+            let is_pause =
+                own.is_some_and(|own| frame.goes_on(own, framing) && frame.start_ns <= own.end_ns + pause_ns);
             let unheard = before.from != number && frame.start_ns <= before.start_ns + unheard_ns;
             frame.from == number && gap_ns + TICK_NS < silence_ns && !is_pause && !unheard
         };
-        frames.iter().zip(frames.iter().skip(1)).filter(hasty).map(|(_, frame)| frame.clone()).collect()
+        (1..frames.len()).filter(hasty).map(|index| frames[index].clone()).collect()
     }
 
     /// How long anybody has been sending, in total.

@@ -2,6 +2,8 @@
 
 use std::collections::VecDeque;
 
+use mobgate::config::Framing;
+
 use super::Character;
 
 /// Frames that the record keeps, the newest; sums go on for ever.
@@ -35,6 +37,14 @@ pub struct WireFrame {
     pub gap_ns: Option<u64>,
     /// What was sent, without regard to damage on the way.
     pub bytes: Vec<u8>,
+}
+
+impl WireFrame {
+    /// Whether it may be the rest of `before`, which paused: an ASCII frame shows where it begins and ends.
+    pub(super) fn goes_on(&self, before: &Self, framing: Framing) -> bool {
+        let is_apart = self.bytes.first() == Some(&b':') || before.bytes.last() == Some(&b'\n');
+        before.from == self.from && (framing == Framing::Rtu || !is_apart)
+    }
 }
 
 #[derive(Default)]

@@ -44,9 +44,10 @@ impl LineEnd {
         self.wire.0.borrow_mut().ends[self.number].relayed.take().map(|relayed| relayed.relay)
     }
 
-    /// Whether another end is sending what is heard here.
+    /// Whether another end is sending what is heard here, or has sent what was not read here yet.
     pub(crate) fn is_relayed(&self) -> bool {
-        self.wire.0.borrow().ends[self.number].relayed.as_ref().is_some_and(Relayed::is_running)
+        let end = &self.wire.0.borrow().ends[self.number];
+        end.relayed.as_ref().is_some_and(|relayed| relayed.is_running() || end.next < relayed.next)
     }
 
     /// Characters heard here that another end sent at once.
@@ -57,7 +58,8 @@ impl LineEnd {
     /// For how long it had been silent here when the relay broke off, if it has not ended since.
     pub(crate) fn silence(&self) -> Duration {
         let bus = self.wire.0.borrow();
-        let broken = bus.ends[self.number].relayed.as_ref().filter(|relayed| relayed.is_broken);
+        let end = &bus.ends[self.number];
+        let broken = end.relayed.as_ref().filter(|relayed| relayed.is_broken);
         broken.map_or(Duration::from_ticks(0), |broken| Duration::from_nanos(now_ns() - broken.heard_ns))
     }
 

@@ -2,7 +2,8 @@
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
-use mobgate::config::{LineSettings, Parity};
+use mobgate::config::{Framing, LineSettings, Parity};
+use mobgate::port::relay::Relay;
 
 use super::{Heard, LineEnd, Silence, Wire};
 use crate::World;
@@ -181,5 +182,72 @@ fn an_unplugged_adapter_ends_reads_and_writes_for_good() {
         one.replug();
         assert!(one.write_all(&[1]).await.is_err(), "the old handle stays dead");
         other.write_all(&[1]).await.unwrap();
+    });
+}
+
+#[test]
+fn an_ascii_frame_may_pause_inside_but_the_next_one_must_wait() {
+    let mut world = World::new(1);
+    let (wire, mut one, _) = pair(LINE_9600);
+    world.run_until(async {
+        for characters in [b":0102", b"F1\r\n:", b"0102\n", b":0304"] {
+            one.write_all(characters).await.unwrap();
+            one.flush().await.unwrap();
+            Timer::after_millis(3).await;
+        }
+    });
+    let hasty = |framing, pause_ms| {
+        let (none, pause) = (Duration::from_ticks(0), Duration::from_millis(pause_ms));
+        wire.hasty_frames((&one, framing), none, pause)
+            .into_iter()
+            .map(|frame| frame.bytes)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(hasty(Framing::Ascii, 1_000), [b":0304"]);
+    assert_eq!(hasty(Framing::Ascii, 0).len(), 3, "no pause is allowed");
+    assert_eq!(hasty(Framing::Rtu, 1_000).len(), 0, "RTU frames do not show where they begin");
+}
+
+#[test]
+fn who_is_interrupted_in_a_frame_has_not_begun_a_new_one() {
+    let mut world = World::new(1);
+    let (wire, mut one, mut other) = pair(LINE_9600);
+    let mut third = wire.tap(LINE_9600);
+    world.run_until(async {
+        one.write_all(&[1, 2]).await.unwrap();
+        Timer::after_micros(2_000).await;
+        other.write_all(&[5, 6, 7]).await.unwrap();
+        one.write_all(&[3, 4]).await.unwrap();
+        one.flush().await.unwrap();
+        // It has heard both of them.
+        third.write_all(&[9]).await.unwrap();
+    });
+    assert!(wire.frames().iter().filter(|frame| frame.from == one.number()).count() > 1);
+    let hasty =
+        |end| wire.hasty_frames((end, Framing::Rtu), Duration::from_ticks(0), Duration::from_ticks(0));
+    assert_eq!(hasty(&one), []);
+    assert_eq!(hasty(&third).len(), 1);
+}
+
+#[test]
+fn a_line_is_relayed_until_what_came_is_read() {
+    let mut world = World::new(1);
+    let (_, mut device, source) = pair(LINE_9600);
+    let (_, target, _) = pair(LINE_9600);
+    let (mut source, mut read) = (source, [0; 8]);
+    world.run_until(async {
+        source.begin_relay(Relay::new(3, 0), &target);
+        device.write_all(&[1, 2, 3]).await.unwrap();
+        source.readable().await;
+        assert!(source.is_relayed(), "nothing of it was read");
+        assert_eq!(source.read(&mut read).await.unwrap(), 3);
+        assert!(!source.is_relayed());
+        source.end_relay();
+
+        source.begin_relay(Relay::new(4, 0), &target);
+        device.write_all(&[1, 2]).await.unwrap();
+        // Ready when the silence has been longer than t1.5.
+        assert_eq!(source.read(&mut read).await.unwrap(), 2);
+        assert!(source.silence() > Duration::from_micros(1_718) && !source.is_relayed());
     });
 }

@@ -59,7 +59,7 @@ fn transactions(world: &mut World<'_>, rig: &Rig<'_>) -> (u64, u32) {
     let mut polite = rig.client(machine(1), 502);
     let load = ClosedLoop::until(Instant::now() + LENGTH);
     let load = load.run(&mut polite, || (5, READ.to_vec()), |_, _, _| {});
-    let load = world.run_until(async { load.await });
+    let load = world.run_until(load);
     assert!(load.exceptions.is_empty(), "{:?}", load.exceptions);
     (load.answers, rig.counted("bus", Event::Answer) - before)
 }

@@ -86,6 +86,9 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
                 }
             }
             self.drop_first(end);
+        } else if rtu::decode(heard).is_ok_and(|(from, pdu)| from != unit || fits(&request, pdu).is_err()) {
+            // A whole frame, and not that: what it is need not wait for a pause.
+            self.judge_heard();
         } else if self.length >= rtu::FRAME_BYTES_MAX {
             // No frame is that long: keep the newest part, in which the response may be.
             self.input.copy_within(self.length - rtu::FRAME_BYTES_MAX / 2..self.length, 0);
@@ -112,6 +115,11 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         if self.pause_end() == Instant::MAX || (self.pause_end() > now && !over) {
             return;
         }
+        self.judge_heard();
+    }
+
+    /// Judges what came by RTU over TCP as if no more came.
+    fn judge_heard(&mut self) {
         let Some(flight) = self.flights.first() else { return self.judge_unawaited() };
         let request = &self.desk.request(&flight.order);
         let (id, unit) = (flight.id, flight.unit);
@@ -165,7 +173,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         if self.heard < self.opened + self.settling() {
             // What it answers, nobody knows.
             self.drop_noise();
-        } else if self.length >= rtu::FRAME_BYTES_MAX {
+        } else if self.length >= rtu::FRAME_BYTES_MAX || rtu::decode(self.first(self.length)).is_ok() {
             self.judge_unawaited();
         }
     }

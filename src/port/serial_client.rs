@@ -6,7 +6,7 @@
 use core::pin::pin;
 
 use embassy_futures::select::select;
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::{Cause, Fill, Frame, Way};
@@ -101,15 +101,13 @@ async fn carry_out<'g, L: SerialLine>(
         let crc = frame.own_crc();
         frame.pdu(|request| bus.note_copied(unit, request, crc));
     }
-    if desk.is_proving() {
-        return prove(desk, bus, client, &frame, unit).await;
-    }
     let way = frame.origin().way;
-    if unit != BROADCAST && !arriving && way == Way::Line {
+    let proving = desk.is_proving();
+    if unit != BROADCAST && !arriving && !proving && way == Way::Line {
         place.stats.count(Event::Stored);
     }
     // What comes takes its place in the frame.
-    let request = &frame.content();
+    let request = &desk.request(&frame);
     desk.sent(unit, request);
     let sent = if arriving { Ok(()) } else { bus.send(unit, request).await? };
     if unit == BROADCAST {
@@ -122,6 +120,10 @@ async fn carry_out<'g, L: SerialLine>(
         Ok(()) => bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?,
         Err(Collision) => Err(Failure::Collision),
     };
+    if proving {
+        proved(desk, client, &frame, unit, outcome);
+        return Ok(());
+    }
     if way == Way::Console {
         desk.gateway().asking.note(outcome);
     }
@@ -147,25 +149,16 @@ async fn carry_out<'g, L: SerialLine>(
     Ok(())
 }
 
-/// Sends what has to be answered before the request in `frame` may be sent.
-async fn prove<'g, L: SerialLine>(
+/// What came of the proof that the request in `frame` waited for.
+fn proved<'g>(
     desk: &Desk<'g>,
-    bus: &mut Bus<'_, L>,
     client: &SerialClientSettings,
     frame: &Frame<'g>,
     unit: u8,
-) -> Result<(), LineLost> {
-    let request = &desk.request(frame);
-    desk.sent(unit, request);
-    let outcome = match bus.send(unit, request).await? {
-        Ok(()) => bus.receive(&mut Reply::new(desk, frame, unit, request)).await?,
-        Err(Collision) => Err(Failure::Collision),
-    };
+    outcome: Result<Duration, Failure>,
+) {
     match outcome {
-        Ok(_) => {
-            desk.proved(frame, unit);
-            return Ok(());
-        }
+        Ok(_) => return desk.proved(frame, unit),
         Err(Failure::Damaged(trouble)) => {
             desk.place().damaged(unit, trouble);
             frame.blame(Cause::Damage);
@@ -173,5 +166,4 @@ async fn prove<'g, L: SerialLine>(
         Err(Failure::Timeout | Failure::Collision) => {}
     }
     desk.not_proved(frame, unit, client.down_after, client.retries);
-    Ok(())
 }

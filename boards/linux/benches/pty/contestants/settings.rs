@@ -8,7 +8,11 @@ pub(super) fn mobgate(behind: Behind<'_>, port: u16) -> String {
     let client = match behind {
         Behind::Line(Wired { device, pace, timeout_ms }) => {
             let gap = if pace.silence.is_zero() { "gap 0ms" } else { "" };
-            format!("serial {device} rtu client {} 8N2 timeout {timeout_ms}ms {gap}", pace.baud)
+            // What is measured begins when the line is ready, not while it discards what comes at its start.
+            format!(
+                "serial {device} rtu client {} 8N2 timeout {timeout_ms}ms late-window 100ms {gap}",
+                pace.baud
+            )
         }
         Behind::Tcp(server) => format!("tcp client 127.0.0.1:{server} in-flight 16"),
     };

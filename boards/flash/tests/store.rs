@@ -50,7 +50,7 @@ fn settings_survive_a_restart_and_a_chip_without_any_has_none() {
 fn the_longest_text_fits_again_and_again_and_a_longer_one_changes_nothing() {
     // The lines of a host's settings are longer than those of a board's, for which these sectors are.
     const MOST: usize = text_bytes_max::<Flash>();
-    assert!(MOST >= (PORTS_MAX + ROUTES_MAX + 1) * 641 && MOST <= TEXT_BYTES_MAX);
+    const { assert!(MOST >= (PORTS_MAX + ROUTES_MAX + 1) * 641 && MOST <= TEXT_BYTES_MAX) };
     let flash = Flash::new(2, 2);
     let mut store = block_on(FlashStore::open(flash.clone(), 0));
     for fill in b'a'..b'h' {

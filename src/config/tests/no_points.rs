@@ -36,7 +36,7 @@ fn saved_settings_with_points_are_refused_with_the_line_that_needs_them() {
     let mut loader = Loader::new(&mut settings);
     let error =
         loader.feed(format!("{PORTS}port ask scanner\nport P9 tcp server 503\n").as_bytes()).unwrap_err();
-    assert_eq!((error.line, error.error.problem), (7, Problem::NoPoints));
+    assert_eq!((error.line, &error.error.problem), (7, &Problem::NoPoints));
     assert_eq!(error.to_string(), "line 7, column 10: \"scanner\": this board has no data points");
 }
 

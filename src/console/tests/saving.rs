@@ -41,6 +41,8 @@ fn save_knows_one_word() {
     });
 }
 
+// Without data points such a line is refused for that.
+#[cfg(feature = "points")]
 #[test]
 fn a_saved_line_that_asks_for_what_the_board_has_not_is_named() {
     with_gateway(|gateway| {

@@ -1,6 +1,5 @@
 //! What sessions say of settings that are not saved, and of saved ones that the board cannot have.
 
-use std::format;
 use std::string::ToString;
 
 use super::{Memory, Mode, pipe, session, std, with_gateway};
@@ -55,7 +54,7 @@ fn a_saved_line_that_asks_for_what_the_board_has_not_is_named() {
             "network lines are for boards with a network of their own; here the operating system sets it";
         assert_eq!(
             load("# one\nport P1 tcp server 502\n\n  network dhcp\n"),
-            format!("error: line 1, saved settings: line 4, column 3: \"network\": {network}\n")
+            std::format!("error: line 1, saved settings: line 4, column 3: \"network\": {network}\n")
         );
         assert_eq!(
             load("port P1 tcp server 502\nport E ethercat\n"),

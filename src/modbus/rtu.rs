@@ -77,6 +77,12 @@ pub fn decode(frame: &[u8]) -> Result<(u8, &[u8]), RtuError> {
     Ok((*unit, pdu))
 }
 
+/// Where the frame of `pdu`, a part of `received`, ends in that.
+pub(crate) fn end_of(pdu: &[u8], received: &[u8]) -> usize {
+    let before = pdu.as_ptr().addr() - received.as_ptr().addr();
+    before + pdu.len() + OVERHEAD_BYTES - 1
+}
+
 /// What [`response`] found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Received<'a> {

@@ -50,8 +50,7 @@ impl<L: SerialLine> Bus<'_, L> {
                     Found::Response
                 }
                 Err(event) => {
-                    let before = pdu.as_ptr().addr() - self.line.heard().as_ptr().addr();
-                    let end = before + pdu.len() + rtu::OVERHEAD_BYTES - 1;
+                    let end = rtu::end_of(pdu, self.line.heard());
                     let found = self.other(reply.unit(), event);
                     reply.store();
                     self.line.consume(end);

@@ -70,8 +70,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         let (id, unit) = (flight.id, flight.unit);
         let heard = self.input.get(..self.length).unwrap_or(&[]);
         if let Received::Complete(pdu) = rtu::response(unit, &request, heard) {
-            let before = pdu.as_ptr().addr() - heard.as_ptr().addr();
-            let end = before + pdu.len() + rtu::OVERHEAD_BYTES - 1;
+            let end = rtu::end_of(pdu, heard);
             match self.judge(unit, pdu, true, Event::Misfit) {
                 Ok(()) => {
                     self.tap(false, Event::Answer, heard);

@@ -22,6 +22,7 @@ mod port_words;
 mod print;
 mod problem;
 mod proof;
+mod review;
 mod route_words;
 mod saved;
 mod serial;
@@ -39,7 +40,7 @@ pub(crate) use self::address::Endpoint;
 pub use self::address::{Allowed, IpPrefix};
 pub use self::ethercat::{EthercatSettings, OnLoss};
 pub(crate) use self::line::LineBuffer;
-pub use self::loader::{LoadError, Loader};
+pub use self::loader::{LoadError, Loader, Look};
 pub use self::network::{
     MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, TcpListen, TcpServerSettings, UDP_REQUESTS_MAX,
     UdpServerSettings,
@@ -56,7 +57,6 @@ pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, Rules, WORD_BYTES_MAX, Warning};
 pub use self::proof::{PROOFS_MAX, Proof, Proofs};
 pub(crate) use self::route_words::units as parse_units;
-pub(crate) use self::saved::look_through;
 pub use self::saved::{ReadError, read_store, write_store};
 pub use self::serial::{
     Driver, Framing, LineSettings, Parity, SerialClientSettings, SerialServerSettings, SerialSettings,
@@ -67,7 +67,7 @@ pub use self::text::{Applied, apply, is_implied};
 pub use self::values::Time;
 pub(crate) use self::values::{medium, number, parse_number, small, time};
 pub(crate) use self::words::{Word, Words, Wrong, find_word};
-use crate::route::{Destination, Route, comes_back, never_matches};
+use crate::route::{Destination, Route};
 use crate::scanner::{DEVICES_MAX, POINTS};
 
 /// Longest line of the line language in bytes. Settings at their limits print shorter ones: what is printed can be read.
@@ -187,43 +187,6 @@ impl Settings {
             Destination::NoPath => "nopath",
         }
     }
-
-    /// What is set, but unlikely to be meant.
-    pub fn warnings(&self) -> impl Iterator<Item = Warning> {
-        let rules = (0..self.routes.len()).filter_map(|n| self.rule_warning(n));
-        self.ports.iter().flatten().filter_map(gap_warning).chain(rules)
-    }
-
-    /// What is unlikely to be meant about the rule at place `n`, from 0.
-    pub(crate) fn rule_warning(&self, n: usize) -> Option<Warning> {
-        let rules = Rules::one(n);
-        if let Some(takers) = never_matches(self, n) {
-            return Some(Warning::NeverMatch { rules, takers });
-        }
-        let (server, unit) = comes_back(self, n)?;
-        Some(Warning::Circle { rule: rules, unit, port: self.port(server)?.name.clone() })
-    }
-
-    /// A warning when rules below the one at place `n` never match because of that one.
-    fn shadow_warning(&self, n: usize) -> Option<Warning> {
-        let (mut rules, mut takers) = (Rules::default(), Rules::default());
-        for below in n + 1..self.routes.len() {
-            if let Some(above) = never_matches(self, below).filter(|above| above.contains(n)) {
-                rules.add(below);
-                takers = takers.with(above);
-            }
-        }
-        (rules != Rules::default()).then_some(Warning::NeverMatch { rules, takers })
-    }
-
-    /// What is unlikely to be meant about the port at `id`, or a rule that names it.
-    fn port_warning(&self, id: PortId) -> Option<Warning> {
-        let names =
-            |(_, route): &(usize, &Route)| route.source == id || route.destination == Destination::Port(id);
-        let rules = self.routes.iter().enumerate().filter(names);
-        let of_rules = || rules.map(|(n, _)| n).find_map(|n| self.rule_warning(n));
-        self.port(id).and_then(gap_warning).or_else(of_rules)
-    }
 }
 
 impl Clone for Settings {
@@ -251,15 +214,6 @@ fn copy_list<T: Clone, const N: usize>(list: &mut Vec<T, N>, source: &Vec<T, N>)
     list.clear();
     // The same number fits.
     let _ = list.extend_from_slice(source);
-}
-
-/// A warning when `port` keeps less silence between RTU frames than the specification asks for.
-fn gap_warning(port: &Port) -> Option<Warning> {
-    let PortKind::Serial(SerialSettings { framing: Framing::Rtu, line, .. }) = &port.kind else {
-        return None;
-    };
-    let (gap, t3_5) = (line.gap(), line.t3_5());
-    (gap < t3_5).then(|| Warning::GapBelowSpecification { port: port.name.clone(), gap, t3_5 })
 }
 
 /// One port: what it is called and what it does.

@@ -105,19 +105,28 @@ pub async fn read(
     store: &mut impl Store,
     draft: &mut Settings,
 ) -> Result<usize, Unchanged> {
-    let bytes = config::read_store(store, draft).await?;
-    let Err(error) = gateway.check(draft) else { return Ok(bytes) };
-    // Once more, for the line that asks for it. Only what all lines say together counts, so that is not looked at each time.
-    let mut refused = None;
-    let mut look = |number, line: &str, settings: &Settings| {
-        if refused.is_none()
-            && let Err(error) = gateway.check(settings)
-        {
-            refused = Some(Refused::new(number, line, settings, error));
+    let mut error = None;
+    // Only what all lines say together counts. If the board has not that, once more for the line that asks for it.
+    loop {
+        let mut refused = None;
+        let mut look = |number, line: &str, settings: &Settings| {
+            if error.is_some()
+                && refused.is_none()
+                && let Err(error) = gateway.check(settings)
+            {
+                refused = Some(Refused::new(number, line, settings, error));
+            }
+        };
+        let bytes = config::read_store(store, draft, &mut look).await?;
+        if let Some(refused) = refused {
+            return Err(Unchanged::Refused(refused));
         }
-    };
-    config::look_through(store, draft, &mut look).await?;
-    Err(refused.map_or(Unchanged::Apply(error), Unchanged::Refused))
+        match gateway.check(draft) {
+            Ok(()) => return Ok(bytes),
+            Err(again) if error.is_some() => return Err(Unchanged::Apply(again)),
+            Err(first) => error = Some(first),
+        }
+    }
 }
 
 /// Takes over `settings`, which were read from `store`.

@@ -18,14 +18,13 @@ use embassy_time::Instant;
 use crate::asking::Asking;
 use crate::capture::{CAPTURE, Capture};
 use crate::config::{
-    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, SerialSettings, Settings, Side, StreamFraming,
-    load_points,
+    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, StreamFraming, load_points,
 };
 use crate::drafting::Draft;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
-use crate::port::desk::{Desk, Matching};
+use crate::port::desk::Desk;
 use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::port::local::Events;
 use crate::port::moment::apart;
@@ -269,69 +268,79 @@ impl<'g> Gateway<'g> {
 
     /// The port task of place `id`: plays the part that the settings say, for ever.
     ///
-    /// `lines` opens serial lines, `connector` makes connections, `datagrams` opens UDP sockets.
-    pub async fn run_port<H: SerialHost, C: TcpConnect, U: UdpHost>(
+    /// `lines` opens serial lines, `connector` makes connections, `datagrams` opens UDP sockets. An `async fn` would keep what it
+    /// is given twice, at each port.
+    pub fn run_port<H: SerialHost, C: TcpConnect, U: UdpHost>(
         &self,
         id: PortId,
         lines: &mut H,
         connector: &mut C,
         datagrams: &mut U,
-    ) {
-        let Some(at) = self.place(id) else { return };
-        let place = at.place();
-        loop {
-            let mut kind = self.settings(|settings| settings.port(id).cloned()).map(|port| port.kind);
-            let alone = self.asking.try_on(id, kind.as_mut());
-            at.units(|units| units.freeze(alone));
-            place.renew();
-            match &kind {
-                Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
-                    let never_underruns = lines.never_underruns();
-                    let server =
-                        serial_server::Server { gateway: self, place, id, settings, never_underruns };
-                    select(place.changed.wait(), server.run(lines)).await;
-                    server.close();
-                }
-                Some(PortKind::UdpServer(settings)) => {
-                    let server = udp_server::Server::new(self, place, id, settings);
-                    select(place.changed.wait(), apart(pin!(server.run(datagrams)))).await;
-                    server.close();
-                }
-                Some(PortKind::Scanner | PortKind::Ethercat(_)) => {
-                    let ethercat = self.ethercat().filter(|_| kind != Some(PortKind::Scanner));
-                    scanner::run(self, place, id, ethercat).await;
-                }
-                kind => {
-                    let unit = match kind {
-                        Some(PortKind::TcpClient(settings)) => settings.unit,
-                        _ => None,
-                    };
-                    let desk = Desk::new(self, at, id, unit, kind.as_ref().and_then(matching), alone);
-                    let part = play(&desk, kind.as_ref(), lines, connector);
-                    select(place.changed.wait(), select(desk.take_in(), part)).await;
-                    desk.close();
-                    place.socket.closed(self.ports);
+    ) -> impl Future<Output = ()> {
+        let at = self.place(id);
+        async move {
+            let Some(at) = at else { return };
+            let place = at.place();
+            loop {
+                let mut kind = self.settings(|settings| settings.port(id).cloned()).map(|port| port.kind);
+                let alone = self.asking.try_on(id, kind.as_mut());
+                at.units(|units| units.freeze(alone));
+                place.renew();
+                match &kind {
+                    Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
+                        let never_underruns = lines.never_underruns();
+                        let server =
+                            serial_server::Server { gateway: self, place, id, settings, never_underruns };
+                        select(place.changed.wait(), server.run(lines)).await;
+                        server.close();
+                    }
+                    Some(PortKind::UdpServer(settings)) => {
+                        let server = udp_server::Server::new(self, place, id, settings);
+                        select(place.changed.wait(), apart(pin!(server.run(datagrams)))).await;
+                        server.close();
+                    }
+                    Some(PortKind::Scanner | PortKind::Ethercat(_)) => {
+                        let ethercat = self.ethercat().filter(|_| kind != Some(PortKind::Scanner));
+                        scanner::run(self, place, id, ethercat).await;
+                    }
+                    kind => {
+                        let (unit, transaction_ids) = match kind {
+                            Some(PortKind::TcpClient(settings)) => {
+                                (settings.unit, settings.framing == StreamFraming::Mbap)
+                            }
+                            _ => (None, false),
+                        };
+                        let desk = Desk::new(self, at, id, unit, transaction_ids, alone);
+                        let part = play(&desk, kind.as_ref(), lines, connector);
+                        select(place.changed.wait(), select(desk.take_in(), part)).await;
+                        desk.close();
+                        place.socket.closed(self.ports);
+                    }
                 }
             }
         }
     }
 
-    /// The task of the seat `index`: serves one TCP client after the other, for ever.
-    pub async fn run_seat<H: TcpHost>(&self, index: usize, host: &mut H) {
-        let Some(seat) = self.seats.get(index) else { return };
-        loop {
-            let served = seat.state().port.and_then(|id| {
-                let terms = self.settings(|settings| settings.tcp_server(id).map(Terms::of))?;
-                Some((id, self.ports.get(id.index())?, terms))
-            });
-            let Some((id, place, terms)) = &served else {
-                seat.changed.wait().await;
-                continue;
-            };
-            let (id, settings) = (*id, terms);
-            let server = tcp_server::Server { gateway: self, id, place, settings, seat, index };
-            select(seat.changed.wait(), server.run(host)).await;
-            server.left();
+    /// The task of the seat `index`: serves one TCP client after the other, for ever. An `async fn` would keep what it is given
+    /// twice, at each seat.
+    pub fn run_seat<H: TcpHost>(&self, index: usize, host: &mut H) -> impl Future<Output = ()> {
+        let seat = self.seats.get(index);
+        async move {
+            let Some(seat) = seat else { return };
+            loop {
+                let served = seat.state().port.and_then(|id| {
+                    let terms = self.settings(|settings| settings.tcp_server(id).map(Terms::of))?;
+                    Some((id, self.ports.get(id.index())?, terms))
+                });
+                let Some((id, place, terms)) = &served else {
+                    seat.changed.wait().await;
+                    continue;
+                };
+                let (id, settings) = (*id, terms);
+                let server = tcp_server::Server { gateway: self, id, place, settings, seat, index };
+                select(seat.changed.wait(), server.run(host)).await;
+                server.left();
+            }
         }
     }
 
@@ -404,19 +413,6 @@ fn seats_of(kind: &PortKind) -> usize {
         PortKind::TcpServer(server) => usize::from(server.clients) + 1,
         PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) => 0,
         PortKind::Scanner | PortKind::Ethercat(_) => 0,
-    }
-}
-
-/// How a client-side port keeps responses apart, where they have no transaction ids.
-fn matching(kind: &PortKind) -> Option<Matching> {
-    match kind {
-        PortKind::Serial(SerialSettings { client, .. }) => {
-            Some(Matching { proofs: client.proofs, late_window: client.late_window() })
-        }
-        PortKind::TcpClient(client) if client.framing == StreamFraming::Rtu => {
-            Some(Matching { proofs: client.proofs, late_window: client.late_window() })
-        }
-        _ => None,
     }
 }
 

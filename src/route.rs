@@ -7,21 +7,17 @@ use core::net::IpAddr;
 
 use embassy_time::Duration;
 
-use crate::config::{IpPrefix, PortId, PortKind, Settings, Side, Special, is_implied};
+use crate::config::{IpPrefix, PortId, PortKind, Rules, Settings, Side, Special, is_implied};
 use crate::modbus::Exception;
 use crate::modbus::pdu;
 
 mod cut;
 mod functions;
 mod policy;
-mod review;
 
 pub use cut::{Onward, onward};
 pub use functions::Functions;
 pub use policy::{AddressRange, Forbidden, Policy};
-pub(crate) use review::{comes_back, never_matches};
-
-use review::takers;
 
 /// One row of the routing table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,8 +103,10 @@ impl UnitRange {
 pub enum Tag {
     /// `*`: the id stays.
     Keep,
-    /// `+100`, `-100`: the id is shifted.
-    Shift(i16),
+    /// `+100`: the id is so much higher.
+    Add(u8),
+    /// `-100`: the id is so much lower.
+    Subtract(u8),
     /// `=7`: the id becomes this one.
     Set(u8),
 }
@@ -119,7 +117,8 @@ impl Tag {
     pub fn apply(self, unit: u8) -> Option<u8> {
         let target = match self {
             Self::Keep => return Some(unit),
-            Self::Shift(by) => u8::try_from(i16::from(unit) + by).ok()?,
+            Self::Add(by) => unit.checked_add(by)?,
+            Self::Subtract(by) => unit.checked_sub(by)?,
             Self::Set(unit) => unit,
         };
         matches!(target, 1..=247 | 255).then_some(target)
@@ -207,7 +206,8 @@ pub fn is_routed(settings: &Settings, source: PortId, unit: u8) -> bool {
     }
 }
 
-fn meaning(settings: &Settings, source: PortId, unit: u8) -> Special {
+/// What the rules of `source` take `unit` for.
+pub(crate) fn meaning(settings: &Settings, source: PortId, unit: u8) -> Special {
     settings.port(source).map_or(Special::Rules, |port| port.units.of(unit))
 }
 
@@ -282,6 +282,37 @@ pub fn leads_to(
     let mut ranks = rules.map(|(_, route)| route.policy.admit(request).ok());
     let first = ranks.next().flatten().filter(|_| is_line(settings, port))?;
     ranks.all(|rank| rank.is_some()).then_some(first)
+}
+
+/// The rules above rule `n` that take all units which it names, of those that are `for_the_same` peers.
+pub(crate) fn takers(settings: &Settings, n: usize, for_the_same: impl Fn(&Route) -> bool) -> Option<Rules> {
+    let rule = settings.routes.get(n)?;
+    let above = settings.routes.get(..n)?;
+    let mut takers = Rules::default();
+    let mut unit = rule.units.first;
+    loop {
+        let takes = |other: &Route| {
+            other.source == rule.source
+                && other.units.contains(unit)
+                && for_the_same(other)
+                && !is_implied(settings, other)
+        };
+        if is_asked(settings, rule.source, unit) {
+            let at = above.iter().position(takes)?;
+            takers.add(at);
+            unit = above.get(at)?.units.last;
+        }
+        if unit >= rule.units.last {
+            return Some(takers);
+        }
+        unit += 1;
+    }
+}
+
+/// Whether the rules of `port` are ever asked for `unit`.
+fn is_asked(settings: &Settings, port: PortId, unit: u8) -> bool {
+    // What a special unit may be replaced by is none itself.
+    meaning(settings, port, unit) == Special::Rules
 }
 
 /// Whether `port` is a serial line that the gateway asks on.

@@ -28,7 +28,7 @@ impl core::error::Error for LoadError {}
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
 /// Sees a line with its number, and the settings behind it.
-pub(crate) type Look<'l> = dyn FnMut(u32, &str, &Settings) + 'l;
+pub type Look<'l> = dyn FnMut(u32, &str, &Settings) + 'l;
 
 /// Takes a text in pieces of any size and applies its lines to settings that start empty.
 ///

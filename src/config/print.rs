@@ -275,7 +275,8 @@ impl Display for Tag {
         let mut text = String::<6>::new();
         match *self {
             Self::Keep => text.write_str("*"),
-            Self::Shift(by) => write!(text, "{by:+}"),
+            Self::Add(by) => write!(text, "+{by}"),
+            Self::Subtract(by) => write!(text, "-{by}"),
             Self::Set(unit) => write!(text, "={unit}"),
         }?;
         f.pad(&text)

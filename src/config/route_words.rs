@@ -78,8 +78,8 @@ fn tag(word: Word, units: UnitRange) -> Result<Tag, Wrong> {
     };
     let tag = match (value('+'), value('-'), value('=')) {
         (Some(0), _, _) | (_, Some(0), _) => Tag::Keep,
-        (Some(by), _, _) => Tag::Shift(by.into()),
-        (_, Some(by), _) => Tag::Shift(-i16::from(by)),
+        (Some(by), _, _) => Tag::Add(by),
+        (_, Some(by), _) => Tag::Subtract(by),
         (_, _, Some(unit)) => Tag::Set(unit),
         _ => return Err(word.expected(expected)),
     };
@@ -87,7 +87,8 @@ fn tag(word: Word, units: UnitRange) -> Result<Tag, Wrong> {
         Some(unit) => {
             let target = match tag {
                 Tag::Keep => unit.into(),
-                Tag::Shift(by) => i16::from(unit) + by,
+                Tag::Add(by) => i16::from(unit) + i16::from(by),
+                Tag::Subtract(by) => i16::from(unit) - i16::from(by),
                 Tag::Set(target) => target.into(),
             };
             Err(word.error(Problem::TagOutside { unit, target }))

@@ -23,21 +23,13 @@ pub enum ReadError {
 }
 
 /// Reads the text in `store` into `settings`, which are of no use after an error; the number of its bytes, 0 when
-/// nothing is saved.
-pub async fn read_store(store: &mut impl Store, settings: &mut Settings) -> Result<usize, ReadError> {
-    feed(store, Loader::new(settings)).await
-}
-
-/// As [`read_store`]; `look` sees each line.
-pub(crate) async fn look_through<'s>(
+/// nothing is saved. `look` sees each line, and the settings behind it.
+pub async fn read_store<'s>(
     store: &mut impl Store,
     settings: &'s mut Settings,
     look: &'s mut Look<'s>,
 ) -> Result<usize, ReadError> {
-    feed(store, Loader::new(settings).with_look(look)).await
-}
-
-async fn feed(store: &mut impl Store, mut loader: Loader<'_>) -> Result<usize, ReadError> {
+    let mut loader = Loader::new(settings).with_look(look);
     let mut chunk = [0; CHUNK_BYTES_MAX];
     let mut offset = 0;
     loop {

@@ -186,18 +186,25 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
     }
 
-    /// Sends `request` to `unit`.
-    pub(crate) async fn send(&mut self, unit: u8, request: &[u8]) -> Result<Result<(), Collision>, LineLost> {
+    /// Sends `request` to `unit`. The future keeps the frame, and not the request as well.
+    pub(crate) fn send(
+        &mut self,
+        unit: u8,
+        request: &[u8],
+    ) -> impl Future<Output = Result<Result<(), Collision>, LineLost>> + use<'_, 's, L> {
         self.decoder.clear();
         let mut frame = [0; FRAME_CHARS_MAX];
         let framed = self.settings.framing.encode(unit, request, LINE_FEED, &mut frame);
-        let frame = framed.map_err(|_| LineLost)?;
-        let sent = self.line.send(frame).await;
-        self.tap.sent(self.line.active, Event::Request, frame);
-        if sent == Ok(Err(Collision)) {
-            self.line.clear();
+        let length = framed.map(<[u8]>::len);
+        async move {
+            let frame = length.ok().and_then(|length| frame.get(..length)).ok_or(LineLost)?;
+            let sent = self.line.send(frame).await;
+            self.tap.sent(self.line.active, Event::Request, frame);
+            if sent == Ok(Err(Collision)) {
+                self.line.clear();
+            }
+            sent
         }
-        sent
     }
 
     /// Notes a request that was sent while it arrived.

@@ -20,10 +20,10 @@ use core::cell::{Cell, RefCell, RefMut};
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant};
+use embassy_time::Instant;
 use heapless::Vec;
 
-use crate::config::{PortId, Proofs};
+use crate::config::{PortId, PortKind, SerialSettings};
 use crate::frame::{Cause, Envelope, Errand, Fill, Frame, Stage, Way};
 use crate::gateway::{Gateway, PortAt};
 use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
@@ -59,19 +59,10 @@ pub(crate) struct Desk<'g> {
     pausing: Cell<bool>,
     /// Something changed: an order came or a unit's gate moved.
     news: Signal<NoopRawMutex, ()>,
-    /// What keeps responses apart; none where they have transaction ids.
-    matching: Option<Matching>,
+    /// Responses say which request they belong to.
+    transaction_ids: bool,
     /// What is sent before the order that was given out last.
     proof: Cell<Option<Proving>>,
-}
-
-/// How a port keeps responses apart that have no transaction ids.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Matching {
-    /// What proves that a unit is in step.
-    pub(crate) proofs: Proofs,
-    /// How long an answer may be late where nothing proves anything.
-    pub(crate) late_window: Duration,
 }
 
 /// The request that an order waits for.
@@ -88,7 +79,7 @@ impl<'g> Desk<'g> {
         place: PortAt<'g>,
         id: PortId,
         unit: Option<u8>,
-        matching: Option<Matching>,
+        transaction_ids: bool,
         alone: bool,
     ) -> Self {
         Self {
@@ -104,7 +95,7 @@ impl<'g> Desk<'g> {
             open: Cell::new(true),
             pausing: Cell::new(false),
             news: Signal::new(),
-            matching,
+            transaction_ids,
             proof: Cell::new(None),
         }
     }
@@ -250,9 +241,9 @@ impl<'g> Desk<'g> {
     fn step(&self, frame: &Frame<'g>, ticket: &Ticket, now: Instant) -> Option<bool> {
         self.proof.set(None);
         let unit = ticket.unit;
-        let Some(Matching { proofs, late_window }) = self.matching.filter(|_| unit != BROADCAST) else {
+        if self.transaction_ids || unit == BROADCAST {
             return Some(true);
-        };
+        }
         self.place.units(|units| {
             if units.is_in_step(unit, false) {
                 return Some(true);
@@ -260,7 +251,7 @@ impl<'g> Desk<'g> {
             if frame.filled().1 == Fill::Filling {
                 return None;
             }
-            let care = Care { proof: proofs.of(unit), late_window };
+            let care = self.gateway.settings(|settings| care(&settings.port(self.id)?.kind, unit))?;
             let step = frame.pdu(|request| Some(units.step(unit, request, &care, now)))?;
             match step {
                 Step::Direct => {}
@@ -293,22 +284,23 @@ impl<'g> Desk<'g> {
         self.proof.get().is_some()
     }
 
-    /// `request` is sent to `unit` now.
-    pub(crate) fn sent(&self, unit: u8, request: &[u8]) {
+    /// The [`Desk::request`] for `order` is sent to `unit` now.
+    pub(crate) fn sent(&self, order: &Frame<'g>, unit: u8) -> Pdu {
+        let request = self.request(order);
         let purpose = self.proof.get().map_or(Purpose::Request, |proof| proof.purpose);
         let event = if purpose == Purpose::Request { Event::Request } else { Event::Proof };
         self.place.stats.count(event);
-        if unit == BROADCAST {
-            return;
+        if unit != BROADCAST {
+            self.place.units(|units| {
+                if purpose == Purpose::Request {
+                    units.asked(unit);
+                }
+                if !self.transaction_ids {
+                    units.sent(unit, &request, purpose);
+                }
+            });
         }
-        self.place.units(|units| {
-            if purpose == Purpose::Request {
-                units.asked(unit);
-            }
-            if self.matching.is_some() {
-                units.sent(unit, request, purpose);
-            }
-        });
+        request
     }
 
     /// `unit` has answered the proof that `order` waited for, which waits for its turn again: by then others may share its transaction.
@@ -656,6 +648,16 @@ impl<'g> Desk<'g> {
         frame.blame(Cause::Unsent);
         self.gateway.refuse(frame, exception);
     }
+}
+
+/// How a port of this `kind` treats `unit`, where responses have no transaction ids.
+fn care(kind: &PortKind, unit: u8) -> Option<Care> {
+    let (proofs, late_window) = match kind {
+        PortKind::Serial(SerialSettings { client, .. }) => (&client.proofs, client.late_window()),
+        PortKind::TcpClient(client) => (&client.proofs, client.late_window()),
+        _ => return None,
+    };
+    Some(Care { proof: proofs.of(unit), late_window })
 }
 
 /// Whether whoever asked `order` has been given it while its answer was still being written: it must not be sent home again.

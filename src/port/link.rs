@@ -219,9 +219,8 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
                 }
             };
         }
-        let request = &self.desk.request(&order);
-        self.desk.sent(if broadcast { BROADCAST } else { unit }, request);
-        let sent = self.write(id, unit, request).await;
+        self.desk.sent(&order, if broadcast { BROADCAST } else { unit });
+        let sent = self.write(id, unit, &order).await;
         self.active = now;
         if broadcast {
             self.desk.done_silently(&order);
@@ -246,7 +245,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         tap.passed(|| tap.asker(), sent, verdict, bytes);
     }
 
-    async fn write(&mut self, transaction: u16, unit: u8, request: &[u8]) -> Result<(), End> {
+    async fn write(&mut self, transaction: u16, unit: u8, order: &Frame<'g>) -> Result<(), End> {
         if self.settings.framing == StreamFraming::Rtu {
             // What came before the request is no answer to it.
             self.judge_unawaited();
@@ -255,7 +254,8 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         let mut out = Pieces::new();
         loop {
             let begins = |frame: &[u8]| self.tap(true, Event::Request, frame);
-            out.take(self.settings.framing, header, request, begins);
+            // Looked up for each piece: it need not be kept while one is sent.
+            out.take(self.settings.framing, header, &self.desk.request(order), begins);
             // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
             match within(self.settings.timeout, pin!(self.stream.write_all(out.piece()))).await {
                 Some(Ok(())) if out.goes_on() => {}

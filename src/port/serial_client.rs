@@ -106,16 +106,21 @@ async fn carry_out<'g, L: SerialLine>(
     if unit != BROADCAST && !arriving && !proving && way == Way::Line {
         place.stats.count(Event::Stored);
     }
-    // What comes takes its place in the frame.
-    let request = &desk.request(&frame);
-    desk.sent(unit, request);
-    let sent = if arriving { Ok(()) } else { bus.send(unit, request).await? };
+    let sent = if arriving {
+        desk.sent(&frame, unit);
+        Ok(())
+    } else {
+        let sending = bus.send(unit, &desk.sent(&frame, unit));
+        sending.await?
+    };
     if unit == BROADCAST {
         // Nobody answers, so nobody can be asked again: a collision has been counted, and that is all.
         bus.turnaround().await;
         desk.done_silently(&frame);
         return Ok(());
     }
+    // What comes takes its place in the frame.
+    let request = &desk.request(&frame);
     let outcome = match sent {
         Ok(()) => bus.receive(&mut Reply::new(desk, &frame, unit, request)).await?,
         Err(Collision) => Err(Failure::Collision),

@@ -18,7 +18,7 @@ use crate::capture::Tap;
 use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState};
-use crate::hal::{TcpHost, TcpStream};
+use crate::hal::{OpenError, TcpHost, TcpStream};
 use crate::modbus::Exception;
 use crate::modbus::pdu;
 use crate::modbus::tcp::{Header, Parsed};
@@ -72,45 +72,50 @@ impl Terms {
 type End = Event;
 
 impl Server<'_, '_> {
-    /// Serves one client after the other, for ever.
-    pub(crate) async fn run<H: TcpHost>(&self, host: &mut H) {
+    /// Serves one client after the other, for ever. An `async fn` would keep what it is given twice, at each seat.
+    pub(crate) fn run<H: TcpHost>(&self, host: &mut H) -> impl Future<Output = Infallible> {
         let mut window = Window::new(self.settings.pipeline);
-        loop {
-            let listen = &self.settings.listen;
-            let accepted = match host.listen(listen) {
-                Ok(()) => {
-                    listening::listens(self.place, "TCP", listen.port);
-                    // The listener is open meanwhile.
-                    until(window.turn).await;
-                    host.accept(listen).await
-                }
-                Err(error) => Err(error),
-            };
-            let (mut stream, peer) = match accepted {
-                Ok(accepted) => accepted,
-                Err(error) => {
-                    listening::fails(self.place, "TCP", self.settings.listen.port, error);
-                    Timer::after(LISTEN_PAUSE).await;
-                    continue;
-                }
-            };
-            self.place.stats.count(Event::Connected);
-            window = Window::new(self.settings.pipeline);
-            let end = match self.seat_down(peer) {
-                Ok(_) if self.settings.framing == StreamFraming::Capture => {
-                    apart(pin!(self.export(&mut stream))).await
-                }
-                Ok(origin) => {
-                    let Err(end) = apart(pin!(self.serve(&mut stream, origin, &mut window))).await;
-                    end
-                }
-                Err(end) => end,
-            };
-            self.left();
-            self.place.stats.count(end);
-            stream.close().await;
-            window.ended(&self.gateway.turns);
+        async move {
+            loop {
+                let (mut stream, peer) = match self.accept(host, &window).await {
+                    Ok(accepted) => accepted,
+                    Err(error) => {
+                        listening::fails(self.place, "TCP", self.settings.listen.port, error);
+                        Timer::after(LISTEN_PAUSE).await;
+                        continue;
+                    }
+                };
+                self.place.stats.count(Event::Connected);
+                window = Window::new(self.settings.pipeline);
+                let end = match self.seat_down(peer) {
+                    Ok(_) if self.settings.framing == StreamFraming::Capture => {
+                        apart(pin!(self.export(&mut stream))).await
+                    }
+                    Ok(origin) => {
+                        let Err(end) = apart(pin!(self.serve(&mut stream, origin, &mut window))).await;
+                        end
+                    }
+                    Err(end) => end,
+                };
+                self.left();
+                self.place.stats.count(end);
+                stream.close().await;
+                window.ended(&self.gateway.turns);
+            }
         }
+    }
+
+    /// The next client. The listener is open while the one before is to be kept waiting.
+    async fn accept<'h, H: TcpHost>(
+        &self,
+        host: &'h mut H,
+        window: &Window,
+    ) -> Result<(H::Stream<'h>, SocketAddr), OpenError> {
+        let listen = &self.settings.listen;
+        host.listen(listen)?;
+        listening::listens(self.place, "TCP", listen.port);
+        until(window.turn).await;
+        host.accept(listen).await
     }
 
     /// The seat is empty: answers that still come find nobody.
@@ -161,49 +166,52 @@ impl Server<'_, '_> {
         Ok(Origin { port: self.id, way: Way::Seat(self.index as u16), generation })
     }
 
-    async fn serve<S: TcpStream>(
+    /// Serves a client until it is gone. An `async fn` would keep what it is given twice, at each seat.
+    fn serve<S: TcpStream>(
         &self,
         stream: &mut S,
         origin: Origin,
         window: &mut Window,
-    ) -> Result<Infallible, End> {
+    ) -> impl Future<Output = Result<Infallible, End>> {
         let mut input = Input::new(self.settings.framing);
-        loop {
-            let reply = match self.take_requests(&mut input, origin, window)? {
-                Waits::ForReply(header, refusal) => Reply::Refusal(header, refusal),
-                waits => {
-                    let pause_end = match waits {
-                        Waits::No => input.pause_end(),
-                        Waits::ForTurn(turn) => turn,
-                        _ => Instant::MAX,
-                    };
-                    let space = input.space();
-                    let deaf = matches!(waits, Waits::ForFrame) || space.is_empty();
-                    let read = async { if deaf { pending().await } else { stream.read(space).await } };
-                    let answers = self.seat.answers.receive(self.gateway.pool());
-                    // Who is kept waiting is not idle.
-                    let kept = matches!(waits, Waits::ForTurn(_));
-                    let idle_until = if kept { Instant::MAX } else { self.idle_until() };
-                    let wake = until(idle_until.min(pause_end));
-                    match select4(read, answers, self.seat.leave.wait(), wake).await {
-                        Either4::First(Ok(0) | Err(_)) => return Err(End::Left),
-                        Either4::First(Ok(count)) => {
-                            input.grew(count);
-                            continue;
+        async move {
+            loop {
+                let reply = match self.take_requests(&mut input, origin, window)? {
+                    Waits::ForReply(header, refusal) => Reply::Refusal(header, refusal),
+                    waits => {
+                        let pause_end = match waits {
+                            Waits::No => input.pause_end(),
+                            Waits::ForTurn(turn) => turn,
+                            _ => Instant::MAX,
+                        };
+                        let space = input.space();
+                        let deaf = matches!(waits, Waits::ForFrame) || space.is_empty();
+                        let read = async { if deaf { pending().await } else { stream.read(space).await } };
+                        let answers = self.seat.answers.receive(self.gateway.pool());
+                        // Who is kept waiting is not idle.
+                        let kept = matches!(waits, Waits::ForTurn(_));
+                        let idle_until = if kept { Instant::MAX } else { self.idle_until() };
+                        let wake = until(idle_until.min(pause_end));
+                        match select4(read, answers, self.seat.leave.wait(), wake).await {
+                            Either4::First(Ok(0) | Err(_)) => return Err(End::Left),
+                            Either4::First(Ok(count)) => {
+                                input.grew(count);
+                                continue;
+                            }
+                            Either4::Second(frame) => Reply::Answer(frame),
+                            Either4::Third(()) => return Err(End::Crowded),
+                            Either4::Fourth(()) if idle_until <= Instant::now() => return Err(End::Stalled),
+                            Either4::Fourth(()) => continue,
                         }
-                        Either4::Second(frame) => Reply::Answer(frame),
-                        Either4::Third(()) => return Err(End::Crowded),
-                        Either4::Fourth(()) if idle_until <= Instant::now() => return Err(End::Stalled),
-                        Either4::Fourth(()) => continue,
                     }
+                };
+                match reply.worth() {
+                    Worth::Refused => window.refused(&self.gateway.turns),
+                    Worth::Crowded => window.crowded(&self.gateway.turns),
+                    Worth::Answered => window.answered(),
                 }
-            };
-            match reply.worth() {
-                Worth::Refused => window.refused(&self.gateway.turns),
-                Worth::Crowded => window.crowded(&self.gateway.turns),
-                Worth::Answered => window.answered(),
+                self.write(stream, &reply).await?;
             }
-            self.write(stream, reply).await?;
         }
     }
 
@@ -289,10 +297,10 @@ impl Server<'_, '_> {
     }
 
     /// Writes what the client gets. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, reply: Reply<'_>) -> Result<(), End> {
+    async fn write<S: TcpStream>(&self, stream: &mut S, reply: &Reply<'_>) -> Result<(), End> {
         let mut out = Pieces::new();
         loop {
-            self.encode(&reply, &mut out);
+            self.encode(reply, &mut out);
             if out.piece().is_empty() {
                 return Ok(());
             }

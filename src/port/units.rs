@@ -24,7 +24,7 @@ use crate::stats::Event;
 /// when another one comes. The feature `small` remembers half as many.
 pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 32 };
 /// Units remembered at all ports together, since few ports have as many as they may: see [`AllUnits`].
-pub const ALL_UNITS_MAX: usize = if cfg!(feature = "small") { 64 } else { 256 };
+pub const ALL_UNITS_MAX: usize = if cfg!(feature = "small") { 48 } else { 256 };
 /// First and longest pause between probes of a unit that is down.
 pub const PROBE_FIRST: Duration = Duration::from_secs(1);
 /// See [`PROBE_FIRST`].

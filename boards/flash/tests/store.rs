@@ -40,10 +40,10 @@ fn settings_survive_a_restart_and_a_chip_without_any_has_none() {
     let flash = Flash::new(2, 1);
     let mut store = block_on(FlashStore::open(flash.clone(), 0));
     let mut settings = Settings::new();
-    assert_eq!(block_on(read_store(&mut store, &mut settings)), Ok(0));
+    assert_eq!(block_on(read_store(&mut store, &mut settings, &mut |_, _, _| {})), Ok(0));
     block_on(write_store(&settings, &mut store)).unwrap();
     let mut store = block_on(FlashStore::open(flash, 0));
-    assert_eq!(block_on(read_store(&mut store, &mut settings)), Ok(1));
+    assert_eq!(block_on(read_store(&mut store, &mut settings, &mut |_, _, _| {})), Ok(1));
 }
 
 #[test]

@@ -315,11 +315,11 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
             let units = UnitRange { first: a.min(b), last: a.max(b) };
             let tag = match kind {
                 0 => Tag::Set(value),
-                1 => Tag::Shift(i16::from(value) - i16::from(units.first)),
+                1 if value > units.first => Tag::Add(value - units.first),
+                1 if value < units.first => Tag::Subtract(units.first - value),
                 _ => Tag::Keep,
             };
-            let is_good =
-                tag != Tag::Shift(0) && (units.first..=units.last).all(|unit| tag.apply(unit).is_some());
+            let is_good = (units.first..=units.last).all(|unit| tag.apply(unit).is_some());
             let tag = if is_good { tag } else { Tag::Keep };
             let has_peers = ports[source as usize].kind.has_peers();
             let source = PortId(source);

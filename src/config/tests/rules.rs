@@ -27,7 +27,7 @@ fn rules_are_read_by_value() {
     );
     let [first, second, third, fourth] = &settings.routes[..] else { panic!() };
     assert_eq!((first.source, first.units), (PortId(4), UnitRange { first: 101, last: 132 }));
-    assert_eq!((first.tag, first.destination), (Tag::Shift(-100), Destination::Port(PortId(0))));
+    assert_eq!((first.tag, first.destination), (Tag::Subtract(100), Destination::Port(PortId(0))));
     assert_eq!((first.policy.functions, first.policy.priority), (Functions::READ_ONLY, Priority::High));
     assert_eq!((second.tag, second.destination), (Tag::Set(17), Destination::Local));
     let list = Functions::NONE.with(3).with(4).with(16).with(17).with(18);

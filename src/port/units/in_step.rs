@@ -54,20 +54,30 @@ impl Units<'_> {
     /// Function 8, until the unit is known to ignore that; in turn with a read, which proves something if no response to what
     /// was sent before looks like its own, and else tells at least whether function 8 is ignored.
     fn find_proof(&mut self, id: u8, request: &[u8], care: &Care, now: Instant) -> Step {
-        let Some(&Unit { reads, ignored, by_read, tried, answers_diagnostics, .. }) = self.find(id) else {
+        let Some(&Unit { reads: [first, second], ignored, by_read, tried, answers_diagnostics, .. }) =
+            self.find(id)
+        else {
             return self.by_diagnostic(now);
         };
-        let (shape, asked) = (Shape::of_request(request), as_read(request));
-        let known = || reads.into_iter().filter(|read| *read != NO_READ);
-        let answers_nothing = known().next().or(asked).is_none() && tried >= IGNORED_MAX;
+        let shape = Shape::of_request(request);
+        let asked = as_read(request).unwrap_or(NO_READ);
+        // Any that is known, or is asked for anyway; one that settles what was sent before it was sent for the first time; one whose
+        // response fits nothing that was sent before.
+        let (mut telling, mut settling, mut proving) = (None, None, None);
+        for read in [first, second, asked].into_iter().filter(|read| *read != NO_READ) {
+            telling = telling.or(Some(read));
+            if Shape::of_request(&read) != shape {
+                settling = settling.or(Some(read));
+            }
+            if proving.is_none() && self.proves(id, &read) {
+                proving = Some(read);
+            }
+        }
+        let answers_nothing = telling.is_none() && tried >= IGNORED_MAX;
         let most = if answers_diagnostics { IGNORED_RETRY } else { IGNORED_MAX };
         let diagnostic = ignored < most && !answers_nothing;
-        // What is asked for anyway does no harm.
-        let proving = known().chain(asked).find(|read| self.proves(id, read));
-        // It settles what was sent before the same read was sent for the first time.
-        let settling = || known().find(|read| !answers_diagnostics && Shape::of_request(read) != shape);
-        let telling = || known().next().or(asked).filter(|_| diagnostic && !answers_diagnostics);
-        match proving.or_else(settling).or_else(telling) {
+        let other = if diagnostic { settling.or(telling) } else { settling };
+        match proving.or(other.filter(|_| !answers_diagnostics)) {
             Some(read) if by_read && !answers_diagnostics || !diagnostic => Step::Prove(read, Purpose::Read),
             _ if diagnostic => self.by_diagnostic(now),
             _ => self.wait(id, care, now),

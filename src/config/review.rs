@@ -1,16 +1,67 @@
-//! What a table of rules does not do as it was meant: rules that never match, and requests that come back to their rule.
+//! What is set, but unlikely to be meant: short gaps, rules that never match, requests that come back to their rule.
 
 use core::net::{IpAddr, Ipv4Addr};
 
-use super::{Destination, Route, Special, meaning};
-use crate::config::{OwnNetwork, PortId, PortKind, Rules, Settings, StreamFraming, is_implied};
+use super::{
+    Framing, OwnNetwork, Port, PortId, PortKind, Rules, SerialSettings, Settings, Special, StreamFraming,
+    Warning, is_implied,
+};
+use crate::route::{Destination, Route, meaning, takers};
 
 /// Hops along which a request is followed, a bound for circles with a shift in them.
 const HOPS_MAX: usize = 16;
 
+impl Settings {
+    /// What is set, but unlikely to be meant.
+    pub fn warnings(&self) -> impl Iterator<Item = Warning> {
+        let rules = (0..self.routes.len()).filter_map(|n| self.rule_warning(n));
+        self.ports.iter().flatten().filter_map(gap_warning).chain(rules)
+    }
+
+    /// What is unlikely to be meant about the rule at place `n`, from 0.
+    pub(crate) fn rule_warning(&self, n: usize) -> Option<Warning> {
+        let rules = Rules::one(n);
+        if let Some(takers) = never_matches(self, n) {
+            return Some(Warning::NeverMatch { rules, takers });
+        }
+        let (server, unit) = comes_back(self, n)?;
+        Some(Warning::Circle { rule: rules, unit, port: self.port(server)?.name.clone() })
+    }
+
+    /// A warning when rules below the one at place `n` never match because of that one.
+    pub(super) fn shadow_warning(&self, n: usize) -> Option<Warning> {
+        let (mut rules, mut takers) = (Rules::default(), Rules::default());
+        for below in n + 1..self.routes.len() {
+            if let Some(above) = never_matches(self, below).filter(|above| above.contains(n)) {
+                rules.add(below);
+                takers = takers.with(above);
+            }
+        }
+        (rules != Rules::default()).then_some(Warning::NeverMatch { rules, takers })
+    }
+
+    /// What is unlikely to be meant about the port at `id`, or a rule that names it.
+    pub(super) fn port_warning(&self, id: PortId) -> Option<Warning> {
+        let names =
+            |(_, route): &(usize, &Route)| route.source == id || route.destination == Destination::Port(id);
+        let rules = self.routes.iter().enumerate().filter(names);
+        let of_rules = || rules.map(|(n, _)| n).find_map(|n| self.rule_warning(n));
+        self.port(id).and_then(gap_warning).or_else(of_rules)
+    }
+}
+
+/// A warning when `port` keeps less silence between RTU frames than the specification asks for.
+fn gap_warning(port: &Port) -> Option<Warning> {
+    let PortKind::Serial(SerialSettings { framing: Framing::Rtu, line, .. }) = &port.kind else {
+        return None;
+    };
+    let (gap, t3_5) = (line.gap(), line.t3_5());
+    (gap < t3_5).then(|| Warning::GapBelowSpecification { port: port.name.clone(), gap, t3_5 })
+}
+
 /// The rules above rule `n` (from 0) that take all requests which it would match; no rules when the units that it names mean
 /// something else at its port. None when there are requests for it, or it is the way back of another rule.
-pub(crate) fn never_matches(settings: &Settings, n: usize) -> Option<Rules> {
+fn never_matches(settings: &Settings, n: usize) -> Option<Rules> {
     let rule = settings.routes.get(n).filter(|rule| !is_implied(settings, rule))?;
     takers(settings, n, |above| match (above.peer, rule.peer) {
         (None, _) => true,
@@ -19,40 +70,9 @@ pub(crate) fn never_matches(settings: &Settings, n: usize) -> Option<Rules> {
     })
 }
 
-/// The rules above rule `n` that take all units which it names, of those that are `for_the_same` peers.
-pub(super) fn takers(settings: &Settings, n: usize, for_the_same: impl Fn(&Route) -> bool) -> Option<Rules> {
-    let rule = settings.routes.get(n)?;
-    let above = settings.routes.get(..n)?;
-    let mut takers = Rules::default();
-    let mut unit = rule.units.first;
-    loop {
-        let takes = |other: &Route| {
-            other.source == rule.source
-                && other.units.contains(unit)
-                && for_the_same(other)
-                && !is_implied(settings, other)
-        };
-        if is_asked(settings, rule.source, unit) {
-            let at = above.iter().position(takes)?;
-            takers.add(at);
-            unit = above.get(at)?.units.last;
-        }
-        if unit >= rule.units.last {
-            return Some(takers);
-        }
-        unit += 1;
-    }
-}
-
-/// Whether the rules of `port` are ever asked for `unit`.
-fn is_asked(settings: &Settings, port: PortId, unit: u8) -> bool {
-    // What a special unit may be replaced by is none itself.
-    meaning(settings, port, unit) == Special::Rules
-}
-
 /// The TCP server of the gateway by which what rule `n` (from 0) sends out comes back, and the unit for which it comes to that
 /// rule again, for ever, if there is one.
-pub(crate) fn comes_back(settings: &Settings, n: usize) -> Option<(PortId, u8)> {
+fn comes_back(settings: &Settings, n: usize) -> Option<(PortId, u8)> {
     let rule = settings.routes.get(n)?;
     let Destination::Port(client) = rule.destination else { return None };
     // Mostly that is all there is to do.

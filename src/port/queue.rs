@@ -32,17 +32,17 @@ pub const PASSED_OVER_MAX: u8 = 16;
 /// Who asked, as far as fairness goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Asker {
-    /// Tells the connections of an address, and the serial ports, apart. The first to be compared: mostly it tells.
-    connection: u32,
+    /// The port and its connection: tells those of an address, and the serial ports, apart. The first to be compared: mostly it tells.
+    connection: (u8, u16),
     /// The client's address, in as little memory as tells it from others; all serial askers have 0.
     address: u32,
 }
 
 impl Asker {
-    const NOBODY: Self = Self { connection: u32::MAX, address: 0 };
+    const NOBODY: Self = Self { connection: (u8::MAX, u16::MAX), address: 0 };
 
-    /// Who asks by `connection` from `address`; from a serial line there is none.
-    pub fn new(connection: u32, address: Option<IpAddr>) -> Self {
+    /// Who asks by `connection` (a port, and which of its connections) from `address`; from a serial line there is none.
+    pub fn new(connection: (u8, u16), address: Option<IpAddr>) -> Self {
         let address = match address {
             None => 0,
             Some(IpAddr::V4(address)) => address.to_bits(),
@@ -401,14 +401,14 @@ mod tests {
     #[test]
     fn when_the_turns_have_been_counted_to_their_end_everybody_starts_afresh() {
         let mut queue = PortQueue::new();
-        let ask = |queue: &mut PortQueue<u32>, connection| {
-            let asker = Asker::new(connection, None);
+        let ask = |queue: &mut PortQueue<u16>, connection| {
+            let asker = Asker::new((0, connection), None);
             let deadline = Instant::MAX;
             let ticket =
                 Ticket { asker, priority: Priority::Normal, unit: 1, deadline, access: Access::Read };
             assert_eq!(queue.push(connection, ticket), None);
         };
-        let serve = |queue: &mut PortQueue<u32>| match queue.next(Instant::MIN, |_| Ready::Now) {
+        let serve = |queue: &mut PortQueue<u16>| match queue.next(Instant::MIN, |_| Ready::Now) {
             Next::Serve(order, _) => order,
             other => panic!("{other:?}"),
         };

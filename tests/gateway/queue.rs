@@ -7,9 +7,9 @@ use mobgate::port::queue::{Access, Asker, Next, PASSED_OVER_MAX, PortQueue, Read
 use mobgate::route::Priority;
 use proptest::prelude::*;
 
-fn ticket(address: u8, connection: u32) -> Ticket {
+fn ticket(address: u8, connection: u16) -> Ticket {
     let address = Some(IpAddr::V4(Ipv4Addr::new(10, 0, 0, address)));
-    let asker = Asker::new(connection, address);
+    let asker = Asker::new((0, connection), address);
     Ticket { asker, priority: Priority::Normal, unit: 1, deadline: Instant::MAX, access: Access::SharedRead }
 }
 
@@ -218,7 +218,7 @@ proptest! {
     /// and rank the earlier one is served first.
     #[test]
     fn every_order_comes_out_once(
-        steps in prop::collection::vec((any::<bool>(), 0_u8..6, 0_u32..3, 0_usize..3), 1..400),
+        steps in prop::collection::vec((any::<bool>(), 0_u8..6, 0_u16..3, 0_usize..3), 1..400),
     ) {
         let priorities = [Priority::High, Priority::Normal, Priority::Low];
         let mut queue = PortQueue::new();
@@ -245,7 +245,7 @@ proptest! {
 
     /// Against any backlog of others, an address that was not served within the last turns of all is next.
     #[test]
-    fn a_sparse_address_is_served_next(backlog in prop::collection::vec((0_u8..20, 0_u32..3), 1..60)) {
+    fn a_sparse_address_is_served_next(backlog in prop::collection::vec((0_u8..20, 0_u16..3), 1..60)) {
         let mut queue = PortQueue::new();
         for (address, connection) in &backlog {
             queue.push(*address, ticket(*address, *connection));

@@ -188,7 +188,7 @@ impl<T> PortQueue<T> {
     /// The order whose turn it is at `now`; `ready` says when a unit may be asked.
     pub fn next(&mut self, now: Instant, ready: impl Fn(u8) -> Ready) -> Next<T> {
         // Of each class.
-        let mut first: [Option<(Rank, usize)>; 3] = [None; 3];
+        let mut first: [Option<(Option<Rank>, usize)>; 3] = [None; 3];
         let mut earliest: Option<Instant> = None;
         for (index, waiting) in self.waiting.iter().enumerate() {
             match ready(waiting.unit) {
@@ -217,8 +217,8 @@ impl<T> PortQueue<T> {
         Next::Serve(waiting.order, ticket)
     }
 
-    fn rank(&self, waiting: &Waiting<T>) -> Rank {
-        self.asker(waiting.asker).map_or((0, 0), |known| (known.by_address, known.turn))
+    fn rank(&self, waiting: &Waiting<T>) -> Option<Rank> {
+        self.asker(waiting.asker).map(|known| (known.by_address, known.turn))
     }
 
     fn asker(&self, place: u8) -> Option<&Known> {
@@ -366,12 +366,12 @@ impl<T> PortQueue<T> {
         }
         let size = |of: Asker| -> u8 {
             let is_of = |asker: Asker| if within { asker == of } else { asker.is_beside(&of) };
-            let those = self.askers.iter().zip(own).filter(|(known, count)| *count > 0 && is_of(known.asker));
+            let those = self.askers.iter().zip(own).filter(|(known, _)| is_of(known.asker));
             those.map(|(_, count)| count).sum()
         };
         let more_than = size(newcomer) + 1;
-        // Mostly it is the newcomer's own address that has nearly all.
-        if !within && self.waiting.len() < 2 * usize::from(more_than) {
+        // Mostly it is the newcomer's own crowd that has nearly all: the others have too few for a larger one.
+        if self.waiting.len() < 2 * usize::from(more_than) {
             return None;
         }
         let mut crowds = [0_u8; ASKERS_MAX];

@@ -36,6 +36,19 @@ fn orders_of_one_asker_keep_their_order() {
 }
 
 #[test]
+fn a_low_order_that_was_passed_over_and_is_gone_holds_up_nobody() {
+    let mut queue = PortQueue::new();
+    queue.push(0, ranked(Priority::Low));
+    for order in 1..=u32::from(PASSED_OVER_MAX) {
+        queue.push(order, ranked(Priority::Normal));
+        assert_eq!(serve(&mut queue), Some(order));
+    }
+    assert!(queue.take_if(|order, _| (*order == 0).then_some(())).is_some());
+    queue.push(100, ranked(Priority::Normal));
+    assert_eq!(serve(&mut queue), Some(100));
+}
+
+#[test]
 fn addresses_take_turns_and_within_an_address_its_connections() {
     let mut queue = PortQueue::new();
     for round in 0..2 {

@@ -82,7 +82,7 @@ impl Tree {
             let before = self.senseless.len();
             for error in &errors {
                 for id in error.mutants(&spans) {
-                    self.senseless.insert(key(&all[id as usize - 1]));
+                    self.senseless.insert(all[id as usize - 1].key());
                 }
             }
             println!("{} changes do not compile", self.senseless.len());
@@ -103,7 +103,7 @@ impl Tree {
         for (name, (text, sites)) in &mut self.files {
             for site in sites.iter_mut() {
                 let found = mutants(name, text, std::slice::from_ref(site));
-                let mut senseless = found.iter().map(|mutant| self.senseless.contains(&key(mutant)));
+                let mut senseless = found.iter().map(|mutant| self.senseless.contains(&mutant.key()));
                 site.changes.retain(|_| !senseless.next().unwrap_or(false));
             }
             sites.retain(|site| !site.changes.is_empty());
@@ -182,10 +182,6 @@ impl CompileError {
         let other = || self.spans.iter().find_map(|error| inside(&error));
         causes.or_else(primary).or_else(other).unwrap_or_default()
     }
-}
-
-fn key(mutant: &Mutant) -> String {
-    format!("{}: {}: {}", mutant.file, mutant.source, mutant.change)
 }
 
 fn in_scope(name: &str) -> bool {

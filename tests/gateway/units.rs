@@ -57,6 +57,8 @@ fn one_answer_makes_a_unit_well_again() {
             time_out(&mut units, 5, Instant::from_secs(second * 100));
         }
         sign_of_life(&mut units);
+        let before_the_next_probe = Instant::from_secs(901);
+        assert_eq!(units.gate(5, before_the_next_probe), Gate::Open(Ready::Now));
         let now = Instant::from_secs(2000);
         time_out(&mut units, 5, now);
         assert_eq!(units.gate(5, now), Gate::Open(Ready::Now), "not down");

@@ -2,6 +2,7 @@
 
 use embassy_time::{Duration, Instant};
 use mobgate::config::{PORTS_MAX, PortId};
+use mobgate::port::outstanding::Purpose;
 use mobgate::port::queue::Ready;
 use mobgate::port::units::{ALL_UNITS_MAX, AllUnits, Gate, PROBE_LONGEST, UNITS_MAX, Units};
 use mobgate::stats::Event;
@@ -62,6 +63,34 @@ fn one_answer_makes_a_unit_well_again() {
         let now = Instant::from_secs(2000);
         time_out(&mut units, 5, now);
         assert_eq!(units.gate(5, now), Gate::Open(Ready::Now), "not down");
+    }
+}
+
+#[test]
+fn a_unit_that_is_down_is_probed_soon_when_something_late_comes_and_again_when_it_has_answered_since() {
+    let (mut all, port) = (AllUnits::new(), PortId(0));
+    let mut units = all.of(port);
+    let requests: [&[u8]; 3] = [&[3, 0, 0, 0, 1], &[4, 0, 0, 0, 1], &[1, 0, 0, 0, 1]];
+    let answers: [&[u8]; 3] = [&[3, 2, 0, 7], &[4, 2, 0, 7], &[1, 1, 0]];
+    for round in 1..=3 {
+        let now = Instant::from_secs(100 * round);
+        for request in requests {
+            units.sent(5, request, Purpose::Request);
+            time_out(&mut units, 5, now);
+        }
+        assert_eq!(units.gate(5, now), Gate::Down);
+        let late = now + Duration::from_millis(10);
+        assert_eq!(units.heard(5, answers[0], false, late), Err(Event::Late));
+        let soon = late + Duration::from_millis(100);
+        assert_eq!(units.gate(5, soon - Duration::from_ticks(1)), Gate::Down, "more may be on its way");
+        assert_eq!(units.gate(5, soon), Gate::Open(Ready::Now), "round {round}");
+        for answer in &answers[1..] {
+            assert_eq!(units.heard(5, answer, false, soon), Err(Event::Late));
+        }
+        units.sent(5, requests[0], Purpose::Request);
+        assert_eq!(units.heard(5, answers[0], true, soon), Ok(()));
+        units.answered(5, Duration::from_millis(10), false);
+        assert_eq!(units.gate(5, soon), Gate::Open(Ready::Now));
     }
 }
 

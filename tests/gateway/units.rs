@@ -95,6 +95,16 @@ fn a_unit_that_is_down_is_probed_soon_when_something_late_comes_and_again_when_i
 }
 
 #[test]
+fn while_units_are_looked_for_silence_says_nothing() {
+    let (mut all, port) = (AllUnits::new(), PortId(0));
+    let mut units = all.of(port);
+    units.freeze(true);
+    units.asked(5);
+    assert!(!units.timed_out(5, Instant::from_secs(1), DOWN_AFTER), "it is not counted");
+    assert_eq!(units.iter().count(), 0);
+}
+
+#[test]
 fn with_zero_a_unit_is_never_down() {
     let (mut all, port) = (AllUnits::new(), PortId(0));
     let mut units = all.of(port);

@@ -299,8 +299,7 @@ impl<T> PortQueue<T> {
         const NORMAL: usize = Priority::Normal as usize;
         const LOW: usize = Priority::Low as usize;
         let highest = present.iter().position(|present| *present)?;
-        let overdue =
-            |class: usize, bound: u8| class > highest && present[class] && self.passed[class] >= bound;
+        let overdue = |class: usize, bound: u8| present[class] && self.passed[class] >= bound;
         // A sparse high class is not held up by an overdue low one: only normal orders are, or a high flood.
         let low_bound = if highest == NORMAL { PASSED_OVER_MAX } else { 2 * PASSED_OVER_MAX };
         if overdue(LOW, low_bound) {

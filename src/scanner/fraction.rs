@@ -260,7 +260,7 @@ mod tests {
                 check(f32::from_bits(steps * IMPLIED + near));
             }
         }
-        for value in [-0.0, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 1.5, 230.1, -16_777_216.0] {
+        for value in [-0.0, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 1.5, 230.1, -16_777_216.0, 1e23] {
             check(value);
         }
         assert_eq!(written(f32::NAN), "NaN");

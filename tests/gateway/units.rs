@@ -144,6 +144,8 @@ fn the_units_of_one_port_do_not_take_the_places_of_another() {
     assert_eq!(ids(&mut all, few), [1, 2, 3]);
     let all_units: usize = (0..PORTS_MAX).map(|port| all.of(PortId(port as u8)).iter().count()).sum();
     assert_eq!(all_units, ALL_UNITS_MAX);
+    all.of(few).asked(4);
+    assert_eq!(ids(&mut all, few), [1, 2, 3, 4]);
     all.of(few).clear();
     assert_eq!(ids(&mut all, few), []);
     all.of(few).asked(9);

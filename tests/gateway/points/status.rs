@@ -159,6 +159,7 @@ fn an_exception_is_an_error_with_its_code_and_no_reason_to_back_off() {
 fn a_devices_exceptions_are_counted_among_its_answers() {
     let (mut scanner, device) = scanner();
     add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    assert!(!scanner.serves(), "the device does");
     for count in 1..=2_u32 {
         let now = at(1_000 * u64::from(count));
         let request = scanner.next(now).unwrap();
@@ -173,6 +174,7 @@ fn a_devices_exceptions_are_counted_among_its_answers() {
 fn a_row_without_a_device_is_never_due() {
     let (mut scanner, device) = scanner();
     add(&mut scanner, Row { device: None, ..row(device, Kind::Holding, 0, 1) });
+    assert!(scanner.serves(), "it is for outside clients");
     assert_eq!(scanner.due(), Instant::MAX);
     assert_eq!(scanner.next(at(5_000)), None);
 }

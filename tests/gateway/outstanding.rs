@@ -2,7 +2,9 @@
 
 use std::collections::VecDeque;
 
-use mobgate::port::outstanding::{DIAGNOSTIC_PROOF, Match, OF_UNIT_MAX, Outstanding, Purpose, Shape};
+use mobgate::port::outstanding::{
+    DIAGNOSTIC_PROOF, Match, OF_UNIT_MAX, OUTSTANDING_MAX, Outstanding, Purpose, Shape,
+};
 use mobgate_simulator::Random;
 use proptest::prelude::*;
 
@@ -132,6 +134,15 @@ fn it_is_known_of_each_unit_by_itself_that_more_is_outstanding_than_is_remembere
         outstanding.settle_all(PORT, unit);
         assert!(outstanding.is_in_step(PORT, unit, false), "{unit}");
     }
+}
+
+#[test]
+fn a_unit_that_is_asked_in_vain_for_ever_does_not_cost_another_what_is_known_of_it() {
+    let mut outstanding = Outstanding::new();
+    outstanding.sent(PORT, UNIT + 1, Shape::of_request(&READ), Purpose::Request);
+    (0..2 * OUTSTANDING_MAX).for_each(|_| sent(&mut outstanding, &READ));
+    assert!(outstanding.is_in_step(PORT, UNIT + 1, true));
+    assert!(!outstanding.is_unique(PORT, UNIT + 1, &Shape::of_request(&READ)));
 }
 
 #[test]

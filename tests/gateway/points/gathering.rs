@@ -85,6 +85,13 @@ fn a_cell_that_is_written_by_function_6_is_not_written_along_with_its_neighbours
 }
 
 #[test]
+fn a_row_that_is_late_by_a_whole_period_is_read_once() {
+    let (mut scanner, device) = scanner();
+    add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    assert_eq!([0, 2_000].map(|ms| requests(&mut scanner, ms).len()), [1, 1]);
+}
+
+#[test]
 fn a_row_that_is_never_written_or_has_no_device_refuses_to_be_written() {
     let (mut scanner, device) = scanner();
     let only_read = add(&mut scanner, Row { write: Writing::Never, ..row(device, Kind::Holding, 0, 1) });

@@ -213,7 +213,7 @@ impl Scanner {
         match answer {
             Err(error) => {
                 let again = station.failed(now, error);
-                self.unanswered(device, open, error, again);
+                self.unanswered(device, error, again);
                 if !again {
                     self.fill(device);
                 }
@@ -256,7 +256,7 @@ impl Scanner {
         if crowded {
             // Asked again at once, it would be refused again.
             station.held = now + SCAN;
-            self.unanswered(device, open, error, false);
+            self.unanswered(device, error, false);
         } else if open == Open::Check {
             self.skip_poll(device);
         } else {
@@ -270,8 +270,8 @@ impl Scanner {
             let device = DeviceId(at as u8);
             let Some(station) = self.stations.get_mut(at) else { break };
             station.pending = true;
-            if let Some(open) = station.open.take() {
-                self.unanswered(device, open, ErrorCode::Unknown, true);
+            if station.open.take().is_some() {
+                self.unanswered(device, ErrorCode::Unknown, true);
             }
         }
     }

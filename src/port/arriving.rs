@@ -83,16 +83,18 @@ impl<'g> Arriving<'g> {
         let (pdu, check) = so_far.split_at_checked(length).unwrap_or((so_far, &[]));
         self.push(pdu);
         let ((_, passed), body) = (self.frame().crc(), heard.get(..=length));
+        let of_ascii;
         let crc = match (self.framing, check, body) {
-            (Framing::Rtu, [low, high, ..], _) => [*low, *high],
-            (Framing::Rtu, [low], _) => [*low, 0],
-            (Framing::Ascii, [check, ..], Some(body)) if lrc(body) == *check => crc16(body).to_le_bytes(),
-            // Certainly a wrong one.
-            (Framing::Ascii, [_, ..], Some(body)) => (!crc16(body)).to_le_bytes(),
+            (Framing::Rtu, _, _) => check.get(..size_of::<u16>()).unwrap_or(check),
+            (Framing::Ascii, [check, ..], Some(body)) => {
+                // Certainly a wrong one where the LRC is.
+                let crc = if lrc(body) == *check { crc16(body) } else { !crc16(body) };
+                of_ascii = crc.to_le_bytes();
+                &of_ascii
+            }
             _ => return true,
         };
-        let there = if self.framing == Framing::Ascii { crc.len() } else { check.len().min(crc.len()) };
-        crc.get(passed..there).unwrap_or(&[]).iter().for_each(|&byte| self.writer.push_crc(byte));
+        crc.get(passed..).unwrap_or(&[]).iter().for_each(|&byte| self.writer.push_crc(byte));
         true
     }
 

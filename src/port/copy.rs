@@ -139,9 +139,6 @@ impl Sent {
 
     /// Takes note of what the board has sent, as far as `frame` shows that.
     fn catch_up(&mut self, frame: &Frame<'_>, fill: Fill) {
-        if self.ahead == 0 {
-            return;
-        }
         let there = 1 + frame.pdu(<[u8]>::len);
         let count = there.saturating_sub(self.bytes).min(self.ahead);
         self.bytes += count;
@@ -158,7 +155,7 @@ impl Sent {
         let mut characters = Vec::new();
         self.catch_up(frame, fill);
         // What was damaged goes on to its end, so that the check shows it; anything else stops here.
-        if self.ahead > 0 || fill == Fill::Broken && frame.crc().1 < 2 {
+        if fill == Fill::Broken && frame.crc().1 < 2 {
             return characters;
         }
         if self.bytes == 0 {
@@ -213,9 +210,7 @@ impl Sent {
             Fill::Complete if there < received.len() => self.crc(frame).finalize().to_le_bytes(),
             _ => self.delta.translate(received),
         };
-        let is_good = || {
-            fill == Fill::Complete || there == crc.len() && self.crc(frame).finalize().to_le_bytes() == crc
-        };
+        let is_good = || fill == Fill::Complete || self.crc(frame).finalize().to_le_bytes() == crc;
         let is_over = fill == Fill::Complete || fill == Fill::Broken && !is_good();
         match self.form.framing {
             Framing::Rtu => {
@@ -251,8 +246,7 @@ impl Sent {
         }
         let mut check = self.crc(frame);
         check.update(self.delta.translate(frame.crc().0).get(..self.end).unwrap_or(&[]));
-        let is_long = self.bytes + self.end >= rtu::FRAME_BYTES_MIN;
-        self.form.framing == Framing::Rtu && is_long && check.finalize() == 0
+        self.form.framing == Framing::Rtu && check.finalize() == 0
     }
 }
 

@@ -183,7 +183,7 @@ impl Outstanding {
     /// A proof by function 8, with a number that is not outstanding. `seed` is any number that is another at each start.
     pub fn diagnostic(&mut self, seed: u64) -> [u8; 5] {
         // A generator of all 65536 numbers (the multiplier is 1 more than a multiple of 4, the step is odd).
-        let last = self.number.unwrap_or((seed ^ seed >> 16 ^ seed >> 32) as u16);
+        let last = self.number.unwrap_or(seed as u16);
         let number = last.wrapping_mul(25_173).wrapping_add(13_849);
         self.number = Some(number);
         let [function, high, low] = DIAGNOSTIC_PROOF;

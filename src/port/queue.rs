@@ -32,17 +32,17 @@ pub const PASSED_OVER_MAX: u8 = 16;
 /// Who asked, as far as fairness goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Asker {
-    /// Tells the connections of an address, and the serial ports, apart. The first to be compared: mostly it tells.
-    connection: u32,
+    /// The port and its connection: tells those of an address, and the serial ports, apart. The first to be compared: mostly it tells.
+    connection: (u8, u16),
     /// The client's address, in as little memory as tells it from others; all serial askers have 0.
     address: u32,
 }
 
 impl Asker {
-    const NOBODY: Self = Self { connection: u32::MAX, address: 0 };
+    const NOBODY: Self = Self { connection: (u8::MAX, u16::MAX), address: 0 };
 
-    /// Who asks by `connection` from `address`; from a serial line there is none.
-    pub fn new(connection: u32, address: Option<IpAddr>) -> Self {
+    /// Who asks by `connection` (a port, and which of its connections) from `address`; from a serial line there is none.
+    pub fn new(connection: (u8, u16), address: Option<IpAddr>) -> Self {
         let address = match address {
             None => 0,
             Some(IpAddr::V4(address)) => address.to_bits(),
@@ -188,7 +188,7 @@ impl<T> PortQueue<T> {
     /// The order whose turn it is at `now`; `ready` says when a unit may be asked.
     pub fn next(&mut self, now: Instant, ready: impl Fn(u8) -> Ready) -> Next<T> {
         // Of each class.
-        let mut first: [Option<(Rank, usize)>; 3] = [None; 3];
+        let mut first: [Option<(Option<Rank>, usize)>; 3] = [None; 3];
         let mut earliest: Option<Instant> = None;
         for (index, waiting) in self.waiting.iter().enumerate() {
             match ready(waiting.unit) {
@@ -217,8 +217,8 @@ impl<T> PortQueue<T> {
         Next::Serve(waiting.order, ticket)
     }
 
-    fn rank(&self, waiting: &Waiting<T>) -> Rank {
-        self.asker(waiting.asker).map_or((0, 0), |known| (known.by_address, known.turn))
+    fn rank(&self, waiting: &Waiting<T>) -> Option<Rank> {
+        self.asker(waiting.asker).map(|known| (known.by_address, known.turn))
     }
 
     fn asker(&self, place: u8) -> Option<&Known> {
@@ -299,8 +299,7 @@ impl<T> PortQueue<T> {
         const NORMAL: usize = Priority::Normal as usize;
         const LOW: usize = Priority::Low as usize;
         let highest = present.iter().position(|present| *present)?;
-        let overdue =
-            |class: usize, bound: u8| class > highest && present[class] && self.passed[class] >= bound;
+        let overdue = |class: usize, bound: u8| present[class] && self.passed[class] >= bound;
         // A sparse high class is not held up by an overdue low one: only normal orders are, or a high flood.
         let low_bound = if highest == NORMAL { PASSED_OVER_MAX } else { 2 * PASSED_OVER_MAX };
         if overdue(LOW, low_bound) {
@@ -366,12 +365,12 @@ impl<T> PortQueue<T> {
         }
         let size = |of: Asker| -> u8 {
             let is_of = |asker: Asker| if within { asker == of } else { asker.is_beside(&of) };
-            let those = self.askers.iter().zip(own).filter(|(known, count)| *count > 0 && is_of(known.asker));
+            let those = self.askers.iter().zip(own).filter(|(known, _)| is_of(known.asker));
             those.map(|(_, count)| count).sum()
         };
         let more_than = size(newcomer) + 1;
-        // Mostly it is the newcomer's own address that has nearly all.
-        if !within && self.waiting.len() < 2 * usize::from(more_than) {
+        // Mostly it is the newcomer's own crowd that has nearly all: the others have too few for a larger one.
+        if self.waiting.len() < 2 * usize::from(more_than) {
             return None;
         }
         let mut crowds = [0_u8; ASKERS_MAX];
@@ -401,14 +400,14 @@ mod tests {
     #[test]
     fn when_the_turns_have_been_counted_to_their_end_everybody_starts_afresh() {
         let mut queue = PortQueue::new();
-        let ask = |queue: &mut PortQueue<u32>, connection| {
-            let asker = Asker::new(connection, None);
+        let ask = |queue: &mut PortQueue<u16>, connection| {
+            let asker = Asker::new((0, connection), None);
             let deadline = Instant::MAX;
             let ticket =
                 Ticket { asker, priority: Priority::Normal, unit: 1, deadline, access: Access::Read };
             assert_eq!(queue.push(connection, ticket), None);
         };
-        let serve = |queue: &mut PortQueue<u32>| match queue.next(Instant::MIN, |_| Ready::Now) {
+        let serve = |queue: &mut PortQueue<u16>| match queue.next(Instant::MIN, |_| Ready::Now) {
             Next::Serve(order, _) => order,
             other => panic!("{other:?}"),
         };

@@ -41,7 +41,7 @@ impl Relay {
 
     /// Characters of those that `before` had left which have been sent since.
     pub(crate) fn sent_since(&self, before: &Self) -> usize {
-        before.left.max(1).saturating_sub(self.left.max(1)) as usize
+        before.left.saturating_sub(self.left.max(1)) as usize
     }
 }
 

@@ -63,7 +63,7 @@ impl Scanner {
 
     /// The open request got no answer: its rows wait again, to be sent `again`; else reads are given up, and writes wait
     /// until the device is tried again.
-    pub(super) fn unanswered(&mut self, device: DeviceId, open: Open, error: ErrorCode, again: bool) {
+    pub(super) fn unanswered(&mut self, device: DeviceId, error: ErrorCode, again: bool) {
         let entries = self.entries.iter_mut().filter(|entry| entry.row.device == Some(device));
         for entry in entries {
             let status = &mut entry.status;
@@ -78,9 +78,6 @@ impl Scanner {
             if !again {
                 status.clear(Status::READ_MARKED);
             }
-        }
-        if open == Open::Check && !again {
-            self.skip_poll(device);
         }
     }
 

@@ -260,7 +260,7 @@ mod tests {
                 check(f32::from_bits(steps * IMPLIED + near));
             }
         }
-        for value in [-0.0, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 1.5, 230.1, -16_777_216.0] {
+        for value in [-0.0, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 1.5, 230.1, -16_777_216.0, 1e23] {
             check(value);
         }
         assert_eq!(written(f32::NAN), "NaN");
@@ -303,6 +303,9 @@ mod tests {
             "1e40",
             "1e-60",
             "1e999",
+            "0e50",
+            "16777219",
+            "16777217.0",
             "-1e-999",
             "3.4028236e38",
             middle,

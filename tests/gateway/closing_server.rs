@@ -8,6 +8,7 @@ use embedded_io_async::{Read, Write};
 use mobgate::stats::Event;
 use mobgate_simulator::World;
 use mobgate_simulator::client::Answer;
+use mobgate_simulator::device::rtu::frame;
 use mobgate_simulator::net::Path;
 use mobgate_simulator::rig::{Rig, machine, with_gateway};
 
@@ -142,5 +143,36 @@ fn a_server_that_closes_without_an_answer_is_not_asked_again_and_again() {
         assert_eq!(read().exception(), Some(0x0b));
         assert_eq!(rig.network.counters().made, 2, "it was sent once more");
         assert_eq!(rig.counted("plc", Event::Retry), 1);
+    });
+}
+
+#[test]
+fn a_read_that_several_share_is_sent_again_for_all_of_them() {
+    let settings = format!(
+        "port plc tcp client {PLC} rtu late-window 1ms\nport P502 tcp server 502\nroute P502 * * * plc"
+    );
+    with_gateway(1, &settings, |world, rig| {
+        // The first connection ends when it is asked a second time.
+        let server = rig.network.serve(PLC.parse().unwrap());
+        world.spawn(async move {
+            for answers in [1, usize::MAX] {
+                let mut stream = server.accept().await;
+                for _ in 0..answers {
+                    let mut request = [0; 8];
+                    stream.read_exact(&mut request).await.unwrap();
+                    let pdu = &request[1..6];
+                    let answer = if pdu[0] == 8 { pdu.to_vec() } else { vec![3, 2, pdu[1], pdu[2]] };
+                    stream.write_all(&frame(request[0], &answer)).await.unwrap();
+                }
+                let _ = stream.read_exact(&mut [0; 8]).await;
+            }
+        });
+        let asking = [7, 8, 8].map(|register| {
+            let mut client = rig.client(machine(register), 502);
+            world.spawn(async move { client.request(1, &[3, 0, register, 0, 1]).await })
+        });
+        let answers = asking.map(|client| world.run_until(client));
+        assert_eq!(answers, [7, 8, 8].map(|register| Answer::Pdu(vec![3, 2, 0, register])));
+        assert_eq!((rig.counted("plc", Event::Merged), rig.counted("plc", Event::Retry)), (1, 1));
     });
 }

@@ -123,7 +123,12 @@ fn the_beginning_of_a_request_tells_its_end_as_soon_as_it_can() {
     assert_eq!(request_end(&[23, 0, 0, 0, 1, 0, 0, 0, 1, 2]), End::At(12));
     assert_eq!(request_end(&[8, 0]), End::Later);
     assert_eq!(request_end(&[8, 0, 99]), End::Unknown);
+    for function in [20, 21, 43] {
+        assert_eq!(request_end(&[function]), End::Later);
+    }
     assert_eq!(request_end(&[65]), End::Unknown);
+    assert_eq!(request_end(&[21, 251]), End::At(253), "as long as it may be");
+    assert_eq!(request_end(&[21, 252]), End::Unknown);
     assert_eq!(request_end(&[0x83]), End::Unknown);
     assert_eq!(request_end(&[16, 0, 0, 0, 2, 255]), End::Unknown, "no frame is that long");
 }

@@ -2,12 +2,14 @@
 
 use std::collections::VecDeque;
 
-use mobgate::port::outstanding::{DIAGNOSTIC_PROOF, Match, OF_UNIT_MAX, Outstanding, Purpose, Shape};
+use mobgate::port::outstanding::{
+    DIAGNOSTIC_PROOF, Match, OF_UNIT_MAX, OUTSTANDING_MAX, Outstanding, Purpose, Shape,
+};
 use mobgate_simulator::Random;
 use proptest::prelude::*;
 
 const PORT: u8 = 1;
-const UNIT: u8 = 5;
+const UNIT: u8 = 72;
 const READ: [u8; 5] = [3, 0, 7, 0, 1];
 const LONGER: [u8; 5] = [3, 0, 7, 0, 2];
 const WRITE: [u8; 5] = [6, 0, 7, 0, 1];
@@ -118,6 +120,29 @@ fn where_more_is_outstanding_than_is_remembered_only_a_number_proves_anything() 
     outstanding.sent(PORT, UNIT, Shape::of_request(&proof), Purpose::Diagnostic);
     assert_eq!(whose(&mut outstanding, &proof), Match::Latest(Purpose::Diagnostic));
     assert!(outstanding.is_in_step(PORT, UNIT, false));
+}
+
+#[test]
+fn it_is_known_of_each_unit_by_itself_that_more_is_outstanding_than_is_remembered() {
+    for unit in 0..=255 {
+        let mut outstanding = Outstanding::new();
+        outstanding.forget(PORT, unit);
+        for other in 0..=255 {
+            assert_eq!(outstanding.is_in_step(PORT, other, false), other != unit, "{other}, not {unit}");
+        }
+        assert!(outstanding.is_in_step(PORT + 1, unit, false));
+        outstanding.settle_all(PORT, unit);
+        assert!(outstanding.is_in_step(PORT, unit, false), "{unit}");
+    }
+}
+
+#[test]
+fn a_unit_that_is_asked_in_vain_for_ever_does_not_cost_another_what_is_known_of_it() {
+    let mut outstanding = Outstanding::new();
+    outstanding.sent(PORT, UNIT + 1, Shape::of_request(&READ), Purpose::Request);
+    (0..2 * OUTSTANDING_MAX).for_each(|_| sent(&mut outstanding, &READ));
+    assert!(outstanding.is_in_step(PORT, UNIT + 1, true));
+    assert!(!outstanding.is_unique(PORT, UNIT + 1, &Shape::of_request(&READ)));
 }
 
 #[test]

@@ -7,9 +7,9 @@ use mobgate::port::queue::{Access, Asker, Next, PASSED_OVER_MAX, PortQueue, Read
 use mobgate::route::Priority;
 use proptest::prelude::*;
 
-fn ticket(address: u8, connection: u32) -> Ticket {
+fn ticket(address: u8, connection: u16) -> Ticket {
     let address = Some(IpAddr::V4(Ipv4Addr::new(10, 0, 0, address)));
-    let asker = Asker::new(connection, address);
+    let asker = Asker::new((0, connection), address);
     Ticket { asker, priority: Priority::Normal, unit: 1, deadline: Instant::MAX, access: Access::SharedRead }
 }
 
@@ -33,6 +33,19 @@ fn orders_of_one_asker_keep_their_order() {
     let mut queue = PortQueue::new();
     (0..10).for_each(|order| assert_eq!(queue.push(order, ticket(1, 1)), None));
     assert_eq!(drain(&mut queue), (0..10).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_low_order_that_was_passed_over_and_is_gone_holds_up_nobody() {
+    let mut queue = PortQueue::new();
+    queue.push(0, ranked(Priority::Low));
+    for order in 1..=u32::from(PASSED_OVER_MAX) {
+        queue.push(order, ranked(Priority::Normal));
+        assert_eq!(serve(&mut queue), Some(order));
+    }
+    assert!(queue.take_if(|order, _| (*order == 0).then_some(())).is_some());
+    queue.push(100, ranked(Priority::Normal));
+    assert_eq!(serve(&mut queue), Some(100));
 }
 
 #[test]
@@ -218,7 +231,7 @@ proptest! {
     /// and rank the earlier one is served first.
     #[test]
     fn every_order_comes_out_once(
-        steps in prop::collection::vec((any::<bool>(), 0_u8..6, 0_u32..3, 0_usize..3), 1..400),
+        steps in prop::collection::vec((any::<bool>(), 0_u8..6, 0_u16..3, 0_usize..3), 1..400),
     ) {
         let priorities = [Priority::High, Priority::Normal, Priority::Low];
         let mut queue = PortQueue::new();
@@ -245,7 +258,7 @@ proptest! {
 
     /// Against any backlog of others, an address that was not served within the last turns of all is next.
     #[test]
-    fn a_sparse_address_is_served_next(backlog in prop::collection::vec((0_u8..20, 0_u32..3), 1..60)) {
+    fn a_sparse_address_is_served_next(backlog in prop::collection::vec((0_u8..20, 0_u16..3), 1..60)) {
         let mut queue = PortQueue::new();
         for (address, connection) in &backlog {
             queue.push(*address, ticket(*address, *connection));

@@ -127,10 +127,10 @@ fn any_step() -> impl Strategy<Value = Step> {
         1 => Just(Access::Read),
         6 => Just(Access::SharedRead),
     ];
-    let push = (0..5_u8, 0..3_u32, priority, 0..4_u8, access, 0..3_u8).prop_map(
+    let push = (0..5_u8, 0..3_u16, priority, 0..4_u8, access, 0..3_u8).prop_map(
         |(address, connection, priority, unit, access, what)| {
             let address = (address > 0).then(|| IpAddr::V4(Ipv4Addr::new(10, 0, 0, address)));
-            let asker = Asker::new(connection, address);
+            let asker = Asker::new((0, connection), address);
             Step::Push(what, Ticket { asker, priority, unit, deadline: Instant::MAX, access })
         },
     );

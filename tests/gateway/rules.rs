@@ -162,6 +162,16 @@ fn a_rule_without_such_words_lets_everything_pass() {
 }
 
 #[test]
+fn a_rule_for_some_functions_lets_the_device_identification_pass_only_if_it_names_it() {
+    for (functions, passes) in [("3", false), ("3,43/14", true), ("3,43", true)] {
+        let route = format!("route P * * * C functions {functions}");
+        let settings = load(&["port P tcp server 502", "port C tcp client 10.0.0.1:502", &route]);
+        assert_eq!(is_forwarded(&settings, None, &[43, 14, 1, 0]), passes, "{functions}");
+        assert!(is_forwarded(&settings, None, &[3, 0, 0, 0, 1]), "{functions}");
+    }
+}
+
+#[test]
 fn a_request_whose_addresses_are_not_all_there_is_refused() {
     // Up to the end of the last address and quantity; what follows them changes nothing about which cells are meant.
     let told_by = |function| match function {

@@ -2,6 +2,7 @@
 
 use embassy_time::{Duration, Instant};
 use mobgate::config::{PORTS_MAX, PortId};
+use mobgate::port::outstanding::Purpose;
 use mobgate::port::queue::Ready;
 use mobgate::port::units::{ALL_UNITS_MAX, AllUnits, Gate, PROBE_LONGEST, UNITS_MAX, Units};
 use mobgate::stats::Event;
@@ -57,10 +58,50 @@ fn one_answer_makes_a_unit_well_again() {
             time_out(&mut units, 5, Instant::from_secs(second * 100));
         }
         sign_of_life(&mut units);
+        let before_the_next_probe = Instant::from_secs(901);
+        assert_eq!(units.gate(5, before_the_next_probe), Gate::Open(Ready::Now));
         let now = Instant::from_secs(2000);
         time_out(&mut units, 5, now);
         assert_eq!(units.gate(5, now), Gate::Open(Ready::Now), "not down");
     }
+}
+
+#[test]
+fn a_unit_that_is_down_is_probed_soon_when_something_late_comes_and_again_when_it_has_answered_since() {
+    let (mut all, port) = (AllUnits::new(), PortId(0));
+    let mut units = all.of(port);
+    let requests: [&[u8]; 3] = [&[3, 0, 0, 0, 1], &[4, 0, 0, 0, 1], &[1, 0, 0, 0, 1]];
+    let answers: [&[u8]; 3] = [&[3, 2, 0, 7], &[4, 2, 0, 7], &[1, 1, 0]];
+    for round in 1..=3 {
+        let now = Instant::from_secs(100 * round);
+        for request in requests {
+            units.sent(5, request, Purpose::Request);
+            time_out(&mut units, 5, now);
+        }
+        assert_eq!(units.gate(5, now), Gate::Down);
+        let late = now + Duration::from_millis(10);
+        assert_eq!(units.heard(5, answers[0], false, late), Err(Event::Late));
+        let soon = late + Duration::from_millis(100);
+        assert_eq!(units.gate(5, soon - Duration::from_ticks(1)), Gate::Down, "more may be on its way");
+        assert_eq!(units.gate(5, soon), Gate::Open(Ready::Now), "round {round}");
+        for answer in &answers[1..] {
+            assert_eq!(units.heard(5, answer, false, soon), Err(Event::Late));
+        }
+        units.sent(5, requests[0], Purpose::Request);
+        assert_eq!(units.heard(5, answers[0], true, soon), Ok(()));
+        units.answered(5, Duration::from_millis(10), false);
+        assert_eq!(units.gate(5, soon), Gate::Open(Ready::Now));
+    }
+}
+
+#[test]
+fn while_units_are_looked_for_silence_says_nothing() {
+    let (mut all, port) = (AllUnits::new(), PortId(0));
+    let mut units = all.of(port);
+    units.freeze(true);
+    units.asked(5);
+    assert!(!units.timed_out(5, Instant::from_secs(1), DOWN_AFTER), "it is not counted");
+    assert_eq!(units.iter().count(), 0);
 }
 
 #[test]
@@ -103,6 +144,8 @@ fn the_units_of_one_port_do_not_take_the_places_of_another() {
     assert_eq!(ids(&mut all, few), [1, 2, 3]);
     let all_units: usize = (0..PORTS_MAX).map(|port| all.of(PortId(port as u8)).iter().count()).sum();
     assert_eq!(all_units, ALL_UNITS_MAX);
+    all.of(few).asked(4);
+    assert_eq!(ids(&mut all, few), [1, 2, 3, 4]);
     all.of(few).clear();
     assert_eq!(ids(&mut all, few), []);
     all.of(few).asked(9);

@@ -113,3 +113,23 @@ impl<F: NorFlash> NorFlash for Sectors<F> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{ERASED, ERASING, MARK_BYTES, MARKS_BYTES, is_good};
+
+    #[test]
+    fn a_sector_is_good_only_with_the_whole_first_mark_and_nothing_of_the_second() {
+        let mut marks = [0xff; MARKS_BYTES];
+        assert!(!is_good(&marks));
+        marks[..MARK_BYTES].copy_from_slice(&ERASED);
+        assert!(is_good(&marks));
+        for at in 0..MARKS_BYTES {
+            let mut other = marks;
+            other[at] ^= 0x10;
+            assert!(!is_good(&other), "byte {at}");
+        }
+        marks[MARK_BYTES..].copy_from_slice(&ERASING);
+        assert!(!is_good(&marks));
+    }
+}

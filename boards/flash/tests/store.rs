@@ -253,3 +253,62 @@ fn after_an_erase_that_failed_no_word_is_written_twice_and_the_next_save_succeed
     }
     assert!(failed > 2, "{failed}");
 }
+
+/// A flash whose writing fails once, `left` writes from now, though all has been written.
+#[derive(Clone)]
+struct Doubtful {
+    flash: FineFlash,
+    left: Rc<Cell<Option<u32>>>,
+}
+
+impl ErrorType for Doubtful {
+    type Error = PowerCut;
+}
+
+impl ReadNorFlash for Doubtful {
+    const READ_SIZE: usize = FineFlash::READ_SIZE;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
+        self.flash.read(offset, bytes).await
+    }
+
+    fn capacity(&self) -> usize {
+        self.flash.capacity()
+    }
+}
+
+impl NorFlash for Doubtful {
+    const WRITE_SIZE: usize = FineFlash::WRITE_SIZE;
+    const ERASE_SIZE: usize = FineFlash::ERASE_SIZE;
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
+        self.flash.write(offset, bytes).await?;
+        let left = self.left.get();
+        self.left.set(left.and_then(|left| left.checked_sub(1)));
+        if left == Some(0) { Err(PowerCut) } else { Ok(()) }
+    }
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
+        self.flash.erase(from, to).await
+    }
+}
+
+#[test]
+fn after_a_save_that_failed_the_settings_are_those_of_the_next_start() {
+    let (mut failed, mut old) = (0, 0);
+    for left in 0.. {
+        let doubtful = Doubtful { flash: FineFlash::new(2, 9), left: Rc::default() };
+        let mut store = block_on(FlashStore::open(doubtful.clone(), 0));
+        save(&mut store, b"port old\n").unwrap();
+        doubtful.left.set(Some(left));
+        if save(&mut store, b"port new\n").is_ok() {
+            break;
+        }
+        let now = read(&mut store).unwrap();
+        let mut store = block_on(FlashStore::open(doubtful, 0));
+        assert_eq!(read(&mut store).unwrap(), now, "write {left}");
+        failed += 1;
+        old += u32::from(now == b"port old\n");
+    }
+    assert!(0 < old && old < failed, "{old} of {failed}: the new ones hold where the last write failed");
+}

@@ -57,5 +57,5 @@ pub(super) fn asker(envelope: &Envelope) -> Asker {
     let origin = envelope.origin;
     // A port has seats or a line, not both.
     let seat = if let Way::Seat(seat) = origin.way { seat } else { 0 };
-    Asker::new(u32::from(origin.port.0) << 16 | u32::from(seat), envelope.peer)
+    Asker::new((origin.port.0, seat), envelope.peer)
 }

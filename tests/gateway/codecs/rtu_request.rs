@@ -59,6 +59,16 @@ fn the_specifications_examples_are_cut_out_and_their_length_is_known() {
 }
 
 #[test]
+fn noise_that_is_by_chance_a_frame_of_unknown_length_does_not_swallow_the_request_behind_it() {
+    let request = frame(17, &[3, 0, 0, 0, 1]);
+    // With them in front the CRC behind the request is right as well.
+    let noise = (0..=u16::MAX).map(|number| number.to_be_bytes()).map(|[a, b]| [9, 65, a, b]);
+    let noise =
+        noise.into_iter().find(|noise| rtu::decode(&[&noise[..], &request].concat()).is_ok()).unwrap();
+    assert_eq!(cut(&[[&noise[..], &request].concat()]), [(17, vec![3, 0, 0, 0, 1])]);
+}
+
+#[test]
 fn a_longer_buffer_than_a_frame_is_never_incomplete() {
     for byte in 0..=255 {
         for length in FRAME_BYTES_MAX + 1..FRAME_BYTES_MAX + 5 {

@@ -1,6 +1,8 @@
 //! Which rows go into one frame, when they are due, and that nothing is lost.
 
-use mobgate::scanner::{ByteOrder, Full, Kind, Reading, Row, Scanner, Status, VALUE_BYTES_MAX, Writing};
+use mobgate::scanner::{
+    ByteOrder, Full, Kind, Reading, Refused, Row, Scanner, Status, VALUE_BYTES_MAX, Writing,
+};
 use mobgate_simulator::Random;
 use proptest::prelude::*;
 
@@ -58,16 +60,47 @@ fn single_cells_are_written_by_functions_5_and_6_each_alone_and_gathered_by_15_a
             let plain = row(device, kind, first, 1);
             ids.push(add(&mut scanner, Row { multiple, read: Reading::Manual, ..plain }));
         }
-        for id in ids {
-            scanner.put(id, 0, 1, &[1, 1], START).unwrap();
+        for (id, value) in ids.into_iter().zip([[1, 1], [0, 0], [1, 1], [1, 1]]) {
+            scanner.put(id, 0, 1, &value, START).unwrap();
         }
         let frames = requests(&mut scanner, 0);
         assert_eq!(frames.iter().map(|pdu| pdu[0]).collect::<Vec<_>>(), expected);
         match multiple {
-            false => assert_eq!(frames[0], [5, 0, 3, 0xff, 0]),
-            true => assert_eq!(frames, [vec![15, 0, 3, 0, 2, 1, 3], vec![16, 0, 7, 0, 2, 4, 1, 1, 1, 1]]),
+            false => assert_eq!(frames[..2], [[5, 0, 3, 0xff, 0], [5, 0, 4, 0, 0]]),
+            true => assert_eq!(frames, [vec![15, 0, 3, 0, 2, 1, 1], vec![16, 0, 7, 0, 2, 4, 1, 1, 1, 1]]),
         }
     }
+}
+
+#[test]
+fn a_cell_that_is_written_by_function_6_is_not_written_along_with_its_neighbours() {
+    let (mut scanner, device) = scanner();
+    let manual = |first, count| Row { read: Reading::Manual, ..row(device, Kind::Holding, first, count) };
+    let rows = [manual(0, 2), manual(2, 1), manual(3, 2)].map(|row| add(&mut scanner, row));
+    for (id, count) in rows.into_iter().zip([2, 1, 2]) {
+        scanner.put(id, 0, count, &[0, 1, 0, 1][..2 * usize::from(count)], START).unwrap();
+    }
+    let frames = requests(&mut scanner, 0);
+    assert_eq!(frames.iter().map(|pdu| (pdu[0], pdu[2])).collect::<Vec<_>>(), [(16, 0), (6, 2), (16, 3)]);
+}
+
+#[test]
+fn a_row_that_is_late_by_a_whole_period_is_read_once() {
+    let (mut scanner, device) = scanner();
+    add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    assert_eq!([0, 2_000].map(|ms| requests(&mut scanner, ms).len()), [1, 1]);
+}
+
+#[test]
+fn a_row_that_is_never_written_or_has_no_device_refuses_to_be_written() {
+    let (mut scanner, device) = scanner();
+    let only_read = add(&mut scanner, Row { write: Writing::Never, ..row(device, Kind::Holding, 0, 1) });
+    assert_eq!(scanner.write(only_read), Err(Refused::ReadOnly));
+    assert_eq!(scanner.begin(only_read), Err(Refused::ReadOnly));
+    let local = add(&mut scanner, Row { device: None, ..row(device, Kind::Holding, 1, 1) });
+    assert_eq!(scanner.write(local), Err(Refused::NoDevice));
+    assert_eq!(scanner.begin(local), Err(Refused::NoDevice));
+    assert_eq!(requests(&mut scanner, 0), [[3, 0, 0, 0, 1]]);
 }
 
 #[test]

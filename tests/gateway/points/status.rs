@@ -1,9 +1,10 @@
 //! The status word of a row, the numbers of errors, and what a row does when its device does not answer.
 
+use embassy_time::Instant;
 use mobgate::modbus::Exception;
 use mobgate::scanner::{
     BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, ErrorCode, Kind, REPEATS, Reading,
-    Refused, SCAN, Scanner, Status,
+    Refused, Row, SCAN, Scanner, Status,
 };
 use mobgate::stats::LastError;
 
@@ -152,6 +153,30 @@ fn an_exception_is_an_error_with_its_code_and_no_reason_to_back_off() {
         assert!(exchange(&mut scanner, at(1_000)).is_some());
         assert_eq!(scanner.status(id, at(1_000)), Status::LAST_OK, "the code goes with the error");
     }
+}
+
+#[test]
+fn a_devices_exceptions_are_counted_among_its_answers() {
+    let (mut scanner, device) = scanner();
+    add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    assert!(!scanner.serves(), "the device does");
+    for count in 1..=2_u32 {
+        let now = at(1_000 * u64::from(count));
+        let request = scanner.next(now).unwrap();
+        scanner.answered(device, now, Ok(&[request.pdu[0] | 0x80, 2]));
+        let status = scanner.device_status(device, now).unwrap();
+        assert_eq!((status.requests, status.answers, status.exceptions), (count, count, count));
+        assert_eq!(status.exception, 2);
+    }
+}
+
+#[test]
+fn a_row_without_a_device_is_never_due() {
+    let (mut scanner, device) = scanner();
+    add(&mut scanner, Row { device: None, ..row(device, Kind::Holding, 0, 1) });
+    assert!(scanner.serves(), "it is for outside clients");
+    assert_eq!(scanner.due(), Instant::MAX);
+    assert_eq!(scanner.next(at(5_000)), None);
 }
 
 #[test]

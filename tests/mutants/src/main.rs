@@ -4,8 +4,12 @@
 //! once to see which mutants it comes by; then a mutant costs only the tests that come by it, the quick ones first, until
 //! one fails (`suite`). README.md says how to read what it prints.
 
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
@@ -96,13 +100,31 @@ fn run(arguments: &Arguments) -> Result<bool, String> {
     let suite = Suite::new(&programs, &folder, jobs)?;
     println!("{} tests, built and run once in {} s", suite.len(), start.elapsed().as_secs());
     let done = AtomicUsize::new(0);
-    let ends = suite.judge(&drawn, |id, end| {
+    let file = folder.join("killers");
+    let killers = killers(&file);
+    let killer = |id| killers.get(&mutant(id).key()).map(String::as_str);
+    let killed = File::options().append(true).create(true).open(&file);
+    let killed = Mutex::new(killed.map_err(|error| format!("{}: {error}", file.display()))?);
+    let ends = suite.judge(&drawn, killer, |id, end| {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        if let End::Killed(test) = end
+            && killer(id) != Some(test)
+        {
+            // Only the next run is slower without it.
+            let _ = writeln!(killed.lock().unwrap(), "{test}\t{}", mutant(id).key());
+        }
         if let Some(how) = survived(end) {
             println!("{done}: {} survives ({how})", mutant(id));
         }
     });
     report(&drawn.iter().map(|&id| mutant(id)).zip(&ends).collect::<Vec<_>>(), start, arguments.fail_at)
+}
+
+/// By mutant, the test that noticed it the last time.
+fn killers(file: &Path) -> HashMap<String, String> {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    let lines = text.lines().filter_map(|line| line.split_once('\t'));
+    lines.map(|(test, mutant)| (mutant.to_owned(), test.to_owned())).collect()
 }
 
 fn survived(end: &End) -> Option<String> {

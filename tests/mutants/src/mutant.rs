@@ -18,6 +18,13 @@ pub(crate) struct Mutant {
     pub(crate) change: String,
 }
 
+impl Mutant {
+    /// What it is, wherever its line has moved.
+    pub(crate) fn key(&self) -> String {
+        format!("{}: {}: {}", self.file, self.source, self.change)
+    }
+}
+
 impl fmt::Display for Mutant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:{}: {}", self.file, self.line, self.change)

@@ -38,10 +38,10 @@ pub(crate) const PACKAGES: &[(&str, &str)] = &[("mobgate", ""), ("mobgate-flash"
 /// machine.
 pub(crate) const LEFT_OUT: &[&str] = &["outside::", "pysoem::"];
 
-/// Random worlds: as many as notice most, since each mutant that lives through them costs their time.
+/// Random worlds: as many as notice most and have their share of good answers, since each mutant that lives through them costs
+/// their time.
 pub(crate) const ENVIRONMENT: &[(&str, &str)] = &[
-    ("MOBGATE_SEEDS", "12"),
-    ("MOBGATE_SECONDS", "1"),
+    ("MOBGATE_SEEDS", "24"),
     ("PROPTEST_CASES", "64"),
     ("PROPTEST_RNG_SEED", "1"),
     ("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "1"),

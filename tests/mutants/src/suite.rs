@@ -88,20 +88,28 @@ impl Suite {
         self.tests.len()
     }
 
-    /// How each of `mutants` ends; `said` hears of it at once.
-    pub(crate) fn judge(&self, mutants: &[u32], said: impl Fn(u32, &End) + Sync) -> Vec<End> {
+    /// How each of `mutants` ends; `said` hears of it at once. The test that `killer` names is asked first.
+    pub(crate) fn judge<'k>(
+        &self,
+        mutants: &[u32],
+        killer: impl Fn(u32) -> Option<&'k str> + Sync,
+        said: impl Fn(u32, &End) + Sync,
+    ) -> Vec<End> {
         let ends: Vec<Mutex<End>> = mutants.iter().map(|_| Mutex::new(End::Unseen)).collect();
         in_parallel(self.jobs, mutants.len(), |index| {
-            let end = self.end_of(mutants[index]);
+            let end = self.end_of(mutants[index], killer(mutants[index]));
             said(mutants[index], &end);
             *ends[index].lock().unwrap() = end;
         });
         ends.into_iter().map(|end| end.into_inner().unwrap()).collect()
     }
 
-    fn end_of(&self, mutant: u32) -> End {
+    fn end_of(&self, mutant: u32, killer: Option<&str>) -> End {
         let mut passed = 0;
-        for test in self.tests.iter().filter(|test| test.seen.binary_search(&mutant).is_ok()) {
+        let comes_by = |test: &&Test| test.seen.binary_search(&mutant).is_ok();
+        let (first, others): (Vec<&Test>, Vec<&Test>) =
+            self.tests.iter().filter(comes_by).partition(|test| Some(&*test.name) == killer);
+        for test in first.into_iter().chain(others) {
             if !test.run(&[("MUTANT", mutant.to_string())]) {
                 return End::Killed(test.name.clone());
             }

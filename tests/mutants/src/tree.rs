@@ -27,11 +27,11 @@ type Spans = BTreeMap<String, Vec<Span>>;
 
 /// The copy.
 pub(crate) struct Tree {
-    project: PathBuf,
     copy: PathBuf,
     /// What cargo builds, apart from the project's own.
     built: PathBuf,
-    files: BTreeMap<String, Vec<Site>>,
+    /// What each mutated file was when it was copied: somebody may work on it meanwhile.
+    files: BTreeMap<String, (String, Vec<Site>)>,
     /// Changes that do not compile, by file and words, so that the next build does not try them again.
     senseless: HashSet<String>,
 }
@@ -52,7 +52,7 @@ impl Tree {
             if in_scope(name) {
                 let text = String::from_utf8(bytes).map_err(|_| format!("{name}: not UTF-8"))?;
                 let sites = find::sites(&text).map_err(|error| format!("{name}: {error}"))?;
-                files.insert(name.to_owned(), sites);
+                files.insert(name.to_owned(), (text, sites));
             } else {
                 let bytes = if name.ends_with("Cargo.toml") { with_switch(name, bytes) } else { bytes };
                 write(&copy.join(name), &bytes)?;
@@ -66,7 +66,7 @@ impl Tree {
         remove_others(&copy, &kept).map_err(|error| format!("{}: {error}", copy.display()))?;
         let senseless = std::fs::read_to_string(folder.join("senseless")).unwrap_or_default();
         let senseless = senseless.lines().map(str::to_owned).collect();
-        Ok(Self { project: project.to_owned(), copy, built: folder.join("built"), files, senseless })
+        Ok(Self { copy, built: folder.join("built"), files, senseless })
     }
 
     /// Builds the tests of the mutated packages, and gives all mutants, whose numbers begin with 1. Changes that do not
@@ -82,7 +82,7 @@ impl Tree {
             let before = self.senseless.len();
             for error in &errors {
                 for id in error.mutants(&spans) {
-                    self.senseless.insert(key(&all[id as usize - 1]));
+                    self.senseless.insert(all[id as usize - 1].key());
                 }
             }
             println!("{} changes do not compile", self.senseless.len());
@@ -100,17 +100,15 @@ impl Tree {
     fn write(&mut self) -> Result<(Vec<Mutant>, Spans), String> {
         let mut all = Vec::new();
         let mut spans = Spans::new();
-        for (name, sites) in &mut self.files {
-            let path = self.project.join(name);
-            let text = std::fs::read_to_string(&path).map_err(|error| format!("{name}: {error}"))?;
+        for (name, (text, sites)) in &mut self.files {
             for site in sites.iter_mut() {
-                let found = mutants(name, &text, std::slice::from_ref(site));
-                let mut senseless = found.iter().map(|mutant| self.senseless.contains(&key(mutant)));
+                let found = mutants(name, text, std::slice::from_ref(site));
+                let mut senseless = found.iter().map(|mutant| self.senseless.contains(&mutant.key()));
                 site.changes.retain(|_| !senseless.next().unwrap_or(false));
             }
             sites.retain(|site| !site.changes.is_empty());
-            let (woven, where_) = weave(&text, sites, all.len() as u32 + 1);
-            all.extend(mutants(name, &text, sites));
+            let (woven, where_) = weave(text, sites, all.len() as u32 + 1);
+            all.extend(mutants(name, text, sites));
             write(&self.copy.join(name), woven.as_bytes())?;
             spans.insert(name.clone(), where_);
         }
@@ -184,10 +182,6 @@ impl CompileError {
         let other = || self.spans.iter().find_map(|error| inside(&error));
         causes.or_else(primary).or_else(other).unwrap_or_default()
     }
-}
-
-fn key(mutant: &Mutant) -> String {
-    format!("{}: {}: {}", mutant.file, mutant.source, mutant.change)
 }
 
 fn in_scope(name: &str) -> bool {

@@ -11,12 +11,10 @@ use mobgate_simulator::device::Fresh;
 use mobgate_simulator::rig::machine;
 use mobgate_simulator::{Device, rig};
 
-use crate::line::{Speed, TURNAROUND, seconds};
+use crate::line::{DISCARDS, Speed, TURNAROUND, seconds};
 use crate::{Target, figure};
 
 const RUN: Duration = Duration::from_secs(60);
-/// A line that was opened asks nobody for `late-window`.
-const DISCARDS: Duration = Duration::from_secs(1);
 const CLIENTS: u8 = 32;
 /// Clients that read neighbouring registers, each so many of them.
 const NEIGHBOURS: u8 = 8;

@@ -359,29 +359,26 @@ impl<T> PortQueue<T> {
     /// The newest order of the largest crowd, if that is larger than `newcomer`'s would be. A crowd is an address, or, `within`
     /// the newcomer's address, a connection.
     fn crowd(&self, newcomer: Asker, within: bool) -> Option<usize> {
-        // Of each asker in the table: how many of its orders wait, and how many in its crowd.
-        let mut own = [0_u8; ASKERS_MAX];
-        for waiting in &self.waiting {
-            own.get_mut(usize::from(waiting.asker)).into_iter().for_each(|count| *count += 1);
-        }
-        let size = |of: Asker| -> u8 {
+        // A crowd has the place of its first asker in the table.
+        let place_of = |of: Asker| {
             let is_of = |asker: Asker| if within { asker == of } else { asker.is_beside(&of) };
-            let those = self.askers.iter().zip(own).filter(|(known, count)| *count > 0 && is_of(known.asker));
-            those.map(|(_, count)| count).sum()
+            self.askers.iter().position(|known| is_of(known.asker))
         };
-        let more_than = size(newcomer) + 1;
-        // Mostly it is the newcomer's own address that has nearly all.
-        if !within && self.waiting.len() < 2 * usize::from(more_than) {
-            return None;
-        }
-        let mut crowds = [0_u8; ASKERS_MAX];
-        for (crowd, (known, own)) in crowds.iter_mut().zip(self.askers.iter().zip(own)) {
-            if own > 0 && (!within || known.asker.is_beside(&newcomer)) {
-                *crowd = size(known.asker);
+        let crowd_of = |waiting: &Waiting<T>| {
+            let asker = self.asker(waiting.asker)?.asker;
+            match within {
+                true => asker.is_beside(&newcomer).then_some(usize::from(waiting.asker)),
+                false => place_of(asker),
             }
+        };
+        let mut crowds = [0_u8; ASKERS_MAX];
+        for crowd in self.waiting.iter().filter_map(crowd_of) {
+            crowds.get_mut(crowd).into_iter().for_each(|count| *count += 1);
         }
+        let size = |crowd: usize| crowds.get(crowd).copied().unwrap_or(0);
+        let more_than = place_of(newcomer).map_or(0, size) + 1;
         let largest = crowds.iter().copied().max().filter(|largest| *largest > more_than)?;
-        self.waiting.iter().rposition(|waiting| crowds.get(usize::from(waiting.asker)) == Some(&largest))
+        self.waiting.iter().rposition(|waiting| crowd_of(waiting).map(size) == Some(largest))
     }
 }
 

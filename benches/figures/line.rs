@@ -13,6 +13,8 @@ use crate::{Target, figure};
 const BAUDS: [u32; 3] = [9_600, 19_200, 115_200];
 /// The device answers so long after it has seen t3.5 of silence.
 pub(crate) const TURNAROUND: Duration = Duration::from_millis(1);
+/// A line that was opened asks nobody for `late-window`.
+pub(crate) const DISCARDS: Duration = Duration::from_secs(1);
 /// FC 3 of ten registers.
 const READ: [u8; 5] = read(0);
 const REQUEST_CHARS: usize = 8;

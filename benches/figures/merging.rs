@@ -1,7 +1,7 @@
 //! Clients that read the same registers, or neighbouring ones: how many answers a transaction on the bus gives, and whether
 //! each is new and its asker's own.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 use embassy_time::{Duration, Instant};
@@ -11,7 +11,7 @@ use mobgate_simulator::device::Fresh;
 use mobgate_simulator::rig::machine;
 use mobgate_simulator::{Device, rig};
 
-use crate::line::{Speed, TURNAROUND, seconds};
+use crate::line::{DISCARDS, Speed, TURNAROUND, seconds};
 use crate::{Target, figure};
 
 const RUN: Duration = Duration::from_secs(60);
@@ -44,6 +44,7 @@ fn identical() {
     rig::with_gateway(11, &speed.settings(), |world, rig| {
         let device = Device::new(1).with_turnaround(TURNAROUND).with_fresh(FRESH.into());
         rig.attach(world, "bus", [device.clone()]);
+        world.run_for(DISCARDS);
         let seen = Rc::new(RefCell::new(Seen::default()));
         let until = Instant::now() + RUN;
         for host in 1..=CLIENTS {
@@ -76,7 +77,8 @@ fn identical() {
     });
 }
 
-/// Everybody reads another one of some blocks side by side, in turns, so that each comes by the fresh registers.
+/// Everybody reads another one of some blocks side by side: whoever asks gets the block behind the one before. All of them move on
+/// once a second, so that each client comes by the fresh registers.
 fn adjacent() {
     let speed = Speed::new(115_200);
     let [(alone, _), (joined, transactions)] = [" merge off", " merge adjacent"].map(|policy| {
@@ -84,15 +86,18 @@ fn adjacent() {
         rig::with_gateway(11, &settings, |world, rig| {
             let device = Device::new(1).with_turnaround(TURNAROUND).with_fresh(FRESH.into());
             rig.attach(world, "bus", [device.clone()]);
+            world.run_for(DISCARDS);
             let seen = Rc::new(RefCell::new(Seen::default()));
+            let asks = Rc::new(Cell::new(0));
             let until = Instant::now() + RUN;
             for host in 1..=NEIGHBOURS {
                 let (mut client, seen) = (rig.client(machine(host), 502), seen.clone());
-                let mut blocks = (0..NEIGHBOURS).cycle().skip(host.into());
+                let asks = asks.clone();
                 world.spawn(async move {
                     let mut asked = Instant::now();
                     let next = || {
-                        let block = blocks.next().unwrap_or(0);
+                        let nth = asks.replace(asks.get() + 1) + Instant::now().as_secs();
+                        let block = (nth % u64::from(NEIGHBOURS)) as u8;
                         (1, vec![3, 0, FRESH + REGISTERS * block, 0, REGISTERS])
                     };
                     let note = |_, pdu: &[u8], answer: &_| seen.borrow_mut().note(&mut asked, pdu, answer);

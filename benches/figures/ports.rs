@@ -6,13 +6,16 @@ use mobgate_simulator::fault::{When, babble};
 use mobgate_simulator::rig::machine;
 use mobgate_simulator::{Device, Fault, Faults, Random, rig};
 
-use crate::line::{TURNAROUND, read};
+use crate::line::{Speed, TURNAROUND, read, seconds};
 use crate::{Target, figure};
 
 const RUN: Duration = Duration::from_secs(60);
 const LINES: u8 = 4;
 /// Clients of each line.
 const CLIENTS: u8 = 8;
+/// Of its legal rate, what a line must carry to count as saturated, and what one that is at fault may still carry.
+const SATURATED: f64 = 0.97;
+const DISTURBED: f64 = 0.2;
 /// Of a client whose line is at fault, before it asks again.
 const THOUGHT: Duration = Duration::from_millis(1);
 /// Bytes of noise at a time, and what is between them.
@@ -21,12 +24,21 @@ const NOISE_PAUSE: Duration = Duration::from_millis(20);
 
 pub(crate) fn figures() {
     for baud in [9_600, 19_200, 115_200] {
+        let legal = seconds(RUN) / Speed::new(baud).period();
         let all = carried(baud, LINES, None);
+        assert!(
+            all.iter().all(|carried| *carried >= SATURATED * legal),
+            "lines of {baud} baud are idle: {all:?}"
+        );
         let ratio = sum(&all) / sum(&carried(baud, 1, None));
         figure(&format!("ports_{LINES}_over_1_{baud}"), ratio, "x", Target::AtLeast(3.98));
-        let healthy = |carried: &[f64]| sum(&carried[..usize::from(LINES) - 1]);
         for trouble in [Trouble::Dead, Trouble::Babbling, Trouble::Noise] {
-            let share = healthy(&carried(baud, LINES, Some(trouble))) / healthy(&all);
+            let beside = carried(baud, LINES, Some(trouble));
+            let mut shares = beside.iter().zip(&all).map(|(beside, alone)| beside / alone);
+            let disturbed = shares.next_back().unwrap_or(1.0);
+            assert!(disturbed <= DISTURBED, "{trouble:?} leaves its line {disturbed} at {baud} baud");
+            // The line that suffers most.
+            let share = shares.fold(1.0, f64::min);
             let name = format!("beside_{trouble:?}_port_{baud}").to_lowercase();
             figure(&name, 100.0 * share, "%", Target::AtLeast(95.0));
         }
@@ -85,6 +97,9 @@ fn carried(baud: u32, busy: u8, trouble: Option<Trouble>) -> Vec<f64> {
             );
         }
         world.run_for(RUN);
+        if let Some(Trouble::Babbling) = trouble {
+            assert!(seconds(rig.wire(&last).busy()) >= 0.99 * seconds(RUN), "somebody sends all the time");
+        }
         devices.iter().map(|device| device.counters().requests[3] as f64).collect()
     })
 }

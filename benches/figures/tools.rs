@@ -7,11 +7,15 @@ use mobgate_simulator::console::typed;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::{Device, Fault, Faults, device, rig};
 
+use crate::line::DISCARDS;
 use crate::{Target, figure};
 
 /// From the end of a request to the first character of its answer, besides the device's own time: t3.5 and a character.
 const AROUND_US: f64 = 2_006.0 + 573.0;
 const TURNAROUND: Duration = Duration::from_millis(5);
+/// Of each kind of device so many are measured, and nine of ten are at most, or at least, what is told: what 2 000 answers tell of the
+/// slowest one in 1 000 has a standard deviation of 9 % where they are exponential.
+const DRAWS: u64 = 20;
 
 pub(crate) fn figures() {
     scan();
@@ -33,12 +37,17 @@ pub(crate) fn figures() {
         ),
     ];
     for (name, late_us, fault) in models {
-        let faults =
-            fault.into_iter().fold(Faults::new(21), |faults, (when, fault)| faults.with(when, fault));
         let p999_us = AROUND_US + TURNAROUND.as_micros() as f64 + late_us;
-        let ratio = tuned(faults).map_or(0.0, |timeout_us| timeout_us / p999_us);
-        figure(&format!("tune_timeout_over_p999_{name}"), ratio, "x", Target::AtMost(1.2));
-        figure(&format!("tune_timeout_over_p999_{name}_least"), ratio, "x", Target::AtLeast(0.8));
+        let ratio = |seed| {
+            let none = Faults::new(seed);
+            let faults = fault.iter().cloned().fold(none, |faults, (when, fault)| faults.with(when, fault));
+            tuned(faults).map_or(0.0, |timeout_us| timeout_us / p999_us)
+        };
+        let mut ratios: Vec<f64> = (0..DRAWS).map(ratio).collect();
+        ratios.sort_unstable_by(f64::total_cmp);
+        let [least, most] = [ratios.len() / 10, ratios.len() * 9 / 10 - 1].map(|nth| ratios[nth]);
+        figure(&format!("tune_timeout_over_p999_{name}"), most, "x", Target::AtMost(1.2));
+        figure(&format!("tune_timeout_over_p999_{name}_least"), least, "x", Target::AtLeast(0.8));
     }
 }
 
@@ -72,6 +81,7 @@ fn scan() {
 fn tuned(faults: Faults) -> Option<f64> {
     rig::with_gateway(22, "port bus serial uart1 rtu client 19200 8E1\n", |world, rig| {
         rig.attach(world, "uart1", [Device::new(5).with_turnaround(TURNAROUND).with_faults(faults)]);
+        world.run_for(DISCARDS);
         let shown = world.run_until(typed(rig.gateway, "tune bus units 5"));
         let timeout = shown.split_whitespace().skip_while(|word| *word != "timeout").nth(1)?;
         Some(1_000.0 * timeout.strip_suffix("ms")?.parse::<f64>().ok()?)

@@ -39,6 +39,10 @@ use crate::port::units::{Care, Gate, Step};
 use crate::route::Merge;
 use crate::stats::Event;
 
+/// How often a full queue is looked through for orders that are nobody's any more. That takes longer than serving a request, and to refuse
+/// one must take less.
+const SWEEP_PAUSE: Duration = Duration::from_millis(10);
+
 /// Orders of one client-side port, shared by the future that takes them in and the one that carries them out.
 pub(crate) struct Desk<'g> {
     gateway: &'g Gateway<'g>,
@@ -54,6 +58,8 @@ pub(crate) struct Desk<'g> {
     cache: RefCell<Cache>,
     /// Far fewer end while one order is carried out than make it the same again.
     writes_ended: Cell<u16>,
+    /// When it was last looked which orders are unwanted.
+    swept: Cell<Instant>,
     open: Cell<bool>,
     /// It is closed for a pause, which an asker who spares servers by himself may end.
     pausing: Cell<bool>,
@@ -92,6 +98,7 @@ impl<'g> Desk<'g> {
             current: RefCell::new(Vec::new()),
             cache: RefCell::new(Cache::new()),
             writes_ended: Cell::new(0),
+            swept: Cell::new(Instant::MIN),
             open: Cell::new(true),
             pausing: Cell::new(false),
             news: Signal::new(),
@@ -156,7 +163,7 @@ impl<'g> Desk<'g> {
             return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
         let ticket = ticket(&envelope, frame.pdu(pdu::is_read));
-        if self.queue().len() >= WAITING_MAX {
+        if self.queue().len() >= WAITING_MAX && self.swept.get().elapsed() >= SWEEP_PAUSE {
             // Some of them may be nobody's.
             self.sweep();
         }
@@ -176,6 +183,7 @@ impl<'g> Desk<'g> {
     /// Sends home what must not be sent any more.
     fn sweep(&self) {
         let now = Instant::now();
+        self.swept.set(now);
         let gate = self.gates(self.all_well(now));
         loop {
             let unwanted = self.queue().take_if(|frame, ticket| {

@@ -350,38 +350,58 @@ impl<T> PortQueue<T> {
     }
 
     /// The newest order of the address that has most of them, if that is more than `newcomer`'s would have; within that
-    /// address the same holds of its connections.
+    /// address the same holds of its connections. Each order is counted once, as a refusal must take less than serving.
     fn crowder(&self, newcomer: Asker) -> Option<usize> {
-        self.crowd(newcomer, false).or_else(|| self.crowd(newcomer, true))
-    }
-
-    /// The newest order of the largest crowd, if that is larger than `newcomer`'s would be. A crowd is an address, or, `within`
-    /// the newcomer's address, a connection.
-    fn crowd(&self, newcomer: Asker, within: bool) -> Option<usize> {
-        // Of each asker in the table: how many of its orders wait, and how many in its crowd.
         let mut own = [0_u8; ASKERS_MAX];
         for waiting in &self.waiting {
-            own.get_mut(usize::from(waiting.asker)).into_iter().for_each(|count| *count += 1);
+            add(&mut own, usize::from(waiting.asker), 1);
         }
-        let size = |of: Asker| -> u8 {
-            let is_of = |asker: Asker| if within { asker == of } else { asker.is_beside(&of) };
-            let those = self.askers.iter().zip(own).filter(|(known, _)| is_of(known.asker));
-            those.map(|(_, count)| count).sum()
-        };
-        let more_than = size(newcomer) + 1;
-        // Mostly it is the newcomer's own crowd that has nearly all: the others have too few for a larger one.
+        let (mut of_address, mut of_newcomer, mut most) = (0, 0, 0);
+        for (Known { asker, .. }, &count) in self.askers.iter().zip(&own) {
+            if asker.is_beside(&newcomer) {
+                of_address += count;
+                most = most.max(count);
+                if *asker == newcomer {
+                    of_newcomer = count;
+                }
+            }
+        }
+        let address = self.crowded_address(&own, of_address + 1);
+        if address.is_none() && most <= of_newcomer + 1 {
+            return None;
+        }
+        self.waiting.iter().rposition(|waiting| {
+            let has_most = own.get(usize::from(waiting.asker)) == Some(&most);
+            self.asker(waiting.asker).is_some_and(|Known { asker, .. }| match &address {
+                Some(addresses) => addresses.iter().any(|other| asker.is_beside(other)),
+                None => has_most && asker.is_beside(&newcomer),
+            })
+        })
+    }
+
+    /// The addresses with most orders, if those are more than `more_than`; `own` has those of each asker.
+    fn crowded_address(&self, own: &[u8; ASKERS_MAX], more_than: u8) -> Option<Vec<Asker, ASKERS_MAX>> {
+        // Mostly it is the newcomer's own address that has nearly all.
         if self.waiting.len() < 2 * usize::from(more_than) {
             return None;
         }
-        let mut crowds = [0_u8; ASKERS_MAX];
-        for (crowd, (known, own)) in crowds.iter_mut().zip(self.askers.iter().zip(own)) {
-            if own > 0 && (!within || known.asker.is_beside(&newcomer)) {
-                *crowd = size(known.asker);
-            }
+        let mut of_address = [0_u8; ASKERS_MAX];
+        let mut most = 0;
+        for (known, &count) in self.askers.iter().zip(own) {
+            let first = self.askers.iter().position(|first| first.asker.is_beside(&known.asker)).unwrap_or(0);
+            most = most.max(add(&mut of_address, first, count));
         }
-        let largest = crowds.iter().copied().max().filter(|largest| *largest > more_than)?;
-        self.waiting.iter().rposition(|waiting| crowds.get(usize::from(waiting.asker)) == Some(&largest))
+        let largest = self.askers.iter().zip(of_address).filter(|(_, count)| *count == most);
+        (most > more_than).then(|| largest.map(|(known, _)| known.asker).collect())
     }
+}
+
+/// Adds to a count in a table, and gives it.
+fn add(counts: &mut [u8; ASKERS_MAX], place: usize, more: u8) -> u8 {
+    counts.get_mut(place).map_or(0, |count| {
+        *count += more;
+        *count
+    })
 }
 
 impl<T> Default for PortQueue<T> {

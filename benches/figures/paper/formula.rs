@@ -3,7 +3,7 @@
 use mobgate::config::{Framing, LineSettings};
 use mobgate_simulator::timing::{char_bits, t3_5_ns};
 
-use super::{TURNAROUND, UNIT_FUNCTION_COUNT};
+use super::{TICK, TURNAROUND, UNIT_FUNCTION_COUNT};
 
 /// Unit, function, address and quantity of a request.
 const REQUEST_BYTES: f64 = 6.0;
@@ -78,8 +78,14 @@ pub(super) fn direct(line: Line, registers: u8) -> f64 {
     line.frames(registers) + line.device()
 }
 
+/// The clock's tick at which `time` is over: a frame begins at a tick, and its first bit is one for those who time it.
+fn ticked(time: f64) -> f64 {
+    // What is a tick but for the last bits of a float is no later one.
+    (time / TICK - 1e-6).ceil() * TICK
+}
+
 /// From the first bit of a frame of `bytes` bytes without its check to the last bit of its copy, which begins as soon as its
-/// unit is there, or so late that it never waits: `max(r ti + Lo to, Li ti + h to)` of `mobgate::port::cut`.
+/// unit is there, or so late that it never waits: `max(r ti + Lo to, Li ti + h to)` of `mobgate::port::cut`, from the next tick on.
 fn leg(bytes: f64, input: Line, output: Line) -> f64 {
     let until_unit = if input.framing == Framing::Rtu { 1.0 } else { 3.0 };
     let held_back = match (input.framing, output.framing) {
@@ -87,8 +93,9 @@ fn leg(bytes: f64, input: Line, output: Line) -> f64 {
         (Framing::Rtu, Framing::Ascii) => 4.0,
         (Framing::Ascii, Framing::Ascii) => 2.0,
     };
-    let at_once = until_unit * input.tc() + output.chars_of(bytes) * output.tc();
-    at_once.max(input.chars_of(bytes) * input.tc() + held_back * output.tc())
+    let copy = output.chars_of(bytes) * output.tc();
+    let never_waits = input.chars_of(bytes) * input.tc() + held_back * output.tc() - copy;
+    ticked(never_waits.max(until_unit * input.tc())) + copy
 }
 
 /// The formula of cut-through from `up` to `down`. The answer on the upper line keeps its distance from the request, which
@@ -96,7 +103,8 @@ fn leg(bytes: f64, input: Line, output: Line) -> f64 {
 pub(super) fn cut_through(up: Line, down: Line, registers: u8) -> f64 {
     let there = leg(REQUEST_BYTES, up, down);
     let back = down.device() + leg(answer_bytes(registers), down, up);
-    (there + back).max(up.frames(registers) + up.t3_5())
+    let [request, answer] = up.chars(registers).map(|chars| chars * up.tc());
+    (there + back).max(ticked(request) + ticked(up.t3_5()) + answer)
 }
 
 /// The formula of routers that wait for the silence behind every RTU frame, as MobGate does.

@@ -5,7 +5,7 @@ use mobgate::config::Framing;
 
 use super::chain::through;
 use super::formula::{Line, cut_through, direct};
-use super::{BAUDS, REGISTERS, TICK};
+use super::{BAUDS, NANOSECONDS, REGISTERS};
 use crate::{Target, figure};
 
 pub(super) fn figures() {
@@ -29,7 +29,7 @@ fn one_router([up, down]: [Line; 2], registers: u8) {
     let cut = through(&[up, down], registers, "", 0);
     let formula = cut_through(up, down, registers);
     figure(&format!("stored_{name}"), stored / standard, "x", Target::None);
-    let bound = (formula + 2.0 * TICK) / standard;
+    let bound = (formula + NANOSECONDS) / standard;
     figure(&format!("cut_{name}"), cut.worst / standard, "x", Target::AtMost(bound));
     let error = 1e6 * (cut.worst - formula);
     figure(&format!("cut_error_{name}"), error, "us", Target::AtMost(1.0));

@@ -86,6 +86,50 @@ pub(crate) fn in_relay<T>(step: impl FnOnce() -> T) -> T {
     timed(&RELAY, step)
 }
 
+/// The line whose waits are added up: how long its task was, from the interrupt that woke it, before it had read.
+const WATCHED: usize = 1;
+static WAITED: AtomicU32 = AtomicU32::new(0);
+static WAITS: AtomicU32 = AtomicU32::new(0);
+static LONGEST: AtomicU32 = AtomicU32::new(0);
+
+/// What a task that reads waits for: first bytes, from their interrupt on the processor.
+pub(crate) struct Wait(AtomicU32);
+
+impl Wait {
+    const NOTHING: u32 = 0;
+    const BYTES: u32 = 1;
+    /// The processor, since SysTick had this value.
+    const PROCESSOR: u32 = 1 << 31;
+
+    pub(crate) const fn new() -> Self {
+        Self(AtomicU32::new(Self::NOTHING))
+    }
+
+    /// The task begins to read.
+    pub(crate) fn begin(&self) {
+        self.0.store(Self::BYTES, Ordering::Relaxed);
+    }
+
+    /// Bytes are there.
+    pub(crate) fn woken(&self) {
+        if self.0.load(Ordering::Relaxed) == Self::BYTES {
+            self.0.store(Self::PROCESSOR | SYST::get_current(), Ordering::Relaxed);
+        }
+    }
+
+    /// The task of `line` has read.
+    pub(crate) fn end(&self, line: usize) {
+        let since = self.0.load(Ordering::Relaxed);
+        self.0.store(Self::NOTHING, Ordering::Relaxed);
+        if line == WATCHED && since & Self::PROCESSOR != 0 {
+            let waited = since.wrapping_sub(SYST::get_current()) & ROUND;
+            add(&WAITED, waited);
+            add(&WAITS, 1);
+            LONGEST.store(waited.max(LONGEST.load(Ordering::Relaxed)), Ordering::Relaxed);
+        }
+    }
+}
+
 /// The most that the stack has ever held, in bytes.
 fn stack_bytes() -> usize {
     unsafe extern "C" {
@@ -101,13 +145,14 @@ fn stack_bytes() -> usize {
     top.addr() - at.addr()
 }
 
-/// Answers each byte on `line` with a line of figures, for ever: `b` asks for the ticks, `m` for memory.
+/// Answers each byte on `line` with a line of figures, for ever: `b` asks for the ticks, `w` for waits since the last `w`, `m`
+/// for memory.
 pub(crate) async fn report(mut line: Line, sockets: &'static Sockets) {
     let mut asked = [0; 1];
     loop {
         let Ok(_) = line.read(&mut asked).await;
         let mut text = String::<64>::new();
-        // It has room for two numbers.
+        // It has room for three numbers.
         let _ = match asked {
             [b'b'] => {
                 // Up to this moment, in which the processor is awake.
@@ -115,6 +160,11 @@ pub(crate) async fn report(mut line: Line, sockets: &'static Sockets) {
                 let gateway =
                     TASKS.load(Ordering::Relaxed).wrapping_add(RELAY.load(Ordering::Relaxed)) & ROUND;
                 writeln!(text, "busy {busy} gateway {gateway}")
+            }
+            [b'w'] => {
+                let [waited, waits, longest] =
+                    [&WAITED, &WAITS, &LONGEST].map(|count| count.swap(0, Ordering::Relaxed));
+                writeln!(text, "waited {waited} times {waits} longest {longest}")
             }
             _ => writeln!(text, "stack {} sockets {}", stack_bytes(), sockets.free()),
         };

@@ -18,7 +18,7 @@ use mobgate::port::relay::Relay;
 
 use crate::interrupts::{self, Interrupt};
 use crate::lines;
-use crate::measure;
+use crate::measure::{self, Wait};
 use crate::register::Register;
 use crate::relay::{self, Step};
 use crate::ring::{RING_BYTES, Ring};
@@ -67,6 +67,7 @@ struct Uart {
     received: Ring,
     to_send: Ring,
     arrived: AtomicWaker,
+    wait: Wait,
     room: AtomicWaker,
     /// The longest pause in a frame that is being relayed, in cycles of the timer.
     pause: AtomicU32,
@@ -116,7 +117,7 @@ fn share_timer() {
 
 /// Wakes all at once, so that a busy line does not keep the end of another's frame waiting.
 fn wake_readers() {
-    UARTS.iter().filter(|uart| !uart.received.is_empty()).for_each(|uart| uart.arrived.wake());
+    UARTS.iter().filter(|uart| !uart.received.is_empty()).for_each(Uart::wake_reader);
 }
 
 pub(crate) extern "C" fn on_receive<const N: usize>() {
@@ -128,9 +129,9 @@ pub(crate) extern "C" fn on_receive<const N: usize>() {
             Step::Sent(to, byte) => UARTS[to].send(byte),
             Step::Over => {
                 share_timer();
-                uart.arrived.wake();
+                uart.wake_reader();
             }
-            Step::None if uart.idle.load(Ordering::Relaxed) == 0 => uart.arrived.wake(),
+            Step::None if uart.idle.load(Ordering::Relaxed) == 0 => uart.wake_reader(),
             Step::None if uart.received.len() >= PIECE_BYTES => wake_readers(),
             Step::None => {}
         }
@@ -155,6 +156,7 @@ impl Uart {
             received: Ring::new(),
             to_send: Ring::new(),
             arrived: AtomicWaker::new(),
+            wait: Wait::new(),
             room: AtomicWaker::new(),
             pause: AtomicU32::new(0),
             idle: AtomicU32::new(IDLE_CYCLES),
@@ -184,6 +186,11 @@ impl Uart {
             IDLE_VALUE.write(idle);
             IDLE_CONTROL.write(IDLE_START);
         }
+    }
+
+    fn wake_reader(&self) {
+        self.wait.woken();
+        self.arrived.wake();
     }
 
     /// Gives the transmitter what it takes. By the interrupt, or with interrupts masked.
@@ -322,7 +329,8 @@ impl ErrorType for Line {
 
 impl Read for Line {
     async fn read(&mut self, into: &mut [u8]) -> Result<usize, Infallible> {
-        poll_fn(|context| {
+        self.uart().wait.begin();
+        let read = poll_fn(|context| {
             self.uart().arrived.register(context.waker());
             if relay::is_running(self.0) {
                 return Poll::Pending;
@@ -332,7 +340,9 @@ impl Read for Line {
                 count => Poll::Ready(Ok(count)),
             }
         })
-        .await
+        .await;
+        self.uart().wait.end(self.0);
+        read
     }
 }
 

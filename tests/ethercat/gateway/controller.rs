@@ -1,6 +1,6 @@
-//! A controller that is not there, comes, and goes, as the gateway's port shows it.
+//! A controller that is not there, comes, and goes, as the gateway's port shows it; and what is read of it, as the port is set.
 
-use embassy_time::Duration;
+use embassy_time::{Duration, Timer};
 use embedded_hal_async::digital::Wait;
 use mobgate::ethercat::device::Device;
 use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
@@ -50,5 +50,44 @@ fn the_port_says_that_no_controller_answers_and_works_when_one_does() {
         lan9252.set_timing(Timing::USUAL);
         world.run_for(Duration::from_secs(2));
         assert_eq!((place.controller(), port()), (Controller::Present, Status::Open));
+    });
+}
+
+#[test]
+fn outputs_are_proved_from_the_setting_on_while_process_data_go_on() {
+    /// A read of 120 bytes: address and length, the FIFO's level, the bytes, and the proof that all came.
+    const READ_BYTES: u64 = 152;
+    const CYCLES: u64 = 50;
+    with_gateway(1, SETTINGS, |world, rig| {
+        let place = rig.gateway.ethercat().unwrap();
+        let line = line_of(&GATEWAY);
+        let lan9252 = Lan9252::new(line.borrow().chip(0), Timing::USUAL);
+        let driver = Driver::new(lan9252.spi(), Wiring::default());
+        let mut interrupt = lan9252.interrupt();
+        world.spawn(async move {
+            serve(place, driver, async || interrupt.wait_for_high().await.unwrap()).await;
+        });
+        // Until the controller is found.
+        world.run_for(Duration::from_secs(2));
+        with_master(world, cable(line.clone()), async |desk| {
+            let group = desk.to_pre_op().await.unwrap();
+            let group = desk.to_op(group, 0).await.unwrap();
+            // Its arrival there is told.
+            Timer::after_millis(1).await;
+            let mut cost = Vec::new();
+            for words in ["", "prove-outputs", "no-prove-outputs"] {
+                rig.console(&format!("edit port ecat {words} on-loss hold")).unwrap();
+                lan9252.take_traffic();
+                for _ in 0..CYCLES {
+                    let seen = group.tx_rx(desk.master).await.unwrap();
+                    assert!(seen.all_op() && seen.working_counter == 3, "{words}: {seen:?}");
+                    Timer::after_millis(1).await;
+                }
+                cost.push(lan9252.take_traffic().bytes / CYCLES);
+            }
+            let [once, proved, once_again] = cost[..] else { unreachable!() };
+            assert!(proved.abs_diff(once + READ_BYTES) <= 1, "{once} bytes, then {proved}");
+            assert!(once.abs_diff(once_again) <= 1, "{once} bytes, at the end {once_again}");
+        });
     });
 }

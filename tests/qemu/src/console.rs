@@ -84,6 +84,12 @@ impl Figures {
         (told[1], told[3])
     }
 
+    /// How long the task of UART 1 waited for the processor since this was last asked, in ticks: in all, how often, at most.
+    pub fn waits(&mut self) -> [u32; 3] {
+        let told = self.ask(b'w');
+        [told[1], told[3], told[5]]
+    }
+
     /// The most bytes that the stack has held.
     pub fn stack_bytes(&mut self) -> u32 {
         self.ask(b'm')[1]

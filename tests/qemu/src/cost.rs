@@ -20,7 +20,7 @@ const TRIALS: usize = 21;
 /// Time after which nothing happens any more.
 const SETTLED: Duration = Duration::from_millis(60);
 /// A tick is 40 ns, an instruction 64 ns.
-const INSTRUCTIONS_PER_TICK: f64 = 40.0 / 64.0;
+pub(crate) const INSTRUCTIONS_PER_TICK: f64 = 40.0 / 64.0;
 /// Most instructions for a byte that is passed on.
 const PER_BYTE_MAX: f64 = 60.0;
 /// Time of a character at 2400 baud, where this host keeps up with it, and a long frame takes much longer than the jitter of
@@ -30,15 +30,6 @@ const CHARACTER: Duration = Duration::from_micros(4_583);
 const FEW_REGISTERS: u8 = 20;
 const MANY_REGISTERS: u8 = 120;
 const BYTE_TRIALS: usize = 9;
-/// The processors of the STM32 boards, which do an instruction in a cycle or so.
-const CHIPS: [(&str, f64); 3] = [("h743", 400e6), ("f767", 216e6), ("f429", 168e6)];
-/// A line of 19200 baud has a read of ten registers in each of these, and a board so many lines more.
-const PERIOD_SECONDS: f64 = 0.023_92;
-const OTHER_LINES: f64 = 3.0;
-/// Times that a line needs the processor in each of these: a request comes, it leaves, its answer comes, that leaves.
-const NEEDS: f64 = 4.0;
-/// Most that those may shift it, in percent.
-const SHIFT_MAX: f64 = 1.0;
 /// The board's counts of ticks come round.
 const TICKS_ROUND: u32 = 1 << 24;
 
@@ -58,8 +49,8 @@ pub fn sizes() {
     figure("qemu_image_ram", data + bss, "bytes", Target::AtMost(budget("image_ram")));
 }
 
-/// Prints the instructions of a transaction and of a byte that is passed on.
-pub fn instructions(folder: &Path) {
+/// Prints the instructions of a transaction and of a byte that is passed on; gives those of a transaction.
+pub fn instructions(folder: &Path) -> f64 {
     let machine = Machine::start(folder, Options { counts_instructions: true, ..Options::default() });
     let bus = Bus::new([1, 2]);
     machine.wire(1, &bus);
@@ -68,23 +59,10 @@ pub fn instructions(folder: &Path) {
     let transaction = typical(&mut figures, TRIALS, || drop(client.read(1, 0, 10)));
     let target = Target::AtMost(GROWTH * budget("transaction_instructions"));
     figure("qemu_transaction_instructions", transaction.all, "instructions", target);
-    other_ports(transaction.all);
     passed_on(&machine, &mut figures);
     let most = Target::AtMost(budget("stack"));
     figure("qemu_stack_icount", f64::from(figures.stack_bytes()), "bytes", most);
-}
-
-/// How far the other lines of a board shift a line's time, when each of them is as busy: where the line needs the processor and
-/// another line has it, the line waits for half of a transaction's work on the average, even if all of that were done at a stretch.
-fn other_ports(instructions: f64) {
-    for (chip, clock_hz) in CHIPS {
-        let work = instructions / clock_hz;
-        let share = OTHER_LINES * work / PERIOD_SECONDS;
-        let shift = NEEDS * share * (work / 2.0) / PERIOD_SECONDS;
-        figure(&format!("other_ports_shift_{chip}"), 100.0 * shift, "%", Target::AtMost(SHIFT_MAX));
-        // If all that is done for them fell into the line's way.
-        figure(&format!("other_ports_work_{chip}"), 100.0 * share, "%", Target::None);
-    }
+    transaction.all
 }
 
 /// Writes and reads of many registers and of few, from line to line, while they arrive.

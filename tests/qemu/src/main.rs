@@ -4,7 +4,7 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use mobgate_qemu::{Bus, Machine, Options, cost, soak};
+use mobgate_qemu::{Bus, Machine, Options, cost, shift, soak};
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -14,7 +14,8 @@ fn main() -> ExitCode {
         [] => demonstrate(folder.path()),
         ["figures"] => {
             cost::sizes();
-            cost::instructions(folder.path());
+            let instructions = cost::instructions(folder.path());
+            shift::figures(folder.path(), instructions);
         }
         ["soak", count] if count.parse::<u64>().is_ok() => {
             soak::run(folder.path(), count.parse().unwrap_or_default());

@@ -26,7 +26,8 @@ pub use faulty::{BusFaults, Counted, Counts, Faulty};
 #[cfg(feature = "masters")]
 // As above.
 pub use start::{
-    Desk, Exchanged, Group, StartUp, at_cable, cable, exchange_images, spi_traffic, start_up, with_master,
+    Desk, Exchanged, Group, SpiCost, StartUp, at_cable, cable, exchange_images, spi_traffic, start_up,
+    with_master,
 };
 
 /// A line with one chip whose EEPROM says what `device` is.

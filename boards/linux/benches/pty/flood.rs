@@ -40,7 +40,7 @@ const SETTLE: Duration = Duration::from_millis(200);
 
 /// A flood, by what its requests get.
 #[derive(Clone, Copy)]
-enum Kind {
+pub(crate) enum Kind {
     /// One request, again and again: a unit, and a PDU.
     Asks(u8, [u8; 5]),
     /// A connection that is opened and gets these bytes, of which the server closes it; without bytes the client does.
@@ -50,7 +50,7 @@ enum Kind {
 const READ: [u8; 5] = [3, 0, 0, 0, 10];
 const WRITE: [u8; 5] = [6, 0, 0, 0, 10];
 
-const KINDS: [(&str, Kind); 8] = [
+pub(crate) const KINDS: [(&str, Kind); 8] = [
     ("queue_full_06", Kind::Asks(1, READ)),
     ("forbidden_01", Kind::Asks(20, WRITE)),
     ("bad_address_02", Kind::Asks(21, READ)),
@@ -232,21 +232,26 @@ struct Second {
     refused: f64,
 }
 
+/// Of a gateway with a line whose units answer or not within `timeout`, and one with a unit 30 that never answers. `{port}` is the TCP
+/// server's.
+pub(crate) fn settings(line: &Line, silent: &Line, baud: u32, timeout: &str) -> String {
+    format!(
+        "port P502 tcp server {{port}} clients 250\n\
+         port P1 serial {} rtu client {baud} 8N2 timeout {timeout} late-window 100ms\n\
+         port P2 serial {} rtu client {baud} 8N2 timeout 50ms down-after 1\n\
+         route P502 1-8 * * P1\n\
+         route P502 20 * * P1 readonly\n\
+         route P502 21 * * P1 addresses 10000-20000\n\
+         route P502 30 * * P2\n",
+        line.device(),
+        silent.device()
+    )
+}
+
 impl Gateway {
     fn start(device: Device) -> Self {
         let (line, silent) = (Line::with(device), Line::with(Device { dead: Some(30), ..device }));
-        let baud = device.pace.baud;
-        let program = Program::configured(&format!(
-            "port P502 tcp server {{port}} clients 250\n\
-             port P1 serial {} rtu client {baud} 8N2 timeout 500ms\n\
-             port P2 serial {} rtu client {baud} 8N2 timeout 50ms down-after 1\n\
-             route P502 1-8 * * P1\n\
-             route P502 20 * * P1 readonly\n\
-             route P502 21 * * P1 addresses 10000-20000\n\
-             route P502 30 * * P2\n",
-            line.device(),
-            silent.device()
-        ));
+        let program = Program::configured(&settings(&line, &silent, device.pace.baud, "500ms"));
         wait_for("the lines", || (program.log().matches("is open").count() == 2).then_some(()));
         let clients = (0..CLIENTS).map(|_| Client::connect(program.port).unwrap()).collect();
         Self { line, _silent: silent, program, clients }

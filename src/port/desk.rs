@@ -20,7 +20,7 @@ use core::cell::{Cell, RefCell, RefMut};
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
 use crate::config::{PortId, PortKind, SerialSettings};

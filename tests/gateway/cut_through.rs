@@ -260,7 +260,7 @@ fn a_unit_that_is_down_is_refused_though_its_request_was_passed_on_early() {
 fn an_answer_that_pauses_is_heard_to_its_end_where_reads_are_late() {
     let late_reads = Duration::from_micros(300);
     let size = Size { late_reads, ..Size::default() };
-    for (down, registers) in [(9_600, 4), (38_400, 4)] {
+    for (down, registers) in [(9_600, 4), (38_400, 4), (115_200, 1)] {
         let settings = format!(
             "port S serial up rtu server 38400\nport C serial down rtu client {down} timeout 50ms retries 0\n\
              port T tcp server 502\nroute S * * * C cut on\nroute T * * * C\n"

@@ -20,7 +20,7 @@ const TRANSACTIONS: u32 = 150;
 /// Worlds of a plain `cargo test`.
 const WORLDS: u64 = 60;
 /// Of all requests, damaged ones included, in per cent.
-const GOOD_MIN: f64 = 50.0;
+const GOOD_MIN: f64 = 70.0;
 /// On some boards.
 const LATE_READS: Duration = Duration::from_micros(300);
 

@@ -117,6 +117,10 @@ fn draw_device(random: &mut Random, unit: u8, rtu: bool, strays: bool) -> Device
         let fault = faults_all[random.index(faults_all.len())];
         faults = faults.with(When::Chance(random.index(30) as f64 / 100.0), fault);
     }
+    // Many devices refuse diagnostics.
+    if random.chance(0.3) {
+        faults = faults.with(When::Function(8), Fault::Exception(1));
+    }
     let turnaround = Duration::from_micros(random.within(0..=20_000));
     Device::new(unit).with_fresh(FRESH).with_turnaround(turnaround).with_faults(faults)
 }

@@ -104,6 +104,10 @@ fn connect_devices<'w>(world: &World<'w>, rig: &Rig<'w>, line: &str, random: &mu
                 let fault = draw_fault(random, strays);
                 faults = faults.with(When::Chance(random.index(40) as f64 / 100.0), fault);
             }
+            // Many devices refuse diagnostics.
+            if random.chance(0.3) {
+                faults = faults.with(When::Function(8), Fault::Exception(1));
+            }
             let turnaround = Duration::from_micros(random.within(0..=20_000));
             Device::new(unit).with_fresh(FRESH).with_turnaround(turnaround).with_faults(faults)
         })

@@ -165,9 +165,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                 self.line.active = self.line.active.max(Instant::now());
             }
             let over = match has_begun {
-                // The board watches the silence, and lets us read when it has come.
-                true if self.line.is_relayed() => end,
-                true => end.min(self.line.active + self.silence),
+                true => end.min(self.line.quiet_at(self.silence)),
                 false => deadline,
             };
             found = match select(self.line.read(), until(over.min(reply.due()))).await {

@@ -59,7 +59,7 @@ impl Units<'_> {
         };
         let (shape, asked) = (Shape::of_request(request), as_read(request));
         let known = || reads.into_iter().filter(|read| *read != NO_READ);
-        let answers_nothing = known().next().or(asked).is_none() && tried >= IGNORED_MAX;
+        let answers_nothing = known().next().or(asked).is_none() && tried >= TRIED_MAX;
         let most = if answers_diagnostics { IGNORED_RETRY } else { IGNORED_MAX };
         let diagnostic = ignored < most && !answers_nothing;
         // What is asked for anyway does no harm.

@@ -181,6 +181,10 @@ impl<'s, L: SerialLine> Bus<'s, L> {
             };
         };
         self.line.clear();
+        if outcome.is_err() {
+            // What came damaged may have met the end of the request. A good response has not: behind a PTY it may be early.
+            self.line.active = self.line.active.max(sent);
+        }
         Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
     }
 

@@ -165,9 +165,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                 self.line.active = self.line.active.max(Instant::now());
             }
             let over = match has_begun {
-                // The board watches the silence, and lets us read when it has come.
-                true if self.line.is_relayed() => end,
-                true => end.min(self.line.active + self.silence),
+                true => end.min(self.line.quiet_at(self.silence)),
                 false => deadline,
             };
             found = match select(self.line.read(), until(over.min(reply.due()))).await {
@@ -183,6 +181,10 @@ impl<'s, L: SerialLine> Bus<'s, L> {
             };
         };
         self.line.clear();
+        if outcome.is_err() {
+            // What came damaged may have met the end of the request. A good response has not: behind a PTY it may be early.
+            self.line.active = self.line.active.max(sent);
+        }
         Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
     }
 

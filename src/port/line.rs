@@ -137,6 +137,12 @@ impl<'s, L: SerialLine> Line<'s, L> {
         self.active + self.settings.gap()
     }
 
+    /// When a `silence` may have told that nothing more comes: while the board passes on what comes, that is to be looked for again.
+    pub(crate) fn quiet_at(&self, silence: Duration) -> Instant {
+        let since = if self.is_relayed() { self.active.max(Instant::now()) } else { self.active };
+        since + silence
+    }
+
     /// Reads what is there behind what was heard already.
     pub(crate) async fn read(&mut self) -> Result<(), LineLost> {
         if self.length >= rtu::FRAME_BYTES_MAX {
@@ -233,7 +239,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
     }
 
     /// Whether the board is sending at another line what this one hears: then it watches the silence here, and `read` gives
-    /// what has come when that is over.
+    /// what has come when that is over, if anything has.
     pub(crate) fn is_relayed(&self) -> bool {
         self.io.is_relayed()
     }

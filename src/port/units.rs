@@ -33,10 +33,13 @@ pub const PROBE_LONGEST: Duration = Duration::from_secs(30);
 /// How long reads are not joined that ask a unit which did not take that.
 pub const JOIN_PAUSE: Duration = Duration::from_secs(60);
 
-/// Proofs by function 8 without an answer behind which other requests were answered, until the unit is known to ignore them.
-const IGNORED_MAX: u8 = 3;
+/// Proofs by function 8 without an answer behind which other requests were answered, until the unit is known to ignore them. Answers
+/// get lost, and late ones often several in a row: they meet the requests that are sent meanwhile.
+const IGNORED_MAX: u8 = 8;
+/// Proofs of any kind without an answer, until a unit that has never answered a read is not asked by them any more.
+const TRIED_MAX: u8 = 3;
 /// So many if it has answered one before; and after so many it is tried again all the same, where nothing else proves anything.
-const IGNORED_RETRY: u8 = 16;
+const IGNORED_RETRY: u8 = 21;
 /// How long a unit has at least to send what is to come behind a late answer.
 const LATE_PAUSE: Duration = Duration::from_millis(100);
 /// Late answers in a row after which a unit is slower than its time-out.

@@ -260,7 +260,7 @@ fn a_unit_that_is_down_is_refused_though_its_request_was_passed_on_early() {
 fn an_answer_that_pauses_is_heard_to_its_end_where_reads_are_late() {
     let late_reads = Duration::from_micros(300);
     let size = Size { late_reads, ..Size::default() };
-    for (down, registers) in [(9_600, 4), (38_400, 4)] {
+    for (down, registers) in [(9_600, 4), (38_400, 4), (115_200, 1)] {
         let settings = format!(
             "port S serial up rtu server 38400\nport C serial down rtu client {down} timeout 50ms retries 0\n\
              port T tcp server 502\nroute S * * * C cut on\nroute T * * * C\n"
@@ -288,6 +288,46 @@ fn an_answer_that_pauses_is_heard_to_its_end_where_reads_are_late() {
             let end = (rig.end("down"), Framing::Rtu);
             let hasty = rig.wire("down").hasty_frames(end, late_reads, Duration::from_ticks(0));
             assert_eq!(hasty, [], "{down}: requests in an answer that pauses");
+        });
+    }
+}
+
+#[test]
+fn a_frame_that_breaks_off_while_it_is_passed_on_holds_up_nobody() {
+    for (up, down) in [(9_600, 38_400), (38_400, 9_600)] {
+        let settings = format!(
+            "port S serial up rtu server {up}\nport C serial down rtu client {down} timeout 50ms retries 0\n\
+             port T tcp server 502\nroute S * * * C cut on\nroute T * * * C\n"
+        );
+        rig::with_gateway(1, &settings, |world, rig| {
+            let device = Device::new(5);
+            rig.attach(world, "down", [device.clone(), Device::new(6)]);
+            let (mut master, mut client) = (rig.master("up"), rig.client(machine(1), 502));
+            let mut is_free = |world: &mut World<'_>, what: &str, length| {
+                let asked = Instant::now();
+                assert_eq!(world.run_until(client.request(6, &READ)), Answer::Pdu(vec![3, 2, 6, 7]));
+                let took = asked.elapsed();
+                assert!(
+                    took < Duration::from_millis(150),
+                    "{length} bytes of {what} from {up} to {down}: {took}"
+                );
+                world.run_for(Duration::from_secs(1));
+            };
+            let request = rtu::frame(5, &[16, 0, 7, 0, 4, 8, 1, 2, 3, 4, 5, 6, 7, 8]);
+            for length in 1..request.len() {
+                world.run_until(master.send_bytes(&request[..length]));
+                is_free(world, "a request", length);
+            }
+            for length in 1..13 {
+                // What follows a damaged answer is not passed on.
+                device.set_faults(Faults::none());
+                world.run_until(master.request(5, &READ));
+                world.run_for(Duration::from_millis(100));
+                device.set_faults(Faults::new(1).with(When::Always, Fault::CutTo(length)));
+                world.run_until(master.send(5, &[3, 0, 7, 0, 4]));
+                is_free(world, "an answer", length);
+            }
+            assert!(counts(rig, "S")[0] > 0 && counts(rig, "C")[0] > 0);
         });
     }
 }

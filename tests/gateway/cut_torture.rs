@@ -10,6 +10,7 @@ use mobgate_simulator::device::Fresh;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::random::each_seed;
 use mobgate_simulator::rig::{Size, machine};
+use mobgate_simulator::share::Share;
 use mobgate_simulator::wire::WireFrame;
 use mobgate_simulator::{Device, Fault, Faults, Master, Random, framing, rig};
 
@@ -18,6 +19,8 @@ const FRESH: u8 = 100;
 const TRANSACTIONS: u32 = 150;
 /// Worlds of a plain `cargo test`.
 const WORLDS: u64 = 60;
+/// Of all requests, damaged ones included, in per cent.
+const GOOD_MIN: f64 = 70.0;
 /// On some boards.
 const LATE_READS: Duration = Duration::from_micros(300);
 
@@ -58,23 +61,25 @@ impl Line {
     }
 }
 
-fn faults(seed: u64) -> Faults {
-    let late = Fault::Late(Duration::from_millis(1), Duration::from_millis(60));
+/// Answers go astray in some worlds and are late without a bound in the others: a stray one is the late one of another for all that
+/// anybody can tell.
+fn faults(random: &mut Random) -> Faults {
+    let late = if random.chance(0.25) { Fault::WrongUnit } else { Fault::draw_late(random) };
     let kinds = [
         late,
         Fault::Dead,
+        Fault::Unheard,
         Fault::BadCrc,
         Fault::FlippedBit,
         Fault::LostByte,
         Fault::Truncated,
-        Fault::WrongUnit,
         Fault::WrongFunction,
         Fault::WrongLength,
         Fault::NoiseAfter(3),
         Fault::GapInside(PAUSE),
         Fault::Exception(4),
     ];
-    kinds.into_iter().fold(Faults::new(seed), |faults, fault| faults.with(When::Chance(0.02), fault))
+    kinds.into_iter().fold(Faults::new(random.bits()), |faults, fault| faults.with(When::Chance(0.02), fault))
 }
 
 /// One transaction of a master that speaks `format`, with a request that is sometimes damaged; an ASCII one may pause.
@@ -146,8 +151,9 @@ fn world(seed: u64) -> (u32, Outcome) {
     );
     let case = format!("seed {seed}, {up:?} to {down:?}{policy}, reads late by {late_reads:?}");
     rig::with_gateway_of(Size { late_reads, ..Size::default() }, seed, &settings, |world, rig| {
+        let faults = faults(&mut random);
         let devices =
-            [1, 2].map(|unit| Device::new(unit).with_fresh(u16::from(FRESH)).with_faults(faults(seed)));
+            [1, 2].map(|unit| Device::new(unit).with_fresh(u16::from(FRESH)).with_faults(faults.clone()));
         rig.attach(world, "down", devices.clone());
         let mut master = rig.master("up").with_patience(answer_within + GRACE);
         if random.index(2) == 0 {
@@ -187,21 +193,20 @@ fn world(seed: u64) -> (u32, Outcome) {
 fn no_answer_is_the_wrong_one_whatever_happens_to_frames_on_their_way() {
     let mut total = Outcome::default();
     let (mut passed, mut all) = (0, 0);
+    let share = Share::default();
     each_seed(WORLDS, |seed| {
         let (cut, outcome) = world(seed);
         all += TRANSACTIONS;
         passed += cut;
-        total.good += outcome.good;
+        share.add(outcome.good, TRANSACTIONS);
         total.refused += outcome.refused;
         total.silent += outcome.silent;
         total.damaged += outcome.damaged;
     });
-    // The assertion below says whether that is enough.
-    println!("figure cut_torture_good {:.2} % >=50 ok", 100.0 * f64::from(total.good) / f64::from(all));
+    share.demand("cut_torture_good", GOOD_MIN);
     // One world may be a bad one.
     if all > 10 * TRANSACTIONS {
         assert!(passed > all / 2, "{passed} frames were passed on while they arrived");
-        assert!(total.good > all / 2, "{} good answers of {all}", total.good);
         assert!(
             total.refused > 0 && total.silent > 0 && total.damaged > 0,
             "every kind of bad day was there"

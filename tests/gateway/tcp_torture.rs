@@ -35,9 +35,7 @@ fn random_tcp_devices_keep_no_answer_from_its_asker() {
 fn live(seed: u64, share: &Share) {
     let mut random = Random::new(seed);
     let rtu = random.chance(0.3);
-    // RTU does not tell a late answer from the next one: it must come while the unit is left alone.
-    let framing =
-        if rtu { "rtu late-window 100ms".to_owned() } else { format!("in-flight {}", random.within(1..=16)) };
+    let framing = if rtu { "rtu".to_owned() } else { format!("in-flight {}", random.within(1..=16)) };
     let settings = format!(
         "port plc tcp client {SERVER} {framing} timeout {}ms retries {} down-after {} connect-timeout 500ms \
              connect-delay {}ms request-delay {}ms idle {}
@@ -51,7 +49,9 @@ fn live(seed: u64, share: &Share) {
         ["0", "1s", "60s"][random.index(3)],
     );
     with_gateway(seed, &settings, |world, rig| {
-        let devices: Vec<Device> = (1..=DEVICES).map(|unit| draw_device(&mut random, unit, rtu)).collect();
+        let strays = random.chance(0.25);
+        let devices: Vec<Device> =
+            (1..=DEVICES).map(|unit| draw_device(&mut random, unit, rtu, strays)).collect();
         rig.network.set_path(SERVER.parse().unwrap(), draw_path(&mut random));
         match rtu {
             true => rig.attach_rtu_over_tcp(world, SERVER, devices.clone()),
@@ -79,16 +79,16 @@ fn live(seed: u64, share: &Share) {
     });
 }
 
-fn draw_device(random: &mut Random, unit: u8, rtu: bool) -> Device {
+/// By RTU, answers go astray or are late without a bound: a stray one is the late one of another for all that anybody can tell.
+fn draw_device(random: &mut Random, unit: u8, rtu: bool, strays: bool) -> Device {
     let mut faults = Faults::new(random.bits());
-    let mut is_late = false;
     for _ in 0..random.index(4) {
-        let late = Fault::Late(Duration::from_millis(10), Duration::from_millis(if rtu { 60 } else { 600 }));
+        let late = if rtu && strays { Fault::WrongUnit } else { Fault::draw_late(random) };
         let common = [
             Fault::Dead,
+            Fault::Unheard,
             late,
             late,
-            Fault::WrongUnit,
             Fault::WrongFunction,
             Fault::WrongLength,
             Fault::Exception(6),
@@ -105,19 +105,21 @@ fn draw_device(random: &mut Random, unit: u8, rtu: bool) -> Device {
                 Fault::NoiseBefore(3),
                 Fault::NoiseAfter(3),
             ],
-            false => {
-                [Fault::WrongTransaction, Fault::Half, Fault::Twice(Duration::from_millis(3)), late, late]
-            }
+            false => [
+                Fault::WrongTransaction,
+                Fault::WrongUnit,
+                Fault::Half,
+                Fault::Twice(Duration::from_millis(3)),
+                late,
+            ],
         };
         let faults_all = [&common[..], &only[..]].concat();
         let fault = faults_all[random.index(faults_all.len())];
-        // Two of them would add up to more than that; and a late one with another's unit id is the other's answer for all
-        // that anybody can tell.
-        let alone = fault == late || fault == Fault::WrongUnit;
-        if rtu && alone && std::mem::replace(&mut is_late, true) {
-            continue;
-        }
         faults = faults.with(When::Chance(random.index(30) as f64 / 100.0), fault);
+    }
+    // Many devices refuse diagnostics.
+    if random.chance(0.3) {
+        faults = faults.with(When::Function(8), Fault::Exception(1));
     }
     let turnaround = Duration::from_micros(random.within(0..=20_000));
     Device::new(unit).with_fresh(FRESH).with_turnaround(turnaround).with_faults(faults)

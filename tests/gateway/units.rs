@@ -1,10 +1,10 @@
 //! The health of units: late-reply window, down, probes.
 
 use embassy_time::{Duration, Instant};
-use mobgate::config::{PORTS_MAX, PortId};
+use mobgate::config::{PORTS_MAX, PortId, Proof};
 use mobgate::port::outstanding::Purpose;
 use mobgate::port::queue::Ready;
-use mobgate::port::units::{ALL_UNITS_MAX, AllUnits, Gate, PROBE_LONGEST, UNITS_MAX, Units};
+use mobgate::port::units::{ALL_UNITS_MAX, AllUnits, Care, Gate, PROBE_LONGEST, Step, UNITS_MAX, Units};
 use mobgate::stats::Event;
 
 const WINDOW: Duration = Duration::from_secs(1);
@@ -151,4 +151,35 @@ fn the_units_of_one_port_do_not_take_the_places_of_another() {
     all.of(few).asked(9);
     assert_eq!(ids(&mut all, few), [9]);
     assert!(all.of(PortId(0)).iter().all(|unit| unit.id > 200), "the newest ones are known, and no more");
+}
+
+#[test]
+fn a_unit_ignores_function_8_when_many_proofs_in_a_row_are_lost_and_not_before() {
+    const READ: [u8; 5] = [3, 0, 0, 0, 1];
+    const OTHER: [u8; 5] = [4, 0, 0, 0, 1];
+    let (mut all, port) = (AllUnits::new(), PortId(0));
+    let mut units = all.of(port);
+    let care = Care { proof: Proof::Auto, late_window: WINDOW };
+    let now = Instant::from_secs(10);
+    let mut proofs = 0;
+    loop {
+        units.sent(5, &READ, Purpose::Request);
+        units.timed_out(5, now, 0);
+        // A proof by a read goes in turn with one by function 8.
+        let mut purpose = Purpose::Read;
+        while purpose != Purpose::Diagnostic {
+            let step = units.step(5, &READ, &care, now);
+            let Step::Prove(request, by) = step else {
+                assert_eq!(step, Step::Wait);
+                assert_eq!(proofs, 8, "time is the last thing to rely on");
+                return;
+            };
+            units.sent(5, &request, by);
+            units.not_proved(5, now, 0);
+            purpose = by;
+        }
+        proofs += 1;
+        units.sent(5, &OTHER, Purpose::Request);
+        assert_eq!(units.heard(5, &[4, 2, 0, 7], true, now), Ok(()));
+    }
 }

@@ -15,6 +15,8 @@ static RUNNING: AtomicUsize = AtomicUsize::new(NONE);
 /// The UARTs from and to which the relay leads that was begun and not ended.
 static FROM: AtomicUsize = AtomicUsize::new(NONE);
 static TO: AtomicUsize = AtomicUsize::new(NONE);
+/// The UART whose relay broke off, while nothing has come since.
+static SILENT: AtomicUsize = AtomicUsize::new(NONE);
 static RELAY: Mutex<Cell<Relay>> = Mutex::new(Cell::new(Relay::OVER));
 
 /// What becomes of a character.
@@ -46,7 +48,7 @@ pub(crate) fn end(to: usize) -> Option<Relay> {
         if TO.load(Ordering::Relaxed) != to {
             return None;
         }
-        [&RUNNING, &FROM, &TO].into_iter().for_each(|place| place.store(NONE, Ordering::Relaxed));
+        [&RUNNING, &FROM, &TO, &SILENT].into_iter().for_each(|place| place.store(NONE, Ordering::Relaxed));
         Some(RELAY.borrow(section).get())
     })
 }
@@ -55,6 +57,9 @@ pub(crate) fn end(to: usize) -> Option<Relay> {
 #[inline]
 pub(crate) fn step(section: CriticalSection, from: usize, byte: u8) -> Step {
     if RUNNING.load(Ordering::Relaxed) != from {
+        if SILENT.load(Ordering::Relaxed) == from {
+            SILENT.store(NONE, Ordering::Relaxed);
+        }
         return Step::None;
     }
     let place = RELAY.borrow(section);
@@ -64,7 +69,7 @@ pub(crate) fn step(section: CriticalSection, from: usize, byte: u8) -> Step {
     match sent {
         Some(byte) => Step::Sent(TO.load(Ordering::Relaxed), byte),
         None => {
-            break_off();
+            RUNNING.store(NONE, Ordering::Relaxed);
             Step::Over
         }
     }
@@ -72,7 +77,11 @@ pub(crate) fn step(section: CriticalSection, from: usize, byte: u8) -> Step {
 
 /// Nothing has come for too long.
 pub(crate) fn break_off() {
-    RUNNING.store(NONE, Ordering::Relaxed);
+    let from = RUNNING.load(Ordering::Relaxed);
+    if from != NONE {
+        SILENT.store(from, Ordering::Relaxed);
+        RUNNING.store(NONE, Ordering::Relaxed);
+    }
 }
 
 /// Whether the characters of UART `from` are being relayed.
@@ -85,9 +94,40 @@ pub(crate) fn is_begun(from: usize) -> bool {
     FROM.load(Ordering::Relaxed) == from
 }
 
-/// Whether the relay of UART `from` was broken off.
-pub(crate) fn is_broken(from: usize) -> bool {
-    is_begun(from)
-        && !is_running(from)
-        && critical_section::with(|section| !RELAY.borrow(section).get().is_over())
+/// Whether the relay of UART `from` was broken off and not ended, and nothing has come there since.
+pub(crate) fn is_silent(from: usize) -> bool {
+    SILENT.load(Ordering::Relaxed) == from
+}
+
+// The board has no tests of its own: those of the emulator include this file.
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn received(from: usize, byte: u8) -> Step {
+        critical_section::with(|section| step(section, from, byte))
+    }
+
+    #[test]
+    fn a_uart_is_silent_from_when_its_relay_breaks_off_until_the_next_character() {
+        assert!(is_free());
+        critical_section::with(|section| begin(section, Relay::new(4, 0), 1, 2));
+        assert!(is_running(1) && is_begun(1) && !is_silent(1));
+        assert!(matches!(received(1, 7), Step::Sent(2, 7)));
+        break_off();
+        // The idle timer runs on, for the other UARTs.
+        break_off();
+        assert!(!is_running(1) && is_begun(1) && is_silent(1));
+        assert!(matches!(received(3, 7), Step::None));
+        assert!(is_silent(1), "another UART has received something");
+        assert!(matches!(received(1, 7), Step::None));
+        assert!(!is_silent(1), "it is not silent any more");
+        assert_eq!(end(2), Some(Relay::new(3, 0)));
+        assert!(is_free());
+
+        critical_section::with(|section| begin(section, Relay::new(1, 0), 1, 2));
+        assert!(matches!(received(1, 7), Step::Over));
+        assert!(!is_silent(1), "it did not break off");
+        assert_eq!(end(2), Some(Relay::OVER));
+    }
 }

@@ -308,7 +308,7 @@ impl SerialLine for Line {
     }
 
     fn silence(&self) -> Duration {
-        let cycles = if relay::is_broken(self.0) { self.uart().pause.load(Ordering::Relaxed) } else { 0 };
+        let cycles = if relay::is_silent(self.0) { self.uart().pause.load(Ordering::Relaxed) } else { 0 };
         Duration::from_ticks(u64::from(cycles) * TICK_HZ / u64::from(CLOCK_HZ))
     }
 

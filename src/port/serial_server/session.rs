@@ -155,13 +155,11 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
     /// When the silence will say something about what has been heard.
     fn quiet_at(&self) -> Instant {
         let waits = match &self.ear {
-            // The board watches the silence, and lets us read when it has come.
-            Ear::Rtu(_) if self.line.is_relayed() => false,
             Ear::Rtu(ear) => ear.needs_silence() || !self.line.heard().is_empty(),
             Ear::Ascii(ear) => ear.in_frame(),
         };
         let silence = self.server.settings.framing.silence(self.line.settings) + self.line.jitter;
-        if waits { self.line.active + silence } else { Instant::MAX }
+        if waits { self.line.quiet_at(silence) } else { Instant::MAX }
     }
 
     /// A frame has come home: the answer that is waited for, a request that gets none, or what is too late.

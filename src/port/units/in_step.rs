@@ -73,7 +73,7 @@ impl Units<'_> {
                 proving = Some(read);
             }
         }
-        let answers_nothing = telling.is_none() && tried >= IGNORED_MAX;
+        let answers_nothing = telling.is_none() && tried >= TRIED_MAX;
         let most = if answers_diagnostics { IGNORED_RETRY } else { IGNORED_MAX };
         let diagnostic = ignored < most && !answers_nothing;
         let other = if diagnostic { settling.or(telling) } else { settling };

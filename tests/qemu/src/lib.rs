@@ -16,6 +16,10 @@ pub mod soak;
 
 #[path = "../../../benches/figures/figure.rs"]
 mod figure;
+// What of the board a host can test.
+#[cfg(test)]
+#[path = "../../../boards/qemu_mps2/src/relay.rs"]
+mod relay;
 
 pub use bus::Bus;
 pub use client::Client;

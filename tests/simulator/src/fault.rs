@@ -62,6 +62,15 @@ pub enum Fault {
     Half,
 }
 
+impl Fault {
+    /// One that makes answers late, without a bound: much or little, in the time-outs of most tests.
+    pub fn draw_late(random: &mut Random) -> Self {
+        let mean = Duration::from_millis(random.within(10..=500));
+        let stall = Self::Hiccup(Duration::from_millis(1), 5 * mean);
+        [Self::Lingers(mean), Self::Lingers(mean), stall][random.index(3)]
+    }
+}
+
 /// Which requests a fault hits. Requests of a device are counted from 1 on.
 #[derive(Debug, Clone, PartialEq)]
 pub enum When {

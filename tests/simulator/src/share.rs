@@ -13,8 +13,13 @@ pub struct Share(Rc<Cell<[u32; 2]>>);
 impl Share {
     /// Counts a request and whether it got its answer.
     pub fn count(&self, good: bool) {
+        self.add(u32::from(good), 1);
+    }
+
+    /// Counts requests, and how many of them got their answer.
+    pub fn add(&self, good: u32, all: u32) {
         let [answered, asked] = self.0.get();
-        self.0.set([answered + u32::from(good), asked + 1]);
+        self.0.set([answered + good, asked + all]);
     }
 
     /// Prints the share as the figure `name`, in per cent.

@@ -55,11 +55,11 @@ impl LineEnd {
         self.wire.0.borrow().ends[self.number].relayed_chars
     }
 
-    /// For how long it had been silent here when the relay broke off, if it has not ended since.
+    /// For how long it has been silent here since the relay broke off, unless something has been read that came later.
     pub(crate) fn silence(&self) -> Duration {
         let bus = self.wire.0.borrow();
         let end = &bus.ends[self.number];
-        let broken = end.relayed.as_ref().filter(|relayed| relayed.is_broken);
+        let broken = end.relayed.as_ref().filter(|relayed| relayed.is_broken && end.next <= relayed.next);
         broken.map_or(Duration::from_ticks(0), |broken| Duration::from_nanos(now_ns() - broken.heard_ns))
     }
 

@@ -249,5 +249,8 @@ fn a_line_is_relayed_until_what_came_is_read() {
         // Ready when the silence has been longer than t1.5.
         assert_eq!(source.read(&mut read).await.unwrap(), 2);
         assert!(source.silence() > Duration::from_micros(1_718) && !source.is_relayed());
+        device.write_all(&[3]).await.unwrap();
+        assert_eq!(source.read(&mut read).await.unwrap(), 1);
+        assert_eq!(source.silence(), Duration::from_ticks(0), "what came later has ended it");
     });
 }

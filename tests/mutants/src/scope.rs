@@ -7,10 +7,12 @@ pub(crate) const PATHS: &[&str] = &[
     // Rules.
     "src/route.rs",
     "src/route",
+    "src/config/review.rs",
     "src/routing",
     // What is asked next, and what an answer proves.
     "src/port/queue.rs",
     "src/port/units.rs",
+    "src/port/units",
     "src/port/desk.rs",
     "src/port/desk",
     "src/port/outstanding.rs",

@@ -283,8 +283,15 @@ impl<'g> Desk<'g> {
 
     /// What is to be sent for `order`: its request, or what has to be proved before.
     pub(crate) fn request(&self, order: &Frame<'g>) -> Pdu {
-        let proof = self.proof.get().and_then(|proof| Pdu::from_slice(&proof.request).ok());
-        proof.unwrap_or_else(|| order.content())
+        self.with_request(order, |request| Pdu::from_slice(request).unwrap_or_default())
+    }
+
+    /// Calls `look` with the [`Desk::request`] for `order`, where it lies.
+    pub(crate) fn with_request<R: Default>(&self, order: &Frame<'g>, look: impl FnOnce(&[u8]) -> R) -> R {
+        match self.proof.get() {
+            Some(proof) => look(&proof.request),
+            None => order.pdu(look),
+        }
     }
 
     /// Whether [`Desk::request`] is a proof.
@@ -293,8 +300,7 @@ impl<'g> Desk<'g> {
     }
 
     /// The [`Desk::request`] for `order` is sent to `unit` now.
-    pub(crate) fn sent(&self, order: &Frame<'g>, unit: u8) -> Pdu {
-        let request = self.request(order);
+    pub(crate) fn sent(&self, order: &Frame<'g>, unit: u8) {
         let purpose = self.proof.get().map_or(Purpose::Request, |proof| proof.purpose);
         let event = if purpose == Purpose::Request { Event::Request } else { Event::Proof };
         self.place.stats.count(event);
@@ -304,11 +310,10 @@ impl<'g> Desk<'g> {
                     units.asked(unit);
                 }
                 if !self.transaction_ids {
-                    units.sent(unit, &request, purpose);
+                    self.with_request(order, |request| units.sent(unit, request, purpose));
                 }
             });
         }
-        request
     }
 
     /// `unit` has answered the proof that `order` waited for, which waits for its turn again: by then others may share its transaction.

@@ -255,7 +255,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         loop {
             let begins = |frame: &[u8]| self.tap(true, Event::Request, frame);
             // Looked up for each piece: it need not be kept while one is sent.
-            out.take(self.settings.framing, header, &self.desk.request(order), begins);
+            self.desk.with_request(order, |request| out.take(self.settings.framing, header, request, begins));
             // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
             match within(self.settings.timeout, pin!(self.stream.write_all(out.piece()))).await {
                 Some(Ok(())) if out.goes_on() => {}

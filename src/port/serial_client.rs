@@ -106,11 +106,11 @@ async fn carry_out<'g, L: SerialLine>(
     if unit != BROADCAST && !arriving && !proving && way == Way::Line {
         place.stats.count(Event::Stored);
     }
+    desk.sent(&frame, unit);
     let sent = if arriving {
-        desk.sent(&frame, unit);
         Ok(())
     } else {
-        let sending = bus.send(unit, &desk.sent(&frame, unit));
+        let sending = bus.send(unit, &desk.request(&frame));
         sending.await?
     };
     if unit == BROADCAST {

@@ -85,8 +85,8 @@ fn search(unit: u8, request: &[u8], line: &[u8]) {
     }
     match (response_at_silence(unit, request, line), decode(line)) {
         (AtSilence::Complete(pdu), _) => genuine(pdu),
-        (AtSilence::WrongUnit(from), whole) => assert!(whole.is_ok_and(|(unit, _)| unit == from)),
-        (AtSilence::Misfit(_), whole) => assert!(whole.is_ok_and(|(from, _)| unit == from)),
+        (AtSilence::WrongUnit(from, pdu), whole) => assert_eq!(whole, Ok((from, pdu))),
+        (AtSilence::Misfit(_, pdu), whole) => assert_eq!(whole, Ok((unit, pdu))),
         (AtSilence::Damaged | AtSilence::Short | AtSilence::Noise, whole) => {
             assert!(whole.is_err());
             assert_eq!(found, None);

@@ -10,6 +10,7 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread;
+use std::time::Duration;
 
 use rustix::process::Signal;
 
@@ -52,6 +53,9 @@ fn courses() -> [Course; 2] {
 const REFUSED: [usize; 2] = [100, 600];
 /// Connections whose requests fill the queue of a port that waits for its device; what that has no room for is refused.
 const FILLING: u16 = 80;
+
+/// A program whose instructions are counted takes fifty times as long, on a busy machine many times that.
+const COUNTED_PATIENCE: Duration = Duration::from_secs(300);
 
 fn callgrind(report: &Path) -> Vec<String> {
     let out = format!("--callgrind-out-file={}", report.display());
@@ -166,7 +170,11 @@ fn refuse_under(tool: &[String], unit: u8, pdu: [u8; 5], count: usize) -> usize 
     gateway.arg("--config").arg(config).args(["--socket", "off"]);
     let program = start_under(tool, &gateway, folder, port);
     crate::common::wait_for("the lines", || (program.log().matches("is open").count() == 2).then_some(()));
-    let connect = || program.connect();
+    let connect = || {
+        let stream = program.connect();
+        stream.set_read_timeout(Some(COUNTED_PATIENCE)).unwrap();
+        stream
+    };
     let ask = |stream: &mut TcpStream, address: u16| {
         let [function, _, _, rest @ ..] = pdu;
         let [high, low] = address.to_be_bytes();

@@ -48,6 +48,8 @@ fn response(beginning: &[u8]) -> Vec<u8> {
     let fill = match *beginning {
         [1..=4 | 23, count] => usize::from(count),
         [8, _, _] => 2,
+        // As long as an exception, and with a code of one.
+        [7] => 1,
         _ => 0,
     };
     [beginning, &vec![5; fill]].concat()
@@ -197,11 +199,11 @@ impl Both {
 
 proptest! {
     #[test]
-    fn what_may_still_be_answered_is_what_its_plain_description_says(seed: u64, crowded: bool, few: bool) {
+    fn what_may_still_be_answered_is_what_its_plain_description_says(seed: u64, few: bool) {
         let mut random = Random::new(seed);
         let mut both = Both { outstanding: Outstanding::new(), model: Model::default() };
         // Other units have nearly all places.
-        let others = if crowded { (OUTSTANDING_MAX / OF_UNIT_MAX - 1) as u8 } else { 0 };
+        let others = if random.chance(0.15) { (OUTSTANDING_MAX / OF_UNIT_MAX - 1) as u8 } else { 0 };
         for unit in 0..others {
             (0..OF_UNIT_MAX).for_each(|at| both.send((2, unit), REQUESTS[at], Purpose::Request));
         }
@@ -209,7 +211,7 @@ proptest! {
         // Few functions: more is outstanding that a response may fit.
         let first = random.index(REQUESTS.len() - 5);
         let requests = if few { &REQUESTS[first..first + 5] } else { REQUESTS };
-        for _ in 0..100 {
+        for _ in 0..80 {
             let place = places[random.index(places.len())];
             let (request, beginning) = requests[random.index(requests.len())];
             match random.index(40) {

@@ -169,6 +169,7 @@ fn function_8_is_tried_again_after_many_waits() {
                 break;
             }
             waits += 1;
+            assert!(waits <= 14);
             now += WINDOW;
             assert_eq!(units.step(ID, &ONE, &AUTO, now), Step::Direct);
         }

@@ -276,7 +276,8 @@ impl Outstanding {
         // One that came unsolicited may come again.
         let settled = if entry.purpose == Purpose::Unsolicited { at.checked_sub(1) } else { Some(at) };
         let passed_diagnostic = settled.is_some_and(|last| self.settle(port, unit, last));
-        if has_number && let Some(word) = self.word(port, unit) {
+        // Whatever was forgotten was sent before.
+        if let Some(word) = self.word(port, unit) {
             *word &= !(1 << (unit % 32));
         }
         Settled { whose, passed_diagnostic, is_diagnostic }

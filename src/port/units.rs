@@ -529,9 +529,6 @@ impl Unit {
 
     /// Remembers that it answers `read`, beside one of another shape.
     fn remember(&mut self, read: Read) {
-        if self.reads.contains(&read) {
-            return;
-        }
         let [first, second] = &mut self.reads;
         let is_like =
             |known: &Read| *known == NO_READ || Shape::of_request(known) == Shape::of_request(&read);

@@ -148,6 +148,60 @@ fn a_full_queue_makes_room_at_the_cost_of_whoever_has_most() {
 }
 
 #[test]
+fn addresses_of_both_kinds_are_told_from_each_other() {
+    let of = |text: &str| Asker::new((0, 0), Some(text.parse().unwrap()));
+    let others = ["10.0.0.1", "10.0.1.0", "0.0.0.0", "fe80::1", "fe80::1:0:1", "fe80:0:1::1", "fe82::1"];
+    for (at, one) in others.iter().enumerate() {
+        for (with, other) in others.iter().enumerate() {
+            assert_eq!(of(one).is_beside(&of(other)), at == with, "{one} {other}");
+        }
+    }
+    let serial = Asker::new((3, 0), None);
+    assert!(serial.is_beside(&Asker::new((4, 0), None)) && !serial.is_beside(&of("10.0.0.1")));
+}
+
+#[test]
+fn an_order_that_comes_back_goes_first_and_finds_no_room_in_a_full_queue() {
+    let mut queue = PortQueue::new();
+    assert!(queue.is_empty() && queue.first_deadline().is_none());
+    (1..WAITING_MAX).for_each(|order| assert_eq!(queue.push(order, ticket(1, 1)), None));
+    assert_eq!(queue.put_back(1000, ticket(1, 1)), None);
+    assert!(!queue.is_empty() && queue.len() == WAITING_MAX);
+    assert_eq!(queue.put_back(2000, ticket(1, 1)), Some(2000));
+    let expected: Vec<_> = std::iter::once(1000).chain(1..WAITING_MAX).collect();
+    assert_eq!(drain(&mut queue), expected);
+}
+
+#[test]
+fn it_is_known_of_each_unit_whether_a_write_waits() {
+    let mut queue = PortQueue::new();
+    queue.push(1, ticket(1, 1));
+    assert!(!queue.writes_to(1));
+    queue.push(2, Ticket { access: Access::Write, ..ticket(1, 1) });
+    assert!(queue.writes_to(1) && !queue.writes_to(2));
+    queue.push(3, Ticket { access: Access::Write, unit: 0, ..ticket(1, 1) });
+    assert!(queue.writes_to(2), "a broadcast");
+}
+
+#[test]
+fn the_last_turns_of_all_who_may_wait_are_remembered() {
+    let mut queue = PortQueue::new();
+    let all = 0..WAITING_MAX as u16;
+    for asker in all.clone() {
+        queue.push(asker, ticket(1, asker));
+    }
+    assert_eq!(drain(&mut queue), all.clone().collect::<Vec<_>>());
+    // The one served longest ago is forgotten for another one, who is first as he has had no turn.
+    for asker in all.clone().rev() {
+        queue.push(asker, ticket(1, asker));
+    }
+    assert_eq!(queue.take_if(|order, _| (*order == 0).then_some(())), Some((0, ())));
+    queue.push(1000, ticket(1, 1000));
+    let expected: Vec<_> = std::iter::once(1000).chain(all.skip(1)).collect();
+    assert_eq!(drain(&mut queue), expected);
+}
+
+#[test]
 fn unwanted_orders_are_taken_out_with_the_reason() {
     let mut queue = PortQueue::new();
     queue.push(1, Ticket { deadline: Instant::from_secs(1), ..ticket(1, 1) });
@@ -254,6 +308,21 @@ proptest! {
             prop_assert_eq!(queue.len(), inside.len());
         }
         prop_assert_eq!(drain(&mut queue).len(), inside.len());
+    }
+
+    /// However many askers come and go, an order's ticket is the one with which it came.
+    #[test]
+    fn who_asked_is_known_of_every_order_that_waits(steps in prop::collection::vec(0_u16..300, 1..400)) {
+        let mut queue = PortQueue::new();
+        for (number, who) in steps.into_iter().enumerate() {
+            let ticket = Ticket { unit: (who % 7) as u8, ..ticket((who % 5) as u8, who) };
+            queue.push((number, ticket), ticket);
+            if number % 3 == 0 {
+                let Next::Serve((_, own), given) = queue.next(Instant::MIN, |_| Ready::Now) else { continue };
+                prop_assert_eq!(own, given);
+            }
+            prop_assert!(queue.take_if(|(_, own), given| (own != given).then_some(())).is_none());
+        }
     }
 
     /// Against any backlog of others, an address that was not served within the last turns of all is next.

@@ -115,6 +115,103 @@ fn with_zero_a_unit_is_never_down() {
 }
 
 #[test]
+fn it_is_counted_how_a_unit_does() {
+    let (mut all, port) = (AllUnits::new(), PortId(0));
+    let mut units = all.of(port);
+    let now = Instant::from_secs(1);
+    (0..7).for_each(|_| units.asked(5));
+    units.answered(5, Duration::from_millis(3), true);
+    units.answered(5, Duration::from_millis(4), false);
+    assert!(units.timed_out(5, now, DOWN_AFTER), "nothing was heard");
+    units.asked(5);
+    units.trouble(5, Event::Noise);
+    assert!(!units.timed_out(5, now, DOWN_AFTER), "something was heard");
+    assert!(!units.timed_out(5, now, DOWN_AFTER));
+    units.trouble(5, Event::Answer);
+    let counted = |units: &Units| {
+        let unit = units.iter().find(|unit| unit.id == 5).unwrap();
+        let troubles: Vec<_> = unit.troubles().collect();
+        ([unit.requests, unit.answers, unit.exceptions, unit.timeouts, unit.took_us], unit.silent, troubles)
+    };
+    let troubles = vec![(Event::Silent, 1), (Event::Noise, 1)];
+    assert_eq!(counted(&units), ([8, 2, 1, 3, 4000], 3, troubles));
+    let unit = units.iter().next().unwrap();
+    assert_eq!([Event::Silent, Event::Noise, Event::Late].map(|trouble| unit.trouble(trouble)), [1, 1, 0]);
+    assert!(units.is_down(5));
+    units.clear_counters();
+    assert_eq!(counted(&units), ([0; 5], 3, vec![]));
+    assert!(units.is_down(5), "its health stays");
+    (0..70_000).for_each(|_| units.trouble(5, Event::Late));
+    assert_eq!(units.iter().next().unwrap().trouble(Event::Late), u16::MAX);
+}
+
+#[test]
+fn a_unit_is_down_after_just_so_many_time_outs_in_a_row() {
+    for down_after in 1..=4 {
+        let (mut all, port) = (AllUnits::new(), PortId(0));
+        let mut units = all.of(port);
+        let now = Instant::from_secs(1);
+        for nth in 1..=down_after {
+            assert!(!units.is_down(5));
+            units.asked(5);
+            units.timed_out(5, now, down_after);
+            assert_eq!(units.is_down(5), nth == down_after);
+        }
+        // Those that were sent before it was down do not put the next probe off.
+        let probe = now + Duration::from_secs(1);
+        units.timed_out(5, now, down_after);
+        units.timed_out(5, probe - Duration::from_ticks(1), down_after);
+        assert_eq!(units.gate(5, probe), Gate::Open(Ready::Now));
+        assert!(units.troubled() && !units.all_well(probe), "it still counts as down");
+        units.answered(5, WINDOW, false);
+        assert!(units.all_well(probe) && !units.troubled());
+    }
+}
+
+#[test]
+fn a_unit_that_gave_a_joined_read_no_answer_is_asked_for_less_at_a_time_for_a_minute() {
+    let now = Instant::from_secs(1);
+    let minute = Duration::from_secs(60);
+    for trouble in [
+        |units: &mut Units, now| units.refused_join(5, now),
+        |units: &mut Units, now| _ = units.timed_out(5, now, DOWN_AFTER),
+    ] {
+        let (mut all, port) = (AllUnits::new(), PortId(0));
+        let mut units = all.of(port);
+        assert!(units.joins(5, now));
+        units.asked(5);
+        assert!(units.joins(5, now));
+        trouble(&mut units, now);
+        assert!(!units.joins(5, now + minute - Duration::from_ticks(1)));
+        assert!(units.joins(5, now + minute));
+        assert!(units.joins(6, now));
+    }
+}
+
+#[test]
+fn the_quietest_healthy_unit_makes_room() {
+    let now = Instant::from_secs(1);
+    let cases: [(&[u8], u8); 3] = [(&[], 10), (&[10], 11), (&[10, 11], 12)];
+    for (held, forgotten) in cases {
+        let (mut all, port) = (AllUnits::new(), PortId(3));
+        let mut units = all.of(port);
+        for id in 1..=UNITS_MAX as u8 {
+            units.asked(id);
+            // The rest is down.
+            if !(10..=12).contains(&id) {
+                (0..DOWN_AFTER).for_each(|_| time_out(&mut units, id, now));
+            }
+        }
+        (10..=12).for_each(|id| (0..id).for_each(|_| units.asked(id)));
+        held.iter().for_each(|id| _ = units.not_proved(*id, now, DOWN_AFTER));
+        units.asked(200);
+        assert!(units.iter().all(|unit| unit.id != forgotten), "{forgotten}");
+        assert_eq!(units.iter().count(), UNITS_MAX);
+        assert_eq!(units.iter().last().map(|unit| unit.id), Some(200));
+    }
+}
+
+#[test]
 fn when_there_are_more_units_than_places_the_ones_in_trouble_are_remembered() {
     let (mut all, port) = (AllUnits::new(), PortId(0));
     let mut units = all.of(port);

@@ -372,3 +372,16 @@ fn a_range_takes_as_many_rows_as_it_takes_frames_and_the_last_free_one() {
         }
     }
 }
+
+#[test]
+fn rows_that_are_read_at_once_are_asked_for_in_the_order_of_asking() {
+    let (mut scanner, device) = scanner();
+    let rows = [0, 50, 20].map(|first| {
+        add(&mut scanner, Row { read: Reading::Manual, ..row(device, Kind::Holding, first, 1) })
+    });
+    for order in [[1, 0, 2], [2, 1, 0], [0, 2, 1]] {
+        order.iter().for_each(|&nth| scanner.read(rows[nth], at(0)).unwrap());
+        let asked = order.map(|_| exchange(&mut scanner, at(0)).unwrap().pdu[2]);
+        assert_eq!(asked, order.map(|nth| [0, 50, 20][nth]));
+    }
+}

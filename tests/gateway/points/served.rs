@@ -385,3 +385,14 @@ fn rows_that_are_read_at_once_are_asked_for_in_the_order_of_asking() {
         assert_eq!(asked, order.map(|nth| [0, 50, 20][nth]));
     }
 }
+
+#[test]
+fn an_output_that_waits_goes_on_waiting_while_outputs_are_on() {
+    let (mut scanner, device) = scanner();
+    let id = add(&mut scanner, Row { write: Writing::OnChange, ..row(device, Kind::Holding, 0, 1) });
+    scanner.write(id).unwrap();
+    for (on, waits) in [(true, true), (false, false)] {
+        scanner.set_outputs(on);
+        assert_eq!(scanner.status(id, START).any(Status::WRITE_MARKED), waits);
+    }
+}

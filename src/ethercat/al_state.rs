@@ -291,4 +291,44 @@ mod tests {
         machine.identify(0x1234);
         assert_eq!((machine.status(), machine.code()), (0x11, 1));
     }
+
+    #[test]
+    fn each_state_has_its_mailbox_process_data_and_identification() {
+        for (state, mailbox, process_data) in [
+            (AlState::Init, false, false),
+            (AlState::PreOp, true, false),
+            (AlState::Boot, false, false),
+            (AlState::SafeOp, true, true),
+            (AlState::Op, true, true),
+        ] {
+            assert_eq!((state.has_mailbox(), state.has_process_data()), (mailbox, process_data), "{state:?}");
+            let mut machine = in_state(state);
+            machine.identify(7);
+            let expected = if state < AlState::SafeOp { (state as u16 | 0x20, 7) } else { (state as u16, 0) };
+            assert_eq!((machine.status(), machine.code()), expected, "{state:?}");
+        }
+        for bit in 0..16 {
+            assert_eq!(AlControl(1 << bit).asks_identification(), bit == 5);
+            // Only bit 4 acknowledges; the others that are no state are looked past.
+            let step = faulty(AlState::PreOp).request(AlControl(2 | 1 << bit));
+            let expected = match bit {
+                4 => Step::Stay,
+                _ => Step::Ignore,
+            };
+            assert_eq!(step, expected, "{bit}");
+        }
+    }
+
+    #[test]
+    fn what_was_reached_and_what_it_fell_to_is_the_state() {
+        let mut machine = AlMachine::new(Some(AlStatusCode::RestartedLocally));
+        assert_eq!((machine.status(), machine.code()), (0x11, 0x0060));
+        assert_eq!(machine.request(AlControl(0x12)), Step::Up(AlState::PreOp));
+        machine.reached(AlState::PreOp);
+        assert_eq!((machine.state(), machine.fault()), (AlState::PreOp, None));
+        assert_eq!(machine.refused(AlStatusCode::InvalidInputs), Step::Stay);
+        assert_eq!((machine.state(), machine.fault()), (AlState::PreOp, Some(AlStatusCode::InvalidInputs)));
+        machine.fell(AlState::SafeOp, AlStatusCode::SyncManagerWatchdog);
+        assert_eq!((machine.status(), machine.code()), (0x14, 0x001b));
+    }
 }

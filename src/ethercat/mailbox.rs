@@ -316,4 +316,85 @@ mod tests {
         mailbox.fetched();
         assert_eq!(next(&mut mailbox).unwrap(), second);
     }
+
+    #[test]
+    fn a_header_has_protocol_and_counter_in_its_last_byte_and_its_length_in_the_first_two() {
+        for kind in 0..=255_u8 {
+            let mut mailbox = started();
+            let bytes = request(kind, 3);
+            let expected = (kind & 15 != 0).then_some((kind & 15, &[0; 3][..]));
+            let got = mailbox.receive(&bytes).map(|request| (request.protocol, request.payload));
+            assert_eq!(got, expected, "{kind:02x}");
+            // The bit above the counter is none of it.
+            let again = mailbox.receive(&request(kind ^ 0x80, 3)).is_some();
+            assert_eq!(again, expected.is_some() && kind & 0x70 == 0, "{kind:02x}");
+        }
+        let mut long = [0; 300];
+        (long[1], long[5]) = (1, 0x13);
+        assert_eq!(started().receive(&long).map(|request| request.payload.len()), Some(256));
+        assert_eq!(started().receive(&long[..5]), None);
+    }
+
+    #[test]
+    fn a_mailbox_is_as_long_as_it_was_started_and_no_longer_than_there_is_memory() {
+        for (bytes, payload) in [(0, 0), (6, 0), (7, 1), (64, 58), (256, 250), (257, 250), (1024, 250)] {
+            let mut mailbox = Mailbox::default();
+            mailbox.start(bytes, false);
+            assert_eq!(mailbox.payload_bytes(), payload, "{bytes}");
+        }
+        let mut mailbox = started();
+        send(&mut mailbox, 1);
+        assert!(mailbox.receive(&request(0x13, 1)).is_some());
+        mailbox.start(64, true);
+        assert!(mailbox.is_idle() && !mailbox.is_occupied() && mailbox.has_room());
+        assert!(mailbox.is_repeat(false) && !mailbox.is_repeat(true));
+        assert!(mailbox.receive(&request(0x13, 1)).is_some(), "it counts anew");
+        send(&mut mailbox, 2);
+        assert_eq!(next(&mut mailbox).unwrap(), [1, 0, 0, 0, 0, 0x13, 2]);
+    }
+
+    #[test]
+    fn what_waits_and_what_is_in_the_mailbox_are_told_apart() {
+        let mut mailbox = started();
+        let state = |mailbox: &Mailbox| (mailbox.is_idle(), mailbox.is_occupied(), mailbox.has_room());
+        assert_eq!(state(&mailbox), (true, false, true));
+        send(&mut mailbox, 1);
+        assert_eq!(state(&mailbox), (false, false, true));
+        assert!(next(&mut mailbox).is_some());
+        assert_eq!(state(&mailbox), (true, true, true));
+        send(&mut mailbox, 2);
+        send(&mut mailbox, 3);
+        assert_eq!(state(&mailbox), (false, true, false));
+        mailbox.fetched();
+        assert_eq!(state(&mailbox), (false, false, false));
+        assert!(next(&mut mailbox).is_some());
+        mailbox.fetched();
+        assert!(next(&mut mailbox).is_some());
+        assert_eq!(state(&mailbox), (true, true, true));
+        mailbox.fetched();
+        mailbox.fetched();
+        assert_eq!((state(&mailbox), next(&mut mailbox)), ((true, false, true), None));
+    }
+
+    #[test]
+    fn after_a_repetition_was_fetched_the_message_can_be_had_once_more() {
+        let mut mailbox = started();
+        let mut buffer = [0; MAILBOX_BYTES_MAX];
+        send(&mut mailbox, 1);
+        let first = next(&mut mailbox).unwrap();
+        mailbox.fetched();
+        for toggle in [true, false, true] {
+            assert_eq!(mailbox.repeat(toggle, &mut buffer).unwrap()[..7], first[..]);
+            mailbox.fetched();
+            assert_eq!(next(&mut mailbox), None);
+        }
+        // The last one that was fetched is repeated, not an older one.
+        send(&mut mailbox, 2);
+        let second = next(&mut mailbox).unwrap();
+        assert_eq!(mailbox.repeat(false, &mut buffer).unwrap()[..7], first[..]);
+        mailbox.fetched();
+        assert_eq!(next(&mut mailbox).unwrap(), second);
+        mailbox.fetched();
+        assert_eq!(mailbox.repeat(true, &mut buffer).unwrap()[..7], second[..]);
+    }
 }

@@ -159,11 +159,11 @@ pub(super) fn parse(text: &str) -> Option<f32> {
 
 /// The bits of the float nearest to `number`.
 fn nearest(mut number: Decimal) -> u32 {
-    // Beyond what halving and doubling could bring into range.
-    if number.digits.is_empty() || number.point < -50 {
+    if number.digits.is_empty() {
         return 0;
     }
-    if number.point > 40 {
+    // The largest number has 39 digits; others could be halved for long.
+    if number.point > 39 {
         return INFINITE;
     }
     let (low, high) = (Decimal::new(IMPLIED, 0), Decimal::new(2 * IMPLIED, 0));
@@ -315,6 +315,71 @@ mod tests {
         assert!(parse("nan").is_some_and(f32::is_nan));
         let just_above = format!("{middle}.{}1", "0".repeat(60));
         assert_eq!(parse(&just_above), Some(16_777_218.0));
+    }
+
+    fn check_text(text: &str) {
+        let expected = text.parse::<f32>().ok().map(f32::to_bits);
+        assert_eq!(parse(text).map(f32::to_bits), expected, "{text}");
+    }
+
+    #[test]
+    fn texts_at_the_middle_between_two_numbers_and_beside_it_are_read_as_the_standard_library_does() {
+        let neighbours = [0, 1, 2, 3, IMPLIED / 3, IMPLIED - 2, IMPLIED - 1];
+        for bits in (0..255).step_by(15).flat_map(|steps| neighbours.map(|near| steps * IMPLIED + near)) {
+            let [low, high] = [bits, bits + 1].map(|bits| f64::from(f32::from_bits(bits)));
+            // All digits of both and of the middle fit.
+            let middle =
+                if high.is_finite() { format!("{:.160}", f64::midpoint(low, high)) } else { continue };
+            let middle = middle.trim_end_matches('0');
+            check_text(middle);
+            check_text(&format!("{middle}000"));
+            check_text(&format!("{middle}1"));
+            if let Some((before, "")) = middle.rsplit_once('5') {
+                check_text(&format!("{before}4{}", "9".repeat(20)));
+            }
+        }
+    }
+
+    #[test]
+    fn texts_beyond_the_largest_and_the_smallest_number_are_infinite_and_0() {
+        for text in [
+            "3.4e38",
+            "3.4028235e38",
+            "3.40282357e38",
+            "5e38",
+            "9.99e38",
+            "1e39",
+            "99e38",
+            "1e41",
+            "1e-46",
+            "7e-46",
+        ] {
+            check_text(text);
+        }
+        for zeros in [30, 37, 38, 39, 40, 45, 46, 130, 300] {
+            let zeros = "0".repeat(zeros);
+            for text in [
+                format!("1{zeros}"),
+                format!("3{zeros}.5"),
+                format!("0.{zeros}1"),
+                format!("{zeros}7.{zeros}8"),
+                format!(".{zeros}{zeros}e40"),
+                format!("0.{zeros}14e{}", zeros.len()),
+            ] {
+                check_text(&text);
+            }
+        }
+    }
+
+    #[test]
+    fn texts_of_more_digits_than_any_number_has_are_cut_off() {
+        for digit in ["9", "5", "86", "4999", "123456789"] {
+            let digits = digit.repeat(400 / digit.len());
+            for exponent in (-60..45).step_by(13) {
+                check_text(&format!("0.{digits}e{exponent}"));
+                check_text(&format!("{}.{digits}e{exponent}", &digits[..30]));
+            }
+        }
     }
 
     proptest! {

@@ -14,6 +14,7 @@ mod cut_sharing;
 mod cut_start;
 mod cut_through;
 mod cut_torture;
+mod decisions;
 mod flights;
 mod floods;
 mod frames;

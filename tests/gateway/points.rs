@@ -6,6 +6,7 @@ mod gathering;
 mod image;
 mod local;
 mod polling;
+mod served;
 mod status;
 
 use embassy_time::{Duration, Instant};

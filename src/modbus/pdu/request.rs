@@ -116,13 +116,10 @@ fn reads(fields: &[u8], max: u16) -> bool {
 
 /// Address, a quantity from 1 to `max`, and the bytes that so many things of `bits` take, counted and there.
 fn writes(fields: &[u8], max: u16, bits: usize) -> bool {
-    let Some((head, [count, data @ ..])) = fields.split_at_checked(4) else {
+    let Some((head @ &[_, _, high, low], [count, data @ ..])) = fields.split_first_chunk() else {
         return false;
     };
-    let [_, _, high, low] = head else {
-        return false;
-    };
-    let bytes = (usize::from(u16::from_be_bytes([*high, *low])) * bits).div_ceil(8);
+    let bytes = (usize::from(u16::from_be_bytes([high, low])) * bits).div_ceil(8);
     reads(head, max) && usize::from(*count) == bytes && data.len() == bytes
 }
 

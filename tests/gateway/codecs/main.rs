@@ -2,6 +2,7 @@
 
 mod ascii;
 mod block;
+mod ends;
 mod pdu;
 mod rtu;
 mod rtu_request;

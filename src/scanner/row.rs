@@ -102,7 +102,8 @@ pub enum Writing {
     Auto,
     /// Only when it is asked for.
     Manual,
-    /// When what was read differs from the output.
+    /// When somebody writes another value than was written or read last, or that could not be written; an output when what was read
+    /// differs from it.
     OnChange,
 }
 

@@ -4,7 +4,7 @@ use embassy_time::Instant;
 use mobgate::modbus::Exception;
 use mobgate::scanner::{
     BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, ErrorCode, Kind, REPEATS, Reading,
-    Refused, Row, SCAN, Scanner, Status,
+    Refused, Row, SCAN, Scanner, Status, Writing,
 };
 use mobgate::stats::LastError;
 
@@ -418,4 +418,30 @@ fn what_the_program_has_written_is_not_overwritten_by_a_read_that_was_on_its_way
     scanner.answered(device, at(2), Ok(&super::answer(&read)));
     assert_eq!(scanner.input(id), [0, 77]);
     assert_eq!(exchange(&mut scanner, at(2)).unwrap().pdu, [6, 0, 0, 0, 77]);
+}
+
+#[test]
+fn a_row_that_is_written_on_change_is_written_when_its_value_differs_or_could_not_be_written() {
+    let (mut scanner, device) = scanner();
+    let on_change = |kind, first| super::Row { write: Writing::OnChange, ..row(device, kind, first, 2) };
+    let id = add(&mut scanner, on_change(Kind::Holding, 0));
+    let bits = add(&mut scanner, on_change(Kind::Coil, 8));
+    while exchange(&mut scanner, at(0)).is_some() {}
+    // The registers hold their addresses.
+    scanner.put(id, 0, 2, &[0, 0, 0, 1], at(1)).unwrap();
+    assert_eq!(scanner.next(at(1)), None, "as it was read");
+    scanner.put(id, 1, 1, &[0, 9], at(1)).unwrap();
+    assert_eq!(exchange(&mut scanner, at(1)).unwrap().pdu, [16, 0, 0, 0, 2, 4, 0, 0, 0, 9]);
+    scanner.put(id, 1, 1, &[0, 9], at(1)).unwrap();
+    assert_eq!(scanner.next(at(1)), None, "as it was written");
+    scanner.put(id, 1, 1, &[0, 8], at(1)).unwrap();
+    scanner.next(at(1)).unwrap();
+    scanner.answered(device, at(1), Ok(&[0x90, 3]));
+    scanner.put(id, 1, 1, &[0, 8], at(1)).unwrap();
+    assert!(exchange(&mut scanner, at(1)).is_some(), "the device has not taken it");
+    let second = scanner.input(bits)[0] >> 1 & 1;
+    scanner.put(bits, 1, 1, &[second], at(1)).unwrap();
+    assert_eq!(scanner.next(at(1)), None);
+    scanner.put(bits, 1, 1, &[1 - second], at(1)).unwrap();
+    assert_eq!(exchange(&mut scanner, at(1)).unwrap().pdu[..5], [15, 0, 8, 0, 2]);
 }

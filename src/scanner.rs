@@ -213,6 +213,7 @@ impl Scanner {
         match answer {
             Err(error) => {
                 let again = station.failed(now, error);
+                station.repeats = again.then_some(open);
                 self.unanswered(device, error, again);
                 if !again {
                     self.fill(device);
@@ -270,7 +271,8 @@ impl Scanner {
             let device = DeviceId(at as u8);
             let Some(station) = self.stations.get_mut(at) else { break };
             station.pending = true;
-            if station.open.take().is_some() {
+            if let Some(open) = station.open.take() {
+                station.repeats = Some(open);
                 self.unanswered(device, ErrorCode::Unknown, true);
             }
         }

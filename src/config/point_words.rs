@@ -10,7 +10,7 @@ use heapless::String;
 
 use super::point_checks::check_others;
 use super::point_problem::PointProblem;
-use super::points::{DeviceSettings, Label, PointAt, PointName, PointSettings};
+use super::points::{DeviceSettings, Label, PointAt, PointName, PointSettings, usual_reading};
 use super::problem::Problem;
 use super::text::Changed;
 use super::values::{is_name, medium, parse_number, small, time};
@@ -41,7 +41,8 @@ const READINGS: &[(&str, Reading)] = &[
     ("high", Reading::High),
     ("manual", Reading::Manual),
 ];
-const WRITINGS: &[(&str, Writing)] = &[("auto", Writing::Auto), ("manual", Writing::Manual)];
+const WRITINGS: &[(&str, Writing)] =
+    &[("auto", Writing::Auto), ("change", Writing::OnChange), ("manual", Writing::Manual)];
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Key {
@@ -238,6 +239,11 @@ fn options<'w>(
         }
         set(settings, point, key, words)?;
     }
+    if let PointAt::Device { read, write, .. } = &mut point.at
+        && !seen.has(Key::Read)
+    {
+        *read = usual_reading(*write);
+    }
     Ok(count)
 }
 
@@ -247,7 +253,7 @@ fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) 
         Key::As => point.value = words.take().keyword(TYPES, "u16, i16, u32, i32 or f32")?,
         Key::Label => point.label = label(words)?,
         Key::Write => {
-            let write = words.take().keyword(WRITINGS, "auto or manual")?;
+            let write = words.take().keyword(WRITINGS, "auto, change or manual")?;
             set_write(point, write);
         }
         Key::Read => {

@@ -118,6 +118,15 @@ impl PointSettings {
     }
 }
 
+/// When a point is read that says no more than when it is written. The source's rows are neither read nor written if they do not
+/// say so; one that is written only is not read here either.
+pub(super) fn usual_reading(write: Writing) -> Reading {
+    match write {
+        Writing::Auto | Writing::OnChange => Reading::Manual,
+        Writing::Manual | Writing::Never => Reading::Normal,
+    }
+}
+
 impl Settings {
     /// The place of the point called `name`.
     pub fn find_point(&self, name: &str) -> Option<u8> {
@@ -217,8 +226,9 @@ impl Display for PointWords<'_> {
         }
         match *at {
             PointAt::Device { read, write, multiple, .. } => {
-                option(f, "read", read, read != Reading::Normal)?;
+                option(f, "read", read, read != usual_reading(write))?;
                 option(f, "write", "auto", write == Writing::Auto)?;
+                option(f, "write", "change", write == Writing::OnChange)?;
                 if multiple {
                     f.write_str(" multiple")?;
                 }

@@ -373,9 +373,10 @@ fn order(
         }
         Ask::Put { row, first, count } => {
             scanner.put(*row, *first, *count, cells, now)?;
-            let manual = scanner.row(*row).is_some_and(|row| row.write == Writing::Manual);
+            // Whoever types it wants it to be sent, also when it changes nothing.
+            let sent = scanner.row(*row).is_none_or(|row| row.device.is_none() || row.write == Writing::Auto);
             let blocked = scanner.status(*row, now).any(Status::WRITE_BLOCKED);
-            if manual && !blocked { scanner.write(*row) } else { Ok(()) }
+            if sent || blocked { Ok(()) } else { scanner.write(*row) }
         }
         Ask::Row(row) => match command {
             PointCommand::Read | PointCommand::Mark => scanner.read(*row, now),

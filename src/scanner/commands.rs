@@ -7,7 +7,7 @@ use super::kind::Kind;
 use super::row::{DeviceId, Entry, Row, RowId, Writing};
 use super::station::{Device, DeviceStatus};
 use super::status::Status;
-use super::values::copy_bits;
+use super::values::{bit, copy_bits};
 
 /// Why something cannot be done with a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -90,7 +90,8 @@ impl Scanner {
     }
 
     /// Writes `count` cells from the cell `from` of the row on into its variable; where that is written automatically, it
-    /// is marked for that, though the values stay the same.
+    /// is marked for that, though the values stay the same. One that is written on change is marked when they do not, or when
+    /// they could not be written.
     pub fn put(
         &mut self,
         id: RowId,
@@ -110,18 +111,22 @@ impl Scanner {
             return Err(Refused::ReadOnly);
         }
         let own = self.values.span_mut(row.output, row.kind.bytes(row.count));
+        let (from, count) = (usize::from(from), usize::from(count));
+        let mut changes = false;
         if row.kind.is_bits() {
-            copy_bits(cells, 0, own, from.into(), count.into());
-        } else if let (Some(own), Some(cells)) = (
-            own.get_mut(2 * usize::from(from)..2 * usize::from(from + count)),
-            cells.get(..2 * usize::from(count)),
-        ) {
+            changes = (0..count).any(|at| bit(cells, at) != bit(own, from + at));
+            copy_bits(cells, 0, own, from, count);
+        } else if let (Some(own), Some(cells)) =
+            (own.get_mut(2 * from..2 * (from + count)), cells.get(..2 * count))
+        {
+            changes = own != cells;
             own.copy_from_slice(cells);
         }
         if row.device.is_none() {
             entry.fresh = now;
         }
-        if row.write == Writing::Auto {
+        let failed = entry.status.any(Status::LAST_ERROR) && entry.status.any(Status::LAST_WAS_WRITE);
+        if row.write == Writing::Auto || row.write == Writing::OnChange && (changes || failed) {
             self.mark(id, true);
         }
         Ok(())

@@ -39,34 +39,41 @@ impl Scanner {
             return None;
         }
         let unit = station.device.unit;
-        if let Some(leader) = leader(&self.entries, device, true) {
-            let lead = self.entries.get(leader)?.row;
-            let extent = gather(&mut self.entries, leader, true)?;
-            station.asked(Open::Write);
-            let pdu = write_request(&self.entries, &lead, extent, &self.values, &station.device);
-            return Some(Request { device, unit, pdu });
-        }
-        let Some(leader) = leader(&self.entries, device, false) else {
+        let entries = &self.entries;
+        let turn = |write, repeats| Some((leader(entries, device, write, repeats)?, write, repeats));
+        let repeated = match station.repeats {
+            Some(Open::Write) => turn(true, true),
+            Some(Open::Read { .. }) => turn(false, true),
+            Some(Open::Check) | None => None,
+        };
+        let turn = repeated.or_else(|| turn(true, false)).or_else(|| turn(false, false));
+        let Some((leader, write, repeats)) = turn else {
             station.pending = false;
             return None;
         };
-        let is_unchecked = |entry: &Entry| station.check_from.is_some_and(|from| entry.read_turn >= from);
-        if self.entries.get(leader).is_some_and(is_unchecked) {
+        let Entry { row: lead, read_turn, .. } = *entries.get(leader)?;
+        let is_unchecked = |from| station.repeats == Some(Open::Check) || !write && read_turn >= from;
+        if station.check_from.is_some_and(is_unchecked) {
             station.asked(Open::Check);
             let pdu = Pdu::from_slice(&CHECK).unwrap_or_default();
             return Some(Request { device, unit, pdu });
         }
-        let extent = gather(&mut self.entries, leader, false)?;
-        station.asked(Open::Read { first: extent.first });
-        Some(Request { device, unit, pdu: read_request(extent) })
+        let extent = gather(&mut self.entries, leader, write, repeats)?;
+        station.asked(if write { Open::Write } else { Open::Read { first: extent.first } });
+        let pdu = match write {
+            true => write_request(&self.entries, &lead, extent, &self.values, &station.device),
+            false => read_request(extent),
+        };
+        Some(Request { device, unit, pdu })
     }
 
-    /// The open request got no answer: its rows wait again, to be sent `again`; else reads are given up, and writes wait
+    /// The open request got no answer: its rows wait again, to be sent `again` as one frame; else reads are given up, and writes wait
     /// until the device is tried again.
     pub(super) fn unanswered(&mut self, device: DeviceId, error: ErrorCode, again: bool) {
         let entries = self.entries.iter_mut().filter(|entry| entry.row.device == Some(device));
         for entry in entries {
             let status = &mut entry.status;
+            entry.repeats = again && status.any(Status::IN_PROGRESS);
             if status.any(Status::IN_PROGRESS) {
                 let write = status.leave();
                 if !again {
@@ -132,12 +139,13 @@ impl Scanner {
     }
 }
 
-/// The row of `device` whose turn it is to be written, or to be read.
-fn leader(entries: &[Entry], device: DeviceId, write: bool) -> Option<usize> {
+/// The row of `device` whose turn it is to be written, or to be read; of those that are repeated, if one `repeats`.
+fn leader(entries: &[Entry], device: DeviceId, write: bool, repeats: bool) -> Option<usize> {
     let marked = if write { Status::WRITE_MARKED } else { Status::READ_MARKED };
     let waiting = entries.iter().enumerate().filter(|(_, entry)| {
         let Entry { row, status, .. } = entry;
-        row.device == Some(device) && status.any(marked) && !status.any(Status::WRITE_BLOCKED)
+        let may = status.any(marked) && !status.any(Status::WRITE_BLOCKED) && (entry.repeats || !repeats);
+        may && row.device == Some(device)
     });
     let rank = |(_, entry): &(usize, &Entry)| {
         let turn = if write { entry.write_turn } else { entry.read_turn };

@@ -52,10 +52,11 @@ fn is_single(row: &Row) -> bool {
     row.count == 1 && !row.multiple
 }
 
-/// Takes the rows that go with the one at place `leader` into progress, and gives the cells of their frame.
-pub(super) fn gather(entries: &mut [Entry], leader: usize, write: bool) -> Option<Extent> {
+/// Takes the rows that go with the one at place `leader` into progress, and gives the cells of their frame. A frame that `repeats`
+/// has the rows that it had before.
+pub(super) fn gather(entries: &mut [Entry], leader: usize, write: bool, repeats: bool) -> Option<Extent> {
     let entry = entries.get_mut(leader)?;
-    entry.status.begin(write);
+    entry.begin(write);
     let lead = entry.row;
     let mut extent = Extent::of(&lead);
     if write && is_single(&lead) {
@@ -70,11 +71,12 @@ pub(super) fn gather(entries: &mut [Entry], leader: usize, write: bool) -> Optio
                 && row.kind == lead.kind
                 && status.any(marked)
                 && !status.any(Status::WRITE_BLOCKED)
+                && (entry.repeats || !repeats)
                 && !(write && is_single(row));
             let joined = extent.joined(row, write, upwards).filter(|_| eligible)?;
             Some((entry, joined))
         }) {
-            entry.status.begin(write);
+            entry.begin(write);
             extent = joined;
         }
     }

@@ -102,7 +102,8 @@ pub enum Writing {
     Auto,
     /// Only when it is asked for.
     Manual,
-    /// When what was read differs from the output.
+    /// When somebody writes another value than was written or read last, or that could not be written; an output when what was read
+    /// differs from it.
     OnChange,
 }
 
@@ -113,6 +114,8 @@ pub(super) struct Entry {
     /// In which turn it was marked for reading, and for writing: the lowest goes first.
     pub(super) read_turn: u32,
     pub(super) write_turn: u32,
+    /// It was in the frame that got no answer and is repeated.
+    pub(super) repeats: bool,
     /// When it is to be read next, counted from the scanner's start.
     next: Duration,
     /// When its values were read, or set by whoever writes a variable of this gateway.
@@ -123,7 +126,14 @@ impl Entry {
     /// To be read as soon as its raster allows, `now` after the scanner's start.
     pub(super) fn new(row: Row, now: Duration) -> Self {
         let next = round_up(now, row.read.raster());
-        Self { row, status: Status::NEW, read_turn: 0, write_turn: 0, next, fresh: Instant::MIN }
+        let fresh = Instant::MIN;
+        Self { row, status: Status::NEW, read_turn: 0, write_turn: 0, repeats: false, next, fresh }
+    }
+
+    /// It is asked for now.
+    pub(super) fn begin(&mut self, write: bool) {
+        self.status.begin(write);
+        self.repeats = false;
     }
 
     /// When it is due, counted from the scanner's start, if its device is left alone until `held`.

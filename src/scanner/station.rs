@@ -65,6 +65,8 @@ pub(super) enum Open {
 pub(super) struct Station {
     pub(super) device: Device,
     pub(super) open: Option<Open>,
+    /// What got no answer and is repeated, before anything else.
+    pub(super) repeats: Option<Open>,
     /// Something may be marked.
     pub(super) pending: bool,
     /// Rows that were marked for reading from this turn on want a check first. It is good for all that are marked by the time
@@ -84,6 +86,7 @@ impl Station {
         Self {
             device,
             open: None,
+            repeats: None,
             pending: false,
             check_from: None,
             silent: 0,
@@ -105,7 +108,7 @@ impl Station {
 
     /// It is asked.
     pub(super) fn asked(&mut self, open: Open) {
-        self.open = Some(open);
+        (self.open, self.repeats) = (Some(open), None);
         self.status.requests = self.status.requests.wrapping_add(1);
     }
 

@@ -1,9 +1,9 @@
 //! The lines of data points: what they set, what is wrong with bad ones, and that nothing is ever half applied.
 
-use mobgate::config::{Loader, Settings, apply, write_line};
+use mobgate::config::{Loader, PointAt, Settings, apply, write_line};
 use mobgate::frame::FramePool;
 use mobgate::gateway::{Gateway, Ports};
-use mobgate::scanner::{DeviceId, RowId, ScannerPlace};
+use mobgate::scanner::{DeviceId, Reading, RowId, ScannerPlace, Writing};
 use proptest::prelude::*;
 
 const GOOD: &str = "port  scan scanner
@@ -52,6 +52,28 @@ fn lines_of_devices_and_points_are_printed_as_they_were_typed() {
         text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect::<Vec<_>>()
     };
     assert_eq!(squeezed(&print(&load(GOOD))), squeezed(GOOD));
+}
+
+#[test]
+fn a_point_that_is_written_by_itself_is_polled_only_if_it_says_when() {
+    for (words, read, write) in [
+        ("", Reading::Normal, Writing::Manual),
+        ("write manual", Reading::Normal, Writing::Manual),
+        ("write auto", Reading::Manual, Writing::Auto),
+        ("write change", Reading::Manual, Writing::OnChange),
+        ("read normal write auto", Reading::Normal, Writing::Auto),
+        ("write change read high", Reading::High, Writing::OnChange),
+        ("read manual", Reading::Manual, Writing::Manual),
+    ] {
+        let mut settings = load(GOOD);
+        apply(&mut settings, &format!("point new meter holding 100 {words}")).unwrap();
+        let PointAt::Device { read: is_read, write: is_written, .. } = settings.points.last().unwrap().at
+        else {
+            panic!("{words}")
+        };
+        assert_eq!((is_read, is_written), (read, write), "{words}");
+        assert_eq!(load(&print(&settings)), settings, "{words}");
+    }
 }
 
 #[test]

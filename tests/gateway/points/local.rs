@@ -23,7 +23,7 @@ const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1 timeout 100ms
     point power meter holding 0 count 4 read high
     point limit meter holding 10 count 2 write auto read high
     point fixed meter holding 20 write manual
-    point lamps meter coil 0 count 10 write auto
+    point lamps meter coil 0 count 10 read normal write auto
     point ints local holding 1 count 8 as i16
     point floats local holding 10 count 8 as f32
     point flags local coil 3 count 10

@@ -15,7 +15,7 @@ const DEAD: &str = "port plc tcp client 10.0.1.1:502 timeout 300ms late-window 1
     route scan 5 * * plc
     route P502 * * * plc
     device plc unit 5
-    point a plc holding 0 write auto";
+    point a plc holding 0 read normal write auto";
 
 fn scanner<R>(rig: &Rig<'_>, f: impl FnOnce(&mut Scanner) -> R) -> R {
     rig.gateway.scanner().unwrap().change(f)
@@ -164,7 +164,7 @@ fn what_the_ports_full_queue_refuses_is_not_taken_for_the_devices_answer() {
         route P502 1-247 * * bus merge off
         device meter unit 5
         point power meter holding 0 count 4 read high
-        point limit meter holding 10 write auto";
+        point limit meter holding 10 read normal write auto";
     with_gateway(1, settings, |world, rig| {
         let device = Device::new(5);
         rig.attach(world, "uart1", [device.clone(), Device::new(6)]);

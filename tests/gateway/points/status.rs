@@ -4,7 +4,7 @@ use embassy_time::Instant;
 use mobgate::modbus::Exception;
 use mobgate::scanner::{
     BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, ErrorCode, Kind, REPEATS, Reading,
-    Refused, Row, SCAN, Scanner, Status,
+    Refused, Row, SCAN, Scanner, Status, Writing,
 };
 use mobgate::stats::LastError;
 
@@ -253,6 +253,52 @@ fn without_an_answer_a_frame_is_repeated_twice_and_the_error_says_why() {
     }
 }
 
+/// AMiT AP0059: "the frame is repeated 2 more times".
+#[test]
+fn what_is_repeated_is_that_frame_whatever_else_is_due_or_written_meanwhile() {
+    let (mut scanner, device) = scanner();
+    let multiple = |first, read| super::Row { read, multiple: true, ..row(device, Kind::Holding, first, 1) };
+    let often = add(&mut scanner, multiple(0, Reading::High));
+    let beside = add(&mut scanner, multiple(1, Reading::Normal));
+    let apart = add(&mut scanner, row(device, Kind::Holding, 5, 1));
+    while exchange(&mut scanner, at(0)).is_some() {}
+    // The row that is read often is asked for alone, and marked again before each repeat, as its neighbour is.
+    for ms in [200, 700, 1_200] {
+        assert_eq!(scanner.next(at(ms)).unwrap().pdu, [3, 0, 0, 0, 1], "at {ms} ms");
+        scanner.put(apart, 0, 1, &[0, 7], at(ms)).unwrap();
+        scanner.answered(device, at(ms + 500), Err(ErrorCode::Timeout));
+    }
+    assert_eq!(scanner.next(at(1_700)), None);
+    // It has ended in an error; the write keeps its mark, and the neighbour has not been tried.
+    assert_eq!(scanner.status(often, at(1_700)).bits(), 0x5014);
+    assert_eq!(scanner.status(apart, at(1_700)).bits(), 0x0092);
+    assert_eq!(scanner.status(beside, at(1_700)).bits(), 0x0012);
+    assert_eq!(exchange(&mut scanner, at(16_700)).unwrap().pdu, [6, 0, 5, 0, 7]);
+    // A write is repeated before a read, too, and one row of its frame that is blocked holds only itself back.
+    for _ in 0..2 {
+        scanner.write(often).unwrap();
+        scanner.write(beside).unwrap();
+        assert_eq!(scanner.next(at(16_800)).unwrap().pdu, [16, 0, 0, 0, 2, 4, 0, 0, 0, 1]);
+        scanner.answered(device, at(16_800), Err(ErrorCode::Timeout));
+    }
+    scanner.begin(beside).unwrap();
+    assert_eq!(scanner.next(at(16_800)).unwrap().pdu, [16, 0, 0, 0, 1, 2, 0, 0]);
+}
+
+#[test]
+fn a_check_is_repeated_before_anything_else() {
+    let mut scanner = Scanner::new();
+    scanner.restart(super::START);
+    let device = scanner.add_device(Device { check: true, ..super::device(5) }).unwrap();
+    let id = add(&mut scanner, row(device, Kind::Holding, 0, 1));
+    for _ in 0..3 {
+        assert_eq!(scanner.next(at(0)).unwrap().pdu[0], 8);
+        scanner.put(id, 0, 1, &[0, 7], at(0)).unwrap();
+        scanner.answered(device, at(0), Err(ErrorCode::Timeout));
+    }
+    assert_eq!(scanner.next(at(0)), None);
+}
+
 #[test]
 fn a_silent_device_is_tried_after_15_17_to_29_and_then_every_30_seconds() {
     let (mut scanner, device) = scanner();
@@ -372,4 +418,30 @@ fn what_the_program_has_written_is_not_overwritten_by_a_read_that_was_on_its_way
     scanner.answered(device, at(2), Ok(&super::answer(&read)));
     assert_eq!(scanner.input(id), [0, 77]);
     assert_eq!(exchange(&mut scanner, at(2)).unwrap().pdu, [6, 0, 0, 0, 77]);
+}
+
+#[test]
+fn a_row_that_is_written_on_change_is_written_when_its_value_differs_or_could_not_be_written() {
+    let (mut scanner, device) = scanner();
+    let on_change = |kind, first| super::Row { write: Writing::OnChange, ..row(device, kind, first, 2) };
+    let id = add(&mut scanner, on_change(Kind::Holding, 0));
+    let bits = add(&mut scanner, on_change(Kind::Coil, 8));
+    while exchange(&mut scanner, at(0)).is_some() {}
+    // The registers hold their addresses.
+    scanner.put(id, 0, 2, &[0, 0, 0, 1], at(1)).unwrap();
+    assert_eq!(scanner.next(at(1)), None, "as it was read");
+    scanner.put(id, 1, 1, &[0, 9], at(1)).unwrap();
+    assert_eq!(exchange(&mut scanner, at(1)).unwrap().pdu, [16, 0, 0, 0, 2, 4, 0, 0, 0, 9]);
+    scanner.put(id, 1, 1, &[0, 9], at(1)).unwrap();
+    assert_eq!(scanner.next(at(1)), None, "as it was written");
+    scanner.put(id, 1, 1, &[0, 8], at(1)).unwrap();
+    scanner.next(at(1)).unwrap();
+    scanner.answered(device, at(1), Ok(&[0x90, 3]));
+    scanner.put(id, 1, 1, &[0, 8], at(1)).unwrap();
+    assert!(exchange(&mut scanner, at(1)).is_some(), "the device has not taken it");
+    let second = scanner.input(bits)[0] >> 1 & 1;
+    scanner.put(bits, 1, 1, &[second], at(1)).unwrap();
+    assert_eq!(scanner.next(at(1)), None);
+    scanner.put(bits, 1, 1, &[1 - second], at(1)).unwrap();
+    assert_eq!(exchange(&mut scanner, at(1)).unwrap().pdu[..5], [15, 0, 8, 0, 2]);
 }

@@ -169,7 +169,7 @@ fn clients_write_a_devices_variable_where_it_goes_on_by_itself() {
         assert_eq!(written, expected, "{write:?}");
         assert_eq!(scanner.input(polled), if open { &[1, 2, 3, 4] } else { &[0; 4] }, "{write:?}");
         let marked = scanner.status(polled, START).any(Status::WRITE_MARKED);
-        assert_eq!(marked, write == Writing::Auto, "{write:?}");
+        assert_eq!(marked, open, "{write:?}");
         assert_eq!(scanner.age(polled, START), None, "a device's value is as old as its last reading");
     }
 }

@@ -84,17 +84,22 @@ pub(crate) fn figures(_: Effort) {
         let total = report.lines().find(|line| line.trim_end().ends_with(" total"))?;
         total.split_whitespace().nth(3)?.parse().ok()
     };
-    let mut served = f64::INFINITY;
     for Course { name, device, counts, targets: [most_instructions, most_calls] } in courses() {
         let serve = |tool: &[String], count| run_under(tool, device, count);
         let figure_name = format!("{name}instructions_per_transaction");
         let each = count(&figure_name, counts, callgrind, instructions, serve);
         figure(&figure_name, each, "instructions", most_instructions);
-        served = served.min(each);
         let figure_name = format!("{name}system_calls_per_transaction");
         let each = count(&figure_name, counts, strace, calls, serve);
         figure(&figure_name, each, "calls", most_calls);
     }
+}
+
+/// What a refusal costs, beside a served request.
+pub(crate) fn refusals(_: Effort) {
+    let [Course { name, device, counts, .. }, _] = courses();
+    let serve = |tool: &[String], count| run_under(tool, device, count);
+    let served = count(&format!("{name}served"), counts, callgrind, instructions, serve);
     for (name, kind) in KINDS {
         let Kind::Asks(unit, pdu) = kind else { continue };
         let name = format!("refusal_instructions_{name}");

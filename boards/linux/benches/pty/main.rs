@@ -48,7 +48,7 @@ impl Effort {
 type Group = fn(Effort);
 
 fn main() {
-    let groups: [(&str, Group); 11] = [
+    let groups: [(&str, Group); 12] = [
         ("unpaced", loads::unpaced),
         ("paced", loads::paced),
         ("strict", loads::strict),
@@ -60,6 +60,7 @@ fn main() {
         ("ports", ports::figures),
         ("flood", flood::figures),
         ("counts", counts::figures),
+        ("refusals", counts::refusals),
     ];
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let effort = Effort { quick: arguments.iter().any(|argument| argument == "--quick") };
@@ -67,7 +68,7 @@ fn main() {
     let wanted: Vec<&String> = arguments.iter().filter(|argument| !argument.starts_with("--")).collect();
     for (name, run) in groups {
         // Counting needs programs that not everybody has.
-        let by_default = wanted.is_empty() && name != "counts";
+        let by_default = wanted.is_empty() && !["counts", "refusals"].contains(&name);
         if by_default || wanted.iter().any(|group| *group == name) {
             run(effort);
         }

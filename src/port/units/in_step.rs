@@ -145,6 +145,10 @@ impl Units<'_> {
                 true => 0,
                 false => unit.ignored.saturating_add(u8::from(passed_diagnostic)),
             };
+            if passed_diagnostic {
+                // It answers, only not that: no reason to wait for longer and longer.
+                unit.tried = 0;
+            }
             match whose {
                 Match::Latest(_) if awaited => {}
                 Match::Latest(purpose) | Match::Earlier(purpose) => unit.was_late(purpose, in_step, now),

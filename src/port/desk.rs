@@ -318,9 +318,8 @@ impl<'g> Desk<'g> {
 
     /// `unit` has answered the proof that `order` waited for, which waits for its turn again: by then others may share its transaction.
     pub(crate) fn proved(&self, order: &Frame<'g>, unit: u8) {
-        if let Some(Proving { purpose, .. }) = self.proof.take() {
-            self.place.units(|units| units.proved(unit, purpose));
-        }
+        self.proof.set(None);
+        self.place.units(|units| units.proved(unit));
         self.take_back(order);
     }
 

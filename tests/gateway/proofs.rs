@@ -59,7 +59,12 @@ fn ignores(units: &mut Units) {
 fn echoes(units: &mut Units) {
     units.sent(ID, &[8, 0, 0, 9, 9], Purpose::Diagnostic);
     assert_eq!(units.heard(ID, &[8, 0, 0, 9, 9], true, NOW), Ok(()));
-    units.proved(ID, Purpose::Diagnostic);
+    units.proved(ID);
+}
+
+/// A response that nobody has asked for.
+fn unasked(units: &mut Units, now: Instant) {
+    assert_eq!(units.heard(ID, &[3, 2, 0, 7], false, now), Err(Event::Unsolicited));
 }
 
 #[test]
@@ -129,6 +134,37 @@ fn a_unit_that_answers_function_8_is_asked_by_nothing_else() {
 }
 
 #[test]
+fn a_proof_that_is_answered_or_not_ends_what_was_noted_of_it() {
+    // Whether it answers.
+    for answers in [true, false] {
+        with_units(|units| {
+            units.sent(ID, &ONE, Purpose::Request);
+            units.learn(ID, &INPUT);
+            assert_eq!(units.state(unit(units), NOW), State::Up, "it is awaited");
+            units.timed_out(ID, NOW, 0);
+            assert_eq!(proof(units, &ONE, NOW), None);
+            units.sent(ID, &[8, 0, 0, 9, 9], Purpose::Diagnostic);
+            units.not_proved(ID, NOW, 0);
+            assert_eq!(proof(units, &ONE, NOW), Some(INPUT));
+            units.sent(ID, &INPUT, Purpose::Read);
+            if answers {
+                assert_eq!(units.heard(ID, &TO_INPUT, true, NOW), Ok(()));
+                units.proved(ID);
+                assert_eq!(units.state(unit(units), NOW), State::Up);
+                unasked(units, NOW);
+                assert_eq!(units.state(unit(units), NOW), State::OutOfStep);
+            } else {
+                units.not_proved(ID, NOW, 0);
+                units.heard(ID, &[8, 0, 0, 9, 9], false, NOW).unwrap_err();
+                assert_eq!(units.state(unit(units), NOW + WINDOW), State::OutOfStep, "the read is outstanding");
+            }
+            lost(units, &ONE);
+            assert_eq!(proof(units, &ONE, NOW), None, "function 8 first");
+        });
+    }
+}
+
+#[test]
 fn a_unit_that_ignores_function_8_is_asked_by_a_read_that_settles_something() {
     with_units(|units| {
         for nth in 1..=8 {
@@ -179,6 +215,19 @@ fn function_8_is_tried_again_after_many_waits() {
         lost(units, &ONE);
         assert_eq!(units.step(ID, &ONE, &AUTO, now), Step::Wait);
     });
+    // So with one that has answered function 8 before, and does not any more.
+    with_units(|units| {
+        echoes(units);
+        (0..21).for_each(|_| ignores(units));
+        lost(units, &ONE);
+        assert_eq!(units.step(ID, &ONE, &AUTO, NOW), Step::Wait);
+        assert_eq!(units.step(ID, &ONE, &AUTO, NOW + WINDOW), Step::Direct);
+        lost(units, &ONE);
+        assert_eq!(proof(units, &ONE, NOW), None);
+        ignores(units);
+        lost(units, &ONE);
+        assert_eq!(units.step(ID, &ONE, &AUTO, NOW), Step::Wait);
+    });
 }
 
 #[test]
@@ -217,6 +266,10 @@ fn where_nothing_proves_anything_the_late_window_is_waited_for() {
         assert_eq!(units.step(ID, &ONE, &NONE, end), Step::Direct);
         assert!(unit(units).unproven && units.is_in_step(ID, false));
         assert!(units.all_well(end));
+        unasked(units, end);
+        assert_eq!(units.step(ID, &ONE, &NONE, end), Step::Wait, "something else was to come");
+        let end = end + WINDOW;
+        assert_eq!(units.step(ID, &ONE, &NONE, end), Step::Direct);
         assert_eq!(units.state(unit(units), end), State::Up);
         // The next time it is waited for anew, also if it answers meanwhile something else.
         units.sent(ID, &ONE, Purpose::Request);
@@ -231,6 +284,8 @@ fn where_nothing_proves_anything_the_late_window_is_waited_for() {
         assert_eq!(units.heard(ID, &WRITE, false, end + TICK), Err(Event::Late));
         assert_eq!(units.gate(ID, end + TICK), Gate::Open(Ready::Now));
         assert_eq!(units.step(ID, &ONE, &NONE, end + TICK), Step::Direct);
+        unasked(units, end + TICK);
+        assert_eq!(units.step(ID, &ONE, &NONE, end + TICK), Step::Wait, "but what came unsolicited");
         // What proves that it is in step takes the note away.
         assert!(unit(units).unproven);
         echoes(units);
@@ -284,11 +339,27 @@ fn pauses_between_proofs_grow() {
             assert_eq!(units.gate(ID, now), Gate::Open(Ready::Now));
             assert_eq!(units.attempt(ID, now - TICK), Ready::Now);
         }
-        units.proved(ID, Purpose::Read);
+        units.proved(ID);
         units.sent(ID, &[8, 0, 0, 1, 1], Purpose::Diagnostic);
         units.not_proved(ID, now, 200);
         assert_eq!(unit(units).held_until, now + Duration::from_millis(100), "as at first");
     });
+    // It answers all but function 8, or sends only what nobody has asked for.
+    for (answers, grows) in [(true, false), (false, true)] {
+        with_units(|units| {
+            units.sent_in_part(ID);
+            for nth in 0..4 {
+                units.sent(ID, &[8, 0, 0, 1, 1], Purpose::Diagnostic);
+                assert!(units.not_proved(ID, NOW, 200));
+                let pause = Duration::from_millis(if grows { 100 << nth } else { 100 });
+                assert_eq!(unit(units).held_until, NOW + pause, "{nth}");
+                if answers {
+                    units.sent(ID, &INPUT, Purpose::Read);
+                }
+                assert_eq!(units.heard(ID, &TO_INPUT, answers, NOW), Err(Event::Late));
+            }
+        });
+    }
     for (down_after, proofs) in [(0, None), (1, Some(1)), (3, Some(3))] {
         with_units(|units| {
             let down = (1..=10).find(|_| {
@@ -361,6 +432,7 @@ fn while_units_are_looked_for_nothing_has_to_be_proved_and_it_is_unknown_afterwa
         lost(units, &ONE);
         units.freeze(true);
         assert!(units.is_in_step(ID, false));
+        assert!(units.not_proved(ID, NOW, 0));
         assert_eq!(units.step(ID, &ONE, &AUTO, NOW), Step::Direct);
         units.sent(ID, &INPUT, Purpose::Request);
         assert_eq!(units.heard(ID, &TO_INPUT, true, NOW), Ok(()));

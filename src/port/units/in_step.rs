@@ -132,8 +132,13 @@ impl Units<'_> {
         let port = self.port as u8;
         let Settled { whose, passed_diagnostic, is_diagnostic } =
             self.all.outstanding.heard(port, id, response);
-        self.set_troubled(self.troubled() || !(awaited && matches!(whose, Match::Latest(_))));
-        let in_step = self.is_in_step(id, self.find(id).is_some_and(|unit| unit.open && !awaited));
+        let late = match whose {
+            Match::Latest(_) if awaited => None,
+            Match::Latest(purpose) | Match::Earlier(purpose) => Some(purpose),
+            Match::Several => Some(Purpose::Unsolicited),
+            Match::Unsolicited => None,
+        };
+        let in_step = self.is_in_step(id, false);
         if let Some(unit) = self.known(id) {
             unit.heard = true;
             if in_step && unit.waited {
@@ -149,28 +154,24 @@ impl Units<'_> {
                 // It answers, only not that: no reason to wait for longer and longer.
                 unit.tried = 0;
             }
-            match whose {
-                Match::Latest(_) if awaited => {}
-                Match::Latest(purpose) | Match::Earlier(purpose) => unit.was_late(purpose, in_step, now),
-                Match::Several => unit.was_late(Purpose::Unsolicited, in_step, now),
-                Match::Unsolicited => {}
+            if let Some(purpose) = late {
+                unit.was_late(purpose, in_step, now);
             }
         }
-        match whose {
-            Match::Latest(_) if awaited => Ok(()),
-            Match::Unsolicited => Err(Event::Unsolicited),
-            Match::Latest(_) | Match::Earlier(_) | Match::Several => Err(Event::Late),
+        match late {
+            // It may be held now.
+            Some(_) => self.set_troubled(true),
+            None if whose == Match::Unsolicited => return Err(Event::Unsolicited),
+            None => return Ok(()),
         }
+        Err(Event::Late)
     }
 
-    /// `id` has answered the proof that was sent for this `purpose`.
-    pub fn proved(&mut self, id: u8, purpose: Purpose) {
+    /// `id` has answered the proof that was sent.
+    pub fn proved(&mut self, id: u8) {
         if let Some(unit) = self.entry(id) {
             unit.alive();
             (unit.open, unit.by_read, unit.unproven, unit.hurried) = (false, false, false, false);
-            if purpose == Purpose::Diagnostic {
-                unit.ignored = 0;
-            }
         }
     }
 

@@ -216,7 +216,13 @@ pub struct Frame<'p> {
 impl<'p> Frame<'p> {
     /// The envelope. Only a frame that was never addressed has an empty one.
     pub fn envelope(&self) -> Envelope {
-        self.with(|slot| slot.envelope).flatten().unwrap_or(Envelope::EMPTY)
+        let mut envelope = Envelope::EMPTY;
+        self.with(|slot| {
+            if let Some(there) = &slot.envelope {
+                envelope = *there;
+            }
+        });
+        envelope
     }
 
     fn look<R>(&self, of: impl Fn(&Envelope) -> R) -> R {

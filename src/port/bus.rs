@@ -188,25 +188,25 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
     }
 
-    /// Sends `request` to `unit`. The future keeps the frame, and not the request as well.
-    pub(crate) fn send(
+    /// Sends to `unit` what the desk has to send for `order`.
+    pub(crate) async fn send<'g>(
         &mut self,
         unit: u8,
-        request: &[u8],
-    ) -> impl Future<Output = Result<Result<(), Collision>, LineLost>> + use<'_, 's, L> {
+        desk: &Desk<'g>,
+        order: &Frame<'g>,
+    ) -> Result<Result<(), Collision>, LineLost> {
         self.decoder.clear();
         let mut frame = [0; FRAME_CHARS_MAX];
-        let framed = self.settings.framing.encode(unit, request, LINE_FEED, &mut frame);
-        let length = framed.map(<[u8]>::len);
-        async move {
-            let frame = length.ok().and_then(|length| frame.get(..length)).ok_or(LineLost)?;
-            let sent = self.line.send(frame).await;
-            self.tap.sent(self.line.active, Event::Request, frame);
-            if sent == Ok(Err(Collision)) {
-                self.line.clear();
-            }
-            sent
+        let length = desk.with_request(order, |request| {
+            self.settings.framing.encode(unit, request, LINE_FEED, &mut frame).map_or(0, <[u8]>::len)
+        });
+        let frame = frame.get(..length).filter(|frame| !frame.is_empty()).ok_or(LineLost)?;
+        let sent = self.line.send(frame).await;
+        self.tap.sent(self.line.active, Event::Request, frame);
+        if sent == Ok(Err(Collision)) {
+            self.line.clear();
         }
+        sent
     }
 
     /// Notes a request that was sent while it arrived.

@@ -283,7 +283,10 @@ impl<'g> Desk<'g> {
 
     /// What is to be sent for `order`: its request, or what has to be proved before.
     pub(crate) fn request(&self, order: &Frame<'g>) -> Pdu {
-        self.with_request(order, |request| Pdu::from_slice(request).unwrap_or_default())
+        let mut pdu = Pdu::new();
+        // There is room: it is no longer than a PDU may be.
+        self.with_request(order, |request| pdu.extend_from_slice(request).unwrap_or_default());
+        pdu
     }
 
     /// Calls `look` with the [`Desk::request`] for `order`, where it lies.

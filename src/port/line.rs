@@ -137,10 +137,15 @@ impl<'s, L: SerialLine> Line<'s, L> {
         self.active + self.settings.gap()
     }
 
-    /// When a `silence` may have told that nothing more comes: while the board passes on what comes, that is to be looked for again.
+    /// When a `silence` may have told that nothing more comes. While the board passes on what comes, it watches the silence, and lets us
+    /// read when it has come; unless nothing has come since it began, which was no later than a silence ago: that is to be looked for.
     pub(crate) fn quiet_at(&self, silence: Duration) -> Instant {
-        let since = if self.is_relayed() { self.active.max(Instant::now()) } else { self.active };
-        since + silence
+        let end = self.active + silence;
+        match self.is_relayed() {
+            false => end,
+            true if Instant::now() > end + silence => Instant::MAX,
+            true => end.max(Instant::now() + silence),
+        }
     }
 
     /// Reads what is there behind what was heard already.

@@ -107,12 +107,7 @@ async fn carry_out<'g, L: SerialLine>(
         place.stats.count(Event::Stored);
     }
     desk.sent(&frame, unit);
-    let sent = if arriving {
-        Ok(())
-    } else {
-        let sending = bus.send(unit, &desk.request(&frame));
-        sending.await?
-    };
+    let sent = if arriving { Ok(()) } else { bus.send(unit, desk, &frame).await? };
     if unit == BROADCAST {
         // Nobody answers, so nobody can be asked again: a collision has been counted, and that is all.
         bus.turnaround().await;

@@ -156,7 +156,11 @@ fn a_proof_that_is_answered_or_not_ends_what_was_noted_of_it() {
             } else {
                 units.not_proved(ID, NOW, 0);
                 units.heard(ID, &[8, 0, 0, 9, 9], false, NOW).unwrap_err();
-                assert_eq!(units.state(unit(units), NOW + WINDOW), State::OutOfStep, "the read is outstanding");
+                assert_eq!(
+                    units.state(unit(units), NOW + WINDOW),
+                    State::OutOfStep,
+                    "the read is outstanding"
+                );
             }
             lost(units, &ONE);
             assert_eq!(proof(units, &ONE, NOW), None, "function 8 first");

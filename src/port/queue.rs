@@ -440,4 +440,28 @@ mod tests {
         ask(&mut queue, 1);
         assert_eq!([serve(&mut queue), serve(&mut queue), serve(&mut queue)], [3, 1, 2], "2 had its turn");
     }
+
+    #[test]
+    fn so_do_all_addresses() {
+        let mut queue = PortQueue::new();
+        let ask = |queue: &mut PortQueue<u16>, connection, address: [u8; 4]| {
+            let asker = Asker::new((0, connection), Some(address.into()));
+            let (priority, deadline) = (Priority::Normal, Instant::MAX);
+            assert_eq!(
+                queue.push(connection, Ticket { asker, priority, unit: 1, deadline, access: Access::Read }),
+                None
+            );
+        };
+        let serve = |queue: &mut PortQueue<u16>| match queue.next(Instant::MIN, |_| Ready::Now) {
+            Next::Serve(order, _) => order,
+            other => panic!("{other:?}"),
+        };
+        let (one, other) = ([10, 0, 0, 1], [10, 0, 0, 2]);
+        [(1, one), (2, one), (3, other)]
+            .into_iter()
+            .for_each(|(connection, address)| ask(&mut queue, connection, address));
+        queue.turns = u32::MAX;
+        assert_eq!([serve(&mut queue), serve(&mut queue)], [1, 3], "the other address has had no turn");
+        assert_eq!(serve(&mut queue), 2);
+    }
 }

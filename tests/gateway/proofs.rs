@@ -12,6 +12,7 @@ const ID: u8 = 5;
 const WINDOW: Duration = Duration::from_secs(2);
 const TICK: Duration = Duration::from_ticks(1);
 const NOW: Instant = Instant::from_secs(10);
+const AFTERWARDS: Instant = Instant::from_secs(20);
 const AUTO: Care = Care { proof: Proof::Auto, late_window: WINDOW };
 const NONE: Care = Care { proof: Proof::None, late_window: WINDOW };
 
@@ -164,6 +165,23 @@ fn a_proof_that_is_answered_or_not_ends_what_was_noted_of_it() {
             }
             lost(units, &ONE);
             assert_eq!(proof(units, &ONE, NOW), None, "function 8 first");
+        });
+    }
+}
+
+#[test]
+fn a_unit_is_out_of_step_when_something_unsolicited_came_and_nothing_is_awaited() {
+    let answers: fn(&mut Units) = |units| {
+        units.sent(ID, &ONE, Purpose::Request);
+        units.heard(ID, &[3, 2, 0, 7], true, NOW).unwrap();
+        units.answered(ID, TICK, false);
+    };
+    for before in [answers, |units| units.trouble(ID, Event::Unsolicited)] {
+        with_units(|units| {
+            before(units);
+            assert_eq!(units.state(unit(units), NOW), State::Up);
+            unasked(units, NOW);
+            assert_eq!(units.state(unit(units), NOW), State::OutOfStep);
         });
     }
 }
@@ -417,8 +435,24 @@ fn late_answers_hold_a_unit_for_a_moment_and_three_of_them_tell_that_it_is_slow(
             }
             units.answered(ID, Duration::from_millis(took), false);
             assert!(!unit(units).is_slow());
+            lost(units, &ONE);
+            lost(units, &WRITE);
+            units.heard(ID, &[3, 2, 0, 7], false, AFTERWARDS).unwrap_err();
+            let held = AFTERWARDS + Duration::from_millis(pause);
+            assert_eq!(unit(units).held_until, held, "after an answer in time it is hurried again");
+            units.timed_out(ID, AFTERWARDS, 1);
+            assert!(units.is_down(ID), "also while it is held");
         });
     }
+    with_units(|units| {
+        for nth in 1..=3 {
+            lost(units, &ONE);
+            lost(units, &WRITE);
+            units.heard(ID, &[3, 2, 0, 7], false, NOW).unwrap_err();
+            units.heard(ID, &WRITE, true, NOW).unwrap();
+            assert_eq!(unit(units).is_slow(), nth == 3, "it has never answered in time");
+        }
+    });
     with_units(|units| {
         for nth in 0..5 {
             let kind = if nth == 0 { Event::Unsolicited } else { Event::Late };

@@ -1,6 +1,6 @@
 //! Who is served next: the pure queue of a client-side port.
 
-use std::net::{IpAddr, Ipv4Addr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use embassy_time::Instant;
 use mobgate::port::queue::{Access, Asker, Next, PASSED_OVER_MAX, PortQueue, Ready, Ticket, WAITING_MAX};
@@ -145,6 +145,75 @@ fn a_full_queue_makes_room_at_the_cost_of_whoever_has_most() {
         "and for another connection of its address"
     );
     assert_eq!(queue.len(), WAITING_MAX);
+}
+
+#[test]
+fn a_full_queue_makes_room_only_where_that_leaves_the_newcomer_with_no_more_than_the_others() {
+    // A newcomer's address and connection, how many wait of each before, and whose newest order goes: none where the newcomer is refused.
+    type Case = ((u8, u16), &'static [((u8, u16), usize)], Option<(u8, u16)>);
+    const HALF: usize = WAITING_MAX / 2;
+    let cases: &[Case] = &[
+        ((1, 1), &[((1, 1), HALF - 1), ((2, 2), HALF + 1)], Some((2, 2))),
+        ((1, 1), &[((1, 1), HALF), ((2, 2), HALF)], None),
+        ((1, 1), &[((1, 1), HALF - 12), ((2, 2), HALF + 12)], Some((2, 2))),
+        // So within an address, also where all of it have one and the same number.
+        ((1, 1), &[((1, 1), HALF - 1), ((1, 2), HALF + 1)], Some((1, 2))),
+        ((1, 1), &[((1, 1), HALF), ((1, 2), HALF)], None),
+        ((1, 3), &[((1, 1), HALF), ((1, 2), HALF)], Some((1, 2))),
+    ];
+    for (newcomer, waiting, goes) in cases {
+        let mut queue = PortQueue::new();
+        for ((address, connection), count) in *waiting {
+            (0..*count).for_each(|_| {
+                assert_eq!(queue.push((*address, *connection), ticket(*address, *connection)), None)
+            });
+        }
+        let (address, connection) = *newcomer;
+        let gone = queue.push((9, 9), ticket(address, connection));
+        assert_eq!(gone, Some(goes.unwrap_or((9, 9))), "{newcomer:?} {waiting:?}");
+    }
+    // Two of each connection, or of each address, are one more than a new one would have.
+    for apart in [false, true] {
+        let mut queue = PortQueue::new();
+        for order in 0..WAITING_MAX as u16 {
+            let connection = order / 2;
+            let address = if apart { connection as u8 } else { 1 };
+            assert_eq!(queue.push(order, ticket(address, connection)), None);
+        }
+        let newcomer = if apart { ticket(200, 1000) } else { ticket(1, 1000) };
+        assert_eq!(queue.push(1000, newcomer), Some(WAITING_MAX as u16 - 1));
+    }
+}
+
+#[test]
+fn who_had_a_turn_comes_behind_who_had_none() {
+    for (had, none) in [(ticket(1, 1), ticket(1, 2)), (ticket(1, 1), ticket(2, 2))] {
+        let mut queue = PortQueue::new();
+        queue.push("first", had);
+        assert_eq!(serve(&mut queue), Some("first"));
+        queue.push("had", had);
+        queue.push("none", none);
+        assert_eq!(drain(&mut queue), ["none", "had"]);
+    }
+}
+
+#[test]
+fn the_first_unit_that_may_be_asked_is_waited_for() {
+    let mut queue = PortQueue::new();
+    let at = |unit: u8| Instant::from_secs(unit.into());
+    for unit in [3, 2, 4] {
+        queue.push(unit, Ticket { unit, ..ticket(1, 1) });
+    }
+    assert_eq!(queue.next(Instant::MIN, |unit| Ready::At(at(unit))), Next::Wait(at(2)));
+}
+
+#[test]
+fn addresses_of_version_6_that_differ_in_one_bit_are_told_from_each_other() {
+    let bits = u128::from_be_bytes(*b"an IPv6 address.");
+    let of = |bits: u128| Asker::new((0, 0), Some(IpAddr::from(Ipv6Addr::from_bits(bits))));
+    for bit in 0..128 {
+        assert!(!of(bits).is_beside(&of(bits ^ 1 << bit)), "{bit}");
+    }
 }
 
 #[test]

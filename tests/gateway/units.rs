@@ -119,9 +119,18 @@ fn it_is_counted_how_a_unit_does() {
     let (mut all, port) = (AllUnits::new(), PortId(0));
     let mut units = all.of(port);
     let now = Instant::from_secs(1);
+    units.timed_out(6, now, 0);
+    assert_eq!(
+        units.iter().next().map(|unit| unit.trouble(Event::Silent)),
+        Some(1),
+        "of one that was not known"
+    );
+    units.clear();
     (0..7).for_each(|_| units.asked(5));
     units.answered(5, Duration::from_millis(3), true);
     units.answered(5, Duration::from_millis(4), false);
+    let usual = units.iter().next().and_then(|unit| unit.times.percentile(50)).unwrap();
+    assert!((2_000..8_000).contains(&usual), "{usual}");
     assert!(units.timed_out(5, now, DOWN_AFTER), "nothing was heard");
     units.asked(5);
     units.trouble(5, Event::Noise);

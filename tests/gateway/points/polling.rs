@@ -260,3 +260,35 @@ fn an_attempt_at_a_server_that_was_not_there_connects_anew_at_that_moment() {
         assert_eq!((status().alive, status().failures), (Some(true), 3));
     });
 }
+
+#[test]
+fn an_answer_to_what_a_deleted_device_was_asked_is_not_taken_for_its_successors() {
+    let settings = "port bus serial uart1 rtu client 19200 8E1 timeout 5s
+        port scan scanner
+        route scan 1-9 * * bus
+        device old unit 5
+        point p old holding 0 read 10s";
+    with_gateway(1, settings, |world, rig| {
+        let devices = [5, 6].map(Device::new);
+        rig.attach(world, "uart1", devices.clone());
+        for device in &devices {
+            device.set_faults(Faults::new(1).with(When::Always, Fault::Late(SECOND, SECOND)));
+        }
+        world.run_for(300 * MS);
+        let settings = "delete point p
+            delete device old
+            delete route 1
+            delete port scan
+            port scan scanner
+            route scan 1-9 * * bus
+            device new unit 6
+            point p new holding 0 read 10s";
+        settings.lines().for_each(|line| rig.console(line).unwrap());
+        let status = || scanner(rig, |scanner| scanner.device_status(DeviceId(0), Instant::now())).unwrap();
+        world.run_for(900 * MS);
+        assert_eq!(devices.each_ref().map(|device| device.counters().all_requests()), [1, 1]);
+        assert_eq!(status().answers, 0, "the old one has answered");
+        world.run_for(SECOND);
+        assert_eq!(status().answers, 1);
+    });
+}

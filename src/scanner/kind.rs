@@ -107,10 +107,6 @@ impl Modicon {
 impl fmt::Display for Modicon {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let number = u32::from(self.1) + 1;
-        if number <= 9_999 {
-            write!(f, "{}{number:04}", self.0.modicon())
-        } else {
-            write!(f, "{}{number:05}", self.0.modicon())
-        }
+        write!(f, "{}{number:04}", self.0.modicon())
     }
 }

@@ -133,7 +133,6 @@ impl Entry {
     /// It is asked for now.
     pub(super) fn begin(&mut self, write: bool) {
         self.status.begin(write);
-        self.repeats = false;
     }
 
     /// When it is due, counted from the scanner's start, if its device is left alone until `held`.
@@ -142,7 +141,7 @@ impl Entry {
         if self.row.device.is_none() || self.status.any(Status::READ_MARKED) {
             return None;
         }
-        if self.next >= held { Some(self.next) } else { Some(round_up(held, self.row.read.raster())) }
+        Some(self.next.max(round_up(held, self.row.read.raster())))
     }
 
     /// It was due at `due`, and is marked at `now`.

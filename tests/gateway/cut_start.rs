@@ -146,6 +146,21 @@ fn the_beginning_of_a_response_tells_its_end_or_that_it_is_none() {
     assert_eq!(response_end(&[65, 1], &[65]), End::Unknown);
 }
 
+#[test]
+fn whatever_the_units_and_however_long_the_frame_its_crc_is_changed_by_what_its_unit_changes() {
+    for change in 1..=u8::MAX {
+        let mut delta = CrcDelta::new(0, change);
+        // Bit by bit, by the polynomial of Serial Line 2.5.1.2.
+        let step = |register: u16| (0..8).fold(register, |crc, _| crc >> 1 ^ (crc & 1) * 0xa001);
+        let mut expected = step(change.into());
+        for length in 0..=253 {
+            assert_eq!(u16::from_le_bytes(delta.translate([0; 2])), expected, "{change} {length}");
+            delta.pass(1);
+            expected = step(expected);
+        }
+    }
+}
+
 proptest! {
     #[test]
     fn another_units_id_turns_the_same_bits_of_the_crc_wrong_as_before(

@@ -137,3 +137,23 @@ fn file_groups(mut groups: &[u8]) -> bool {
     }
     groups.is_empty()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::is_beyond_response;
+
+    #[test]
+    fn a_read_is_refused_for_its_length_when_no_answer_holds_it() {
+        for (request, beyond) in [
+            ([3, 0, 0, 0, 125], false),
+            ([3, 0, 0, 0, 126], true),
+            ([4, 0, 0, 0xff, 0xff], true),
+            ([1, 0, 0, 7, 0xd0], false),
+            ([2, 0, 0, 7, 0xe1], true),
+            ([3, 0, 0, 0, 0], false),
+            ([16, 0, 0, 0, 126], false),
+        ] {
+            assert_eq!(is_beyond_response(&request), beyond, "{request:?}");
+        }
+    }
+}

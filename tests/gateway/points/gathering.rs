@@ -1,7 +1,10 @@
 //! Which rows go into one frame, when they are due, and that nothing is lost.
 
+use std::iter::from_fn;
+
+use embassy_time::Duration;
 use mobgate::scanner::{
-    ByteOrder, Full, Kind, Reading, Refused, Row, Scanner, Status, VALUE_BYTES_MAX, Writing,
+    ByteOrder, ErrorCode, Full, Kind, Reading, Refused, Row, Scanner, Status, VALUE_BYTES_MAX, Writing,
 };
 use mobgate_simulator::Random;
 use proptest::prelude::*;
@@ -10,7 +13,7 @@ use super::{START, add, at, bit_of, device, exchange, lose, row, scanner};
 
 /// The requests that are made at `ms`, each answered at once.
 fn requests(scanner: &mut Scanner, ms: u64) -> Vec<Vec<u8>> {
-    std::iter::from_fn(|| exchange(scanner, at(ms))).map(|request| request.pdu.to_vec()).collect()
+    from_fn(|| exchange(scanner, at(ms))).map(|request| request.pdu.to_vec()).collect()
 }
 
 #[test]
@@ -20,6 +23,103 @@ fn neighbours_are_one_frame_and_a_hole_makes_two() {
         add(&mut scanner, row(device, Kind::Holding, 0, 1));
         add(&mut scanner, row(device, Kind::Holding, second, 1));
         assert_eq!(requests(&mut scanner, 0).len(), frames);
+    }
+}
+
+#[test]
+fn a_frame_is_as_long_as_it_may_be_and_rows_join_it_from_both_sides() {
+    for (kind, most) in [(Kind::Holding, 125), (Kind::Coil, 2_000)] {
+        for (more, frames) in [(0, 1), (1, 2)] {
+            let (mut scanner, device) = scanner();
+            add(&mut scanner, row(device, kind, 0, 50));
+            add(&mut scanner, row(device, kind, 50, most - 50 + more));
+            assert_eq!(requests(&mut scanner, 0).len(), frames, "{most} {more}");
+        }
+    }
+    for (first, second) in [(0, 1), (1, 0)] {
+        let (mut scanner, device) = scanner();
+        let ids = [0, 1]
+            .map(|at| add(&mut scanner, Row { read: Reading::Manual, ..row(device, Kind::Holding, at, 1) }));
+        scanner.read(ids[first], START).unwrap();
+        scanner.read(ids[second], START).unwrap();
+        assert_eq!(requests(&mut scanner, 0), [[3, 0, 0, 0, 2]]);
+    }
+}
+
+#[test]
+fn devices_take_turns() {
+    let (mut scanner, one) = scanner();
+    let other = scanner.add_device(device(6)).unwrap();
+    for device in [one, other] {
+        add(&mut scanner, row(device, Kind::Holding, 0, 1));
+        add(&mut scanner, row(device, Kind::Coil, 0, 1));
+    }
+    let units: Vec<u8> = from_fn(|| exchange(&mut scanner, at(0))).map(|request| request.unit).collect();
+    assert_eq!(units, [5, 6, 5, 6]);
+}
+
+#[test]
+fn what_changes_while_a_frame_is_repeated_does_not_change_the_frame() {
+    let (mut scanner, device) = scanner();
+    add(&mut scanner, row(device, Kind::Input, 0, 1));
+    let asked = lose(&mut scanner, at(0)).unwrap();
+    let manual = Row { read: Reading::Manual, ..row(device, Kind::Input, 1, 1) };
+    let neighbour = add(&mut scanner, manual);
+    scanner.read(neighbour, at(0)).unwrap();
+    assert_eq!(exchange(&mut scanner, at(0)), Some(asked));
+    assert_eq!(requests(&mut scanner, 0), [[4, 0, 1, 0, 1]]);
+}
+
+#[test]
+fn a_value_that_is_set_while_the_one_before_is_written_is_written_once() {
+    let (mut scanner, device) = scanner();
+    let id = add(&mut scanner, Row { read: Reading::Manual, ..row(device, Kind::Holding, 0, 1) });
+    // Whether the first one got an answer.
+    for answered in [true, false] {
+        scanner.put(id, 0, 1, &[0, 1], START).unwrap();
+        let request = scanner.next(at(0)).unwrap();
+        scanner.put(id, 0, 1, &[0, 2], START).unwrap();
+        let outcome = if answered { Ok(&request.pdu[..]) } else { Err(ErrorCode::Timeout) };
+        scanner.answered(device, at(0), outcome);
+        assert_eq!(requests(&mut scanner, 0), [[6, 0, 0, 0, 2]]);
+    }
+}
+
+#[test]
+fn a_read_that_failed_is_no_reason_to_write_what_has_not_changed() {
+    let (mut scanner, device) = scanner();
+    let id = add(&mut scanner, Row { write: Writing::OnChange, ..row(device, Kind::Holding, 0, 1) });
+    assert_eq!(requests(&mut scanner, 0).len(), 1);
+    scanner.next(at(1_000)).unwrap();
+    scanner.answered(device, at(1_000), Ok(&[0x83, 2]));
+    let value = scanner.input(id).to_vec();
+    scanner.put(id, 0, 1, &value, at(1_000)).unwrap();
+    assert_eq!(scanner.next(at(1_000)), None);
+    scanner.put(id, 0, 1, &[9, 9], at(1_000)).unwrap();
+    assert_eq!(requests(&mut scanner, 1_000), [[6, 0, 0, 9, 9]]);
+}
+
+#[test]
+fn what_is_read_of_a_row_with_an_output_is_kept_also_while_that_waits_to_be_written() {
+    let (mut scanner, device) = scanner();
+    let [input, output] = [0; 2].map(|_| scanner.allocate(2).unwrap());
+    let row = Row { input, output, ..row(device, Kind::Holding, 0, 1) };
+    let id = scanner.add_row(row, START).unwrap();
+    scanner.next(at(0)).unwrap();
+    scanner.write(id).unwrap();
+    scanner.answered(device, at(0), Ok(&[3, 2, 7, 8]));
+    assert_eq!(scanner.input(id), [7, 8]);
+}
+
+#[test]
+fn what_is_late_is_due_again_at_the_next_point_of_its_raster() {
+    const TICK: Duration = Duration::from_ticks(1);
+    for (late, next) in [(at(2_000) - TICK, at(2_000)), (at(2_000), at(2_200)), (at(2_000) + TICK, at(2_200))]
+    {
+        let (mut scanner, device) = scanner();
+        add(&mut scanner, row(device, Kind::Holding, 0, 1));
+        assert!(exchange(&mut scanner, late).is_some());
+        assert_eq!(scanner.due(), next);
     }
 }
 
@@ -353,9 +453,11 @@ fn values_of_32_bits_are_turned_from_the_devices_order_and_back() {
         scanner.answered(id, at(0), Ok(&[&[3, 8][..], &bytes, &[1, 2, 3, 4]].concat()));
         assert_eq!(scanner.input(wide), [1, 2, 3, 4]);
         assert_eq!(scanner.input(plain), [1, 2, 3, 4]);
-        scanner.put(wide, 0, 2, &[1, 2, 3, 4], at(0)).unwrap();
-        let request = exchange(&mut scanner, at(0)).unwrap();
-        assert_eq!(request.pdu[6..], bytes);
+        for (row, written) in [(wide, bytes), (plain, [1, 2, 3, 4])] {
+            scanner.put(row, 0, 2, &[1, 2, 3, 4], at(0)).unwrap();
+            let request = exchange(&mut scanner, at(0)).unwrap();
+            assert_eq!(request.pdu[6..], written);
+        }
     }
 }
 

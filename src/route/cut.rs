@@ -1,7 +1,7 @@
 //! Where a request that is still arriving at a serial line may be passed on to, as far as its beginning tells.
 
 use super::{Cut, Destination, Policy, Special, meaning, rule};
-use crate::config::{Driver, PortId, PortKind, SerialSettings, Settings, Side};
+use crate::config::{Driver, PortId, PortKind, SerialSettings, Settings};
 use crate::modbus::pdu::function::{
     ENCAPSULATED_INTERFACE, MASK_WRITE_REGISTER, READ_COILS, READ_WRITE_MULTIPLE_REGISTERS,
     WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_REGISTER,
@@ -28,9 +28,9 @@ pub fn onward(settings: &Settings, source: PortId, unit: u8, so_far: &[u8], auto
         Special::Off | Special::Local | Special::AllLines => return Onward::Whole,
     };
     let Some(rule) = rule(settings, source, unit, None) else { return Onward::Whole };
-    let line = |port, side| settings.port(port).and_then(|port| passing_line(&port.kind, side));
+    let line = |port| settings.port(port).and_then(|port| passing_line(&port.kind));
     let Destination::Port(destination) = rule.destination else { return Onward::Whole };
-    let lines = line(source, Side::Server).and(line(destination, Side::Client));
+    let lines = line(source).and(line(destination));
     let allowed = match rule.policy.cut {
         Cut::Auto => auto,
         Cut::On => true,
@@ -52,10 +52,10 @@ pub fn onward(settings: &Settings, source: PortId, unit: u8, so_far: &[u8], auto
 
 /// The settings of a line on which frames may be passed on while they arrive: an adapter that hears itself, or whose driver
 /// is switched by the gateway, wants whole frames.
-fn passing_line(kind: &PortKind, wanted: Side) -> Option<Lane> {
+fn passing_line(kind: &PortKind) -> Option<Lane> {
     match kind {
-        PortKind::Serial(serial @ SerialSettings { side, line, .. })
-            if *side == wanted && !line.echo && line.driver != Driver::Rts =>
+        PortKind::Serial(serial @ SerialSettings { line, .. })
+            if !line.echo && line.driver != Driver::Rts =>
         {
             Some(Lane::of(serial))
         }

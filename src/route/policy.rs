@@ -58,8 +58,8 @@ impl Default for Policy {
 impl Policy {
     /// The rank of `request`, or of what has arrived of it, or the exception that it gets.
     pub fn admit(&self, request: &[u8]) -> Result<Priority, Exception> {
-        // A request of which only the unit has come.
-        if request.is_empty() && !self.looks_at_functions() && !self.looks_at_addresses() {
+        // Mostly: also a request of which only the unit has come.
+        if !self.looks_at_functions() && !self.looks_at_addresses() {
             return Ok(self.priority);
         }
         if !self.functions.admit(request) {

@@ -44,6 +44,17 @@ fn take(
 }
 
 #[test]
+fn the_longest_request_that_a_frame_holds_is_cut_out_and_a_longer_one_is_none() {
+    // Function 21 counts its bytes: of the PDU two less.
+    let mut pdu = vec![0x5a; 253];
+    pdu[..2].copy_from_slice(&[21, 251]);
+    let longest = frame(17, &pdu);
+    assert_eq!(rtu::request(&longest), Cut::Request { unit: 17, pdu: &pdu, consumed: FRAME_BYTES_MAX });
+    assert_eq!(rtu::request(&longest[..FRAME_BYTES_MAX - 1]), Cut::Incomplete);
+    assert_ne!(rtu::request(&[&[17, 21, 252][..], &[0; 253]].concat()), Cut::Incomplete);
+}
+
+#[test]
 fn the_specifications_examples_are_cut_out_and_their_length_is_known() {
     for (request, _) in EXAMPLES {
         // The sub-function that returns the query takes any number of bytes.

@@ -47,6 +47,16 @@ fn a_frame_is_as_long_as_it_may_be_and_rows_join_it_from_both_sides() {
 }
 
 #[test]
+fn what_is_to_be_written_does_not_wait_for_the_check_before_a_poll() {
+    let (mut scanner, _) = scanner();
+    let checked = scanner.add_device(super::Device { check: true, ..device(7) }).unwrap();
+    let id = add(&mut scanner, row(checked, Kind::Holding, 0, 1));
+    scanner.put(id, 0, 1, &[0, 1], START).unwrap();
+    let functions: Vec<u8> = requests(&mut scanner, 0).iter().map(|pdu| pdu[0]).collect();
+    assert_eq!(functions, [6, 8, 3]);
+}
+
+#[test]
 fn devices_take_turns() {
     let (mut scanner, one) = scanner();
     let other = scanner.add_device(device(6)).unwrap();
@@ -283,8 +293,10 @@ fn writes_go_before_reads_and_in_their_order() {
     let (mut scanner, device) = scanner();
     let first = add(&mut scanner, row(device, Kind::Holding, 0, 1));
     let second = add(&mut scanner, row(device, Kind::Holding, 10, 1));
-    scanner.put(second, 0, 1, &[0, 2], START).unwrap();
+    scanner.put(second, 0, 1, &[0, 3], START).unwrap();
     scanner.put(first, 0, 1, &[0, 1], START).unwrap();
+    // It keeps its turn.
+    scanner.put(second, 0, 1, &[0, 2], START).unwrap();
     let frames = requests(&mut scanner, 0);
     assert_eq!(frames[..2], [[6, 0, 10, 0, 2], [6, 0, 0, 0, 1]]);
     assert_eq!(frames.len(), 4);

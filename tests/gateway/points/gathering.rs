@@ -267,6 +267,21 @@ fn bits_behind_the_last_coil_that_is_written_are_zero() {
 }
 
 #[test]
+fn coils_of_several_rows_go_out_in_one_frame_each_at_its_place() {
+    let (mut scanner, device) = scanner();
+    let rows = [(0, 3), (3, 7), (10, 1)].map(|(first, count)| {
+        add(
+            &mut scanner,
+            Row { multiple: true, read: Reading::Manual, ..row(device, Kind::Coil, first, count) },
+        )
+    });
+    for (row, count, coils) in [(rows[0], 3, 0b101), (rows[1], 7, 0b110_0101), (rows[2], 1, 1)] {
+        scanner.put(row, 0, count, &[coils], START).unwrap();
+    }
+    assert_eq!(requests(&mut scanner, 0), [[15, 0, 0, 0, 11, 2, 0b0010_1101, 0b111]]);
+}
+
+#[test]
 fn what_was_asked_when_the_port_closed_is_asked_again() {
     let (mut scanner, device) = scanner();
     let id = add(&mut scanner, Row { read: Reading::Manual, ..row(device, Kind::Input, 7, 1) });

@@ -17,11 +17,11 @@ use super::{START, add, at, exchange, row, scanner};
 /// Rows without a device: table, first cell, cells.
 const ROWS: [(Kind, u16, u16); 8] = [
     (Kind::Holding, 2, 8),
-    (Kind::Holding, 10, 1),
+    (Kind::Holding, 10, 4),
     (Kind::Holding, 65_534, 2),
     (Kind::Input, 0, 5),
     (Kind::Coil, 3, 13),
-    (Kind::Coil, 16, 1),
+    (Kind::Coil, 16, 5),
     (Kind::Coil, 65_530, 6),
     (Kind::Discrete, 1, 17),
 ];

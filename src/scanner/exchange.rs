@@ -73,7 +73,7 @@ impl Scanner {
         let entries = self.entries.iter_mut().filter(|entry| entry.row.device == Some(device));
         for entry in entries {
             let status = &mut entry.status;
-            entry.repeats = again && status.any(Status::IN_PROGRESS);
+            entry.repeats = status.any(Status::IN_PROGRESS);
             if status.any(Status::IN_PROGRESS) {
                 let write = status.leave();
                 if !again {

@@ -222,7 +222,7 @@ fn requests_that_come_back_to_their_rule_are_named() {
         Some(format!("rule {rule} in a circle: its requests come back by port {port}"))
     };
     let ports = "port s tcp server 502\nport c tcp client 127.0.0.1:502\nport bus serial uart1 rtu client\n";
-    let cases: [(&[&str], &str, Option<String>); 19] = [
+    let cases: [(&[&str], &str, Option<String>); 20] = [
         (&[], "route s 1-9 * * c", circle("s", "1 leads unit 1")),
         (&[], "route s * * =7 c", circle("s", "1 leads unit 7")),
         (&[], "route s 1-6 * =7 c", None),
@@ -242,6 +242,7 @@ fn requests_that_come_back_to_their_rule_are_named() {
         (&["edit port s rtu"], "route s 1-9 * * c", None),
         (&["edit port s listen 10.0.0.5:502"], "route s 1-9 * * c", None),
         (&["edit port c address 10.0.0.5:502"], "route s 1-9 * * c", None),
+        (&["edit port s listen 0.0.0.0:502"], "route s 1-9 * * c", circle("s", "1 leads unit 1")),
         (&["edit port s allow 10.0.0.0/8"], "route s 1-9 * * c", None),
         // All of 127.0.0.0/8 is this host, which asks from the first of them.
         (&["edit port c address 127.0.0.2:502"], "route s 5-6 127.0.0.1 * c", circle("s", "1 leads unit 5")),

@@ -189,24 +189,27 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     }
 
     /// Sends to `unit` what the desk has to send for `order`.
-    pub(crate) async fn send<'g>(
-        &mut self,
+    pub(crate) fn send<'a, 'g>(
+        &'a mut self,
         unit: u8,
-        desk: &Desk<'g>,
-        order: &Frame<'g>,
-    ) -> Result<Result<(), Collision>, LineLost> {
+        desk: &'a Desk<'g>,
+        order: &'a Frame<'g>,
+    ) -> impl Future<Output = Result<Result<(), Collision>, LineLost>> + use<'a, 's, 'g, L> {
         self.decoder.clear();
-        let mut frame = [0; FRAME_CHARS_MAX];
-        let length = desk.with_request(order, |request| {
-            self.settings.framing.encode(unit, request, LINE_FEED, &mut frame).map_or(0, <[u8]>::len)
-        });
-        let frame = frame.get(..length).filter(|frame| !frame.is_empty()).ok_or(LineLost)?;
-        let sent = self.line.send(frame).await;
-        self.tap.sent(self.line.active, Event::Request, frame);
-        if sent == Ok(Err(Collision)) {
-            self.line.clear();
+        // The future of an `async fn` would keep its arguments twice.
+        async move {
+            let mut frame = [0; FRAME_CHARS_MAX];
+            let length = desk.with_request(order, |request| {
+                self.settings.framing.encode(unit, request, LINE_FEED, &mut frame).map_or(0, <[u8]>::len)
+            });
+            let frame = frame.get(..length).filter(|frame| !frame.is_empty()).ok_or(LineLost)?;
+            let sent = self.line.send(frame).await;
+            self.tap.sent(self.line.active, Event::Request, frame);
+            if sent == Ok(Err(Collision)) {
+                self.line.clear();
+            }
+            sent
         }
-        sent
     }
 
     /// Notes a request that was sent while it arrived.

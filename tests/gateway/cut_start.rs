@@ -151,7 +151,7 @@ fn whatever_the_units_and_however_long_the_frame_its_crc_is_changed_by_what_its_
     for change in 1..=u8::MAX {
         let mut delta = CrcDelta::new(0, change);
         // Bit by bit, by the polynomial of Serial Line 2.5.1.2.
-        let step = |register: u16| (0..8).fold(register, |crc, _| crc >> 1 ^ (crc & 1) * 0xa001);
+        let step = |register: u16| (0..8).fold(register, |crc, _| (crc >> 1) ^ ((crc & 1) * 0xa001));
         let mut expected = step(change.into());
         for length in 0..=253 {
             assert_eq!(u16::from_le_bytes(delta.translate([0; 2])), expected, "{change} {length}");

@@ -112,8 +112,6 @@ impl Scanner {
         self.forget_devices();
         self.values.clear();
         self.started = now;
-        self.turn = 0;
-        self.first = 0;
         self.outputs = false;
     }
 

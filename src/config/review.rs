@@ -3,8 +3,8 @@
 use core::net::{IpAddr, Ipv4Addr};
 
 use super::{
-    Framing, OwnNetwork, Port, PortId, PortKind, Rules, SerialSettings, Settings, Special, StreamFraming,
-    Warning, is_implied,
+    Framing, OwnNetwork, Port, PortId, PortKind, Rules, SerialSettings, Settings, Special, Warning,
+    is_implied,
 };
 use crate::route::{Destination, Route, meaning, takers};
 
@@ -126,7 +126,6 @@ fn own_server(settings: &Settings, client: PortId) -> Option<(PortId, IpAddr)> {
             server.listen.port == client.server.port()
                 && server.listen.address.is_none_or(any)
                 && server.framing == client.framing
-                && server.framing != StreamFraming::Capture
                 && server.allowed.admits(from)
         }
         _ => false,

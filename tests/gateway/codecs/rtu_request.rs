@@ -1,6 +1,6 @@
 //! Requests cut out of an RTU stream.
 
-use mobgate::modbus::pdu::request_length;
+use mobgate::modbus::pdu::{End, request_end, request_length};
 use mobgate::modbus::rtu::{self, Cut, FRAME_BYTES_MAX, encode};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -48,6 +48,8 @@ fn the_longest_request_that_a_frame_holds_is_cut_out_and_a_longer_one_is_none() 
     // Function 21 counts its bytes: of the PDU two less.
     let mut pdu = vec![0x5a; 253];
     pdu[..2].copy_from_slice(&[21, 251]);
+    assert_eq!(request_end(&[21, 251]), End::At(253));
+    assert_eq!(request_end(&[21, 252]), End::Unknown);
     let longest = frame(17, &pdu);
     assert_eq!(rtu::request(&longest), Cut::Request { unit: 17, pdu: &pdu, consumed: FRAME_BYTES_MAX });
     assert_eq!(rtu::request(&longest[..FRAME_BYTES_MAX - 1]), Cut::Incomplete);
@@ -91,6 +93,8 @@ fn a_longer_buffer_than_a_frame_is_never_incomplete() {
 #[test]
 fn the_longest_frame_of_unknown_length_waits_for_its_pause() {
     let pdu: Vec<u8> = [&[65][..], &[0; 252]].concat();
+    assert_eq!(request_end(&[21, 251]), End::At(253));
+    assert_eq!(request_end(&[21, 252]), End::Unknown);
     let longest = frame(17, &pdu);
     assert_eq!(longest.len(), FRAME_BYTES_MAX);
     assert_eq!(rtu::request(&longest), Cut::Incomplete);

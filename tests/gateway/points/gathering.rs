@@ -47,6 +47,15 @@ fn a_frame_is_as_long_as_it_may_be_and_rows_join_it_from_both_sides() {
 }
 
 #[test]
+fn rows_that_begin_at_one_address_are_one_frame() {
+    let (mut scanner, device) = scanner();
+    for count in [2, 4] {
+        add(&mut scanner, row(device, Kind::Holding, 7, count));
+    }
+    assert_eq!(requests(&mut scanner, 0), [[3, 0, 7, 0, 4]]);
+}
+
+#[test]
 fn what_is_to_be_written_does_not_wait_for_the_check_before_a_poll() {
     let (mut scanner, _) = scanner();
     let checked = scanner.add_device(super::Device { check: true, ..device(7) }).unwrap();
@@ -107,6 +116,36 @@ fn a_read_that_failed_is_no_reason_to_write_what_has_not_changed() {
     assert_eq!(scanner.next(at(1_000)), None);
     scanner.put(id, 0, 1, &[9, 9], at(1_000)).unwrap();
     assert_eq!(requests(&mut scanner, 1_000), [[6, 0, 0, 9, 9]]);
+}
+
+#[test]
+fn coils_that_are_written_on_change_are_written_when_one_of_them_changes() {
+    let (mut scanner, device) = scanner();
+    let coils = Row { read: Reading::Manual, write: Writing::OnChange, ..row(device, Kind::Coil, 0, 4) };
+    let id = add(&mut scanner, coils);
+    for (coils, writes) in [(0b0000, 0), (0b0100, 1), (0b0100, 0), (0b0101, 1), (0b0000, 1)] {
+        scanner.put(id, 0, 4, &[coils], START).unwrap();
+        assert_eq!(requests(&mut scanner, 0).len(), writes, "{coils:04b}");
+    }
+}
+
+#[test]
+fn outputs_that_differ_are_written_when_outputs_are_on_and_not_after_a_restart() {
+    let (mut scanner, _) = scanner();
+    scanner.set_outputs(true);
+    for on in [true, false] {
+        if !on {
+            scanner.restart(START);
+        }
+        let device = scanner.add_device(device(7)).unwrap();
+        let [input, output] = [0; 2].map(|_| scanner.allocate(2).unwrap());
+        let write = Writing::OnChange;
+        scanner.add_row(Row { input, output, write, ..row(device, Kind::Holding, 0, 1) }, START).unwrap();
+        scanner.next(at(0)).unwrap();
+        scanner.answered(device, at(0), Ok(&[3, 2, 7, 8]));
+        let written = requests(&mut scanner, 0);
+        assert_eq!(written.len(), usize::from(on), "{written:?}");
+    }
 }
 
 #[test]

@@ -52,7 +52,7 @@ impl<L: SerialLine> Bus<'_, L> {
                 Err(event) => {
                     let end = rtu::end_of(pdu, self.line.heard());
                     let found = self.other(reply.unit(), event);
-                    reply.store();
+                    reply.not_yet(self.line.heard(), true);
                     self.line.consume(end);
                     found
                 }

@@ -3,7 +3,7 @@
 use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Timer};
 use mobgate::config::Framing;
-use mobgate::stats::{Event, Outcome};
+use mobgate::stats::Outcome;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::device::rtu;
 use mobgate_simulator::fault::When;
@@ -165,14 +165,14 @@ fn an_answer_behind_what_looked_like_its_beginning_is_not_mixed_with_that() {
     rig::with_gateway_of(size, 1, settings, |world, rig| {
         let (mut master, mut unit) = (rig.master("up"), rig.master("down"));
         // Two stray characters, which look like unit and function.
-        let frame = [&[7, 6][..], &rtu::frame(7, &write)].concat();
+        let frames = [[&[7, 6][..], &rtu::frame(7, &write)].concat()];
         for nth in 0..60 {
             world.run_for(Duration::from_micros(200_000 + 317 * nth));
             let asks = async {
                 master.send(107, &write).await;
                 master.receive().await
             };
-            let (heard, ()) = world.run_until(join(asks, answers(&mut unit, &[frame.clone()])));
+            let (heard, ()) = world.run_until(join(asks, answers(&mut unit, &frames)));
             let taken = heard.and_then(|heard| framing::open(Framing::Ascii, &heard.bytes));
             let is_good = taken.as_ref().is_none_or(|taken| *taken == (107, write.to_vec()));
             assert!(is_good, "{nth}: {taken:02x?}");

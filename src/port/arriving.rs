@@ -17,9 +17,7 @@ use crate::port::cut::{self, Lane};
 pub(crate) enum Passing<'g> {
     /// Too little of it is there.
     Open,
-    /// It is to be handed on at this time, or earlier if it is long.
-    From(Instant),
-    /// It is to be handed on at this time.
+    /// It is to be handed on at this time, as far as what is there tells.
     At(Instant),
     /// It has been handed on.
     Begun(Arriving<'g>),
@@ -35,13 +33,12 @@ impl Passing<'_> {
             End::Later => None,
             End::Unknown => return Self::Whole,
         };
-        let plan = if bytes.is_some() { Self::At } else { Self::From };
-        cut::start(begun, input, output, bytes).map_or(Self::Open, plan)
+        cut::start(begun, input, output, bytes).map_or(Self::Open, Self::At)
     }
 
     /// When there is something to do though nothing comes.
     pub(crate) fn due(&self) -> Instant {
-        if let Self::From(at) | Self::At(at) = self { *at } else { Instant::MAX }
+        if let Self::At(at) = self { *at } else { Instant::MAX }
     }
 
     pub(crate) fn is_due(&self) -> bool {
@@ -53,14 +50,12 @@ impl Passing<'_> {
 pub(crate) struct Arriving<'g> {
     writer: FrameWriter<'g>,
     framing: Framing,
-    /// The frame has been told how long it will be.
-    is_expected: bool,
 }
 
 impl<'g> Arriving<'g> {
     /// A frame that arrives in `framing`.
     pub(crate) fn new(writer: FrameWriter<'g>, framing: Framing) -> Self {
-        Self { writer, framing, is_expected: false }
+        Self { writer, framing }
     }
 
     /// The frame.
@@ -106,8 +101,7 @@ impl<'g> Arriving<'g> {
 
     /// The PDU of an RTU frame will have `length` bytes. It does not come to that in ASCII, where frames have their ends in them.
     fn expect(&mut self, length: usize) {
-        if self.framing == Framing::Rtu && !self.is_expected {
-            self.is_expected = true;
+        if self.framing == Framing::Rtu {
             self.writer.expect(length);
         }
     }

@@ -94,9 +94,9 @@ pub(crate) async fn copy<L: SerialLine>(
 
 /// Lets the board send what comes at `port`. Says whether it does.
 fn begin<L: SerialLine>(gateway: &Gateway<'_>, line: &mut Line<'_, L>, port: PortId, relay: Relay) -> bool {
-    gateway.settings(|settings| match settings.port(port).map(|port| &port.kind) {
-        Some(PortKind::Serial(serial)) => line.relay(&serial.device, relay),
-        _ => false,
+    gateway.settings(|settings| {
+        let kind = settings.port(port).map(|port| &port.kind);
+        matches!(kind, Some(PortKind::Serial(serial)) if line.relay(&serial.device, relay))
     })
 }
 
@@ -138,14 +138,13 @@ impl Sent {
     }
 
     /// Takes note of what the board has sent, as far as `frame` shows that.
-    fn catch_up(&mut self, frame: &Frame<'_>, fill: Fill) {
+    fn catch_up(&mut self, frame: &Frame<'_>) {
         let there = 1 + frame.pdu(<[u8]>::len);
         let count = there.saturating_sub(self.bytes).min(self.ahead);
         self.bytes += count;
         self.delta.pass(count);
-        // No board sends the second half of the CRC.
-        let half = if fill == Fill::Complete { 1 } else { frame.crc().1.min(1) };
-        let end = half.saturating_sub(self.end).min(self.ahead - count);
+        // The first half of the CRC: no board begins behind that, or sends the second.
+        let end = frame.crc().1.min(self.ahead - count);
         self.end += end;
         self.ahead -= count + end;
     }
@@ -153,7 +152,7 @@ impl Sent {
     /// The next characters that can be sent of `frame`, which is as far as `fill` says.
     fn next(&mut self, frame: &Frame<'_>, fill: Fill) -> Characters {
         let mut characters = Vec::new();
-        self.catch_up(frame, fill);
+        self.catch_up(frame);
         // What was damaged goes on to its end, so that the check shows it; anything else stops here.
         if fill == Fill::Broken && frame.crc().1 < 2 {
             return characters;
@@ -205,12 +204,13 @@ impl Sent {
         if there == 0 && fill == Fill::Filling {
             return;
         }
+        let computed = || self.crc(frame).finalize().to_le_bytes();
         let crc = match fill {
             // It proved good by another check.
-            Fill::Complete if there < received.len() => self.crc(frame).finalize().to_le_bytes(),
+            Fill::Complete if there < received.len() => computed(),
             _ => self.delta.translate(received),
         };
-        let is_good = || fill == Fill::Complete || self.crc(frame).finalize().to_le_bytes() == crc;
+        let is_good = || computed() == crc;
         let is_over = fill == Fill::Complete || fill == Fill::Broken && !is_good();
         match self.form.framing {
             Framing::Rtu => {
@@ -254,3 +254,6 @@ impl Sent {
 fn put(characters: &mut Characters, new: &[u8]) {
     let _ = characters.extend_from_slice(new);
 }
+
+#[cfg(test)]
+mod tests;

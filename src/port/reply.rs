@@ -45,17 +45,12 @@ impl<'r, 'g> Reply<'r, 'g> {
 
     /// Whether the response may be passed on while it arrives.
     pub(crate) fn is_passed_on(&self) -> bool {
-        self.asker.is_some() && !matches!(self.passing, Passing::Whole)
+        self.asker.is_some()
     }
 
     /// When there is something to do though nothing comes.
     pub(crate) fn due(&self) -> Instant {
         self.passing.due()
-    }
-
-    /// From now on the response is not passed on before it is whole.
-    pub(crate) fn store(&mut self) {
-        self.asker = None;
     }
 
     /// An ASCII frame begins, wherever the one before was; `may_pass`: it may be passed on while it arrives.
@@ -75,13 +70,10 @@ impl<'r, 'g> Reply<'r, 'g> {
                 }
                 return;
             }
-            Passing::Open | Passing::From(_) | Passing::At(_)
-                if unit != self.unit || is_answering(self.order) =>
-            {
+            Passing::Open | Passing::At(_) if unit != self.unit || is_answering(self.order) => {
                 self.passing = Passing::Whole;
             }
-            Passing::Open | Passing::From(_) => self.passing = Passing::plan(begun, line, &asker, end),
-            Passing::At(_) => {}
+            Passing::Open | Passing::At(_) => self.passing = Passing::plan(begun, line, &asker, end),
         }
         if self.passing.is_due() {
             let mut arriving = Arriving::new(self.order.rewrite(), line.framing);
@@ -109,7 +101,7 @@ impl<'r, 'g> Reply<'r, 'g> {
         }
     }
 
-    /// What was `heard` is not the response, as far as can be told; `silent`: nothing more comes.
+    /// What was `heard` is not the response, as far as can be told; `silent`: nothing more comes of it.
     pub(crate) fn not_yet(&mut self, heard: &[u8], silent: bool) {
         let end = heard.split_first().map(|(_, so_far)| (so_far, pdu::response_end(self.request, so_far)));
         match core::mem::replace(&mut self.passing, Passing::Whole) {

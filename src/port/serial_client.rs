@@ -134,8 +134,11 @@ async fn carry_out<'g, L: SerialLine>(
             if !exception {
                 place.units(|units| units.learn(unit, request));
             }
-            desk.done(&frame);
-            return Ok(());
+            // Where another answer had begun before, that is in the frame: who shares it has to ask again.
+            if frame.filled().1 == Fill::Complete {
+                desk.done(&frame);
+                return Ok(());
+            }
         }
         Err(Failure::Damaged(trouble)) => {
             place.damaged(unit, trouble);

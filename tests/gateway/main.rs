@@ -8,6 +8,7 @@ mod cache;
 mod capture;
 mod closing_server;
 mod console_lines;
+mod cut_answers;
 mod cut_ascii;
 mod cut_pairs;
 mod cut_sharing;

@@ -45,7 +45,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         };
         let Some((&unit, so_far)) = heard.split_first() else { return false };
         let end = pdu::request_end(so_far);
-        if let Passing::Open | Passing::From(_) = self.passing {
+        if let Passing::Open | Passing::At(_) = self.passing {
             self.passing = self.plan(unit, so_far, end);
         }
         if self.passing.is_due() {

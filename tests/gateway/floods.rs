@@ -10,6 +10,7 @@ use mobgate_simulator::Device;
 use mobgate_simulator::client::load::ClosedLoop;
 use mobgate_simulator::client::session::Session;
 use mobgate_simulator::fault::When;
+use mobgate_simulator::net::ClientStream;
 use mobgate_simulator::rig::{Rig, Size, machine, with_gateway_of};
 use mobgate_simulator::{Fault, Faults, World};
 
@@ -186,31 +187,41 @@ fn orders_of_clients_that_have_left_keep_a_full_queue_from_nobody_for_long() {
             let waiting = || usize::from(rig.gateway.places().next().unwrap().waiting());
             let connect =
                 |world: &World<'_>| Session::start(rig.network.connect(machine(1), 502).unwrap(), world);
+            let (mut first, mut polite) = (connect(world), connect(world));
+            let leaving = [(); 2].map(|()| [(); 8].map(|()| connect(world)));
+            wait(world, 100);
             // Nothing answers, so the line is busy all the time.
-            let mut first = connect(world);
             world.run_until(first.send(5, &READ));
             wait(world, 20);
-            let mut polite = connect(world);
-            // Each connection has one order: nobody has too many.
-            let fill = |world: &mut World<'_>| {
-                let leaving: Vec<_> = (waiting()..WAITING_MAX)
-                    .map(|_| connect(world))
-                    .map(|mut session| {
+            // Nobody has more orders than the others.
+            let fill = |world: &mut World<'_>, sessions: [Session; 8]| {
+                let mut room = WAITING_MAX - waiting();
+                for mut session in sessions {
+                    for _ in 0..room.min(8) {
                         world.run_until(session.send(5, &READ));
-                        session
-                    })
-                    .collect();
+                        room -= 1;
+                    }
+                    let stream = session.into_stream();
+                    world.spawn(async move {
+                        Timer::after(Duration::from_millis(1)).await;
+                        stream.into_iter().for_each(ClientStream::reset);
+                    });
+                }
                 wait(world, 1);
                 assert_eq!(waiting(), WAITING_MAX);
-                drop(leaving);
                 wait(world, 4);
             };
-            fill(world);
+            let [before, behind] = leaving;
+            for _ in 0..7 {
+                world.run_until(polite.send(5, &READ));
+            }
+            wait(world, 1);
+            fill(world, before);
             world.run_until(polite.send(5, &READ));
-            wait(world, 0);
-            assert_eq!((waiting(), polite.try_next()), (1, None));
-            fill(world);
-            wait(world, again_ms - 5);
+            wait(world, 1);
+            assert_eq!((waiting(), polite.try_next()), (8, None));
+            fill(world, behind);
+            wait(world, again_ms - 6);
             world.run_until(polite.send(5, &READ));
             wait(world, 3);
             let refused = polite.try_next().map(|arrival| arrival.reply.unwrap().pdu);

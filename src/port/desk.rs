@@ -36,7 +36,6 @@ use crate::port::moment::until;
 use crate::port::outstanding::Purpose;
 use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ready, Ticket, WAITING_MAX};
 use crate::port::units::{Care, Gate, Step};
-use crate::route::Merge;
 use crate::stats::Event;
 
 /// How often a full queue is looked through for orders that are nobody's any more. That takes longer than serving a request, and to refuse
@@ -162,17 +161,26 @@ impl<'g> Desk<'g> {
         if !envelope.paced && self.gate(envelope.target) == Gate::Down {
             return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
-        let ticket = ticket(&envelope, frame.pdu(pdu::is_read));
         if self.queue().len() >= WAITING_MAX && self.swept.get().elapsed() >= SWEEP_PAUSE {
             // Some of them may be nobody's.
             self.sweep();
         }
-        let refused = self.queue().push(frame, ticket);
+        self.enqueue(frame, PortQueue::push);
+        self.count_waiting();
+        self.news.signal(());
+    }
+
+    /// Puts an order in the queue, and refuses the one for which there is no room then.
+    fn enqueue(
+        &self,
+        frame: Frame<'g>,
+        put: fn(&mut PortQueue<Frame<'g>>, Frame<'g>, Ticket) -> Option<Frame<'g>>,
+    ) {
+        let ticket = ticket(&frame.envelope(), frame.pdu(pdu::is_read));
+        let refused = put(&mut self.queue(), frame, ticket);
         if let Some(refused) = refused {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
         }
-        self.count_waiting();
-        self.news.signal(());
     }
 
     /// Tells how many orders wait.
@@ -232,7 +240,7 @@ impl<'g> Desk<'g> {
             let in_step = match self.step(&frame, &ticket, now) {
                 Some(in_step) => in_step,
                 None => {
-                    self.postpone(frame, ticket);
+                    self.postpone(frame);
                     continue;
                 }
             };
@@ -271,13 +279,9 @@ impl<'g> Desk<'g> {
     }
 
     /// `frame` waits on. One that still arrives comes again when it is whole.
-    fn postpone(&self, frame: Frame<'g>, ticket: Ticket) {
-        if frame.abandon() {
-            return;
-        }
-        let refused = self.queue().put_back(frame, ticket);
-        if let Some(refused) = refused {
-            self.fail(refused, Event::QueueFull, Exception::BUSY);
+    fn postpone(&self, frame: Frame<'g>) {
+        if !frame.abandon() {
+            self.enqueue(frame, PortQueue::put_back);
         }
     }
 
@@ -321,14 +325,12 @@ impl<'g> Desk<'g> {
 
     /// `unit` has answered the proof that `order` waited for, which waits for its turn again: by then others may share its transaction.
     pub(crate) fn proved(&self, order: &Frame<'g>, unit: u8) {
-        self.proof.set(None);
         self.place.units(|units| units.proved(unit));
         self.take_back(order);
     }
 
     /// The proof got no answer, and so `order` gets none, unless the unit has answered something else.
     pub(crate) fn not_proved(&self, order: &Frame<'g>, unit: u8, down_after: u8, retries: u8) {
-        self.proof.set(None);
         // Who spares servers by himself is not held back.
         let down_after = if order.envelope().paced { 0 } else { down_after };
         if self.place.units(|units| units.not_proved(unit, Instant::now(), down_after)) {
@@ -340,17 +342,17 @@ impl<'g> Desk<'g> {
 
     /// `order` waits for its turn again, and so do those that ride on it, each by itself.
     pub(crate) fn take_back(&self, order: &Frame<'g>) {
-        self.proof.set(None);
         let Some((frame, errand)) = self.take(order) else { return };
         errand.part(&frame);
-        let wait = |frame: Frame<'g>| {
-            let ticket = ticket(&frame.envelope(), frame.pdu(pdu::is_read));
-            self.postpone(frame, ticket);
-        };
+        self.postpone_each(frame);
+    }
+
+    /// `order` and those that ride on it wait on, each by itself.
+    fn postpone_each(&self, order: Frame<'g>) {
         while let Some(rider) = order.unload() {
-            wait(rider);
+            self.postpone(rider);
         }
-        wait(frame);
+        self.postpone(order);
     }
 
     /// Lets the orders that can share the transaction of `leader` ride on it if its unit is `in_step`, and notes what its answer is
@@ -434,37 +436,26 @@ impl<'g> Desk<'g> {
     pub(crate) fn done(&self, order: &Frame<'g>) {
         let Some((frame, errand)) = self.take(order) else { return };
         if order.function() & EXCEPTION_BIT != 0 && errand.part(order) {
-            return self.part(order);
-        }
-        let is_kept = order.sharing().cache_ms > 0;
-        if errand.joined.is_none() && !is_kept && !order.is_laden() {
-            return self.give(frame);
+            return self.part(frame);
         }
         let answer = &order.content();
         let give = |frame: Frame<'g>, asked| {
             let mut part = [0; PDU_BYTES_MAX];
             let answer = errand.answer_to(asked, answer, &mut part);
             self.keep(&errand, &frame, asked, answer);
-            if !is_answering(&frame) {
-                // It fitted into a frame of the same size.
-                let _ = frame.replace(answer);
+            if is_answering(&frame) {
+                self.gateway.note(&frame, &frame.envelope());
+                return;
             }
-            self.give(frame);
+            // It fitted into a frame of the same size.
+            let _ = frame.replace(answer);
+            self.gateway.answered(frame);
         };
         give(frame, errand.asked);
         while let Some(rider) = order.unload() {
             self.place.stats.count(Event::Merged);
             let asked = block(&rider);
             give(rider, asked);
-        }
-    }
-
-    /// Sends home `frame`, which holds its answer, unless whoever asked has it already.
-    fn give(&self, frame: Frame<'g>) {
-        if is_answering(&frame) {
-            self.gateway.note(&frame, &frame.envelope());
-        } else {
-            self.gateway.answered(frame);
         }
     }
 
@@ -481,37 +472,25 @@ impl<'g> Desk<'g> {
     }
 
     /// The unit refused what several reads had joined: each is sent by itself, before anything that came after it.
-    fn part(&self, order: &Frame<'g>) {
+    fn part(&self, order: Frame<'g>) {
         let unit = order.target();
         self.place.stats.count(Event::Parted);
         self.place.units(|units| units.refused_join(unit, Instant::now()));
-        let send_alone = |frame: Frame<'g>| {
-            let mut envelope = frame.envelope();
-            envelope.sharing.merge = Merge::Identical;
-            frame.address(envelope);
-            let ticket = ticket(&envelope, frame.pdu(pdu::is_read));
-            if let Some(refused) = self.queue().put_back(frame, ticket) {
-                self.fail(refused, Event::QueueFull, Exception::BUSY);
-            }
-        };
-        while let Some(rider) = order.unload() {
-            send_alone(rider);
-        }
-        send_alone(order.share());
+        self.postpone_each(order);
     }
 
     /// Answers a read from memory if its rule allows that and a new enough answer is there; else gives it back.
     fn answer_from_memory(&self, frame: Frame<'g>, envelope: &Envelope) -> Option<Frame<'g>> {
         let Envelope { target, sharing, .. } = *envelope;
-        if sharing.cache_ms == 0 || self.is_writing(target) {
-            return Some(frame);
-        }
         let Some(block) = block(&frame) else { return Some(frame) };
         let question = Question { unit: target, block };
         let cache = self.cache();
         let Some(answer) = cache.answer(question, Instant::now(), sharing.cache()) else {
             return Some(frame);
         };
+        if self.is_writing(target) {
+            return Some(frame);
+        }
         // It fitted into a frame of the same size.
         let _ = frame.replace(answer);
         self.place.stats.count(Event::Cached);
@@ -558,14 +537,7 @@ impl<'g> Desk<'g> {
     pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
         let Some((frame, errand)) = self.take(order) else { return };
         errand.part(&frame);
-        // Where the answer has begun, nothing can follow it.
-        let mut repeated = match is_answering(&frame) {
-            true => {
-                self.gateway.note(&frame, &frame.envelope());
-                false
-            }
-            false => self.again(frame, retries),
-        };
+        let mut repeated = self.again(frame, retries);
         let Envelope { cause, .. } = order.envelope();
         while let Some(rider) = order.unload() {
             rider.blame(cause);
@@ -592,17 +564,24 @@ impl<'g> Desk<'g> {
     /// Puts an order that got no answer back in the queue, or answers it 0Bh; says which.
     fn again(&self, frame: Frame<'g>, retries: u8) -> bool {
         let mut envelope = frame.envelope();
-        if envelope.paced || envelope.repeats >= retries || !frame.pdu(pdu::is_read) {
-            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
+        let is_last = envelope.paced || envelope.repeats >= retries;
+        if is_last || is_answering(&frame) || !frame.pdu(pdu::is_read) {
+            self.give_up(frame);
             return false;
         }
         envelope.repeats += 1;
         frame.address(envelope);
-        let ticket = ticket(&envelope, frame.pdu(pdu::is_read));
-        if let Some(refused) = self.queue().push(frame, ticket) {
-            self.fail(refused, Event::QueueFull, Exception::BUSY);
-        }
+        self.enqueue(frame, PortQueue::push);
         true
+    }
+
+    /// Answers an order 0Bh, unless its answer has begun: then nothing can follow it.
+    fn give_up(&self, frame: Frame<'g>) {
+        if is_answering(&frame) {
+            self.gateway.note(&frame, &frame.envelope());
+        } else {
+            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
+        }
     }
 
     /// Opens the desk: orders are queued.
@@ -617,11 +596,9 @@ impl<'g> Desk<'g> {
         loop {
             let Some(frame) = self.current().pop() else { break };
             while let Some(rider) = frame.unload() {
-                self.gateway.refuse(rider, Exception::GATEWAY_NO_RESPONSE);
+                self.give_up(rider);
             }
-            if !is_answering(&frame) {
-                self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
-            }
+            self.give_up(frame);
         }
         while let Some((frame, event)) = self.queue().take_if(|_, _| Some(Event::NoPath)) {
             self.fail(frame, event, Exception::GATEWAY_NO_PATH);
@@ -643,14 +620,9 @@ impl<'g> Desk<'g> {
     }
 
     fn gate(&self, unit: u8) -> Gate {
-        let gate = self.place.units(|units| {
-            if !units.troubled() {
-                return Some(Gate::Open(Ready::Now));
-            }
-            match units.gate(unit, Instant::now()) {
-                Gate::Open(_) if units.is_down(unit) => None,
-                gate => Some(gate),
-            }
+        let gate = self.place.units(|units| match units.gate(unit, Instant::now()) {
+            Gate::Open(_) if units.is_down(unit) => None,
+            gate => Some(gate),
         });
         // A unit that is down gets one probe at a time.
         let probed = || self.current().iter().any(|order| order.target() == unit);

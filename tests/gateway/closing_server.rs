@@ -148,8 +148,17 @@ fn a_server_that_closes_without_an_answer_is_not_asked_again_and_again() {
 
 #[test]
 fn a_read_that_several_share_is_sent_again_for_all_of_them() {
+    // The same for two, or of neighbours.
+    for (policy, registers) in [("", [7, 8, 8]), ("merge adjacent", [7, 18, 19])] {
+        sent_again_for_all(policy, registers);
+    }
+}
+
+fn sent_again_for_all(policy: &str, registers: [u8; 3]) {
     let settings = format!(
-        "port plc tcp client {PLC} rtu late-window 1ms\nport P502 tcp server 502\nroute P502 * * * plc"
+        "port plc tcp client {PLC} rtu late-window 1ms
+         port P502 tcp server 502
+         route P502 * * * plc {policy}"
     );
     with_gateway(1, &settings, |world, rig| {
         // The first connection ends when it is asked a second time.
@@ -161,18 +170,22 @@ fn a_read_that_several_share_is_sent_again_for_all_of_them() {
                     let mut request = [0; 8];
                     stream.read_exact(&mut request).await.unwrap();
                     let pdu = &request[1..6];
-                    let answer = if pdu[0] == 8 { pdu.to_vec() } else { vec![3, 2, pdu[1], pdu[2]] };
+                    let values = (0..pdu[4]).flat_map(|nth| [pdu[1], pdu[2] + nth]);
+                    let answer = match pdu[0] {
+                        8 => pdu.to_vec(),
+                        _ => [3, 2 * pdu[4]].into_iter().chain(values).collect(),
+                    };
                     stream.write_all(&frame(request[0], &answer)).await.unwrap();
                 }
                 let _ = stream.read_exact(&mut [0; 8]).await;
             }
         });
-        let asking = [7, 8, 8].map(|register| {
+        let asking = registers.map(|register| {
             let mut client = rig.client(machine(register), 502);
             world.spawn(async move { client.request(1, &[3, 0, register, 0, 1]).await })
         });
         let answers = asking.map(|client| world.run_until(client));
-        assert_eq!(answers, [7, 8, 8].map(|register| Answer::Pdu(vec![3, 2, 0, register])));
+        assert_eq!(answers, registers.map(|register| Answer::Pdu(vec![3, 2, 0, register])));
         assert_eq!((rig.counted("plc", Event::Merged), rig.counted("plc", Event::Retry)), (1, 1));
     });
 }

@@ -30,7 +30,7 @@ impl Joint {
         let joined = Self {
             block: self.block.hull(&other.block)?,
             gap_allowed: self.gap_allowed.min(other.gap_allowed),
-            gap: self.gap.max(other.gap).max(self.block.distance(&other.block)),
+            gap: self.gap.max(self.block.distance(&other.block)),
             addresses: self.addresses.common(&other.addresses),
         };
         let allowed = joined.gap <= joined.gap_allowed && joined.addresses.contains(&joined.block.extent());

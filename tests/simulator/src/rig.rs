@@ -35,12 +35,15 @@ pub struct Size {
     pub late_reads: Duration,
     /// How late it reads at most because it leaves its lines alone while characters gather.
     pub rests: Duration,
+    /// How long it takes to open a serial line.
+    pub opening: Duration,
 }
 
 impl Default for Size {
-    /// 80 seats, 128 frames, every character read as it comes.
+    /// 80 seats, 128 frames, every character read as it comes, lines opened at once.
     fn default() -> Self {
-        Self { frames: 128, seats: 80, late_reads: Duration::from_ticks(0), rests: Duration::from_ticks(0) }
+        let none = Duration::from_ticks(0);
+        Self { frames: 128, seats: 80, late_reads: none, rests: none, opening: none }
     }
 }
 
@@ -165,6 +168,7 @@ impl<'g> Rig<'g> {
         let gateway = self.gateway;
         world.spawn(gateway.route());
         let board = SimSerial::new().with_late_reads(size.late_reads).with_rests(size.rests);
+        let board = board.with_opening(size.opening);
         let board = self.lines.iter().fold(board, |board, line| board.with(&line.device, &line.end));
         for port in 0..PORTS_MAX {
             let mut host = board.clone();

@@ -14,6 +14,7 @@ pub struct SimSerial {
     devices: Vec<(String, LineEnd)>,
     late_reads: Option<Duration>,
     rests: Duration,
+    opening: Duration,
 }
 
 impl SimSerial {
@@ -37,6 +38,13 @@ impl SimSerial {
         self
     }
 
+    /// The board that takes so long to open a line.
+    #[must_use]
+    pub fn with_opening(mut self, opening: Duration) -> Self {
+        self.opening = opening;
+        self
+    }
+
     /// The board with `end` as its device `name`; opening sets the end's speed and format.
     #[must_use]
     pub fn with(mut self, name: &str, end: &LineEnd) -> Self {
@@ -50,6 +58,9 @@ impl SerialHost for SimSerial {
 
     async fn open(&mut self, device: &str, line: &LineSettings) -> Result<SimLine, OpenError> {
         let error = |kind| OpenError::new(kind, "");
+        if self.opening > Duration::default() {
+            Timer::after(self.opening).await;
+        }
         let (_, end) =
             self.devices.iter().find(|(name, _)| name == device).ok_or(error(OpenErrorKind::NotFound))?;
         let board = self.clone();

@@ -20,7 +20,7 @@ use core::cell::{Cell, RefCell, RefMut};
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant};
+use embassy_time::Instant;
 use heapless::Vec;
 
 use crate::config::{PortId, PortKind, SerialSettings};
@@ -40,7 +40,7 @@ use crate::stats::Event;
 
 /// How often a full queue is looked through for orders that are nobody's any more. That takes longer than serving a request, and to refuse
 /// one must take less.
-const SWEEP_PAUSE: Duration = Duration::from_millis(10);
+const SWEEP_PAUSE_MS: u16 = 10;
 
 /// Orders of one client-side port, shared by the future that takes them in and the one that carries them out.
 pub(crate) struct Desk<'g> {
@@ -57,8 +57,8 @@ pub(crate) struct Desk<'g> {
     cache: RefCell<Cache>,
     /// Far fewer end while one order is carried out than make it the same again.
     writes_ended: Cell<u16>,
-    /// When it was last looked which orders are unwanted.
-    swept: Cell<Instant>,
+    /// When it was last looked which orders are unwanted: the milliseconds of the clock, cut off.
+    swept: Cell<u16>,
     open: Cell<bool>,
     /// It is closed for a pause, which an asker who spares servers by himself may end.
     pausing: Cell<bool>,
@@ -97,7 +97,7 @@ impl<'g> Desk<'g> {
             current: RefCell::new(Vec::new()),
             cache: RefCell::new(Cache::new()),
             writes_ended: Cell::new(0),
-            swept: Cell::new(Instant::MIN),
+            swept: Cell::new(0),
             open: Cell::new(true),
             pausing: Cell::new(false),
             news: Signal::new(),
@@ -161,7 +161,8 @@ impl<'g> Desk<'g> {
         if !envelope.paced && self.gate(envelope.target) == Gate::Down {
             return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
-        if self.queue().len() >= WAITING_MAX && self.swept.get().elapsed() >= SWEEP_PAUSE {
+        let elapsed = || milliseconds(Instant::now()).wrapping_sub(self.swept.get());
+        if self.queue().len() >= WAITING_MAX && elapsed() >= SWEEP_PAUSE_MS {
             // Some of them may be nobody's.
             self.sweep();
         }
@@ -191,7 +192,7 @@ impl<'g> Desk<'g> {
     /// Sends home what must not be sent any more.
     fn sweep(&self) {
         let now = Instant::now();
-        self.swept.set(now);
+        self.swept.set(milliseconds(now));
         let gate = self.gates(self.all_well(now));
         loop {
             let unwanted = self.queue().take_if(|frame, ticket| {
@@ -438,24 +439,34 @@ impl<'g> Desk<'g> {
         if order.function() & EXCEPTION_BIT != 0 && errand.part(order) {
             return self.part(frame);
         }
+        if order.sharing().cache_ms == 0 && !order.is_laden() {
+            return self.give(frame);
+        }
         let answer = &order.content();
         let give = |frame: Frame<'g>, asked| {
             let mut part = [0; PDU_BYTES_MAX];
             let answer = errand.answer_to(asked, answer, &mut part);
             self.keep(&errand, &frame, asked, answer);
-            if is_answering(&frame) {
-                self.gateway.note(&frame, &frame.envelope());
-                return;
+            if !is_answering(&frame) {
+                // It fitted into a frame of the same size.
+                let _ = frame.replace(answer);
             }
-            // It fitted into a frame of the same size.
-            let _ = frame.replace(answer);
-            self.gateway.answered(frame);
+            self.give(frame);
         };
         give(frame, errand.asked);
         while let Some(rider) = order.unload() {
             self.place.stats.count(Event::Merged);
             let asked = block(&rider);
             give(rider, asked);
+        }
+    }
+
+    /// Sends home `frame`, which holds its answer, unless whoever asked has it already.
+    fn give(&self, frame: Frame<'g>) {
+        if is_answering(&frame) {
+            self.gateway.note(&frame, &frame.envelope());
+        } else {
+            self.gateway.answered(frame);
         }
     }
 
@@ -482,6 +493,9 @@ impl<'g> Desk<'g> {
     /// Answers a read from memory if its rule allows that and a new enough answer is there; else gives it back.
     fn answer_from_memory(&self, frame: Frame<'g>, envelope: &Envelope) -> Option<Frame<'g>> {
         let Envelope { target, sharing, .. } = *envelope;
+        if sharing.cache_ms == 0 {
+            return Some(frame);
+        }
         let Some(block) = block(&frame) else { return Some(frame) };
         let question = Question { unit: target, block };
         let cache = self.cache();
@@ -620,9 +634,14 @@ impl<'g> Desk<'g> {
     }
 
     fn gate(&self, unit: u8) -> Gate {
-        let gate = self.place.units(|units| match units.gate(unit, Instant::now()) {
-            Gate::Open(_) if units.is_down(unit) => None,
-            gate => Some(gate),
+        let gate = self.place.units(|units| {
+            if !units.troubled() {
+                return Some(Gate::Open(Ready::Now));
+            }
+            match units.gate(unit, Instant::now()) {
+                Gate::Open(_) if units.is_down(unit) => None,
+                gate => Some(gate),
+            }
         });
         // A unit that is down gets one probe at a time.
         let probed = || self.current().iter().any(|order| order.target() == unit);
@@ -635,6 +654,11 @@ impl<'g> Desk<'g> {
         frame.blame(Cause::Unsent);
         self.gateway.refuse(frame, exception);
     }
+}
+
+/// The milliseconds of the clock, cut off.
+fn milliseconds(now: Instant) -> u16 {
+    now.as_millis() as u16
 }
 
 /// How a port of this `kind` treats `unit`, where responses have no transaction ids.

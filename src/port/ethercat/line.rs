@@ -25,13 +25,14 @@ impl Speed {
         Self { baud: line.baud, parity: line.parity, stop_bits: line.stop_bits }
     }
 
-    /// From the entries of 2020h. The parity bit counts among the bits of a character: 8E1 has nine.
+    /// From the entries of 2020h. Where it wants parity, a MainDevice may give the data bits alone, eight of them, or count the parity
+    /// bit among them: 8E1 is `0,2` or `1,2`.
     pub(super) fn from_entries(entries: [u32; 4]) -> Result<Self, ConfigError> {
         let [baud, nine, parity, two_stop_bits] = entries;
         let parity = match (nine, parity) {
             (0, 0) => Parity::None,
-            (1, 2) => Parity::Even,
-            (1, 3) => Parity::Odd,
+            (_, 2) => Parity::Even,
+            (_, 3) => Parity::Odd,
             _ => return Err(ConfigError::Character { bits: 8 + nine as u8, parity: parity as u8 }),
         };
         Ok(Self { baud, parity, stop_bits: 1 + two_stop_bits as u8 })

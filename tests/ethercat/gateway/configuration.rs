@@ -55,9 +55,9 @@ fn a_configuration_that_is_taken_over_begins_with_empty_buffers() {
 }
 
 #[test]
-fn the_parity_bit_counts_among_the_bits_of_a_character() {
+fn the_parity_bit_may_count_among_the_bits_of_a_character_and_need_not() {
     for (bits, parity, good) in
-        [(0, 0, true), (0, 2, false), (0, 3, false), (1, 0, false), (1, 2, true), (1, 3, true)]
+        [(0, 0, true), (0, 2, true), (0, 3, true), (1, 0, false), (1, 2, true), (1, 3, true)]
     {
         with_objects(|_, mut objects| {
             write(&mut objects, 0x2020, 2, bits).unwrap();
@@ -130,6 +130,17 @@ fn the_line_of_the_port_is_set_as_the_master_wants_it_until_somebody_sets_it_oth
         write(&mut objects, 0x2005, 1, 1).unwrap();
         run();
         assert_eq!(speed(), "38400 8N2");
+
+        for (bits, parity, expected) in
+            [(0, 2, "38400 8E2"), (1, 2, "38400 8E2"), (0, 3, "38400 8O2"), (1, 3, "38400 8O2")]
+        {
+            write(&mut objects, 0x2005, 2, 0).unwrap();
+            write(&mut objects, 0x2020, 2, bits).unwrap();
+            write(&mut objects, 0x2020, 3, parity).unwrap();
+            write(&mut objects, 0x2005, 1, 1).unwrap();
+            run();
+            assert_eq!(speed(), expected, "{bits},{parity}");
+        }
 
         write(&mut objects, 0x2005, 2, 0).unwrap();
         rig.console("edit port ecat line other").unwrap();

@@ -17,6 +17,9 @@ use super::{
     Side, Special, StreamFraming, TcpListen,
 };
 
+/// What becomes of a newcomer when all connections are taken: the second word refuses it.
+const FULL: &[(&str, bool); 2] = &[("displace", false), ("refuse", true)];
+
 /// A number that may be set: what it counts, and its limits.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Count(pub(super) &'static str, pub(super) RangeInclusive<u32>);
@@ -45,6 +48,8 @@ pub(super) enum Field<'s> {
     Device(&'s mut String<DEVICE_BYTES_MAX>),
     Listen(&'s mut TcpListen),
     Server(&'s mut SocketAddr),
+    /// Whether newcomers are refused.
+    Full(&'s mut bool),
     Reserve(&'s mut u16, &'s mut Vec<IpPrefix, RESERVED_MAX>, &'static Count),
     Allow(&'s mut Allowed),
     /// Whether that may be [`Special::AllLines`] stands behind it.
@@ -86,6 +91,7 @@ impl Field<'_> {
             Self::Device(place) => *place = device(word)?,
             Self::Listen(place) => *place = listen(word)?,
             Self::Server(place) => *place = server(word)?,
+            Self::Full(place) => *place = word.keyword(FULL, "displace or refuse")?,
             Self::Reserve(places, peers, count) => {
                 *places = count.read(word)? as u16;
                 *peers = if *places > 0 { reserved_for(words)? } else { Vec::new() };
@@ -130,6 +136,7 @@ impl Field<'_> {
             Self::Line(Some(name)) => name,
             Self::OnLoss(on_loss) => on_loss,
             Self::Proofs(proofs) => proofs,
+            Self::Full(refuses) => &FULL[usize::from(**refuses)].0,
             Self::Reserve(places, peers, _) => {
                 write!(f, " {places}")?;
                 return list(f, " for ", peers);

@@ -60,6 +60,8 @@ pub struct TcpServerSettings {
     pub lifetime: Duration,
     /// Of `clients`, places kept for `reserved_for`.
     pub reserved: u16,
+    /// When all are taken a newcomer is closed, and not the connection that has been idle for longest.
+    pub refuses: bool,
     /// Peers that may use the reserved places and are never closed to make room.
     pub reserved_for: Vec<IpPrefix, RESERVED_MAX>,
     /// Peers that may connect; others are closed at once. Empty: everybody may (Messaging on TCP/IP 4.2.3, restricted mode).
@@ -77,6 +79,7 @@ impl TcpServerSettings {
             pipeline: 16,
             lifetime: Duration::from_secs(5),
             reserved: 0,
+            refuses: false,
             reserved_for: Vec::new(),
             allowed: Allowed::everybody(),
         }

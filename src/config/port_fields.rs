@@ -96,6 +96,7 @@ impl TcpServerSettings {
             Key::Idle => Field::Idle(&mut self.idle, &IDLE),
             Key::Pipeline => Field::Small(&mut self.pipeline, &PIPELINE),
             Key::Lifetime => Field::Time(&mut self.lifetime, &LIFETIME),
+            Key::Full => Field::Full(&mut self.refuses),
             Key::Reserve => Field::Reserve(&mut self.reserved, &mut self.reserved_for, &RESERVED),
             Key::Allow => Field::Allow(&mut self.allowed),
             _ => return None,

@@ -30,6 +30,7 @@ pub(super) enum Key {
     Idle,
     Pipeline,
     Lifetime,
+    Full,
     Reserve,
     Allow,
     Stream(StreamFraming),
@@ -95,6 +96,7 @@ impl Key {
             Self::ReservedUnits => 39,
             Self::Proof => 40,
             Self::ProveOutputs(_) => 41,
+            Self::Full => 42,
         }
     }
 }
@@ -141,6 +143,7 @@ const TCP_SERVER_KEYS: Keys = &[
     ("idle", Key::Idle),
     ("pipeline", Key::Pipeline),
     ("lifetime", Key::Lifetime),
+    ("full", Key::Full),
     ("reserve", Key::Reserve),
     ("allow", Key::Allow),
 ];
@@ -206,7 +209,8 @@ impl PortKind {
 const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, \
      char-timeout, gap, rs485, rts, driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
      down-after, proof, answer-within or reply-delay";
-const TCP_SERVER_EXPECTED: &str = "listen, rtu, capture, clients, idle, pipeline, lifetime, reserve or allow";
+const TCP_SERVER_EXPECTED: &str =
+    "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve or allow";
 const TCP_CLIENT_EXPECTED: &str = "address, rtu, unit, in-flight, timeout, connect-timeout, \
      connect-delay, request-delay, idle, retries, late-window, down-after or proof";
 const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow";

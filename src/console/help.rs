@@ -31,7 +31,8 @@ port NAME ethercat [line PORT] [on-loss hold|clear|stop] [prove-outputs|no-prove
   server: answer-within T, reply-delay T
   tcp client: rtu, in-flight N, unit N, timeout T, connect-timeout T, connect-delay T, request-delay T, idle T,
           retries N, late-window T|auto, down-after N;  udp: pipeline N, requests N, lifetime T, allow
-  tcp server: rtu, clients N, idle T, pipeline N, lifetime T, reserve N for PREFIX[,PREFIX]..., allow PREFIX,...|*,
+  tcp server: rtu, clients N, idle T, pipeline N, lifetime T, full displace|refuse, reserve N for PREFIX[,PREFIX]...,
+          allow PREFIX,...|*,
           capture: frames for Wireshark instead of answers
   servers: broadcast|unit-255|reserved-units rules|off|local|replace N, broadcast all, confirm-broadcast
   A time T has its unit: 750us, 1.75ms, 300ms, 1s, 2m.

@@ -131,9 +131,9 @@ impl Server<'_, '_> {
         let terms = self.gateway.settings(|settings| {
             let server = settings.tcp_server(self.id).filter(|server| server.allowed.admits(peer.ip()))?;
             let marked = server.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
-            Some((marked, usize::from(server.clients), usize::from(server.reserved)))
+            Some((marked, usize::from(server.clients), usize::from(server.reserved), server.refuses))
         });
-        let Some((marked, clients, reserved)) = terms else { return Err(End::Unwelcome) };
+        let Some((marked, clients, reserved, refuses)) = terms else { return Err(End::Unwelcome) };
         let generation = self.seat.update(|seat| {
             let (port, generation) = (seat.port, seat.generation.wrapping_add(1));
             let came = SeatState { since: now, last_request: now, ..SeatState::EMPTY };
@@ -159,7 +159,7 @@ impl Server<'_, '_> {
         }
         let ordinary_max = clients.saturating_sub(reserved);
         if seated > clients || (!marked && ordinary > ordinary_max) {
-            let Some((seat, _)) = idle else { return Err(End::Crowded) };
+            let Some((seat, _)) = idle.filter(|_| !refuses) else { return Err(End::Crowded) };
             seat.update(|seat| seat.leaving = true);
             seat.leave.signal(());
         }

@@ -135,7 +135,7 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
     let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
     (
         (address, prop_oneof![any_stream(), Just(StreamFraming::Capture)]),
-        1..=1_000_u16,
+        (1..=1_000_u16, any::<bool>()),
         idle,
         1..=16_u8,
         duration(10_000..=3_600_000_000),
@@ -145,7 +145,7 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
         .prop_map(
             move |(
                 (address, framing),
-                clients,
+                (clients, refuses),
                 idle,
                 pipeline,
                 lifetime,
@@ -169,6 +169,7 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
                     pipeline,
                     lifetime,
                     reserved,
+                    refuses,
                     reserved_for,
                     allowed,
                 })

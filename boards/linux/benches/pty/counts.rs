@@ -9,13 +9,14 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::atomic::Ordering::Relaxed;
 use std::thread;
 use std::time::Duration;
 
 use rustix::process::Signal;
 
 use crate::Effort;
-use crate::common::{Program, free_port, mobgate};
+use crate::common::{Program, free_port, mobgate, wait_for};
 use crate::contestants::{Behind, Contestant, Wired};
 use crate::figure::{Target, figure};
 use crate::flood::{KINDS, Kind, settings};
@@ -124,7 +125,7 @@ fn count(
         let report = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.{count}"));
         let _ = fs::remove_file(&report);
         let answered = run(&tool(&report), count);
-        let total: u64 = crate::common::wait_for("the report", || read(&fs::read_to_string(&report).ok()?));
+        let total: u64 = wait_for("the report", || read(&fs::read_to_string(&report).ok()?));
         (total as f64, answered as f64)
     });
     let [(few, few_answered), (many, many_answered)] = counted;
@@ -174,7 +175,7 @@ fn refuse_under(tool: &[String], unit: u8, pdu: [u8; 5], count: usize) -> usize 
     let mut gateway = mobgate();
     gateway.arg("--config").arg(config).args(["--socket", "off"]);
     let program = start_under(tool, &gateway, folder, port);
-    crate::common::wait_for("the lines", || (program.log().matches("is open").count() == 2).then_some(()));
+    wait_for("the lines", || (program.log().matches("is open").count() == 2).then_some(()));
     let connect = || {
         let stream = program.connect();
         stream.set_read_timeout(Some(COUNTED_PATIENCE)).unwrap();
@@ -186,13 +187,19 @@ fn refuse_under(tool: &[String], unit: u8, pdu: [u8; 5], count: usize) -> usize 
         let request = [&[0, 1, 0, 0, 0, 6, unit, function, high, low][..], &rest].concat();
         stream.write_all(&request).unwrap();
     };
-    // Those that are not refused wait, or a unit is down behind them.
+    let is_answered = |stream: &TcpStream| {
+        stream.set_nonblocking(true).unwrap();
+        stream.peek(&mut [0]).is_ok()
+    };
+    // Those that are not refused wait, or a unit is down behind them. The first one leaves the queue when its line has been silent.
+    let mut first = connect();
+    ask(&mut first, 0);
+    let is_sent = || [&line, &silent].iter().any(|line| line.heard.requests.load(Relaxed) > 0);
+    wait_for("the first request", || (is_sent() || is_answered(&first)).then_some(()));
     let mut filling: Vec<TcpStream> = (0..FILLING).map(|_| connect()).collect();
-    filling.iter_mut().zip(0..).for_each(|(stream, nth)| ask(stream, 10 * nth));
+    filling.iter_mut().zip(1..).for_each(|(stream, nth)| ask(stream, 10 * nth));
     // Whichever came too late: from then on all do.
-    filling.iter().for_each(|stream| stream.set_nonblocking(true).unwrap());
-    let is_answered = |stream: &TcpStream| stream.peek(&mut [0]).is_ok();
-    crate::common::wait_for("a refusal", || filling.iter().any(is_answered).then_some(()));
+    wait_for("a refusal", || filling.iter().any(is_answered).then_some(()));
     thread::scope(|scope| {
         for nth in 0..CLIENTS as u16 {
             let mut stream = connect();

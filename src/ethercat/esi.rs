@@ -8,7 +8,7 @@ mod xml;
 use core::fmt::{Error, Write};
 
 use super::device::Device;
-use super::object::{DataType, Object};
+use super::object::{DataType, Entries, Object};
 use super::sii::{SII_BYTES, SiiFull, default_length, write as write_sii};
 use super::sync_manager::{Channel, MAILBOX_BYTES_MIN};
 use xml::Xml;
@@ -135,12 +135,20 @@ fn write_pdo<W: Write>(
         pdo.mapped().try_for_each(|mapped| {
             let [bits, sub, index @ ..] = mapped.to_le_bytes();
             let index = u16::from_le_bytes(index);
-            let entry = device.object(index).and_then(|object| object.entry(sub)).ok_or(Error)?;
+            let object = device.object(index).ok_or(Error)?;
+            let entry = object.entry(sub).ok_or(Error)?;
             xml.within("Entry", format_args!(""), |xml| {
                 xml.text("Index", format_args!("#x{index:04X}"))?;
                 xml.text("SubIndex", format_args!("{sub}"))?;
                 xml.text("BitLen", format_args!("{bits}"))?;
-                xml.text("Name", format_args!("{} {sub}", entry.name))?;
+                match (&object.entries, sub.checked_sub(1)) {
+                    // From 0 on, as physical addresses count, and eight bytes by their first one.
+                    (Entries::Array(..), Some(place)) => {
+                        let step = if entry.data_type == DataType::U64 { 8 } else { 1 };
+                        xml.text("Name", format_args!("{} {}", entry.name, u16::from(place) * step))?;
+                    }
+                    _ => xml.text("Name", format_args!("{}", entry.name))?,
+                }
                 xml.text("DataType", format_args!("{}", TypeName(entry.data_type)))
             })
         })

@@ -307,3 +307,20 @@ fn any_message_is_survived() {
     }
     assert!(rig.upload(0x1000, 0).is_ok());
 }
+
+#[test]
+fn the_files_names_count_from_0_as_physical_addresses_do() {
+    let mut file = String::new();
+    esi::write(&GATEWAY, &mut file).unwrap();
+    let document = Document::parse(&file).unwrap();
+    let names = |kind, index| -> Vec<String> {
+        let pdo = find(&document, kind).find(|pdo| number(text(*pdo, "Index")) == index).unwrap();
+        let entries = pdo.children().filter(|node| node.has_tag_name("Entry"));
+        entries.map(|entry| text(entry, "Name").to_owned()).collect()
+    };
+    let bytes = names("TxPdo", 0x1a00);
+    assert_eq!((bytes.len(), &*bytes[0], &*bytes[119]), (120, "Input byte 0", "Input byte 119"));
+    assert_eq!(names("RxPdo", 0x1601)[..2], ["Output bytes from 0", "Output bytes from 8"]);
+    assert_eq!(names("TxPdo", 0x1a02), ["InputCounter"]);
+    assert_eq!(names("TxPdo", 0x1a06)[31], "State 31");
+}

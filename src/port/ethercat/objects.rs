@@ -102,12 +102,12 @@ const fn on_command(name: &'static str) -> Entry {
     Entry::setting(name, DataType::U32, 1, (0, u32::MAX as u64)).with_access(Access::READ.and(Access::WRITE))
 }
 
-const fn inputs(data_type: DataType) -> Entry {
-    Entry::reading("Input", data_type).with_access(Access::READ.and(Access::TX_PDO))
+const fn inputs(name: &'static str, data_type: DataType) -> Entry {
+    Entry::reading(name, data_type).with_access(Access::READ.and(Access::TX_PDO))
 }
 
-const fn outputs(data_type: DataType) -> Entry {
-    Entry::reading("Output", data_type).with_access(Access::READ.and(Access::RX_PDO))
+const fn outputs(name: &'static str, data_type: DataType) -> Entry {
+    Entry::reading(name, data_type).with_access(Access::READ.and(Access::RX_PDO))
 }
 
 /// All entries of an object, one behind the other from the first on.
@@ -161,10 +161,20 @@ const BEFORE_LAYOUTS: &[Object] = &[
 
 const BEHIND_LAYOUTS: &[Object] = &[
     Object::record(0x2020, "UartConfigUart1", UART),
-    Object::array(0x2021, "InputBuffer", FIRST_BYTES as u8, inputs(DataType::U8)),
-    Object::array(0x2022, "OutputBuffer", FIRST_BYTES as u8, outputs(DataType::U8)),
-    Object::array(0x2023, "InputBufferByEight", (IMAGE_BYTES / 8) as u8, inputs(DataType::U64)),
-    Object::array(0x2024, "OutputBufferByEight", (IMAGE_BYTES / 8) as u8, outputs(DataType::U64)),
+    Object::array(0x2021, "InputBuffer", FIRST_BYTES as u8, inputs("Input byte", DataType::U8)),
+    Object::array(0x2022, "OutputBuffer", FIRST_BYTES as u8, outputs("Output byte", DataType::U8)),
+    Object::array(
+        0x2023,
+        "InputBufferByEight",
+        (IMAGE_BYTES / 8) as u8,
+        inputs("Input bytes from", DataType::U64),
+    ),
+    Object::array(
+        0x2024,
+        "OutputBufferByEight",
+        (IMAGE_BYTES / 8) as u8,
+        outputs("Output bytes from", DataType::U64),
+    ),
     Object::record(0x2030, "Status", STATUS),
     Object::array(0x2031, "HealthOfSlaves", SLAVES, HEALTH),
     Object::array(0x2032, "StateOfSlaves", SLAVES, STATE),

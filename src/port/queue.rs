@@ -353,17 +353,14 @@ impl<T> PortQueue<T> {
     /// address the same holds of its connections. Each order is counted once, as a refusal must take less than serving.
     fn crowder(&self, newcomer: Asker) -> Option<usize> {
         let mut own = [0_u8; ASKERS_MAX];
-        for waiting in &self.waiting {
-            add(&mut own, usize::from(waiting.asker), 1);
-        }
         let (mut of_address, mut of_newcomer, mut most) = (0, 0, 0);
-        for (Known { asker, .. }, &count) in self.askers.iter().zip(&own) {
+        for waiting in &self.waiting {
+            let count = add(&mut own, usize::from(waiting.asker), 1);
+            let Some(Known { asker, .. }) = self.asker(waiting.asker) else { continue };
             if asker.is_beside(&newcomer) {
-                of_address += count;
+                of_address += 1;
+                of_newcomer += u8::from(*asker == newcomer);
                 most = most.max(count);
-                if *asker == newcomer {
-                    of_newcomer = count;
-                }
             }
         }
         let address = self.crowded_address(&own, of_address + 1);

@@ -326,3 +326,40 @@ fn slow() {
         figure("slow_device_named", f64::from(u8::from(named)), "-", Target::AtLeast(1.0));
     });
 }
+
+/// How long another client of a unit waits behind a request that got no answer, from the end of its time: for the proof, and its own
+/// transaction.
+pub(crate) fn behind_a_time_out() {
+    const READ: [u8; 5] = [3, 0, 0, 0, 10];
+    // Not the same, or both would share the answer that is lost.
+    const OTHER: [u8; 5] = [3, 0, 10, 0, 10];
+    const ECHO: [u8; 5] = [8, 0, 0, 1, 2];
+    let settings = "port bus serial bus rtu client 19200 8E1
+        port P502 tcp server 502
+        route P502 1-247 * * bus";
+    rig::with_gateway(1, settings, |world, rig| {
+        let device = Device::new(1);
+        rig.attach(world, "bus", [device.clone()]);
+        let mut clients = [1, 2].map(|host| rig.client(machine(host), 502));
+        // Whatever the line does at the beginning is over then.
+        world.run_until(clients[0].request(1, &READ));
+        let mut took = |request: &[u8]| {
+            let asked = Instant::now();
+            assert_eq!(world.run_until(clients[0].request(1, request)).exception(), None);
+            asked.elapsed()
+        };
+        let alone = took(&READ) + took(&ECHO);
+        device.set_faults(Faults::new(1).with(When::Requests(1..=1), Fault::Dead));
+        let [mut first, mut second] = clients;
+        let first = world.spawn(async move { (first.request(1, &READ).await, Instant::now()) });
+        world.run_for(Duration::from_millis(10));
+        let second = world.spawn(async move { (second.request(1, &OTHER).await, Instant::now()) });
+        let (answer, failed) = world.run_until(first);
+        assert_eq!(answer.exception(), Some(11), "its answer was lost");
+        let (answer, at) = world.run_until(second);
+        assert_eq!(answer.exception(), None);
+        let milliseconds = |time: Duration| time.as_micros() as f64 / 1_000.0;
+        let most = Target::AtMost(milliseconds(alone));
+        figure("second_client_behind_a_time_out", milliseconds(at - failed), "ms", most);
+    });
+}

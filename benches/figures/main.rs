@@ -34,6 +34,7 @@ fn main() {
         ("merging", merging::figures),
         ("faults", faults::figures),
         ("in_step", in_step::figures),
+        ("behind_a_time_out", in_step::behind_a_time_out),
         ("shared_bus", shared_bus::figures),
         ("points", points::figures),
         ("ports", ports::figures),

@@ -20,11 +20,8 @@ use crate::{Device, Random};
 
 static GATEWAY: Description = DEVICE;
 
-const BAUD: u32 = 19_200;
-const POLLING_MS: u32 = 1_000;
-const CYCLE: Duration = Duration::from_millis(1);
-/// A value that takes longer is an error.
-pub const LONGEST: Duration = Duration::from_secs(3);
+/// Time that the line and the drive need for a poll and a write at 4800 baud.
+const SLOWEST: Duration = Duration::from_millis(150);
 /// And is given up by then.
 const GIVEN_UP: Duration = Duration::from_secs(60);
 /// The drive's unit id, and its four holding registers.
@@ -39,6 +36,27 @@ const WORKING_COUNTER: u16 = 3;
 /// The image of the drive's registers.
 type Image = [u8; 2 * REGISTERS];
 
+/// Under which conditions it drives.
+#[derive(Debug, Clone, Copy)]
+pub struct Conditions {
+    /// Of the serial line.
+    pub baud: u32,
+    /// The drive's polling time.
+    pub polling_ms: u32,
+    /// The MainDevice's.
+    pub cycle: Duration,
+}
+
+impl Conditions {
+    /// Those that are usual in a factory.
+    pub const USUAL: Self = Self { baud: 19_200, polling_ms: 1_000, cycle: Duration::from_millis(1) };
+
+    /// A value that takes longer is an error: until it is written, until the next poll is over, and as long again.
+    pub fn longest(&self) -> Duration {
+        SLOWEST.max(Duration::from_millis(self.polling_ms.into())) * 3
+    }
+}
+
 /// What came of it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Outcome {
@@ -46,7 +64,7 @@ pub struct Outcome {
     pub values: u64,
     /// The longest time from a new value to its read-back.
     pub worst: Duration,
-    /// Values that took longer than [`LONGEST`], cycles without the working counter that is expected, values that the drive
+    /// Values that took longer than [`Conditions::longest`], cycles without the working counter that is expected, values that the drive
     /// got more than once or not as they were sent.
     pub errors: u64,
     /// Cycles that were not left out.
@@ -60,11 +78,18 @@ pub struct Outcome {
 ///
 /// # Panics
 /// When the MainDevice cannot start the gateway.
-pub fn drive(seed: u64, time: Duration, pause: Duration, progress: impl FnMut(Duration)) -> Outcome {
+pub fn drive(
+    conditions: Conditions,
+    seed: u64,
+    time: Duration,
+    pause: Duration,
+    progress: impl FnMut(Duration),
+) -> Outcome {
     let settings = format!(
-        "port bus serial uart1 rtu client {BAUD} 8E1
+        "port bus serial uart1 rtu client {} 8E1
         port ecat ethercat
-        route ecat 1-247 * * bus"
+        route ecat 1-247 * * bus",
+        conditions.baud
     );
     let size = Size { frames: 32, seats: 0, rests: Duration::from_millis(1), ..Size::default() };
     with_gateway_of(size, seed, &settings, |world, rig| {
@@ -77,16 +102,18 @@ pub fn drive(seed: u64, time: Duration, pause: Duration, progress: impl FnMut(Du
         let activity = world.activity();
         with_master(world, cable(line), async |desk| {
             let group = desk.to_pre_op().await.expect("a cable without faults");
-            configure(&desk, &group).await;
+            configure(&desk, &group, conditions).await;
             let group = desk.to_op(group, 0).await.expect("a cable without faults");
-            let master = Master { desk: &desk, group: &group, place, activity: &activity };
-            let run = Run { drive: &drive, random: Random::new(seed), time, pause, progress };
+            let cycle = conditions.cycle;
+            let master = Master { desk: &desk, group: &group, place, activity: &activity, cycle };
+            let longest = conditions.longest();
+            let run = Run { drive: &drive, random: Random::new(seed), time, pause, longest, progress };
             run.run(&master).await
         })
     })
 }
 
-async fn configure(desk: &Desk<'_>, group: &Group<PreOp>) {
+async fn configure(desk: &Desk<'_>, group: &Group<PreOp>, conditions: Conditions) {
     let gateway = group.subdevice(desk.master, 0).expect("there is one");
     let write = async |index, sub, value: u16| {
         gateway.sdo_write(index, sub, value).await.expect("a value in its range");
@@ -95,7 +122,8 @@ async fn configure(desk: &Desk<'_>, group: &Group<PreOp>) {
     for (sub, value) in [(1, UNIT.into()), (8, REGISTERS as u16), (9, FIRST)] {
         write(0x2001, sub, value).await;
     }
-    gateway.sdo_write(0x2001, 10, POLLING_MS).await.expect("a value in its range");
+    gateway.sdo_write(0x2001, 10, conditions.polling_ms).await.expect("a value in its range");
+    gateway.sdo_write(0x2020, 1, conditions.baud).await.expect("a value in its range");
     write(0x2005, 1, 1).await;
     gateway.register_write(WATCHDOG, 0_u16).await.expect("a cable without faults");
 }
@@ -106,6 +134,7 @@ struct Master<'m> {
     group: &'m Group<Op>,
     place: &'m EthercatPlace,
     activity: &'m Activity,
+    cycle: Duration,
 }
 
 impl Master<'_> {
@@ -117,7 +146,7 @@ impl Master<'_> {
     /// The next cycle, at its place in the raster: the inputs, and whether the gateway has taken part.
     async fn cycle(&self) -> (Image, bool) {
         let now = Instant::now().as_ticks();
-        Timer::at(Instant::from_ticks(now.next_multiple_of(CYCLE.as_ticks()))).await;
+        Timer::at(Instant::from_ticks(now.next_multiple_of(self.cycle.as_ticks()))).await;
         let response = self.group.tx_rx(self.desk.master).await.expect("a cable without faults");
         let gateway = self.group.subdevice(self.desk.master, 0).expect("there is one");
         let inputs = *gateway.inputs_raw().first_chunk().expect("the inputs are longer");
@@ -139,6 +168,7 @@ struct Run<'r, P> {
     random: Random,
     time: Duration,
     pause: Duration,
+    longest: Duration,
     progress: P,
 }
 
@@ -189,7 +219,7 @@ impl<P: FnMut(Duration)> Run<'_, P> {
         let took = since.elapsed();
         outcome.values += 1;
         outcome.worst = outcome.worst.max(took);
-        outcome.errors += u64::from(took > LONGEST) + u64::from(!self.got_once(value));
+        outcome.errors += u64::from(took > self.longest) + u64::from(!self.got_once(value));
     }
 
     /// Whether the drive got `value`, once.

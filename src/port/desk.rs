@@ -137,21 +137,16 @@ impl<'g> Desk<'g> {
 
     /// Takes orders in for ever, and drops those whose time is over or whose asker is gone.
     pub(crate) async fn take_in(&self) {
-        // The first time at which an order may have to be dropped: some of them are gone by then.
-        let mut deadline = Instant::MAX;
         loop {
+            let deadline = self.queue().first_deadline().unwrap_or(Instant::MAX);
             match select(self.place.queue.receive(self.gateway.pool()), until(deadline)).await {
-                Either::First(frame) => deadline = deadline.min(self.admit(frame)),
-                Either::Second(()) => {
-                    self.sweep();
-                    deadline = self.queue().first_deadline().unwrap_or(Instant::MAX);
-                }
+                Either::First(frame) => self.admit(frame),
+                Either::Second(()) => self.sweep(),
             }
         }
     }
 
-    /// Lets an order wait, answers it or refuses it; gives the time until which it may wait.
-    fn admit(&self, frame: Frame<'g>) -> Instant {
+    fn admit(&self, frame: Frame<'g>) {
         let mut envelope = frame.envelope();
         if let Some(target) = self.unit {
             envelope.target = target;
@@ -160,13 +155,11 @@ impl<'g> Desk<'g> {
         let attempt = envelope.paced && self.pausing.get();
         let is_others = self.alone && envelope.origin.way != Way::Console;
         if is_others || (!self.open.get() && !attempt) {
-            self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
-            return Instant::MAX;
+            return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
-        let Some(frame) = self.answer_from_memory(frame, &envelope) else { return Instant::MAX };
+        let Some(frame) = self.answer_from_memory(frame, &envelope) else { return };
         if !envelope.paced && self.gate(envelope.target) == Gate::Down {
-            self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
-            return Instant::MAX;
+            return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
         }
         let elapsed = || milliseconds(Instant::now()).wrapping_sub(self.swept.get());
         if self.queue().len() >= WAITING_MAX && elapsed() >= SWEEP_PAUSE_MS {
@@ -176,7 +169,6 @@ impl<'g> Desk<'g> {
         self.enqueue(frame, PortQueue::push);
         self.count_waiting();
         self.news.signal(());
-        envelope.deadline
     }
 
     /// Puts an order in the queue, and refuses the one for which there is no room then.

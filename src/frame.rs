@@ -271,7 +271,9 @@ impl<'p> Frame<'p> {
 
     /// What the port notes that carries the frame's order out.
     pub(crate) fn errand(&self) -> Errand {
-        self.with(|slot| slot.errand).unwrap_or(Errand::NONE)
+        let mut errand = Errand::NONE;
+        self.with(|slot| errand = slot.errand);
+        errand
     }
 
     /// Changes that.

@@ -166,7 +166,7 @@ impl<'g> Desk<'g> {
             // Some of them may be nobody's.
             self.sweep();
         }
-        self.enqueue(frame, PortQueue::push);
+        self.enqueue(frame, &envelope, PortQueue::push);
         self.count_waiting();
         self.news.signal(());
     }
@@ -175,9 +175,10 @@ impl<'g> Desk<'g> {
     fn enqueue(
         &self,
         frame: Frame<'g>,
+        envelope: &Envelope,
         put: fn(&mut PortQueue<Frame<'g>>, Frame<'g>, Ticket) -> Option<Frame<'g>>,
     ) {
-        let ticket = ticket(&frame.envelope(), frame.pdu(pdu::is_read));
+        let ticket = ticket(envelope, frame.pdu(pdu::is_read));
         let refused = put(&mut self.queue(), frame, ticket);
         if let Some(refused) = refused {
             self.fail(refused, Event::QueueFull, Exception::BUSY);
@@ -282,7 +283,8 @@ impl<'g> Desk<'g> {
     /// `frame` waits on. One that still arrives comes again when it is whole.
     fn postpone(&self, frame: Frame<'g>) {
         if !frame.abandon() {
-            self.enqueue(frame, PortQueue::put_back);
+            let envelope = frame.envelope();
+            self.enqueue(frame, &envelope, PortQueue::put_back);
         }
     }
 
@@ -585,7 +587,7 @@ impl<'g> Desk<'g> {
         }
         envelope.repeats += 1;
         frame.address(envelope);
-        self.enqueue(frame, PortQueue::push);
+        self.enqueue(frame, &envelope, PortQueue::push);
         true
     }
 

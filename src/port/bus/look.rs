@@ -183,6 +183,9 @@ impl<L: SerialLine> Bus<'_, L> {
 
     /// Passes on what has been heard of a frame, if it is time. What is read late must not be missing.
     fn pass_on(&self, reply: &mut Reply<'_, '_>) {
+        if !reply.is_passed_on() {
+            return;
+        }
         let heard = match self.settings.framing {
             Framing::Rtu => self.line.heard(),
             Framing::Ascii if self.decoder.in_frame() => self.decoder.bytes(),

@@ -9,6 +9,8 @@ use crate::{Target, figure};
 
 const DAY: Duration = Duration::from_secs(24 * 60 * 60);
 const DAYS: u32 = 30;
+/// A value that takes longer is an error: the bound of the source's drive test.
+const LONGEST: Duration = Duration::from_secs(3);
 /// What a person waits for.
 const WALL_SECONDS: f64 = 60.0;
 
@@ -27,8 +29,8 @@ pub(crate) fn figures() {
     figure("drive_days", DAYS.into(), "days", Target::None);
     figure("drive_values", outcome.values as f64, "values", Target::None);
     figure("drive_requests", outcome.requests as f64, "requests", Target::None);
-    figure("drive_worst_s", seconds(outcome.worst), "s", Target::AtMost(seconds(usual.longest())));
-    figure("drive_worst_any_moment_s", seconds(any.worst), "s", Target::AtMost(seconds(usual.longest())));
+    figure("drive_worst_s", seconds(outcome.worst), "s", Target::AtMost(seconds(LONGEST)));
+    figure("drive_worst_any_moment_s", seconds(any.worst), "s", Target::AtMost(seconds(LONGEST)));
     figure("drive_errors", (outcome.errors + any.errors) as f64, "errors", Target::AtMost(0.0));
     figure("drive_wall_s", wall, "s", Target::AtMost(WALL_SECONDS));
     // Of that what was not spent on waiting for a processor that others had.

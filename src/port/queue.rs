@@ -409,54 +409,47 @@ impl<T> Default for PortQueue<T> {
 
 #[cfg(test)]
 mod tests {
+    use core::net::IpAddr;
+
     use embassy_time::Instant;
 
     use super::{Access, Asker, Next, PortQueue, Ready, Ticket};
     use crate::route::Priority;
 
+    /// A read by `connection` from `address`, or from a serial line; the order is the connection.
+    fn ask(queue: &mut PortQueue<u16>, connection: u16, address: Option<IpAddr>) {
+        let asker = Asker::new((0, connection), address);
+        let (priority, deadline, access) = (Priority::Normal, Instant::MAX, Access::Read);
+        assert_eq!(queue.push(connection, Ticket { asker, priority, unit: 1, deadline, access }), None);
+    }
+
+    fn serve(queue: &mut PortQueue<u16>) -> u16 {
+        match queue.next(Instant::MIN, |_| Ready::Now) {
+            Next::Serve(order, _) => order,
+            other => panic!("{other:?}"),
+        }
+    }
+
     #[test]
     fn when_the_turns_have_been_counted_to_their_end_everybody_starts_afresh() {
         let mut queue = PortQueue::new();
-        let ask = |queue: &mut PortQueue<u16>, connection| {
-            let asker = Asker::new((0, connection), None);
-            let deadline = Instant::MAX;
-            let ticket =
-                Ticket { asker, priority: Priority::Normal, unit: 1, deadline, access: Access::Read };
-            assert_eq!(queue.push(connection, ticket), None);
-        };
-        let serve = |queue: &mut PortQueue<u16>| match queue.next(Instant::MIN, |_| Ready::Now) {
-            Next::Serve(order, _) => order,
-            other => panic!("{other:?}"),
-        };
-        (1..=3).for_each(|connection| ask(&mut queue, connection));
+        (1..=3).for_each(|connection| ask(&mut queue, connection, None));
         queue.turns = u32::MAX - 1;
         // The last turn there is, and the first one.
         assert_eq!((serve(&mut queue), queue.turns), (1, u32::MAX));
         assert_eq!((serve(&mut queue), queue.turns), (2, 1));
-        ask(&mut queue, 2);
-        ask(&mut queue, 1);
+        ask(&mut queue, 2, None);
+        ask(&mut queue, 1, None);
         assert_eq!([serve(&mut queue), serve(&mut queue), serve(&mut queue)], [3, 1, 2], "2 had its turn");
     }
 
     #[test]
     fn so_do_all_addresses() {
         let mut queue = PortQueue::new();
-        let ask = |queue: &mut PortQueue<u16>, connection, address: [u8; 4]| {
-            let asker = Asker::new((0, connection), Some(address.into()));
-            let (priority, deadline) = (Priority::Normal, Instant::MAX);
-            assert_eq!(
-                queue.push(connection, Ticket { asker, priority, unit: 1, deadline, access: Access::Read }),
-                None
-            );
-        };
-        let serve = |queue: &mut PortQueue<u16>| match queue.next(Instant::MIN, |_| Ready::Now) {
-            Next::Serve(order, _) => order,
-            other => panic!("{other:?}"),
-        };
-        let (one, other) = ([10, 0, 0, 1], [10, 0, 0, 2]);
-        [(1, one), (2, one), (3, other)]
-            .into_iter()
-            .for_each(|(connection, address)| ask(&mut queue, connection, address));
+        let [one, other] = [1, 2].map(|host| Some([10, 0, 0, host].into()));
+        for (connection, address) in [(1, one), (2, one), (3, other)] {
+            ask(&mut queue, connection, address);
+        }
         queue.turns = u32::MAX;
         assert_eq!([serve(&mut queue), serve(&mut queue)], [1, 3], "the other address has had no turn");
         assert_eq!(serve(&mut queue), 2);

@@ -66,7 +66,7 @@ fn passing_line(kind: &PortKind) -> Option<Lane> {
 /// How many bytes of the PDU `policy` must see to decide; none when it must see all of them.
 fn needed(policy: &Policy, so_far: &[u8]) -> Option<usize> {
     match so_far.first() {
-        _ if !policy.looks_at_functions() && !policy.looks_at_addresses() => Some(0),
+        _ if policy.looks_at_nothing() => Some(0),
         None => Some(1),
         // The MEI type.
         Some(&ENCAPSULATED_INTERFACE) => Some(2),

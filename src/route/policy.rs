@@ -59,7 +59,7 @@ impl Policy {
     /// The rank of `request`, or of what has arrived of it, or the exception that it gets.
     pub fn admit(&self, request: &[u8]) -> Result<Priority, Exception> {
         // Mostly: also a request of which only the unit has come.
-        if !self.looks_at_functions() && !self.looks_at_addresses() {
+        if self.looks_at_nothing() {
             return Ok(self.priority);
         }
         if !self.functions.admit(request) {
@@ -85,8 +85,13 @@ impl Policy {
     }
 
     /// Whether some functions are not like others.
-    pub(super) fn looks_at_functions(&self) -> bool {
+    fn looks_at_functions(&self) -> bool {
         self.functions != Functions::ALL || self.urgent != Functions::NONE
+    }
+
+    /// Whether all requests are alike.
+    pub(super) fn looks_at_nothing(&self) -> bool {
+        !self.looks_at_functions() && !self.looks_at_addresses()
     }
 
     /// Whether some addresses are not like others.

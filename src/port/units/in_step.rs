@@ -158,13 +158,15 @@ impl Units<'_> {
                 unit.was_late(purpose, in_step, now);
             }
         }
-        match late {
-            // It may be held now.
-            Some(_) => self.set_troubled(true),
-            None if whose == Match::Unsolicited => return Err(Event::Unsolicited),
-            None => return Ok(()),
+        match (late, whose) {
+            (Some(_), _) => {
+                // It may be held now.
+                self.set_troubled(true);
+                Err(Event::Late)
+            }
+            (None, Match::Unsolicited) => Err(Event::Unsolicited),
+            (None, _) => Ok(()),
         }
-        Err(Event::Late)
     }
 
     /// `id` has answered the proof that was sent.

@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::rc::Rc;
 
 /// So few requests are too few to tell: they come from few worlds, and those differ more than the requests in them.
-const REQUESTS_MIN: u32 = 6_000;
+const REQUESTS_MIN: u32 = 5_500;
 
 /// Counts requests to devices that there are. Clones count together.
 #[derive(Debug, Clone, Default)]

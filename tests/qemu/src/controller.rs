@@ -36,7 +36,7 @@ const STACK_BYTES: usize = 16 << 20;
 /// Between two looks for the next MainDevice.
 const JOBS_INTERVAL_MS: u64 = 10;
 /// Longest that a MainDevice may take for all that it does.
-const SCRIPT_LIMIT: Duration = Duration::from_secs(120);
+const SCRIPT_LIMIT: Duration = Duration::from_secs(300);
 
 type Job = Box<dyn FnOnce(&mut Wires) + Send>;
 

@@ -17,8 +17,9 @@ const CYCLE_MS: u64 = 2;
 const WATCHDOG: (u16, u16) = (0x0420, 60_000);
 /// Starts that may fail before one must not.
 const STARTS_MAX: usize = 3;
-/// Longest until a value is seen on the other side.
-const SEEN_LIMIT: Duration = Duration::from_secs(15);
+/// Longest until a value is seen on the other side: a host that is busy may let devices be taken for dead, and they are asked again
+/// after 30 s at most.
+const SEEN_LIMIT: Duration = Duration::from_secs(60);
 
 /// Of the gateway, and what is before the first entry in a list of objects: the heads of mailbox, CoE, service and list.
 const MAILBOX_BYTES: usize = 128;

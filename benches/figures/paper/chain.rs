@@ -3,7 +3,6 @@
 use embassy_time::{Duration, Timer};
 use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;
-use mobgate_simulator::rig::machine;
 use mobgate_simulator::{Device, Master, Random, Rig, World, rig};
 
 use super::formula::Line;
@@ -35,8 +34,8 @@ pub(super) fn alone(line: Line, registers: u8) -> f64 {
 }
 
 /// The worst transaction through routers on these lines.
-pub(super) fn through(lines: &[Line], registers: u8, rule: &str, others: usize) -> Seen {
-    chain(lines, rule, others, |world, rig, _| {
+pub(super) fn through(lines: &[Line], registers: u8, rule: &str) -> Seen {
+    chain(lines, rule, |world, rig, _| {
         let mut master = rig.master("w0@0");
         let last = lines.len() - 1;
         let ends = [("w0@0", lines[0]), (&format!("w{last}@{last}"), lines[last])];
@@ -56,12 +55,10 @@ fn split(rig: &Rig<'_>, hop: usize, line: Line, registers: u8) -> u32 {
     frames.iter().filter(|frame| !wanted.contains(&frame.bytes.len())).count() as u32
 }
 
-/// A chain of routers, each on two lines, with a device behind the last one; and `others` pairs of lines besides, all at
-/// their legal rate.
+/// A chain of routers, each on two lines, with a device behind the last one.
 pub(super) fn chain<T>(
     lines: &[Line],
     rule: &str,
-    others: usize,
     scenario: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>, &Device) -> T,
 ) -> T {
     let mut settings = String::new();
@@ -74,25 +71,10 @@ pub(super) fn chain<T>(
             lines[down].port(&format!("w{down}@{down}{side}"), "client"),
         );
     }
-    for other in 0..others {
-        settings += &format!(
-            "port L{other} serial l{other} rtu client 115200 8E1\nport T{other} tcp server {}\nroute T{other} * * * L{other}\n",
-            5_000 + other
-        );
-    }
     rig::with_gateway(1, &settings, |world, rig| {
         let device = Device::new(UNIT).with_turnaround(turnaround());
         let last = lines.len() - 1;
         rig.attach(world, &format!("w{last}@{last}"), [device.clone()]);
-        for other in 0..others {
-            rig.attach(world, &format!("l{other}"), [Device::new(UNIT)]);
-            let mut client = rig.client(machine(1), 5_000 + other as u16);
-            world.spawn(async move {
-                loop {
-                    client.request(UNIT, &read(10)).await;
-                }
-            });
-        }
         world.run_for(Duration::from_millis(100));
         scenario(world, rig, &device)
     })

@@ -25,8 +25,8 @@ pub(super) fn figures() {
 fn one_router([up, down]: [Line; 2], registers: u8) {
     let name = name(up, down, registers);
     let standard = direct(up, registers).max(direct(down, registers));
-    let stored = through(&[up, down], registers, "cut off", 0).worst;
-    let cut = through(&[up, down], registers, "", 0);
+    let stored = through(&[up, down], registers, "cut off").worst;
+    let cut = through(&[up, down], registers, "");
     let formula = cut_through(up, down, registers);
     figure(&format!("stored_{name}"), stored / standard, "x", Target::None);
     let bound = (formula + NANOSECONDS) / standard;

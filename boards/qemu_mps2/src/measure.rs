@@ -2,7 +2,7 @@
 
 use core::fmt::Write as _;
 use core::ptr::addr_of;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
@@ -86,11 +86,41 @@ pub(crate) fn in_relay<T>(step: impl FnOnce() -> T) -> T {
     timed(&RELAY, step)
 }
 
-/// The line whose waits are added up: how long its task was, from the interrupt that woke it, before it had read.
+/// The line whose waits for the processor are added up: from the interrupt that woke its task until that had read.
 const WATCHED: usize = 1;
-static WAITED: AtomicU32 = AtomicU32::new(0);
-static WAITS: AtomicU32 = AtomicU32::new(0);
-static LONGEST: AtomicU32 = AtomicU32::new(0);
+static WAITS: Sum = Sum::new();
+/// The lines between which frames are passed on while they arrive: from the interrupt of the first bytes until they leave, but for
+/// the time that the processor sleeps meanwhile.
+const PASSING: [usize; 2] = [2, 3];
+static PASSED: Sum = Sum::new();
+/// How long the processor had been awake when the interrupt of the bytes came that a task of these lines has read last, and the
+/// line that sent last.
+static CAME: AtomicU32 = AtomicU32::new(0);
+static SENT: AtomicUsize = AtomicUsize::new(0);
+
+/// Times that are added up, in ticks.
+struct Sum {
+    total: AtomicU32,
+    times: AtomicU32,
+    longest: AtomicU32,
+}
+
+impl Sum {
+    const fn new() -> Self {
+        Self { total: AtomicU32::new(0), times: AtomicU32::new(0), longest: AtomicU32::new(0) }
+    }
+
+    fn add(&self, ticks: u32) {
+        add(&self.total, ticks);
+        add(&self.times, 1);
+        self.longest.store(ticks.max(self.longest.load(Ordering::Relaxed)), Ordering::Relaxed);
+    }
+
+    /// Total, times and longest, from when this was last called.
+    fn take(&self) -> [u32; 3] {
+        [&self.total, &self.times, &self.longest].map(|count| count.swap(0, Ordering::Relaxed))
+    }
+}
 
 /// What a task that reads waits for: first bytes, from their interrupt on the processor.
 pub(crate) struct Wait(AtomicU32);
@@ -121,13 +151,27 @@ impl Wait {
     pub(crate) fn end(&self, line: usize) {
         let since = self.0.load(Ordering::Relaxed);
         self.0.store(Self::NOTHING, Ordering::Relaxed);
-        if line == WATCHED && since & Self::PROCESSOR != 0 {
-            let waited = since.wrapping_sub(SYST::get_current()) & ROUND;
-            add(&WAITED, waited);
-            add(&WAITS, 1);
-            LONGEST.store(waited.max(LONGEST.load(Ordering::Relaxed)), Ordering::Relaxed);
+        let waited =
+            if since & Self::PROCESSOR == 0 { 0 } else { since.wrapping_sub(SYST::get_current()) & ROUND };
+        if line == WATCHED && waited > 0 {
+            WAITS.add(waited);
+        }
+        if PASSING.contains(&line) {
+            CAME.store(awake().wrapping_sub(waited), Ordering::Relaxed);
         }
     }
+}
+
+/// The task of `line` sends: where the other line sent last, these are the first bytes of what that one has received.
+pub(crate) fn sends(line: usize) {
+    if PASSING.contains(&line) && SENT.swap(line, Ordering::Relaxed) != line {
+        PASSED.add(awake().wrapping_sub(CAME.load(Ordering::Relaxed)) & ROUND);
+    }
+}
+
+/// The ticks that the processor has been awake, up to now, where it is.
+fn awake() -> u32 {
+    BUSY.load(Ordering::Relaxed).wrapping_sub(SYST::get_current()) & ROUND
 }
 
 /// The most that the stack has ever held, in bytes.
@@ -145,8 +189,8 @@ fn stack_bytes() -> usize {
     top.addr() - at.addr()
 }
 
-/// Answers each byte on `line` with a line of figures, for ever: `b` asks for the ticks, `w` for waits since the last `w`, `m`
-/// for memory.
+/// Answers each byte on `line` with a line of figures, for ever: `b` asks for the ticks, `w` and `p` for waits and for what was
+/// passed on, since the last such question, `m` for memory.
 pub(crate) async fn report(mut line: Line, sockets: &'static Sockets) {
     let mut asked = [0; 1];
     loop {
@@ -155,16 +199,15 @@ pub(crate) async fn report(mut line: Line, sockets: &'static Sockets) {
         // It has room for three numbers.
         let _ = match asked {
             [b'b'] => {
-                // Up to this moment, in which the processor is awake.
-                let busy = BUSY.load(Ordering::Relaxed).wrapping_sub(SYST::get_current()) & ROUND;
+                let busy = awake();
                 let gateway =
                     TASKS.load(Ordering::Relaxed).wrapping_add(RELAY.load(Ordering::Relaxed)) & ROUND;
                 writeln!(text, "busy {busy} gateway {gateway}")
             }
-            [b'w'] => {
-                let [waited, waits, longest] =
-                    [&WAITED, &WAITS, &LONGEST].map(|count| count.swap(0, Ordering::Relaxed));
-                writeln!(text, "waited {waited} times {waits} longest {longest}")
+            [b'w' | b'p'] => {
+                let sum = if asked == [b'w'] { &WAITS } else { &PASSED };
+                let [total, times, longest] = sum.take();
+                writeln!(text, "total {total} times {times} longest {longest}")
             }
             _ => writeln!(text, "stack {} sockets {}", stack_bytes(), sockets.free()),
         };

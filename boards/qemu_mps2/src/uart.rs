@@ -348,6 +348,7 @@ impl Read for Line {
 
 impl Write for Line {
     async fn write(&mut self, from: &[u8]) -> Result<usize, Infallible> {
+        measure::sends(self.0);
         poll_fn(|context| {
             self.uart().room.register(context.waker());
             match self.uart().put(from) {

@@ -1,15 +1,13 @@
 //! What the gateway costs on the board: instructions, by SysTick where each takes the same time, and bytes of memory.
 
-use std::io::Read;
 use std::path::Path;
 use std::process::Command;
 use std::thread::sleep;
 use std::time::Duration;
 
-use mobgate_simulator::device::rtu;
-
 use crate::figure::{Target, figure};
-use crate::{Bus, Console, Figures, Machine, Options, bus, image};
+use crate::passing::Passing;
+use crate::{Bus, Console, Figures, Machine, Options, image};
 
 /// The counts and sizes that hold as good; more is a fault that a change of this file must own up to.
 const BUDGETS: &str = include_str!("../budgets");
@@ -18,14 +16,11 @@ const GROWTH: f64 = 1.05;
 /// Times that each thing is measured.
 const TRIALS: usize = 21;
 /// Time after which nothing happens any more.
-const SETTLED: Duration = Duration::from_millis(60);
+pub(crate) const SETTLED: Duration = Duration::from_millis(60);
 /// A tick is 40 ns, an instruction 64 ns.
 pub(crate) const INSTRUCTIONS_PER_TICK: f64 = 40.0 / 64.0;
 /// Most instructions for a byte that is passed on.
 const PER_BYTE_MAX: f64 = 60.0;
-/// Time of a character at 2400 baud, where this host keeps up with it, and a long frame takes much longer than the jitter of
-/// reads that is allowed for.
-const CHARACTER: Duration = Duration::from_micros(4_583);
 /// Registers of a short frame and of a long one, both passed on while they arrive, and times that each is measured.
 const FEW_REGISTERS: u8 = 20;
 const MANY_REGISTERS: u8 = 120;
@@ -68,32 +63,14 @@ pub fn instructions(folder: &Path) -> f64 {
 /// Writes and reads of many registers and of few, from line to line, while they arrive.
 fn passed_on(machine: &Machine, figures: &mut Figures) {
     let mut console: Console = machine.console();
-    for line in [
-        "delete routes",
-        "port P2 serial uart2 rtu server 2400 8E1",
-        "port P3 serial uart3 rtu client 2400 8E1",
-        "route P2 1-10 * * P3 cut on",
-    ] {
-        assert_eq!(console.run(line), "", "{line}");
-    }
-    let bus = Bus::new([5]);
-    bus.answer_after(SETTLED);
-    bus.pace(CHARACTER);
-    machine.wire(3, &bus);
-    let mut master = machine.uart(2);
-    // What comes before the first silence on a line may be the end of something.
-    sleep(4 * SETTLED);
-    let mut ask = |pdu: &[u8], answer_bytes: usize| {
-        bus::send(&mut master, &rtu::frame(5, pdu), CHARACTER).unwrap();
-        master.read_exact(&mut vec![0; answer_bytes]).unwrap();
-    };
+    assert_eq!(console.run("delete routes"), "");
+    let mut passing = Passing::start(machine, &mut console);
     let mut write = |registers: u8| {
         let values = vec![0x55; 2 * usize::from(registers)];
-        ask(&[&[16, 0, 0, 0, registers, 2 * registers][..], &values].concat(), 8);
+        passing.ask(&[&[16, 0, 0, 0, registers, 2 * registers][..], &values].concat(), 8);
     };
     let requests = per_byte(figures, &mut write);
-    let mut read = |registers: u8| ask(&[3, 0, 0, 0, registers], 5 + 2 * usize::from(registers));
-    let answers = per_byte(figures, &mut read);
+    let answers = per_byte(figures, &mut |registers| passing.read(registers));
     let cut = console.count("P3", "cut") as f64 / console.count("P3", "requests") as f64;
     figure("qemu_cut_through_share", 100.0 * cut, "%", Target::None);
     let worst = requests.gateway.max(answers.gateway);

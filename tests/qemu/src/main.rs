@@ -16,6 +16,7 @@ fn main() -> ExitCode {
             cost::sizes();
             let instructions = cost::instructions(folder.path());
             shift::figures(folder.path(), instructions);
+            shift::passed_on(folder.path());
         }
         ["soak", count] if count.parse::<u64>().is_ok() => {
             soak::run(folder.path(), count.parse().unwrap_or_default());

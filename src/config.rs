@@ -9,6 +9,7 @@ mod ethercat;
 mod field;
 mod line;
 mod loader;
+mod mdns;
 mod network;
 mod own_network;
 mod point_checks;
@@ -41,6 +42,8 @@ pub use self::address::{Allowed, IpPrefix};
 pub use self::ethercat::{EthercatSettings, OnLoss};
 pub(crate) use self::line::LineBuffer;
 pub use self::loader::{LoadError, Loader, Look};
+pub use self::mdns::Mdns;
+pub(crate) use self::mdns::keywords as mdns_words;
 pub use self::network::{
     MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, TcpListen, TcpServerSettings, UDP_REQUESTS_MAX,
     UdpServerSettings,
@@ -104,6 +107,8 @@ impl PortId {
 pub struct Settings {
     /// How the board comes by its own address, where that is the gateway's business; `None`: as it does by default.
     pub network: Option<OwnNetwork>,
+    /// How it is found on the network.
+    pub mdns: Mdns,
     /// The ports; a place keeps its index while other ports come and go.
     pub ports: [Option<Port>; PORTS_MAX],
     /// The routing rules in the order in which they are tried.
@@ -121,6 +126,7 @@ impl Settings {
     pub const fn new() -> Self {
         Self {
             network: None,
+            mdns: Mdns::DEFAULT,
             ports: [const { None }; PORTS_MAX],
             routes: Vec::new(),
             devices: Vec::new(),
@@ -132,6 +138,7 @@ impl Settings {
     /// Forgets everything.
     pub fn clear(&mut self) {
         self.network = None;
+        self.mdns = Mdns::DEFAULT;
         self.ports.iter_mut().for_each(|port| *port = None);
         self.routes.clear();
         self.devices.clear();
@@ -198,8 +205,9 @@ impl Clone for Settings {
 
     /// Copies part by part: the whole is too big for the stack of a small board.
     fn clone_from(&mut self, source: &Self) {
-        let Self { network, ports, routes, devices, points, slaves } = source;
+        let Self { network, mdns, ports, routes, devices, points, slaves } = source;
         self.network.clone_from(network);
+        self.mdns.clone_from(mdns);
         self.ports.clone_from_slice(ports);
         copy_list(&mut self.routes, routes);
         if POINTS {

@@ -62,6 +62,7 @@ pub struct Gateway<'g> {
     /// Whether the settings say the board's own address.
     owns_network: bool,
     network_changed: Signal<CriticalSectionRawMutex, ()>,
+    mdns_changed: Signal<CriticalSectionRawMutex, ()>,
     log: Log,
     /// Whose requests are refused share these.
     pub(crate) turns: Turns,
@@ -94,6 +95,7 @@ impl<'g> Gateway<'g> {
             same_device: |one, other| one == other,
             owns_network: false,
             network_changed: Signal::new(),
+            mdns_changed: Signal::new(),
             log: Log::new(),
             turns: Turns::new(),
             asking: Asking::new(),
@@ -158,6 +160,11 @@ impl<'g> Gateway<'g> {
     pub async fn new_network(&self) -> OwnNetwork {
         self.network_changed.wait().await;
         self.settings(Settings::own_network)
+    }
+
+    /// Waits until multicast DNS may have something else to say: another name or other servers; one task may wait.
+    pub async fn new_mdns(&self) {
+        self.mdns_changed.wait().await;
     }
 
     /// The frames.
@@ -238,6 +245,9 @@ impl<'g> Gateway<'g> {
             }
             if settings.own_network() != new.own_network() {
                 self.network_changed.signal(());
+            }
+            if settings.mdns != new.mdns || settings.network != new.network || settings.ports != new.ports {
+                self.mdns_changed.signal(());
             }
             settings.clone_from(new);
         });

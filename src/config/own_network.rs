@@ -84,7 +84,7 @@ pub(super) fn own_network(words: &Words) -> Result<OwnNetwork, Wrong> {
 }
 
 /// The word behind `keyword`, if that is next.
-fn option<'a>(words: &'a Words, keyword: &'static str) -> Result<Option<Word<'a>>, Wrong> {
+pub(super) fn option<'a>(words: &'a Words, keyword: &'static str) -> Result<Option<Word<'a>>, Wrong> {
     if words.peek().is_end() {
         return Ok(None);
     }
@@ -92,7 +92,7 @@ fn option<'a>(words: &'a Words, keyword: &'static str) -> Result<Option<Word<'a>
     Ok(Some(words.take()))
 }
 
-fn host_name(word: Word) -> Result<HostName, Wrong> {
+pub(super) fn host_name(word: Word) -> Result<HostName, Wrong> {
     let good = word.text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
         && !word.text.is_empty()
         && !word.text.starts_with('-');

@@ -1,4 +1,4 @@
-//! Settings as lines that recreate them: the board's network, then ports, rules in their order, devices, points and slaves.
+//! Settings as lines that recreate them: the board's network and how it is found there, then ports, rules in their order, devices, points and slaves.
 
 use core::fmt::{self, Display, Write};
 
@@ -10,8 +10,9 @@ use super::port_keys::UNIT_KEYS;
 use super::route_words::IDENTIFICATION;
 use super::values::Time;
 use super::{
-    EthercatSettings, Framing, IpPrefix, LineSettings, Parity, Port, PortKind, SerialSettings, Settings,
-    Side, Special, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings, UnitPolicy,
+    EthercatSettings, Framing, IpPrefix, LineSettings, Mdns, Parity, Port, PortKind, SerialSettings,
+    Settings, Side, Special, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
+    UnitPolicy,
 };
 use crate::route::{AddressRange, Cut, Forbidden, Functions, Merge, Policy, Priority, Route, Tag, UnitRange};
 use crate::scanner::POINTS;
@@ -27,6 +28,11 @@ pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<
         Some(network) if n == 0 => return Some(write!(out, "network {network}")),
         Some(_) => n - 1,
         None => n,
+    };
+    let n = match &settings.mdns {
+        mdns if *mdns == Mdns::DEFAULT => n,
+        mdns if n == 0 => return Some(write!(out, "mdns {mdns}")),
+        _ => n - 1,
     };
     let ports = || settings.ports.iter().flatten();
     let width = ports().map(|port| port.name.len()).max().unwrap_or(0);

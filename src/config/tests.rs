@@ -132,7 +132,7 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
     let cases = [
         (
             "prot P1",
-            "column 1: \"prot\": expected port, route, device, point, slave, edit, insert, move, delete or network; did you mean port?",
+            "column 1: \"prot\": expected port, route, device, point, slave, edit, insert, move, delete, network or mdns; did you mean port?",
         ),
         ("port", "column 5: end of line: expected a port name: a letter"),
         ("port 7 tcp server 1", "column 6: \"7\": expected a port name"),
@@ -439,6 +439,55 @@ fn the_boards_own_address_is_given_by_dhcp_or_set() {
     }
     apply(&mut settings, "network dhcp").unwrap();
     assert_eq!(settings.own_network(), OwnNetwork::DEFAULT);
+}
+
+#[test]
+fn the_gateway_is_found_by_its_name_or_not_at_all() {
+    let mut settings = load(PORTS);
+    assert_eq!(settings.mdns_name("host"), Some("host"));
+    assert!(!print(&settings).contains("mdns"), "what is so by default is not printed");
+    for (line, name) in [("mdns off", None), ("mdns on name cabinet-7", Some("cabinet-7"))] {
+        apply(&mut settings, line).unwrap();
+        assert_eq!(settings.mdns_name("host"), name);
+        assert!(print(&settings).starts_with(&format!("{line}\n")));
+        assert_eq!(load(&print(&settings)), settings);
+    }
+    apply(&mut settings, "mdns on").unwrap();
+    apply(&mut settings, "network dhcp name cabinet-8").unwrap();
+    assert_eq!(settings.mdns_name("host"), Some("cabinet-8"), "as the DHCP server knows it");
+    apply(&mut settings, "mdns on name cabinet-7").unwrap();
+    assert_eq!(settings.mdns_name("host"), Some("cabinet-7"));
+    assert!(print(&settings).starts_with("network dhcp name cabinet-8\nmdns on name cabinet-7\n"));
+    for (line, expected) in [
+        ("mdns", "column 5: end of line: expected on or off"),
+        ("mdns no", "\"no\": expected on or off"),
+        ("mdns on cabinet-7", "\"cabinet-7\": expected name"),
+        ("mdns on name cabinet_7", "\"cabinet_7\": expected a host name"),
+        ("mdns off name x", "\"name\": expected the end of the line"),
+    ] {
+        assert!(error(line).contains(expected), "{line}: {}", error(line));
+    }
+}
+
+#[test]
+fn the_servers_that_are_found_are_those_of_modbus_tcp_at_that_address() {
+    let mut settings = Settings::new();
+    for line in [
+        "port all tcp server 502",
+        "port any tcp server 0.0.0.0:503",
+        "port here tcp server 10.0.0.1:504",
+        "port there tcp server 10.0.0.2:505",
+        "port self tcp server 127.0.0.1:506",
+        "port six tcp server [::1]:507",
+        "port rtu tcp server 508 rtu",
+        "port wire tcp server 509 capture",
+        "port udp udp server 502",
+        "port out tcp client 10.0.0.9:510",
+    ] {
+        apply(&mut settings, line).unwrap();
+    }
+    let found: Vec<_> = settings.modbus_servers([10, 0, 0, 1].into()).collect();
+    assert_eq!(found, [("all", 502), ("any", 503), ("here", 504)]);
 }
 
 #[test]

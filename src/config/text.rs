@@ -6,6 +6,7 @@
 use core::mem::discriminant;
 use core::num::NonZeroU16;
 
+use super::mdns;
 use super::own_network;
 use super::point_checks;
 use super::point_problem::PointProblem;
@@ -42,6 +43,7 @@ enum Verb {
     Move,
     Delete,
     Network,
+    Mdns,
 }
 
 const VERBS: &[(&str, Verb)] = &[
@@ -55,6 +57,7 @@ const VERBS: &[(&str, Verb)] = &[
     ("move", Verb::Move),
     ("delete", Verb::Delete),
     ("network", Verb::Network),
+    ("mdns", Verb::Mdns),
 ];
 
 /// Changes `settings` as `line` says; a bad line changes nothing.
@@ -90,7 +93,9 @@ fn change(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     if verb.is_end() {
         return Ok(Changed::Nothing);
     }
-    match verb.keyword(VERBS, "port, route, device, point, slave, edit, insert, move, delete or network")? {
+    match verb
+        .keyword(VERBS, "port, route, device, point, slave, edit, insert, move, delete, network or mdns")?
+    {
         Verb::Device | Verb::Point | Verb::Slave if !POINTS => Err(verb.error(Problem::NoPoints)),
         Verb::Port => port(settings, words),
         Verb::Route => put_route(settings, words, settings.routes.len(), false),
@@ -103,6 +108,10 @@ fn change(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
         Verb::Delete => delete(settings, words),
         Verb::Network => {
             settings.network = Some(own_network::own_network(words)?);
+            Ok(Changed::Other)
+        }
+        Verb::Mdns => {
+            settings.mdns = mdns::mdns(words)?;
             Ok(Changed::Other)
         }
     }

@@ -53,6 +53,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("move", Command::Settings),
     ("delete", Command::Settings),
     ("network", Command::Settings),
+    ("mdns", Command::Settings),
     ("show", Command::Show),
     ("read", Command::Point(PointCommand::Read)),
     ("write", Command::Point(PointCommand::Write)),

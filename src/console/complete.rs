@@ -3,7 +3,7 @@
 use heapless::String;
 
 use super::command::{COMMANDS, TOPICS_CLEAR, TOPICS_SHOW, TOPICS_WATCH};
-use crate::config::{Settings, WORD_BYTES_MAX, network_words, option_words};
+use crate::config::{Settings, WORD_BYTES_MAX, mdns_words, network_words, option_words};
 
 /// What can be done about a word that was begun.
 #[derive(Debug, PartialEq, Eq)]
@@ -76,6 +76,8 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
         ["port", "route"].into_iter().for_each(offer);
     } else if is("network") {
         network_words().for_each(offer);
+    } else if is("mdns") {
+        mdns_words().for_each(offer);
     } else if is("delete") && second {
         ["port", "route", "routes", "device", "point", "slave", "slaves"].into_iter().for_each(offer);
     } else if is_one_of(&["read", "write", "begin", "finish"]) {
@@ -135,6 +137,7 @@ mod tests {
         assert_eq!(appended("edit port meters tur").as_deref(), Some("naround "));
         assert_eq!(appended("help inse").as_deref(), Some("rt "));
         assert_eq!(appended("network dh").as_deref(), Some("cp "));
+        assert_eq!(appended("mdns of").as_deref(), Some("f "));
         assert_eq!(appended("route P502 1 * * meters forb").as_deref(), Some("idden "));
         assert_eq!(appended("route P502 1 * * meters forbidden ign").as_deref(), Some("ore "));
     }

@@ -104,6 +104,12 @@ network address ADDRESS/PREFIX [gateway ADDRESS]
   network address 192.168.1.5/24",
     ),
     (
+        "mdns",
+        "mdns on [name NAME]\tthe gateway's Modbus TCP servers are found on the network (multicast DNS, _modbus._tcp)
+\tunder this name, else under the one of network dhcp or the machine's
+mdns off\tit does not answer",
+    ),
+    (
         "show",
         "show TOPIC\tports, routes, units, clients, stats, log, frames, points, devices, config, network, version
 show ports\twhat the ports are and how they do

@@ -343,6 +343,12 @@ fn any_network() -> impl Strategy<Value = Option<OwnNetwork>> {
     prop::option::of(prop_oneof![Just(OwnNetwork::DEFAULT), dhcp, set])
 }
 
+fn any_mdns() -> impl Strategy<Value = Mdns> {
+    let name = "([a-zA-Z0-9][-a-zA-Z0-9]{0,31})?";
+    let on = name.prop_map(|name| Mdns::On { name: name.as_str().try_into().unwrap() });
+    prop_oneof![Just(Mdns::DEFAULT), Just(Mdns::Off), on]
+}
+
 /// What a line can say: a table is there with cells, and the value that substitutes when it does.
 fn any_slave() -> impl Strategy<Value = SlaveSettings> {
     let cells = prop::option::of((1..=65_535_u16).prop_flat_map(|count| {
@@ -375,10 +381,10 @@ fn any_settings() -> impl Strategy<Value = Settings> {
             let most = if ports.iter().any(asks) { SLAVES_MAX } else { 0 };
             let slaves = prop::collection::vec(any_slave(), 0..=most);
             let routes = prop::collection::vec(any_route(ports.clone()), 0..=ROUTES_MAX);
-            (any_network(), Just(ports), routes, slaves)
+            (any_network(), any_mdns(), Just(ports), routes, slaves)
         })
-        .prop_map(|(network, ports, routes, slaves)| {
-            let mut settings = Settings { network, ..Settings::new() };
+        .prop_map(|(network, mdns, ports, routes, slaves)| {
+            let mut settings = Settings { network, mdns, ..Settings::new() };
             for (slot, port) in settings.ports.iter_mut().zip(ports) {
                 *slot = Some(port);
             }

@@ -16,6 +16,7 @@ pub mod file;
 mod hint;
 pub mod lines;
 pub mod logging;
+pub mod mdns;
 pub mod merge;
 pub mod reactor;
 pub mod settings;

@@ -27,7 +27,7 @@ use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
 use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
-use mobgate_linux::{capture, console, describe, executor, lines, logging, settings};
+use mobgate_linux::{capture, console, describe, executor, lines, logging, mdns, settings};
 
 /// TCP connections of all servers together. Each takes a descriptor, of which a process has 1024 by default.
 const SEATS: usize = 256;
@@ -77,6 +77,11 @@ async fn seat(index: usize, mut sockets: TcpSockets) {
 #[embassy_executor::task]
 async fn demo_devices(demo: Demo) {
     demo.run().await
+}
+
+#[embassy_executor::task]
+async fn found_on_the_network() {
+    mdns::run(&GATEWAY).await
 }
 
 #[embassy_executor::task]
@@ -218,6 +223,7 @@ fn spawn(
         spawner.spawn(demo_devices(demo).unwrap());
     }
     spawner.spawn(capture_into_file().unwrap());
+    spawner.spawn(found_on_the_network().unwrap());
     let sessions = Rc::<Sessions>::default();
     for number in 0..SESSIONS_MAX {
         spawner.spawn(console_session(sessions.clone(), number, store.clone()).unwrap());

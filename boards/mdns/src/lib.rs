@@ -16,6 +16,7 @@ use edge_mdns::host::{Host, Service, ServiceAnswers};
 use edge_mdns::{
     HostAnswer, HostAnswers, HostAnswersMdnsHandler, MdnsError, MdnsHandler, MdnsRequest, MdnsResponse,
 };
+use embassy_time::{Duration, Instant};
 use heapless::String;
 use mobgate::config::{HOST_NAME_BYTES_MAX, NAME_BYTES_MAX, PORTS_MAX, Settings};
 
@@ -34,6 +35,38 @@ const SERVICE: (&str, &str) = ("_modbus", "_tcp");
 const ABOUT: &[(&str, &str)] = &[("product", "mobgate")];
 /// A name, a blank, and the name of a port: no more than the 63 bytes of a label.
 const INSTANCE_BYTES_MAX: usize = HOST_NAME_BYTES_MAX + 1 + NAME_BYTES_MAX;
+
+/// How often is answered at most, so that many questions cost nobody much: an asker repeats his (RFC 6762, 5.2).
+pub struct Rate {
+    second: Instant,
+    answers: u8,
+}
+
+impl Rate {
+    /// Answers in a second.
+    pub const ANSWERS_MAX: u8 = 10;
+
+    /// Nothing has been answered.
+    pub const fn new() -> Self {
+        Self { second: Instant::from_ticks(0), answers: 0 }
+    }
+
+    /// Whether one more may be answered `now`; then it is counted.
+    pub fn admits(&mut self, now: Instant) -> bool {
+        if now >= self.second + Duration::from_secs(1) {
+            *self = Self { second: now, answers: 0 };
+        }
+        let admits = self.answers < Self::ANSWERS_MAX;
+        self.answers += u8::from(admits);
+        admits
+    }
+}
+
+impl Default for Rate {
+    fn default() -> Self {
+        Self::new()
+    }
+}
 
 /// A gateway as one of its networks sees it.
 #[derive(Clone, Copy)]

@@ -7,12 +7,13 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 use std::{format, vec};
 
+use embassy_time::Instant;
 use mobgate::config::{Settings, apply};
 use proptest::prelude::*;
 use simple_dns::rdata::RData;
 use simple_dns::{CLASS, Name, Packet, PacketFlag, QCLASS, QTYPE, Question, ResourceRecord, TYPE};
 
-use super::{Gateway, MESSAGE_BYTES, PORT, announcement, answer, farewell};
+use super::{Gateway, MESSAGE_BYTES, PORT, Rate, announcement, answer, farewell};
 
 const ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 1, 5);
 const SERVICES: &str = "_modbus._tcp.local";
@@ -181,6 +182,16 @@ proptest! {
             prop_assert!(Packet::parse(&said).is_ok());
         }
     }
+}
+
+#[test]
+fn ten_are_answered_in_a_second_and_more_in_the_next() {
+    let at = |ms| Instant::from_millis(5_000 + ms);
+    let mut rate = Rate::new();
+    let answered = |rate: &mut Rate, ms: core::ops::Range<u64>| ms.filter(|&ms| rate.admits(at(ms))).count();
+    assert_eq!(answered(&mut rate, 0..1_000), 10);
+    assert_eq!(answered(&mut rate, 1_000..1_009), 9);
+    assert_eq!(answered(&mut rate, 1_009..2_000), 1);
 }
 
 #[test]

@@ -1,0 +1,273 @@
+//! The gateway is found on the machine's networks by multicast DNS: one socket for all of them, and the kernel's word when one
+//! comes or goes.
+//!
+//! Who asks is answered from the interface in whose network he is. Nobody else is a neighbour, and gets an answer (RFC 6762, 11).
+
+use std::future::pending;
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
+use std::os::fd::OwnedFd;
+
+use embassy_futures::select::{Either4, select4};
+use embassy_time::{Duration, Instant, Timer};
+use mobgate::gateway::Gateway;
+use mobgate_mdns::{ANNOUNCEMENTS, GROUP, MESSAGE_BYTES, PORT, Rate, announcement, answer, farewell};
+use nix::ifaddrs::getifaddrs;
+use nix::net::if_::InterfaceFlags;
+use rustix::net::netlink::SocketAddrNetlink;
+use rustix::net::{AddressFamily, RecvFlags, SocketType, bind, recv, socket};
+use socket2::{Domain, Protocol, Socket, Type};
+
+use crate::descriptor::Descriptor;
+
+/// The kernel's groups of news that tell of links and of addresses by IPv4 (rtnetlink(7)).
+const NEWS: u32 = 0x1 | 0x10;
+/// Most of what the kernel tells at a time. It is only looked at for that it came.
+const NEWS_BYTES: usize = 8_192;
+/// No message is longer (RFC 6762, 17).
+const QUERY_BYTES_MAX: usize = 9_000;
+/// As those who listen may want it (RFC 6762, 11).
+const TTL: u32 = 255;
+/// From one announcement to the next (RFC 6762, 8.3).
+const AGAIN: Duration = Duration::from_secs(1);
+/// When the socket could not be opened.
+const RETRY: Duration = Duration::from_secs(60);
+
+/// Answers as long as the settings of `gateway` have something to be found, for ever.
+pub async fn run(gateway: &Gateway<'_>) {
+    let news = match news() {
+        Ok(news) => news,
+        Err(error) => return log::warn!("mdns: the kernel does not tell of networks: {error}"),
+    };
+    Responder::new(gateway).run(news).await
+}
+
+/// What the kernel tells when networks come and go.
+fn news() -> io::Result<Descriptor<OwnedFd>> {
+    let news = socket(AddressFamily::NETLINK, SocketType::RAW, None)?;
+    bind(&news, &SocketAddrNetlink::new(0, NEWS))?;
+    Descriptor::new(news)
+}
+
+/// A network of this machine.
+struct Network {
+    name: String,
+    address: Ipv4Addr,
+    mask: Ipv4Addr,
+    /// What takes back what is announced there; empty when there is nothing to be found.
+    farewell: Vec<u8>,
+}
+
+impl Network {
+    fn has(&self, address: Ipv4Addr) -> bool {
+        self.address & self.mask == address & self.mask
+    }
+
+    /// Whether nothing else is to be found in `other`.
+    fn is(&self, other: &Self) -> bool {
+        (&self.name, self.address, &self.farewell) == (&other.name, other.address, &other.farewell)
+    }
+}
+
+struct Responder<'s, 'g> {
+    gateway: &'s Gateway<'g>,
+    name: String,
+    host: String,
+    networks: Vec<Network>,
+    socket: Option<Descriptor<UdpSocket>>,
+    /// It could not be opened, and that was said.
+    failed: bool,
+    /// Announcements that are still to be sent, and when that is due, or another look.
+    announcements: usize,
+    due: Instant,
+    rate: Rate,
+}
+
+impl<'s, 'g> Responder<'s, 'g> {
+    fn new(gateway: &'s Gateway<'g>) -> Self {
+        let name = host_label(&rustix::system::uname().nodename().to_string_lossy());
+        // The machine's own name is its own responder's to say.
+        let host = format!("{name}-mobgate");
+        let (networks, socket, failed) = (Vec::new(), None, false);
+        let (announcements, due, rate) = (0, Instant::MAX, Rate::new());
+        Self { gateway, name, host, networks, socket, failed, announcements, due, rate }
+    }
+
+    async fn run(mut self, mut news: Descriptor<OwnedFd>) {
+        let (mut query, mut told) = ([0; QUERY_BYTES_MAX], [0; NEWS_BYTES]);
+        self.look();
+        loop {
+            let socket = self.socket.as_mut();
+            let received = async {
+                match socket {
+                    Some(socket) => socket.read_with(|socket| socket.recv_from(&mut query)).await,
+                    None => pending().await,
+                }
+            };
+            let changed = news.read_with(|news| Ok(recv(news, &mut told, RecvFlags::empty())?));
+            match select4(received, changed, self.gateway.new_mdns(), Timer::at(self.due)).await {
+                Either4::First(Ok((length, from))) => self.answer(&query[..length], from),
+                Either4::First(Err(error)) => self.fails(&error),
+                // Also when the kernel had more to tell than it could keep.
+                Either4::Second(_) | Either4::Third(()) => self.look(),
+                Either4::Fourth(()) if self.socket.is_none() => self.look(),
+                Either4::Fourth(()) => self.announce(),
+            }
+        }
+    }
+
+    /// Sees which networks there are, and what is to be found there now.
+    fn look(&mut self) {
+        let mut networks = networks();
+        for network in &mut networks {
+            network.farewell = self.say(network.address, farewell);
+        }
+        for old in &self.networks {
+            let is_same = |new: &Network| new.name == old.name && new.farewell == old.farewell;
+            if !networks.iter().any(is_same) {
+                self.multicast(old.address, &old.farewell);
+            }
+        }
+        let is_new = |new: &Network| {
+            !self.networks.iter().any(|old| new.name == old.name && new.farewell == old.farewell)
+        };
+        let news = networks.iter().any(is_new);
+        self.networks = networks;
+        if self.networks.iter().all(|network| network.farewell.is_empty()) {
+            (self.socket, self.due) = (None, Instant::MAX);
+        } else if news || self.socket.is_none() {
+            match self.open() {
+                Ok(()) => {
+                    let name =
+                        self.gateway.settings(|settings| settings.mdns_name(&self.name).map(str::to_owned));
+                    log::info!("found on the network as {}", name.unwrap_or_default());
+                    (self.announcements, self.due) = (ANNOUNCEMENTS, Instant::now());
+                }
+                Err(error) => self.fails(&error),
+            }
+        }
+    }
+
+    /// Opens the socket if it is not, and listens on all networks.
+    fn open(&mut self) -> io::Result<()> {
+        let socket = match self.socket.take() {
+            Some(socket) => socket,
+            None => {
+                let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+                // The machine may have a responder of its own.
+                socket.set_reuse_address(true)?;
+                socket.set_multicast_ttl_v4(TTL)?;
+                socket.bind(&SocketAddrV4::new(GROUP, PORT).into())?;
+                Descriptor::new(socket.into())?
+            }
+        };
+        for network in &self.networks {
+            match socket.get_ref().join_multicast_v4(&GROUP, &network.address) {
+                // It has been listened to already.
+                Err(error) if error.kind() == io::ErrorKind::AddrInUse => {}
+                joined => joined?,
+            }
+        }
+        (self.socket, self.failed) = (Some(socket), false);
+        Ok(())
+    }
+
+    fn fails(&mut self, error: &io::Error) {
+        if !self.failed {
+            log::warn!("mdns: UDP port {PORT}: {error}; the gateway is not found on the network");
+        }
+        (self.failed, self.socket, self.due) = (true, None, Instant::now() + RETRY);
+    }
+
+    fn announce(&mut self) {
+        for network in &self.networks {
+            self.multicast(network.address, &self.say(network.address, announcement));
+        }
+        self.announcements = self.announcements.saturating_sub(1);
+        self.due = if self.announcements > 0 { Instant::now() + AGAIN } else { Instant::MAX };
+    }
+
+    fn answer(&mut self, query: &[u8], from: SocketAddr) {
+        let IpAddr::V4(peer) = from.ip() else { return };
+        let Some(network) = self.networks.iter().find(|network| network.has(peer)) else { return };
+        let said = self.say(network.address, |gateway, into| answer(gateway, query, from.port(), into));
+        if said.is_empty() || !self.rate.admits(Instant::now()) {
+            return;
+        }
+        match (&self.socket, from.port()) {
+            (_, PORT) => self.multicast(network.address, &said),
+            // What is lost is asked again.
+            (Some(socket), _) => _ = socket.get_ref().send_to(&said, from),
+            (None, _) => {}
+        }
+    }
+
+    /// What is to be said in the network of this `address`; nothing, or what `what` writes.
+    fn say(
+        &self,
+        address: Ipv4Addr,
+        what: impl FnOnce(mobgate_mdns::Gateway<'_>, &mut [u8]) -> Option<usize>,
+    ) -> Vec<u8> {
+        let mut message = vec![0; MESSAGE_BYTES];
+        let length = self.gateway.settings(|settings| {
+            let (own_name, host) = (self.name.as_str(), Some(self.host.as_str()));
+            what(mobgate_mdns::Gateway { settings, own_name, host, address }, &mut message)
+        });
+        message.truncate(length.unwrap_or(0));
+        message
+    }
+
+    /// Sends to all in the network of this `address`.
+    fn multicast(&self, address: Ipv4Addr, message: &[u8]) {
+        let Some(socket) = self.socket.as_ref().filter(|_| !message.is_empty()) else { return };
+        let socket = socket.get_ref();
+        let sent = socket2::SockRef::from(socket)
+            .set_multicast_if_v4(&address)
+            .and_then(|()| socket.send_to(message, (GROUP, PORT)));
+        if let Err(error) = sent {
+            log::debug!("mdns: at {address}: {error}");
+        }
+    }
+}
+
+/// The networks that are up and have multicasts, the machine's own loop left out.
+fn networks() -> Vec<Network> {
+    let needed = InterfaceFlags::IFF_UP | InterfaceFlags::IFF_MULTICAST;
+    let all = getifaddrs().into_iter().flatten();
+    all.filter(|one| one.flags.contains(needed) && !one.flags.contains(InterfaceFlags::IFF_LOOPBACK))
+        .filter_map(|one| {
+            let address = one.address?.as_sockaddr_in()?.ip();
+            let mask = one.netmask?.as_sockaddr_in()?.ip();
+            Some(Network { name: one.interface_name, address, mask, farewell: Vec::new() })
+        })
+        .collect()
+}
+
+/// The first label of a host's name, as far as it may be the name of a gateway.
+fn host_label(name: &str) -> String {
+    let label = name.split('.').next().unwrap_or_default();
+    let good = |letter: char| if letter.is_ascii_alphanumeric() { letter } else { '-' };
+    let label: String = label.chars().map(good).take(mobgate::config::HOST_NAME_BYTES_MAX).collect();
+    let label = label.trim_matches('-');
+    if label.is_empty() { "mobgate".to_owned() } else { label.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_host_is_called_by_its_first_label() {
+        for (name, label) in [
+            ("pc", "pc"),
+            ("pc.example.com", "pc"),
+            ("my_pc", "my-pc"),
+            ("-", "mobgate"),
+            ("", "mobgate"),
+            ("(none)", "none"),
+            ("a-name-that-is-longer-than-a-gateways", "a-name-that-is-longer-than-a-gat"),
+        ] {
+            assert_eq!(host_label(name), label, "{name}");
+        }
+    }
+}

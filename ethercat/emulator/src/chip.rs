@@ -2,15 +2,15 @@
 
 use std::task::Waker;
 
-use super::Nanos;
-use super::dc::Clock;
-use super::eeprom::Eeprom;
-use super::events::Events;
-use super::memory::Memory;
-use super::registers::*;
-use super::reset::ResetSequence;
-use super::sync_manager::SyncManagers;
-use super::watchdog::Watchdog;
+use crate::Nanos;
+use crate::dc::Clock;
+use crate::eeprom::Eeprom;
+use crate::events::Events;
+use crate::memory::Memory;
+use crate::registers::*;
+use crate::reset::ResetSequence;
+use crate::sync_manager::SyncManagers;
+use crate::watchdog::Watchdog;
 
 /// What distinguishes one controller chip from another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,16 +53,16 @@ impl Kind {
 /// A controller chip with its EEPROM.
 #[derive(Debug)]
 pub struct Chip {
-    pub(super) kind: Kind,
-    pub(super) memory: Memory,
-    pub(super) managers: SyncManagers,
-    pub(super) events: Events,
-    pub(super) clock: Clock,
-    pub(super) process_watchdog: Watchdog,
-    pub(super) pdi_watchdog: Watchdog,
-    pub(super) ports: [bool; 4],
-    pub(super) ecat_reset: ResetSequence,
-    pub(super) pdi_reset: ResetSequence,
+    pub(crate) kind: Kind,
+    pub(crate) memory: Memory,
+    pub(crate) managers: SyncManagers,
+    pub(crate) events: Events,
+    pub(crate) clock: Clock,
+    pub(crate) process_watchdog: Watchdog,
+    pub(crate) pdi_watchdog: Watchdog,
+    pub(crate) ports: [bool; 4],
+    pub(crate) ecat_reset: ResetSequence,
+    pub(crate) pdi_reset: ResetSequence,
     /// The EEPROM; what is changed here the chip sees at its next reset or command.
     pub eeprom: Eeprom,
     waiting: Vec<Waker>,
@@ -132,7 +132,7 @@ impl Chip {
         }
     }
 
-    pub(super) fn wake(&mut self) {
+    pub(crate) fn wake(&mut self) {
         self.waiting.drain(..).for_each(Waker::wake);
     }
 }

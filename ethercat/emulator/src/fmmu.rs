@@ -1,7 +1,7 @@
 //! FMMUs: where a logical address leads in a chip's memory, bit by bit.
 
-use super::memory::Memory;
-use super::registers::FMMU;
+use crate::memory::Memory;
+use crate::registers::FMMU;
 
 /// Registers of one FMMU.
 pub const BYTES: u16 = 16;
@@ -67,7 +67,9 @@ impl Fmmu {
         let last = (self.logical + self.bits).min(datagram + bytes as u64 * 8);
         let physical = |bit: u64| bit - self.logical + self.physical;
         let reached = if first < last { physical(first)..physical(last) } else { 0..0 };
-        (reached.start / 8..reached.end.div_ceil(8)).map(move |address| {
+        // What leads out of all memory leads nowhere.
+        let end = reached.end.div_ceil(8).min(1 << 16);
+        (reached.start / 8..end).map(move |address| {
             let from = reached.start.saturating_sub(address * 8);
             let missing = (address * 8 + 8).saturating_sub(reached.end);
             let mask = 0xFFu8 << from & 0xFF >> missing;

@@ -25,7 +25,7 @@ use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Sta
 use crate::hal::{SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
-use crate::port::ethercat::{EthercatPlace, LineWriter};
+use crate::port::ethercat::{Controller, EthercatPlace, LineWriter};
 use crate::port::local::Events;
 use crate::port::moment::apart;
 use crate::port::tcp_server::{Terms, Turns};
@@ -72,6 +72,8 @@ pub struct Gateway<'g> {
     scanner: Option<&'g ScannerPlace>,
     capture: Option<&'g Capture>,
     ethercat: Option<&'g EthercatPlace>,
+    /// Whether the settings say at which network interface its controller is.
+    ethercat_interfaces: bool,
 }
 
 impl<'g> Gateway<'g> {
@@ -101,6 +103,7 @@ impl<'g> Gateway<'g> {
             scanner: None,
             capture: None,
             ethercat: None,
+            ethercat_interfaces: false,
         }
     }
 
@@ -142,9 +145,22 @@ impl<'g> Gateway<'g> {
         self
     }
 
+    /// The same for a board without one, which is a SubDevice at a network interface that the settings name.
+    #[must_use]
+    pub const fn with_ethercat_interfaces(mut self, place: &'g EthercatPlace) -> Self {
+        self.ethercat_interfaces = true;
+        self.with_ethercat(place)
+    }
+
     /// What the SubDevice shares, if the board has one.
     pub fn ethercat(&self) -> Option<&'g EthercatPlace> {
         if POINTS { self.ethercat } else { None }
+    }
+
+    /// How the EtherCAT controller is doing that the board has or `settings` lead to.
+    pub(crate) fn ethercat_controller(&self, settings: &Settings) -> Option<Controller> {
+        let led_to = !self.ethercat_interfaces || settings.ethercat().is_some();
+        self.ethercat().filter(|_| led_to).map(EthercatPlace::controller)
     }
 
     /// For a board whose Ethernet is the gateway's own: the settings say its address, and the board follows them by

@@ -4,10 +4,9 @@
 //! brought wakes the SubDevice, which reaches the controller directly. To it an interface that is missing, or goes away, is a chip that does not
 //! answer: it is looked for until it does.
 
+use std::cell::Cell;
 use std::io::{self, ErrorKind};
 use std::rc::Rc;
-
-use std::cell::Cell;
 
 use embassy_futures::join::join;
 use embassy_futures::select::{Either, select};
@@ -47,6 +46,11 @@ pub async fn run(gateway: &Gateway<'_>, place: &EthercatPlace) -> ! {
     let controller = Controller { link: &link, pdi: DirectPdi::new(link.chip.clone()) };
     let (never, _) = join(serve(place, controller, attention), link.carry()).await;
     never
+}
+
+/// Whether a SubDevice can be at the interface called `name` now; or why not, and what to do about it.
+pub fn check(name: &str) -> Result<(), &'static str> {
+    Interface::open(name).map(|_| ()).map_err(|error| reason(name, &error))
 }
 
 /// What the controller's EEPROM says the gateway is.
@@ -201,13 +205,17 @@ fn fault_of(error: io::Error) -> InterfaceError {
     }
 }
 
-/// What an error means for the user.
 fn unreachable(name: &str, error: &InterfaceError) -> EscError {
-    EscError::Unreachable(hint::keep(match error {
+    EscError::Unreachable(reason(name, error))
+}
+
+/// What an error means for the user.
+fn reason(name: &str, error: &InterfaceError) -> &'static str {
+    hint::keep(match error {
         InterfaceError::Missing => format!("no network interface is called {name}: see ip link"),
         InterfaceError::NotEthernet => format!("{name} is not an Ethernet interface"),
         InterfaceError::Down => format!("the interface {name} is down: sudo ip link set {name} up"),
-        InterfaceError::Denied => return EscError::Unreachable(hint::raw_socket_denied()),
+        InterfaceError::Denied => return hint::raw_socket_denied(),
         InterfaceError::Failed(error) => format!("the interface {name}: {error}"),
-    }))
+    })
 }

@@ -36,7 +36,8 @@ pub(crate) fn port_denied() -> &'static str {
 /// What to do when a raw socket may not be opened. The ports below 1024 are named as well: setcap takes away what it does not name.
 pub(crate) fn raw_socket_denied() -> &'static str {
     keep(format!(
-        "a raw socket needs CAP_NET_RAW: sudo setcap cap_net_raw,cap_net_bind_service=+ep {}",
+        "a raw socket needs CAP_NET_RAW: sudo setcap cap_net_raw,cap_net_bind_service=+ep {}; a service: see \
+         docs/ethercat-on-linux.md",
         program().display()
     ))
 }

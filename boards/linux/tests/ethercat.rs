@@ -1,15 +1,18 @@
 //! The program as an EtherCAT SubDevice at a network interface: SOEM brings it to Op, and interfaces come and go.
 
 use std::fs;
+use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
 use mobgate_esc::Command as Datagram;
 use mobgate_esc::frame::{Builder, FRAME_BYTES_MAX, datagrams};
 use mobgate_esc::interface::Interface;
-use mobgate_simulator::own_network::{MASTER_END, SEGMENT_END, in_own_network, ip, lay_cable, start_master};
+use mobgate_simulator::own_network::{
+    MASTER_END, SEGMENT_END, in_own_network, ip, lay_cable, python, start_master,
+};
 
-use common::{PATIENCE, Program, mobgate, wait_for, with_console};
+use common::{PATIENCE, Program, mobgate, output, wait_for, with_console};
 
 mod common;
 
@@ -188,5 +191,69 @@ fn without_the_right_to_a_raw_socket_it_says_which_one_is_missing() {
         let program = Program::start(&mut command, folder, port);
         program.logs("a raw socket needs CAP_NET_RAW: sudo setcap cap_net_raw,cap_net_bind_service=+ep");
         assert!(console(&program, "show ports").contains("failed (a raw socket needs CAP_NET_RAW"));
+    });
+}
+
+/// The script of docs/ethercat-on-linux.md.
+fn script_of_the_documentation(folder: &tempfile::TempDir) -> PathBuf {
+    let page = include_str!("../../../docs/ethercat-on-linux.md");
+    let script = page.split_once("```python\n").and_then(|(_, rest)| rest.split_once("```")).unwrap().0;
+    let path = folder.path().join("meter.py");
+    fs::write(&path, script).unwrap();
+    path
+}
+
+#[test]
+fn the_demo_is_a_sub_device_that_the_documentations_script_reads() {
+    in_own_network("the_demo_is_a_sub_device_that_the_documentations_script_reads", || {
+        let port = common::free_port();
+        let folder = tempfile::tempdir().unwrap();
+        let script = script_of_the_documentation(&folder);
+        let mut command = mobgate();
+        command.args([
+            "--demo",
+            "ethercat=ecs0",
+            "--listen",
+            &format!("127.0.0.1:{port}"),
+            "--socket",
+            "off",
+        ]);
+        let program = Program::start(&mut command, folder, port);
+        program.logs("An EtherCAT SubDevice with the meter and the relays is at ecs0.");
+        let output = Command::new(python()).arg(script).arg(MASTER_END).output().unwrap();
+        let said = [output.stdout, output.stderr].concat();
+        let said = String::from_utf8(said).unwrap();
+        assert!(output.status.success(), "{said}\n{}", program.log());
+        // A busy machine may let the first rows come before the first answer has.
+        let last = said.lines().last().unwrap();
+        let volts: f32 = last.split_once(" V").unwrap().0.parse().unwrap();
+        assert!((227.0..233.0).contains(&volts), "{said}");
+        let relays = last.split_once("relays ").unwrap().1;
+        assert_eq!(relays.matches('1').count(), 1, "{said}");
+    });
+}
+
+#[test]
+fn the_demo_says_what_it_needs_where_it_cannot_be_a_sub_device() {
+    let refusal = |words: &[&str]| {
+        let output = output(words);
+        assert_eq!(output.status.code(), Some(1));
+        assert_eq!(String::from_utf8(output.stdout).unwrap(), "", "it does not look as if it ran");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    // Where there is no ecat1.
+    in_own_network("the_demo_says_what_it_needs_where_it_cannot_be_a_sub_device", || {
+        let said = refusal(&["--demo", "ethercat", "--socket", "off"]);
+        for part in [
+            "--demo ethercat: no network interface is called ecat1",
+            "sudo ip link add ecat0 type veth peer name ecat1",
+            "sudo ip link set ecat1 up",
+        ] {
+            assert!(said.contains(part), "{part:?} is not in {said:?}");
+        }
+        let said = refusal(&["--demo", "ethercat=lo", "--socket", "off"]);
+        assert!(said.contains("lo is not an Ethernet interface") && !said.contains("ecat0"), "{said}");
+        let said = refusal(&["--demo", "ethercat", "--config", "/dev/null", "--socket", "off"]);
+        assert!(said.contains("start it without --config"), "{said}");
     });
 }

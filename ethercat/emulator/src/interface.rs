@@ -4,9 +4,10 @@
 //! itself sends on the interface, be it a program or this socket. To open it takes the capability CAP_NET_RAW.
 //! A tag of a VLAN is taken off by the kernel and not put back; tagged frames belong to the VLAN's own interface.
 
-use std::io::{self, ErrorKind};
+use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
 
+use nix::errno::Errno;
 use nix::ifaddrs::getifaddrs;
 use nix::net::if_::InterfaceFlags;
 use nix::sys::socket::{LinkAddr, bind, recvfrom};
@@ -29,7 +30,7 @@ pub enum InterfaceError {
     /// It is switched off.
     #[error("the network interface is down")]
     Down,
-    /// This process lacks CAP_NET_RAW.
+    /// This process lacks CAP_NET_RAW, or may not use sockets of the families AF_PACKET and AF_NETLINK.
     #[error("no permission to open a raw socket")]
     Denied,
     /// Something else is wrong.
@@ -38,7 +39,7 @@ pub enum InterfaceError {
 }
 
 /// An open network interface. Nothing blocks: an operation that would have to wait is an error of
-/// [`ErrorKind::WouldBlock`].
+/// [`WouldBlock`](io::ErrorKind::WouldBlock).
 #[derive(Debug)]
 pub struct Interface {
     socket: Socket,
@@ -48,7 +49,7 @@ pub struct Interface {
 impl Interface {
     /// Opens the interface called `name`.
     pub fn open(name: &str) -> Result<Self, InterfaceError> {
-        let found = getifaddrs().map_err(io::Error::from)?;
+        let found = getifaddrs().map_err(|error| refused(error.into()))?;
         let (address, flags) = found
             .filter(|found| found.interface_name == name)
             .find_map(|found| Some((found.address?.as_link_addr().copied()?, found.flags)))
@@ -61,15 +62,12 @@ impl Interface {
         }
         let protocol = Protocol::from(i32::from(ETHER_TYPE.to_be()));
         let socket = Socket::new(Domain::PACKET, Type::RAW.nonblocking().cloexec(), Some(protocol));
-        let socket = socket.map_err(|error| match error.kind() {
-            ErrorKind::PermissionDenied => InterfaceError::Denied,
-            _ => InterfaceError::Failed(error),
-        })?;
+        let socket = socket.map_err(refused)?;
         bind(socket.as_raw_fd(), &address).map_err(io::Error::from)?;
         Ok(Self { socket, index: address.ifindex() })
     }
 
-    /// Receives a frame without its check sequence into `frame`, and gives its length. [`ErrorKind::NetworkDown`]: the
+    /// Receives a frame without its check sequence into `frame`, and gives its length. [`NetworkDown`](io::ErrorKind::NetworkDown): the
     /// interface was switched off or taken away, and must be opened again.
     pub fn receive(&self, frame: &mut [u8]) -> io::Result<usize> {
         loop {
@@ -84,6 +82,15 @@ impl Interface {
     /// Sends a frame.
     pub fn send(&self, frame: &[u8]) -> io::Result<()> {
         self.socket.send(frame).map(|_| ())
+    }
+}
+
+/// Why there is no socket.
+fn refused(error: io::Error) -> InterfaceError {
+    match error.raw_os_error().map(Errno::from_raw) {
+        // The latter where a service may use some families of addresses only.
+        Some(Errno::EPERM | Errno::EACCES | Errno::EAFNOSUPPORT) => InterfaceError::Denied,
+        _ => InterfaceError::Failed(error),
     }
 }
 

@@ -1,4 +1,4 @@
-//! The processor's accesses, and which side may write what at present.
+//! The processor's accesses (I, PDI), and which side may write what at present.
 
 use crate::Nanos;
 use crate::chip::Chip;

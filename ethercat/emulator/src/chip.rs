@@ -1,4 +1,4 @@
-//! One ESC: what a datagram does to it, and what the processor's accesses do.
+//! One ESC with all its parts, and how time passes for it.
 
 use std::task::Waker;
 
@@ -12,7 +12,7 @@ use crate::reset::ResetSequence;
 use crate::sync_manager::SyncManagers;
 use crate::watchdog::Watchdog;
 
-/// What distinguishes one controller chip from another.
+/// What distinguishes one controller chip from another (II, 0000h to 0009h).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Kind {
     /// Registers 0000h to 0003h: type, revision, build.
@@ -89,7 +89,8 @@ impl Chip {
         chip
     }
 
-    /// Lets the chip's clock show `start` at the beginning of the world, and run faster than the world by `drift_ppm`.
+    /// Lets the chip's clock (I, Distributed Clocks) show `start` at the beginning of the world, and run faster than the
+    /// world by `drift_ppm`.
     pub fn set_clock(&mut self, start: Nanos, drift_ppm: i64) {
         self.clock.start = start;
         self.clock.drift_ppm = drift_ppm;
@@ -101,7 +102,7 @@ impl Chip {
         self.memory.bytes(address)
     }
 
-    /// SYNC0 pulses since the SYNC unit was activated.
+    /// SYNC0 pulses since the SYNC unit was activated (I, Distributed Clocks, "SyncSignals"; II, 0981h).
     pub fn sync0_pulses(&self) -> u64 {
         self.clock.pulses()
     }

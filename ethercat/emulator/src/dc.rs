@@ -1,4 +1,5 @@
-//! Distributed clocks, as much as a MainDevice's start-up needs: receive times, system time, drift control, SYNC0.
+//! Distributed clocks (I, Distributed Clocks; II, 0900h to 09FFh), as much as a MainDevice's start-up needs: receive times,
+//! system time, drift control, SYNC0.
 
 use crate::Nanos;
 use crate::memory::Memory;

@@ -1,4 +1,5 @@
-//! The EEPROM behind the chip: the SubDevice information (SII), read and written word by word by either side.
+//! The EEPROM behind the chip: the SubDevice information (SII), read and written word by word by either side (I, SII EEPROM;
+//! II, 0500h to 050Fh).
 
 use crate::Nanos;
 use crate::memory::Memory;

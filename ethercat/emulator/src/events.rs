@@ -1,4 +1,4 @@
-//! What the chip wants to tell: the event requests to the MainDevice and to the processor.
+//! What the chip wants to tell: the event requests to the MainDevice and to the processor (I, Interrupts; II, 0200h to 0223h).
 
 use crate::dc;
 use crate::sync_manager::{Side, SyncManagers};

@@ -1,4 +1,4 @@
-//! FMMUs: where a logical address leads in a chip's memory, bit by bit.
+//! FMMUs: where a logical address leads in a chip's memory, bit by bit (I, FMMU; II, 0600h to 06FFh).
 
 use crate::memory::Memory;
 use crate::registers::FMMU;
@@ -47,8 +47,8 @@ impl Fmmu {
         })
     }
 
-    /// Where a datagram of `bytes` at `logical` leads, if whole bytes lead to whole bytes: the first one's address, its place in the
-    /// datagram, and how many they are.
+    /// Where a datagram of `bytes` at `logical` leads, if whole bytes lead to whole bytes: the first one's address, its
+    /// place in the datagram, and how many they are.
     pub(crate) fn mapped_bytes(self, logical: u32, bytes: usize) -> Option<(u64, usize, usize)> {
         if [self.logical, self.bits, self.physical].iter().any(|bits| bits % 8 != 0) {
             return None;

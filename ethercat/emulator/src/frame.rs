@@ -1,4 +1,4 @@
-//! EtherCAT frames: where the datagrams lie in them, and a way to build one.
+//! EtherCAT frames: where the datagrams lie in them, and a way to build one (I, EtherCAT Protocol: header, datagram).
 
 use std::ops::Range;
 
@@ -22,7 +22,7 @@ const LENGTH: u16 = 0x07FF;
 /// What the first device does to the first byte of the source address: "locally administered".
 const PASSED: u8 = 0x02;
 
-/// A datagram inside a frame.
+/// A datagram inside a frame: command, number, address, length, interrupt field, data, working counter.
 pub struct Datagram<'f>(&'f mut [u8]);
 
 impl Datagram<'_> {
@@ -51,7 +51,7 @@ impl Datagram<'_> {
         u32::from(self.offset()) << 16 | u32::from(self.device())
     }
 
-    /// Whether the frame has passed a closed port 0 already.
+    /// Whether the frame has passed a closed port 0 already (I, Frame Processing, "Circulating frames").
     pub fn circulating(&self) -> bool {
         self.0[7] & CIRCULATING != 0
     }
@@ -61,7 +61,7 @@ impl Datagram<'_> {
         self.0[7] |= CIRCULATING;
     }
 
-    /// ORs events of a device onto the interrupt field.
+    /// ORs events of a device onto the interrupt field (I, Interrupts, "ECAT event request").
     pub fn interrupt(&mut self, events: u16) {
         let [low, high] = events.to_le_bytes();
         self.0[8] |= low;
@@ -112,8 +112,8 @@ pub fn datagrams(frame: &mut [u8]) -> impl Iterator<Item = Datagram<'_>> {
 }
 
 /// Whether a frame has all that it says it has: at least one datagram, and no length that leads out of the frame. A
-/// chip processes others as well, as far as they go (ESC data sheet, section I, 2.1); where a frame's check
-/// sequence is out of sight, it is better to drop them.
+/// chip looks at the type only and processes others as well, as far as they go; where a frame's check sequence is out of
+/// sight, it is better to drop them.
 pub fn is_whole(frame: &[u8]) -> bool {
     let Some(mut rest) = body(frame).and_then(|body| frame.get(body)) else { return false };
     loop {

@@ -1,8 +1,8 @@
 //! A network interface of Linux as a controller's port 0: frames that come are received, and sent back where they came from.
 //!
-//! The socket is a raw one for EtherCAT alone (EtherType 88A4h): the kernel gives it no other frames, and none that this machine
-//! itself sends on the interface, be it a program or this socket. To open it takes the capability CAP_NET_RAW.
-//! A tag of a VLAN is taken off by the kernel and not put back; tagged frames belong to the VLAN's own interface.
+//! The socket is a raw one for EtherCAT alone (EtherType 88A4h): the kernel gives it no other frames, and none that this
+//! machine itself sends on the interface, be it a program or this socket. To open it takes the capability CAP_NET_RAW. A
+//! tag of a VLAN is taken off by the kernel and not put back; tagged frames belong to the VLAN's own interface.
 
 use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
@@ -67,8 +67,8 @@ impl Interface {
         Ok(Self { socket, index: address.ifindex() })
     }
 
-    /// Receives a frame without its check sequence into `frame`, and gives its length. [`NetworkDown`](io::ErrorKind::NetworkDown): the
-    /// interface was switched off or taken away, and must be opened again.
+    /// Receives a frame without its check sequence into `frame`, and gives its length.
+    /// [`NetworkDown`](io::ErrorKind::NetworkDown): the interface was switched off or taken away, and must be opened again.
     pub fn receive(&self, frame: &mut [u8]) -> io::Result<usize> {
         loop {
             let (length, from) = recvfrom::<LinkAddr>(self.socket.as_raw_fd(), frame)?;

@@ -1,4 +1,4 @@
-//! A frame's way through a chip: datagram by datagram, with its effects at the end.
+//! A frame's way through a chip: datagram by datagram, with its effects at the end (I, Frame Processing, "Shadow buffer").
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! The processor's side of a chip: accesses, and the interrupt line.
+//! The processor's side of a chip (I, PDI): accesses, and the interrupt line.
 
 use std::cell::RefCell;
 use std::convert::Infallible;
@@ -47,7 +47,8 @@ impl Esc for DirectPdi {
     }
 }
 
-/// An interrupt line: of the chip itself it is high while an event that the AL event mask lets through is requested.
+/// An interrupt line (I, Interrupts, "AL event request"): of the chip itself it is high while an event that the AL event
+/// mask lets through is requested.
 pub struct Interrupt {
     chip: SharedChip,
     level: Box<dyn FnMut(Nanos) -> bool>,

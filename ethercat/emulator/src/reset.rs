@@ -1,4 +1,5 @@
-//! Power-on and reset: the registers' first values, and what comes from the EEPROM.
+//! Power-on and reset: the registers' first values (II), and what comes from the EEPROM (I, SII EEPROM, "ESC configuration
+//! area").
 
 use crate::chip::Chip;
 use crate::events::Events;

@@ -1,4 +1,5 @@
-//! SyncManagers: memory that changes hands between the MainDevice and the processor, as a mailbox or by three buffers.
+//! SyncManagers: memory that changes hands between the MainDevice and the processor, as a mailbox or by three buffers (I,
+//! SyncManager; II, 0800h to 087Fh).
 //!
 //! A state lives beside the registers and is stepped byte by byte. It is small and [`Copy`]: a frame steps a copy, which
 //! takes the place of the state when the frame was good.
@@ -203,8 +204,8 @@ impl SyncManagers {
         self.steps(side, write, address, 1).0
     }
 
-    /// The same for up to `most` bytes from `address` on that lie one behind the other: where the first one does, and how many they
-    /// are.
+    /// The same for up to `most` bytes from `address` on that lie one behind the other: where the first one does, and how
+    /// many they are.
     pub(crate) fn steps(&mut self, side: Side, write: bool, address: u16, most: u16) -> (Option<u16>, u16) {
         let mut most = most;
         for (setup, state) in &mut self.0 {

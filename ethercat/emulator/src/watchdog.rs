@@ -1,4 +1,4 @@
-//! The watchdogs of process data and of the processor's side.
+//! The watchdogs of process data and of the processor's side (I, Watchdogs; II, 0400h to 0443h).
 
 use crate::Nanos;
 use crate::memory::Memory;

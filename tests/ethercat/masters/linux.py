@@ -5,7 +5,7 @@ import sys
 import time
 
 import pysoem
-from patience import patiently, scan
+from patience import patiently, start
 
 # For what is not timed here: so long, in us, may this machine do other things.
 PATIENCE = 5_000_000
@@ -41,12 +41,10 @@ def relays():
 master = pysoem.Master()
 master.sdo_read_timeout = master.sdo_write_timeout = PATIENCE
 master.open(sys.argv[1])
-scan(master, 1)
-gateway = master.slaves[0]
+gateway = start(master, 240)
 assert gateway.name == "mobgate"
-gateway.set_watchdog("processdata", 6_000)
-assert master.config_map() >= 240
-assert master.state_check(pysoem.SAFEOP_STATE, PATIENCE) == pysoem.SAFEOP_STATE
+# What the machine takes from us must not stop the outputs.
+patiently(lambda: gateway.set_watchdog("processdata", 6_000))
 assert patiently(lambda: gateway.sdo_read(0x2005, 2)) == bytes([1, 0]), "the slaves of the settings are in use"
 layout_of_meter, layout_of_relays = layout(0x2011), layout(0x2012)
 gateway.output = bytes(120)

@@ -18,6 +18,19 @@ def patiently(action):
                 raise
 
 
+def start(master, size):
+    """Finds one device and brings it to SafeOp with at least `size` bytes of process data."""
+    end = time.monotonic() + PATIENCE_S
+    while True:
+        scan(master, 1)
+        try:
+            if master.config_map() >= size and master.state_check(pysoem.SAFEOP_STATE, 5_000_000) == pysoem.SAFEOP_STATE:
+                return master.slaves[0]
+        except (pysoem.ConfigMapError, pysoem.MailboxError, pysoem.WkcError):
+            pass
+        assert time.monotonic() < end, "SafeOp"
+
+
 def scan(master, count):
     """Finds the devices, until they are `count`."""
     end = time.monotonic() + PATIENCE_S

@@ -19,19 +19,40 @@ const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 /// # Panics
 /// When the test fails there, or a program is missing.
 pub fn in_own_network(test: &str, body: impl FnOnce()) {
-    if std::env::var_os(INSIDE).is_some() {
-        ip("link set lo up");
-        lay_cable();
+    if is_inside() {
+        prepare();
         return body();
     }
-    let mut again = Command::new("unshare");
-    again.args(["--map-root-user", "--net"]).arg(std::env::current_exe().unwrap());
-    again.args(["--exact", test, "--nocapture"]).env(INSIDE, "1");
-    let output = again.output().expect("unshare is installed: apt-get install util-linux");
+    let output = again().args(["--exact", test, "--nocapture"]).output();
+    let output = output.expect("unshare is installed: apt-get install util-linux");
     let said = [output.stdout, output.stderr].concat();
     let said = String::from_utf8_lossy(&said);
     assert!(output.status.success(), "in the namespace:\n{said}");
     assert!(said.contains("1 passed"), "the test's name is {test}:\n{said}");
+}
+
+/// Whether this program runs in a network of its own.
+pub fn is_inside() -> bool {
+    std::env::var_os(INSIDE).is_some()
+}
+
+/// This program once more, in a network of its own.
+///
+/// # Panics
+/// When the system does not say which program this is.
+pub fn again() -> Command {
+    let mut again = Command::new("unshare");
+    again.args(["--map-root-user", "--net"]).arg(std::env::current_exe().unwrap()).env(INSIDE, "1");
+    again
+}
+
+/// Switches the loopback interface on, and lays the cable.
+///
+/// # Panics
+/// When that is not allowed.
+pub fn prepare() {
+    ip("link set lo up");
+    lay_cable();
 }
 
 /// Connects both ends and switches them on.

@@ -30,14 +30,8 @@ use crate::hint;
 /// Runs the SubDevice whenever the settings of `gateway` name a network interface for it, for ever.
 pub async fn run(gateway: &Gateway<'_>, place: &EthercatPlace) -> ! {
     let chip = Rc::new(Chip::new(Kind::LAN9252, eeprom()).into());
-    let link = Link {
-        gateway,
-        place,
-        chip,
-        fault: Cell::new(Some(NOT_OPEN)),
-        opened: Signal::new(),
-        lost: Signal::new(),
-    };
+    let link =
+        Link { gateway, chip, fault: Cell::new(Some(NOT_OPEN)), opened: Signal::new(), lost: Signal::new() };
     let mut interrupt = Interrupt::new(link.chip.clone());
     let attention = async || {
         // Of an infallible line.
@@ -67,7 +61,6 @@ const NOT_OPEN: EscError = EscError::Unreachable("not opened yet");
 /// The controller with the network interface that leads to it.
 struct Link<'g> {
     gateway: &'g Gateway<'g>,
-    place: &'g EthercatPlace,
     chip: SharedChip,
     /// Why no frame can come; none while the interface is open.
     fault: Cell<Option<EscError>>,
@@ -79,15 +72,11 @@ impl Link<'_> {
     /// The interface that the settings name, as soon as they do.
     async fn named(&self) -> InterfaceName {
         loop {
-            if let Some(name) = self.name() {
+            if let Some(name) = self.gateway.ethercat_interface() {
                 return name;
             }
-            self.place.new_settings().await;
+            self.gateway.new_ethercat_interface().await;
         }
-    }
-
-    fn name(&self) -> Option<InterfaceName> {
-        self.gateway.settings(|settings| settings.ethercat()?.interface.clone())
     }
 
     /// Opens the interface, with a controller that has just been switched on.
@@ -118,8 +107,8 @@ impl Link<'_> {
 
     /// Waits until the settings name another interface than `name`, or none.
     async fn renamed(&self, name: &InterfaceName) {
-        while self.name().as_ref() == Some(name) {
-            self.place.new_settings().await;
+        while self.gateway.ethercat_interface().as_ref() == Some(name) {
+            self.gateway.new_ethercat_interface().await;
         }
     }
 

@@ -35,8 +35,6 @@ pub struct EthercatPlace {
     state: Mutex<CriticalSectionRawMutex, Cell<State>>,
     /// The devices are others: what was asked before is nobody's question any more. Or the controller has come or gone.
     renewed: Signal<CriticalSectionRawMutex, ()>,
-    /// For a controller that the settings lead to.
-    new_settings: Signal<CriticalSectionRawMutex, ()>,
     requests: Requests,
     pub(super) keeping: Keeping,
 }
@@ -92,7 +90,6 @@ impl EthercatPlace {
             configuration: Mutex::new(RefCell::new(Configuration::EMPTY)),
             state: Mutex::new(Cell::new(State::NEW)),
             renewed: Signal::new(),
-            new_settings: Signal::new(),
             requests: Requests::new(),
             keeping: Keeping::new(),
         }
@@ -256,11 +253,6 @@ impl EthercatPlace {
         self.renewed.wait().await;
     }
 
-    /// Waits until settings have been taken over, for a board whose settings lead to its controller; one task may wait.
-    pub async fn new_settings(&self) {
-        self.new_settings.wait().await;
-    }
-
     /// Whether a MainDevice has had a configuration taken over, and the settings do not say so yet.
     pub(crate) fn has_news(&self) -> bool {
         self.state.lock(Cell::get).taken_over
@@ -333,7 +325,6 @@ impl EthercatPlace {
             self.stop();
             self.update(|state| state.wanted = wanted);
         }
-        self.new_settings.signal(());
     }
 
     /// Waits until the settings are to be saved, as somebody who has a store; says how.

@@ -39,7 +39,7 @@ use heapless::{String, Vec};
 
 pub(crate) use self::address::Endpoint;
 pub use self::address::{Allowed, IpPrefix};
-pub use self::ethercat::{EthercatSettings, OnLoss};
+pub use self::ethercat::{EthercatSettings, INTERFACE_BYTES_MAX, InterfaceName, OnLoss};
 pub(crate) use self::line::LineBuffer;
 pub use self::loader::{LoadError, Loader, Look};
 pub use self::mdns::Mdns;

@@ -25,7 +25,7 @@ use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Sta
 use crate::hal::{SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
 use crate::port::desk::Desk;
-use crate::port::ethercat::{EthercatPlace, LineWriter};
+use crate::port::ethercat::EthercatPlace;
 use crate::port::local::Events;
 use crate::port::moment::apart;
 use crate::port::tcp_server::{Terms, Turns};
@@ -35,6 +35,7 @@ use crate::scanner::{POINTS, ScannerPlace};
 use crate::stats::Log;
 
 mod check;
+mod ethercat;
 mod place;
 mod seat;
 
@@ -73,6 +74,9 @@ pub struct Gateway<'g> {
     scanner: Option<&'g ScannerPlace>,
     capture: Option<&'g Capture>,
     ethercat: Option<&'g EthercatPlace>,
+    /// Whether the settings say at which network interface its controller is.
+    ethercat_interfaces: bool,
+    ethercat_changed: Signal<CriticalSectionRawMutex, ()>,
 }
 
 impl<'g> Gateway<'g> {
@@ -103,6 +107,8 @@ impl<'g> Gateway<'g> {
             scanner: None,
             capture: None,
             ethercat: None,
+            ethercat_interfaces: false,
+            ethercat_changed: Signal::new(),
         }
     }
 
@@ -135,18 +141,6 @@ impl<'g> Gateway<'g> {
     /// The data points, if the board has memory for them. Point N of the settings is row N, device N is device N.
     pub fn scanner(&self) -> Option<&'g ScannerPlace> {
         if POINTS { self.scanner } else { None }
-    }
-
-    /// The gateway of a board with an EtherCAT controller, whose SubDevice has the objects of `place`.
-    #[must_use]
-    pub const fn with_ethercat(mut self, place: &'g EthercatPlace) -> Self {
-        self.ethercat = Some(place);
-        self
-    }
-
-    /// What the SubDevice shares, if the board has one.
-    pub fn ethercat(&self) -> Option<&'g EthercatPlace> {
-        if POINTS { self.ethercat } else { None }
     }
 
     /// For a board whose Ethernet is the gateway's own: the settings say its address, and the board follows them by
@@ -251,16 +245,7 @@ impl<'g> Gateway<'g> {
             }
             settings.clone_from(new);
         });
-        if let Some(ethercat) = self.ethercat() {
-            let before = ethercat.line_writer();
-            ethercat.follow(new, other_slaves);
-            let writer = ethercat.line_writer();
-            if let (true, LineWriter::SettingsOver(_), Some(line)) =
-                (writer != before, writer, new.ethercat_line())
-            {
-                log_warn!("line {}: {writer}", new.name(line));
-            }
-        }
+        self.follow_ethercat(new, other_slaves);
         for place in self.places().filter(|place| changed.get(place.id.index()) == Some(&true)) {
             let id = place.id;
             let old = self.seats.iter().filter(|seat| seat.state().port == Some(id));

@@ -42,7 +42,8 @@
 //! The devices are settings: what a MainDevice has had taken over is printed and saved with the others, by
 //! [`gateway::Gateway::keep_settings`] also when it asks for that. A board with a controller keeps an
 //! [`port::ethercat::EthercatPlace`] in a static, gives it to [`gateway::Gateway::with_ethercat`], and runs
-//! [`port::ethercat::serve`], a [`ethercat::sub_device::SubDevice`] with [`port::ethercat::GatewayObjects`], over it.
+//! [`port::ethercat::serve`], a [`ethercat::sub_device::SubDevice`] with [`port::ethercat::GatewayObjects`], over it. With
+//! [`gateway::Gateway::with_ethercat_interfaces`] the settings name the network interface that leads to a controller in software.
 //!
 //! # Limits
 //!

@@ -92,7 +92,7 @@ pub enum Event {
     Stalled,
     /// A request that came twice, and was not carried out again.
     Duplicate,
-    /// Bytes from a client that are no Modbus TCP.
+    /// Bytes from a client that are no Modbus TCP, or a frame of a MainDevice that is not whole.
     Malformed,
     /// The line, or the connection to a server, was lost and is opened again.
     LineLost,

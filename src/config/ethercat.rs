@@ -1,12 +1,22 @@
-//! The port that asks Modbus devices for an EtherCAT MainDevice: `ethercat line bus on-loss clear`.
+//! The port that asks Modbus devices for an EtherCAT MainDevice: `ethercat interface eth1 line bus on-loss clear`.
 
 use core::fmt::{self, Display};
 
+use heapless::String;
+
 use super::{Framing, LineSettings, Name, PortId, PortKind, SerialSettings, Settings, Side};
+
+/// Longest name of a network interface, as Linux has it (IFNAMSIZ, less the zero at its end).
+pub const INTERFACE_BYTES_MAX: usize = 15;
+
+/// The name of a network interface: `eth1`.
+pub type InterfaceName = String<INTERFACE_BYTES_MAX>;
 
 /// How the process image meets the Modbus devices.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct EthercatSettings {
+    /// The network interface at which the gateway is a SubDevice; none where the controller is a chip of the board.
+    pub interface: Option<InterfaceName>,
     /// What becomes of outputs when the MainDevice sends none any more.
     pub on_loss: OnLoss,
     /// The RTU client whose speed and format the MainDevice sets; none: it sets none.

@@ -8,13 +8,13 @@ use embassy_time::Duration;
 use heapless::{String, Vec};
 
 use super::ethercat::ON_LOSS;
-use super::port_values::{device, format, meaning, prefixes, reserved_for, server};
+use super::port_values::{device, format, interface, meaning, prefixes, reserved_for, server};
 use super::print::list;
 use super::values::{Time, listen, name, number, time};
 use super::words::{Word, Words, Wrong};
 use super::{
-    Allowed, DEVICE_BYTES_MAX, Driver, Framing, IpPrefix, LineSettings, Name, OnLoss, Proofs, RESERVED_MAX,
-    Side, Special, StreamFraming, TcpListen,
+    Allowed, DEVICE_BYTES_MAX, Driver, Framing, InterfaceName, IpPrefix, LineSettings, Name, OnLoss, Proofs,
+    RESERVED_MAX, Side, Special, StreamFraming, TcpListen,
 };
 
 /// What becomes of a newcomer when all connections are taken: the second word refuses it.
@@ -54,6 +54,7 @@ pub(super) enum Field<'s> {
     Allow(&'s mut Allowed),
     /// Whether that may be [`Special::AllLines`] stands behind it.
     Special(&'s mut Special, bool),
+    Interface(&'s mut Option<InterfaceName>),
     Line(&'s mut Option<Name>),
     OnLoss(&'s mut OnLoss),
     Proofs(&'s mut Proofs),
@@ -99,6 +100,7 @@ impl Field<'_> {
             Self::Allow(place) if word.is("*") => *place = Allowed::everybody(),
             Self::Allow(place) => place.0 = prefixes(word, words)?,
             Self::Special(place, broadcast) => *place = meaning(word, words, broadcast)?,
+            Self::Interface(place) => *place = Some(interface(word)?),
             Self::Line(place) if word.is("none") => *place = None,
             Self::Line(place) => *place = Some(name(word)?),
             Self::OnLoss(place) => *place = word.keyword(ON_LOSS, "hold, clear or stop")?,
@@ -133,7 +135,7 @@ impl Field<'_> {
             Self::Unit(Some(number), _) => number,
             Self::Medium(number, _) => number,
             Self::Special(meaning, _) => meaning,
-            Self::Line(Some(name)) => name,
+            Self::Interface(Some(name)) | Self::Line(Some(name)) => name,
             Self::OnLoss(on_loss) => on_loss,
             Self::Proofs(proofs) => proofs,
             Self::Full(refuses) => &FULL[usize::from(**refuses)].0,

@@ -49,6 +49,7 @@ impl PortKind {
             Self::UdpServer(settings) => settings.field(key),
             Self::Scanner => None,
             Self::Ethercat(settings) => match key {
+                Key::Interface => Some(Field::Interface(&mut settings.interface)),
                 Key::Line => Some(Field::Line(&mut settings.line)),
                 Key::OnLoss => Some(Field::OnLoss(&mut settings.on_loss)),
                 Key::ProveOutputs(prove) => Some(Field::Flag(&mut settings.prove_outputs, prove)),

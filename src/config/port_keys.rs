@@ -48,6 +48,7 @@ pub(super) enum Key {
     Unit255,
     ReservedUnits,
     ProveOutputs(bool),
+    Interface,
 }
 
 impl Key {
@@ -97,6 +98,7 @@ impl Key {
             Self::Proof => 40,
             Self::ProveOutputs(_) => 41,
             Self::Full => 42,
+            Self::Interface => 43,
         }
     }
 }
@@ -175,6 +177,7 @@ const UDP_SERVER_KEYS: Keys = &[
 ];
 
 const ETHERCAT_KEYS: Keys = &[
+    ("interface", Key::Interface),
     ("line", Key::Line),
     ("on-loss", Key::OnLoss),
     ("prove-outputs", Key::ProveOutputs(true)),
@@ -214,7 +217,7 @@ const TCP_SERVER_EXPECTED: &str =
 const TCP_CLIENT_EXPECTED: &str = "address, rtu, unit, in-flight, timeout, connect-timeout, \
      connect-delay, request-delay, idle, retries, late-window, down-after or proof";
 const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow";
-const ETHERCAT_EXPECTED: &str = "line, on-loss or prove-outputs";
+const ETHERCAT_EXPECTED: &str = "interface, line, on-loss or prove-outputs";
 
 /// Gives `each` the words that set something.
 pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {

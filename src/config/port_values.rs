@@ -6,7 +6,7 @@ use heapless::{String, Vec};
 
 use super::values::{number, parse_endpoint, prefix};
 use super::words::{Word, Words, Wrong};
-use super::{IpPrefix, MODBUS_TCP_PORT, Parity, RESERVED_MAX, Special};
+use super::{INTERFACE_BYTES_MAX, InterfaceName, IpPrefix, MODBUS_TCP_PORT, Parity, RESERVED_MAX, Special};
 
 /// Names the limit as a number.
 const DEVICE_EXPECTED: &str = match super::DEVICE_BYTES_MAX {
@@ -17,9 +17,21 @@ const DEVICE_EXPECTED: &str = match super::DEVICE_BYTES_MAX {
 
 /// The device name that `word` is.
 pub(super) fn device<const N: usize>(word: Word) -> Result<String<N>, Wrong> {
+    graphic(word).ok_or_else(|| word.expected(DEVICE_EXPECTED))
+}
+
+/// The name of a network interface that `word` is. Linux takes no slash in one.
+pub(super) fn interface(word: Word) -> Result<InterfaceName, Wrong> {
+    let name = graphic(word).filter(|name: &InterfaceName| !name.contains('/'));
+    name.ok_or_else(|| word.expected("a network interface such as eth1, at most 15 characters"))
+}
+
+const _: () = assert!(INTERFACE_BYTES_MAX == 15, "the error text of `interface` names the number");
+
+/// A word of visible characters, if it is not too long.
+fn graphic<const N: usize>(word: Word) -> Option<String<N>> {
     let good = !word.is_end() && word.text.bytes().all(|byte| byte.is_ascii_graphic());
-    let name = if good { String::try_from(word.text).ok() } else { None };
-    name.ok_or_else(|| word.expected(DEVICE_EXPECTED))
+    if good { String::try_from(word.text).ok() } else { None }
 }
 
 /// Data bits, parity, stop bits: `8E1`.

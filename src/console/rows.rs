@@ -122,7 +122,10 @@ pub(super) fn describe(kind: &PortKind, show: &mut Description<'_>) {
         PortKind::TcpServer(server) => show(&"tcp server", &server.listen, &server.framing),
         PortKind::TcpClient(client) => show(&"tcp client", &Endpoint(client.server), &client.framing),
         PortKind::UdpServer(server) => show(&"udp server", &server.listen, &""),
-        PortKind::Ethercat(_) => show(&"ethercat", &"", &""),
+        PortKind::Ethercat(ethercat) => {
+            let interface = ethercat.interface.as_ref();
+            show(&"ethercat", interface.map_or(&"", |name| name), &"");
+        }
         PortKind::Scanner => show(&"scanner", &"", &""),
     }
 }

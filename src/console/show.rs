@@ -12,7 +12,7 @@ use super::session::Session;
 use crate::config::{Endpoint, Port, PortId, PortKind, Settings, Side, write_line};
 use crate::gateway::{Gateway, PortAt};
 use crate::hal::{NetworkState, System};
-use crate::port::ethercat::{EthercatPlace, LineWriter};
+use crate::port::ethercat::{Controller, EthercatPlace, LineWriter};
 use crate::port::units::{UNITS_MAX, Unit};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
@@ -256,7 +256,7 @@ fn event(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut d
     }
     let is_event = |n: &usize| system.write_event(*n, &mut Nowhere).is_some();
     let mut row = place - (0..place).take_while(is_event).count();
-    if let Some(fault) = gateway.ethercat().and_then(|ethercat| ethercat.controller().fault()) {
+    if let Some(fault) = gateway.ethercat_controller(settings).and_then(Controller::fault) {
         if row == 0 {
             return Some(write!(out, "EtherCAT: {fault}"));
         }
@@ -279,11 +279,11 @@ impl fmt::Write for Nowhere {
 }
 
 fn version(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {
-    let Source { gateway, now, .. } = *source;
+    let Source { gateway, settings, now } = *source;
     let (version, board) = (env!("CARGO_PKG_VERSION"), system.name());
     let up = age(Instant::from_ticks(0), now);
     (place == 0).then(|| {
         write!(out, "mobgate {version} on {board}, up {up}")?;
-        gateway.ethercat().map_or(Ok(()), |ethercat| write!(out, ", {}", ethercat.controller()))
+        gateway.ethercat_controller(settings).map_or(Ok(()), |controller| write!(out, ", {controller}"))
     })
 }

@@ -37,6 +37,9 @@ pub enum EscError {
     /// What was done reads back as something else than what was meant: the bus damaged it.
     #[error("an access to the EtherCAT controller at {0:#06x} was damaged on its way")]
     Garbled(u16),
+    /// What leads to it cannot be used, and why.
+    #[error("{0}")]
+    Unreachable(&'static str),
     /// The chip was reset, by itself or because nothing else helped: all its settings are gone, and it is in INIT.
     #[error("the EtherCAT controller was reset")]
     Restarted,

@@ -109,7 +109,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
     /// Notes how an access ended.
     fn noted<T>(&mut self, outcome: Result<T, EscError>) -> Result<T, EscError> {
         match outcome {
-            Ok(_) | Err(EscError::Bus | EscError::Absent(_)) => {}
+            Ok(_) | Err(EscError::Bus | EscError::Absent(_) | EscError::Unreachable(_)) => {}
             Err(EscError::Garbled(_)) => self.incidents.garbled += 1,
             Err(EscError::Stuck(_)) => self.incidents.stuck += 1,
             Err(EscError::Restarted) => self.incidents.restarts += 1,

@@ -1,7 +1,7 @@
 //! Whether a board can have settings: what each of them asks for, against what there is.
 
 use super::{Gateway, is_scanner, seats_of};
-use crate::config::{Name, Port, PortKind, Settings, StreamFraming};
+use crate::config::{EthercatSettings, Name, Port, PortKind, Settings, StreamFraming};
 use crate::port::ethercat::ConfigError;
 use crate::scanner::Full;
 
@@ -38,6 +38,14 @@ pub enum ApplyError {
     /// The board has no EtherCAT controller.
     #[error("this board has no EtherCAT controller: it cannot have an ethercat port")]
     NoEthercat,
+    /// The board has none, but can be one at a network interface.
+    #[error(
+        "there is no EtherCAT controller here; name the network interface to be a SubDevice at: interface eth1"
+    )]
+    NoInterface,
+    /// The board has one.
+    #[error("the EtherCAT controller is wired to this board: there is no network interface to choose")]
+    WiredController,
     /// The board has no memory for frames.
     #[error("this board keeps no frames")]
     NoCapture,
@@ -56,7 +64,8 @@ impl ApplyError {
             Self::Network => "network",
             Self::Seats { .. } => "clients",
             Self::NoPoints => "scanner",
-            Self::NoEthercat => "ethercat",
+            Self::NoEthercat | Self::NoInterface => "ethercat",
+            Self::WiredController => "interface",
             Self::NoCapture => "capture",
             Self::SameDevice { other, .. } => {
                 let port = settings.find(other).and_then(|id| settings.port(id));
@@ -84,8 +93,13 @@ impl Gateway<'_> {
         if has_points && self.scanner().is_none() {
             return Err(ApplyError::NoPoints);
         }
-        if new.ethercat().is_some() && self.ethercat().is_none() {
-            return Err(ApplyError::NoEthercat);
+        if let Some(EthercatSettings { interface, .. }) = new.ethercat() {
+            match (self.ethercat(), self.ethercat_interfaces, interface) {
+                (None, _, _) => return Err(ApplyError::NoEthercat),
+                (_, true, None) => return Err(ApplyError::NoInterface),
+                (_, false, Some(_)) => return Err(ApplyError::WiredController),
+                _ => {}
+            }
         }
         if let Some(ethercat) = self.ethercat() {
             ethercat.check_settings(new)?;

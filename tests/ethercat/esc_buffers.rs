@@ -4,6 +4,7 @@ use embassy_time::{Duration, Timer};
 use mobgate::ethercat::esc::Esc;
 use mobgate_simulator::World;
 use mobgate_simulator::esc::{Command, DirectPdi, Segment};
+use mobgate_simulator::sub_device::Paced;
 
 use crate::chips::{INPUTS, OUTPUTS, ready};
 
@@ -112,8 +113,8 @@ fn statement_42_both_sides_see_whole_images_only_in_any_timing() {
     let mut world = World::new(42);
     let mut segment = ready();
     let pdi = || DirectPdi::new(segment.chip(0));
-    let mut outputs = pdi().with_pauses(world.random(), 0..=15);
-    let mut inputs = pdi().with_pauses(world.random(), 0..=15);
+    let mut outputs = Paced::new(pdi(), world.random(), 0..=15);
+    let mut inputs = Paced::new(pdi(), world.random(), 0..=15);
     let mut pauses = world.random();
     segment.send_logical(Command::Lwr, 0, &image(0));
     segment.chip(0).borrow_mut().write(0, INPUTS, &image(0));

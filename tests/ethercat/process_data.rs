@@ -8,7 +8,7 @@ use mobgate::ethercat::sync_manager::Channel;
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::Random;
 use mobgate_simulator::esc::Command;
-use mobgate_simulator::sub_device::{Echo, SharedEcho, direct, image, sequence};
+use mobgate_simulator::sub_device::{Echo, Paced, SharedEcho, direct, image, sequence};
 
 use crate::bench::{ERROR, INIT, LOGICAL, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, gateway_objects};
 
@@ -24,7 +24,7 @@ fn slow_device(pause_us: u64) -> (Rig<SharedEcho>, SharedEcho) {
     let echo = SharedEcho::default();
     let reach = |chip| {
         let (esc, interrupt) = direct(chip);
-        (esc.with_pauses(Random::new(pause_us), 0..=pause_us), interrupt)
+        (Paced::new(esc, Random::new(pause_us), 0..=pause_us), interrupt)
     };
     let mut rig = Rig::reached_by(&MAILBOX_128, echo.clone(), SLOW, reach);
     rig.bring_to(SAFE_OP);

@@ -11,6 +11,7 @@ use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::port::ethercat::{DEVICE, EthercatPlace, GatewayObjects};
 use mobgate_simulator::Device as ModbusDevice;
 use mobgate_simulator::esc::packet::{PacketSocket, serve};
+use mobgate_simulator::own_network::{SEGMENT_END, in_own_network, start_master};
 use mobgate_simulator::sub_device::{direct, line_of};
 use mobgate_simulator::wall_clock::host_milliseconds;
 use mobgate_simulator::world::Clock;
@@ -19,7 +20,7 @@ use crate::bench::Shared;
 use crate::gateway::bench::{SETUP, Setup, with_gateway_and_devices};
 use crate::gateway::matrix::Limits;
 use crate::gateway::virtual_devices::Virtual;
-use crate::outside::{SEGMENT_END, ends_well, in_own_network, start_master};
+use crate::outside::ends_well;
 
 static GATEWAY: Device = DEVICE;
 

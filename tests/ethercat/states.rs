@@ -6,7 +6,7 @@ use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate::ethercat::sync_manager::Channel;
 use mobgate_simulator::esc::{Chip, Kind, Segment};
 use mobgate_simulator::lan9252::Timing;
-use mobgate_simulator::sub_device::direct;
+use mobgate_simulator::sub_device::{Paced, direct};
 use mobgate_simulator::{Lan9252, Random, World};
 
 use crate::bench::{Bench, ERROR, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP};
@@ -95,7 +95,7 @@ fn statement_08_a_flag_is_never_seen_without_its_code() {
     // Every access of the processor takes 5 us, and the MainDevice looks at every one.
     let reach = |chip| {
         let (esc, interrupt) = direct(chip);
-        (esc.with_pauses(Random::new(8), 5..=5), interrupt)
+        (Paced::new(esc, Random::new(8), 5..=5), interrupt)
     };
     let mut rig = Rig::reached_by(&MAILBOX_128, Bench::default(), Duration::from_millis(2), reach);
     let (mut raised, mut ended) = (0, 0);

@@ -22,7 +22,7 @@ use mobgate_simulator::lan9252::{SpiFaults, Timing};
 use mobgate_simulator::random::each_seed;
 use mobgate_simulator::share::Share;
 use mobgate_simulator::sub_device::{
-    BusFaults, Faulty, SharedEcho, cable, image, line_of, spawn, with_master,
+    BusFaults, Faulty, Paced, SharedEcho, cable, image, line_of, spawn, with_master,
 };
 use mobgate_simulator::{Lan9252, Random, World};
 
@@ -51,7 +51,7 @@ fn live(seed: u64, share: &Share) {
     let echo = SharedEcho::default();
     let chip = line.borrow().chip(0);
     let end_of_faults: Box<dyn Fn()> = if random.chance(0.5) {
-        let pauses = DirectPdi::new(chip.clone()).with_pauses(random.fork(), 0..=random.within(0..=30));
+        let pauses = Paced::new(DirectPdi::new(chip.clone()), random.fork(), 0..=random.within(0..=30));
         let faults = Rc::new(RefCell::new(bus_faults(&mut random)));
         let esc = Faulty::new(pauses, faults.clone(), random.fork());
         spawn(&world, SubDevice::new(&GATEWAY, esc, echo.clone()), Interrupt::new(chip));

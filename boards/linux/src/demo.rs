@@ -15,6 +15,11 @@ pub const DEVICE: &str = "demo";
 /// Ports that the demo tries when the user names none: Modbus TCP's own, and one that needs no privilege.
 pub const TCP_PORTS: [u16; 2] = [502, 5020];
 
+/// The network interface at which the demo is an EtherCAT SubDevice when the user names none.
+pub const INTERFACE: &str = "ecat1";
+/// The other end of the cable that leads there.
+const OTHER_END: &str = "ecat0";
+
 /// The slow device thinks that long.
 const SLOW: Duration = Duration::from_millis(300);
 /// How often the meter measures.
@@ -99,6 +104,42 @@ pub fn settings_text(listen: &TcpListen) -> String {
         "port bus serial {DEVICE} rtu client 19200 8E1\n\
          port P{port} tcp server {listen}\n\
          route P{port} * * * bus\n"
+    )
+}
+
+/// The settings that make it an EtherCAT SubDevice as well: the meter and the relays are in the process image.
+pub fn ethercat_settings(interface: &str) -> String {
+    format!(
+        "port ecat ethercat interface {interface}\n\
+         route ecat * * * bus\n\
+         slave 0 unit {METER} input 0 count 10 read 100ms\n\
+         slave 1 unit {RELAYS} coil 0 count 8 read 100ms\n"
+    )
+}
+
+/// What it takes to be an EtherCAT SubDevice at `interface`.
+pub fn ethercat_needs(interface: &str) -> String {
+    let mut text =
+        "It needs an Ethernet interface that is up, and the right to open a raw socket there.".to_owned();
+    if interface == INTERFACE {
+        text += &format!(
+            " A virtual cable will do:\n  \
+             sudo ip link add {OTHER_END} type veth peer name {INTERFACE}\n  \
+             sudo ip link set {OTHER_END} up\n  \
+             sudo ip link set {INTERFACE} up"
+        );
+    }
+    text
+}
+
+/// What to type at the MainDevice's end of the cable.
+pub fn ethercat_invitation(interface: &str) -> String {
+    let master = if interface == INTERFACE { OTHER_END } else { "INTERFACE" };
+    format!(
+        "An EtherCAT SubDevice with the meter and the relays is at {interface}. A MainDevice at the other end finds it:\n  \
+         python3 -m venv ecat && ecat/bin/pip install pysoem\n  \
+         sudo ecat/bin/python3 -c 'import pysoem; m = pysoem.Master(); m.open(\"{master}\"); m.config_init(); \
+         print([d.name for d in m.slaves])'\n"
     )
 }
 

@@ -1,11 +1,11 @@
 //! Hints for the user that name something only known at run time, as the `&'static str` of an `OpenError`.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// The same text for ever. A text is leaked once, however often it is asked for, and the callers' texts are few:
-/// one for each group of the system and one for the program's path.
+/// one for each group of the system, two for the program's path, and some for each network interface that somebody has named.
 pub(crate) fn keep(text: String) -> &'static str {
     static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
@@ -27,11 +27,23 @@ pub(crate) fn device_denied(device: &Path) -> &'static str {
 
 /// What to do when a port below 1024 may not be opened.
 pub(crate) fn port_denied() -> &'static str {
-    let program = std::env::current_exe().unwrap_or_else(|_| "mobgate".into());
     keep(format!(
         "ports below 1024 are privileged: sudo setcap cap_net_bind_service=+ep {}",
-        program.display()
+        program().display()
     ))
+}
+
+/// What to do when a raw socket may not be opened. The ports below 1024 are named as well: setcap takes away what it does not name.
+pub(crate) fn raw_socket_denied() -> &'static str {
+    keep(format!(
+        "a raw socket needs CAP_NET_RAW: sudo setcap cap_net_raw,cap_net_bind_service=+ep {}; a service: see \
+         docs/ethercat-on-linux.md",
+        program().display()
+    ))
+}
+
+fn program() -> PathBuf {
+    std::env::current_exe().unwrap_or_else(|_| "mobgate".into())
 }
 
 /// The name of group `gid`, if the system's group file has it.

@@ -11,6 +11,7 @@ pub mod console;
 pub mod demo;
 pub mod describe;
 mod descriptor;
+pub mod ethercat;
 pub mod executor;
 pub mod file;
 mod hint;

@@ -15,6 +15,7 @@ use mobgate::drafting;
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate::hal::{OpenError, System};
+use mobgate::port::ethercat::EthercatPlace;
 use mobgate::scanner::ScannerPlace;
 use mobgate_linux::cli::{Instead, Options};
 use mobgate_linux::console::{SESSIONS_MAX, Sessions, socket};
@@ -27,7 +28,7 @@ use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
 use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
-use mobgate_linux::{capture, console, describe, executor, lines, logging, mdns, settings};
+use mobgate_linux::{capture, console, describe, ethercat, executor, lines, logging, mdns, settings};
 
 /// TCP connections of all servers together. Each takes a descriptor, of which a process has 1024 by default.
 const SEATS: usize = 256;
@@ -42,8 +43,11 @@ static PORT_PLACES: Ports<PORTS_MAX> = Ports::new();
 static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
 static POINTS: ScannerPlace = ScannerPlace::new();
 static CAPTURE: Capture = Capture::new();
+/// The gateway as an EtherCAT SubDevice.
+static ETHERCAT: EthercatPlace = EthercatPlace::new();
 static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES)
     .with_scanner(&POINTS)
+    .with_ethercat_interfaces(&ETHERCAT)
     .with_capture(&CAPTURE)
     .with_same_device(lines::are_same);
 
@@ -82,6 +86,17 @@ async fn demo_devices(demo: Demo) {
 #[embassy_executor::task]
 async fn found_on_the_network() {
     mdns::run(&GATEWAY).await
+}
+
+#[embassy_executor::task]
+async fn ethercat_controller() {
+    ethercat::run(&GATEWAY, &ETHERCAT).await
+}
+
+/// Saves when a MainDevice asks for that.
+#[embassy_executor::task]
+async fn keep_settings(mut store: FileStore) {
+    GATEWAY.keep_settings(&mut store).await
 }
 
 #[embassy_executor::task]
@@ -222,6 +237,8 @@ fn spawn(
     if let Some(demo) = demo {
         spawner.spawn(demo_devices(demo).unwrap());
     }
+    spawner.spawn(ethercat_controller().unwrap());
+    spawner.spawn(keep_settings(store.clone()).unwrap());
     spawner.spawn(capture_into_file().unwrap());
     spawner.spawn(found_on_the_network().unwrap());
     let sessions = Rc::<Sessions>::default();

@@ -122,16 +122,10 @@ impl<'s, 'g> Responder<'s, 'g> {
         for network in &mut networks {
             network.farewell = self.say(network.address, farewell);
         }
-        for old in &self.networks {
-            let is_same = |new: &Network| new.name == old.name && new.farewell == old.farewell;
-            if !networks.iter().any(is_same) {
-                self.multicast(old.address, &old.farewell);
-            }
+        for gone in self.networks.iter().filter(|old| !networks.iter().any(|new| new.is(old))) {
+            self.multicast(gone.address, &gone.farewell);
         }
-        let is_new = |new: &Network| {
-            !self.networks.iter().any(|old| new.name == old.name && new.farewell == old.farewell)
-        };
-        let news = networks.iter().any(is_new);
+        let news = networks.iter().any(|new| !self.networks.iter().any(|old| old.is(new)));
         self.networks = networks;
         if self.networks.iter().all(|network| network.farewell.is_empty()) {
             (self.socket, self.due) = (None, Instant::MAX);

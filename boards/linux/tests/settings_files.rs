@@ -112,7 +112,14 @@ fn lines_for_boards_are_refused_with_their_line_and_word() {
         assert!(said.contains(expected), "{said}");
     }
     let said = refusal_of("port E ethercat\nport P1 tcp server 502\n");
-    assert!(said.contains("line 1, column 8: \"ethercat\": this board has no EtherCAT controller"), "{said}");
+    let expected =
+        "line 1, column 8: \"ethercat\": there is no EtherCAT controller here; name the network interface";
+    assert!(said.contains(expected), "{said}");
+    let said = refusal_of("port E ethercat interface an/eth1\n");
+    assert!(
+        said.contains("line 1, column 27: \"an/eth1\": expected a network interface such as eth1"),
+        "{said}"
+    );
     let said = refusal_of("port P1 tcp server 502 clients 200\nport P2 tcp server 503 clients 200\n");
     assert!(said.contains("line 2, column 24: \"clients\": the TCP servers want 402 connections"), "{said}");
     let program = with_console("port P502 tcp server {port}\n");

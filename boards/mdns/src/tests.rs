@@ -3,7 +3,7 @@
 extern crate std;
 
 use std::net::Ipv4Addr;
-use std::string::{String, ToString};
+use std::string::String;
 use std::vec::Vec;
 use std::{format, vec};
 
@@ -200,10 +200,5 @@ fn an_answer_is_no_question() {
     let said = say(gateway(&settings), announcement).unwrap();
     assert_eq!(answered(&settings, &said), None);
     assert_eq!(answered(&settings, b""), None);
-    assert_eq!(
-        answered(&settings, &query(0, SERVICES, TYPE::PTR)[..20]),
-        None,
-        "a part of one: {}",
-        ADDRESS.to_string()
-    );
+    assert_eq!(answered(&settings, &query(0, SERVICES, TYPE::PTR)[..20]), None, "a part of one");
 }

@@ -86,8 +86,16 @@ fn what_is_wrong_with_the_port_is_said() {
         ),
         ("port X ethercat on-loss", "column 24: end of line: expected hold, clear or stop"),
         (
+            "port X ethercat interface",
+            "column 26: end of line: expected a network interface such as eth1, at most 15 characters",
+        ),
+        (
+            "port X ethercat interface sixteen-letters0",
+            "column 27: \"sixteen-letters0\": expected a network interface such as eth1, at most 15 characters",
+        ),
+        (
             "port X ethercat on-los stop",
-            "column 17: \"on-los\": expected line, on-loss or prove-outputs; did you mean on-loss?",
+            "column 17: \"on-los\": expected interface, line, on-loss or prove-outputs; did you mean on-loss?",
         ),
     ];
     for (line, expected) in cases {

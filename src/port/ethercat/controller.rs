@@ -37,6 +37,9 @@ impl Controller {
     pub(crate) fn status(self) -> Status {
         match self {
             Self::Present => Status::Open,
+            Self::Missing(EscError::Unreachable(why)) | Self::Lost(EscError::Unreachable(why)) => {
+                Status::Failed(OpenError::new(OpenErrorKind::Failed, why))
+            }
             Self::Missing(_) => {
                 Status::Failed(OpenError::new(OpenErrorKind::NotFound, "no EtherCAT controller answers"))
             }
@@ -75,7 +78,10 @@ pub async fn serve(place: &EthercatPlace, esc: impl Esc, mut attention: impl Asy
             (Err(fault), _) => Controller::Lost(fault),
         };
         if known != Some(controller) {
-            log_info!("{controller}");
+            match controller.fault() {
+                Some(fault) => log_warn!("{controller}: {fault}"),
+                None => log_info!("{controller}"),
+            }
             place.set_controller(controller);
             known = Some(controller);
         }

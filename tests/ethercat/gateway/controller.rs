@@ -54,6 +54,17 @@ fn the_port_says_that_no_controller_answers_and_works_when_one_does() {
 }
 
 #[test]
+fn a_board_with_a_controller_takes_no_network_interface() {
+    with_gateway(1, SETTINGS, |_, rig| {
+        let refused = rig.console("edit port ecat interface eth1").unwrap_err();
+        let expected =
+            "the EtherCAT controller is wired to this board: there is no network interface to choose";
+        assert_eq!(refused, expected);
+        assert_eq!(rig.gateway.settings(|settings| settings.ethercat().unwrap().interface.clone()), None);
+    });
+}
+
+#[test]
 fn outputs_are_proved_from_the_setting_on_while_process_data_go_on() {
     /// A read of 120 bytes: address and length, the FIFO's level, the bytes, and the proof that all came.
     const READ_BYTES: u64 = 152;

@@ -4,6 +4,7 @@ import sys
 import time
 
 import pysoem
+from patience import scan
 
 NAME = "mobgate"
 BYTES = 120
@@ -37,7 +38,7 @@ def refused(action, code):
 
 master = pysoem.Master()
 master.open(sys.argv[1])
-assert master.config_init() == 1, "one device"
+scan(master, 1)
 gateway = master.slaves[0]
 assert (gateway.name, gateway.man, gateway.id) == (NAME, VENDOR, PRODUCT), "what the EEPROM says"
 

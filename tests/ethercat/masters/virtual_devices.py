@@ -14,6 +14,7 @@ import time
 import tomllib
 
 import pysoem
+from patience import patiently, scan
 
 INTERFACE, VECTORS, LATE, *NUMBERS = sys.argv[1:]
 BAUD, POLLING, CYCLE, INPUTS, OUTPUTS = map(int, NUMBERS)
@@ -55,17 +56,6 @@ class Exchange:
     def stalled(self, since):
         self.late = self.late[-20_000:]
         return sum(late for at, late in self.late if at >= since)
-
-
-def patiently(action):
-    """SOEM waits for a frame for 2 ms, and gives up what it was for: when the machine was late it is done again."""
-    end = milliseconds() + PATIENCE // 1_000
-    while True:
-        try:
-            return action()
-        except pysoem.WkcError:
-            if milliseconds() > end:
-                raise
 
 
 def write(index, sub, value, size):
@@ -126,7 +116,7 @@ def watch_inputs():
 master = pysoem.Master()
 master.sdo_read_timeout = master.sdo_write_timeout = PATIENCE
 master.open(INTERFACE)
-assert master.config_init() == 1, "one device"
+scan(master, 1)
 gateway = master.slaves[0]
 # What the machine takes from us must not stop the outputs.
 gateway.set_watchdog("processdata", 6_000)

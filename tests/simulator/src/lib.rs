@@ -18,6 +18,7 @@ pub mod framing;
 pub mod lan9252;
 pub mod master;
 pub mod net;
+pub mod own_network;
 pub mod power_cuts;
 pub mod random;
 pub mod rig;

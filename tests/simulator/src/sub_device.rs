@@ -3,6 +3,7 @@
 
 mod echo;
 mod faulty;
+mod paced;
 #[cfg(feature = "masters")]
 // The master that tests run; see the feature.
 mod start;
@@ -23,6 +24,7 @@ use crate::esc::{Chip, DirectPdi, Interrupt, Kind, Segment, SharedChip};
 
 pub use echo::{Echo, SharedEcho, image, sequence};
 pub use faulty::{BusFaults, Counted, Counts, Faulty};
+pub use paced::Paced;
 #[cfg(feature = "masters")]
 // As above.
 pub use start::{

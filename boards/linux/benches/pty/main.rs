@@ -16,6 +16,7 @@ use std::time::Duration;
 mod common;
 mod contestants;
 mod counts;
+mod ethercat;
 #[path = "../../../../benches/figures/figure.rs"]
 mod figure;
 mod flood;
@@ -48,7 +49,7 @@ impl Effort {
 type Group = fn(Effort);
 
 fn main() {
-    let groups: [(&str, Group); 12] = [
+    let groups: [(&str, Group); 13] = [
         ("unpaced", loads::unpaced),
         ("paced", loads::paced),
         ("strict", loads::strict),
@@ -61,14 +62,15 @@ fn main() {
         ("flood", flood::figures),
         ("counts", counts::figures),
         ("refusals", counts::refusals),
+        ("ethercat", ethercat::figures),
     ];
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let effort = Effort { quick: arguments.iter().any(|argument| argument == "--quick") };
     // Cargo adds `--bench`; what is left are the names of groups.
     let wanted: Vec<&String> = arguments.iter().filter(|argument| !argument.starts_with("--")).collect();
     for (name, run) in groups {
-        // Counting needs programs that not everybody has.
-        let by_default = wanted.is_empty() && !["counts", "refusals"].contains(&name);
+        // These need programs that not everybody has.
+        let by_default = wanted.is_empty() && !["counts", "refusals", "ethercat"].contains(&name);
         if by_default || wanted.iter().any(|group| *group == name) {
             run(effort);
         }

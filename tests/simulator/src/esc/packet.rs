@@ -2,52 +2,22 @@
 
 use std::future::Future;
 use std::io::{self, ErrorKind};
-use std::os::fd::{AsRawFd, OwnedFd};
 
 use embassy_time::Instant;
-use nix::ifaddrs::getifaddrs;
-use nix::sys::socket::{
-    AddressFamily, LinkAddr, MsgFlags, SockFlag, SockProtocol, SockType, bind, recvfrom, send, socket,
-};
+use mobgate_esc::frame::FRAME_BYTES_MAX;
+use mobgate_esc::interface::{Interface, InterfaceError};
 
 use super::cable::SharedSegment;
-use super::frame::FRAME_BYTES_MAX;
 use super::{Fate, now};
 use crate::wall_clock::{run_beside, wait};
 
-/// The kernel's mark of a frame that this machine sent on the interface.
-const PACKET_OUTGOING: u8 = 4;
-
 /// A raw socket on one network interface.
-pub struct PacketSocket(OwnedFd);
+pub struct PacketSocket(Interface);
 
 impl PacketSocket {
     /// Opens a socket on `interface`. Needs the right to do so, which everybody has in a network namespace of their own.
-    pub fn open(interface: &str) -> io::Result<Self> {
-        let address = getifaddrs()?
-            .filter(|found| found.interface_name == interface)
-            .find_map(|found| found.address?.as_link_addr().copied())
-            .ok_or_else(|| io::Error::new(ErrorKind::NotFound, format!("no interface {interface}")))?;
-        let flags = SockFlag::SOCK_NONBLOCK | SockFlag::SOCK_CLOEXEC;
-        let socket = socket(AddressFamily::Packet, SockType::Raw, flags, SockProtocol::EthAll)?;
-        bind(socket.as_raw_fd(), &address)?;
-        Ok(Self(socket))
-    }
-
-    /// A frame that came from outside, if one waits.
-    fn receive(&self) -> io::Result<Option<Vec<u8>>> {
-        let mut frame = vec![0; FRAME_BYTES_MAX + 4];
-        loop {
-            match recvfrom::<LinkAddr>(self.0.as_raw_fd(), &mut frame) {
-                Ok((_, Some(from))) if from.pkttype() == PACKET_OUTGOING => {}
-                Ok((length, _)) => {
-                    frame.truncate(length);
-                    return Ok(Some(frame));
-                }
-                Err(nix::errno::Errno::EAGAIN) => return Ok(None),
-                Err(error) => return Err(error.into()),
-            }
-        }
+    pub fn open(interface: &str) -> Result<Self, InterfaceError> {
+        Interface::open(interface).map(Self)
     }
 
     /// Passes a frame through `segment` that has come, or waits for one until a time.
@@ -57,9 +27,14 @@ impl PacketSocket {
 
     /// Passes a frame through `segment` that has come; says whether one had.
     fn pass_one(&self, segment: &SharedSegment) -> io::Result<bool> {
-        let Some(mut frame) = self.receive()? else { return Ok(false) };
-        if segment.borrow_mut().pass(now(), &mut frame, Fate::Intact) {
-            send(self.0.as_raw_fd(), &frame, MsgFlags::empty())?;
+        let mut frame = [0; FRAME_BYTES_MAX];
+        let frame = match self.0.receive(&mut frame) {
+            Ok(length) => &mut frame[..length],
+            Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(false),
+            Err(error) => return Err(error),
+        };
+        if segment.borrow_mut().pass(now(), frame, Fate::Intact) {
+            self.0.send(frame)?;
         }
         Ok(true)
     }

@@ -3,12 +3,8 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use super::Nanos;
-use super::chip::Chip;
-use super::frame::{self, datagrams};
-use super::pdi::SharedChip;
-use super::registers::RECEIVE_TIMES;
-use super::{Command, registers};
+use super::frame::is_ethercat;
+use super::{Chip, Nanos, SharedChip};
 
 /// From one chip to the next: cable and forwarding.
 const HOP_NANOS: Nanos = 500;
@@ -94,7 +90,8 @@ impl Segment {
     }
 
     fn through(&mut self, at: Nanos, frame: &mut [u8], fate: Fate, range: std::ops::Range<usize>) -> bool {
-        if !frame::is_ethercat(frame) {
+        // Before a cut there may be no chip to look.
+        if !is_ethercat(frame) {
             return false;
         }
         let last = range.end;
@@ -103,55 +100,13 @@ impl Segment {
                 return false;
             }
             let good = !matches!(fate, Fate::Damaged(before) if before <= nth);
-            let mut chip = self.chips[nth].borrow_mut();
-            if !chip.closed_port_lets_pass(frame) {
-                return false;
-            }
             let arrival = at + nth as Nanos * HOP_NANOS;
             let hops_behind = (last - 1 - nth) as Nanos * 2;
             let returned = (last - 1 > nth).then_some(arrival + hops_behind * HOP_NANOS);
-            chip.frame(arrival, datagrams(frame), good);
-            if good && latches_times(frame) {
-                chip.latch([Some(arrival), returned, None, None]);
+            if !self.chips[nth].borrow_mut().pass_on(arrival, frame, returned, good) {
+                return false;
             }
-            frame::mark_passed(frame);
         }
         fate == Fate::Intact
-    }
-}
-
-/// Whether a frame writes the register that latches the receive times.
-fn latches_times(frame: &mut [u8]) -> bool {
-    datagrams(frame).any(|datagram| {
-        let to_all = datagram.command() == Some(Command::Bwr);
-        let end = usize::from(datagram.offset()) + datagram.data().len();
-        to_all && datagram.offset() <= RECEIVE_TIMES && end > usize::from(RECEIVE_TIMES)
-    })
-}
-
-impl Chip {
-    fn set_port(&mut self, port: usize, open: bool) {
-        if self.ports[port] != open {
-            self.ports[port] = open;
-            self.events.dl_status = true;
-            if !open {
-                let counter = registers::LOST_LINK + port as u16;
-                self.memory.set_byte(counter, self.memory.byte(counter).saturating_add(1));
-            }
-        }
-    }
-
-    /// A frame that passes a closed port 0 is marked; one that carries the mark already circulates, and is taken off.
-    fn closed_port_lets_pass(&self, frame: &mut [u8]) -> bool {
-        self.ports[0]
-            || datagrams(frame).all(|mut datagram| {
-                let first_time = !datagram.circulating();
-                datagram.set_circulating();
-                first_time
-            })
-    }
-
-    fn latch(&mut self, ports: [Option<Nanos>; 4]) {
-        self.clock.latch(&mut self.memory, ports);
     }
 }

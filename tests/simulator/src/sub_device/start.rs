@@ -14,7 +14,7 @@ use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::ethercat::sync_manager::Channel;
 
-use super::{Counted, SharedEcho, direct, image, line_of, sequence, spawn};
+use super::{Counted, Paced, SharedEcho, direct, image, line_of, sequence, spawn};
 use crate::esc::cable::{Cable, SharedSegment};
 use crate::esc::master::{Storage, main_device, pump};
 use crate::esc::{Interrupt, SharedChip};
@@ -219,7 +219,7 @@ pub fn exchange_images(device: &'static Device, cycles: u64, pause_us: u64) -> R
     let line = line_of(device);
     let echo = SharedEcho::default();
     let (esc, interrupt) = direct(line.borrow().chip(0));
-    let esc = esc.with_pauses(Random::new(cycles), 0..=pause_us);
+    let esc = Paced::new(esc, Random::new(cycles), 0..=pause_us);
     spawn(&world, SubDevice::new(device, esc, echo.clone()), interrupt);
     let mut exchanged = with_master(&mut world, cable(line), async |desk| {
         let group = desk.to_pre_op().await?;

@@ -1,7 +1,7 @@
-//! FMMUs: where a logical address leads in a chip's memory, bit by bit.
+//! FMMUs: where a logical address leads in a chip's memory, bit by bit (I, FMMU; II, 0600h to 06FFh).
 
-use super::memory::Memory;
-use super::registers::FMMU;
+use crate::memory::Memory;
+use crate::registers::FMMU;
 
 /// Registers of one FMMU.
 pub const BYTES: u16 = 16;
@@ -47,8 +47,8 @@ impl Fmmu {
         })
     }
 
-    /// Where a datagram of `bytes` at `logical` leads, if whole bytes lead to whole bytes: the first one's address, its place in the
-    /// datagram, and how many they are.
+    /// Where a datagram of `bytes` at `logical` leads, if whole bytes lead to whole bytes: the first one's address, its
+    /// place in the datagram, and how many they are.
     pub(crate) fn mapped_bytes(self, logical: u32, bytes: usize) -> Option<(u64, usize, usize)> {
         if [self.logical, self.bits, self.physical].iter().any(|bits| bits % 8 != 0) {
             return None;
@@ -67,7 +67,9 @@ impl Fmmu {
         let last = (self.logical + self.bits).min(datagram + bytes as u64 * 8);
         let physical = |bit: u64| bit - self.logical + self.physical;
         let reached = if first < last { physical(first)..physical(last) } else { 0..0 };
-        (reached.start / 8..reached.end.div_ceil(8)).map(move |address| {
+        // What leads out of all memory leads nowhere.
+        let end = reached.end.div_ceil(8).min(1 << 16);
+        (reached.start / 8..end).map(move |address| {
             let from = reached.start.saturating_sub(address * 8);
             let missing = (address * 8 + 8).saturating_sub(reached.end);
             let mask = 0xFFu8 << from & 0xFF >> missing;

@@ -1,6 +1,8 @@
-//! EtherCAT frames: where the datagrams lie in them, and a way to build one.
+//! EtherCAT frames: where the datagrams lie in them, and a way to build one (I, EtherCAT Protocol: header, datagram).
 
-use super::Command;
+use std::ops::Range;
+
+use crate::Command;
 
 /// The EtherType of EtherCAT.
 pub const ETHER_TYPE: u16 = 0x88A4;
@@ -15,10 +17,12 @@ const TYPE_DATAGRAMS: u16 = 1;
 /// Bit of the length field that says that the frame has been through the ring's open end once.
 const CIRCULATING: u8 = 0x40;
 const MORE_FOLLOWS: u16 = 0x8000;
+/// Bits of a length, in the frame header and in a datagram's.
+const LENGTH: u16 = 0x07FF;
 /// What the first device does to the first byte of the source address: "locally administered".
 const PASSED: u8 = 0x02;
 
-/// A datagram inside a frame.
+/// A datagram inside a frame: command, number, address, length, interrupt field, data, working counter.
 pub struct Datagram<'f>(&'f mut [u8]);
 
 impl Datagram<'_> {
@@ -47,7 +51,7 @@ impl Datagram<'_> {
         u32::from(self.offset()) << 16 | u32::from(self.device())
     }
 
-    /// Whether the frame has passed a closed port 0 already.
+    /// Whether the frame has passed a closed port 0 already (I, Frame Processing, "Circulating frames").
     pub fn circulating(&self) -> bool {
         self.0[7] & CIRCULATING != 0
     }
@@ -57,7 +61,7 @@ impl Datagram<'_> {
         self.0[7] |= CIRCULATING;
     }
 
-    /// ORs events of a device onto the interrupt field.
+    /// ORs events of a device onto the interrupt field (I, Interrupts, "ECAT event request").
     pub fn interrupt(&mut self, events: u16) {
         let [low, high] = events.to_le_bytes();
         self.0[8] |= low;
@@ -96,18 +100,41 @@ impl Datagram<'_> {
 
 /// The datagrams of a frame; none if it is not EtherCAT. A length that leads out of the frame ends the list.
 pub fn datagrams(frame: &mut [u8]) -> impl Iterator<Item = Datagram<'_>> {
-    let mut rest = body(frame).unwrap_or_default();
+    let body = body(frame).unwrap_or_default();
+    let end = body.end.min(frame.len());
+    let mut rest = frame.get_mut(body.start..end).unwrap_or_default();
     std::iter::from_fn(move || {
-        let length = rest.get(6..8).map(|field| u16::from_le_bytes([field[0], field[1]]))?;
-        let bytes = HEADER_BYTES + usize::from(length & 0x07FF) + COUNTER_BYTES;
+        let (bytes, more) = datagram(rest)?;
         let (datagram, behind) = std::mem::take(&mut rest).split_at_mut_checked(bytes)?;
-        rest = if length & MORE_FOLLOWS == 0 { &mut [] } else { behind };
+        rest = if more { behind } else { &mut [] };
         Some(Datagram(datagram))
     })
 }
 
+/// Whether a frame has all that it says it has: at least one datagram, and no length that leads out of the frame. A
+/// chip looks at the type only and processes others as well, as far as they go; where a frame's check sequence is out of
+/// sight, it is better to drop them.
+pub fn is_whole(frame: &[u8]) -> bool {
+    let Some(mut rest) = body(frame).and_then(|body| frame.get(body)) else { return false };
+    loop {
+        let Some((bytes, more)) = datagram(rest) else { return false };
+        match (rest.get(bytes..), more) {
+            (None, _) => return false,
+            (Some(_), false) => return true,
+            (Some(behind), true) => rest = behind,
+        }
+    }
+}
+
+/// How many bytes the datagram at the beginning of `rest` says it has, and whether it says that one follows.
+fn datagram(rest: &[u8]) -> Option<(usize, bool)> {
+    let length = u16::from_le_bytes([*rest.get(6)?, *rest.get(7)?]);
+    let bytes = HEADER_BYTES + usize::from(length & LENGTH) + COUNTER_BYTES;
+    Some((bytes, length & MORE_FOLLOWS != 0))
+}
+
 /// Whether `frame` is one that an ESC processes.
-pub fn is_ethercat(frame: &mut [u8]) -> bool {
+pub fn is_ethercat(frame: &[u8]) -> bool {
     body(frame).is_some()
 }
 
@@ -118,22 +145,20 @@ pub fn mark_passed(frame: &mut [u8]) {
     }
 }
 
-/// What lies between the frame header and the padding.
-fn body(frame: &mut [u8]) -> Option<&mut [u8]> {
-    let field = |frame: &[u8], at: usize| frame.get(at..at + 2).map(|two| [two[0], two[1]]);
-    let tagged = field(frame, 12)? == [0x81, 0x00];
+/// Where the datagrams should lie, between the frame header and the padding.
+fn body(frame: &[u8]) -> Option<Range<usize>> {
+    let field = |at: usize| frame.get(at..at + 2).map(|two| [two[0], two[1]]);
+    let tagged = field(12)? == [0x81, 0x00];
     let start = ETHERNET_BYTES + if tagged { VLAN_BYTES } else { 0 };
-    if u16::from_be_bytes(field(frame, start - 2)?) != ETHER_TYPE {
+    if u16::from_be_bytes(field(start - 2)?) != ETHER_TYPE {
         return None;
     }
-    let header = u16::from_le_bytes(field(frame, start)?);
+    let header = u16::from_le_bytes(field(start)?);
     if header >> 12 != TYPE_DATAGRAMS {
         return None;
     }
-    let length = usize::from(header & 0x07FF);
-    let behind = &mut frame[start + 2..];
-    let length = length.min(behind.len());
-    Some(&mut behind[..length])
+    let first = start + 2;
+    Some(first..first + usize::from(header & LENGTH))
 }
 
 /// Builds a frame for tests, one datagram after the other.

@@ -1,7 +1,7 @@
-//! What the chip wants to tell: the event requests to the MainDevice and to the processor.
+//! What the chip wants to tell: the event requests to the MainDevice and to the processor (I, Interrupts; II, 0200h to 0223h).
 
-use super::dc;
-use super::sync_manager::{Side, SyncManagers};
+use crate::dc;
+use crate::sync_manager::{Side, SyncManagers};
 
 const DL_STATUS: u16 = 1 << 2;
 const AL_STATUS: u16 = 1 << 3;

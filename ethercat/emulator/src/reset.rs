@@ -1,10 +1,11 @@
-//! Power-on and reset: the registers' first values, and what comes from the EEPROM.
+//! Power-on and reset: the registers' first values (II), and what comes from the EEPROM (I, SII EEPROM, "ESC configuration
+//! area").
 
-use super::chip::Chip;
-use super::events::Events;
-use super::registers::*;
-use super::sync_manager::SyncManagers;
-use super::watchdog::Watchdog;
+use crate::chip::Chip;
+use crate::events::Events;
+use crate::registers::*;
+use crate::sync_manager::SyncManagers;
+use crate::watchdog::Watchdog;
 
 /// What must be written to a reset register, one after the other.
 const MAGIC: [u8; 3] = *b"RES";
@@ -15,11 +16,11 @@ const PORTS: u8 = 0x0F;
 
 /// How much of the magic has been written.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct ResetSequence(usize);
+pub(crate) struct ResetSequence(usize);
 
 impl ResetSequence {
     /// Takes a written byte; whether the magic is complete.
-    pub(super) fn step(&mut self, byte: u8) -> bool {
+    pub(crate) fn step(&mut self, byte: u8) -> bool {
         self.0 = match self.0 {
             at if MAGIC[at] == byte => at + 1,
             _ => usize::from(MAGIC[0] == byte),
@@ -66,7 +67,7 @@ impl Chip {
     }
 
     /// Takes over the configuration area: PDI, SYNC pulse.
-    pub(super) fn configure(&mut self, config: &[u8; 16]) {
+    pub(crate) fn configure(&mut self, config: &[u8; 16]) {
         self.memory.put(PDI_CONTROL, &config[0..2]);
         self.memory.put(PDI_CONFIG, &config[2..4]);
         self.memory.put(PULSE_LENGTH, &config[4..6]);

@@ -1,8 +1,8 @@
-//! The watchdogs of process data and of the processor's side.
+//! The watchdogs of process data and of the processor's side (I, Watchdogs; II, 0400h to 0443h).
 
-use super::Nanos;
-use super::memory::Memory;
-use super::registers::{WATCHDOG_COUNTERS, WATCHDOG_DATA, WATCHDOG_DIVIDER, WATCHDOG_PDI};
+use crate::Nanos;
+use crate::memory::Memory;
+use crate::registers::{WATCHDOG_COUNTERS, WATCHDOG_DATA, WATCHDOG_DIVIDER, WATCHDOG_PDI};
 
 /// Period of the clock that the divider divides.
 const BASE_NANOS: u64 = 40;

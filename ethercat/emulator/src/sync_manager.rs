@@ -1,10 +1,11 @@
-//! SyncManagers: memory that changes hands between the MainDevice and the processor, as a mailbox or by three buffers.
+//! SyncManagers: memory that changes hands between the MainDevice and the processor, as a mailbox or by three buffers (I,
+//! SyncManager; II, 0800h to 087Fh).
 //!
 //! A state lives beside the registers and is stepped byte by byte. It is small and [`Copy`]: a frame steps a copy, which
 //! takes the place of the state when the frame was good.
 
-use super::memory::Memory;
-use super::registers::SYNC_MANAGER;
+use crate::memory::Memory;
+use crate::registers::SYNC_MANAGER;
 
 /// Registers of one SyncManager.
 pub const BYTES: u16 = 8;
@@ -70,6 +71,11 @@ impl Setup {
         self.control & 0x40 != 0
     }
 
+    /// Where the byte at `offset` of a buffer lies, unless the buffers lead out of all memory.
+    fn place(&self, buffer: u16, offset: u16) -> Option<u16> {
+        buffer.checked_mul(self.length)?.checked_add(self.start)?.checked_add(offset)
+    }
+
     /// One byte in buffered mode is not buffered.
     fn is_direct(&self) -> bool {
         !self.is_mailbox() && self.length == 1
@@ -129,7 +135,7 @@ impl State {
             self.full = setup.is_mailbox();
             self.latest = Some(self.write_buffer);
         }
-        Some(setup.start + self.write_buffer * setup.length + offset)
+        setup.place(self.write_buffer, offset)
     }
 
     /// Steps for `count` bytes that `side` reads; where the first one comes from, or `None` if there is nothing for it to read.
@@ -154,7 +160,7 @@ impl State {
             self.read_event = true;
             self.full = false;
         }
-        Some(setup.start + self.read_buffer * setup.length + offset)
+        setup.place(self.read_buffer, offset)
     }
 
     /// A buffer that holds neither the latest data nor those that are being read.
@@ -198,8 +204,8 @@ impl SyncManagers {
         self.steps(side, write, address, 1).0
     }
 
-    /// The same for up to `most` bytes from `address` on that lie one behind the other: where the first one does, and how many they
-    /// are.
+    /// The same for up to `most` bytes from `address` on that lie one behind the other: where the first one does, and how
+    /// many they are.
     pub(crate) fn steps(&mut self, side: Side, write: bool, address: u16, most: u16) -> (Option<u16>, u16) {
         let mut most = most;
         for (setup, state) in &mut self.0 {

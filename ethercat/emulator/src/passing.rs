@@ -1,14 +1,14 @@
-//! A frame's way through a chip: datagram by datagram, with its effects at the end.
+//! A frame's way through a chip: datagram by datagram, with its effects at the end (I, Frame Processing, "Shadow buffer").
 
 use std::ops::Range;
 
-use super::Nanos;
-use super::chip::Chip;
-use super::command::{Action, Addressing};
-use super::fmmu::{Fmmu, Mapped};
-use super::frame::Datagram;
-use super::registers::*;
-use super::sync_manager::{Side, SyncManagers};
+use crate::Nanos;
+use crate::chip::Chip;
+use crate::command::{Action, Addressing};
+use crate::fmmu::{Fmmu, Mapped};
+use crate::frame::Datagram;
+use crate::registers::*;
+use crate::sync_manager::{Side, SyncManagers};
 
 /// Bytes that a frame writes at its end.
 #[derive(Debug, Clone)]
@@ -45,7 +45,7 @@ impl Pending {
 impl Chip {
     /// Processes the datagrams of a frame on their way through. Unless the frame is `good` at its end, nothing of it has
     /// happened to the chip, but what it carries on is changed.
-    pub(super) fn frame<'f>(&mut self, at: Nanos, datagrams: impl Iterator<Item = Datagram<'f>>, good: bool) {
+    pub(crate) fn frame<'f>(&mut self, at: Nanos, datagrams: impl Iterator<Item = Datagram<'f>>, good: bool) {
         self.advance(at);
         let mut pending = Pending {
             writes: Vec::new(),

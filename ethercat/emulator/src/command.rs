@@ -1,4 +1,5 @@
-//! The fifteen commands of a datagram: who is addressed, what is done, and what it counts.
+//! The fifteen commands of a datagram: who is addressed, what is done, and what it counts (I, EtherCAT Protocol: addressing
+//! modes, command types, working counter).
 
 /// A datagram's command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

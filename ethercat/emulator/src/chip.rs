@@ -1,18 +1,18 @@
-//! One ESC: what a datagram does to it, and what the processor's accesses do.
+//! One ESC with all its parts, and how time passes for it.
 
 use std::task::Waker;
 
-use super::Nanos;
-use super::dc::Clock;
-use super::eeprom::Eeprom;
-use super::events::Events;
-use super::memory::Memory;
-use super::registers::*;
-use super::reset::ResetSequence;
-use super::sync_manager::SyncManagers;
-use super::watchdog::Watchdog;
+use crate::Nanos;
+use crate::dc::Clock;
+use crate::eeprom::Eeprom;
+use crate::events::Events;
+use crate::memory::Memory;
+use crate::registers::*;
+use crate::reset::ResetSequence;
+use crate::sync_manager::SyncManagers;
+use crate::watchdog::Watchdog;
 
-/// What distinguishes one controller chip from another.
+/// What distinguishes one controller chip from another (II, 0000h to 0009h).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Kind {
     /// Registers 0000h to 0003h: type, revision, build.
@@ -53,16 +53,16 @@ impl Kind {
 /// A controller chip with its EEPROM.
 #[derive(Debug)]
 pub struct Chip {
-    pub(super) kind: Kind,
-    pub(super) memory: Memory,
-    pub(super) managers: SyncManagers,
-    pub(super) events: Events,
-    pub(super) clock: Clock,
-    pub(super) process_watchdog: Watchdog,
-    pub(super) pdi_watchdog: Watchdog,
-    pub(super) ports: [bool; 4],
-    pub(super) ecat_reset: ResetSequence,
-    pub(super) pdi_reset: ResetSequence,
+    pub(crate) kind: Kind,
+    pub(crate) memory: Memory,
+    pub(crate) managers: SyncManagers,
+    pub(crate) events: Events,
+    pub(crate) clock: Clock,
+    pub(crate) process_watchdog: Watchdog,
+    pub(crate) pdi_watchdog: Watchdog,
+    pub(crate) ports: [bool; 4],
+    pub(crate) ecat_reset: ResetSequence,
+    pub(crate) pdi_reset: ResetSequence,
     /// The EEPROM; what is changed here the chip sees at its next reset or command.
     pub eeprom: Eeprom,
     waiting: Vec<Waker>,
@@ -89,7 +89,8 @@ impl Chip {
         chip
     }
 
-    /// Lets the chip's clock show `start` at the beginning of the world, and run faster than the world by `drift_ppm`.
+    /// Lets the chip's clock (I, Distributed Clocks) show `start` at the beginning of the world, and run faster than the
+    /// world by `drift_ppm`.
     pub fn set_clock(&mut self, start: Nanos, drift_ppm: i64) {
         self.clock.start = start;
         self.clock.drift_ppm = drift_ppm;
@@ -101,7 +102,7 @@ impl Chip {
         self.memory.bytes(address)
     }
 
-    /// SYNC0 pulses since the SYNC unit was activated.
+    /// SYNC0 pulses since the SYNC unit was activated (I, Distributed Clocks, "SyncSignals"; II, 0981h).
     pub fn sync0_pulses(&self) -> u64 {
         self.clock.pulses()
     }
@@ -132,7 +133,7 @@ impl Chip {
         }
     }
 
-    pub(super) fn wake(&mut self) {
+    pub(crate) fn wake(&mut self) {
         self.waiting.drain(..).for_each(Waker::wake);
     }
 }

@@ -1,4 +1,4 @@
-//! The register map: names, and which side may write what.
+//! The register map: names, and which side may write what (II, which has them in this order).
 
 use std::ops::RangeInclusive;
 

@@ -1,9 +1,9 @@
 //! What the chip does when certain registers are read or written, and the registers that it computes.
 
-use super::Nanos;
-use super::chip::Chip;
-use super::registers::*;
-use super::sync_manager::{self, Side};
+use crate::Nanos;
+use crate::chip::Chip;
+use crate::registers::*;
+use crate::sync_manager::{self, Side};
 
 /// AL control's and AL status' device emulation bit in register 0141h.
 const DEVICE_EMULATION: u8 = 1;
@@ -12,7 +12,7 @@ const EEPROM_TAKEN: u8 = 1;
 
 impl Chip {
     /// The effects of a register having been written.
-    pub(super) fn after_write(&mut self, side: Side, address: u16, at: Nanos) {
+    pub(crate) fn after_write(&mut self, side: Side, address: u16, at: Nanos) {
         match address {
             ECAT_RESET if self.ecat_reset.step(self.memory.byte(address)) => self.reset(),
             PDI_RESET if self.pdi_reset.step(self.memory.byte(address)) => self.reset(),
@@ -59,7 +59,7 @@ impl Chip {
     }
 
     /// The effects of the processor having read a register.
-    pub(super) fn after_read(&mut self, address: u16) {
+    pub(crate) fn after_read(&mut self, address: u16) {
         match address {
             0x0120..=0x0121 => self.events.al_control = false,
             WATCHDOG_STATUS => self.events.watchdog = false,
@@ -72,7 +72,7 @@ impl Chip {
     }
 
     /// Brings the registers that the chip computes up to date.
-    pub(super) fn refresh(&mut self, at: Nanos) {
+    pub(crate) fn refresh(&mut self, at: Nanos) {
         let memory = &mut self.memory;
         let link = |open: bool, port: u32| {
             if open { 1 << (4 + port) | 2 << (8 + 2 * port) } else { 1 << (8 + 2 * port) }

@@ -1,8 +1,9 @@
-//! Distributed clocks, as much as a MainDevice's start-up needs: receive times, system time, drift control, SYNC0.
+//! Distributed clocks (I, Distributed Clocks; II, 0900h to 09FFh), as much as a MainDevice's start-up needs: receive times,
+//! system time, drift control, SYNC0.
 
-use super::Nanos;
-use super::memory::Memory;
-use super::registers::{
+use crate::Nanos;
+use crate::memory::Memory;
+use crate::registers::{
     PDI_CONFIG, PULSE_LENGTH, RECEIVE_TIME_UNIT, RECEIVE_TIMES, START_TIME, SYNC_ACTIVATION, SYNC_STATUS,
     SYNC0_CYCLE, SYNC0_STATUS, SYSTEM_TIME, TIME_DELAY, TIME_DIFFERENCE, TIME_OFFSET,
 };
@@ -31,7 +32,8 @@ pub(crate) struct Clock {
 impl Clock {
     /// The local clock at a time of the world.
     fn local(&self, at: Nanos) -> i64 {
-        (self.start + at) as i64 + at as i64 * self.drift_ppm / 1_000_000 + self.correction
+        let drift = at as i64 * self.drift_ppm / 1_000_000;
+        ((self.start + at) as i64 + drift).wrapping_add(self.correction)
     }
 
     fn system(&self, memory: &Memory, at: Nanos) -> u64 {
@@ -71,7 +73,7 @@ impl Clock {
         let delay = memory.double_word(TIME_DELAY);
         let own = (self.system(memory, at) as u32).wrapping_sub(delay);
         let ahead = own.wrapping_sub(reference) as i32;
-        self.correction -= i64::from(ahead) / 2;
+        self.correction = self.correction.wrapping_sub(i64::from(ahead) / 2);
         let sign = if ahead < 0 { 1 << 31 } else { 0 };
         memory.put(TIME_DIFFERENCE, &(ahead.unsigned_abs() | sign).to_le_bytes());
     }
@@ -94,11 +96,11 @@ impl Clock {
             let cycle = u64::from(memory.double_word(SYNC0_CYCLE));
             let missed = (time - due).checked_div(cycle).unwrap_or(0);
             let last = due + missed * cycle;
-            self.pulses += missed + 1;
-            self.next_pulse = (cycle > 0).then_some(last + cycle);
+            self.pulses = self.pulses.saturating_add(missed).saturating_add(1);
+            self.next_pulse = last.checked_add(cycle).filter(|_| cycle > 0);
             let length = u64::from(memory.word(PULSE_LENGTH)) * PULSE_UNIT_NANOS;
             self.event = memory.byte(PDI_CONFIG + 1) & SYNC0_IS_EVENT != 0;
-            self.event_until = (length > 0).then_some(last + length);
+            self.event_until = (length > 0).then_some(last.saturating_add(length));
         }
         if self.event_until.take_if(|until| *until <= time).is_some() {
             self.event = false;
@@ -124,6 +126,6 @@ impl Clock {
     /// When something changes, as a time of the world; early rather than late if the clock drifts.
     pub(crate) fn next(&self, memory: &Memory, at: Nanos) -> Option<Nanos> {
         let next = [self.next_pulse, self.event_until].into_iter().flatten().min()?;
-        Some(at + next.saturating_sub(self.system(memory, at)))
+        Some(at.saturating_add(next.saturating_sub(self.system(memory, at))))
     }
 }

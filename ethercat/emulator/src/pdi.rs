@@ -1,9 +1,8 @@
-//! The processor's side of a chip: accesses in virtual time, and the interrupt line.
+//! The processor's side of a chip (I, PDI): accesses, and the interrupt line.
 
 use std::cell::RefCell;
 use std::convert::Infallible;
 use std::future::poll_fn;
-use std::ops::RangeInclusive;
 use std::rc::Rc;
 use std::task::Poll;
 
@@ -13,73 +12,31 @@ use embedded_hal::digital::ErrorType;
 use embedded_hal_async::digital::Wait;
 use mobgate::ethercat::esc::{Esc, EscError};
 
-use super::chip::Chip;
-use super::registers::{AL_EVENT, PROCESS_RAM};
-use super::{Nanos, now};
-use crate::random::Random;
+use crate::chip::Chip;
+use crate::registers::AL_EVENT;
+use crate::{Nanos, now};
 
 /// A chip that frames and the processor share.
 pub type SharedChip = Rc<RefCell<Chip>>;
 
-/// Direct access to a chip's registers and memory, without a bus between.
-///
-/// An access takes no time, unless it was given a timing: then process data memory is accessed in pieces of random length with
-/// random pauses between, in which frames may come.
-pub struct DirectPdi {
-    chip: SharedChip,
-    timing: Option<(Random, RangeInclusive<u64>)>,
-    accesses: u64,
-}
+/// Direct access to a chip's registers and memory, without a bus between; an access takes no time.
+pub struct DirectPdi(SharedChip);
 
 impl DirectPdi {
-    /// Access to `chip` that takes no time.
+    /// Access to `chip`.
     pub fn new(chip: SharedChip) -> Self {
-        Self { chip, timing: None, accesses: 0 }
-    }
-
-    /// The same, with a random pause from `pauses_us` before every access and every piece of one.
-    #[must_use]
-    pub fn with_pauses(mut self, random: Random, pauses_us: RangeInclusive<u64>) -> Self {
-        self.timing = Some((random, pauses_us));
-        self
-    }
-
-    /// How often the chip was accessed.
-    pub fn accesses(&self) -> u64 {
-        self.accesses
-    }
-
-    /// Waits, and says how many of `left` bytes come next.
-    async fn piece(&mut self, address: u16, left: usize) -> usize {
-        self.accesses += 1;
-        let Some((random, pauses)) = &mut self.timing else { return left };
-        let pause = random.within(pauses.clone());
-        let length = if address < PROCESS_RAM { left } else { 1 + random.index(left.max(1)) };
-        Timer::after_micros(pause).await;
-        length.min(left)
+        Self(chip)
     }
 }
 
 impl Esc for DirectPdi {
     async fn read(&mut self, address: u16, into: &mut [u8]) -> Result<(), EscError> {
-        let mut done = 0;
-        while done < into.len() {
-            let from = address + done as u16;
-            let length = self.piece(from, into.len() - done).await;
-            self.chip.borrow_mut().read(now(), from, &mut into[done..done + length]);
-            done += length;
-        }
+        self.0.borrow_mut().read(now(), address, into);
         Ok(())
     }
 
     async fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), EscError> {
-        let mut done = 0;
-        while done < bytes.len() {
-            let from = address + done as u16;
-            let length = self.piece(from, bytes.len() - done).await;
-            self.chip.borrow_mut().write(now(), from, &bytes[done..done + length]);
-            done += length;
-        }
+        self.0.borrow_mut().write(now(), address, bytes);
         Ok(())
     }
 
@@ -90,7 +47,8 @@ impl Esc for DirectPdi {
     }
 }
 
-/// An interrupt line: of the chip itself it is high while an event that the AL event mask lets through is requested.
+/// An interrupt line (I, Interrupts, "AL event request"): of the chip itself it is high while an event that the AL event
+/// mask lets through is requested.
 pub struct Interrupt {
     chip: SharedChip,
     level: Box<dyn FnMut(Nanos) -> bool>,

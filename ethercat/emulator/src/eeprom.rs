@@ -1,9 +1,10 @@
-//! The EEPROM behind the chip: the SubDevice information (SII), read and written word by word by either side.
+//! The EEPROM behind the chip: the SubDevice information (SII), read and written word by word by either side (I, SII EEPROM;
+//! II, 0500h to 050Fh).
 
-use super::Nanos;
-use super::memory::Memory;
-use super::registers::{EEPROM_ADDRESS, EEPROM_CONFIG, EEPROM_CONTROL, EEPROM_DATA, EEPROM_PDI};
-use super::sync_manager::Side;
+use crate::Nanos;
+use crate::memory::Memory;
+use crate::registers::{EEPROM_ADDRESS, EEPROM_CONFIG, EEPROM_CONTROL, EEPROM_DATA, EEPROM_PDI};
+use crate::sync_manager::Side;
 
 /// Bytes of the configuration area, its check byte included.
 const CONFIG_BYTES: usize = 16;

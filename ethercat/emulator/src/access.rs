@@ -1,14 +1,14 @@
-//! The processor's accesses, and which side may write what at present.
+//! The processor's accesses (I, PDI), and which side may write what at present.
 
-use super::Nanos;
-use super::chip::Chip;
-use super::fmmu;
-use super::registers::*;
-use super::sync_manager::{self, Side};
+use crate::Nanos;
+use crate::chip::Chip;
+use crate::fmmu;
+use crate::registers::*;
+use crate::sync_manager::{self, Side};
 
 impl Chip {
     /// Whether `side` may write a register now.
-    pub(super) fn may_write(&self, side: Side, address: u16) -> bool {
+    pub(crate) fn may_write(&self, side: Side, address: u16) -> bool {
         let sync_owner = if self.memory.byte(SYNC_UNIT) & 1 == 0 { Side::Ecat } else { Side::Pdi };
         let fmmus = FMMU..FMMU + fmmu::BYTES * u16::from(self.kind.fmmus);
         let managers = SYNC_MANAGER..SYNC_MANAGER + sync_manager::BYTES * u16::from(self.kind.sync_managers);

@@ -1,0 +1,210 @@
+//! The gateway as an EtherCAT SubDevice at a network interface: a controller in software, which the frames of that interface pass.
+//!
+//! A frame takes this way: epoll, [`reactor`](crate::reactor), [`pass_frames`], through the controller, and back out of the interface. What it
+//! brought wakes the SubDevice, which reaches the controller directly. To it an interface that is missing, or goes away, is a chip that does not
+//! answer: it is looked for until it does.
+
+use std::cell::Cell;
+use std::io::{self, ErrorKind};
+use std::rc::Rc;
+
+use embassy_futures::join::join;
+use embassy_futures::select::{Either, select};
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::signal::Signal;
+use embedded_hal_async::digital::Wait;
+use mobgate::config::{InterfaceName, PortId, PortKind};
+use mobgate::ethercat::esc::{Esc, EscError};
+use mobgate::ethercat::sii;
+use mobgate::gateway::Gateway;
+use mobgate::port::ethercat::{DEVICE, EthercatPlace, serve};
+use mobgate::stats::Event;
+use mobgate_esc::frame::{FRAME_BYTES_MAX, is_whole};
+use mobgate_esc::interface::{Interface, InterfaceError};
+use mobgate_esc::{Chip, DirectPdi, Interrupt, Kind, SharedChip, now};
+use rustix::io::Errno;
+
+use crate::descriptor::Descriptor;
+use crate::hint;
+
+/// Runs the SubDevice whenever the settings of `gateway` name a network interface for it, for ever.
+pub async fn run(gateway: &Gateway<'_>, place: &EthercatPlace) -> ! {
+    let chip = Rc::new(Chip::new(Kind::LAN9252, eeprom()).into());
+    let link =
+        Link { gateway, chip, fault: Cell::new(Some(NOT_OPEN)), opened: Signal::new(), lost: Signal::new() };
+    let mut interrupt = Interrupt::new(link.chip.clone());
+    let attention = async || {
+        // Of an infallible line.
+        let _ = select(interrupt.wait_for_high(), link.lost.wait()).await;
+    };
+    let controller = Controller { link: &link, pdi: DirectPdi::new(link.chip.clone()) };
+    let (never, _) = join(serve(place, controller, attention), link.carry()).await;
+    never
+}
+
+/// Whether a SubDevice can be at the interface called `name` now; or why not, and what to do about it.
+pub fn check(name: &str) -> Result<(), &'static str> {
+    Interface::open(name).map(|_| ()).map_err(|error| reason(name, &error))
+}
+
+/// What the controller's EEPROM says the gateway is.
+fn eeprom() -> Vec<u8> {
+    let mut image = [0; sii::SII_BYTES];
+    // The description is the same for ever, and a test reads it back.
+    sii::write(&DEVICE, &mut image).expect("the description fits");
+    image.to_vec()
+}
+
+/// Before the first look.
+const NOT_OPEN: EscError = EscError::Unreachable("not opened yet");
+
+/// The controller with the network interface that leads to it.
+struct Link<'g> {
+    gateway: &'g Gateway<'g>,
+    chip: SharedChip,
+    /// Why no frame can come; none while the interface is open.
+    fault: Cell<Option<EscError>>,
+    opened: Signal<NoopRawMutex, (InterfaceName, Descriptor<Interface>)>,
+    lost: Signal<NoopRawMutex, ()>,
+}
+
+impl Link<'_> {
+    /// The interface that the settings name, as soon as they do.
+    async fn named(&self) -> InterfaceName {
+        loop {
+            if let Some(name) = self.gateway.ethercat_interface() {
+                return name;
+            }
+            self.gateway.new_ethercat_interface().await;
+        }
+    }
+
+    /// Opens the interface, with a controller that has just been switched on.
+    async fn open(&self) -> Result<(), EscError> {
+        let name = self.named().await;
+        let opened = Interface::open(&name).and_then(|interface| Ok(Descriptor::new(interface)?));
+        let fault = opened.as_ref().err().map(|error| unreachable(&name, error));
+        self.fault.set(fault);
+        if let Ok(interface) = opened {
+            self.chip.borrow_mut().reset();
+            self.opened.signal((name, interface));
+        }
+        fault.map_or(Ok(()), Err)
+    }
+
+    /// Carries frames whenever the interface is open, for ever.
+    async fn carry(&self) {
+        loop {
+            let (name, interface) = self.opened.wait().await;
+            let fault = match select(self.pass_frames(interface), self.renamed(&name)).await {
+                Either::First(error) => unreachable(&name, &fault_of(error)),
+                Either::Second(()) => EscError::Unreachable("the settings name another interface"),
+            };
+            self.fault.set(Some(fault));
+            self.lost.signal(());
+        }
+    }
+
+    /// Waits until the settings name another interface than `name`, or none.
+    async fn renamed(&self, name: &InterfaceName) {
+        while self.gateway.ethercat_interface().as_ref() == Some(name) {
+            self.gateway.new_ethercat_interface().await;
+        }
+    }
+
+    /// Lets the frames that come at `interface` pass the controller, until it breaks.
+    async fn pass_frames(&self, mut interface: Descriptor<Interface>) -> io::Error {
+        let mut frame = [0; FRAME_BYTES_MAX];
+        loop {
+            let length = match interface.read_with(|interface| interface.receive(&mut frame)).await {
+                Ok(length) => length,
+                Err(error) => return error,
+            };
+            let frame = &mut frame[..length];
+            if !is_whole(frame) {
+                self.count(Event::Malformed);
+            } else if self.chip.borrow_mut().pass(now(), frame)
+                && let Err(error) = interface.write_with(|interface| interface.send(frame)).await
+            {
+                match Errno::from_io_error(&error) {
+                    // A lost frame is the MainDevice's to notice.
+                    Some(Errno::NOBUFS) => self.count(Event::Discarded),
+                    _ => return error,
+                }
+            }
+        }
+    }
+
+    /// Counts at the EtherCAT port.
+    fn count(&self, event: Event) {
+        let is_ethercat = |kind: &PortKind| matches!(kind, PortKind::Ethercat(_));
+        let port = self.gateway.settings(|settings| {
+            settings.ports.iter().position(|port| port.as_ref().is_some_and(|port| is_ethercat(&port.kind)))
+        });
+        if let Some(place) = port.and_then(|port| self.gateway.place(PortId(port as u8))) {
+            place.stats.count(event);
+        }
+    }
+}
+
+/// The controller as the SubDevice reaches it.
+struct Controller<'l> {
+    link: &'l Link<'l>,
+    pdi: DirectPdi,
+}
+
+impl Controller<'_> {
+    fn check(&self) -> Result<(), EscError> {
+        self.link.fault.get().map_or(Ok(()), Err)
+    }
+}
+
+impl Esc for Controller<'_> {
+    async fn read(&mut self, address: u16, into: &mut [u8]) -> Result<(), EscError> {
+        self.check()?;
+        self.pdi.read(address, into).await
+    }
+
+    async fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), EscError> {
+        self.check()?;
+        self.pdi.write(address, bytes).await
+    }
+
+    async fn events(&mut self) -> Result<u32, EscError> {
+        self.check()?;
+        self.pdi.events().await
+    }
+
+    async fn look(&mut self) -> Result<(), EscError> {
+        match self.check() {
+            Ok(()) => Ok(()),
+            Err(_) => self.link.open().await,
+        }
+    }
+}
+
+/// What a broken interface is: one that was taken away says the same as one that was switched off.
+fn fault_of(error: io::Error) -> InterfaceError {
+    match error.kind() {
+        ErrorKind::NetworkDown => InterfaceError::Down,
+        _ => match Errno::from_io_error(&error) {
+            Some(Errno::NODEV | Errno::NXIO) => InterfaceError::Missing,
+            _ => InterfaceError::Failed(error),
+        },
+    }
+}
+
+fn unreachable(name: &str, error: &InterfaceError) -> EscError {
+    EscError::Unreachable(reason(name, error))
+}
+
+/// What an error means for the user.
+fn reason(name: &str, error: &InterfaceError) -> &'static str {
+    hint::keep(match error {
+        InterfaceError::Missing => format!("no network interface is called {name}: see ip link"),
+        InterfaceError::NotEthernet => format!("{name} is not an Ethernet interface"),
+        InterfaceError::Down => format!("the interface {name} is down: sudo ip link set {name} up"),
+        InterfaceError::Denied => return hint::raw_socket_denied(),
+        InterfaceError::Failed(error) => format!("the interface {name}: {error}"),
+    })
+}

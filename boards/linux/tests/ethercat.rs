@@ -1,0 +1,259 @@
+//! The program as an EtherCAT SubDevice at a network interface: SOEM brings it to Op, and interfaces come and go.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use mobgate_esc::Command as Datagram;
+use mobgate_esc::frame::{Builder, FRAME_BYTES_MAX, datagrams};
+use mobgate_esc::interface::Interface;
+use mobgate_simulator::own_network::{
+    MASTER_END, SEGMENT_END, in_own_network, ip, lay_cable, python, start_master,
+};
+
+use common::{PATIENCE, Program, mobgate, output, wait_for, with_console};
+
+mod common;
+
+/// The demo's meter and relays behind the process image of a SubDevice at the cable.
+const METER_AND_RELAYS: &str = "\
+port bus serial demo rtu client 19200 8E1
+port P502 tcp server 127.0.0.1:{port}
+port ecat ethercat interface ecs0
+route P502 * * * bus
+route ecat * * * bus
+slave 0 unit 1 input 0 count 10 read 100ms
+slave 1 unit 2 coil 0 count 8 read 100ms
+";
+
+/// A SubDevice at the cable, without devices.
+const ALONE: &str = "port P502 tcp server 127.0.0.1:{port}\nport ecat ethercat interface ecs0\n";
+
+/// What the console says to `line`.
+fn console(program: &Program, line: &str) -> String {
+    let mut command = mobgate();
+    command.arg("console").arg("--socket").arg(program.socket()).args(line.split(' '));
+    String::from_utf8(command.output().unwrap().stdout).unwrap()
+}
+
+/// Waits until the EtherCAT port's row of `show ports` ends with `status`.
+fn becomes(program: &Program, status: &str) {
+    wait_for(&format!("the port to be {status:?}: {}", console(program, "show ports")), || {
+        let ports = console(program, "show ports");
+        ports.lines().any(|line| line.starts_with("ecat ") && line.ends_with(status)).then_some(())
+    });
+}
+
+/// The MainDevice's end of the cable.
+struct MainDevice(Interface);
+
+impl MainDevice {
+    fn new() -> Self {
+        Self(Interface::open(MASTER_END).unwrap())
+    }
+
+    /// The frame as it comes back within `patience`.
+    fn send(&self, frame: &[u8], patience: Duration) -> Option<Vec<u8>> {
+        self.0.send(frame).unwrap();
+        let start = Instant::now();
+        while start.elapsed() < patience {
+            if let Some(back) = self.receive() {
+                return Some(back);
+            }
+            std::thread::sleep(Duration::from_micros(200)); // between two looks
+        }
+        None
+    }
+
+    /// A frame that has come.
+    fn receive(&self) -> Option<Vec<u8>> {
+        let mut frame = [0; FRAME_BYTES_MAX];
+        let length = self.0.receive(&mut frame).ok()?;
+        Some(frame[..length].to_vec())
+    }
+
+    /// Sends one datagram until it comes back; its data, and how many devices have taken it.
+    fn ask(&self, command: Datagram, offset: u16, data: &[u8]) -> (Vec<u8>, u16) {
+        let frame = Builder::default().device(command, 0, offset, data).build();
+        let mut back = wait_for("the frame", || self.send(&frame, Duration::from_secs(1)));
+        let datagram = datagrams(&mut back).next().unwrap();
+        (datagram.data().to_vec(), datagram.counter())
+    }
+}
+
+#[test]
+fn pysoem_reads_and_writes_devices_by_process_data_and_saves() {
+    in_own_network("pysoem_reads_and_writes_devices_by_process_data_and_saves", || {
+        let folder = tempfile::tempdir().unwrap();
+        let port = common::free_port();
+        let file = folder.path().join("mobgate.conf");
+        fs::write(&file, METER_AND_RELAYS.replace("{port}", &port.to_string())).unwrap();
+        let mut command = mobgate();
+        command.arg("--demo").arg("--config").arg(&file);
+        command.arg("--socket").arg(folder.path().join("console"));
+        let program = Program::start(&mut command, folder, port);
+        assert!(console(&program, "edit port ecat on-loss clear").is_empty());
+        let script = start_master("linux.py", &["save".to_owned()]).wait().unwrap();
+        assert!(script.success(), "the MainDevice's script: {script}\n{}", program.log());
+        let kept = fs::read_to_string(&file).unwrap();
+        assert!(kept.contains("interface ecs0 on-loss clear"), "{kept}");
+        let ports = console(&program, "show ports");
+        assert!(ports.contains("ecat            ethercat     ecs0"), "{ports}");
+        assert!(console(&program, "show version").contains("EtherCAT controller present"));
+    });
+}
+
+#[test]
+fn an_interface_that_is_missing_down_or_taken_away_is_named_and_used_when_it_is_there() {
+    let test = "an_interface_that_is_missing_down_or_taken_away_is_named_and_used_when_it_is_there";
+    in_own_network(test, || {
+        let counted = |master: &MainDevice| assert_eq!(master.ask(Datagram::Brd, 0, &[0]), (vec![0xC0], 1));
+        let program = with_console(&ALONE.replace("ecs0", "ecs7"));
+        becomes(&program, "failed (no network interface is called ecs7: see ip link)");
+        assert!(console(&program, "show version").contains("EtherCAT controller missing"));
+        program.logs("EtherCAT controller missing: no network interface is called ecs7");
+        assert!(console(&program, "edit port ecat interface lo").is_empty());
+        becomes(&program, "failed (lo is not an Ethernet interface)");
+
+        assert!(console(&program, &format!("edit port ecat interface {SEGMENT_END}")).is_empty());
+        becomes(&program, "open");
+        counted(&MainDevice::new());
+        ip(&format!("link set {SEGMENT_END} down"));
+        becomes(&program, "failed (the interface ecs0 is down: sudo ip link set ecs0 up)");
+        ip(&format!("link set {SEGMENT_END} up"));
+        becomes(&program, "open");
+        counted(&MainDevice::new());
+        // Both ends go.
+        ip(&format!("link delete {MASTER_END}"));
+        becomes(&program, "failed (no network interface is called ecs0: see ip link)");
+        lay_cable();
+        becomes(&program, "open");
+        counted(&MainDevice::new());
+
+        // Where there is no port there is no SubDevice.
+        assert!(console(&program, "delete port ecat").is_empty());
+        let frame = Builder::default().device(Datagram::Brd, 0, 0, &[0]).build();
+        let master = MainDevice::new();
+        let silent = || master.send(&frame, Duration::from_millis(100)).is_none().then_some(());
+        wait_for("silence", silent);
+        assert!(!console(&program, "show version").contains("EtherCAT"));
+    });
+}
+
+#[test]
+fn frames_of_others_and_of_this_machine_are_left_alone_and_malformed_ones_are_counted() {
+    let test = "frames_of_others_and_of_this_machine_are_left_alone_and_malformed_ones_are_counted";
+    in_own_network(test, || {
+        let program = with_console(ALONE);
+        becomes(&program, "open");
+        let master = MainDevice::new();
+        assert_eq!(master.ask(Datagram::Bwr, 0x0010, &[1, 0]).1, 1);
+        // Sent out of the SubDevice's own interface by another program, it is not for the SubDevice.
+        let neighbour = Interface::open(SEGMENT_END).unwrap();
+        let outgoing = Builder::default().device(Datagram::Bwr, 0, 0x0010, &[2, 0]).build();
+        neighbour.send(&outgoing).unwrap();
+        assert_eq!(wait_for("the neighbour's frame", || master.receive()), outgoing);
+        assert_eq!(master.ask(Datagram::Brd, 0x0010, &[0, 0]).0, [1, 0], "the neighbour was not heard");
+
+        let whole = Builder::default().device(Datagram::Bwr, 0, 0x0010, &[3, 0]).build();
+        let mut other = whole.clone();
+        other[12..14].copy_from_slice(&[0x08, 0x00]);
+        let mut long = whole.clone();
+        long[22] = 0xFF;
+        let mut kind = whole.clone();
+        kind[15] |= 0x50;
+        for (frame, malformed) in
+            [(&other, false), (&long, true), (&kind, true), (&whole[..15].to_vec(), true)]
+        {
+            assert_eq!(master.send(frame, Duration::from_millis(50)), None, "malformed: {malformed}");
+        }
+        assert_eq!(master.ask(Datagram::Brd, 0x0010, &[0, 0]).0, [1, 0], "none of them did anything");
+        let stats = console(&program, "show stats");
+        let count = stats.lines().find(|line| line.starts_with("ecat ") && line.contains(" malformed "));
+        let count = count.and_then(|line| line.split_whitespace().nth(2)).expect(&stats);
+        assert_eq!(count, "3");
+        assert_eq!(master.send(&whole, PATIENCE).map(|frame| frame[6] & 2), Some(2), "it goes on");
+    });
+}
+
+#[test]
+fn without_the_right_to_a_raw_socket_it_says_which_one_is_missing() {
+    let test = "without_the_right_to_a_raw_socket_it_says_which_one_is_missing";
+    in_own_network(test, || {
+        let folder = tempfile::tempdir().unwrap();
+        let port = common::free_port();
+        let file = folder.path().join("mobgate.conf");
+        fs::write(&file, ALONE.replace("{port}", &port.to_string())).unwrap();
+        let mut command = Command::new("setpriv");
+        command.args(["--bounding-set", "-net_raw"]).arg(env!("CARGO_BIN_EXE_mobgate"));
+        command.arg("--config").arg(file).arg("--socket").arg(folder.path().join("console"));
+        let program = Program::start(&mut command, folder, port);
+        program.logs("a raw socket needs CAP_NET_RAW: sudo setcap cap_net_raw,cap_net_bind_service=+ep");
+        assert!(console(&program, "show ports").contains("failed (a raw socket needs CAP_NET_RAW"));
+    });
+}
+
+/// The script of docs/ethercat-on-linux.md.
+fn script_of_the_documentation(folder: &tempfile::TempDir) -> PathBuf {
+    let page = include_str!("../../../docs/ethercat-on-linux.md");
+    let script = page.split_once("```python\n").and_then(|(_, rest)| rest.split_once("```")).unwrap().0;
+    let path = folder.path().join("meter.py");
+    fs::write(&path, script).unwrap();
+    path
+}
+
+#[test]
+fn the_demo_is_a_sub_device_that_the_documentations_script_reads() {
+    in_own_network("the_demo_is_a_sub_device_that_the_documentations_script_reads", || {
+        let port = common::free_port();
+        let folder = tempfile::tempdir().unwrap();
+        let script = script_of_the_documentation(&folder);
+        let mut command = mobgate();
+        command.args([
+            "--demo",
+            "ethercat=ecs0",
+            "--listen",
+            &format!("127.0.0.1:{port}"),
+            "--socket",
+            "off",
+        ]);
+        let program = Program::start(&mut command, folder, port);
+        program.logs("An EtherCAT SubDevice with the meter and the relays is at ecs0.");
+        // SOEM waits for a frame for 2 ms while it starts, and a busy machine may take longer: then it is started again.
+        wait_for("the script to show volts and a relay", || {
+            let output = Command::new(python()).arg(&script).arg(MASTER_END).output().unwrap();
+            let said = String::from_utf8(output.stdout).unwrap();
+            println!("{said}{}{}", String::from_utf8_lossy(&output.stderr), program.log());
+            let (volts, rest) = said.lines().last()?.split_once(" V")?;
+            let good = (227.0..233.0).contains(&volts.parse::<f32>().ok()?);
+            let one_relay = rest.split_once("relays ")?.1.matches('1').count() == 1;
+            (output.status.success() && good && one_relay).then_some(())
+        });
+    });
+}
+
+#[test]
+fn the_demo_says_what_it_needs_where_it_cannot_be_a_sub_device() {
+    let refusal = |words: &[&str]| {
+        let output = output(words);
+        assert_eq!(output.status.code(), Some(1));
+        assert_eq!(String::from_utf8(output.stdout).unwrap(), "", "it does not look as if it ran");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    // Where there is no ecat1.
+    in_own_network("the_demo_says_what_it_needs_where_it_cannot_be_a_sub_device", || {
+        let said = refusal(&["--demo", "ethercat", "--socket", "off"]);
+        for part in [
+            "--demo ethercat: no network interface is called ecat1",
+            "sudo ip link add ecat0 type veth peer name ecat1",
+            "sudo ip link set ecat1 up",
+        ] {
+            assert!(said.contains(part), "{part:?} is not in {said:?}");
+        }
+        let said = refusal(&["--demo", "ethercat=lo", "--socket", "off"]);
+        assert!(said.contains("lo is not an Ethernet interface") && !said.contains("ecat0"), "{said}");
+        let said = refusal(&["--demo", "ethercat", "--config", "/dev/null", "--socket", "off"]);
+        assert!(said.contains("start it without --config"), "{said}");
+    });
+}

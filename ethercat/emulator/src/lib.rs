@@ -1,0 +1,84 @@
+//! An EtherCAT SubDevice controller (ESC) in software: frames in and out on one side, a processor on the other.
+//!
+//! In hardware a SubDevice has a controller chip that reads and changes EtherCAT frames while they pass, and a processor
+//! behind the chip's process data interface (PDI). A [`Chip`] is the former at register level, so that a SubDevice stack
+//! runs unchanged, and a MainDevice finds what it expects: type and features, DL and AL registers, FMMUs, SyncManagers with
+//! mailboxes and triple buffers, watchdogs, events, error counters, the EEPROM with the SubDevice information, distributed
+//! clocks as far as a start-up looks at them.
+//!
+//! It is good for development, tests and training, and with the feature `interface` for being a SubDevice on a network
+//! interface of Linux, for cycles of a millisecond and more. It is no replacement for a chip where time counts: a frame
+//! waits for a process to wake up, and the clock is that of the operating system.
+//!
+//! # A frame's way
+//!
+//! [`Chip::pass`] takes a frame. It looks at each datagram ([`frame`], [`command`]), reads and writes [`registers`] and
+//! memory, for logical addresses through the [`fmmu`]s, and always through the SyncManagers ([`sync_manager`]). What a
+//! frame changes takes effect at its end, and only if its check sequence was good, so a chip collects writes and throws
+//! them away with a damaged frame. On a line of chips, [`Chip::pass_on`] says what comes before and behind.
+//!
+//! The processor's side is [`pdi`]: [`Chip::read`] and [`Chip::write`] as [`DirectPdi`], which is an
+//! [`Esc`](mobgate::ethercat::esc::Esc), and the [`Interrupt`]. Both sides may be in one thread only; nothing blocks.
+//!
+//! The chip itself knows no clock: every access carries the time, in nanoseconds since any one moment. [`now`] is that of
+//! embassy-time, which [`DirectPdi`] and [`Interrupt`] go by.
+//!
+//! ```
+//! use mobgate_esc::frame::{Builder, datagrams};
+//! use mobgate_esc::{Chip, Command, Kind};
+//!
+//! // With an EEPROM that nobody has written yet.
+//! let mut chip = Chip::new(Kind::LAN9252, vec![]);
+//! // A MainDevice counts devices: a broadcast read of the first register.
+//! let mut frame = Builder::default().device(Command::Brd, 0, 0x0000, &[0]).build();
+//! assert!(chip.pass(0, &mut frame));
+//! let answer = datagrams(&mut frame).next().unwrap();
+//! assert_eq!((answer.counter(), answer.data()), (1, &[0xC0][..]));
+//! ```
+//!
+//! # Where it comes from
+//!
+//! Items name the chapter of Beckhoff's ESC data sheet that they follow, as in "I, SyncManager": section I is about the
+//! technology, section II lists the registers by their addresses. It describes in public what ETG.1000.3 and ETG.1000.4
+//! specify for the members of the EtherCAT Technology Group.
+//!
+//! # What it does not do
+//!
+//! - Nothing happens at a port but frames: no PHY management (MII, registers 0510h and following), no CRC errors of its own.
+//! - Protection of registers against writing (0020h to 0031h), LEDs, digital inputs and outputs are absent.
+//! - Distributed clocks have the receive times, system time, drift control and SYNC0; SYNC1 and latches are absent.
+//! - What is written to the EEPROM is gone with the [`Chip`], unless its owner keeps
+//!   [`Eeprom::content`](eeprom::Eeprom::content).
+#![forbid(unsafe_code)]
+
+mod access;
+pub mod chip;
+pub mod command;
+mod dc;
+pub mod eeprom;
+mod effects;
+mod events;
+pub mod fmmu;
+pub mod frame;
+#[cfg(feature = "interface")] // It is one of Linux, and takes crates for that.
+pub mod interface;
+mod memory;
+mod passing;
+pub mod pdi;
+mod ports;
+pub mod registers;
+mod reset;
+pub mod sync_manager;
+mod watchdog;
+
+pub use chip::{Chip, Kind};
+pub use command::Command;
+pub use pdi::{DirectPdi, Interrupt, SharedChip};
+
+/// A time in nanoseconds since any one moment, the same for all accesses of a chip.
+pub type Nanos = u64;
+
+/// The present of embassy-time.
+pub fn now() -> Nanos {
+    embassy_time::Instant::now().as_micros() * 1_000
+}

@@ -1,0 +1,57 @@
+//! The gateway's EtherCAT side: what the SubDevice shares with it, and how its controller is found.
+
+use super::Gateway;
+use crate::config::{InterfaceName, Settings};
+use crate::port::ethercat::{Controller, EthercatPlace, LineWriter};
+use crate::scanner::POINTS;
+
+impl<'g> Gateway<'g> {
+    /// The gateway of a board with an EtherCAT controller, whose SubDevice has the objects of `place`.
+    #[must_use]
+    pub const fn with_ethercat(mut self, place: &'g EthercatPlace) -> Self {
+        self.ethercat = Some(place);
+        self
+    }
+
+    /// The same for a board without one, which is a SubDevice at a network interface that the settings name.
+    #[must_use]
+    pub const fn with_ethercat_interfaces(mut self, place: &'g EthercatPlace) -> Self {
+        self.ethercat_interfaces = true;
+        self.with_ethercat(place)
+    }
+
+    /// What the SubDevice shares, if the board has one.
+    pub fn ethercat(&self) -> Option<&'g EthercatPlace> {
+        if POINTS { self.ethercat } else { None }
+    }
+
+    /// The network interface that the settings name for the EtherCAT controller.
+    pub fn ethercat_interface(&self) -> Option<InterfaceName> {
+        self.settings(|settings| settings.ethercat()?.interface.clone())
+    }
+
+    /// Waits until settings have been taken over that may name another one; one task may wait.
+    pub async fn new_ethercat_interface(&self) {
+        self.ethercat_changed.wait().await;
+    }
+
+    /// How the EtherCAT controller is doing that the board has or `settings` lead to.
+    pub(crate) fn ethercat_controller(&self, settings: &Settings) -> Option<Controller> {
+        let led_to = !self.ethercat_interfaces || settings.ethercat().is_some();
+        self.ethercat().filter(|_| led_to).map(EthercatPlace::controller)
+    }
+
+    /// The EtherCAT side of taking `new` settings over.
+    pub(super) fn follow_ethercat(&self, new: &Settings, other_slaves: bool) {
+        let Some(ethercat) = self.ethercat() else { return };
+        let before = ethercat.line_writer();
+        ethercat.follow(new, other_slaves);
+        let writer = ethercat.line_writer();
+        if let (true, LineWriter::SettingsOver(_), Some(line)) =
+            (writer != before, writer, new.ethercat_line())
+        {
+            log_warn!("line {}: {writer}", new.name(line));
+        }
+        self.ethercat_changed.signal(());
+    }
+}

@@ -1,0 +1,103 @@
+//! Tests in a network of their own, with a virtual cable between two interfaces: a test runs itself again in a user and network
+//! namespace, so it needs no right and no traffic leaves it. And MainDevices in other programs, at one end of the cable.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+/// Tells the test that it is the one in the namespace.
+const INSIDE: &str = "MOBGATE_OWN_NETWORK";
+/// The end of the virtual cable for the MainDevice.
+pub const MASTER_END: &str = "ecm0";
+/// The end of the virtual cable for the SubDevice.
+pub const SEGMENT_END: &str = "ecs0";
+
+const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// Runs `body` in a network of its own, in which the two ends of a cable are up. `test` is the full name of the calling test.
+///
+/// # Panics
+/// When the test fails there, or a program is missing.
+pub fn in_own_network(test: &str, body: impl FnOnce()) {
+    if is_inside() {
+        prepare();
+        return body();
+    }
+    let output = again().args(["--exact", test, "--nocapture"]).output();
+    let output = output.expect("unshare is installed: apt-get install util-linux");
+    let said = [output.stdout, output.stderr].concat();
+    let said = String::from_utf8_lossy(&said);
+    assert!(output.status.success(), "in the namespace:\n{said}");
+    assert!(said.contains("1 passed"), "the test's name is {test}:\n{said}");
+}
+
+/// Whether this program runs in a network of its own.
+pub fn is_inside() -> bool {
+    std::env::var_os(INSIDE).is_some()
+}
+
+/// This program once more, in a network of its own.
+///
+/// # Panics
+/// When the system does not say which program this is.
+pub fn again() -> Command {
+    let mut again = Command::new("unshare");
+    again.args(["--map-root-user", "--net"]).arg(std::env::current_exe().unwrap()).env(INSIDE, "1");
+    again
+}
+
+/// Switches the loopback interface on, and lays the cable.
+///
+/// # Panics
+/// When that is not allowed.
+pub fn prepare() {
+    ip("link set lo up");
+    lay_cable();
+}
+
+/// Connects both ends and switches them on.
+///
+/// # Panics
+/// When that is not allowed.
+pub fn lay_cable() {
+    ip(&format!("link add {MASTER_END} type veth peer name {SEGMENT_END}"));
+    for end in [MASTER_END, SEGMENT_END] {
+        // Without this the kernel talks IPv6 on the cable.
+        let _ = std::fs::write(format!("/proc/sys/net/ipv6/conf/{end}/disable_ipv6"), "1");
+        ip(&format!("link set {end} up"));
+    }
+}
+
+/// Runs the program `ip` with these words.
+///
+/// # Panics
+/// When it fails.
+pub fn ip(words: &str) {
+    let status = Command::new("ip").args(words.split(' ')).status();
+    assert!(status.expect("ip is installed: apt-get install iproute2").success(), "ip {words}");
+}
+
+/// A Python that has pysoem: the one that `MOBGATE_PYTHON` names, or else the virtual environment's.
+///
+/// # Panics
+/// When there is none.
+pub fn python() -> OsString {
+    let prepared = Path::new(REPOSITORY).join("target/python/bin/python3");
+    let python = std::env::var_os("MOBGATE_PYTHON").unwrap_or(prepared.into());
+    let found = Command::new(&python).args(["-c", "import pysoem"]).output();
+    let good = found.is_ok_and(|output| output.status.success());
+    assert!(good, "pysoem is missing: apt-get install python3-venv && tests/peers/setup");
+    python
+}
+
+/// Starts a script of `tests/ethercat/masters` at the MainDevice's end of the cable.
+///
+/// # Panics
+/// When Python or pysoem is missing.
+pub fn start_master(script: &str, arguments: &[String]) -> Child {
+    let path: PathBuf = [REPOSITORY, "tests/ethercat/masters", script].iter().collect();
+    let mut script = Command::new(python());
+    // The scripts' folder is no place for what Python makes of them.
+    script.env("PYTHONDONTWRITEBYTECODE", "1").arg(path).arg(MASTER_END).args(arguments);
+    script.stdin(Stdio::null()).spawn().unwrap()
+}

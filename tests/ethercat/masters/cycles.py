@@ -4,17 +4,18 @@ import sys
 import time
 
 import pysoem
-from patience import patiently, start
+from patience import PATIENCE
 
-# So long, in us, may a frame be on its way: one that comes late is not lost.
-PATIENCE = 1_000_000
 CYCLE_NS = 1_000_000
 
 master = pysoem.Master()
 master.open(sys.argv[1])
-device = start(master, 240)
+assert master.config_init() == 1, "one device"
+device = master.slaves[0]
+assert master.config_map() >= 240
+assert master.state_check(pysoem.SAFEOP_STATE, PATIENCE) == pysoem.SAFEOP_STATE
 # What the machine takes from us must not stop the outputs.
-patiently(lambda: device.set_watchdog("processdata", 6_000))
+device.set_watchdog("processdata", 6_000)
 device.output = bytes(len(device.output))
 device.state = pysoem.OP_STATE
 device.write_state()

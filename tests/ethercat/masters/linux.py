@@ -5,10 +5,7 @@ import sys
 import time
 
 import pysoem
-from patience import patiently, start
-
-# For what is not timed here: so long, in us, may this machine do other things.
-PATIENCE = 5_000_000
+from patience import PATIENCE
 
 
 def cycle():
@@ -26,7 +23,7 @@ def until(good, what):
 
 def layout(index):
     """Where a device's values begin: read coils, read input registers, coils to write."""
-    return [int.from_bytes(patiently(lambda: gateway.sdo_read(index, sub)), "little") for sub in (2, 4, 8)]
+    return [int.from_bytes(gateway.sdo_read(index, sub), "little") for sub in (2, 4, 8)]
 
 
 def volts():
@@ -41,11 +38,14 @@ def relays():
 master = pysoem.Master()
 master.sdo_read_timeout = master.sdo_write_timeout = PATIENCE
 master.open(sys.argv[1])
-gateway = start(master, 240)
+assert master.config_init() == 1, "one device"
+gateway = master.slaves[0]
+assert master.config_map() >= 240
+assert master.state_check(pysoem.SAFEOP_STATE, PATIENCE) == pysoem.SAFEOP_STATE
 assert gateway.name == "mobgate"
 # What the machine takes from us must not stop the outputs.
-patiently(lambda: gateway.set_watchdog("processdata", 6_000))
-assert patiently(lambda: gateway.sdo_read(0x2005, 2)) == bytes([1, 0]), "the slaves of the settings are in use"
+gateway.set_watchdog("processdata", 6_000)
+assert gateway.sdo_read(0x2005, 2) == bytes([1, 0]), "the slaves of the settings are in use"
 layout_of_meter, layout_of_relays = layout(0x2011), layout(0x2012)
 gateway.output = bytes(120)
 gateway.state = pysoem.OP_STATE
@@ -62,7 +62,7 @@ for pattern in (0xA5, 0x00):
     until(lambda: relays() == pattern, f"relays {pattern:02x}")
 
 if "save" in sys.argv[2:]:
-    patiently(lambda: gateway.sdo_write(0x1010, 1, b"save"))
+    gateway.sdo_write(0x1010, 1, b"save")
 gateway.state = pysoem.INIT_STATE
 gateway.write_state()
 assert gateway.state_check(pysoem.INIT_STATE, PATIENCE) == pysoem.INIT_STATE

@@ -1,10 +1,10 @@
 //! The network: embassy-net over the Ethernet controller, and the gateway's sockets over that.
 
-use embassy_futures::join::join3;
+use embassy_futures::join::join4;
 use embassy_net::{Runner, StackResources};
 use mobgate::config::OwnNetwork;
 use mobgate::gateway::Gateway;
-use mobgate_net::{Sockets, address};
+use mobgate_net::{Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::ethernet::Ethernet;
@@ -19,7 +19,7 @@ const SOCKET_BYTES: usize = 2 * 640;
 
 /// Starts the network with this setting. The runner is to be run.
 pub(crate) fn start(setting: &OwnNetwork) -> (&'static Sockets, Runner<'static, Ethernet>) {
-    static RESOURCES: StaticCell<StackResources<{ SOCKETS + 1 }>> = StaticCell::new();
+    static RESOURCES: StaticCell<StackResources<{ SOCKETS + 2 }>> = StaticCell::new();
     static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
         ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
     static POOL: StaticCell<Sockets> = StaticCell::new();
@@ -45,5 +45,5 @@ pub(crate) async fn care(gateway: &Gateway<'_>, sockets: &'static Sockets) {
             log::info!("network down");
         }
     };
-    join3(sockets.run(), address::follow(gateway, stack), announce).await;
+    join4(sockets.run(), address::follow(gateway, stack), mdns::run(gateway, stack), announce).await;
 }

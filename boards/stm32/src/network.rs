@@ -3,13 +3,13 @@
 use core::pin::pin;
 
 use embassy_executor::Spawner;
-use embassy_futures::join::join;
+use embassy_futures::join::join3;
 use embassy_net::{Runner, Stack, StackResources};
 use embassy_stm32::eth::{Ethernet, GenericPhy, PacketQueue, Sma};
 use embassy_stm32::peripherals::{ETH, ETH_SMA};
 use embassy_stm32::uid::uid;
 use mobgate::config::OwnNetwork;
-use mobgate_net::{Sockets, address};
+use mobgate_net::{Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::gateway::{CONNECTIONS_OUT, LIVENESS, SEATS, Task, gateway};
@@ -31,8 +31,8 @@ const SOCKET_BYTES: usize = 2 * 260;
 
 static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
     ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
-// One more socket is DHCP's.
-static RESOURCES: StaticCell<StackResources<{ SOCKETS + 1 }>> = StaticCell::new();
+// One more socket is DHCP's, and one multicast DNS's.
+static RESOURCES: StaticCell<StackResources<{ SOCKETS + 2 }>> = StaticCell::new();
 static POOL: StaticCell<Sockets> = StaticCell::new();
 
 /// The place of the driver's packets.
@@ -74,6 +74,7 @@ async fn run_stack(mut runner: Runner<'static, Driver>) -> ! {
 
 #[embassy_executor::task]
 async fn run_sockets(sockets: &'static Sockets) {
-    let both = pin!(join(sockets.run(), address::follow(gateway(), sockets.stack())));
-    LIVENESS.watch(Task::Sockets as usize, both).await;
+    let (gateway, stack) = (gateway(), sockets.stack());
+    let all = pin!(join3(sockets.run(), address::follow(gateway, stack), mdns::run(gateway, stack)));
+    LIVENESS.watch(Task::Sockets as usize, all).await;
 }

@@ -1,0 +1,105 @@
+//! The gateway is found on the board's network by multicast DNS.
+
+use core::net::Ipv4Addr;
+
+use embassy_futures::select::{Either4, select4};
+use embassy_net::udp::{PacketMetadata, UdpMetadata, UdpSocket};
+use embassy_net::{IpAddress, IpEndpoint, Stack};
+use embassy_time::{Duration, Instant, Timer};
+use heapless::String;
+use mobgate::config::HOST_NAME_BYTES_MAX;
+use mobgate::gateway::Gateway;
+use mobgate_mdns::{self as mdns, ANNOUNCEMENTS, GROUP, MESSAGE_BYTES, PORT, Rate, announcement, answer};
+
+use crate::address::state;
+
+/// Longest query. Those for one kind of service are shorter.
+const QUERY_BYTES_MAX: usize = 384;
+/// As those who listen may want it (RFC 6762, 11).
+const TTL: u8 = 255;
+/// From one announcement to the next (RFC 6762, 8.3).
+const AGAIN: Duration = Duration::from_secs(1);
+
+/// Everybody who listens.
+const ALL: IpEndpoint = IpEndpoint::new(IpAddress::Ipv4(GROUP), PORT);
+
+type Message = [u8; MESSAGE_BYTES];
+
+/// Answers as long as the settings of `gateway` have something to be found at `stack`, for ever. What is not to be found any more
+/// is forgotten after two minutes: a board does not keep what it has said, to take it back.
+pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
+    let (mut received, mut sent) = ([PacketMetadata::EMPTY; 1], [PacketMetadata::EMPTY; 1]);
+    let (mut query, mut answers, mut message) =
+        ([0; QUERY_BYTES_MAX], [0; MESSAGE_BYTES], [0; MESSAGE_BYTES]);
+    let mut socket = UdpSocket::new(stack, &mut received, &mut query, &mut sent, &mut answers);
+    socket.set_hop_limit(Some(TTL));
+    // Nobody else has the port, and there is room for one group.
+    let _ = (socket.bind(PORT), stack.join_multicast_group(GROUP));
+    let name = own_name(state(stack).hardware);
+    let mut rate = Rate::new();
+    loop {
+        stack.wait_config_up().await;
+        let (mut announcements, mut due) = (ANNOUNCEMENTS, Instant::now());
+        loop {
+            let Some(own) = stack.config_v4() else { break };
+            let responder = Responder { gateway, name: &name, address: own.address.address() };
+            let received = socket.recv_from_with(|query, from| responder.answer(query, from, &mut message));
+            let happened =
+                select4(received, gateway.new_mdns(), Timer::at(due), stack.wait_config_down()).await;
+            let (length, to) = match happened {
+                Either4::First((length, to)) if length > 0 && rate.admits(Instant::now()) => (length, to),
+                Either4::First(_) => continue,
+                Either4::Second(()) => {
+                    (announcements, due) = (ANNOUNCEMENTS, Instant::now());
+                    continue;
+                }
+                Either4::Third(()) => {
+                    announcements -= 1;
+                    due = if announcements > 0 { Instant::now() + AGAIN } else { Instant::MAX };
+                    (responder.say(&mut message, announcement), ALL)
+                }
+                Either4::Fourth(()) => break,
+            };
+            if length > 0 {
+                // What is lost is asked again.
+                let _ = socket.send_to(&message[..length], to).await;
+            }
+        }
+    }
+}
+
+/// A board's name unless the settings say another: no other one has it.
+fn own_name([.., a, b, c]: [u8; 6]) -> String<HOST_NAME_BYTES_MAX> {
+    let mut name = String::new();
+    // It has room.
+    let _ = core::fmt::Write::write_fmt(&mut name, format_args!("mobgate-{a:02x}{b:02x}{c:02x}"));
+    name
+}
+
+/// What it is while something is waited for: a datagram that has come is looked at while the stack is in use.
+struct Responder<'s, 'g> {
+    gateway: &'s Gateway<'g>,
+    name: &'s str,
+    address: Ipv4Addr,
+}
+
+impl Responder<'_, '_> {
+    /// How long the answer is to a query, and to whom it goes.
+    fn answer(&self, query: &[u8], from: UdpMetadata, into: &mut Message) -> (usize, IpEndpoint) {
+        let port = from.endpoint.port;
+        let length = self.say(into, |gateway, into| answer(gateway, query, port, into));
+        (length, if port == PORT { ALL } else { from.endpoint })
+    }
+
+    /// Lets `what` write what is to be said; its length, 0 when that is nothing.
+    fn say(
+        &self,
+        into: &mut Message,
+        what: impl FnOnce(mdns::Gateway<'_>, &mut [u8]) -> Option<usize>,
+    ) -> usize {
+        let Self { gateway, name: own_name, address } = *self;
+        let length = gateway
+            .settings(|settings| what(mdns::Gateway { settings, own_name, host: None, address }, into));
+        length.unwrap_or(0)
+    }
+}

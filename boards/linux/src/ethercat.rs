@@ -1,8 +1,8 @@
 //! The gateway as an EtherCAT SubDevice at a network interface: a controller in software, which the frames of that interface pass.
 //!
-//! A frame takes this way: epoll, [`reactor`](crate::reactor), [`pass_frames`], through the controller, and back out of the interface. What it
-//! brought wakes the SubDevice, which reaches the controller directly. To it an interface that is missing, or goes away, is a chip that does not
-//! answer: it is looked for until it does.
+//! A frame takes this way: epoll, [`reactor`](crate::reactor), `pass_frames`, through the controller, and back out of the
+//! interface. What it brought wakes the SubDevice, which reaches the controller directly. To it an interface that is missing,
+//! or goes away, is a chip that does not answer: it is looked for until it does.
 
 use std::cell::Cell;
 use std::io::{self, ErrorKind};

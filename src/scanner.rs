@@ -13,6 +13,7 @@
 mod commands;
 mod exchange;
 mod fill;
+mod form;
 mod fraction;
 mod gather;
 mod kind;
@@ -27,6 +28,7 @@ mod values;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
+use self::gather::register;
 use self::row::Entry;
 use self::station::{Open, Station};
 use self::values::Values;
@@ -34,6 +36,7 @@ use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 
 pub use self::commands::Refused;
+pub use self::form::{Form, RegisterBit};
 pub use self::gather::Pdu;
 pub use self::kind::{Kind, Modicon};
 pub use self::place::ScannerPlace;
@@ -217,6 +220,16 @@ impl Scanner {
                     self.fill(device);
                 }
             }
+            Ok([function, exception, ..])
+                if open == Open::Mask
+                    && function & EXCEPTION_BIT != 0
+                    && Exception(*exception) == Exception::ILLEGAL_FUNCTION =>
+            {
+                // No more than a sign of life: what it was asked for is done otherwise from now on.
+                station.answered(now, 0);
+                station.refuses_masks = true;
+                self.go_on(device, Open::Fetch);
+            }
             Ok([function, exception, ..]) if function & EXCEPTION_BIT != 0 => {
                 station.answered(now, *exception);
                 match open {
@@ -225,7 +238,7 @@ impl Scanner {
                         self.skip_poll(device);
                         self.fill(device);
                     }
-                    Open::Read { .. } | Open::Write => {
+                    _ => {
                         self.end(device, now, Err(ErrorCode::of_exception(*exception)), &[]);
                     }
                 }
@@ -234,7 +247,11 @@ impl Scanner {
                 station.answered(now, 0);
                 match open {
                     Open::Check => station.check_from = None,
-                    Open::Read { .. } | Open::Write => self.end(device, now, Ok(open), answer),
+                    Open::Fetch => match register(answer.get(2..).unwrap_or_default(), 0) {
+                        Some(register) => self.go_on(device, Open::Store { register }),
+                        None => self.end(device, now, Err(ErrorCode::Unknown), &[]),
+                    },
+                    _ => self.end(device, now, Ok(open), answer),
                 }
             }
         }
@@ -251,6 +268,11 @@ impl Scanner {
             forbidden => forbidden,
         };
         let crowded = error == ErrorCode::Connection;
+        if open == Open::Mask && error == ErrorCode::Function {
+            // A rule for devices that do not know function 22.
+            station.refuses_masks = true;
+            return self.go_on(device, Open::Fetch);
+        }
         station.not_sent(error);
         if crowded {
             // Asked again at once, it would be refused again.
@@ -270,8 +292,8 @@ impl Scanner {
             let Some(station) = self.stations.get_mut(at) else { break };
             station.pending = true;
             if let Some(open) = station.open.take() {
-                station.repeats = Some(open);
-                self.unanswered(device, ErrorCode::Unknown, true);
+                // By then a register may be another one.
+                self.go_on(device, if let Open::Store { .. } = open { Open::Fetch } else { open });
             }
         }
     }

@@ -61,12 +61,16 @@ port NAME ethercat [line PORT] [on-loss hold|clear|stop] [prove-outputs|no-prove
         "point",
         of_points(
             "point NAME DEVICE|local ...\tties cells of a device, or of the gateway's own unit, to a variable
-point NAME DEVICE coil|discrete|input|holding ADDRESS [count N] [as u16|i16|u32|i32|f32] [label \"TEXT\"]
-      [read low|normal|high|manual|T] [write auto|change|manual] [multiple]
+point NAME DEVICE coil|discrete|input|holding ADDRESS [count N] [as u16|i16|u32|i32|f32] [bit N]
+      [label \"TEXT\"] [read low|normal|high|manual|T] [write auto|change|manual] [multiple]
 point NAME local coil|discrete|input|holding ADDRESS [count N] [as TYPE] | [of POINT]  [quality ADDRESS]
+  as, of coils and discrete inputs: 16 or 32 of them are a number, the first its lowest bit; count is that of bits
+  bit: one bit of a register, from 0; written by function 22, or read, changed and written where that is unknown
   ADDRESS is as it is on the wire; a number without a table is Modicon's: 40001 is holding 0.
   read: every 5s, 1s, 200ms, or T; write auto: whenever the variable is written, change: when its value changes
   of: shows the variable of another point; quality: input registers with its status word and age in 0.1s
+  point lamps meter coil 16 count 16 as u16
+  point run meter holding 40 bit 3 write change
   point power meter holding 0 count 2 as f32 read high label \"Active power\"",
         ),
     ),

@@ -67,7 +67,7 @@ impl Scanner {
     /// The values that were read last: bits packed from the lowest on, or registers with the high byte first.
     pub fn input(&self, id: RowId) -> &[u8] {
         let row = self.variable(id).map(|entry| &entry.row);
-        row.map_or(&[], |row| self.values.span(row.input, row.kind.bytes(row.count)))
+        row.map_or(&[], |row| self.values.span(row.input, row.bytes()))
     }
 
     /// Any bytes of the memory, for whoever lays out an image there.
@@ -89,7 +89,7 @@ impl Scanner {
         }
     }
 
-    /// Writes `count` cells from the cell `from` of the row on into its variable; where that is written automatically, it
+    /// Writes `count` cells of its variable from the cell `from` on; where that is written automatically, it
     /// is marked for that, though the values stay the same. One that is written on change is marked when they do not, or when
     /// they could not be written.
     pub fn put(
@@ -103,17 +103,18 @@ impl Scanner {
         let id = self.entry(id).and_then(|entry| entry.row.of).unwrap_or(id);
         let entry = self.entries.get_mut(usize::from(id.0)).ok_or(Refused::NotThere)?;
         let row = entry.row;
-        let fits = from.checked_add(count).is_some_and(|end| end <= row.count);
-        if !fits || cells.len() < usize::from(row.kind.bytes(count)) {
+        let (kind, size) = row.variable();
+        let fits = from.checked_add(count).is_some_and(|end| end <= size);
+        if !fits || cells.len() < usize::from(kind.bytes(count)) {
             return Err(Refused::NotThere);
         }
         if row.device.is_some() && row.write == Writing::Never {
             return Err(Refused::ReadOnly);
         }
-        let own = self.values.span_mut(row.output, row.kind.bytes(row.count));
+        let own = self.values.span_mut(row.output, kind.bytes(size));
         let (from, count) = (usize::from(from), usize::from(count));
         let mut changes = false;
-        if row.kind.is_bits() {
+        if kind.is_bits() {
             changes = (0..count).any(|at| bit(cells, at) != bit(own, from + at));
             copy_bits(cells, 0, own, from, count);
         } else if let (Some(own), Some(cells)) =

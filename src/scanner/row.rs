@@ -2,6 +2,7 @@
 
 use embassy_time::{Duration, Instant};
 
+use super::form::{Form, RegisterBit};
 use super::kind::Kind;
 use super::status::Status;
 
@@ -37,8 +38,8 @@ pub struct Row {
     pub write: Writing,
     /// One cell is written by function 15 or 16 as well.
     pub multiple: bool,
-    /// The values have 32 bits: the device's byte order holds for them.
-    pub wide: bool,
+    /// What the cells are in the variable.
+    pub form: Form,
     /// The row whose variable this one shows, if it has none of its own.
     pub of: Option<RowId>,
     /// Input registers at which clients find the row's status word and age.
@@ -49,6 +50,22 @@ impl Row {
     /// The address behind the last cell.
     pub(super) fn end(&self) -> u32 {
         u32::from(self.first) + u32::from(self.count)
+    }
+
+    /// The table that its variable fills, and how many cells of that.
+    pub(super) fn variable(&self) -> (Kind, u16) {
+        self.form.variable(self.kind, self.count)
+    }
+
+    /// Bytes of its variable.
+    pub(super) fn bytes(&self) -> u16 {
+        let (kind, cells) = self.variable();
+        kind.bytes(cells)
+    }
+
+    /// The bit of a register that it is, which is never written with others.
+    pub(super) fn bit(&self) -> Option<RegisterBit> {
+        if let Form::Bit(bit) = self.form { Some(bit) } else { None }
     }
 
     /// Whether one and the same variable is read and written.
@@ -163,3 +180,5 @@ fn round_up(time: Duration, raster: Duration) -> Duration {
     let raster = raster.as_ticks().max(1);
     Duration::from_ticks(time.as_ticks().div_ceil(raster) * raster)
 }
+
+const _: () = assert!(size_of::<Entry>() <= 56, "there are many rows");

@@ -4,7 +4,7 @@ use std::iter::from_fn;
 
 use embassy_time::Duration;
 use mobgate::scanner::{
-    ByteOrder, ErrorCode, Full, Kind, Reading, Refused, Row, Scanner, Status, VALUE_BYTES_MAX, Writing,
+    ByteOrder, ErrorCode, Form, Full, Kind, Reading, Refused, Row, Scanner, Status, VALUE_BYTES_MAX, Writing,
 };
 use mobgate_simulator::Random;
 use proptest::prelude::*;
@@ -513,7 +513,7 @@ fn values_of_32_bits_are_turned_from_the_devices_order_and_back() {
     ] {
         let (mut scanner, _) = scanner();
         let id = scanner.add_device(super::Device { order, ..device(7) }).unwrap();
-        let wide = add(&mut scanner, Row { wide: true, ..row(id, Kind::Holding, 0, 2) });
+        let wide = add(&mut scanner, Row { form: Form::Wide, ..row(id, Kind::Holding, 0, 2) });
         let plain = add(&mut scanner, row(id, Kind::Holding, 2, 2));
         scanner.next(at(0)).unwrap();
         scanner.answered(id, at(0), Ok(&[&[3, 8][..], &bytes, &[1, 2, 3, 4]].concat()));

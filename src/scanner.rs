@@ -18,6 +18,7 @@ mod fraction;
 mod gather;
 mod kind;
 mod place;
+mod program;
 mod row;
 mod serve;
 mod station;
@@ -40,6 +41,7 @@ pub use self::form::{Form, RegisterBit};
 pub use self::gather::Pdu;
 pub use self::kind::{Kind, Modicon};
 pub use self::place::ScannerPlace;
+pub use self::program::{ABANDONED_AFTER, Operation, REQUESTERS};
 pub use self::row::{DeviceId, Reading, Row, RowId, SCAN, Writing};
 pub(crate) use self::serve::age_register;
 pub use self::station::{BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, REPEATS};
@@ -176,6 +178,7 @@ impl Scanner {
 
     /// The next request that is to be sent at `now`; none while there is nothing to do.
     pub fn next(&mut self, now: Instant) -> Option<Request> {
+        self.abandon(now);
         self.mark_due(now);
         let count = self.stations.len();
         for nth in 0..count {
@@ -203,7 +206,8 @@ impl Scanner {
             let station = self.station(entry.row.device.filter(|_| waits)?)?;
             (station.open.is_none() && station.pending).then_some(station.held)
         });
-        rows.chain(held).min().unwrap_or(Instant::MAX)
+        let abandoned = self.entries.iter().map(Entry::abandoned_at);
+        rows.chain(held).chain(abandoned).min().unwrap_or(Instant::MAX)
     }
 
     /// What came of the open request to `device`: the answer's PDU, or why there is none.

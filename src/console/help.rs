@@ -109,7 +109,7 @@ network address ADDRESS/PREFIX [gateway ADDRESS]
     ),
     (
         "show",
-        "show TOPIC\tports, routes, units, clients, stats, log, frames, points, devices, config, network, version
+        "show TOPIC\tports, routes, units, clients, stats, log, frames, points, devices, registers, config, network, version
 show ports\twhat the ports are and how they do
 show routes\tthe rules by number; an implied one is the way back of another
 show units\tthe devices behind the ports: whether they answer, how fast, and their troubles
@@ -120,6 +120,7 @@ show frames\tthe last frames of the serial lines, as they were on the wire, and 
 \tif somebody watched or captured
 show points\tthe data points: how they are doing, and their values
 show devices\tthe devices that the scanner asks
+show registers\tthe registers of the gateway's own unit, where a rule leads to local
 show config\tthe settings as lines that make them
 show network\tthe board's own address
 show version\twhat runs here, for how long, and whether an EtherCAT controller answers",
@@ -163,7 +164,10 @@ write UNIT coil|holding ADDRESS [as TYPE] [order 0123|...] VALUE... via PORT",
     ),
     (
         "begin",
-        of_points("begin POINT\tbegins a safe write: it is neither read nor written until finish"),
+        of_points(
+            "begin POINT\tbegins a safe write: it is neither read nor written until finish
+  It ends without a write when nothing is set for 60s.",
+        ),
     ),
     ("finish", of_points("finish POINT\tends a safe write: the point is written")),
     (

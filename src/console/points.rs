@@ -380,7 +380,7 @@ fn order(
         Ask::Row(row) => match command {
             PointCommand::Read | PointCommand::Mark => scanner.read(*row, now),
             PointCommand::Write => scanner.write(*row),
-            PointCommand::Begin => scanner.begin(*row),
+            PointCommand::Begin => scanner.begin(*row, now),
             PointCommand::Finish => scanner.finish(*row),
         },
     }

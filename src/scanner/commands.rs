@@ -30,6 +30,12 @@ pub enum Refused {
     /// No safe write has begun.
     #[error("no safe write has begun")]
     NotBlocked,
+    /// Another requester's command is under way.
+    #[error("another's command is under way")]
+    Taken,
+    /// There is no such command.
+    #[error("there is no such command")]
+    Value,
 }
 
 impl Scanner {
@@ -123,7 +129,7 @@ impl Scanner {
             changes = own != cells;
             own.copy_from_slice(cells);
         }
-        if row.device.is_none() {
+        if row.device.is_none() || entry.status.any(Status::WRITE_BLOCKED) {
             entry.fresh = now;
         }
         let failed = entry.status.any(Status::LAST_ERROR) && entry.status.any(Status::LAST_WAS_WRITE);
@@ -171,6 +177,19 @@ impl Scanner {
         last: u16,
         now: Instant,
     ) -> Result<usize, Refused> {
+        let mark = &mut |scanner: &mut Self, id, write| {
+            if write { scanner.write(id) } else { scanner.read(id, now) }
+        };
+        self.each_in_range((device, function, first, last), mark)
+    }
+
+    /// Has `act` do something with all rows of a device that have cells from a first to a last one, and says whether `function`
+    /// writes; gives the number of rows with which it could, and why there is none.
+    pub(super) fn each_in_range(
+        &mut self,
+        (device, function, first, last): (DeviceId, u8, u16, u16),
+        act: &mut dyn FnMut(&mut Self, RowId, bool) -> Result<(), Refused>,
+    ) -> Result<usize, Refused> {
         let (kind, write) = Kind::of_function(function).ok_or(Refused::NotThere)?;
         let mut marked = 0;
         let mut refused = Refused::NotThere;
@@ -181,7 +200,7 @@ impl Scanner {
             if row.device != Some(device) || row.kind != kind || !touched {
                 continue;
             }
-            match if write { self.write(id) } else { self.read(id, now) } {
+            match act(self, id, write) {
                 Ok(()) => marked += 1,
                 Err(why) => refused = why,
             }
@@ -190,8 +209,9 @@ impl Scanner {
     }
 
     /// Begins a safe write: until it is finished the row is neither read nor written, so that several of its cells can be
-    /// changed, and the device gets all of them in one frame.
-    pub fn begin(&mut self, id: RowId) -> Result<(), Refused> {
+    /// changed, and the device gets all of them in one frame. When [`ABANDONED_AFTER`](super::ABANDONED_AFTER) has passed and none
+    /// was, it ends, and nothing is written.
+    pub fn begin(&mut self, id: RowId, now: Instant) -> Result<(), Refused> {
         let entry = self.entries.get_mut(usize::from(id.0)).ok_or(Refused::NotThere)?;
         entry.row.device.ok_or(Refused::NoDevice)?;
         if entry.row.write == Writing::Never {
@@ -201,6 +221,7 @@ impl Scanner {
             return Err(Refused::Blocked);
         }
         entry.status.set(Status::WRITE_BLOCKED);
+        entry.fresh = now;
         Ok(())
     }
 
@@ -211,6 +232,7 @@ impl Scanner {
             return Err(Refused::NotBlocked);
         }
         entry.status.clear(Status::WRITE_BLOCKED);
+        entry.command.finished();
         self.mark(id, true);
         Ok(())
     }
@@ -245,7 +267,7 @@ impl Scanner {
     }
 
     /// The row whose variable the row `id` shows: itself, or another one.
-    fn variable(&self, id: RowId) -> Option<&Entry> {
+    pub(super) fn variable(&self, id: RowId) -> Option<&Entry> {
         let entry = self.entry(id)?;
         entry.row.of.map_or(Some(entry), |of| self.entry(of))
     }

@@ -94,18 +94,18 @@ impl Scanner {
     pub(super) fn unanswered(&mut self, device: DeviceId, error: ErrorCode, again: bool) {
         let entries = self.entries.iter_mut().filter(|entry| entry.row.device == Some(device));
         for entry in entries {
-            let status = &mut entry.status;
-            entry.repeats = status.any(Status::IN_PROGRESS);
-            if status.any(Status::IN_PROGRESS) {
-                let write = status.leave();
+            entry.repeats = entry.status.any(Status::IN_PROGRESS);
+            if entry.repeats {
+                let write = entry.status.leave();
                 if !again {
-                    status.end(write, Err(error));
+                    entry.end(write, Err(error));
                 }
-                status.set(if write { Status::WRITE_MARKED } else { Status::READ_MARKED });
-                status.clear(Status::WRITE_REMARKED);
+                entry.status.set(if write { Status::WRITE_MARKED } else { Status::READ_MARKED });
+                entry.status.clear(Status::WRITE_REMARKED);
             }
             if !again {
-                status.clear(Status::READ_MARKED);
+                entry.drop_read();
+                entry.command.left_alone();
             }
         }
     }
@@ -113,7 +113,7 @@ impl Scanner {
     /// The device is left out of this poll.
     pub(super) fn skip_poll(&mut self, device: DeviceId) {
         for entry in self.entries.iter_mut().filter(|entry| entry.row.device == Some(device)) {
-            entry.status.clear(Status::READ_MARKED);
+            entry.drop_read();
         }
         if let Some(station) = self.stations.get_mut(usize::from(device.0)) {
             station.check_from = None;
@@ -134,7 +134,7 @@ impl Scanner {
             |entry: &&mut Entry| entry.row.device == Some(device) && entry.status.any(Status::IN_PROGRESS);
         for entry in self.entries.iter_mut().filter(in_progress) {
             let write = entry.status.leave();
-            entry.status.end(write, outcome.map(|_| ()));
+            entry.end(write, outcome.map(|_| ()));
             if entry.status.any(Status::WRITE_REMARKED) {
                 entry.status.clear(Status::WRITE_REMARKED);
                 entry.status.set(Status::WRITE_MARKED);

@@ -4,7 +4,8 @@ use embassy_time::{Duration, Instant};
 
 use super::form::{Form, RegisterBit};
 use super::kind::Kind;
-use super::status::Status;
+use super::program::Command;
+use super::status::{ErrorCode, Status};
 
 /// The table is looked through this often for rows with a priority.
 pub const SCAN: Duration = Duration::from_millis(200);
@@ -135,8 +136,11 @@ pub(super) struct Entry {
     pub(super) repeats: bool,
     /// When it is to be read next, counted from the scanner's start.
     next: Duration,
-    /// When its values were read, or set by whoever writes a variable of this gateway.
+    /// When its values were read, or set by whoever writes a variable of this gateway, or sets them between the beginning and the end
+    /// of a safe write.
     pub(super) fresh: Instant,
+    /// What a program wanted last.
+    pub(super) command: Command,
 }
 
 impl Entry {
@@ -144,12 +148,26 @@ impl Entry {
     pub(super) fn new(row: Row, now: Duration) -> Self {
         let next = round_up(now, row.read.raster());
         let fresh = Instant::MIN;
-        Self { row, status: Status::NEW, read_turn: 0, write_turn: 0, repeats: false, next, fresh }
+        let command = Command::NONE;
+        Self { row, status: Status::NEW, read_turn: 0, write_turn: 0, repeats: false, next, fresh, command }
     }
 
     /// It is asked for now.
     pub(super) fn begin(&mut self, write: bool) {
         self.status.begin(write);
+        self.command.sent(write);
+    }
+
+    /// What it was asked for has ended.
+    pub(super) fn end(&mut self, write: bool, outcome: Result<(), ErrorCode>) {
+        self.status.end(write, outcome);
+        self.command.ended(write, outcome);
+    }
+
+    /// It is not read though it was to be.
+    pub(super) fn drop_read(&mut self) {
+        self.status.clear(Status::READ_MARKED);
+        self.command.read_dropped();
     }
 
     /// When it is due, counted from the scanner's start, if its device is left alone until `held`.

@@ -7,6 +7,7 @@ mod gathering;
 mod image;
 mod local;
 mod polling;
+mod program;
 mod served;
 mod status;
 

@@ -28,6 +28,25 @@ fn points_are_written_and_shown_with_their_values() {
 }
 
 #[test]
+fn the_registers_of_the_own_unit_are_listed_with_the_names_of_ports_and_points() {
+    with_gateway(|gateway| {
+        pipe(gateway, POINTS);
+        let registers = pipe(gateway, "show registers");
+        for line in [
+            "8000h           input         the gateway",
+            "8100h, 9000h    input         port scan, its units",
+            "F000h           holding       point power: command (input: status)",
+            "F003h           holding       point shown: command (input: status)",
+            "F100h-F103h     holding       points of a range: requester and device, function, first, count",
+            "F110h-F12Fh     holding       commands of requester 0, and so on: under way, failed",
+        ] {
+            assert!(registers.contains(&format!("{line}\n")), "{registers}");
+        }
+        assert_eq!(registers.lines().count(), 9, "{registers}");
+    });
+}
+
+#[test]
 fn what_cannot_be_done_with_a_point_is_said() {
     with_gateway(|gateway| {
         pipe(gateway, POINTS);
@@ -52,7 +71,7 @@ fn what_cannot_be_done_with_a_point_is_said() {
         }
         assert_eq!(
             pipe(gateway, "begin power\nwrite power 1.5\nbegin power"),
-            "power           meter           holding       0   40001 0180h to-write blocked; never read;\n  [0] 1.5\nerror: line 3, a safe write has begun\n"
+            "power           meter           holding       0   40001 0180h to-write blocked; 0.0s old;\n  [0] 1.5\nerror: line 3, a safe write has begun\n"
         );
     });
 }

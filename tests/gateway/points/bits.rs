@@ -204,7 +204,7 @@ fn a_register_that_was_read_before_a_pause_is_read_again() {
             assert_eq!(scanner.next(at(0)).unwrap().pdu[0], 16);
             scanner.forget_open();
         } else {
-            scanner.begin(id).unwrap();
+            scanner.begin(id, at(0)).unwrap();
             assert_eq!(scanner.next(at(0)), None);
             scanner.finish(id).unwrap();
         }

@@ -37,7 +37,7 @@ impl Stage<'_, '_, '_> {
                 let cells = cells(&point, values)?;
                 place.change(|scanner| scanner.put(id, 0, point.count * point.value.registers(), &cells, now))
             }
-            OfPoint::Begin => place.change(|scanner| scanner.begin(id)),
+            OfPoint::Begin => place.change(|scanner| scanner.begin(id, now)),
             OfPoint::Finish => place.change(|scanner| scanner.finish(id)),
         };
         done.map_err(|refused| refused.to_string())

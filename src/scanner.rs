@@ -8,7 +8,8 @@
 //!
 //! The same scanner serves tables of data points, whose variables are read and written in one place, and process images,
 //! whose inputs and outputs are places apart: there outputs are written when they differ from what was read back
-//! ([`Writing::OnChange`]). A row without a device is what outside clients see ([`Scanner::serve`]).
+//! ([`Writing::OnChange`]). A row without a device is what outside clients see ([`Scanner::serve`]). What is done at once is asked
+//! for at the console, or by programs behind the gateway, which have commands of their own ([`Scanner::start`]).
 
 mod commands;
 mod exchange;

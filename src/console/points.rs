@@ -194,12 +194,15 @@ fn head(
         None => text(format_args!("never read")),
     };
     let label = &point.label;
+    let wire = match point.at {
+        PointAt::Device { bit: Some(bit), .. } => text(format_args!("{}.{}", point.first, bit as u8)),
+        _ => text(format_args!("{}", point.first)),
+    };
     write!(
         out,
-        "{:15} {whence:15} {:8} {:>6} {modicon:>7} {:04X}h {status}; {old}; {label}",
+        "{:15} {whence:15} {:8} {wire:>6} {modicon:>7} {:04X}h {status}; {old}; {label}",
         point.name,
         point.kind,
-        point.first,
         status.bits()
     )
 }

@@ -237,7 +237,7 @@ impl Scanner {
         Ok(())
     }
 
-    fn mark(&mut self, id: RowId, write: bool) {
+    pub(super) fn mark(&mut self, id: RowId, write: bool) {
         let Some(entry) = self.entries.get_mut(usize::from(id.0)) else { return };
         let Some(device) = entry.row.device else { return };
         let turn = self.turn.wrapping_add(1);

@@ -89,8 +89,8 @@ impl Scanner {
         self.unanswered(device, ErrorCode::Unknown, true);
     }
 
-    /// The open request is not the end of it: its rows wait again, to be sent `again` as one frame; else it got no answer, and reads are given up, and writes wait
-    /// until the device is tried again.
+    /// The open request got no answer, or is not all that it takes: its rows wait again, to be sent `again` as one frame; else reads
+    /// are given up, and writes wait until the device is tried again.
     pub(super) fn unanswered(&mut self, device: DeviceId, error: ErrorCode, again: bool) {
         let entries = self.entries.iter_mut().filter(|entry| entry.row.device == Some(device));
         for entry in entries {

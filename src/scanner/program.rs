@@ -248,7 +248,7 @@ impl Scanner {
             };
             entry.abandon();
             // Some values may be of before, and some new: the device has those that belong together.
-            let _ = self.read(RowId(at as u8), now);
+            self.mark(RowId(at as u8), false);
         }
     }
 }

@@ -206,6 +206,22 @@ fn a_safe_write_whose_program_is_gone_ends_and_leaves_no_half_of_its_values() {
 }
 
 #[test]
+fn an_abandoned_safe_write_of_a_device_that_is_left_alone_is_read_when_that_is_tried_again() {
+    let (mut scanner, device) = scanner();
+    let id = add(&mut scanner, manual(device, 4, 2));
+    let other = add(&mut scanner, manual(device, 20, 1));
+    scanner.begin(id, at(0)).unwrap();
+    scanner.read(other, at(50_000)).unwrap();
+    for _ in 0..3 {
+        lose(&mut scanner, at(50_000)).unwrap();
+    }
+    assert_eq!(scanner.next(at(60_000)), None);
+    assert!(!scanner.status(id, at(60_000)).any(Status::WRITE_BLOCKED));
+    assert_eq!(scanner.next(at(64_999)), None);
+    assert_eq!(scanner.next(at(65_000)).unwrap().pdu, [3, 0, 4, 0, 2]);
+}
+
+#[test]
 fn a_range_is_taken_as_a_whole_or_not_at_all() {
     let (mut scanner, device) = scanner();
     let ids = [0, 10, 20].map(|first| add(&mut scanner, manual(device, first, 2)));

@@ -7,62 +7,52 @@ use super::show::{Source, titled};
 use crate::config::PORTS_MAX;
 use crate::port::local::{image, points, table};
 use crate::port::units::UNITS_MAX;
-use crate::scanner::REQUESTERS;
+use crate::scanner::POINTS;
 
-const HEADING: &str = "REGISTERS       TABLE         WHAT";
-/// Rows of what a board with EtherCAT has.
-const IMAGE: [(u16, &str); 3] = [
-    (image::INPUTS, "process image: inputs"),
-    (image::OUTPUTS, "process image: outputs"),
-    (image::SLAVES, "state and age of slave 0, and so on"),
+/// The first register, its table, and what stands there, of whom.
+type Line<'s> = (u16, &'static str, &'static str, &'s str);
+
+/// The gateway's.
+const GATEWAY: Line = (table::BASE, "input", "gateway", "");
+/// Of a board with EtherCAT.
+const IMAGE: [Line; 3] = [
+    (image::INPUTS, "input", "process image: inputs", ""),
+    (image::OUTPUTS, "input", "process image: outputs", ""),
+    (image::SLAVES, "input", "process image: slaves", ""),
+];
+/// Of all points.
+const COMMANDS: [Line; 2] = [
+    (points::RANGE, "holding", "range of points: requester and device, function, first, count", ""),
+    (points::COMMANDS, "holding", "commands by requester: under way, failed", ""),
 ];
 
-/// The gateway's, those of each port, of the process image and of the points.
 pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
-    titled(HEADING, place, out, |nth, out| match nth.checked_sub(1) {
-        None => Some(write!(out, "{:04X}h           input         the gateway", table::BASE)),
-        Some(port @ 0..PORTS_MAX) => port_row(source, port, out),
-        Some(nth) => image_row(source, nth - PORTS_MAX, out),
+    titled("FIRST TABLE   WHAT", place, out, |nth, out| {
+        let Some((first, table, what, whose)) = line(source, nth)? else { return NO_ROW };
+        Some(write!(out, "{first:04X}h {table:7} {what}{whose}"))
     })
 }
 
-fn port_row(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
-    let Some(Some((port, _))) = source.port(nth) else { return NO_ROW };
-    let first = table::PORTS + nth as u16 * table::PORT_LENGTH;
-    let units = table::UNITS + (nth * UNITS_MAX) as u16 * table::UNIT_LENGTH;
-    Some(write!(out, "{first:04X}h, {units:04X}h    input         port {}, its units", port.name))
-}
-
-fn image_row(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
-    let Some((first, what)) = IMAGE.get(nth) else { return point_row(source, nth - IMAGE.len(), out) };
-    if source.gateway.ethercat().is_none() {
-        return NO_ROW;
+/// Line number `nth`; none behind the last one, and perhaps none there.
+fn line<'s>(source: &Source<'s, '_>, nth: usize) -> Option<Option<Line<'s>>> {
+    let Some(nth) = nth.checked_sub(1) else { return Some(Some(GATEWAY)) };
+    let Some(nth) = nth.checked_sub(2 * PORTS_MAX) else {
+        let (port, is_units) = (nth / 2, nth % 2 == 1);
+        let name = source.settings.ports.get(port)?.as_ref().map(|port| &*port.name);
+        let (first, what) = match is_units {
+            false => (table::PORTS + port as u16 * table::PORT_LENGTH, "port "),
+            true => (table::UNITS + (port * UNITS_MAX) as u16 * table::UNIT_LENGTH, "units of port "),
+        };
+        return Some(name.map(|name| (first, "input", what, name)));
+    };
+    if !POINTS {
+        return None;
     }
-    Some(write!(out, "{first:04X}h           input         {what}"))
-}
-
-fn point_row(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
+    let Some(nth) = nth.checked_sub(IMAGE.len()) else {
+        return Some(IMAGE.get(nth).copied().filter(|_| source.gateway.ethercat().is_some()));
+    };
     source.gateway.scanner()?;
-    if let Some(point) = source.settings.points.get(nth) {
-        let (first, name) = (points::POINTS + nth as u16, &point.name);
-        return Some(write!(
-            out,
-            "{first:04X}h           holding       point {name}: command (input: status)"
-        ));
-    }
-    Some(match nth - source.settings.points.len() {
-        0 => write!(
-            out,
-            "{:04X}h-{:04X}h     holding       points of a range: requester and device, function, first, count",
-            points::RANGE,
-            points::RANGE + 3
-        ),
-        1 => write!(
-            out,
-            "{:04X}h-{:04X}h     holding       commands of requester 0, and so on: under way, failed",
-            points::COMMANDS,
-            points::COMMANDS + u16::from(REQUESTERS) - 1
-        ),
-        _ => return None,
-    })
+    let Some(nth) = nth.checked_sub(COMMANDS.len()) else { return Some(COMMANDS.get(nth).copied()) };
+    let name = &source.settings.points.get(nth)?.name;
+    Some(Some((points::POINTS + nth as u16, "holding", "command (input: status) of point ", name)))
 }

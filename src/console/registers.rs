@@ -26,7 +26,11 @@ const COMMANDS: [Line; 2] = [
     (points::COMMANDS, "holding", "commands by requester: under way, failed", ""),
 ];
 
+/// Nothing on boards without data points, whose flash is scarce.
 pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
+    if !POINTS {
+        return None;
+    }
     titled("FIRST TABLE   WHAT", place, out, |nth, out| {
         let Some((first, table, what, whose)) = line(source, nth)? else { return NO_ROW };
         Some(write!(out, "{first:04X}h {table:7} {what}{whose}"))
@@ -45,9 +49,6 @@ fn line<'s>(source: &Source<'s, '_>, nth: usize) -> Option<Option<Line<'s>>> {
         };
         return Some(name.map(|name| (first, "input", what, name)));
     };
-    if !POINTS {
-        return None;
-    }
     let Some(nth) = nth.checked_sub(IMAGE.len()) else {
         return Some(IMAGE.get(nth).copied().filter(|_| source.gateway.ethercat().is_some()));
     };

@@ -22,6 +22,7 @@ mod output;
 #[cfg_attr(not(feature = "points"), path = "console/no_points.rs")]
 mod points;
 mod probe;
+mod registers;
 mod rows;
 mod scan;
 mod session;

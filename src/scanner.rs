@@ -8,15 +8,18 @@
 //!
 //! The same scanner serves tables of data points, whose variables are read and written in one place, and process images,
 //! whose inputs and outputs are places apart: there outputs are written when they differ from what was read back
-//! ([`Writing::OnChange`]). A row without a device is what outside clients see ([`Scanner::serve`]).
+//! ([`Writing::OnChange`]). A row without a device is what outside clients see ([`Scanner::serve`]). What is done at once is asked
+//! for at the console, or by programs behind the gateway, which have commands of their own ([`Scanner::start`]).
 
 mod commands;
 mod exchange;
 mod fill;
+mod form;
 mod fraction;
 mod gather;
 mod kind;
 mod place;
+mod program;
 mod row;
 mod serve;
 mod station;
@@ -27,6 +30,7 @@ mod values;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
+use self::gather::register;
 use self::row::Entry;
 use self::station::{Open, Station};
 use self::values::Values;
@@ -34,9 +38,11 @@ use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 
 pub use self::commands::Refused;
+pub use self::form::{Form, RegisterBit};
 pub use self::gather::Pdu;
 pub use self::kind::{Kind, Modicon};
 pub use self::place::ScannerPlace;
+pub use self::program::{ABANDONED_AFTER, Operation, REQUESTERS};
 pub use self::row::{DeviceId, Reading, Row, RowId, SCAN, Writing};
 pub(crate) use self::serve::age_register;
 pub use self::station::{BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, REPEATS};
@@ -173,6 +179,7 @@ impl Scanner {
 
     /// The next request that is to be sent at `now`; none while there is nothing to do.
     pub fn next(&mut self, now: Instant) -> Option<Request> {
+        self.abandon(now);
         self.mark_due(now);
         let count = self.stations.len();
         for nth in 0..count {
@@ -200,7 +207,8 @@ impl Scanner {
             let station = self.station(entry.row.device.filter(|_| waits)?)?;
             (station.open.is_none() && station.pending).then_some(station.held)
         });
-        rows.chain(held).min().unwrap_or(Instant::MAX)
+        let abandoned = self.entries.iter().map(Entry::abandoned_at);
+        rows.chain(held).chain(abandoned).min().unwrap_or(Instant::MAX)
     }
 
     /// What came of the open request to `device`: the answer's PDU, or why there is none.
@@ -217,6 +225,16 @@ impl Scanner {
                     self.fill(device);
                 }
             }
+            Ok([function, exception, ..])
+                if open == Open::Mask
+                    && function & EXCEPTION_BIT != 0
+                    && Exception(*exception) == Exception::ILLEGAL_FUNCTION =>
+            {
+                // No more than a sign of life: what it was asked for is done otherwise from now on.
+                station.answered(now, 0);
+                station.refuses_masks = true;
+                self.go_on(device, Open::Fetch);
+            }
             Ok([function, exception, ..]) if function & EXCEPTION_BIT != 0 => {
                 station.answered(now, *exception);
                 match open {
@@ -225,7 +243,7 @@ impl Scanner {
                         self.skip_poll(device);
                         self.fill(device);
                     }
-                    Open::Read { .. } | Open::Write => {
+                    _ => {
                         self.end(device, now, Err(ErrorCode::of_exception(*exception)), &[]);
                     }
                 }
@@ -234,7 +252,11 @@ impl Scanner {
                 station.answered(now, 0);
                 match open {
                     Open::Check => station.check_from = None,
-                    Open::Read { .. } | Open::Write => self.end(device, now, Ok(open), answer),
+                    Open::Fetch => match register(answer.get(2..).unwrap_or_default(), 0) {
+                        Some(register) => self.go_on(device, Open::Store { register }),
+                        None => self.end(device, now, Err(ErrorCode::Unknown), &[]),
+                    },
+                    _ => self.end(device, now, Ok(open), answer),
                 }
             }
         }
@@ -251,6 +273,11 @@ impl Scanner {
             forbidden => forbidden,
         };
         let crowded = error == ErrorCode::Connection;
+        if open == Open::Mask && error == ErrorCode::Function {
+            // A rule for devices that do not know function 22.
+            station.refuses_masks = true;
+            return self.go_on(device, Open::Fetch);
+        }
         station.not_sent(error);
         if crowded {
             // Asked again at once, it would be refused again.
@@ -270,8 +297,8 @@ impl Scanner {
             let Some(station) = self.stations.get_mut(at) else { break };
             station.pending = true;
             if let Some(open) = station.open.take() {
-                station.repeats = Some(open);
-                self.unanswered(device, ErrorCode::Unknown, true);
+                // By then a register may be another one.
+                self.go_on(device, if let Open::Store { .. } = open { Open::Fetch } else { open });
             }
         }
     }

@@ -21,9 +21,7 @@ pub(super) fn check_others(
     let place = place.unwrap_or(settings.points.len());
     let others = || settings.points.iter().enumerate().filter(|&(at, _)| at != place).map(|(_, other)| other);
     let shows = |other: &PointSettings| matches!(other.at, PointAt::Local { of: Some(of), .. } if usize::from(of) == place);
-    let is_same = |old: &PointSettings| {
-        (old.kind.is_bits(), old.count, old.value) == (point.kind.is_bits(), point.count, point.value)
-    };
+    let is_same = |old: &PointSettings| (old.count, old.value) == (point.count, point.value);
     if let PointAt::Local { of: Some(of), .. } = point.at
         && usize::from(of) >= place
     {

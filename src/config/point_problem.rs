@@ -59,12 +59,21 @@ pub enum PointProblem {
     /// A point stands behind the one that it shows, so that lines can be read in their order.
     #[error("stands before the point that it would show: delete it first")]
     ShowsLater,
-    /// A bit is no register.
-    #[error("is of bits where the other is of registers")]
-    BitsAndRegisters,
+    /// A number is no bit.
+    #[error("has bits where the other has numbers")]
+    BitsForNumbers,
+    /// A bit is no number.
+    #[error("has numbers where the other has bits")]
+    NumbersForBits,
     /// A bit is a bit.
     #[error("is for registers only")]
     BitsHaveNoType,
+    /// A value that takes many bits has none of them left over.
+    #[error("expected a multiple of {0}: a value is so many bits")]
+    PartOfValue(u16),
+    /// A bit of a register is one value, 0 or 1.
+    #[error("a bit of a register has neither count nor type")]
+    BitOfRegister,
     /// What a point shows has its own number and type.
     #[error("cannot stand with of: the other point has the values")]
     ValuesOfAnother,

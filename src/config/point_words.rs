@@ -10,13 +10,13 @@ use heapless::String;
 
 use super::point_checks::check_others;
 use super::point_problem::PointProblem;
-use super::points::{DeviceSettings, Label, PointAt, PointName, PointSettings, usual_reading};
+use super::points::{DeviceSettings, Label, PointAt, PointName, PointSettings, usual_reading, usual_type};
 use super::problem::Problem;
 use super::text::Changed;
 use super::values::{is_name, medium, parse_number, small, time};
 use super::words::{Word, Words, Wrong};
 use super::{PortKind, Settings};
-use crate::scanner::{ByteOrder, Device, Kind, Modicon, Reading, ValueType, Writing};
+use crate::scanner::{ByteOrder, Device, Kind, Modicon, Reading, RegisterBit, ValueType, Writing};
 
 pub(super) const PERIOD: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3_600);
 
@@ -57,6 +57,7 @@ enum Key {
     Multiple,
     Of,
     Quality,
+    Bit,
 }
 
 const DEVICE_KEYS: &[(&str, Key)] =
@@ -64,6 +65,7 @@ const DEVICE_KEYS: &[(&str, Key)] =
 const POINT_KEYS: &[(&str, Key)] = &[
     ("count", Key::Count),
     ("as", Key::As),
+    ("bit", Key::Bit),
     ("read", Key::Read),
     ("write", Key::Write),
     ("multiple", Key::Multiple),
@@ -153,12 +155,13 @@ pub(super) fn point(settings: &mut Settings, words: &Words) -> Result<Changed, W
         kind,
         first,
         count: 1,
-        value: ValueType::default(),
+        value: usual_type(kind),
         label: Label::new(),
     };
     let count_word = options(settings, &mut point, words)?.unwrap_or(address_word);
     // A row is one frame, both ways.
-    let most = kind.cells_max(kind.is_writable()) / if kind.is_bits() { 1 } else { point.value.registers() };
+    let most = kind.cells_max(kind.is_writable())
+        / if kind.is_bits() { point.value.bits() } else { point.value.registers() };
     if !(1..=most).contains(&point.count) {
         let problem = Problem::Number { what: "values in a frame", low: 1, high: most.into() };
         return Err(count_word.error(problem));
@@ -189,7 +192,7 @@ fn at(settings: &Settings, word: Word) -> Result<PointAt, Wrong> {
     let device = settings
         .find_device(word.text)
         .ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchDevice)))?;
-    Ok(PointAt::Device { device, read: Reading::Normal, write: Writing::Manual, multiple: false })
+    Ok(PointAt::Device { device, read: Reading::Normal, write: Writing::Manual, multiple: false, bit: None })
 }
 
 /// `holding 0`, or `40001`.
@@ -219,7 +222,7 @@ fn options<'w>(
         let word = words.take();
         let key = match point.at {
             PointAt::Device { .. } => {
-                word.keyword(POINT_KEYS, "count, as, read, write, multiple or label")?
+                word.keyword(POINT_KEYS, "count, as, bit, read, write, multiple or label")?
             }
             PointAt::Local { .. } => word.keyword(LOCAL_KEYS, "count, as, of, quality or label")?,
         };
@@ -230,14 +233,28 @@ fn options<'w>(
         if matches!(key, Key::Write | Key::Multiple) && !point.kind.is_writable() {
             return Err(word.error(Problem::Points(PointProblem::NotWritable)));
         }
-        if key == Key::As && point.kind.is_bits() {
+        let is_device = matches!(point.at, PointAt::Device { .. });
+        if point.kind.is_bits() && (key == Key::Bit || key == Key::As && !is_device) {
             return Err(word.error(Problem::Points(PointProblem::BitsHaveNoType)));
         }
         let own = seen.has(Key::Count) || seen.has(Key::As);
         if seen.has(Key::Of) && own {
             return Err(word.error(Problem::Points(PointProblem::ValuesOfAnother)));
         }
+        if seen.has(Key::Bit) && own {
+            return Err(word.error(Problem::Points(PointProblem::BitOfRegister)));
+        }
         set(settings, point, key, words)?;
+    }
+    if let (true, Some(word)) = (point.kind.is_bits(), count)
+        && seen.has(Key::As)
+    {
+        // Typed are cells, as without a type.
+        let each = point.value.bits();
+        if !point.count.is_multiple_of(each) {
+            return Err(word.error(Problem::Points(PointProblem::PartOfValue(each))));
+        }
+        point.count /= each;
     }
     if let PointAt::Device { read, write, .. } = &mut point.at
         && !seen.has(Key::Read)
@@ -251,6 +268,14 @@ fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) 
     match key {
         Key::Count => point.count = medium(words.take(), "values", 1..=1_968)?,
         Key::As => point.value = words.take().keyword(TYPES, "u16, i16, u32, i32 or f32")?,
+        Key::Bit => {
+            let word = words.take();
+            let nth = small(word, "a bit of the register", 0..=RegisterBit::ALL.len() as u8 - 1)?;
+            point.value = ValueType::Bit;
+            if let PointAt::Device { bit, .. } = &mut point.at {
+                *bit = RegisterBit::ALL.get(usize::from(nth)).copied();
+            }
+        }
         Key::Label => point.label = label(words)?,
         Key::Write => {
             let write = words.take().keyword(WRITINGS, "auto, change or manual")?;
@@ -273,8 +298,10 @@ fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) 
             if matches!(target.at, PointAt::Local { of: Some(_), .. }) || target.name == point.name {
                 return Err(word.error(Problem::Points(PointProblem::ShowsAnother)));
             }
-            if target.kind.is_bits() != point.kind.is_bits() {
-                return Err(word.error(Problem::Points(PointProblem::BitsAndRegisters)));
+            match (target.value == ValueType::Bit, point.kind.is_bits()) {
+                (true, false) => return Err(word.error(Problem::Points(PointProblem::BitsForNumbers))),
+                (false, true) => return Err(word.error(Problem::Points(PointProblem::NumbersForBits))),
+                _ => {}
             }
             (point.count, point.value) = (target.count, target.value);
             if let PointAt::Local { of, .. } = &mut point.at {

@@ -9,8 +9,8 @@ use super::print::option;
 use super::values::Time;
 use super::{NAME_BYTES_MAX, Settings};
 use crate::scanner::{
-    ByteOrder, Device, DeviceId, Full, Kind, POINTS, ROWS_MAX, Reading, Row, RowId, Scanner, ValueType,
-    Writing,
+    ByteOrder, Device, DeviceId, Form, Full, Kind, POINTS, ROWS_MAX, Reading, RegisterBit, Row, RowId,
+    Scanner, ValueType, Writing,
 };
 
 /// Points that settings can hold.
@@ -50,7 +50,7 @@ pub struct PointSettings {
     pub first: u16,
     /// How many values.
     pub count: u16,
-    /// What the values are; meaningless for bits.
+    /// What the values are; bits in a table of bits, if it does not say another type.
     pub value: ValueType,
     /// What people call it.
     pub label: Label,
@@ -69,6 +69,8 @@ pub enum PointAt {
         write: Writing,
         /// One cell is written by function 15 or 16 as well.
         multiple: bool,
+        /// The bit of a register that it is.
+        bit: Option<RegisterBit>,
     },
     /// In the gateway's own unit, where outside clients find them.
     Local {
@@ -82,14 +84,27 @@ pub enum PointAt {
 impl PointSettings {
     /// How many cells it has.
     pub fn cells(&self) -> u16 {
-        if self.kind.is_bits() { self.count } else { self.count.saturating_mul(self.value.registers()) }
+        let each = if self.kind.is_bits() { self.value.bits() } else { self.value.registers() };
+        self.count.saturating_mul(each)
     }
 
     /// Bytes of memory that its own variable takes.
     pub(super) fn bytes(&self) -> usize {
         match self.at {
             PointAt::Local { of: Some(_), .. } => 0,
-            _ => self.kind.bytes(self.cells()).into(),
+            _ if self.value == ValueType::Bit => Kind::Coil.bytes(self.count).into(),
+            _ => Kind::Holding.bytes(self.count.saturating_mul(self.value.registers())).into(),
+        }
+    }
+
+    /// What its cells are in its variable.
+    fn form(&self) -> Form {
+        match (self.at, self.kind.is_bits(), self.value.bits()) {
+            (PointAt::Device { bit: Some(bit), .. }, ..) => Form::Bit(bit),
+            (_, true, 16) => Form::Words,
+            (_, true, 32) => Form::Longs,
+            (_, false, 32) => Form::Wide,
+            _ => Form::Cells,
         }
     }
 
@@ -105,17 +120,22 @@ impl PointSettings {
             read: Reading::Manual,
             write: Writing::Never,
             multiple: false,
-            wide: !self.kind.is_bits() && self.value.registers() == 2,
+            form: self.form(),
             of: None,
             quality: None,
         };
         match self.at {
-            PointAt::Device { device, read, write, multiple } => {
+            PointAt::Device { device, read, write, multiple, .. } => {
                 Row { device: Some(DeviceId(device)), read, write, multiple, ..row }
             }
             PointAt::Local { of, quality } => Row { of: of.map(RowId), quality, ..row },
         }
     }
+}
+
+/// What the values of a point are that does not say it.
+pub(super) const fn usual_type(kind: Kind) -> ValueType {
+    if kind.is_bits() { ValueType::Bit } else { ValueType::U16 }
 }
 
 /// When a point is read that says no more than when it is written. The source's rows are neither read nor written if they do not
@@ -221,11 +241,13 @@ impl Display for PointWords<'_> {
         if let Some(of) = of {
             option(f, "of", of, true)?;
         } else {
-            option(f, "count", count, *count != 1)?;
-            option(f, "as", value.name(), *value != ValueType::default())?;
+            let count = if kind.is_bits() { self.point.cells() } else { *count };
+            option(f, "count", count, count != 1)?;
+            option(f, "as", value.name(), ![usual_type(*kind), ValueType::Bit].contains(value))?;
         }
         match *at {
-            PointAt::Device { read, write, multiple, .. } => {
+            PointAt::Device { read, write, multiple, bit, .. } => {
+                option(f, "bit", bit.map_or(0, |bit| bit as u8), bit.is_some())?;
                 option(f, "read", read, read != usual_reading(write))?;
                 option(f, "write", "auto", write == Writing::Auto)?;
                 option(f, "write", "change", write == Writing::OnChange)?;
@@ -286,3 +308,4 @@ impl Display for Reading {
 }
 
 const _: () = assert!(POINTS_MAX <= u8::MAX as usize, "a place is a byte");
+const _: () = assert!(size_of::<PointSettings>() <= 60, "there are many points, twice");

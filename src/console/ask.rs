@@ -88,10 +88,9 @@ impl Question {
             return Wait::End;
         }
         self.shown = range.end;
-        let step = if self.kind.is_bits() { 1 } else { usize::from(self.value.registers()) };
-        let address = usize::from(self.first) + at * step;
+        let address = usize::from(self.first) + at * usize::from(self.value.registers());
         let cells = session.pdu.get(2..).unwrap_or_default();
-        let values = Values { kind: self.kind, value: self.value, cells, range };
+        let values = Values { value: self.value, cells, range };
         session.out.line(format_args!("[{address}]{values}"));
         Wait::Sent
     }
@@ -136,6 +135,9 @@ impl Question {
     fn table(&mut self, words: &Words, request: &mut Pdu) -> Result<(), Wrong> {
         self.kind = words.take().keyword(KINDS, "coil, discrete, input or holding")?;
         self.first = medium(words.take(), "an address", 0..=u16::MAX)?;
+        if self.kind.is_bits() {
+            self.value = ValueType::Bit;
+        }
         let writes = self.ask == Ask::Write;
         // The head is filled in when the number of values is known.
         let head = if writes { WRITE_HEAD_BYTES } else { READ_BYTES };
@@ -193,8 +195,7 @@ impl Question {
 
     /// Fills in what stands before the values of a `request`, if one frame will do.
     fn fill_in(&self, request: &mut Pdu, head: usize) -> Option<()> {
-        let each = if self.kind.is_bits() { 1 } else { self.value.registers() };
-        let cells = self.count.checked_mul(each)?;
+        let cells = self.count.checked_mul(self.value.registers())?;
         let function = match self.kind {
             kind if self.ask == Ask::Read => kind.read_function(),
             Kind::Coil => WRITE_MULTIPLE_COILS,

@@ -80,6 +80,7 @@ pub(super) const TOPICS_SHOW: &[(&str, Show)] = &[
     ("stats", Show::Stats),
     ("points", Show::Points),
     ("devices", Show::Devices),
+    ("registers", Show::Registers),
     ("config", Show::Config),
     ("network", Show::Network),
     ("log", Show::Log),
@@ -181,8 +182,7 @@ fn save(words: &Words<'_>) -> Begun {
     Ok(Wait::Save { whatever })
 }
 
-const SHOW_EXPECTED: &str =
-    "ports, routes, units, clients, stats, points, devices, config, network, log, frames or version";
+const SHOW_EXPECTED: &str = "ports, routes, units, clients, stats, points, devices, registers, config, network, log, frames or version";
 
 /// The last word of a line as a topic of `table`.
 fn topic<T: Copy>(words: &Words, table: &[(&'static str, T)], expected: &'static str) -> Result<T, Wrong> {

@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn several_words_are_completed_as_far_as_they_agree() {
-        assert_eq!(appended("show r").as_deref(), Some("outes "));
+        assert_eq!(appended("show ro").as_deref(), Some("utes "));
         assert_eq!(appended("del").as_deref(), Some("ete "));
         assert_eq!(appended("tune me").as_deref(), Some("ters "));
         assert_eq!(complete("s", &settings()), Completion::Several);

@@ -62,12 +62,16 @@ port NAME ethercat [interface NAME] [line PORT] [on-loss hold|clear|stop] [prove
         "point",
         of_points(
             "point NAME DEVICE|local ...\tties cells of a device, or of the gateway's own unit, to a variable
-point NAME DEVICE coil|discrete|input|holding ADDRESS [count N] [as u16|i16|u32|i32|f32] [label \"TEXT\"]
-      [read low|normal|high|manual|T] [write auto|change|manual] [multiple]
+point NAME DEVICE coil|discrete|input|holding ADDRESS [count N] [as u16|i16|u32|i32|f32] [bit N]
+      [label \"TEXT\"] [read low|normal|high|manual|T] [write auto|change|manual] [multiple]
 point NAME local coil|discrete|input|holding ADDRESS [count N] [as TYPE] | [of POINT]  [quality ADDRESS]
+  as, of coils and discrete inputs: 16 or 32 of them are a number, the first its lowest bit; count is that of bits
+  bit: one bit of a register, from 0; written by function 22, or read, changed and written where that is unknown
   ADDRESS is as it is on the wire; a number without a table is Modicon's: 40001 is holding 0.
   read: every 5s, 1s, 200ms, or T; write auto: whenever the variable is written, change: when its value changes
   of: shows the variable of another point; quality: input registers with its status word and age in 0.1s
+  point lamps meter coil 16 count 16 as u16
+  point run meter holding 40 bit 3 write change
   point power meter holding 0 count 2 as f32 read high label \"Active power\"",
         ),
     ),
@@ -112,7 +116,7 @@ mdns off\tit does not answer",
     ),
     (
         "show",
-        "show TOPIC\tports, routes, units, clients, stats, log, frames, points, devices, config, network, version
+        "show TOPIC\tports, routes, units, clients, stats, log, frames, points, devices, registers, config, network, version
 show ports\twhat the ports are and how they do
 show routes\tthe rules by number; an implied one is the way back of another
 show units\tthe devices behind the ports: whether they answer, how fast, and their troubles
@@ -123,6 +127,7 @@ show frames\tthe last frames of the serial lines, as they were on the wire, and 
 \tif somebody watched or captured
 show points\tthe data points: how they are doing, and their values
 show devices\tthe devices that the scanner asks
+show registers\tthe registers of the gateway's own unit, where a rule leads to local
 show config\tthe settings as lines that make them
 show network\tthe board's own address
 show version\twhat runs here, for how long, and whether an EtherCAT controller answers",
@@ -166,7 +171,10 @@ write UNIT coil|holding ADDRESS [as TYPE] [order 0123|...] VALUE... via PORT",
     ),
     (
         "begin",
-        of_points("begin POINT\tbegins a safe write: it is neither read nor written until finish"),
+        of_points(
+            "begin POINT\tbegins a safe write: it is neither read nor written until finish
+  It ends without a write when nothing is set for 60s.",
+        ),
     ),
     ("finish", of_points("finish POINT\tends a safe write: the point is written")),
     (

@@ -17,7 +17,7 @@ use crate::config::{
 use crate::gateway::ApplyError;
 use crate::modbus::crc::crc16;
 use crate::scanner::{
-    DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, Writing,
+    DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, ValueType, Writing,
 };
 
 /// How long a command waits for a device.
@@ -169,8 +169,7 @@ fn point(
     let shown = count.checked_sub(at).filter(|shown| *shown > 0)?.min(LINE_VALUES_MAX);
     let more = if at + shown < all && at + shown == count { " ..." } else { "" };
     Some(place.with(|scanner| {
-        let values =
-            Values { kind: point.kind, value: point.value, cells: scanner.input(id), range: at..at + shown };
+        let values = Values { value: point.value, cells: scanner.input(id), range: at..at + shown };
         write!(out, "  [{at}]{values}{more}")
     }))
 }
@@ -195,12 +194,15 @@ fn head(
         None => text(format_args!("never read")),
     };
     let label = &point.label;
+    let wire = match point.at {
+        PointAt::Device { bit: Some(bit), .. } => text(format_args!("{}.{}", point.first, bit as u8)),
+        _ => text(format_args!("{}", point.first)),
+    };
     write!(
         out,
-        "{:15} {whence:15} {:8} {:>6} {modicon:>7} {:04X}h {status}; {old}; {label}",
+        "{:15} {whence:15} {:8} {wire:>6} {modicon:>7} {:04X}h {status}; {old}; {label}",
         point.name,
         point.kind,
-        point.first,
         status.bits()
     )
 }
@@ -335,7 +337,7 @@ fn written(point: &PointSettings, row: RowId, words: &Words, cells: &mut Cells) 
         if first + count >= point.count {
             return Err(word.expected("no more values than the point has"));
         }
-        let kept = if point.kind.is_bits() {
+        let kept = if point.value == ValueType::Bit {
             let bits = [("0", 0), ("1", 1), ("off", 0), ("on", 1)];
             let bit: u8 = word.keyword(&bits, "0 or 1")?;
             if count % 8 == 0 { cells.push(bit).is_ok() } else { set_last(cells, bit << (count % 8)) }
@@ -351,7 +353,7 @@ fn written(point: &PointSettings, row: RowId, words: &Words, cells: &mut Cells) 
         }
         count += 1;
     }
-    let scale = if point.kind.is_bits() { 1 } else { point.value.registers() };
+    let scale = point.value.registers();
     Ok(Ask::Put { row, first: first * scale, count: count * scale })
 }
 
@@ -381,7 +383,7 @@ fn order(
         Ask::Row(row) => match command {
             PointCommand::Read | PointCommand::Mark => scanner.read(*row, now),
             PointCommand::Write => scanner.write(*row),
-            PointCommand::Begin => scanner.begin(*row),
+            PointCommand::Begin => scanner.begin(*row, now),
             PointCommand::Finish => scanner.finish(*row),
         },
     }

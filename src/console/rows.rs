@@ -11,7 +11,7 @@ use crate::config::{DEVICE_BYTES_MAX, Endpoint, PortId, PortKind, Settings, Time
 use crate::gateway::{Gateway, Status};
 use crate::port::units::{State, Unit};
 use crate::route::{Policy, Route};
-use crate::scanner::{Kind, ValueType};
+use crate::scanner::ValueType;
 use crate::stats::{LogEntry, Outcome};
 
 /// The longest cell: a device, or an IPv6 address with its port.
@@ -43,7 +43,6 @@ pub(super) const LINE_VALUES_MAX: usize = 8;
 
 /// Some of the values in `cells`, each with a blank before it.
 pub(super) struct Values<'v> {
-    pub(super) kind: Kind,
     pub(super) value: ValueType,
     /// As they are in memory: bits from the lowest on, registers with the high byte first.
     pub(super) cells: &'v [u8],
@@ -53,7 +52,7 @@ pub(super) struct Values<'v> {
 impl fmt::Display for Values<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for nth in self.range.clone() {
-            if self.kind.is_bits() {
+            if self.value == ValueType::Bit {
                 let bit = self.cells.get(nth / 8).is_some_and(|byte| byte >> (nth % 8) & 1 == 1);
                 write!(f, " {}", u8::from(bit))?;
                 continue;

@@ -7,6 +7,7 @@ use embassy_time::Instant;
 use super::job::Wait;
 use super::output::{NO_ROW, Written};
 use super::points;
+use super::registers;
 use super::rows::{LogRow, Row, StatusText, Troubles, age, cell, describe, describe_unit, text, took};
 use super::session::Session;
 use crate::config::{Endpoint, Port, PortId, PortKind, Settings, Side, write_line};
@@ -26,6 +27,7 @@ pub(super) enum Show {
     Stats,
     Points,
     Devices,
+    Registers,
     Config,
     Network,
     Log,
@@ -95,6 +97,7 @@ fn write(
         Show::Stats => table(STATS, count, out),
         Show::Points => points::row(source, place, out),
         Show::Devices => points::device(source, place, out),
+        Show::Registers => registers::row(source, place, out),
         Show::Config => write_line(source.settings, place, out),
         Show::Network => network(source.settings, system.network(), place, out),
         Show::Log => event(source, system, place, out),

@@ -185,7 +185,7 @@ fn an_error_in_piped_input_names_its_line_and_the_rest_goes_on() {
              error: line 3, column 33: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2\n\
              error: line 5, column 1: \"shwo\": expected a command (see help); did you mean show?\n\
              error: line 6, column 6: \"prots\": expected ports, routes, units, clients, stats, points, \
-             devices, config, network, log, frames or version; did you mean ports?\n\
+             devices, registers, config, network, log, frames or version; did you mean ports?\n\
              error: line 7, column 12: \"now\": expected the end of the line\n"
         );
         assert_eq!(pipe(gateway, "show config"), "port P1 serial uart1 rtu client 19200 8E1\n");

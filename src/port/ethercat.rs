@@ -14,6 +14,7 @@ mod layout;
 mod line;
 mod objects;
 mod place;
+mod points;
 mod request;
 mod settings;
 mod slaves;

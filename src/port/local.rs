@@ -2,7 +2,8 @@
 //!
 //! Diagnostics (FC 08) and the communication event functions (0B, 0C) speak of the port that the request came by; FC 11h and the
 //! device identification (2Bh/0Eh) say what the gateway is. Where points are `local`, it has them in its tables (FC 01 to
-//! 06, 15, 16); behind them are input registers with the state of everything ([`table`]), the EtherCAT process image among it. All else is answered 01h.
+//! 06, 15, 16); behind them are registers with the state of everything ([`table`]), the EtherCAT process image among it, and
+//! those that start something with points ([`points`]). All else is answered 01h.
 
 use embassy_time::Instant;
 
@@ -18,7 +19,8 @@ use crate::modbus::{Exception, pdu};
 
 mod diagnostics;
 mod identification;
-mod image;
+pub mod image;
+pub mod points;
 pub mod table;
 
 pub(crate) use diagnostics::Events;

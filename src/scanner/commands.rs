@@ -30,6 +30,12 @@ pub enum Refused {
     /// No safe write has begun.
     #[error("no safe write has begun")]
     NotBlocked,
+    /// Another requester's command is under way.
+    #[error("another's command is under way")]
+    Taken,
+    /// There is no such command.
+    #[error("there is no such command")]
+    Value,
 }
 
 impl Scanner {
@@ -67,7 +73,7 @@ impl Scanner {
     /// The values that were read last: bits packed from the lowest on, or registers with the high byte first.
     pub fn input(&self, id: RowId) -> &[u8] {
         let row = self.variable(id).map(|entry| &entry.row);
-        row.map_or(&[], |row| self.values.span(row.input, row.kind.bytes(row.count)))
+        row.map_or(&[], |row| self.values.span(row.input, row.bytes()))
     }
 
     /// Any bytes of the memory, for whoever lays out an image there.
@@ -89,7 +95,7 @@ impl Scanner {
         }
     }
 
-    /// Writes `count` cells from the cell `from` of the row on into its variable; where that is written automatically, it
+    /// Writes `count` cells of its variable from the cell `from` on; where that is written automatically, it
     /// is marked for that, though the values stay the same. One that is written on change is marked when they do not, or when
     /// they could not be written.
     pub fn put(
@@ -103,17 +109,18 @@ impl Scanner {
         let id = self.entry(id).and_then(|entry| entry.row.of).unwrap_or(id);
         let entry = self.entries.get_mut(usize::from(id.0)).ok_or(Refused::NotThere)?;
         let row = entry.row;
-        let fits = from.checked_add(count).is_some_and(|end| end <= row.count);
-        if !fits || cells.len() < usize::from(row.kind.bytes(count)) {
+        let (kind, size) = row.variable();
+        let fits = from.checked_add(count).is_some_and(|end| end <= size);
+        if !fits || cells.len() < usize::from(kind.bytes(count)) {
             return Err(Refused::NotThere);
         }
         if row.device.is_some() && row.write == Writing::Never {
             return Err(Refused::ReadOnly);
         }
-        let own = self.values.span_mut(row.output, row.kind.bytes(row.count));
+        let own = self.values.span_mut(row.output, kind.bytes(size));
         let (from, count) = (usize::from(from), usize::from(count));
         let mut changes = false;
-        if row.kind.is_bits() {
+        if kind.is_bits() {
             changes = (0..count).any(|at| bit(cells, at) != bit(own, from + at));
             copy_bits(cells, 0, own, from, count);
         } else if let (Some(own), Some(cells)) =
@@ -122,7 +129,7 @@ impl Scanner {
             changes = own != cells;
             own.copy_from_slice(cells);
         }
-        if row.device.is_none() {
+        if row.device.is_none() || entry.status.any(Status::WRITE_BLOCKED) {
             entry.fresh = now;
         }
         let failed = entry.status.any(Status::LAST_ERROR) && entry.status.any(Status::LAST_WAS_WRITE);
@@ -170,6 +177,19 @@ impl Scanner {
         last: u16,
         now: Instant,
     ) -> Result<usize, Refused> {
+        let mark = &mut |scanner: &mut Self, id, write| {
+            if write { scanner.write(id) } else { scanner.read(id, now) }
+        };
+        self.each_in_range((device, function, first, last), mark)
+    }
+
+    /// Has `act` do something with all rows of a device that have cells from a first to a last one, and says whether `function`
+    /// writes; gives the number of rows with which it could, and why there is none.
+    pub(super) fn each_in_range(
+        &mut self,
+        (device, function, first, last): (DeviceId, u8, u16, u16),
+        act: &mut dyn FnMut(&mut Self, RowId, bool) -> Result<(), Refused>,
+    ) -> Result<usize, Refused> {
         let (kind, write) = Kind::of_function(function).ok_or(Refused::NotThere)?;
         let mut marked = 0;
         let mut refused = Refused::NotThere;
@@ -180,7 +200,7 @@ impl Scanner {
             if row.device != Some(device) || row.kind != kind || !touched {
                 continue;
             }
-            match if write { self.write(id) } else { self.read(id, now) } {
+            match act(self, id, write) {
                 Ok(()) => marked += 1,
                 Err(why) => refused = why,
             }
@@ -189,8 +209,9 @@ impl Scanner {
     }
 
     /// Begins a safe write: until it is finished the row is neither read nor written, so that several of its cells can be
-    /// changed, and the device gets all of them in one frame.
-    pub fn begin(&mut self, id: RowId) -> Result<(), Refused> {
+    /// changed, and the device gets all of them in one frame. When [`ABANDONED_AFTER`](super::ABANDONED_AFTER) has passed and none
+    /// was, it ends, and nothing is written.
+    pub fn begin(&mut self, id: RowId, now: Instant) -> Result<(), Refused> {
         let entry = self.entries.get_mut(usize::from(id.0)).ok_or(Refused::NotThere)?;
         entry.row.device.ok_or(Refused::NoDevice)?;
         if entry.row.write == Writing::Never {
@@ -200,6 +221,7 @@ impl Scanner {
             return Err(Refused::Blocked);
         }
         entry.status.set(Status::WRITE_BLOCKED);
+        entry.fresh = now;
         Ok(())
     }
 
@@ -210,11 +232,12 @@ impl Scanner {
             return Err(Refused::NotBlocked);
         }
         entry.status.clear(Status::WRITE_BLOCKED);
+        entry.command.finished();
         self.mark(id, true);
         Ok(())
     }
 
-    fn mark(&mut self, id: RowId, write: bool) {
+    pub(super) fn mark(&mut self, id: RowId, write: bool) {
         let Some(entry) = self.entries.get_mut(usize::from(id.0)) else { return };
         let Some(device) = entry.row.device else { return };
         let turn = self.turn.wrapping_add(1);
@@ -244,7 +267,7 @@ impl Scanner {
     }
 
     /// The row whose variable the row `id` shows: itself, or another one.
-    fn variable(&self, id: RowId) -> Option<&Entry> {
+    pub(super) fn variable(&self, id: RowId) -> Option<&Entry> {
         let entry = self.entry(id)?;
         entry.row.of.map_or(Some(entry), |of| self.entry(of))
     }

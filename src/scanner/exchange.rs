@@ -2,7 +2,7 @@
 
 use embassy_time::Instant;
 
-use super::gather::{Pdu, gather, read_request, take_cells, write_request};
+use super::gather::{Pdu, gather, mask_request, read_request, store_request, take_cells, write_request};
 use super::row::{DeviceId, Entry, Writing};
 use super::station::Open;
 use super::status::{ErrorCode, Status};
@@ -42,10 +42,14 @@ impl Scanner {
         let entries = &self.entries;
         let turn = |write, repeats| Some((leader(entries, device, write, repeats)?, write, repeats));
         let repeated = match station.repeats {
-            Some(Open::Write) => turn(true, true),
+            Some(Open::Write | Open::Mask | Open::Fetch | Open::Store { .. }) => turn(true, true),
             Some(Open::Read { .. }) => turn(false, true),
             Some(Open::Check) | None => None,
         };
+        if repeated.is_none() && station.repeats != Some(Open::Check) {
+            // Whoever has begun a safe write meanwhile wants it anew, and the register may be another one by then.
+            station.repeats = None;
+        }
         let turn = repeated.or_else(|| turn(true, false)).or_else(|| turn(false, false));
         let Some((leader, write, repeats)) = turn else {
             station.pending = false;
@@ -59,31 +63,49 @@ impl Scanner {
             return Some(Request { device, unit, pdu });
         }
         let extent = gather(&mut self.entries, leader, write, repeats)?;
-        station.asked(if write { Open::Write } else { Open::Read { first: extent.first } });
-        let pdu = match write {
-            true => write_request(&self.entries, &lead, extent, &self.values, &station.device),
-            false => read_request(extent),
+        let values = &self.values;
+        let (open, pdu) = match (write, lead.bit(), station.repeats) {
+            (false, ..) => (Open::Read { first: extent.first }, read_request(extent)),
+            (true, None, _) => {
+                (Open::Write, write_request(&self.entries, &lead, extent, values, &station.device))
+            }
+            (true, Some(bit), Some(open @ Open::Store { register })) => {
+                (open, store_request(&lead, bit, register, values))
+            }
+            (true, Some(_), _) if lead.multiple || station.refuses_masks => {
+                (Open::Fetch, read_request(extent))
+            }
+            (true, Some(bit), _) => (Open::Mask, mask_request(&lead, bit, values)),
         };
+        station.asked(open);
         Some(Request { device, unit, pdu })
     }
 
-    /// The open request got no answer: its rows wait again, to be sent `again` as one frame; else reads are given up, and writes wait
-    /// until the device is tried again.
+    /// Goes on with `open`, the second part of what is under way to `device`, before anything else.
+    pub(super) fn go_on(&mut self, device: DeviceId, open: Open) {
+        if let Some(station) = self.stations.get_mut(usize::from(device.0)) {
+            station.repeats = Some(open);
+        }
+        self.unanswered(device, ErrorCode::Unknown, true);
+    }
+
+    /// The open request got no answer, or is not all that it takes: its rows wait again, to be sent `again` as one frame; else reads
+    /// are given up, and writes wait until the device is tried again.
     pub(super) fn unanswered(&mut self, device: DeviceId, error: ErrorCode, again: bool) {
         let entries = self.entries.iter_mut().filter(|entry| entry.row.device == Some(device));
         for entry in entries {
-            let status = &mut entry.status;
-            entry.repeats = status.any(Status::IN_PROGRESS);
-            if status.any(Status::IN_PROGRESS) {
-                let write = status.leave();
+            entry.repeats = entry.status.any(Status::IN_PROGRESS);
+            if entry.repeats {
+                let write = entry.status.leave();
                 if !again {
-                    status.end(write, Err(error));
+                    entry.end(write, Err(error));
                 }
-                status.set(if write { Status::WRITE_MARKED } else { Status::READ_MARKED });
-                status.clear(Status::WRITE_REMARKED);
+                entry.status.set(if write { Status::WRITE_MARKED } else { Status::READ_MARKED });
+                entry.status.clear(Status::WRITE_REMARKED);
             }
             if !again {
-                status.clear(Status::READ_MARKED);
+                entry.drop_read();
+                entry.command.left_alone();
             }
         }
     }
@@ -91,7 +113,7 @@ impl Scanner {
     /// The device is left out of this poll.
     pub(super) fn skip_poll(&mut self, device: DeviceId) {
         for entry in self.entries.iter_mut().filter(|entry| entry.row.device == Some(device)) {
-            entry.status.clear(Status::READ_MARKED);
+            entry.drop_read();
         }
         if let Some(station) = self.stations.get_mut(usize::from(device.0)) {
             station.check_from = None;
@@ -112,7 +134,7 @@ impl Scanner {
             |entry: &&mut Entry| entry.row.device == Some(device) && entry.status.any(Status::IN_PROGRESS);
         for entry in self.entries.iter_mut().filter(in_progress) {
             let write = entry.status.leave();
-            entry.status.end(write, outcome.map(|_| ()));
+            entry.end(write, outcome.map(|_| ()));
             if entry.status.any(Status::WRITE_REMARKED) {
                 entry.status.clear(Status::WRITE_REMARKED);
                 entry.status.set(Status::WRITE_MARKED);
@@ -126,8 +148,8 @@ impl Scanner {
             if row.is_one_variable() && entry.status.any(mine) {
                 continue;
             }
-            let bytes = row.kind.bytes(row.count);
-            take_cells(&row, first, answer, &station.device, self.values.span_mut(row.input, bytes));
+            let into = self.values.span_mut(row.input, row.bytes());
+            take_cells(&row, first, answer, &station.device, into);
             entry.fresh = now;
             let differs = self.values.differ(&row);
             if row.write == Writing::OnChange && self.outputs && differs {

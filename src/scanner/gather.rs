@@ -2,8 +2,10 @@
 //!
 //! The row whose turn it is takes along the marked rows of its device and table whose addresses follow its own, first
 //! upwards, then downwards, as long as the protocol's limit allows. Rows that are read may overlap; rows that are written
-//! may not, since their order matters. A single cell that is written by function 5 or 6 goes alone.
+//! may not, since their order matters. A single cell that is written by function 5 or 6 goes alone, and so does a bit of a
+//! register.
 
+use super::form::RegisterBit;
 use super::kind::Kind;
 use super::row::{Entry, Row};
 use super::station::Device;
@@ -11,7 +13,8 @@ use super::status::Status;
 use super::values::{Values, bit, copy_bits};
 pub use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{
-    WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER,
+    MASK_WRITE_REGISTER, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL,
+    WRITE_SINGLE_REGISTER,
 };
 
 /// Neighbouring cells of a table.
@@ -52,6 +55,11 @@ fn is_single(row: &Row) -> bool {
     row.count == 1 && !row.multiple
 }
 
+/// Whether it is written alone.
+fn is_alone(row: &Row) -> bool {
+    is_single(row) || row.bit().is_some()
+}
+
 /// Takes the rows that go with the one at place `leader` into progress, and gives the cells of their frame. A frame that `repeats`
 /// has the rows that it had before.
 pub(super) fn gather(entries: &mut [Entry], leader: usize, write: bool, repeats: bool) -> Option<Extent> {
@@ -59,7 +67,7 @@ pub(super) fn gather(entries: &mut [Entry], leader: usize, write: bool, repeats:
     entry.begin(write);
     let lead = entry.row;
     let mut extent = Extent::of(&lead);
-    if write && is_single(&lead) {
+    if write && is_alone(&lead) {
         return Some(extent);
     }
     let marked = if write { Status::WRITE_MARKED } else { Status::READ_MARKED };
@@ -72,7 +80,7 @@ pub(super) fn gather(entries: &mut [Entry], leader: usize, write: bool, repeats:
                 && status.any(marked)
                 && !status.any(Status::WRITE_BLOCKED)
                 && (entry.repeats || !repeats)
-                && !(write && is_single(row));
+                && !(write && is_alone(row));
             let joined = extent.joined(row, write, upwards).filter(|_| eligible)?;
             Some((entry, joined))
         }) {
@@ -124,16 +132,40 @@ pub(super) fn write_request(
         |entry: &&Entry| entry.row.device == lead.device && entry.status.any(Status::IN_PROGRESS);
     for Entry { row, .. } in entries.iter().filter(in_progress) {
         let at = usize::from(row.first - extent.first);
-        let own = values.span(row.output, row.kind.bytes(row.count));
+        let mut own = Pdu::from_slice(values.span(row.output, row.bytes())).unwrap_or_default();
+        row.form.turn(device.order, &mut own);
         if bits {
-            copy_bits(own, 0, data, at, usize::from(row.count));
+            copy_bits(&own, 0, data, at, usize::from(row.count));
         } else if let Some(place) = data.get_mut(2 * at..2 * at + own.len()) {
-            place.copy_from_slice(own);
-            if row.wide {
-                device.order.turn(place);
-            }
+            place.copy_from_slice(&own);
         }
     }
+    pdu
+}
+
+/// The request that changes `bit` of the register of `lead` in one go, to what it is in the variable.
+pub(super) fn mask_request(lead: &Row, bit: RegisterBit, values: &Values) -> Pdu {
+    let mut pdu = Pdu::new();
+    let keeps = !bit.mask(true);
+    // Seven bytes (Application Protocol 6.16).
+    let _ = pdu.push(MASK_WRITE_REGISTER);
+    for field in [lead.first, keeps, bit.put(0, values.span(lead.output, lead.bytes()))] {
+        let _ = pdu.extend_from_slice(&field.to_be_bytes());
+    }
+    pdu
+}
+
+/// The request that writes the register of `lead`, as it was read, with `bit` as it is in the variable.
+pub(super) fn store_request(lead: &Row, bit: RegisterBit, register: u16, values: &Values) -> Pdu {
+    let mut pdu = Pdu::new();
+    let register = bit.put(register, values.span(lead.output, lead.bytes())).to_be_bytes();
+    let [first, first_low] = lead.first.to_be_bytes();
+    // Eight bytes at most.
+    let _ = match lead.multiple {
+        false => pdu.extend_from_slice(&[WRITE_SINGLE_REGISTER, first, first_low]),
+        true => pdu.extend_from_slice(&[WRITE_MULTIPLE_REGISTERS, first, first_low, 0, 1, 2]),
+    };
+    let _ = pdu.extend_from_slice(&register);
     pdu
 }
 
@@ -144,10 +176,15 @@ pub(super) fn take_cells(row: &Row, first: u16, answer: &[u8], device: &Device, 
     if row.kind.is_bits() {
         // What is behind the last bit stays 0.
         copy_bits(data, at, into, 0, usize::from(row.count));
+    } else if let (Some(bit), Some(register)) = (row.bit(), register(data, at)) {
+        into.fill(bit.take(register));
     } else if let Some(own) = data.get(2 * at..2 * at + into.len()) {
         into.copy_from_slice(own);
-        if row.wide {
-            device.order.turn(into);
-        }
     }
+    row.form.turn(device.order, into);
+}
+
+/// Register number `at` of `data`.
+pub(super) fn register(data: &[u8], at: usize) -> Option<u16> {
+    data.as_chunks().0.get(at).map(|register| u16::from_be_bytes(*register))
 }

@@ -2,8 +2,10 @@
 
 use embassy_time::{Duration, Instant};
 
+use super::form::{Form, RegisterBit};
 use super::kind::Kind;
-use super::status::Status;
+use super::program::Command;
+use super::status::{ErrorCode, Status};
 
 /// The table is looked through this often for rows with a priority.
 pub const SCAN: Duration = Duration::from_millis(200);
@@ -37,8 +39,8 @@ pub struct Row {
     pub write: Writing,
     /// One cell is written by function 15 or 16 as well.
     pub multiple: bool,
-    /// The values have 32 bits: the device's byte order holds for them.
-    pub wide: bool,
+    /// What the cells are in the variable.
+    pub form: Form,
     /// The row whose variable this one shows, if it has none of its own.
     pub of: Option<RowId>,
     /// Input registers at which clients find the row's status word and age.
@@ -49,6 +51,22 @@ impl Row {
     /// The address behind the last cell.
     pub(super) fn end(&self) -> u32 {
         u32::from(self.first) + u32::from(self.count)
+    }
+
+    /// The table that its variable fills, and how many cells of that.
+    pub(super) fn variable(&self) -> (Kind, u16) {
+        self.form.variable(self.kind, self.count)
+    }
+
+    /// Bytes of its variable.
+    pub(super) fn bytes(&self) -> u16 {
+        let (kind, cells) = self.variable();
+        kind.bytes(cells)
+    }
+
+    /// The bit of a register that it is, which is never written with others.
+    pub(super) fn bit(&self) -> Option<RegisterBit> {
+        if let Form::Bit(bit) = self.form { Some(bit) } else { None }
     }
 
     /// Whether one and the same variable is read and written.
@@ -118,8 +136,11 @@ pub(super) struct Entry {
     pub(super) repeats: bool,
     /// When it is to be read next, counted from the scanner's start.
     next: Duration,
-    /// When its values were read, or set by whoever writes a variable of this gateway.
+    /// When its values were read, or set by whoever writes a variable of this gateway, or sets them between the beginning and the end
+    /// of a safe write.
     pub(super) fresh: Instant,
+    /// What a program wanted last.
+    pub(super) command: Command,
 }
 
 impl Entry {
@@ -127,12 +148,26 @@ impl Entry {
     pub(super) fn new(row: Row, now: Duration) -> Self {
         let next = round_up(now, row.read.raster());
         let fresh = Instant::MIN;
-        Self { row, status: Status::NEW, read_turn: 0, write_turn: 0, repeats: false, next, fresh }
+        let command = Command::NONE;
+        Self { row, status: Status::NEW, read_turn: 0, write_turn: 0, repeats: false, next, fresh, command }
     }
 
     /// It is asked for now.
     pub(super) fn begin(&mut self, write: bool) {
         self.status.begin(write);
+        self.command.sent(write);
+    }
+
+    /// What it was asked for has ended.
+    pub(super) fn end(&mut self, write: bool, outcome: Result<(), ErrorCode>) {
+        self.status.end(write, outcome);
+        self.command.ended(write, outcome);
+    }
+
+    /// It is not read though it was to be.
+    pub(super) fn drop_read(&mut self) {
+        self.status.clear(Status::READ_MARKED);
+        self.command.read_dropped();
     }
 
     /// When it is due, counted from the scanner's start, if its device is left alone until `held`.
@@ -163,3 +198,5 @@ fn round_up(time: Duration, raster: Duration) -> Duration {
     let raster = raster.as_ticks().max(1);
     Duration::from_ticks(time.as_ticks().div_ceil(raster) * raster)
 }
+
+const _: () = assert!(size_of::<Entry>() <= 56, "there are many rows");

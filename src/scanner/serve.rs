@@ -1,7 +1,8 @@
 //! What outside clients read and write: the rows without a device, as the tables of one unit.
 //!
 //! A request is carried out when each of its cells belongs to such a row, else answered 02. A variable that a device is read
-//! for can be written when its point is written automatically. A row may have two input registers more, of which the first
+//! for can be written when its point is written automatically, when nothing else would overwrite it before somebody has it
+//! written, or in a safe write. A row may have two input registers more, of which the first
 //! is its status word, and the second the age of its values in tenths of a second.
 
 use embassy_time::{Duration, Instant};
@@ -9,7 +10,8 @@ use embassy_time::{Duration, Instant};
 use super::Scanner;
 use super::gather::Pdu;
 use super::kind::Kind;
-use super::row::{Entry, RowId, Writing};
+use super::row::{Entry, Reading, RowId, Writing};
+use super::status::Status;
 use super::values::copy_bits;
 use crate::modbus::pdu::function::{WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
@@ -147,9 +149,12 @@ impl Scanner {
 
     /// Whether outside clients may write the row.
     fn is_open(&self, id: RowId) -> bool {
-        let Some(row) = self.row(id) else { return false };
-        let of = row.of.and_then(|of| self.row(of));
-        of.is_none_or(|of| of.device.is_none() || matches!(of.write, Writing::Auto | Writing::OnChange))
+        self.variable(id).is_some_and(|Entry { row, status, .. }| match row.write {
+            _ if row.device.is_none() => true,
+            Writing::Auto | Writing::OnChange => true,
+            Writing::Manual => row.read == Reading::Manual || status.any(Status::WRITE_BLOCKED),
+            Writing::Never => false,
+        })
     }
 }
 

@@ -59,16 +59,24 @@ pub(super) enum Open {
     Read { first: u16 },
     /// To take the cells of rows.
     Write,
+    /// To change a bit of a register (function 22).
+    Mask,
+    /// For the register of which a bit is to be changed, since it cannot do that itself.
+    Fetch,
+    /// To take the register with the bit changed, which was this before.
+    Store { register: u16 },
 }
 
 /// A device and what is happening to it.
 pub(super) struct Station {
     pub(super) device: Device,
     pub(super) open: Option<Open>,
-    /// What got no answer and is repeated, before anything else.
+    /// What got no answer and is repeated, or is the second part of what is under way: before anything else.
     pub(super) repeats: Option<Open>,
     /// Something may be marked.
     pub(super) pending: bool,
+    /// It has refused to change single bits of registers (function 22): they are read and written instead.
+    pub(super) refuses_masks: bool,
     /// Rows that were marked for reading from this turn on want a check first. It is good for all that are marked by the time
     /// that it is answered: they are one poll, however late the line is.
     pub(super) check_from: Option<u32>,
@@ -88,6 +96,7 @@ impl Station {
             open: None,
             repeats: None,
             pending: false,
+            refuses_masks: false,
             check_from: None,
             silent: 0,
             back_off: Duration::from_ticks(0),

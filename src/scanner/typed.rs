@@ -7,7 +7,9 @@ use super::fraction;
 /// How the cells of a row are read as values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ValueType {
-    /// A register from 0 to 65535; also a bit, in the tables of bits.
+    /// A bit.
+    Bit,
+    /// A register from 0 to 65535.
     #[default]
     U16,
     /// A register from -32768 to 32767.
@@ -21,17 +23,24 @@ pub enum ValueType {
 }
 
 impl ValueType {
+    /// Bits that a value takes.
+    pub const fn bits(self) -> u16 {
+        match self {
+            Self::Bit => 1,
+            Self::U16 | Self::I16 => 16,
+            Self::U32 | Self::I32 | Self::F32 => 32,
+        }
+    }
+
     /// Registers that a value takes.
     pub const fn registers(self) -> u16 {
-        match self {
-            Self::U16 | Self::I16 => 1,
-            Self::U32 | Self::I32 | Self::F32 => 2,
-        }
+        self.bits().div_ceil(16)
     }
 
     /// Its name.
     pub const fn name(self) -> &'static str {
         match self {
+            Self::Bit => "bit",
             Self::U16 => "u16",
             Self::I16 => "i16",
             Self::U32 => "u32",
@@ -40,11 +49,12 @@ impl ValueType {
         }
     }
 
-    /// The value in the first bytes of `registers`.
+    /// The value in the first bytes of `registers`; a bit is their lowest.
     pub fn take(self, registers: &[u8]) -> Option<TypedValue> {
         let short = registers.first_chunk().map(|bytes| u16::from_be_bytes(*bytes));
         let long = registers.first_chunk().map(|bytes| u32::from_be_bytes(*bytes));
         Some(match self {
+            Self::Bit => TypedValue::Whole((registers.first()? & 1).into()),
             Self::U16 => TypedValue::Whole(short?.into()),
             Self::I16 => TypedValue::Whole(short?.cast_signed().into()),
             Self::U32 => TypedValue::Whole(long?.into()),
@@ -65,6 +75,7 @@ impl ValueType {
         let magnitude = i64::from(u32::from_str_radix(digits, radix).ok()?);
         let whole = if text.starts_with('-') { -magnitude } else { magnitude };
         let [a, b] = match self {
+            Self::Bit => [u8::try_from(whole).ok().filter(|bit| *bit <= 1)?, 0],
             Self::U16 => u16::try_from(whole).ok()?.to_be_bytes(),
             Self::I16 => i16::try_from(whole).ok()?.to_be_bytes(),
             Self::U32 => return u32::try_from(whole).ok().map(u32::to_be_bytes),

@@ -36,10 +36,11 @@ impl Values {
 
     /// Whether the row's inputs are others than its outputs. What stands behind the last bit is nobody's.
     pub(super) fn differ(&self, row: &Row) -> bool {
-        let bytes = row.kind.bytes(row.count);
+        let (kind, cells) = row.variable();
+        let bytes = kind.bytes(cells);
         let (input, output) = (self.span(row.input, bytes), self.span(row.output, bytes));
-        if row.kind.is_bits() {
-            return (0..usize::from(row.count)).any(|at| bit(input, at) != bit(output, at));
+        if kind.is_bits() {
+            return (0..usize::from(cells)).any(|at| bit(input, at) != bit(output, at));
         }
         input != output
     }

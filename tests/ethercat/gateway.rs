@@ -12,6 +12,7 @@ mod line;
 mod long_images;
 pub(crate) mod matrix;
 mod objects;
+mod points;
 mod random;
 mod requests;
 mod silence;

@@ -1,17 +1,19 @@
 //! Data points: the scanner by itself, with time as a value; its port, the local tables and the settings in virtual time.
 
+mod bits;
 mod config;
 mod console;
 mod gathering;
 mod image;
 mod local;
 mod polling;
+mod program;
 mod served;
 mod status;
 
 use embassy_time::{Duration, Instant};
 use mobgate::scanner::{
-    ByteOrder, Device, DeviceId, ErrorCode, Kind, Reading, Request, Row, RowId, Scanner, Writing,
+    ByteOrder, Device, DeviceId, ErrorCode, Form, Kind, Reading, Request, Row, RowId, Scanner, Writing,
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -47,7 +49,7 @@ fn row(device: DeviceId, kind: Kind, first: u16, count: u16) -> Row {
         read: Reading::Normal,
         write: if kind.is_writable() { Writing::Auto } else { Writing::Never },
         multiple: false,
-        wide: false,
+        form: Form::Cells,
         of: None,
         quality: None,
     }

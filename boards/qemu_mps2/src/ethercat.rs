@@ -29,5 +29,5 @@ pub(crate) fn start(spawner: Spawner) {
 async fn run() {
     let wires = Wires::open();
     let controller = Lan9252::new(Spi(&wires), Wiring::default());
-    serve(&PLACE, controller, async || wires.interrupt().await).await
+    serve(&PLACE, Some(&SCANNER), controller, async || wires.interrupt().await).await
 }

@@ -86,5 +86,5 @@ async fn run(wires: Wires) {
 async fn serve_controller(Wires { spi, select, mut interrupt }: Wires) {
     let bus = Mutex::<NoopRawMutex, _>::new(spi);
     let controller = Lan9252::new(SpiDevice::new(&bus, select), Wiring::default());
-    serve(&PLACE, controller, async || interrupt.wait_for_high().await).await
+    serve(&PLACE, Some(&SCANNER), controller, async || interrupt.wait_for_high().await).await
 }

@@ -6,7 +6,7 @@ use super::{Memory, Mode, pipe, session, std, with_gateway};
 
 const POINTS: &str = "port scan scanner\ndevice meter unit 5\npoint power meter 40001 as f32 read manual write auto\n\
                       point kept local holding 7 count 3 as i16\npoint lamps local coil 0 count 4 label \"On, off\"\n\
-                      point shown local input 0 of kept\n";
+                      point shown local input 0 of kept\npoint run meter holding 40 bit 3\n";
 
 #[test]
 fn points_are_written_and_shown_with_their_values() {
@@ -23,7 +23,33 @@ fn points_are_written_and_shown_with_their_values() {
         assert!(
             table.contains("power           meter           holding       0   40001 0000h new; never read;")
         );
+        let run = pipe(gateway, "begin run\nwrite run on\n");
+        assert!(
+            run.starts_with("run             meter           holding    40.3   40041 0100h blocked;"),
+            "{run}"
+        );
+        assert!(run.ends_with("\n  [0] 1\n"), "{run}");
         assert!(pipe(gateway, "show devices\n").contains("meter              5"));
+    });
+}
+
+#[test]
+fn the_registers_of_the_own_unit_are_listed_with_the_names_of_ports_and_points() {
+    with_gateway(|gateway| {
+        pipe(gateway, POINTS);
+        let registers = pipe(gateway, "show registers");
+        for line in [
+            "8000h input   gateway",
+            "8100h input   port scan",
+            "9000h input   units of port scan",
+            "F000h holding command (input: status) of point power",
+            "F003h holding command (input: status) of point shown",
+            "F100h holding range of points: requester and device, function, first, count",
+            "F110h holding commands by requester: under way, failed",
+        ] {
+            assert!(registers.contains(&format!("{line}\n")), "{registers}");
+        }
+        assert_eq!(registers.lines().count(), 11, "{registers}");
     });
 }
 
@@ -52,7 +78,7 @@ fn what_cannot_be_done_with_a_point_is_said() {
         }
         assert_eq!(
             pipe(gateway, "begin power\nwrite power 1.5\nbegin power"),
-            "power           meter           holding       0   40001 0180h to-write blocked; never read;\n  [0] 1.5\nerror: line 3, a safe write has begun\n"
+            "power           meter           holding       0   40001 0180h to-write blocked; 0.0s old;\n  [0] 1.5\nerror: line 3, a safe write has begun\n"
         );
     });
 }

@@ -10,12 +10,14 @@ use super::keeping::{Keep, Kept};
 use super::line::LineWriter;
 use super::objects::REASON_BYTES;
 use super::place::EthercatPlace;
+use super::points::PointObjects;
 use super::slaves::ModbusSlave;
 use crate::ethercat::al_state::{AlState, AlStatusCode};
 use crate::ethercat::application::{Address, Application};
 use crate::ethercat::coe::abort::Abort;
 use crate::ethercat::dictionary::number;
 use crate::ethercat::sync_manager::Channel;
+use crate::scanner::ScannerPlace;
 
 /// Reads and writes of configuration, layout and buffers.
 pub struct GatewayObjects<'p> {
@@ -26,13 +28,20 @@ pub struct GatewayObjects<'p> {
     outputs_valid: bool,
     /// Advances when inputs are renewed, so that a MainDevice can tell stale ones.
     input_counter: u8,
+    points: PointObjects<'p>,
 }
 
 impl<'p> GatewayObjects<'p> {
     /// The objects after power-on.
     pub fn new(place: &'p EthercatPlace) -> Self {
         place.set_room(Room::FIRST);
-        Self { place, refused: None, outputs_valid: false, input_counter: 0 }
+        Self { place, refused: None, outputs_valid: false, input_counter: 0, points: PointObjects::default() }
+    }
+
+    /// Those of a gateway that has data points, too.
+    #[must_use]
+    pub fn with_points(self, scanner: Option<&'p ScannerPlace>) -> Self {
+        Self { points: PointObjects::new(scanner), ..self }
     }
 
     /// What they share with the port.
@@ -62,6 +71,7 @@ impl<'p> GatewayObjects<'p> {
             0x2032 => place.state_word(sub).into(),
             0x2033 if sub == 1 => place.requests().state().number().into(),
             0x2033 => place.requests().error().into(),
+            0x2040..=0x2043 => self.points.number(at.index, sub)?.into(),
             index => match ModbusSlave::of(index) {
                 Some(ModbusSlave::Layout(nth)) => (*place.layout(nth).0.get(sub)?).into(),
                 Some(ModbusSlave::Status(nth)) => place.status_number(nth, sub)?,
@@ -160,6 +170,8 @@ impl Application for GatewayObjects<'_> {
                 requests.check(&requests.parts(number as usize).ok_or(Abort::Range)?)
             }
             (0x2034, _) => self.place.requests().check_part(),
+            // What comes of them is told when they are written.
+            (0x2040 | 0x2042, _) => Ok(()),
             // 1 would be mark parity, which no line here can do.
             (0x2020, 3) if number == 1 => Err(Abort::Range),
             (0x2005, _) => Ok(()),
@@ -186,12 +198,16 @@ impl Application for GatewayObjects<'_> {
             (0x2034, part) => {
                 self.place.requests().put_part(4 * usize::from(part.saturating_sub(1)), value);
             }
+            (index @ (0x2040 | 0x2042), sub) => self.points.write(index, sub, number as u16),
             // The table has no other writable entry that is not known here.
             _ => self.place.configuration(|configuration| configuration.set(at, number)).unwrap_or_default(),
         }
     }
 
     fn written(&mut self) -> Option<Result<(), Abort>> {
+        if let Err(abort) = self.points.outcome() {
+            return Some(Err(abort));
+        }
         match self.place.keeping.outcome() {
             Kept::Nothing | Kept::Done => Some(Ok(())),
             Kept::Going => None,

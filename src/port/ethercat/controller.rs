@@ -12,6 +12,7 @@ use crate::ethercat::esc::{Esc, EscError};
 use crate::ethercat::sub_device::{RESTART_PAUSE, SubDevice};
 use crate::gateway::Status;
 use crate::hal::{OpenError, OpenErrorKind};
+use crate::scanner::ScannerPlace;
 
 /// Between two looks for a controller that does not answer. A look is a few bytes on the bus.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
@@ -66,10 +67,16 @@ impl fmt::Display for Controller {
     }
 }
 
-/// The gateway's EtherCAT task: serves the controller behind `esc`, for ever, whenever there is one. `attention` as for
-/// [`SubDevice::run`].
-pub async fn serve(place: &EthercatPlace, esc: impl Esc, mut attention: impl AsyncFnMut()) -> ! {
-    let mut sub_device = SubDevice::new(&GATEWAY, esc, GatewayObjects::new(place));
+/// The gateway's EtherCAT task: serves the controller behind `esc`, for ever, whenever there is one; `points` are those of the
+/// gateway, if it has any. `attention` as for [`SubDevice::run`].
+pub async fn serve(
+    place: &EthercatPlace,
+    points: Option<&ScannerPlace>,
+    esc: impl Esc,
+    mut attention: impl AsyncFnMut(),
+) -> ! {
+    let objects = GatewayObjects::new(place).with_points(points);
+    let mut sub_device = SubDevice::new(&GATEWAY, esc, objects);
     let mut known = None;
     loop {
         let controller = match (sub_device.esc().look().await, known) {

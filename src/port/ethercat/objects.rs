@@ -12,11 +12,15 @@ use crate::ethercat::object::{Access, DataType, Entry, Mapped, Object};
 use crate::ethercat::standard;
 use crate::ethercat::sync_manager::MemoryPlan;
 use crate::modbus::PDU_BYTES_MAX;
+use crate::scanner::REQUESTERS;
 
 /// Bytes of the reason for which a configuration is refused (2006h).
 pub const REASON_BYTES: u16 = 48;
 /// Bytes of inputs at most: the image, a counter, the health of four slaves, and the state of all of them.
 const INPUTS_BYTES: u16 = IMAGE_BYTES + 1 + SLAVES_FIRST as u16 + 2 * SLAVES as u16;
+
+/// Data points that have entries: as many as there are on any board.
+const POINTS: u8 = 128;
 
 const EVALUATION_VENDOR: u32 = 0xffff_0001;
 const EVALUATION_PRODUCT: u32 = 0x0000_0001;
@@ -96,6 +100,19 @@ const REQUEST: &[Entry] = &[
 /// Unit and PDU four bytes at a time, for MainDevices that write no more than that by SDO.
 const REQUEST_PART: Entry =
     Entry { access: Access::WRITE, ..Entry::reading("UnitAndPduPart", DataType::U32) };
+
+/// The number of whoever asks, a MainDevice or one of its tasks, in the high byte; in the low one what is to be done, and when it is
+/// read how that is doing: as the holding registers of the own unit.
+const POINT_COMMAND: Entry = Entry::setting("Command", DataType::U16, 0, (0, u16::MAX as u64))
+    .with_access(Access::READ.and(Access::WRITE));
+
+/// Count is written last, and has the others carried out.
+const POINT_RANGE: &[Entry] =
+    &[range_entry("RequesterAndDevice"), range_entry("Function"), range_entry("First"), range_entry("Count")];
+
+const fn range_entry(name: &'static str) -> Entry {
+    Entry { name, ..POINT_COMMAND }
+}
 
 /// What is written is a word (CiA 301, 7.5.2.13 and 14), what is read is that it is done on command.
 const fn on_command(name: &'static str) -> Entry {
@@ -180,6 +197,10 @@ const BEHIND_LAYOUTS: &[Object] = &[
     Object::array(0x2032, "StateOfSlaves", SLAVES, STATE),
     Object::record(0x2033, "ModbusRequest", REQUEST),
     Object::array(0x2034, "ModbusRequestByFour", REQUEST_BYTES_MAX.div_ceil(4) as u8, REQUEST_PART),
+    Object::array(0x2040, "PointCommands", POINTS, POINT_COMMAND),
+    Object::array(0x2041, "PointStatus", POINTS, Entry::reading("Status", DataType::U16)),
+    Object::record(0x2042, "PointRange", POINT_RANGE),
+    Object::array(0x2043, "PointCommandsOfRequesters", REQUESTERS, Entry::reading("Commands", DataType::U16)),
 ];
 
 const FIRST_CONFIGURATIONS: &[Object] = &first_four(&CONFIGURATIONS, 0x2001);

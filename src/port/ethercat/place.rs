@@ -20,7 +20,7 @@ use super::request::Requests;
 use crate::config::{Cells, OnLoss, Settings, SlaveSettings};
 use crate::ethercat::coe::abort::Abort;
 use crate::scanner::{
-    ByteOrder, Device, DeviceId, DeviceStatus, Full, Reading, Row, Scanner, ScannerPlace, Writing,
+    ByteOrder, Device, DeviceId, DeviceStatus, Form, Full, Reading, Row, Scanner, ScannerPlace, Writing,
 };
 
 /// Where the buffers lie in the scanner's memory.
@@ -384,7 +384,7 @@ fn add(
             read: Reading::Every(slave.polling_ms),
             write: if output.is_some() { Writing::OnChange } else { Writing::Never },
             multiple: false,
-            wide: false,
+            form: Form::Cells,
             of: None,
             quality: None,
         };

@@ -7,11 +7,11 @@ use crate::port::ethercat::{EthercatPlace, Room};
 use crate::scanner::{DEVICES_MAX, age_register};
 
 /// The first register of the inputs; each has two bytes, the first one high.
-const INPUTS: u16 = 0xe000;
+pub const INPUTS: u16 = 0xe000;
 /// The first register of the outputs.
-const OUTPUTS: u16 = 0xe200;
+pub const OUTPUTS: u16 = 0xe200;
 /// The first register of slave 0, of two for each: its state as in 2032h, and how old its last answer is.
-const SLAVES: u16 = 0xe400;
+pub const SLAVES: u16 = 0xe400;
 const IMAGE_REGISTERS: u16 = Room::MOST.inputs / 2;
 const INPUTS_END: u16 = INPUTS + IMAGE_REGISTERS;
 const OUTPUTS_END: u16 = OUTPUTS + IMAGE_REGISTERS;

@@ -5,12 +5,12 @@
 
 use embassy_time::Instant;
 
-use super::{Answered, image, put};
+use super::{Answered, image, points, put};
 use crate::config::{PORTS_MAX, PortId};
 use crate::gateway::{Gateway, PortAt, Status};
 use crate::modbus::Exception;
 use crate::modbus::Pdu;
-use crate::modbus::pdu::function::READ_INPUT_REGISTERS;
+use crate::modbus::pdu::function::{READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS};
 use crate::port::units::{State, TROUBLES, UNITS_MAX, Unit};
 use crate::stats::Event;
 
@@ -64,18 +64,24 @@ pub const COUNTERS: [Event; 28] = [
     Event::Collision,
 ];
 
-/// Answers `request`, if it is a read of this table.
+/// Answers `request`, if it is a read of this table, or is about the registers of points.
 pub(super) fn answer(gateway: &Gateway<'_>, request: &[u8], answer: &mut Pdu) -> Option<Answered> {
-    let &[READ_INPUT_REGISTERS, a, b, c, d] = request else { return None };
+    let &[function @ (READ_INPUT_REGISTERS | READ_HOLDING_REGISTERS), a, b, c, d] = request else {
+        // The answer repeats address and value or quantity (clauses 6.6, 6.12).
+        let written = points::write(gateway, request)?;
+        return Some(written.and_then(|()| put(answer, &[request.get(..5).unwrap_or_default()])));
+    };
     let (first, count) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
-    if first < BASE {
+    let is_input = function == READ_INPUT_REGISTERS;
+    if first < if is_input { BASE } else { points::POINTS } || !is_input && gateway.scanner().is_none() {
         return None;
     }
+    let register = if is_input { register } else { points::holding };
     if !(1..=REGISTERS_MAX).contains(&count) {
         return Some(Err(Exception::ILLEGAL_VALUE));
     }
     // There is room for as many.
-    let _ = put(answer, &[&[READ_INPUT_REGISTERS, 2 * count as u8]]);
+    let _ = put(answer, &[&[function, 2 * count as u8]]);
     for offset in 0..count {
         let value = first.checked_add(offset).and_then(|address| register(gateway, address));
         let Some(value) = value else { return Some(Err(Exception::ILLEGAL_ADDRESS)) };
@@ -103,6 +109,7 @@ fn register(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
             });
             Some(unit.map_or(0, |(unit, state)| of_unit(&unit, state, at)))
         }
+        points::POINTS.. => points::input(gateway, address),
         _ => image::register(gateway.ethercat()?, address),
     }
 }

@@ -114,6 +114,7 @@ fn with_gateway_of(
             world.spawn(serve(rig.wire("uart1").tap(line), devices));
             let (esc, interrupt) = direct(segment.borrow().chip(0));
             let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
+            let objects = objects.with_points(rig.gateway.scanner());
             spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
             scenario(world, rig);
         },

@@ -29,7 +29,7 @@ fn the_port_says_that_no_controller_answers_and_works_when_one_does() {
         let driver = Driver::new(lan9252.spi(), Wiring::default());
         let mut interrupt = lan9252.interrupt();
         world.spawn(async move {
-            serve(place, driver, async || interrupt.wait_for_high().await.unwrap()).await;
+            serve(place, None, driver, async || interrupt.wait_for_high().await.unwrap()).await;
         });
         world.run_for(Duration::from_secs(9));
         assert!(matches!(place.controller(), Controller::Missing(_)), "{:?}", place.controller());
@@ -76,7 +76,7 @@ fn outputs_are_proved_from_the_setting_on_while_process_data_go_on() {
         let driver = Driver::new(lan9252.spi(), Wiring::default());
         let mut interrupt = lan9252.interrupt();
         world.spawn(async move {
-            serve(place, driver, async || interrupt.wait_for_high().await.unwrap()).await;
+            serve(place, None, driver, async || interrupt.wait_for_high().await.unwrap()).await;
         });
         // Until the controller is found.
         world.run_for(Duration::from_secs(2));

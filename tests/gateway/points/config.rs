@@ -3,7 +3,7 @@
 use mobgate::config::{Loader, PointAt, Settings, apply, write_line};
 use mobgate::frame::FramePool;
 use mobgate::gateway::{Gateway, Ports};
-use mobgate::scanner::{DeviceId, Reading, RowId, ScannerPlace, Writing};
+use mobgate::scanner::{DeviceId, Reading, RowId, ScannerPlace, ValueType, Writing};
 use proptest::prelude::*;
 
 const GOOD: &str = "port  scan scanner
@@ -15,10 +15,16 @@ point power  meter input 0 count 8 as f32 read high label \"Active power, W\"
 point limit  meter holding 65535 write auto
 point open   valve coil 3 count 10 read 250ms write auto multiple
 point alarm  valve discrete 0 read low
+point lamps  valve coil 16 count 32 as i16 write auto
+point total  valve discrete 64 count 32 as u32
+point run    meter holding 40 bit 3 write change
+point fault  meter input 40 bit 15 read high
 point speed  valve holding 40001 as i16 read manual
 point seen   local input 100 of power quality 200
 point kept   local holding 7 count 4 as u32
 point lamp   local coil 0
+point panel  local holding 20 of lamps
+point runs   local coil 9 of run
 ";
 
 fn load(text: &str) -> Settings {
@@ -129,7 +135,36 @@ fn an_error_names_the_word_and_its_column() {
         ),
         ("point x meter coil 0 count 1969", "column 28: \"1969\": expected values from 1 to 1968"),
         ("point x meter holding 65535 as u32", "column 15: \"holding\": the cells go beyond address 65535"),
-        ("point x meter coil 0 as u16", "column 22: \"as\": is for registers only"),
+        ("point x local coil 50 count 16 as u16", "column 32: \"as\": is for registers only"),
+        ("point x meter coil 0 bit 3", "column 22: \"bit\": is for registers only"),
+        (
+            "point x meter coil 0 count 17 as u16",
+            "column 28: \"17\": expected a multiple of 16: a value is so many bits",
+        ),
+        (
+            "point x meter coil 0 as u32 count 16",
+            "column 35: \"16\": expected a multiple of 32: a value is so many bits",
+        ),
+        (
+            "point x meter coil 65521 count 16 as u16",
+            "column 15: \"coil\": the cells go beyond address 65535",
+        ),
+        ("point x meter holding 0 bit 16", "column 29: \"16\": expected a bit of the register from 0 to 15"),
+        (
+            "point x meter holding 0 bit 3 count 2",
+            "column 31: \"count\": a bit of a register has neither count nor type",
+        ),
+        (
+            "point x meter holding 0 as i16 bit 3",
+            "column 32: \"bit\": a bit of a register has neither count nor type",
+        ),
+        (
+            "point x meter input 0 bit 3 write auto",
+            "column 29: \"write\": discrete inputs and input registers cannot be written",
+        ),
+        ("point x local holding 900 bit 3", "column 27: \"bit\": expected count, as, of, quality or label"),
+        ("point x local holding 900 of run", "column 30: \"run\": has bits where the other has numbers"),
+        ("point x local coil 900 of lamps", "column 27: \"lamps\": has numbers where the other has bits"),
         (
             "point x meter input 0 write auto",
             "column 23: \"write\": discrete inputs and input registers cannot be written",
@@ -147,7 +182,7 @@ fn an_error_names_the_word_and_its_column() {
         ("point x meter holding 0 count 2 count 3", "column 33: \"count\": is set twice in this line"),
         (
             "point x meter holding 0 of power",
-            "column 25: \"of\": expected count, as, read, write, multiple or label",
+            "column 25: \"of\": expected count, as, bit, read, write, multiple or label",
         ),
         (
             "point x local holding 0 read high",
@@ -157,10 +192,7 @@ fn an_error_names_the_word_and_its_column() {
         ("point x local input 201", "column 15: \"input\": another local point has cells there"),
         ("point x local input 0 quality 199", "column 15: \"input\": another local point has cells there"),
         ("point x local input 0 quality 0", "column 15: \"input\": another local point has cells there"),
-        (
-            "point x local holding 900 of open",
-            "column 30: \"open\": is of bits where the other is of registers",
-        ),
+        ("point x local holding 900 of open", "column 30: \"open\": has bits where the other has numbers"),
         ("point x local holding 900 of seen", "column 30: \"seen\": has no variable of its own"),
         ("point x local holding 900 of nobody", "column 30: \"nobody\": there is no point of this name"),
         (
@@ -236,7 +268,15 @@ fn devices_points_and_values_are_bounded() {
 #[test]
 fn places_close_up_when_a_device_or_a_point_goes() {
     let mut settings = load(GOOD);
-    for line in ["delete point seen", "delete point power", "delete point limit", "delete device meter"] {
+    for line in [
+        "delete point runs",
+        "delete point run",
+        "delete point fault",
+        "delete point seen",
+        "delete point power",
+        "delete point limit",
+        "delete device meter",
+    ] {
         apply(&mut settings, line).unwrap();
     }
     assert_eq!(load(&print(&settings)), settings);
@@ -256,6 +296,8 @@ fn any_line() -> impl Strategy<Value = String> {
         "count 123",
         "as f32",
         "as u32",
+        "count 32",
+        "bit 3",
         "read high",
         "read manual",
         "read 10ms",
@@ -315,7 +357,10 @@ proptest! {
                 for (at, point) in settings.points.iter().enumerate() {
                     let row = scanner.row(RowId(at as u8)).unwrap();
                     prop_assert_eq!((row.kind, row.first, row.count), (point.kind, point.first, point.cells()));
-                    let bytes = usize::from(point.kind.bytes(point.cells()));
+                    let bytes = match point.value {
+                        ValueType::Bit => usize::from(point.count).div_ceil(8),
+                        value => usize::from(2 * point.count * value.registers()),
+                    };
                     prop_assert_eq!(scanner.input(RowId(at as u8)).len(), bytes);
                 }
                 Ok(())

@@ -4,7 +4,7 @@ use std::iter::from_fn;
 
 use embassy_time::Duration;
 use mobgate::scanner::{
-    ByteOrder, ErrorCode, Full, Kind, Reading, Refused, Row, Scanner, Status, VALUE_BYTES_MAX, Writing,
+    ByteOrder, ErrorCode, Form, Full, Kind, Reading, Refused, Row, Scanner, Status, VALUE_BYTES_MAX, Writing,
 };
 use mobgate_simulator::Random;
 use proptest::prelude::*;
@@ -245,10 +245,10 @@ fn a_row_that_is_never_written_or_has_no_device_refuses_to_be_written() {
     let (mut scanner, device) = scanner();
     let only_read = add(&mut scanner, Row { write: Writing::Never, ..row(device, Kind::Holding, 0, 1) });
     assert_eq!(scanner.write(only_read), Err(Refused::ReadOnly));
-    assert_eq!(scanner.begin(only_read), Err(Refused::ReadOnly));
+    assert_eq!(scanner.begin(only_read, START), Err(Refused::ReadOnly));
     let local = add(&mut scanner, Row { device: None, ..row(device, Kind::Holding, 1, 1) });
     assert_eq!(scanner.write(local), Err(Refused::NoDevice));
-    assert_eq!(scanner.begin(local), Err(Refused::NoDevice));
+    assert_eq!(scanner.begin(local, START), Err(Refused::NoDevice));
     assert_eq!(requests(&mut scanner, 0), [[3, 0, 0, 0, 1]]);
 }
 
@@ -262,7 +262,7 @@ fn a_row_in_a_safe_write_is_not_written_along_with_its_neighbour_nor_read_along(
     for id in [below, blocked, above] {
         scanner.put(id, 0, 2, &[0, 1, 0, 1], START).unwrap();
     }
-    scanner.begin(blocked).unwrap();
+    scanner.begin(blocked, START).unwrap();
     scanner.put(blocked, 0, 1, &[0, 7], START).unwrap();
     let frames = requests(&mut scanner, 0);
     assert_eq!(frames, [[16, 0, 0, 0, 2, 4, 0, 1, 0, 1], [16, 0, 4, 0, 2, 4, 0, 1, 0, 1]]);
@@ -272,7 +272,7 @@ fn a_row_in_a_safe_write_is_not_written_along_with_its_neighbour_nor_read_along(
     for id in [below, blocked, above] {
         scanner.read(id, at(2)).unwrap();
     }
-    scanner.begin(blocked).unwrap();
+    scanner.begin(blocked, START).unwrap();
     assert_eq!(requests(&mut scanner, 2), [[3, 0, 0, 0, 2], [3, 0, 4, 0, 2]]);
 }
 
@@ -513,7 +513,7 @@ fn values_of_32_bits_are_turned_from_the_devices_order_and_back() {
     ] {
         let (mut scanner, _) = scanner();
         let id = scanner.add_device(super::Device { order, ..device(7) }).unwrap();
-        let wide = add(&mut scanner, Row { wide: true, ..row(id, Kind::Holding, 0, 2) });
+        let wide = add(&mut scanner, Row { form: Form::Wide, ..row(id, Kind::Holding, 0, 2) });
         let plain = add(&mut scanner, row(id, Kind::Holding, 2, 2));
         scanner.next(at(0)).unwrap();
         scanner.answered(id, at(0), Ok(&[&[3, 8][..], &bytes, &[1, 2, 3, 4]].concat()));

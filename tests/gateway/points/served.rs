@@ -218,11 +218,11 @@ fn marking_takes_rows_that_share_a_cell_with_the_range_and_says_why_there_is_non
     let fixed = add(&mut scanner, Row { write: Writing::Never, ..row(device, Kind::Holding, 30, 1) });
     assert_eq!(scanner.mark_range(device, 6, 30, 30, START), Err(Refused::ReadOnly));
     assert_eq!(
-        (scanner.write(fixed), scanner.begin(fixed)),
+        (scanner.write(fixed), scanner.begin(fixed, START)),
         (Err(Refused::ReadOnly), Err(Refused::ReadOnly))
     );
-    assert_eq!(scanner.begin(ten), Ok(()));
-    assert_eq!(scanner.begin(ten), Err(Refused::Blocked));
+    assert_eq!(scanner.begin(ten, START), Ok(()));
+    assert_eq!(scanner.begin(ten, START), Err(Refused::Blocked));
     assert_eq!(
         (scanner.write(ten), scanner.read(ten, START)),
         (Err(Refused::Blocked), Err(Refused::Blocked))
@@ -238,7 +238,10 @@ fn marking_takes_rows_that_share_a_cell_with_the_range_and_says_why_there_is_non
         (scanner.write(gone), scanner.read(gone, START)),
         (Err(Refused::NotThere), Err(Refused::NotThere))
     );
-    assert_eq!((scanner.begin(gone), scanner.finish(gone)), (Err(Refused::NotThere), Err(Refused::NotThere)));
+    assert_eq!(
+        (scanner.begin(gone, START), scanner.finish(gone)),
+        (Err(Refused::NotThere), Err(Refused::NotThere))
+    );
 }
 
 #[test]

@@ -281,7 +281,7 @@ fn what_is_repeated_is_that_frame_whatever_else_is_due_or_written_meanwhile() {
         assert_eq!(scanner.next(at(16_800)).unwrap().pdu, [16, 0, 0, 0, 2, 4, 0, 0, 0, 1]);
         scanner.answered(device, at(16_800), Err(ErrorCode::Timeout));
     }
-    scanner.begin(beside).unwrap();
+    scanner.begin(beside, at(0)).unwrap();
     assert_eq!(scanner.next(at(16_800)).unwrap().pdu, [16, 0, 0, 0, 1, 2, 0, 0]);
 }
 
@@ -382,9 +382,9 @@ fn a_safe_write_sends_several_cells_in_one_frame_and_keeps_reads_off() {
     let (mut scanner, device) = scanner();
     let id = add(&mut scanner, row(device, Kind::Holding, 0, 3));
     while exchange(&mut scanner, at(0)).is_some() {}
-    scanner.begin(id).unwrap();
+    scanner.begin(id, at(0)).unwrap();
     assert!(scanner.status(id, at(1)).any(Status::WRITE_BLOCKED));
-    assert_eq!(scanner.begin(id), Err(Refused::Blocked));
+    assert_eq!(scanner.begin(id, at(0)), Err(Refused::Blocked));
     assert_eq!(scanner.read(id, at(1)), Err(Refused::Blocked));
     scanner.put(id, 0, 1, &[0, 8], at(1)).unwrap();
     scanner.put(id, 2, 1, &[0, 9], at(1)).unwrap();
@@ -401,7 +401,7 @@ fn a_safe_write_that_begins_while_a_frame_is_repeated_holds_the_repeat_back() {
     while exchange(&mut scanner, at(0)).is_some() {}
     scanner.put(id, 0, 1, &[0, 8], at(1)).unwrap();
     scanner.next(at(1)).unwrap();
-    scanner.begin(id).unwrap();
+    scanner.begin(id, at(0)).unwrap();
     scanner.put(id, 0, 1, &[0, 9], at(2)).unwrap();
     scanner.answered(device, at(2), Err(ErrorCode::Timeout));
     assert_eq!(scanner.next(at(2)), None, "half of the change must not go out");

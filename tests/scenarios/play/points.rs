@@ -2,7 +2,7 @@
 
 use embassy_time::Instant;
 use mobgate::config::PointSettings;
-use mobgate::scanner::{DeviceId, RowId, ScannerPlace};
+use mobgate::scanner::{DeviceId, RowId, ScannerPlace, ValueType};
 
 use super::Stage;
 use super::acts::equal;
@@ -35,9 +35,9 @@ impl Stage<'_, '_, '_> {
             OfPoint::IsWritten(None) => place.change(|scanner| scanner.write(id)),
             OfPoint::IsWritten(Some(values)) => {
                 let cells = cells(&point, values)?;
-                place.change(|scanner| scanner.put(id, 0, point.cells(), &cells, now))
+                place.change(|scanner| scanner.put(id, 0, point.count * point.value.registers(), &cells, now))
             }
-            OfPoint::Begin => place.change(|scanner| scanner.begin(id)),
+            OfPoint::Begin => place.change(|scanner| scanner.begin(id, now)),
             OfPoint::Finish => place.change(|scanner| scanner.finish(id)),
         };
         done.map_err(|refused| refused.to_string())
@@ -59,7 +59,7 @@ impl Stage<'_, '_, '_> {
 }
 
 fn shown(point: &PointSettings, cells: &[u8]) -> String {
-    let value = |nth: usize| match point.kind.is_bits() {
+    let value = |nth: usize| match point.value == ValueType::Bit {
         true => (cells[nth / 8] >> (nth % 8) & 1).to_string(),
         false => {
             let at = 2 * usize::from(point.value.registers()) * nth;
@@ -71,7 +71,7 @@ fn shown(point: &PointSettings, cells: &[u8]) -> String {
 
 fn cells(point: &PointSettings, values: &str) -> Result<Vec<u8>, String> {
     let values: Vec<&str> = values.split_whitespace().collect();
-    if point.kind.is_bits() {
+    if point.value == ValueType::Bit {
         let mut cells = vec![0; values.len().div_ceil(8)];
         for (nth, value) in values.iter().enumerate() {
             cells[nth / 8] |= number::<u8>(value)? << (nth % 8);

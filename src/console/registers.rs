@@ -1,0 +1,59 @@
+//! `show registers`: what stands in which register of the gateway's own unit. README.md says what each of them means.
+
+use core::fmt;
+
+use super::output::{NO_ROW, Written};
+use super::show::{Source, titled};
+use crate::config::PORTS_MAX;
+use crate::port::local::{image, points, table};
+use crate::port::units::UNITS_MAX;
+use crate::scanner::POINTS;
+
+/// The first register, its table, and what stands there, of whom.
+type Line<'s> = (u16, &'static str, &'static str, &'s str);
+
+/// The gateway's.
+const GATEWAY: Line = (table::BASE, "input", "gateway", "");
+/// Of a board with EtherCAT.
+const IMAGE: [Line; 3] = [
+    (image::INPUTS, "input", "process image: inputs", ""),
+    (image::OUTPUTS, "input", "process image: outputs", ""),
+    (image::SLAVES, "input", "process image: slaves", ""),
+];
+/// Of all points.
+const COMMANDS: [Line; 2] = [
+    (points::RANGE, "holding", "range of points: requester and device, function, first, count", ""),
+    (points::COMMANDS, "holding", "commands by requester: under way, failed", ""),
+];
+
+/// Nothing on boards without data points, whose flash is scarce.
+pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
+    if !POINTS {
+        return None;
+    }
+    titled("FIRST TABLE   WHAT", place, out, |nth, out| {
+        let Some((first, table, what, whose)) = line(source, nth)? else { return NO_ROW };
+        Some(write!(out, "{first:04X}h {table:7} {what}{whose}"))
+    })
+}
+
+/// Line number `nth`; none behind the last one, and perhaps none there.
+fn line<'s>(source: &Source<'s, '_>, nth: usize) -> Option<Option<Line<'s>>> {
+    let Some(nth) = nth.checked_sub(1) else { return Some(Some(GATEWAY)) };
+    let Some(nth) = nth.checked_sub(2 * PORTS_MAX) else {
+        let (port, is_units) = (nth / 2, nth % 2 == 1);
+        let name = source.settings.ports.get(port)?.as_ref().map(|port| &*port.name);
+        let (first, what) = match is_units {
+            false => (table::PORTS + port as u16 * table::PORT_LENGTH, "port "),
+            true => (table::UNITS + (port * UNITS_MAX) as u16 * table::UNIT_LENGTH, "units of port "),
+        };
+        return Some(name.map(|name| (first, "input", what, name)));
+    };
+    let Some(nth) = nth.checked_sub(IMAGE.len()) else {
+        return Some(IMAGE.get(nth).copied().filter(|_| source.gateway.ethercat().is_some()));
+    };
+    source.gateway.scanner()?;
+    let Some(nth) = nth.checked_sub(COMMANDS.len()) else { return Some(COMMANDS.get(nth).copied()) };
+    let name = &source.settings.points.get(nth)?.name;
+    Some(Some((points::POINTS + nth as u16, "holding", "command (input: status) of point ", name)))
+}

@@ -1,0 +1,65 @@
+//! Data points as registers of the gateway's own unit, for masters that do what a program does: what is to be read or written at
+//! once, whose commands were taken, and the status of each point. README.md has the table.
+
+use embassy_time::Instant;
+
+use crate::gateway::Gateway;
+use crate::modbus::Exception;
+use crate::modbus::pdu::function::{WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_REGISTER};
+use crate::scanner::{REQUESTERS, ROWS_MAX, Refused, RowId};
+
+/// The registers of point 0: the holding register takes commands, the input register is its status word.
+pub const POINTS: u16 = 0xf000;
+/// The first of four holding registers that are written together, for all points of a device that have certain cells.
+pub const RANGE: u16 = 0xf100;
+/// The holding register that says how the commands of requester 0 are doing.
+pub const COMMANDS: u16 = 0xf110;
+const POINTS_END: u16 = POINTS + ROWS_MAX as u16;
+const COMMANDS_END: u16 = COMMANDS + REQUESTERS as u16;
+
+const _: () = assert!(POINTS_END <= RANGE);
+
+/// The holding register at `address`; none if there is none.
+pub(super) fn holding(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
+    gateway.scanner()?.with(|scanner| match address {
+        POINTS..POINTS_END => scanner.command(RowId((address - POINTS) as u8)),
+        COMMANDS..COMMANDS_END => Some(scanner.commands_of((address - COMMANDS) as u8)),
+        _ => None,
+    })
+}
+
+/// The input register at `address`; none if there is none.
+pub(super) fn input(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
+    let id = RowId(u8::try_from(address.checked_sub(POINTS)?).ok()?);
+    gateway.scanner()?.with(|scanner| {
+        scanner.row(id)?;
+        Some(scanner.status(id, Instant::now()).bits())
+    })
+}
+
+/// Carries `request` out, if it writes to these registers.
+pub(super) fn write(gateway: &Gateway<'_>, request: &[u8]) -> Option<Result<(), Exception>> {
+    let (first, values) = match *request {
+        [WRITE_SINGLE_REGISTER, a, b, ref values @ ..] => ([a, b], values),
+        // Between them are quantity and byte count.
+        [WRITE_MULTIPLE_REGISTERS, a, b, _, _, _, ref values @ ..] => ([a, b], values),
+        _ => return None,
+    };
+    let first = u16::from_be_bytes(first);
+    let place = gateway.scanner().filter(|_| first >= POINTS)?;
+    let now = Instant::now();
+    let done = place.change(|scanner| match (first, values) {
+        (POINTS..POINTS_END, &[a, b]) => {
+            scanner.start(RowId((first - POINTS) as u8), u16::from_be_bytes([a, b]), now)
+        }
+        (RANGE, &[a, b, c, d, e, f, g, h]) => {
+            scanner.start_range([[a, b], [c, d], [e, f], [g, h]].map(u16::from_be_bytes), now)
+        }
+        _ => Err(Refused::NotThere),
+    });
+    Some(done.map_err(|refused| match refused {
+        Refused::NotThere | Refused::NoDevice => Exception::ILLEGAL_ADDRESS,
+        Refused::Value | Refused::ReadOnly | Refused::NotBlocked => Exception::ILLEGAL_VALUE,
+        Refused::Taken | Refused::Blocked | Refused::BackingOff(_) => Exception::BUSY,
+    }))
+}

@@ -1,0 +1,76 @@
+//! How the cells of a row are the values of its variable: bits as numbers, a single bit of a register, values of 32 bits.
+
+use super::kind::Kind;
+use super::values::{ByteOrder, bit};
+
+/// What the cells of a row are in its variable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// Each is a value: a bit, or a register of 16 bits.
+    Cells,
+    /// Two registers are a value of 32 bits, in the device's byte order.
+    Wide,
+    /// Sixteen bits are a number, of which the first is the lowest bit.
+    Words,
+    /// So are 32 bits.
+    Longs,
+    /// One bit of a register is a value.
+    Bit(RegisterBit),
+}
+
+impl Form {
+    /// The table that a variable fills whose row has `count` cells of `kind`, and how many cells of that.
+    pub(super) fn variable(self, kind: Kind, count: u16) -> (Kind, u16) {
+        match self {
+            Self::Cells | Self::Wide => (kind, count),
+            Self::Words | Self::Longs => (Kind::Holding, count / 16),
+            Self::Bit(_) => (Kind::Coil, count),
+        }
+    }
+
+    /// Turns values from the order that they have in frames, or back: each form is its own inverse.
+    pub(super) fn turn(self, order: ByteOrder, values: &mut [u8]) {
+        let bytes = match self {
+            Self::Wide => return order.turn(values),
+            Self::Words => 2,
+            Self::Longs => 4,
+            Self::Cells | Self::Bit(_) => return,
+        };
+        values.chunks_exact_mut(bytes).for_each(<[u8]>::reverse);
+    }
+}
+
+/// A bit of a register, from the lowest on.
+// Not a number: so a row takes no more memory for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+#[allow(missing_docs)] // Their names say it.
+#[rustfmt::skip] // In two lines.
+pub enum RegisterBit {
+    B0, B1, B2, B3, B4, B5, B6, B7,
+    B8, B9, B10, B11, B12, B13, B14, B15,
+}
+
+impl RegisterBit {
+    /// All of them.
+    #[rustfmt::skip] // As above.
+    pub const ALL: [Self; 16] = [
+        Self::B0, Self::B1, Self::B2, Self::B3, Self::B4, Self::B5, Self::B6, Self::B7,
+        Self::B8, Self::B9, Self::B10, Self::B11, Self::B12, Self::B13, Self::B14, Self::B15,
+    ];
+
+    /// The register of which only this bit is set, if it is `on`.
+    pub const fn mask(self, on: bool) -> u16 {
+        (on as u16) << self as u8
+    }
+
+    /// `register` with this bit as it is in the variable.
+    pub(super) fn put(self, register: u16, variable: &[u8]) -> u16 {
+        register & !self.mask(true) | self.mask(bit(variable, 0))
+    }
+
+    /// This bit of `register`, as it is in the variable.
+    pub(super) fn take(self, register: u16) -> u8 {
+        (register >> self as u8 & 1) as u8
+    }
+}

@@ -1,0 +1,275 @@
+//! What a program starts and finds out by numbers: a master of the gateway's own unit, or an EtherCAT MainDevice.
+//!
+//! A program gives itself a number, the *requester*. It writes that and an [`Operation`] to the row's command; what it reads there
+//! is the requester whose command was taken last, and how that is doing. While a command is under way, others than its requester
+//! are refused, so that everybody can tell whose was taken. The rows do what the console's commands have them do.
+
+use embassy_time::{Duration, Instant};
+
+use super::row::{DeviceId, Entry, RowId};
+use super::status::{ErrorCode, Status};
+use super::{Refused, Scanner};
+use crate::scanner::Kind;
+
+/// Numbers of requesters, from 0 on.
+pub const REQUESTERS: u8 = 32;
+/// A safe write of which nothing is heard for so long ends by itself: whoever has begun it is gone.
+pub const ABANDONED_AFTER: Duration = Duration::from_secs(60);
+
+/// What is done with a row at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Operation {
+    /// It is read.
+    Read = 1,
+    /// It is written as its variable is.
+    Write = 2,
+    /// A safe write begins.
+    Begin = 3,
+    /// The safe write is finished: it is written.
+    Finish = 4,
+}
+
+impl Operation {
+    const ALL: [Self; 4] = [Self::Read, Self::Write, Self::Begin, Self::Finish];
+
+    fn of(number: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|operation| *operation as u8 == number)
+    }
+}
+
+/// How a command is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+enum Progress {
+    /// There has been none.
+    None,
+    ReadWaits,
+    ReadSent,
+    WriteWaits,
+    WriteSent,
+    Begun,
+    Done,
+    Failed,
+}
+
+impl Progress {
+    const ALL: [Self; 8] = [
+        Self::None,
+        Self::ReadWaits,
+        Self::ReadSent,
+        Self::WriteWaits,
+        Self::WriteSent,
+        Self::Begun,
+        Self::Done,
+        Self::Failed,
+    ];
+
+    const fn is_under_way(self) -> bool {
+        matches!(self, Self::ReadWaits | Self::ReadSent | Self::WriteWaits | Self::WriteSent | Self::Begun)
+    }
+
+    /// The number that programs read.
+    const fn number(self) -> u8 {
+        match self {
+            Self::None => 0,
+            Self::ReadWaits | Self::ReadSent | Self::WriteWaits | Self::WriteSent => 1,
+            Self::Done => 2,
+            Self::Failed => 3,
+            Self::Begun => 4,
+        }
+    }
+}
+
+/// The command that a row took last, in one byte: there are many rows. Its progress is in the lowest three bits.
+#[derive(Clone, Copy)]
+pub(super) struct Command(u8);
+
+impl Command {
+    pub(super) const NONE: Self = Self::new(0, Progress::None);
+
+    const fn new(requester: u8, progress: Progress) -> Self {
+        Self(requester << 3 | progress as u8)
+    }
+
+    fn requester(self) -> u8 {
+        self.0 >> 3
+    }
+
+    fn progress(self) -> Progress {
+        Progress::ALL.get(usize::from(self.0 & 7)).copied().unwrap_or(Progress::None)
+    }
+
+    /// It goes on from one of `from` to `to`; else it stays as it is.
+    fn pass(&mut self, from: &[Progress], to: Progress) {
+        if from.contains(&self.progress()) {
+            *self = Self::new(self.requester(), to);
+        }
+    }
+
+    /// A request of the row is sent.
+    pub(super) fn sent(&mut self, write: bool) {
+        let (waits, sent) = match write {
+            false => (Progress::ReadWaits, Progress::ReadSent),
+            true => (Progress::WriteWaits, Progress::WriteSent),
+        };
+        self.pass(&[waits], sent);
+    }
+
+    /// A request of the row has ended.
+    pub(super) fn ended(&mut self, write: bool, outcome: Result<(), ErrorCode>) {
+        let to = if outcome.is_ok() { Progress::Done } else { Progress::Failed };
+        self.pass(&[if write { Progress::WriteSent } else { Progress::ReadSent }], to);
+    }
+
+    /// The row is not read though it was to be.
+    pub(super) fn read_dropped(&mut self) {
+        self.pass(&[Progress::ReadWaits], Progress::Failed);
+    }
+
+    /// The row's device is left alone.
+    pub(super) fn left_alone(&mut self) {
+        self.pass(&[Progress::ReadWaits, Progress::WriteWaits], Progress::Failed);
+    }
+
+    /// The safe write has come to nothing.
+    pub(super) fn abandoned(&mut self) {
+        self.pass(&[Progress::Begun], Progress::Failed);
+    }
+
+    /// The safe write is finished, whoever has done that.
+    pub(super) fn finished(&mut self) {
+        self.pass(&[Progress::Begun], Progress::WriteWaits);
+    }
+}
+
+impl Scanner {
+    /// What a program reads of the command of row `id`: the requester in the high byte, and how it is doing in the low one.
+    pub fn command(&self, id: RowId) -> Option<u16> {
+        let command = self.variable(id)?.command;
+        Some(u16::from_be_bytes([command.requester(), command.progress().number()]))
+    }
+
+    /// How many commands of `requester` are under way, in the high byte, and have failed, in the low one.
+    pub fn commands_of(&self, requester: u8) -> u16 {
+        let [mut under_way, mut failed] = [0; 2];
+        let commands = self.entries.iter().map(|entry| entry.command);
+        for progress in commands.filter(|command| command.requester() == requester).map(Command::progress) {
+            under_way += u8::from(progress.is_under_way());
+            failed += u8::from(progress == Progress::Failed);
+        }
+        u16::from_be_bytes([under_way, failed])
+    }
+
+    /// Does with row `id` what `command` says: the requester in the high byte, an [`Operation`] in the low one.
+    pub fn start(&mut self, id: RowId, command: u16, now: Instant) -> Result<(), Refused> {
+        // What is done with a row that shows another one is done with that.
+        let id = self.entry(id).ok_or(Refused::NotThere)?.row.of.unwrap_or(id);
+        let (requester, operation) = split(command)?;
+        let operation = Operation::of(operation).ok_or(Refused::Value)?;
+        self.entry(id).and_then(|entry| entry.row.device).ok_or(Refused::NoDevice)?;
+        if self.is_taken(id, requester) {
+            return Err(Refused::Taken);
+        }
+        self.operate(id, requester, operation, now)
+    }
+
+    /// Reads or writes at once all rows of a device that have certain cells, or none of them. The command is: the requester in the
+    /// high byte and the device in the low one, the function, the first cell, and how many.
+    pub fn start_range(&mut self, command: [u16; 4], now: Instant) -> Result<(), Refused> {
+        let [whose, function, first, count] = command;
+        let (requester, device) = split(whose)?;
+        let device = DeviceId(device);
+        self.station(device).ok_or(Refused::NotThere)?;
+        let function = u8::try_from(function).ok().filter(|code| Kind::of_function(*code).is_some());
+        let function = function.ok_or(Refused::Value)?;
+        let last = count.checked_sub(1).and_then(|more| first.checked_add(more)).ok_or(Refused::Value)?;
+        let mut taken = false;
+        let range = (device, function, first, last);
+        self.each_in_range(range, &mut |scanner, id, _| {
+            taken |= scanner.is_taken(id, requester) || scanner.is_blocked(id);
+            Ok(())
+        })?;
+        if taken {
+            return Err(Refused::Taken);
+        }
+        let operation = |write| if write { Operation::Write } else { Operation::Read };
+        let done = self.each_in_range(range, &mut |scanner, id, write| {
+            scanner.operate(id, requester, operation(write), now)
+        });
+        done.map(|_| ())
+    }
+
+    /// Whether a command of another requester is under way.
+    fn is_taken(&self, id: RowId, requester: u8) -> bool {
+        let command = self.entry(id).map_or(Command::NONE, |entry| entry.command);
+        command.progress().is_under_way() && command.requester() != requester
+    }
+
+    fn is_blocked(&self, id: RowId) -> bool {
+        self.entry(id).is_some_and(|entry| entry.status.any(Status::WRITE_BLOCKED))
+    }
+
+    fn operate(
+        &mut self,
+        id: RowId,
+        requester: u8,
+        operation: Operation,
+        now: Instant,
+    ) -> Result<(), Refused> {
+        let begun = self.entry(id).is_some_and(|entry| entry.command.progress() == Progress::Begun);
+        let mut progress = match operation {
+            Operation::Read => self.read(id, now).map(|()| Progress::ReadWaits),
+            Operation::Write => self.write(id).map(|()| Progress::WriteWaits),
+            // Its requester has not heard that it had been taken.
+            Operation::Begin if begun => Ok(Progress::Begun),
+            Operation::Begin => self.begin(id, now).map(|()| Progress::Begun),
+            // That of the console.
+            Operation::Finish if self.is_blocked(id) && !begun => Err(Refused::Blocked),
+            Operation::Finish => self.finish(id).map(|()| Progress::WriteWaits),
+        };
+        // It would not be over before the device answers again, and until then nobody else could do anything.
+        let held = self.status(id, now).any(Status::BACKING_OFF);
+        if matches!(progress, Err(Refused::BackingOff(_))) || held && progress == Ok(Progress::WriteWaits) {
+            progress = Ok(Progress::Failed);
+        }
+        let command = Command::new(requester, progress?);
+        if let Some(entry) = self.entries.get_mut(usize::from(id.0)) {
+            entry.command = command;
+        }
+        Ok(())
+    }
+
+    /// Ends safe writes that were begun and then left.
+    pub(super) fn abandon(&mut self, now: Instant) {
+        for at in 0..self.entries.len() {
+            let Some(entry) = self.entries.get_mut(at).filter(|entry| entry.abandoned_at() <= now) else {
+                continue;
+            };
+            entry.abandon();
+            // Some values may be of before, and some new: the device has those that belong together.
+            self.mark(RowId(at as u8), false);
+        }
+    }
+}
+
+impl Entry {
+    /// When its safe write is given up, if there is one.
+    pub(super) fn abandoned_at(&self) -> Instant {
+        if self.status.any(Status::WRITE_BLOCKED) { self.fresh + ABANDONED_AFTER } else { Instant::MAX }
+    }
+
+    fn abandon(&mut self) {
+        self.status.clear(Status::WRITE_BLOCKED.with(Status::WRITE_MARKED).with(Status::WRITE_REMARKED));
+        self.fresh = Instant::MIN;
+        self.command.abandoned();
+    }
+}
+
+/// The requester in the high byte of `command`, and what is in the low one.
+fn split(command: u16) -> Result<(u8, u8), Refused> {
+    let [requester, low] = command.to_be_bytes();
+    if requester < REQUESTERS { Ok((requester, low)) } else { Err(Refused::Value) }
+}
+
+const _: () = assert!(REQUESTERS as usize * Progress::ALL.len() == 256, "a command is a byte");

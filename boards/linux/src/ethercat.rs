@@ -38,7 +38,7 @@ pub async fn run(gateway: &Gateway<'_>, place: &EthercatPlace) -> ! {
         let _ = select(interrupt.wait_for_high(), link.lost.wait()).await;
     };
     let controller = Controller { link: &link, pdi: DirectPdi::new(link.chip.clone()) };
-    let (never, _) = join(serve(place, controller, attention), link.carry()).await;
+    let (never, _) = join(serve(place, gateway.scanner(), controller, attention), link.carry()).await;
     never
 }
 

@@ -11,7 +11,7 @@ use std::os::fd::OwnedFd;
 use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer};
 use mobgate::gateway::Gateway;
-use mobgate_mdns::{ANNOUNCEMENTS, GROUP, MESSAGE_BYTES, PORT, Rate, announcement, answer, farewell};
+use mobgate_mdns::{ANNOUNCEMENTS, GROUP, PORT, Rate, Said, announcement, answer, farewell};
 use nix::ifaddrs::getifaddrs;
 use nix::net::if_::InterfaceFlags;
 use rustix::net::netlink::SocketAddrNetlink;
@@ -54,8 +54,8 @@ struct Network {
     name: String,
     address: Ipv4Addr,
     mask: Ipv4Addr,
-    /// What takes back what is announced there; empty when there is nothing to be found.
-    farewell: Vec<u8>,
+    /// What takes back what is announced there, when there is something to be found.
+    farewell: Option<Said>,
 }
 
 impl Network {
@@ -123,11 +123,11 @@ impl<'s, 'g> Responder<'s, 'g> {
             network.farewell = self.say(network.address, farewell);
         }
         for gone in self.networks.iter().filter(|old| !networks.iter().any(|new| new.is(old))) {
-            self.multicast(gone.address, &gone.farewell);
+            self.multicast(gone.address, gone.farewell.as_ref());
         }
         let news = networks.iter().any(|new| !self.networks.iter().any(|old| old.is(new)));
         self.networks = networks;
-        if self.networks.iter().all(|network| network.farewell.is_empty()) {
+        if self.networks.iter().all(|network| network.farewell.is_none()) {
             (self.socket, self.due) = (None, Instant::MAX);
         } else if news || self.socket.is_none() {
             match self.open() {
@@ -175,7 +175,7 @@ impl<'s, 'g> Responder<'s, 'g> {
 
     fn announce(&mut self) {
         for network in &self.networks {
-            self.multicast(network.address, &self.say(network.address, announcement));
+            self.multicast(network.address, self.say(network.address, announcement).as_ref());
         }
         self.announcements = self.announcements.saturating_sub(1);
         self.due = if self.announcements > 0 { Instant::now() + AGAIN } else { Instant::MAX };
@@ -184,36 +184,31 @@ impl<'s, 'g> Responder<'s, 'g> {
     fn answer(&mut self, query: &[u8], from: SocketAddr) {
         let IpAddr::V4(peer) = from.ip() else { return };
         let Some(network) = self.networks.iter().find(|network| network.has(peer)) else { return };
-        let said = self.say(network.address, |gateway, into| answer(gateway, query, from.port(), into));
-        if said.is_empty() || !self.rate.admits(Instant::now()) {
-            return;
-        }
+        let said = self.say(network.address, |gateway| answer(gateway, query, from.port()));
+        let Some(said) = said.filter(|_| self.rate.admits(Instant::now())) else { return };
         match (&self.socket, from.port()) {
-            (_, PORT) => self.multicast(network.address, &said),
+            (_, PORT) => self.multicast(network.address, Some(&said)),
             // What is lost is asked again.
             (Some(socket), _) => _ = socket.get_ref().send_to(&said, from),
             (None, _) => {}
         }
     }
 
-    /// What is to be said in the network of this `address`; nothing, or what `what` writes.
+    /// What is to be said in the network of this `address`.
     fn say(
         &self,
         address: Ipv4Addr,
-        what: impl FnOnce(mobgate_mdns::Gateway<'_>, &mut [u8]) -> Option<usize>,
-    ) -> Vec<u8> {
-        let mut message = vec![0; MESSAGE_BYTES];
-        let length = self.gateway.settings(|settings| {
+        what: impl FnOnce(mobgate_mdns::Gateway<'_>) -> Option<Said>,
+    ) -> Option<Said> {
+        self.gateway.settings(|settings| {
             let (own_name, host) = (self.name.as_str(), Some(self.host.as_str()));
-            what(mobgate_mdns::Gateway { settings, own_name, host, address }, &mut message)
-        });
-        message.truncate(length.unwrap_or(0));
-        message
+            what(mobgate_mdns::Gateway { settings, own_name, host, address })
+        })
     }
 
     /// Sends to all in the network of this `address`.
-    fn multicast(&self, address: Ipv4Addr, message: &[u8]) {
-        let Some(socket) = self.socket.as_ref().filter(|_| !message.is_empty()) else { return };
+    fn multicast(&self, address: Ipv4Addr, message: Option<&Said>) {
+        let (Some(socket), Some(message)) = (&self.socket, message) else { return };
         let socket = socket.get_ref();
         let sent = socket2::SockRef::from(socket)
             .set_multicast_if_v4(&address)
@@ -232,7 +227,7 @@ fn networks() -> Vec<Network> {
         .filter_map(|one| {
             let address = one.address?.as_sockaddr_in()?.ip();
             let mask = one.netmask?.as_sockaddr_in()?.ip();
-            Some(Network { name: one.interface_name, address, mask, farewell: Vec::new() })
+            Some(Network { name: one.interface_name, address, mask, farewell: None })
         })
         .collect()
 }

@@ -9,15 +9,14 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-use core::net::{Ipv4Addr, Ipv6Addr};
+use core::net::Ipv4Addr;
 
-use edge_mdns::domain::base::Ttl;
-use edge_mdns::host::{Host, Service, ServiceAnswers};
-use edge_mdns::{
-    HostAnswer, HostAnswers, HostAnswersMdnsHandler, MdnsError, MdnsHandler, MdnsRequest, MdnsResponse,
-};
+use domain::base::iana::{Opcode, Rtype};
+use domain::base::message_builder::{PushError, RecordSectionBuilder};
+use domain::base::{Message, MessageBuilder, Name, StaticCompressor, ToName, Ttl};
+use domain::rdata::{A, Ptr, Srv, Txt};
 use embassy_time::{Duration, Instant};
-use heapless::String;
+use heapless::{String, Vec};
 use mobgate::config::{HOST_NAME_BYTES_MAX, NAME_BYTES_MAX, PORTS_MAX, Settings};
 
 /// Where queries and answers go (RFC 6762, 3).
@@ -26,15 +25,23 @@ pub const GROUP: Ipv4Addr = Ipv4Addr::new(224, 0, 0, 251);
 pub const PORT: u16 = 5353;
 /// Room that a message needs. What does not fit is left out: with short names that are more than two servers.
 pub const MESSAGE_BYTES: usize = 512;
+/// What is said.
+pub type Said = Vec<u8, MESSAGE_BYTES>;
 /// An announcement is sent so often, a second apart (RFC 6762, 8.3).
 pub const ANNOUNCEMENTS: usize = 2;
 
 /// What may be remembered for how long (RFC 6762, 10).
-const TTL_SECONDS: u32 = 120;
-const SERVICE: (&str, &str) = ("_modbus", "_tcp");
-const ABOUT: &[(&str, &str)] = &[("product", "mobgate")];
+const TTL: Ttl = Ttl::from_secs(120);
+const DOMAIN: &str = "local";
+const SERVICE: [&str; 3] = ["_modbus", "_tcp", DOMAIN];
+/// The list of all kinds of services (RFC 6763, 9).
+const KINDS: [&str; 4] = ["_services", "_dns-sd", "_udp", DOMAIN];
+/// What there is to know of a server: a string with its length in front (RFC 6763, 6).
+const ABOUT: &[u8] = b"\x0fproduct=mobgate";
 /// A name, a blank, and the name of a port: no more than the 63 bytes of a label.
 const INSTANCE_BYTES_MAX: usize = HOST_NAME_BYTES_MAX + 1 + NAME_BYTES_MAX;
+/// Such an instance and the service, and a length before each label.
+const DNS_NAME_BYTES_MAX: usize = 80;
 
 /// How often is answered at most, so that many questions cost nobody much: an asker repeats his (RFC 6762, 5.2).
 pub struct Rate {
@@ -68,6 +75,9 @@ impl Default for Rate {
     }
 }
 
+/// A name as it is in messages.
+type DnsName = Name<Vec<u8, DNS_NAME_BYTES_MAX>>;
+
 /// A gateway as one of its networks sees it.
 #[derive(Clone, Copy)]
 pub struct Gateway<'s> {
@@ -81,38 +91,79 @@ pub struct Gateway<'s> {
     pub address: Ipv4Addr,
 }
 
-/// The answer to `query`, written to `into`; its length. `None` when there is nothing to say: it asks for something else, is no
-/// query, or the gateway is not to be found.
-pub fn answer(gateway: Gateway<'_>, query: &[u8], from_port: u16, into: &mut [u8]) -> Option<usize> {
-    gateway.say(
-        TTL_SECONDS,
-        MdnsRequest::Request { legacy: from_port != PORT, multicast: true, data: query },
-        into,
-    )
+/// The answer to `query`. `None` when there is nothing to say: it asks for something else, is no query, or the gateway is not to be
+/// found.
+pub fn answer(gateway: Gateway<'_>, query: &[u8], from_port: u16) -> Option<Said> {
+    let query = Message::from_octets(query).ok()?;
+    let (header, is_legacy) = (query.header(), from_port != PORT);
+    if header.qr() || header.opcode() != Opcode::QUERY {
+        return None;
+    }
+    let questions = || query.question().flatten();
+    gateway.says(|records, said| {
+        let mut message = response(said)?;
+        if is_legacy {
+            message.header_mut().set_id(header.id());
+        }
+        let mut message = message.question();
+        for question in questions().filter(|_| is_legacy) {
+            message.push(question)?;
+        }
+        let mut message = message.answer();
+        records.visit(&mut |owner, data| {
+            let asks = |kind: Rtype| kind == Rtype::ANY || kind == data.kind();
+            let is_asked =
+                questions().any(|question| asks(question.qtype()) && question.qname().name_eq(owner));
+            if is_asked { data.push(&mut message, owner, TTL) } else { Ok(()) }
+        })?;
+        if message.counts().ancount() == 0 {
+            return Ok(false);
+        }
+        // Who looks for servers will ask for what they are (RFC 6763, 12.1).
+        let mut message = message.additional();
+        records.visit(&mut |owner, data| {
+            let is_service = questions().any(|question| question.qname().name_eq(&records.service));
+            let is_told = is_service && data.kind() != Rtype::PTR;
+            if is_told { data.push(&mut message, owner, TTL) } else { Ok(()) }
+        })?;
+        Ok(true)
+    })
 }
 
-/// What is sent to all when the gateway or its settings are new; its length.
-pub fn announcement(gateway: Gateway<'_>, into: &mut [u8]) -> Option<usize> {
-    gateway.say(TTL_SECONDS, MdnsRequest::None, into)
+/// What is sent to all when the gateway or its settings are new.
+pub fn announcement(gateway: Gateway<'_>) -> Option<Said> {
+    gateway.says(|records, said| records.all(said, TTL))
 }
 
-/// What is sent to all when what was announced with these settings is so no more (RFC 6762, 10.1); its length.
-pub fn farewell(gateway: Gateway<'_>, into: &mut [u8]) -> Option<usize> {
-    gateway.say(0, MdnsRequest::None, into)
+/// What is sent to all when what was announced with these settings is so no more (RFC 6762, 10.1).
+pub fn farewell(gateway: Gateway<'_>) -> Option<Said> {
+    gateway.says(|records, said| records.all(said, Ttl::ZERO))
+}
+
+/// An answer of one who is asked for his own (RFC 6762, 18).
+fn response(said: &mut Said) -> Result<MessageBuilder<StaticCompressor<&mut Said>>, PushError> {
+    let mut message =
+        MessageBuilder::from_target(StaticCompressor::new(said)).map_err(|_| PushError::ShortBuf)?;
+    message.header_mut().set_qr(true);
+    message.header_mut().set_aa(true);
+    Ok(message)
 }
 
 impl Gateway<'_> {
-    fn say(self, ttl: u32, request: MdnsRequest<'_>, into: &mut [u8]) -> Option<usize> {
+    /// What `say` writes, of as many servers as there is room for; says whether that is something.
+    fn says(self, say: impl Fn(&Records<'_>, &mut Said) -> Result<bool, PushError>) -> Option<Said> {
         let name = self.settings.mdns_name(self.own_name)?;
-        let servers = self.settings.modbus_servers(self.address).count().min(PORTS_MAX);
-        (1..=servers).rev().find_map(|servers| {
-            let records = Records { gateway: self, name, servers, ttl: Ttl::from_secs(ttl) };
-            match HostAnswersMdnsHandler::new(records).handle(request.clone(), into) {
-                Ok(MdnsResponse::Reply { data, .. }) => Some(Some(data.len())),
-                Ok(MdnsResponse::None) | Err(MdnsError::InvalidMessage) => Some(None),
-                Err(MdnsError::ShortBuf) => None,
+        let host = dns_name(&[self.host.unwrap_or(name), DOMAIN])?;
+        let (kinds, service) = (dns_name(&KINDS)?, dns_name(&SERVICE)?);
+        let mut records = Records { gateway: self, name, servers: 0, kinds, service, host };
+        for servers in (1..=self.settings.modbus_servers(self.address).count().min(PORTS_MAX)).rev() {
+            records.servers = servers;
+            let mut said = Said::new();
+            if let Ok(something) = say(&records, &mut said) {
+                return something.then_some(said);
             }
-        })?
+        }
+        None
     }
 }
 
@@ -122,46 +173,87 @@ struct Records<'s> {
     name: &'s str,
     /// How many of its servers.
     servers: usize,
-    ttl: Ttl,
+    kinds: DnsName,
+    service: DnsName,
+    host: DnsName,
 }
 
-impl HostAnswers for Records<'_> {
-    fn visit<F, E>(&self, mut each: F) -> Result<(), E>
-    where
-        F: FnMut(HostAnswer) -> Result<(), E>,
-        E: From<MdnsError>,
-    {
-        let Self { gateway, name, servers, ttl } = self;
-        let mut host = Host {
-            hostname: gateway.host.unwrap_or(name),
-            ipv4: gateway.address,
-            ipv6: Ipv6Addr::UNSPECIFIED,
-            ttl: *ttl,
-        };
-        for (nth, (port_name, port)) in
-            gateway.settings.modbus_servers(gateway.address).take(*servers).enumerate()
-        {
+/// The data of a record.
+enum Data<'a> {
+    Address(Ipv4Addr),
+    Pointer(&'a DnsName),
+    /// The port and the host.
+    Server(u16, &'a DnsName),
+    About,
+}
+
+impl Records<'_> {
+    /// Gives `each` every record with its owner.
+    fn visit(
+        &self,
+        each: &mut dyn FnMut(&DnsName, Data<'_>) -> Result<(), PushError>,
+    ) -> Result<(), PushError> {
+        let Self { gateway: Gateway { settings, address, .. }, name, servers, kinds, service, host } = self;
+        each(host, Data::Address(*address))?;
+        each(kinds, Data::Pointer(service))?;
+        for (nth, (port_name, port)) in settings.modbus_servers(*address).take(*servers).enumerate() {
             // The first one has the gateway's name alone.
-            let mut instance = String::<INSTANCE_BYTES_MAX>::new();
             let parts = if nth == 0 { [name, "", ""] } else { [name, " ", port_name] };
-            // It has room for both.
+            let mut instance = String::<INSTANCE_BYTES_MAX>::new();
+            // It has room for all three.
             parts.iter().for_each(|part| _ = instance.push_str(part));
-            let service = Service {
-                name: &instance,
-                priority: 0,
-                weight: 0,
-                service: SERVICE.0,
-                protocol: SERVICE.1,
-                port,
-                service_subtypes: &[],
-                txt_kvs: ABOUT,
-            };
-            ServiceAnswers::new(&host, &service).visit(&mut each)?;
-            // Its address is said once.
-            host.ipv4 = Ipv4Addr::UNSPECIFIED;
+            let [kind, protocol, domain] = SERVICE;
+            let Some(instance) = dns_name(&[&instance, kind, protocol, domain]) else { continue };
+            each(service, Data::Pointer(&instance))?;
+            each(&instance, Data::Server(port, host))?;
+            each(&instance, Data::About)?;
         }
         Ok(())
     }
+
+    /// Writes all of them as answers that nobody asked for.
+    fn all(&self, said: &mut Said, ttl: Ttl) -> Result<bool, PushError> {
+        let mut message = response(said)?.answer();
+        self.visit(&mut |owner, data| data.push(&mut message, owner, ttl))?;
+        Ok(true)
+    }
+}
+
+impl Data<'_> {
+    fn kind(&self) -> Rtype {
+        match self {
+            Self::Address(_) => Rtype::A,
+            Self::Pointer(_) => Rtype::PTR,
+            Self::Server(..) => Rtype::SRV,
+            Self::About => Rtype::TXT,
+        }
+    }
+
+    /// Appends it to a section of a message.
+    fn push<'s>(
+        self,
+        section: &mut impl RecordSectionBuilder<StaticCompressor<&'s mut Said>>,
+        owner: &DnsName,
+        ttl: Ttl,
+    ) -> Result<(), PushError> {
+        match self {
+            Self::Address(address) => section.push((owner, ttl, A::new(address))),
+            Self::Pointer(name) => section.push((owner, ttl, Ptr::new(name))),
+            Self::Server(port, host) => section.push((owner, ttl, Srv::new(0, 0, port, host))),
+            Self::About => Txt::from_octets(ABOUT).map_or(Ok(()), |about| section.push((owner, ttl, about))),
+        }
+    }
+}
+
+/// A name of these labels; none, if they are no labels.
+fn dns_name(labels: &[&str]) -> Option<DnsName> {
+    let mut name = Vec::new();
+    for label in labels {
+        name.push(u8::try_from(label.len()).ok()?).ok()?;
+        name.extend_from_slice(label.as_bytes()).ok()?;
+    }
+    name.push(0).ok()?;
+    Name::from_octets(name).ok()
 }
 
 #[cfg(test)]

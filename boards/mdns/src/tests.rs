@@ -13,7 +13,7 @@ use proptest::prelude::*;
 use simple_dns::rdata::RData;
 use simple_dns::{CLASS, Name, Packet, PacketFlag, QCLASS, QTYPE, Question, ResourceRecord, TYPE};
 
-use super::{Gateway, MESSAGE_BYTES, PORT, Rate, announcement, answer, farewell};
+use super::{Gateway, PORT, Rate, Said, announcement, answer, farewell};
 
 const ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 1, 5);
 const SERVICES: &str = "_modbus._tcp.local";
@@ -36,6 +36,12 @@ fn query(id: u16, name: &str, kind: TYPE) -> Vec<u8> {
     packet.build_bytes_vec().unwrap()
 }
 
+fn query_of(name: &str, kind: QTYPE) -> Vec<u8> {
+    let mut packet = Packet::new_query(0);
+    packet.questions.push(Question::new(Name::new_unchecked(name), kind, QCLASS::CLASS(CLASS::IN), false));
+    packet.build_bytes_vec().unwrap()
+}
+
 /// What a message says: name, time to live, data.
 fn records(message: &[u8]) -> [Vec<String>; 2] {
     let packet = Packet::parse(message).unwrap();
@@ -53,13 +59,8 @@ fn records(message: &[u8]) -> [Vec<String>; 2] {
     [text(&packet.answers), text(&packet.additional_records)]
 }
 
-fn say(gateway: Gateway<'_>, what: impl FnOnce(Gateway<'_>, &mut [u8]) -> Option<usize>) -> Option<Vec<u8>> {
-    let mut message = [0; MESSAGE_BYTES];
-    what(gateway, &mut message).map(|length| message[..length].to_vec())
-}
-
-fn answered(settings: &Settings, query: &[u8]) -> Option<Vec<u8>> {
-    say(gateway(settings), |gateway, into| answer(gateway, query, PORT, into))
+fn answered(settings: &Settings, query: &[u8]) -> Option<Said> {
+    answer(gateway(settings), query, PORT)
 }
 
 #[test]
@@ -78,8 +79,12 @@ fn who_looks_for_modbus_servers_finds_name_port_and_address() {
 #[test]
 fn the_host_and_the_kinds_of_services_are_found_too() {
     let settings = settings(&["mdns on name cabinet-7", "port P502 tcp server 502"]);
-    let [answers, _] = records(&answered(&settings, &query(0, "CABINET-7.local", TYPE::A)).unwrap());
-    assert_eq!(answers, ["cabinet-7.local 120 A 192.168.1.5"]);
+    for kind in [QTYPE::TYPE(TYPE::A), QTYPE::ANY] {
+        let [answers, more] = records(&answered(&settings, &query_of("CABINET-7.local", kind)).unwrap());
+        assert_eq!(answers, ["cabinet-7.local 120 A 192.168.1.5"]);
+        assert_eq!(more, [""; 0]);
+    }
+    assert_eq!(answered(&settings, &query(0, "cabinet-7.local", TYPE::AAAA)), None);
     let [answers, _] =
         records(&answered(&settings, &query(0, "_services._dns-sd._udp.local", TYPE::PTR)).unwrap());
     assert_eq!(answers, ["_services._dns-sd._udp.local 120 PTR _modbus._tcp.local"]);
@@ -92,8 +97,7 @@ fn the_host_and_the_kinds_of_services_are_found_too() {
 fn a_second_server_has_its_ports_name_and_a_host_may_have_another_one() {
     let settings = settings(&["port P502 tcp server 502", "port plant tcp server 1502"]);
     let gateway = Gateway { host: Some("pc-mobgate"), own_name: "pc", ..gateway(&settings) };
-    let said =
-        say(gateway, |gateway, into| answer(gateway, &query(0, SERVICES, TYPE::PTR), PORT, into)).unwrap();
+    let said = answer(gateway, &query(0, SERVICES, TYPE::PTR), PORT).unwrap();
     let [answers, more] = records(&said);
     let pointers =
         ["pc", "pc plant"].map(|name| format!("_modbus._tcp.local 120 PTR {name}._modbus._tcp.local"));
@@ -110,7 +114,7 @@ fn a_second_server_has_its_ports_name_and_a_host_may_have_another_one() {
 fn who_asks_by_another_port_gets_the_id_and_the_question_back() {
     let settings = settings(&["port P502 tcp server 502"]);
     let asked = query(0x1234, SERVICES, TYPE::PTR);
-    let said = say(gateway(&settings), |gateway, into| answer(gateway, &asked, 40_000, into)).unwrap();
+    let said = answer(gateway(&settings), &asked, 40_000).unwrap();
     let packet = Packet::parse(&said).unwrap();
     assert_eq!((packet.id(), packet.questions.len()), (0x1234, 1));
     let packet = answered(&settings, &asked).unwrap();
@@ -121,9 +125,7 @@ fn who_asks_by_another_port_gets_the_id_and_the_question_back() {
 #[test]
 fn what_is_announced_is_taken_back_with_no_time_to_live() {
     let settings = settings(&["port P502 tcp server 502"]);
-    for (message, ttl) in
-        [(say(gateway(&settings), announcement), 120), (say(gateway(&settings), farewell), 0)]
-    {
+    for (message, ttl) in [(announcement(gateway(&settings)), 120), (farewell(gateway(&settings)), 0)] {
         let [answers, _] = records(&message.unwrap());
         let pointer = format!("_modbus._tcp.local {ttl} PTR mobgate-0a1b2c._modbus._tcp.local");
         assert!(answers.contains(&pointer), "{answers:?}");
@@ -141,8 +143,8 @@ fn a_gateway_that_is_off_or_has_no_server_there_says_nothing() {
     ] {
         let settings = settings(&lines);
         assert_eq!(answered(&settings, &query(0, SERVICES, TYPE::PTR)), None, "{lines:?}");
-        assert_eq!(say(gateway(&settings), announcement), None, "{lines:?}");
-        assert_eq!(say(gateway(&settings), farewell), None, "{lines:?}");
+        assert_eq!(announcement(gateway(&settings)), None, "{lines:?}");
+        assert_eq!(farewell(gateway(&settings)), None, "{lines:?}");
     }
 }
 
@@ -154,8 +156,6 @@ fn servers_that_do_not_fit_are_left_out() {
     let settings = settings(&lines);
     let [answers, _] = records(&answered(&settings, &query(0, SERVICES, TYPE::PTR)).unwrap());
     assert!(!answers.is_empty() && answers.len() < 8, "{answers:?}");
-    let mut none = [0; 20];
-    assert_eq!(answer(gateway(&settings), &query(0, SERVICES, TYPE::PTR), PORT, &mut none), None);
 }
 
 proptest! {
@@ -176,7 +176,7 @@ proptest! {
             }
         }
         let settings = settings(&["port P502 tcp server 502"]);
-        say(gateway(&settings), |gateway, into| answer(gateway, &query, from_port, into));
+        answer(gateway(&settings), &query, from_port);
         // Any other port has its question back, which may be none that can be read.
         if let Some(said) = answered(&settings, &query) {
             prop_assert!(Packet::parse(&said).is_ok());
@@ -197,7 +197,7 @@ fn ten_are_answered_in_a_second_and_more_in_the_next() {
 #[test]
 fn an_answer_is_no_question() {
     let settings = settings(&["port P502 tcp server 502"]);
-    let said = say(gateway(&settings), announcement).unwrap();
+    let said = announcement(gateway(&settings)).unwrap();
     assert_eq!(answered(&settings, &said), None);
     assert_eq!(answered(&settings, b""), None);
     assert_eq!(answered(&settings, &query(0, SERVICES, TYPE::PTR)[..20]), None, "a part of one");

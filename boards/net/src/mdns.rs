@@ -9,7 +9,9 @@ use embassy_time::{Duration, Instant, Timer};
 use heapless::String;
 use mobgate::config::HOST_NAME_BYTES_MAX;
 use mobgate::gateway::Gateway;
-use mobgate_mdns::{self as mdns, ANNOUNCEMENTS, GROUP, MESSAGE_BYTES, PORT, Rate, announcement, answer};
+use mobgate_mdns::{
+    self as mdns, ANNOUNCEMENTS, GROUP, MESSAGE_BYTES, PORT, Rate, Said, announcement, answer,
+};
 
 use crate::address::state;
 
@@ -23,14 +25,11 @@ const AGAIN: Duration = Duration::from_secs(1);
 /// Everybody who listens.
 const ALL: IpEndpoint = IpEndpoint::new(IpAddress::Ipv4(GROUP), PORT);
 
-type Message = [u8; MESSAGE_BYTES];
-
 /// Answers as long as the settings of `gateway` have something to be found at `stack`, for ever. What is not to be found any more
 /// is forgotten after two minutes: a board does not keep what it has said, to take it back.
 pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
     let (mut received, mut sent) = ([PacketMetadata::EMPTY; 1], [PacketMetadata::EMPTY; 1]);
-    let (mut query, mut answers, mut message) =
-        ([0; QUERY_BYTES_MAX], [0; MESSAGE_BYTES], [0; MESSAGE_BYTES]);
+    let (mut query, mut answers) = ([0; QUERY_BYTES_MAX], [0; MESSAGE_BYTES]);
     let mut socket = UdpSocket::new(stack, &mut received, &mut query, &mut sent, &mut answers);
     socket.set_hop_limit(Some(TTL));
     // Nobody else has the port, and there is room for one group.
@@ -43,12 +42,15 @@ pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
         loop {
             let Some(own) = stack.config_v4() else { break };
             let responder = Responder { gateway, name: &name, address: own.address.address() };
-            let received = socket.recv_from_with(|query, from| responder.answer(query, from, &mut message));
+            let received =
+                socket.recv_from_with(|query, from| (responder.answer(query, from), from.endpoint));
             let happened =
                 select4(received, gateway.new_mdns(), Timer::at(due), stack.wait_config_down()).await;
-            let (length, to) = match happened {
-                Either4::First((length, to)) if length > 0 && rate.admits(Instant::now()) => (length, to),
-                Either4::First(_) => continue,
+            let (said, to) = match happened {
+                Either4::First((said, from)) => {
+                    let said = said.filter(|_| rate.admits(Instant::now()));
+                    (said, if from.port == PORT { ALL } else { from })
+                }
                 Either4::Second(()) => {
                     (announcements, due) = (ANNOUNCEMENTS, Instant::now());
                     continue;
@@ -56,13 +58,13 @@ pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
                 Either4::Third(()) => {
                     announcements -= 1;
                     due = if announcements > 0 { Instant::now() + AGAIN } else { Instant::MAX };
-                    (responder.say(&mut message, announcement), ALL)
+                    (responder.say(announcement), ALL)
                 }
                 Either4::Fourth(()) => break,
             };
-            if length > 0 {
+            if let Some(said) = said {
                 // What is lost is asked again.
-                let _ = socket.send_to(&message[..length], to).await;
+                let _ = socket.send_to(&said, to).await;
             }
         }
     }
@@ -84,22 +86,12 @@ struct Responder<'s, 'g> {
 }
 
 impl Responder<'_, '_> {
-    /// How long the answer is to a query, and to whom it goes.
-    fn answer(&self, query: &[u8], from: UdpMetadata, into: &mut Message) -> (usize, IpEndpoint) {
-        let port = from.endpoint.port;
-        let length = self.say(into, |gateway, into| answer(gateway, query, port, into));
-        (length, if port == PORT { ALL } else { from.endpoint })
+    fn answer(&self, query: &[u8], from: UdpMetadata) -> Option<Said> {
+        self.say(|gateway| answer(gateway, query, from.endpoint.port))
     }
 
-    /// Lets `what` write what is to be said; its length, 0 when that is nothing.
-    fn say(
-        &self,
-        into: &mut Message,
-        what: impl FnOnce(mdns::Gateway<'_>, &mut [u8]) -> Option<usize>,
-    ) -> usize {
+    fn say(&self, what: impl FnOnce(mdns::Gateway<'_>) -> Option<Said>) -> Option<Said> {
         let Self { gateway, name: own_name, address } = *self;
-        let length = gateway
-            .settings(|settings| what(mdns::Gateway { settings, own_name, host: None, address }, into));
-        length.unwrap_or(0)
+        gateway.settings(|settings| what(mdns::Gateway { settings, own_name, host: None, address }))
     }
 }

@@ -26,6 +26,7 @@ mod review;
 mod route_words;
 mod saved;
 mod serial;
+mod servers;
 mod slaves;
 mod text;
 mod values;
@@ -60,6 +61,11 @@ pub(crate) use self::route_words::units as parse_units;
 pub use self::saved::{ReadError, read_store, write_store};
 pub use self::serial::{
     Driver, Framing, LineSettings, Parity, SerialClientSettings, SerialServerSettings, SerialSettings,
+};
+pub(crate) use self::servers::SERVERS;
+pub use self::servers::{
+    Host, PORT_SERVERS_MAX, SERVER_NAME_BYTES_MAX, SERVERS_MAX, SOCKETS_MAX, ServerAddress, ServerName,
+    ServerSettings,
 };
 pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
 pub(crate) use self::text::option_words;
@@ -106,6 +112,8 @@ pub struct Settings {
     pub network: Option<OwnNetwork>,
     /// The ports; a place keeps its index while other ports come and go.
     pub ports: [Option<Port>; PORTS_MAX],
+    /// The servers of TCP clients that have several.
+    pub servers: Vec<ServerSettings, SERVERS_MAX>,
     /// The routing rules in the order in which they are tried.
     pub routes: Vec<Route, ROUTES_MAX>,
     /// The devices that the scanner asks.
@@ -122,6 +130,7 @@ impl Settings {
         Self {
             network: None,
             ports: [const { None }; PORTS_MAX],
+            servers: Vec::new(),
             routes: Vec::new(),
             devices: Vec::new(),
             points: Vec::new(),
@@ -133,6 +142,7 @@ impl Settings {
     pub fn clear(&mut self) {
         self.network = None;
         self.ports.iter_mut().for_each(|port| *port = None);
+        self.servers.clear();
         self.routes.clear();
         self.devices.clear();
         self.points.clear();
@@ -198,9 +208,10 @@ impl Clone for Settings {
 
     /// Copies part by part: the whole is too big for the stack of a small board.
     fn clone_from(&mut self, source: &Self) {
-        let Self { network, ports, routes, devices, points, slaves } = source;
+        let Self { network, ports, servers, routes, devices, points, slaves } = source;
         self.network.clone_from(network);
         self.ports.clone_from_slice(ports);
+        copy_list(&mut self.servers, servers);
         copy_list(&mut self.routes, routes);
         if POINTS {
             copy_list(&mut self.devices, devices);

@@ -77,6 +77,10 @@ fn ports_are_read_by_value() {
     assert_eq!(p502.reserved_for[1], IpPrefix { address: "10.0.0.7".parse().unwrap(), length: 32 });
 }
 
+fn address(text: &str) -> ServerAddress {
+    text.parse::<core::net::SocketAddr>().unwrap().into()
+}
+
 #[test]
 fn a_tcp_client_is_read_by_value_and_changed_by_words() {
     let mut settings = load("port plc tcp client 192.168.1.20 in-flight 4 idle 0 unit 255 retries 2");
@@ -85,12 +89,12 @@ fn a_tcp_client_is_read_by_value_and_changed_by_words() {
         other => panic!("{other:?}"),
     };
     let plc = client(&settings);
-    assert_eq!(plc.server, "192.168.1.20:502".parse().unwrap());
+    assert_eq!(plc.server, Some(address("192.168.1.20:502")));
     assert_eq!((plc.in_flight, plc.unit, plc.retries), (4, Some(255), 2));
     assert_eq!(plc.idle, Duration::from_ticks(0));
     apply_all(&mut settings, &["edit port plc address [::1]:1502 unit auto rtu"]);
     let plc = client(&settings);
-    assert_eq!((plc.server, plc.unit), ("[::1]:1502".parse().unwrap(), None));
+    assert_eq!((plc.server, plc.unit), (Some(address("[::1]:1502")), None));
     assert_eq!((plc.framing, plc.in_flight), (StreamFraming::Rtu, 1), "one request at a time with rtu");
     assert_eq!(print(&settings), "port plc tcp client [::1]:1502 rtu idle 0 retries 2\n");
     apply_all(&mut settings, &["edit port plc mbap"]);
@@ -132,7 +136,7 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
     let cases = [
         (
             "prot P1",
-            "column 1: \"prot\": expected port, route, device, point, slave, edit, insert, move, delete or network; did you mean port?",
+            "column 1: \"prot\": expected port, server, route, device, point, slave, edit, insert, move, delete or network; did you mean port?",
         ),
         ("port", "column 5: end of line: expected a port name: a letter"),
         ("port 7 tcp server 1", "column 6: \"7\": expected a port name"),

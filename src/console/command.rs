@@ -44,6 +44,7 @@ pub(super) enum PointCommand {
 pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("help", Command::Help),
     ("port", Command::Settings),
+    ("server", Command::Settings),
     ("route", Command::Settings),
     ("device", Command::Settings),
     ("point", Command::Settings),
@@ -73,6 +74,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
 
 pub(super) const TOPICS_SHOW: &[(&str, Show)] = &[
     ("ports", Show::Ports),
+    ("servers", Show::Servers),
     ("routes", Show::Routes),
     ("units", Show::Units),
     ("clients", Show::Clients),
@@ -181,7 +183,7 @@ fn save(words: &Words<'_>) -> Begun {
 }
 
 const SHOW_EXPECTED: &str =
-    "ports, routes, units, clients, stats, points, devices, config, network, log, frames or version";
+    "ports, servers, routes, units, clients, stats, points, devices, config, network, log, frames or version";
 
 /// The last word of a line as a topic of `table`.
 fn topic<T: Copy>(words: &Words, table: &[(&'static str, T)], expected: &'static str) -> Result<T, Wrong> {

@@ -77,7 +77,9 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
     } else if is("network") {
         network_words().for_each(offer);
     } else if is("delete") && second {
-        ["port", "route", "routes", "device", "point", "slave", "slaves"].into_iter().for_each(offer);
+        ["port", "server", "route", "routes", "device", "point", "slave", "slaves"]
+            .into_iter()
+            .for_each(offer);
     } else if is_one_of(&["read", "write", "begin", "finish"]) {
         settings.points.iter().for_each(|point| offer(&point.name));
     } else if is("mark") {
@@ -89,7 +91,7 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
         option_words(&mut |word| offer(word));
     } else if is_one_of(&["scan", "tune"]) && second {
         ports(offer);
-    } else if is_one_of(&["port", "route", "edit", "insert", "delete"]) {
+    } else if is_one_of(&["port", "server", "route", "edit", "insert", "delete"]) {
         ports(offer);
         if !second {
             option_words(&mut |word| offer(word));

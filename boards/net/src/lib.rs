@@ -9,6 +9,9 @@
 
 pub mod address;
 mod connector;
+// One of two: images that have no names have no resolver either.
+#[cfg_attr(not(feature = "servers"), path = "no_names.rs")]
+mod names;
 mod pool;
 mod tcp;
 mod udp;
@@ -17,3 +20,6 @@ pub use connector::Connector;
 pub use pool::{SOCKETS_MAX, Sockets};
 pub use tcp::{TcpSockets, TcpStream};
 pub use udp::{Datagram, Datagrams};
+
+/// Places that a stack's resources need besides those for [`Sockets`]: for DHCP, and for look-ups of names.
+pub const STACK_SOCKETS: usize = if cfg!(feature = "servers") { 2 } else { 1 };

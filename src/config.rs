@@ -211,7 +211,9 @@ impl Clone for Settings {
         let Self { network, ports, servers, routes, devices, points, slaves } = source;
         self.network.clone_from(network);
         self.ports.clone_from_slice(ports);
-        copy_list(&mut self.servers, servers);
+        if SERVERS {
+            copy_list(&mut self.servers, servers);
+        }
         copy_list(&mut self.routes, routes);
         if POINTS {
             copy_list(&mut self.devices, devices);

@@ -41,7 +41,7 @@ pub(super) fn format(word: Word) -> Result<(u8, Parity, u8), Wrong> {
 
 /// Names the limits.
 const SERVER_EXPECTED: &str = match SERVERS {
-    true => "the address or name of a server such as 192.168.1.20, 192.168.1.20:502 or meter.example:502",
+    true => "the address of a server such as 192.168.1.20 or 192.168.1.20:502, or its name",
     false => "the address of a server such as 192.168.1.20 or 192.168.1.20:502",
 };
 
@@ -52,6 +52,9 @@ pub(super) fn server_address(word: Word) -> Result<ServerAddress, Wrong> {
         Some((Host::Address(address), port))
     };
     let by_name = || {
+        if !SERVERS {
+            return None;
+        }
         let (name, port) =
             word.text.split_once(':').map_or((word.text, None), |(name, port)| (name, Some(port)));
         let port = port.map(|port| port_number(port).ok_or(())).transpose().ok()?;
@@ -68,8 +71,7 @@ fn server_name(text: &str) -> Option<ServerName> {
         letters && (1..=63).contains(&label.len()) && !label.starts_with('-') && !label.ends_with('-')
     };
     let last = text.rsplit('.').next()?;
-    let good =
-        SERVERS && text.split('.').all(is_label) && last.bytes().any(|byte| byte.is_ascii_alphabetic());
+    let good = text.split('.').all(is_label) && last.bytes().any(|byte| byte.is_ascii_alphabetic());
     if good { ServerName::try_from(text).ok() } else { None }
 }
 

@@ -9,8 +9,9 @@ use super::port_keys::UNIT_KEYS;
 use super::route_words::IDENTIFICATION;
 use super::values::Time;
 use super::{
-    EthercatSettings, Framing, IpPrefix, LineSettings, Parity, Port, PortKind, SerialSettings, Settings,
-    Side, Special, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings, UnitPolicy,
+    EthercatSettings, Framing, IpPrefix, LineSettings, Parity, Port, PortKind, SERVERS, SerialSettings,
+    Settings, Side, Special, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
+    UnitPolicy,
 };
 use crate::route::{AddressRange, Cut, Forbidden, Functions, Merge, Policy, Priority, Route, Tag, UnitRange};
 use crate::scanner::POINTS;
@@ -33,7 +34,7 @@ pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<
         Some(port) => Some(write_port(port, width, out)),
         None => {
             let n = n.checked_sub(ports().count())?;
-            if let Some(server) = settings.servers.get(n) {
+            if let Some(server) = settings.servers.get(n).filter(|_| SERVERS) {
                 return Some(write!(out, "server {:width$} {server}", settings.name(server.port)));
             }
             let n = n.checked_sub(settings.servers.len())?;

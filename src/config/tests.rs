@@ -8,6 +8,9 @@ mod rules;
 // And only one that was built with them has slaves.
 #[cfg(feature = "points")]
 mod slaves;
+// And only one that was built with them has servers.
+#[cfg(feature = "servers")]
+mod servers;
 
 extern crate std;
 use std::borrow::ToOwned;
@@ -50,7 +53,11 @@ fn print(settings: &Settings) -> String {
 
 /// Applies `line` on top of `PORTS` and gives its error as the console prints it.
 fn error(line: &str) -> String {
-    let mut settings = load(PORTS);
+    error_after(PORTS, line)
+}
+
+fn error_after(text: &str, line: &str) -> String {
+    let mut settings = load(text);
     let before = settings.clone();
     let error = apply(&mut settings, line).expect_err(line).to_string();
     assert_eq!(settings, before, "a bad line changes nothing: {line}");

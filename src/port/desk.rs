@@ -626,15 +626,16 @@ impl<'g> Desk<'g> {
     /// Closes the desk: whatever was on the wire is answered 0Bh, whatever waits or comes 0Ah.
     pub(crate) fn close(&self) {
         self.servers().close();
-        self.close_units(|_| true);
+        self.close_orders(None);
         while let Some(frame) = self.place.queue.try_receive(self.gateway.pool()) {
             self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
     }
 
-    /// What is on the wire for these units is answered 0Bh, what waits 0Ah.
-    fn close_units(&self, which: impl Fn(u8) -> bool) {
-        self.cache().forget(&which);
+    /// What is on the wire for `server`, or for all, is answered 0Bh, what waits 0Ah.
+    fn close_orders(&self, server: Option<usize>) {
+        let which = |unit| server.is_none_or(|server| self.is_of(server, unit));
+        self.cache().forget(which);
         loop {
             let mut current = self.current();
             let Some(at) = current.iter().position(|order| which(order.target())) else { break };

@@ -25,17 +25,18 @@ pub(crate) struct Socket {
     pub(crate) freed: Signal<CriticalSectionRawMutex, ()>,
 }
 
-/// What a socket is used for; the first is the first to be given up.
+/// What a socket is used for; of those that can be given up, the first is the first to go.
+// `None` is the 0: then a port's place is all zeros at the start, which take no place in a board's flash.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Use {
+    /// There is nothing to give up.
+    None,
     /// No requests are open.
     Idle,
     /// A server is tried again that no order waits for.
     Retry,
     /// Requests are open.
     Busy,
-    /// There is nothing to give up.
-    None,
 }
 
 /// What a socket is asked for.
@@ -75,7 +76,7 @@ impl State {
 
     fn goes_for(&self, need: Need) -> bool {
         let last = if need == Need::Order { Use::Busy } else { Use::Idle };
-        !self.leaving && self.used_for <= last
+        !self.leaving && self.used_for != Use::None && self.used_for <= last
     }
 }
 

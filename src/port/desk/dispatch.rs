@@ -4,7 +4,7 @@
 use embassy_futures::select::select;
 use embassy_time::Instant;
 
-use crate::config::ServerAddress;
+use crate::config::{SERVERS, ServerAddress, Settings};
 use crate::frame::Frame;
 use crate::gateway::Status;
 use crate::port::desk::Desk;
@@ -52,6 +52,10 @@ impl<'g> Desk<'g> {
 
     /// The server of the order whose turn it is, of those whose servers no link has; or when there may be one.
     fn first_unlinked(&self, now: Instant) -> (Option<usize>, Instant) {
+        if LINKS_MAX == 1 {
+            // There is one server.
+            return (self.is_wanted(0).then_some(0), Instant::MAX);
+        }
         let lost = self.current().iter().find_map(|order| self.servers().unlinked(order.target()));
         if lost.is_some() {
             return (lost, Instant::MAX);
@@ -140,7 +144,7 @@ impl<'g> Desk<'g> {
     /// `server` cannot be reached, or says nothing: what was on the wire is answered 0Bh, what waits or comes 0Ah.
     pub(crate) fn failed_to_reach(&self, server: usize) {
         self.servers().failed(server, Instant::now());
-        self.close_units(|unit| self.is_of(server, unit));
+        self.close_orders(Some(server));
         self.servers().release(server);
     }
 
@@ -151,7 +155,8 @@ impl<'g> Desk<'g> {
 
     /// Notes how all servers are doing.
     pub(crate) fn set_all_statuses(&self, status: Status) {
-        for server in 0..self.servers().len().max(1) {
+        let count = if SERVERS { self.servers().len().max(1) } else { 1 };
+        for server in 0..count {
             self.set_status(server, status);
         }
     }
@@ -159,13 +164,14 @@ impl<'g> Desk<'g> {
     /// Notes how `server` is doing, and so the port; gives what was known before.
     pub(crate) fn set_status(&self, server: usize, status: Status) -> Status {
         let mut best = status;
-        let before = self.gateway.settings(|settings| {
+        let of_line = |settings: &Settings| {
             let lines = || settings.servers_of(self.id).map(|(place, _)| place);
             let before = self.gateway.server_status(lines().nth(server)?, Some(status));
             let all = lines().filter_map(|place| self.gateway.server_status(place, None));
             best = all.min_by_key(|status| status.rank()).unwrap_or(status);
             before
-        });
+        };
+        let before = if SERVERS { self.gateway.settings(of_line) } else { None };
         let of_port = self.place().replace_status(best);
         before.unwrap_or(of_port)
     }

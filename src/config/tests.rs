@@ -443,6 +443,8 @@ fn the_boards_own_address_is_given_by_dhcp_or_set() {
         "network dhcp name cabinet-7",
         "network address 192.168.1.5/24",
         "network address 10.200.0.9/8 gateway 10.0.0.1",
+        #[cfg(feature = "servers")] // Nobody asks for names without.
+        "network address 10.200.0.9/8 gateway 10.0.0.1 dns 10.0.0.2",
     ] {
         apply(&mut settings, line).unwrap();
         assert!(print(&settings).starts_with(&format!("{line}\n")));

@@ -118,7 +118,7 @@ delete device NAME, delete point NAME, delete slave N, delete slaves",
         "network",
         "network dhcp|address ...\tthe address of a board with an Ethernet of its own; takes effect at once
 network dhcp [name NAME]\tit is a DHCP server's to give
-network address ADDRESS/PREFIX [gateway ADDRESS]
+network address ADDRESS/PREFIX [gateway ADDRESS] [dns ADDRESS]\tdns: who is asked for names of servers
   network address 192.168.1.5/24",
     ),
     (

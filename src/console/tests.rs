@@ -353,8 +353,12 @@ fn a_board_with_a_network_of_its_own_follows_the_settings_and_shows_its_address(
     let ports = Ports::<0>::new();
     let gateway = Gateway::new(&gateway, &ports, &[]).with_own_network();
     assert_eq!(pipe(&gateway, "network address 10.0.0.5/24 gateway 10.0.0.1\n"), "");
-    let address =
-        StaticAddress { address: [10, 0, 0, 5].into(), prefix: 24, gateway: Some([10, 0, 0, 1].into()) };
+    let address = StaticAddress {
+        address: [10, 0, 0, 5].into(),
+        prefix: 24,
+        gateway: Some([10, 0, 0, 1].into()),
+        dns: None,
+    };
     assert_eq!(block_on(gateway.new_network()), OwnNetwork::Static(address));
 
     let show = |network| {

@@ -374,7 +374,8 @@ fn any_network() -> impl Strategy<Value = Option<OwnNetwork>> {
     let set = (any::<u16>(), 16..=30_u8, any::<bool>()).prop_map(|(net, prefix, gateway)| {
         let net = (0x0a00_0000 | u32::from(net) << 2) & !(u32::MAX >> prefix);
         let gateway = gateway.then_some((net | 2).into());
-        OwnNetwork::Static(StaticAddress { address: (net | 1).into(), prefix, gateway })
+        let dns = (SERVERS && prefix % 2 == 0).then_some([9, 9, 9, 9].into());
+        OwnNetwork::Static(StaticAddress { address: (net | 1).into(), prefix, gateway, dns })
     });
     prop::option::of(prop_oneof![Just(OwnNetwork::DEFAULT), dhcp, set])
 }

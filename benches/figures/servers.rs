@@ -71,7 +71,7 @@ fn poll(polls: Polls) -> (f64, Duration, u64) {
                         Timer::at(start + PERIOD * nth).await;
                         let answer = client.request(unit, &READ).await;
                         let took = (start + PERIOD * nth).elapsed();
-                        let is_good = matches!(&answer, Answer::Pdu(pdu) if pdu[..3] == [3, 20, unit]);
+                        let is_good = matches!(&answer, Answer::Pdu(pdu) if pdu.starts_with(&[3, 20, unit]));
                         on_time += u32::from(is_good && took < PERIOD);
                         worst = worst.max(took);
                     }

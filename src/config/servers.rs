@@ -29,7 +29,7 @@ pub const SERVERS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
 /// Server lines of one port.
 pub const PORT_SERVERS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
     (false, _) => 0,
-    (true, true) => 16,
+    (true, true) => 8,
     (true, false) => 64,
 };
 /// Connections that one port can have at a time.

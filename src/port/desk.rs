@@ -44,8 +44,9 @@ use crate::stats::Event;
 /// one must take less.
 const SWEEP_PAUSE_MS: u16 = 10;
 
-/// Orders that one port carries out at a time: on each link as many as may be open there.
-const CURRENT_MAX: usize = FLIGHTS_MAX * LINKS_MAX;
+/// Orders that one port carries out at a time: on each link as many as may be open there, with the feature `small` on all of
+/// them together.
+const CURRENT_MAX: usize = if cfg!(feature = "small") { FLIGHTS_MAX } else { FLIGHTS_MAX * LINKS_MAX };
 
 /// Orders of one client-side port, shared by the future that takes them in and the one that carries them out.
 pub(crate) struct Desk<'g> {
@@ -238,6 +239,9 @@ impl<'g> Desk<'g> {
     pub(crate) fn next(&self, link: u8) -> Next<Frame<'g>> {
         let now = Instant::now();
         self.sweep_if_due(now);
+        if LINKS_MAX > 1 && self.current().is_full() {
+            return Next::Empty;
+        }
         loop {
             // An order that was postponed has closed its unit's gate.
             let ready = self.readiness(now);
@@ -586,6 +590,10 @@ impl<'g> Desk<'g> {
     fn take(&self, order: &Frame<'g>) -> Option<(Frame<'g>, Errand)> {
         let mut current = self.current();
         let at = current.iter().position(|current| current.is(order))?;
+        if LINKS_MAX > 1 && current.is_full() {
+            // Others may have waited for that.
+            self.news.iter().for_each(|news| news.signal(()));
+        }
         let ended = current.swap_remove(at);
         let errand = ended.errand();
         if errand.writes {

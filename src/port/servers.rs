@@ -47,8 +47,26 @@ struct Server {
     link: Option<u8>,
     /// How often in a row it could not be reached, as far as that makes pauses longer.
     failures: u8,
-    /// The end of the last pause.
-    retry_at: Instant,
+    /// The end of the last pause, in milliseconds of the clock: a port may have many of these.
+    retry_ms: u32,
+}
+
+impl Server {
+    /// The end of the last pause, which is at most [`RETRY_LONGEST`] away.
+    fn retry_at(&self, now: Instant) -> Instant {
+        let ms = self.retry_ms.wrapping_sub(milliseconds(now)).cast_signed();
+        if ms <= 0 { now } else { Instant::from_millis(now.as_millis() + u64::from(ms.unsigned_abs())) }
+    }
+
+    /// Leaves the server alone for `pause`, to its last millisecond.
+    fn pause(&mut self, now: Instant, pause: Duration) {
+        (self.path, self.retry_ms) = (Path::Paused, milliseconds(now + pause + Duration::from_micros(999)));
+    }
+}
+
+/// The milliseconds of the clock, cut off.
+fn milliseconds(now: Instant) -> u32 {
+    now.as_millis() as u32
 }
 
 /// What a free link does.
@@ -66,14 +84,8 @@ pub struct Servers(Vec<Server, MAX, u8>);
 impl Servers {
     /// Those that are asked for these units, each under ids that the tag makes of them.
     pub fn new(servers: impl IntoIterator<Item = (UnitRange, Tag)>) -> Self {
-        let server = |(units, tag)| Server {
-            units,
-            tag,
-            path: Path::Open,
-            link: None,
-            failures: 0,
-            retry_at: Instant::MIN,
-        };
+        let server =
+            |(units, tag)| Server { units, tag, path: Path::Open, link: None, failures: 0, retry_ms: 0 };
         Self(servers.into_iter().take(MAX).map(server).collect())
     }
 
@@ -152,10 +164,9 @@ impl Servers {
         let mut retries = (0, Instant::MAX);
         for (nth, server) in self.0.iter().enumerate() {
             if server.path != Path::Open && server.link.is_none() {
-                if server.retry_at <= now {
-                    retries.0 |= 1 << nth;
-                } else {
-                    retries.1 = retries.1.min(server.retry_at);
+                match server.retry_at(now) {
+                    at if at <= now => retries.0 |= 1 << nth,
+                    at => retries.1 = retries.1.min(at),
                 }
             }
         }
@@ -166,8 +177,8 @@ impl Servers {
     /// `wanted`; `keeps`: connections are opened before there is an order.
     pub fn choose(&mut self, link: u8, wanted: Option<usize>, keeps: bool, now: Instant) -> Choice {
         let free = || self.0.iter().enumerate().filter(|(_, server)| server.link.is_none());
-        let is_due = |server: &Server| server.path != Path::Open && server.retry_at <= now;
-        let due = || free().filter(|(_, server)| is_due(server)).min_by_key(|(_, server)| server.retry_at);
+        let is_due = |server: &Server| server.path != Path::Open && server.retry_at(now) <= now;
+        let due = || free().filter(|(_, server)| is_due(server)).min_by_key(|(_, server)| server.retry_ms);
         let kept = || free().find(|(_, server)| keeps && server.path == Path::Open);
         let chosen = wanted.or_else(|| due().or_else(kept).map(|(number, _)| number));
         let Some(number) = chosen else { return Choice::Wait(self.retries(now).1) };
@@ -196,14 +207,14 @@ impl Servers {
     pub fn failed(&mut self, server: usize, now: Instant) {
         self.update(server, |server| {
             let pause = (RETRY_FIRST * (1 << server.failures)).min(RETRY_LONGEST);
-            (server.path, server.retry_at) = (Path::Paused, now + pause);
+            server.pause(now, pause);
             server.failures = (server.failures + 1).min(FAILURES_MAX);
         });
     }
 
     /// The attempt to reach `server` was given up at `now` because its link was needed elsewhere.
     pub fn put_off(&mut self, server: usize, now: Instant) {
-        self.update(server, |server| (server.path, server.retry_at) = (Path::Paused, now + RETRY_FIRST));
+        self.update(server, |server| server.pause(now, RETRY_FIRST));
     }
 
     /// No link has `server` any more.

@@ -91,6 +91,9 @@ const PATHS: bool = cfg!(feature = "paths");
 /// Address prefixes in one list of a TCP server.
 pub const RESERVED_MAX: usize = 4;
 
+/// Such a list. Each port's settings have two, in several copies: its length is a byte.
+pub type Prefixes = Vec<IpPrefix, RESERVED_MAX, u8>;
+
 /// A port's name, as rules call it.
 pub type Name = String<NAME_BYTES_MAX>;
 

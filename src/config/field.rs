@@ -12,8 +12,8 @@ use super::print::list;
 use super::values::{Time, listen, name, number, time};
 use super::words::{Word, Words, Wrong};
 use super::{
-    Allowed, DEVICE_BYTES_MAX, Driver, Framing, IpPrefix, LineSettings, Name, OnLoss, Proofs, RESERVED_MAX,
-    ServerAddress, Side, Special, StreamFraming, TcpListen,
+    Allowed, DEVICE_BYTES_MAX, Driver, Framing, LineSettings, Name, OnLoss, Prefixes, Proofs, ServerAddress,
+    Side, Special, StreamFraming, TcpListen,
 };
 
 /// What becomes of a newcomer when all connections are taken: the second word refuses it.
@@ -49,7 +49,7 @@ pub(super) enum Field<'s> {
     Server(&'s mut Option<ServerAddress>),
     /// Whether newcomers are refused.
     Full(&'s mut bool),
-    Reserve(&'s mut u16, &'s mut Vec<IpPrefix, RESERVED_MAX>, &'static Count),
+    Reserve(&'s mut u16, &'s mut Prefixes, &'static Count),
     Allow(&'s mut Allowed),
     /// Whether that may be [`Special::AllLines`] stands behind it.
     Special(&'s mut Special, bool),

@@ -5,7 +5,7 @@ use core::net::IpAddr;
 use embassy_time::Duration;
 use heapless::Vec;
 
-use super::{Allowed, IpPrefix, Proofs, RESERVED_MAX, SOCKETS_MAX, ServerAddress};
+use super::{Allowed, Prefixes, Proofs, SOCKETS_MAX, ServerAddress};
 
 /// TCP port number of Modbus (Messaging on TCP/IP 4.3.1.1).
 pub const MODBUS_TCP_PORT: u16 = 502;
@@ -63,7 +63,7 @@ pub struct TcpServerSettings {
     /// When all are taken a newcomer is closed, and not the connection that has been idle for longest.
     pub refuses: bool,
     /// Peers that may use the reserved places and are never closed to make room.
-    pub reserved_for: Vec<IpPrefix, RESERVED_MAX>,
+    pub reserved_for: Prefixes,
     /// Peers that may connect; others are closed at once. Empty: everybody may (Messaging on TCP/IP 4.2.3, restricted mode).
     pub allowed: Allowed,
 }

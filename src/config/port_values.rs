@@ -5,7 +5,7 @@ use heapless::{String, Vec};
 use super::values::{number, parse_endpoint, port_number, prefix};
 use super::words::{Word, Words, Wrong};
 use super::{
-    Host, IpPrefix, MODBUS_TCP_PORT, Parity, RESERVED_MAX, SERVERS, ServerAddress, ServerName, Special,
+    Host, MODBUS_TCP_PORT, Parity, Prefixes, RESERVED_MAX, SERVERS, ServerAddress, ServerName, Special,
 };
 
 /// Names the limit as a number.
@@ -76,16 +76,13 @@ fn server_name(text: &str) -> Option<ServerName> {
 }
 
 /// `for 192.168.1.0/24,10.0.0.7`: what stands behind the number of reserved places.
-pub(super) fn reserved_for(words: &Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, Wrong> {
+pub(super) fn reserved_for(words: &Words) -> Result<Prefixes, Wrong> {
     words.take().keyword(&[("for", ())], "for and the addresses that the places are kept for")?;
     prefixes(words.take(), words)
 }
 
 /// `192.168.1.0/24,10.0.0.7`, of which the first is `word`.
-pub(super) fn prefixes<'w>(
-    mut word: Word<'w>,
-    words: &'w Words,
-) -> Result<Vec<IpPrefix, RESERVED_MAX>, Wrong> {
+pub(super) fn prefixes<'w>(mut word: Word<'w>, words: &'w Words) -> Result<Prefixes, Wrong> {
     let mut prefixes = Vec::new();
     loop {
         if prefixes.push(prefix(word)?).is_err() {

@@ -26,9 +26,9 @@ pub const SERVERS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
     (true, true) => 16,
     (true, false) => 128,
 };
-/// Server lines of one port.
+/// Servers of one port.
 pub const PORT_SERVERS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
-    (false, _) => 0,
+    (false, _) => 1,
     (true, true) => 8,
     (true, false) => 64,
 };
@@ -39,7 +39,7 @@ pub const SOCKETS_MAX: usize = match (SERVERS, cfg!(feature = "small")) {
     (true, false) => 16,
 };
 /// Longest name of a server in bytes: with the feature `small` shorter than a name may be.
-pub const SERVER_NAME_BYTES_MAX: usize = if cfg!(feature = "small") { 39 } else { 63 };
+pub const SERVER_NAME_BYTES_MAX: usize = if cfg!(feature = "small") { 31 } else { 63 };
 
 /// A server's name, to be looked up.
 pub type ServerName = String<SERVER_NAME_BYTES_MAX, u8>;

@@ -17,12 +17,10 @@ pub const RETRY_FIRST: Duration = Duration::from_millis(500);
 pub const RETRY_LONGEST: Duration = Duration::from_secs(10);
 /// Failures after which pauses are not longer any more.
 const FAILURES_MAX: u8 = 5;
-/// Servers of a port: the one of its own line, or those that have lines.
-const MAX: usize = if PORT_SERVERS_MAX > 1 { PORT_SERVERS_MAX } else { 1 };
 /// Connections that a port can have at a time.
 pub const LINKS_MAX: usize = SOCKETS_MAX;
 
-const _: () = assert!(MAX <= u64::BITS as usize, "the size of Set");
+const _: () = assert!(PORT_SERVERS_MAX <= u64::BITS as usize, "the size of Set");
 
 /// Some of a port's servers, by their numbers.
 pub type Set = u64;
@@ -79,14 +77,14 @@ pub enum Choice {
 }
 
 /// The servers of one port.
-pub struct Servers(Vec<Server, MAX, u8>);
+pub struct Servers(Vec<Server, PORT_SERVERS_MAX, u8>);
 
 impl Servers {
     /// Those that are asked for these units, each under ids that the tag makes of them.
     pub fn new(servers: impl IntoIterator<Item = (UnitRange, Tag)>) -> Self {
         let server =
             |(units, tag)| Server { units, tag, path: Path::Open, link: None, failures: 0, retry_ms: 0 };
-        Self(servers.into_iter().take(MAX).map(server).collect())
+        Self(servers.into_iter().take(PORT_SERVERS_MAX).map(server).collect())
     }
 
     /// One server for all units.

@@ -90,10 +90,11 @@ impl<C: TcpConnect> Caller<'_, '_, C> {
                 }
                 Visit::PutOff => desk.put_off(server),
                 Visit::Failed(error) => {
-                    if desk.set_status(server, Status::Failed(error)) != Status::Failed(error) {
-                        if let Some(address) = desk.address(server) {
-                            log_warn!("no connection to {}: {}", address, error);
-                        }
+                    let failed = Status::Failed(error);
+                    if desk.set_status(server, failed) != failed
+                        && let Some(address) = desk.address(server)
+                    {
+                        log_warn!("no connection to {}: {}", address, error);
                     }
                     desk.failed_to_reach(server);
                 }

@@ -18,7 +18,8 @@ use embassy_time::Instant;
 use crate::asking::Asking;
 use crate::capture::{CAPTURE, Capture};
 use crate::config::{
-    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, StreamFraming, load_points,
+    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, SERVERS_MAX, Settings, Side, StreamFraming,
+    load_points,
 };
 use crate::drafting::Draft;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Stage, Way};
@@ -248,8 +249,11 @@ impl<'g> Gateway<'g> {
             }
             for (index, changed) in changed.iter_mut().enumerate() {
                 let id = PortId(index as u8);
-                *changed |= !settings.servers_of(id).eq(new.servers_of(id));
+                let [old, new] =
+                    [&settings, new].map(|settings| settings.servers_of(id).map(|(_, line)| line));
+                *changed |= !old.eq(new);
             }
+            self.move_server_statuses(&settings, new);
             if settings.own_network() != new.own_network() {
                 self.network_changed.signal(());
             }
@@ -278,6 +282,18 @@ impl<'g> Gateway<'g> {
             }
         }
         Ok(())
+    }
+
+    /// How servers are doing is noted by the places of their lines: where those move, it moves with them.
+    fn move_server_statuses(&self, old: &Settings, new: &Settings) {
+        let mut statuses = [Status::Off; SERVERS_MAX];
+        for (status, line) in statuses.iter_mut().zip(&new.servers) {
+            let before = old.servers.iter().position(|before| before == line);
+            *status = before.and_then(|place| self.server_status(place, None)).unwrap_or(Status::Off);
+        }
+        for (place, status) in statuses.into_iter().enumerate() {
+            self.server_status(place, Some(status));
+        }
     }
 
     /// The port task of place `id`: plays the part that the settings say, for ever.

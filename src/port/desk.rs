@@ -245,7 +245,8 @@ impl<'g> Desk<'g> {
         loop {
             // An order that was postponed has closed its unit's gate.
             let ready = self.readiness(now);
-            let is_here = |unit| LINKS_MAX == 1 || self.servers().link(unit) == Some(link);
+            let is_only = LINKS_MAX == 1 || self.servers().len() == 1;
+            let is_here = |unit| is_only || self.servers().link(unit) == Some(link);
             let ready = |unit| if is_here(unit) { ready(unit) } else { Ready::Elsewhere };
             let next = self.queue().next(now, ready);
             let Next::Serve(frame, ticket) = next else {
@@ -355,7 +356,7 @@ impl<'g> Desk<'g> {
 
     /// That of the link that has the server of `unit`.
     fn proof_place(&self, unit: u8) -> Option<&Cell<Option<Proving>>> {
-        let link = if LINKS_MAX == 1 { 0 } else { self.servers().link(unit)? };
+        let link = if self.has_one_link() { 0 } else { self.servers().link(unit)? };
         self.proofs.get(usize::from(link))
     }
 

@@ -210,9 +210,13 @@ impl Servers {
         });
     }
 
-    /// The attempt to reach `server` was given up at `now` because its link was needed elsewhere.
+    /// The attempt to reach `server` was given up at `now` because its link was needed elsewhere: that says nothing about it.
     pub fn put_off(&mut self, server: usize, now: Instant) {
-        self.update(server, |server| server.pause(now, RETRY_FIRST));
+        self.update(server, |server| {
+            if server.path != Path::Open {
+                server.pause(now, RETRY_FIRST);
+            }
+        });
     }
 
     /// No link has `server` any more.

@@ -213,6 +213,45 @@ fn each_server_has_its_own_status_and_the_port_is_as_well_as_the_best() {
 }
 
 #[test]
+fn a_line_that_goes_leaves_other_ports_as_they_are() {
+    let settings = "port one tcp client
+        port other tcp client
+        port P502 tcp server 502
+        server one unit 1 at 10.0.1.1
+        server other unit 2 at 10.0.1.2
+        server other unit 3 at 10.0.1.3
+        route P502 1 * * one
+        route P502 2-3 * * other";
+    with_gateway(1, settings, |world, rig| {
+        attach(world, rig, [1, 2]);
+        assert_eq!((ask(world, rig, 1).0, ask(world, rig, 2).0), (value(1), value(2)));
+        assert_eq!(ask(world, rig, 3).0, no_path());
+        rig.console("delete server one unit 1").unwrap();
+        assert_eq!((ask(world, rig, 1).0, ask(world, rig, 2).0), (no_path(), value(2)));
+        assert_eq!(rig.network.counters().made, 2, "the other port has its connection still");
+        let text = world.run_until(typed(rig.gateway, "show servers\n"));
+        let rows: Vec<&str> = text.lines().filter(|line| line.starts_with("other")).collect();
+        assert!(rows[0].ends_with("open") && rows[1].ends_with("connection refused"), "{text}");
+    });
+}
+
+#[test]
+fn a_server_whose_attempt_made_room_for_another_one_still_takes_requests() {
+    with_gateway(1, &settings(0, "sockets 1 idle 0"), |world, rig| {
+        attach(world, rig, [2]);
+        // The connection that is to be kept hangs, and nobody has asked for it.
+        rig.network.set_unreachable(address(1), true);
+        rig.console("server plant unit 1 at 10.0.1.1").unwrap();
+        rig.console("server plant unit 2 at 10.0.1.2").unwrap();
+        assert_eq!(ask(world, rig, 2).0, value(2));
+        attach(world, rig, [1]);
+        rig.network.set_unreachable(address(1), false);
+        let (answer, took) = ask(world, rig, 1);
+        assert_eq!(answer, value(1), "after {took}");
+    });
+}
+
+#[test]
 fn a_name_is_looked_up_again_when_the_connection_has_failed() {
     let settings = "port plant tcp client
         port one tcp client plc.example:1502

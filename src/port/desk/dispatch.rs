@@ -29,12 +29,16 @@ impl<'g> Desk<'g> {
 
     /// Tells who may serve `unit` that something has changed: the link that has its server, or else all.
     pub(super) fn tell(&self, unit: u8) {
-        let link = if LINKS_MAX == 1 { Some(0) } else { self.servers().link(unit) };
-        for (nth, news) in self.news.iter().enumerate() {
-            if link.is_none_or(|link| usize::from(link) == nth) {
-                news.signal(());
-            }
+        let link = if self.has_one_link() { Some(0) } else { self.servers().link(unit) };
+        match link.and_then(|link| self.news.get(usize::from(link))) {
+            Some(news) => news.signal(()),
+            None => self.news.iter().for_each(|news| news.signal(())),
         }
+    }
+
+    /// Whether the first link is the only one.
+    pub(super) fn has_one_link(&self) -> bool {
+        LINKS_MAX == 1 || self.links == 1
     }
 
     /// The server that `link`, which is free, connects to next; `keeps`: connections are opened before there is an order.

@@ -161,7 +161,7 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("port X tcp client 10.0.0.1 rtu in-flight 4", "\"in-flight\": cannot be set with rtu"),
         ("port X tcp server 1 pipeline 4 rtu", "\"pipeline\": cannot be set with rtu"),
         ("port X tcp client 10.0.0.1 connect-delay 2m", "expected a time from 0 to 60s"),
-        ("port X tcp client 10.0.0.1 clients 4", "expected address, rtu, unit"),
+        ("port X tcp client 10.0.0.1 clients 4", "expected address, rtu, sockets, unit"),
         ("port X tcp server 0", "\"0\": expected a TCP port from 1 to 65535"),
         ("port X tcp server 1 clints 4", "did you mean clients?"),
         ("port X tcp server 1 idle 60", "\"60\": expected a time with its unit"),

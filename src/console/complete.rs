@@ -135,6 +135,11 @@ mod tests {
         assert_eq!(appended("edit port met").as_deref(), Some("ers "));
         assert_eq!(appended("route p").as_deref(), Some("502 "));
         assert_eq!(appended("edit port meters tur").as_deref(), Some("naround "));
+        assert_eq!(appended("serv").as_deref(), Some("er "));
+        assert_eq!(appended("server met").as_deref(), Some("ers "));
+        assert_eq!(appended("show se").as_deref(), Some("rvers "));
+        assert_eq!(appended("delete se").as_deref(), Some("rver "));
+        assert_eq!(appended("port plant tcp client sock").as_deref(), Some("ets "));
         assert_eq!(appended("help inse").as_deref(), Some("rt "));
         assert_eq!(appended("network dh").as_deref(), Some("cp "));
         assert_eq!(appended("route P502 1 * * meters forb").as_deref(), Some("idden "));
@@ -150,6 +155,6 @@ mod tests {
         assert_eq!(complete("xyz", &settings()), Completion::None);
         let mut all = Vec::new();
         candidates("s", &settings(), &mut |word| all.push(word.to_string()));
-        assert_eq!(all, ["slave", "show", "scan", "save"]);
+        assert_eq!(all, ["server", "slave", "show", "scan", "save"]);
     }
 }

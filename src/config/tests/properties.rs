@@ -191,7 +191,7 @@ fn any_address() -> impl Strategy<Value = ServerAddress> {
 fn any_tcp_client() -> impl Strategy<Value = PortKind> {
     let zero = Just(Duration::from_ticks(0));
     let address = prop_oneof![
-        3 => any_address().prop_map(|address| (Some(address), 8)),
+        3 => any_address().prop_map(|address| (Some(address), TcpClientSettings::new(None).sockets)),
         u32::from(SERVERS) => (1..=SOCKETS_MAX as u8).prop_map(|sockets| (None, sockets)),
     ];
     let hour = 3_600_000_000;

@@ -27,6 +27,7 @@ mod review;
 mod route_words;
 mod saved;
 mod serial;
+mod servers;
 mod slaves;
 mod text;
 mod values;
@@ -64,6 +65,11 @@ pub use self::saved::{ReadError, read_store, write_store};
 pub use self::serial::{
     Driver, Framing, LineSettings, Parity, SerialClientSettings, SerialServerSettings, SerialSettings,
 };
+pub(crate) use self::servers::SERVERS;
+pub use self::servers::{
+    Host, PORT_SERVERS_MAX, SERVER_NAME_BYTES_MAX, SERVERS_MAX, SOCKETS_MAX, ServerAddress, ServerName,
+    ServerSettings,
+};
 pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
 pub(crate) use self::text::option_words;
 pub use self::text::{Applied, apply, is_implied};
@@ -88,6 +94,9 @@ const PATHS: bool = cfg!(feature = "paths");
 /// Address prefixes in one list of a TCP server.
 pub const RESERVED_MAX: usize = 4;
 
+/// Such a list. Each port's settings have two, in several copies: its length is a byte.
+pub type Prefixes = Vec<IpPrefix, RESERVED_MAX, u8>;
+
 /// A port's name, as rules call it.
 pub type Name = String<NAME_BYTES_MAX>;
 
@@ -111,6 +120,8 @@ pub struct Settings {
     pub mdns: Mdns,
     /// The ports; a place keeps its index while other ports come and go.
     pub ports: [Option<Port>; PORTS_MAX],
+    /// The servers of TCP clients that have several.
+    pub servers: Vec<ServerSettings, SERVERS_MAX>,
     /// The routing rules in the order in which they are tried.
     pub routes: Vec<Route, ROUTES_MAX>,
     /// The devices that the scanner asks.
@@ -128,6 +139,7 @@ impl Settings {
             network: None,
             mdns: Mdns::DEFAULT,
             ports: [const { None }; PORTS_MAX],
+            servers: Vec::new(),
             routes: Vec::new(),
             devices: Vec::new(),
             points: Vec::new(),
@@ -140,6 +152,7 @@ impl Settings {
         self.network = None;
         self.mdns = Mdns::DEFAULT;
         self.ports.iter_mut().for_each(|port| *port = None);
+        self.servers.clear();
         self.routes.clear();
         self.devices.clear();
         self.points.clear();
@@ -205,10 +218,13 @@ impl Clone for Settings {
 
     /// Copies part by part: the whole is too big for the stack of a small board.
     fn clone_from(&mut self, source: &Self) {
-        let Self { network, mdns, ports, routes, devices, points, slaves } = source;
+        let Self { network, mdns, ports, servers, routes, devices, points, slaves } = source;
         self.network.clone_from(network);
         self.mdns.clone_from(mdns);
         self.ports.clone_from_slice(ports);
+        if SERVERS {
+            copy_list(&mut self.servers, servers);
+        }
         copy_list(&mut self.routes, routes);
         if POINTS {
             copy_list(&mut self.devices, devices);

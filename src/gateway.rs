@@ -18,16 +18,18 @@ use embassy_time::Instant;
 use crate::asking::Asking;
 use crate::capture::{CAPTURE, Capture};
 use crate::config::{
-    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, Settings, Side, StreamFraming, load_points,
+    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, SERVERS_MAX, Settings, Side, StreamFraming,
+    load_points,
 };
 use crate::drafting::Draft;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::hal::{SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
-use crate::port::desk::Desk;
+use crate::port::desk::{Desk, Part};
 use crate::port::ethercat::EthercatPlace;
 use crate::port::local::Events;
 use crate::port::moment::apart;
+use crate::port::servers::{LINKS_MAX, Servers};
 use crate::port::tcp_server::{Terms, Turns};
 use crate::port::units::AllUnits;
 use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
@@ -40,6 +42,7 @@ mod place;
 mod seat;
 
 pub use self::check::ApplyError;
+use self::place::ServerPlace;
 pub use self::place::{PortAt, PortPlace, Ports, Status};
 pub use self::seat::{Seat, SeatState};
 
@@ -50,6 +53,7 @@ pub struct Gateway<'g> {
     pool: &'g FramePool<'g>,
     ports: &'g [PortPlace],
     units: &'g Shared<AllUnits>,
+    servers: &'g [ServerPlace],
     seats: &'g [Seat],
     /// The global queue: every port sends, only the router receives.
     pub(crate) inbox: Channel,
@@ -91,6 +95,7 @@ impl<'g> Gateway<'g> {
             pool,
             ports: &ports.places,
             units: &ports.units,
+            servers: &ports.servers,
             seats,
             inbox: Channel::new(),
             settings: Mutex::new(RefCell::new(Settings::new())),
@@ -181,6 +186,12 @@ impl<'g> Gateway<'g> {
         (0..self.ports.len()).filter_map(|index| self.place(PortId(index as u8)))
     }
 
+    /// How the server of this line of the settings is doing, of which `new` is noted before if that is said.
+    pub(crate) fn server_status(&self, place: usize, new: Option<Status>) -> Option<Status> {
+        let place = self.servers.get(place)?;
+        Some(place.lock(|status| new.map_or_else(|| status.get(), |new| status.replace(new))))
+    }
+
     /// The places for TCP connections.
     pub fn seats(&self) -> &'g [Seat] {
         self.seats
@@ -237,6 +248,13 @@ impl<'g> Gateway<'g> {
                 // What it has asked so far is nobody's question any more.
                 *changed |= points == Reloaded::All && new.as_ref().is_some_and(is_scanner);
             }
+            for (index, changed) in changed.iter_mut().enumerate() {
+                let id = PortId(index as u8);
+                let [old, new] =
+                    [&settings, new].map(|settings| settings.servers_of(id).map(|(_, line)| line));
+                *changed |= !old.eq(new);
+            }
+            self.move_server_statuses(&settings, new);
             if settings.own_network() != new.own_network() {
                 self.network_changed.signal(());
             }
@@ -261,6 +279,18 @@ impl<'g> Gateway<'g> {
         Ok(())
     }
 
+    /// How servers are doing is noted by the places of their lines: where those move, it moves with them.
+    fn move_server_statuses(&self, old: &Settings, new: &Settings) {
+        let mut statuses = [Status::Off; SERVERS_MAX];
+        for (status, line) in statuses.iter_mut().zip(&new.servers) {
+            let before = old.servers.iter().position(|before| before == line);
+            *status = before.and_then(|place| self.server_status(place, None)).unwrap_or(Status::Off);
+        }
+        for (place, status) in statuses.into_iter().enumerate() {
+            self.server_status(place, Some(status));
+        }
+    }
+
     /// The port task of place `id`: plays the part that the settings say, for ever.
     ///
     /// `lines` opens serial lines, `connector` makes connections, `datagrams` opens UDP sockets. An `async fn` would keep what it
@@ -269,7 +299,7 @@ impl<'g> Gateway<'g> {
         &self,
         id: PortId,
         lines: &mut H,
-        connector: &mut C,
+        connector: &C,
         datagrams: &mut U,
     ) -> impl Future<Output = ()> {
         let at = self.place(id);
@@ -299,20 +329,32 @@ impl<'g> Gateway<'g> {
                         scanner::run(self, place, id, ethercat).await;
                     }
                     kind => {
-                        let (unit, transaction_ids) = match kind {
-                            Some(PortKind::TcpClient(settings)) => {
-                                (settings.unit, settings.framing == StreamFraming::Mbap)
-                            }
-                            _ => (None, false),
-                        };
-                        let desk = Desk::new(self, at, id, unit, transaction_ids, alone);
+                        let desk = Desk::new(self, at, id, self.part(id, kind), alone);
                         let part = play(&desk, kind.as_ref(), lines, connector);
                         select(place.changed.wait(), select(desk.take_in(), part)).await;
                         desk.close();
-                        place.socket.closed(self.ports);
+                        place.sockets.iter().for_each(|socket| socket.closed(self.ports));
                     }
                 }
             }
+        }
+    }
+
+    /// What the client-side port `id` is besides its line.
+    fn part(&self, id: PortId, kind: &Option<PortKind>) -> Part {
+        match kind {
+            Some(PortKind::TcpClient(client)) => {
+                let servers = match client.server {
+                    Some(_) => Servers::one(),
+                    None => self.settings(|settings| {
+                        Servers::new(settings.servers_of(id).map(|(_, server)| (server.units, server.tag)))
+                    }),
+                };
+                let links = usize::from(client.sockets).min(LINKS_MAX).min(servers.len()) as u8;
+                let transaction_ids = client.framing == StreamFraming::Mbap;
+                Part { servers, links, unit: client.unit, transaction_ids }
+            }
+            _ => Part { servers: Servers::line(), links: 1, unit: None, transaction_ids: false },
         }
     }
 
@@ -416,7 +458,7 @@ async fn play<H: SerialHost, C: TcpConnect>(
     desk: &Desk<'_>,
     kind: Option<&PortKind>,
     lines: &mut H,
-    connector: &mut C,
+    connector: &C,
 ) {
     match kind {
         Some(PortKind::Serial(settings)) => {

@@ -9,7 +9,7 @@ use core::net::SocketAddr;
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 
-use crate::config::{LineSettings, StaticAddress, TcpListen};
+use crate::config::{LineSettings, ServerAddress, StaticAddress, TcpListen};
 use crate::port::relay::Relay;
 
 /// Why something could not be opened, with what the user can do about it.
@@ -175,16 +175,16 @@ pub trait TcpHost {
     async fn accept(&mut self, listen: &TcpListen) -> Result<(Self::Stream<'_>, SocketAddr), OpenError>;
 }
 
-/// Makes TCP connections to outside servers, one at a time; every port task owns one.
+/// Makes TCP connections to outside servers, several at a time; every port task has one.
 pub trait TcpConnect {
     /// A connection, Nagle off, keepalive and user time-out set.
     type Stream<'a>: TcpStream
     where
         Self: 'a;
 
-    /// Connects to `server`; [`OpenErrorKind::Exhausted`] when all of the board's sockets are in use. The caller limits the
-    /// time: dropping the pending future gives up.
-    async fn connect(&mut self, server: SocketAddr) -> Result<Self::Stream<'_>, OpenError>;
+    /// Connects to `server`, whose name is looked up if it has one; [`OpenErrorKind::Exhausted`] when all of the board's sockets
+    /// are in use. The caller limits the time: dropping the pending future gives up.
+    async fn connect(&self, server: &ServerAddress) -> Result<Self::Stream<'_>, OpenError>;
 }
 
 /// A TCP connection. `read` gives `Ok(0)` at the peer's FIN; dropping a pending `read` loses no byte.

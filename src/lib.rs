@@ -49,7 +49,8 @@
 //!
 //! With the feature `small` some are lower, for boards with little memory. Without the feature `points` the gateway asks nothing by
 //! itself: it holds no data points, and no memory for them. Without the feature `ipv6` settings take addresses
-//! of IPv4 only, as boards with an Ethernet of their own do. Without `capture` it keeps no frames to be looked at. Without `paths` names of serial devices are
+//! of IPv4 only, as boards with an Ethernet of their own do. Without `servers` a TCP client has one
+//! server, at an address. Without `capture` it keeps no frames to be looked at. Without `paths` names of serial devices are
 //! short, as boards need them.
 //!
 //! | limit | value | why |
@@ -60,10 +61,13 @@
 //! | [`config::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
 //! | [`port::queue::WAITING_MAX`] | 64, small: 24 | orders that wait at a port; one more is answered 06h |
 //! | [`port::cache::ANSWERS_MAX`] | 16, small: 8 | answers that a port keeps where a rule says `cache`, in [`port::cache::ANSWER_BYTES_MAX`] bytes |
-//! | [`port::units::UNITS_MAX`] | 32, small: 16 | loads of an RS-485 segment; the quietest healthy unit is forgotten first |
+//! | [`port::units::UNITS_MAX`] | 64, small: 16 | servers of a port, or loads of an RS-485 segment; the quietest healthy unit is forgotten first |
 //! | [`port::units::ALL_UNITS_MAX`] | 256, small: 64 | units of all ports together: few ports have as many as they may |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
 //! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
+//! | [`config::PORT_SERVERS_MAX`], [`config::SERVERS_MAX`] | 64 and 128, small: 8 and 16 | servers of one TCP client, and of all: the stations that one scanner asks on time |
+//! | [`config::SOCKETS_MAX`] | 16, small: 2 | connections that one port has at a time; each takes a future's memory |
+//! | [`config::SERVER_NAME_BYTES_MAX`] | 63, small: 31 | a server's name, one of which each line has |
 //! | [`config::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |
 //! | [`scanner::DEVICES_MAX`] | 32 | devices that a scanner asks: the loads of an RS-485 segment |
 //! | [`config::SLAVES_MAX`] | 32 | devices behind the EtherCAT process image: all that a scanner asks |

@@ -2,8 +2,8 @@
 //!
 //! A server-side port turns what an outside client sends into frames for the router and gives the answers back; a
 //! client-side port takes orders from its channel and asks outside servers. Ports know framing and timing, nothing of
-//! routes. `queue`, `cache`, `units`, `answer_times`, `answer_tail`, `flights` and `shared_bus` are the pure parts: who is served next, which answers are kept,
-//! which units are alive, how long they take, which requests are open on a connection, and what a frame is that was heard on a bus with other
+//! routes. `queue`, `servers`, `cache`, `units`, `answer_times`, `answer_tail`, `flights` and `shared_bus` are the pure parts: who is served
+//! next, which server is connected, which answers are kept, which units are alive, how long they take, which requests are open on a connection, and what a frame is that was heard on a bus with other
 //! devices.
 
 pub mod answer_tail;
@@ -16,6 +16,7 @@ pub mod local;
 pub mod outstanding;
 pub mod queue;
 pub mod relay;
+pub mod servers;
 pub mod shared_bus;
 pub mod units;
 

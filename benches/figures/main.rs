@@ -20,6 +20,7 @@ mod plot;
 mod points;
 mod ports;
 mod power_cuts;
+mod servers;
 mod shared_bus;
 mod sharing;
 mod tools;
@@ -39,6 +40,7 @@ fn main() {
         ("points", points::figures),
         ("ports", ports::figures),
         ("goodput", goodput::figures),
+        ("servers", servers::figures),
         ("tools", tools::figures),
         ("power_cuts", power_cuts::figures),
         ("ethercat", ethercat::figures),

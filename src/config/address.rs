@@ -5,7 +5,7 @@ use core::net::{IpAddr, SocketAddr};
 
 use heapless::Vec;
 
-use super::RESERVED_MAX;
+use super::Prefixes;
 
 /// Whether there are addresses of IPv6. Without the feature `ipv6` settings have none, and no peer comes from one: their
 /// code need not be in an image.
@@ -13,7 +13,7 @@ pub(super) const IPV6: bool = cfg!(feature = "ipv6");
 
 /// Peers that may ask; empty: everybody may.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Allowed(pub Vec<IpPrefix, RESERVED_MAX>);
+pub struct Allowed(pub Prefixes);
 
 impl Allowed {
     /// Everybody.

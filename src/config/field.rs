@@ -1,20 +1,19 @@
 //! What a word of a port line sets: where that stands in the settings, how it is read, and how it is printed.
 
 use core::fmt::{self, Display};
-use core::net::SocketAddr;
 use core::ops::RangeInclusive;
 
 use embassy_time::Duration;
 use heapless::{String, Vec};
 
 use super::ethercat::ON_LOSS;
-use super::port_values::{device, format, interface, meaning, prefixes, reserved_for, server};
+use super::port_values::{device, format, interface, meaning, prefixes, reserved_for, server_address};
 use super::print::list;
 use super::values::{Time, listen, name, number, time};
 use super::words::{Word, Words, Wrong};
 use super::{
-    Allowed, DEVICE_BYTES_MAX, Driver, Framing, InterfaceName, IpPrefix, LineSettings, Name, OnLoss, Proofs,
-    RESERVED_MAX, Side, Special, StreamFraming, TcpListen,
+    Allowed, DEVICE_BYTES_MAX, Driver, Framing, InterfaceName, LineSettings, Name, OnLoss, Prefixes, Proofs,
+    ServerAddress, Side, Special, StreamFraming, TcpListen,
 };
 
 /// What becomes of a newcomer when all connections are taken: the second word refuses it.
@@ -47,10 +46,10 @@ pub(super) enum Field<'s> {
     Format(&'s mut LineSettings),
     Device(&'s mut String<DEVICE_BYTES_MAX>),
     Listen(&'s mut TcpListen),
-    Server(&'s mut SocketAddr),
+    Server(&'s mut Option<ServerAddress>),
     /// Whether newcomers are refused.
     Full(&'s mut bool),
-    Reserve(&'s mut u16, &'s mut Vec<IpPrefix, RESERVED_MAX>, &'static Count),
+    Reserve(&'s mut u16, &'s mut Prefixes, &'static Count),
     Allow(&'s mut Allowed),
     /// Whether that may be [`Special::AllLines`] stands behind it.
     Special(&'s mut Special, bool),
@@ -91,7 +90,7 @@ impl Field<'_> {
             Self::Unit(place, count) => *place = Some(count.read(word)? as u8),
             Self::Device(place) => *place = device(word)?,
             Self::Listen(place) => *place = listen(word)?,
-            Self::Server(place) => *place = server(word)?,
+            Self::Server(place) => *place = Some(server_address(word)?),
             Self::Full(place) => *place = word.keyword(FULL, "displace or refuse")?,
             Self::Reserve(places, peers, count) => {
                 *places = count.read(word)? as u16;

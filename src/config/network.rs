@@ -1,11 +1,11 @@
 //! Settings of the ports that speak over a network: TCP servers and clients, UDP servers.
 
-use core::net::{IpAddr, SocketAddr};
+use core::net::IpAddr;
 
 use embassy_time::Duration;
 use heapless::Vec;
 
-use super::{Allowed, IpPrefix, Proofs, RESERVED_MAX};
+use super::{Allowed, Prefixes, Proofs, SOCKETS_MAX, ServerAddress};
 
 /// TCP port number of Modbus (Messaging on TCP/IP 4.3.1.1).
 pub const MODBUS_TCP_PORT: u16 = 502;
@@ -63,7 +63,7 @@ pub struct TcpServerSettings {
     /// When all are taken a newcomer is closed, and not the connection that has been idle for longest.
     pub refuses: bool,
     /// Peers that may use the reserved places and are never closed to make room.
-    pub reserved_for: Vec<IpPrefix, RESERVED_MAX>,
+    pub reserved_for: Prefixes,
     /// Peers that may connect; others are closed at once. Empty: everybody may (Messaging on TCP/IP 4.2.3, restricted mode).
     pub allowed: Allowed,
 }
@@ -123,10 +123,12 @@ impl UdpServerSettings {
 }
 
 /// A device, or a gateway with devices behind it, that is asked over TCP.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TcpClientSettings {
-    /// Where it listens.
-    pub server: SocketAddr,
+    /// Where it listens; none: the port has several servers, in lines of their own.
+    pub server: Option<ServerAddress>,
+    /// Connections to several servers at a time.
+    pub sockets: u8,
     /// Modbus TCP or RTU over TCP.
     pub framing: StreamFraming,
     /// The unit id that is sent whatever the rule says; `None` sends the rule's.
@@ -157,10 +159,11 @@ pub struct TcpClientSettings {
 
 impl TcpClientSettings {
     /// Modbus TCP to `server`: one request at a time, 1 s for a response, 3 s to connect, closed after a minute, no repeats,
-    /// down after three time-outs.
-    pub fn new(server: SocketAddr) -> Self {
+    /// down after three time-outs; to several servers 8 connections at a time, where there can be so many.
+    pub fn new(server: Option<ServerAddress>) -> Self {
         Self {
             server,
+            sockets: if SOCKETS_MAX < 8 { SOCKETS_MAX as u8 } else { 8 },
             framing: StreamFraming::Mbap,
             unit: None,
             in_flight: 1,

@@ -1,4 +1,4 @@
-//! The board's own address: `network dhcp name cabinet-7`, `network address 192.168.1.5/24 gateway 192.168.1.1`.
+//! The board's own address: `network dhcp name cabinet-7`, `network address 192.168.1.5/24 gateway 192.168.1.1 dns 192.168.1.1`.
 //!
 //! For boards whose Ethernet is the gateway's own. Where an operating system has the network, these lines are refused.
 
@@ -7,6 +7,7 @@ use core::net::Ipv4Addr;
 
 use heapless::String;
 
+use super::SERVERS;
 use super::problem::Problem;
 use super::values::parse_number;
 use super::words::{Word, Words, Wrong};
@@ -40,6 +41,8 @@ pub struct StaticAddress {
     pub prefix: u8,
     /// The way to other networks.
     pub gateway: Option<Ipv4Addr>,
+    /// Who is asked for names.
+    pub dns: Option<Ipv4Addr>,
 }
 
 impl OwnNetwork {
@@ -59,11 +62,25 @@ enum Way {
     Static,
 }
 
+/// What may stand behind an address.
+#[derive(Clone, Copy)]
+enum Behind {
+    Gateway,
+    Dns,
+}
+
+/// Names are looked up where servers have some.
+const OPTIONS: &[(&str, Behind)] = match SERVERS {
+    true => &[("gateway", Behind::Gateway), ("dns", Behind::Dns)],
+    false => &[("gateway", Behind::Gateway)],
+};
+const OPTIONS_EXPECTED: &str = if SERVERS { "gateway, dns or the end of the line" } else { "gateway" };
+
 const WAYS: &[(&str, Way)] = &[("dhcp", Way::Dhcp), ("address", Way::Static)];
 
 /// The words that stand in the line.
 pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
-    WAYS.iter().map(|(word, _)| *word).chain(["name", "gateway"])
+    WAYS.iter().map(|(word, _)| *word).chain(["name"]).chain(OPTIONS.iter().map(|(word, _)| *word))
 }
 
 /// Reads what stands behind `network`.
@@ -75,8 +92,18 @@ pub(super) fn own_network(words: &Words) -> Result<OwnNetwork, Wrong> {
         }
         Way::Static => {
             let (address, prefix) = address(words.take())?;
-            let gateway = option(words, "gateway")?.map(|word| gateway(word, address, prefix)).transpose()?;
-            OwnNetwork::Static(StaticAddress { address, prefix, gateway })
+            let mut own = StaticAddress { address, prefix, gateway: None, dns: None };
+            while !words.peek().is_end() {
+                let word = words.take();
+                let (place, value) = match word.keyword(OPTIONS, OPTIONS_EXPECTED)? {
+                    Behind::Gateway => (&mut own.gateway, gateway(words.take(), address, prefix)?),
+                    Behind::Dns => (&mut own.dns, name_server(words.take())?),
+                };
+                if place.replace(value).is_some() {
+                    return Err(word.error(Problem::Twice));
+                }
+            }
+            OwnNetwork::Static(own)
         }
     };
     words.end()?;
@@ -121,6 +148,12 @@ fn gateway(word: Word, own: Ipv4Addr, prefix: u8) -> Result<Ipv4Addr, Wrong> {
     }
 }
 
+fn name_server(word: Word) -> Result<Ipv4Addr, Wrong> {
+    let address: Option<Ipv4Addr> = word.text.parse().ok();
+    let address = address.filter(|address| !address.is_unspecified() && !address.is_multicast());
+    address.ok_or_else(|| word.expected("the name server's address such as 192.168.1.1"))
+}
+
 fn mask(prefix: u32) -> u32 {
     u32::MAX.checked_shl(32 - prefix).unwrap_or(0)
 }
@@ -146,10 +179,11 @@ impl Display for OwnNetwork {
         match self {
             Self::Dhcp { name } if name.is_empty() => f.write_str("dhcp"),
             Self::Dhcp { name } => write!(f, "dhcp name {name}"),
-            Self::Static(own) => match own.gateway {
-                Some(gateway) => write!(f, "address {own} gateway {gateway}"),
-                None => write!(f, "address {own}"),
-            },
+            Self::Static(own) => {
+                write!(f, "address {own}")?;
+                own.gateway.map_or(Ok(()), |gateway| write!(f, " gateway {gateway}"))?;
+                own.dns.map_or(Ok(()), |dns| write!(f, " dns {dns}"))
+            }
         }
     }
 }

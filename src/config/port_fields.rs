@@ -7,8 +7,8 @@ use embassy_time::Duration;
 use super::field::{Count, Field};
 use super::port_keys::Key;
 use super::{
-    PortKind, SerialSettings, TcpClientSettings, TcpServerSettings, UDP_REQUESTS_MAX, UdpServerSettings,
-    UnitPolicy,
+    PortKind, SOCKETS_MAX, SerialSettings, TcpClientSettings, TcpServerSettings, UDP_REQUESTS_MAX,
+    UdpServerSettings, UnitPolicy,
 };
 
 /// A time of at most so many seconds.
@@ -37,6 +37,8 @@ const RESERVED: Count = Count("places", 0..=1_000);
 /// Messaging on TCP/IP 4.4.1.1 (NumberMaxOfServerTransaction): 1 to 16.
 const PIPELINE: Count = Count("requests", 1..=16);
 const REQUESTS: Count = Count("requests", 1..=UDP_REQUESTS_MAX as u32);
+/// A board has few.
+const SOCKETS: Count = Count("connections", 1..=SOCKETS_MAX as u32);
 const UNIT: Count = Count("auto, or a unit id", 0..=255);
 
 impl PortKind {
@@ -111,6 +113,7 @@ impl TcpClientSettings {
             Key::Server => Field::Server(&mut self.server),
             Key::Stream(framing) => Field::Stream(&mut self.framing, framing),
             Key::Unit => Field::Unit(&mut self.unit, &UNIT),
+            Key::Sockets => Field::Small(&mut self.sockets, &SOCKETS),
             Key::InFlight => Field::Small(&mut self.in_flight, &PIPELINE),
             Key::Timeout => Field::Time(&mut self.timeout, &TIMEOUT),
             Key::ConnectTimeout => Field::Time(&mut self.connect_timeout, &TIMEOUT),

@@ -1,5 +1,6 @@
 //! The words that set something in a port.
 
+use super::words::Word;
 use super::{Driver, Framing, PortKind, Side, StreamFraming};
 
 /// What a word of a port line sets.
@@ -35,6 +36,7 @@ pub(super) enum Key {
     Allow,
     Stream(StreamFraming),
     Server,
+    Sockets,
     Unit,
     InFlight,
     ConnectTimeout,
@@ -99,8 +101,14 @@ impl Key {
             Self::ProveOutputs(_) => 41,
             Self::Full => 42,
             Self::Interface => 43,
+            Self::Sockets => 44,
         }
     }
+}
+
+/// Whether `word` sets something in a TCP client: then it is no server's name.
+pub(super) fn is_of_tcp_client(word: Word) -> bool {
+    word.lookup(TCP_CLIENT_KEYS).is_some()
 }
 
 /// Words with their keys, in the order in which they are printed.
@@ -155,6 +163,7 @@ const TCP_CLIENT_KEYS: Keys = &[
     ("rtu", Key::Stream(StreamFraming::Rtu)),
     // For `edit`: the flag has no value that could say so.
     ("mbap", Key::Stream(StreamFraming::Mbap)),
+    ("sockets", Key::Sockets),
     ("unit", Key::Unit),
     ("in-flight", Key::InFlight),
     ("timeout", Key::Timeout),
@@ -214,7 +223,7 @@ const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rate, a format
      down-after, proof, answer-within or reply-delay";
 const TCP_SERVER_EXPECTED: &str =
     "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve or allow";
-const TCP_CLIENT_EXPECTED: &str = "address, rtu, unit, in-flight, timeout, connect-timeout, \
+const TCP_CLIENT_EXPECTED: &str = "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
      connect-delay, request-delay, idle, retries, late-window, down-after or proof";
 const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow";
 const ETHERCAT_EXPECTED: &str = "interface, line, on-loss or prove-outputs";

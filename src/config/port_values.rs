@@ -1,12 +1,13 @@
 //! Values that only ports have: devices, formats, servers, lists of prefixes, what unit ids mean.
 
-use core::net::SocketAddr;
-
 use heapless::{String, Vec};
 
-use super::values::{number, parse_endpoint, prefix};
+use super::values::{number, parse_endpoint, port_number, prefix};
 use super::words::{Word, Words, Wrong};
-use super::{INTERFACE_BYTES_MAX, InterfaceName, IpPrefix, MODBUS_TCP_PORT, Parity, RESERVED_MAX, Special};
+use super::{
+    Host, INTERFACE_BYTES_MAX, InterfaceName, MODBUS_TCP_PORT, Parity, Prefixes, RESERVED_MAX, SERVERS,
+    ServerAddress, ServerName, Special,
+};
 
 /// Names the limit as a number.
 const DEVICE_EXPECTED: &str = match super::DEVICE_BYTES_MAX {
@@ -51,25 +52,50 @@ pub(super) fn format(word: Word) -> Result<(u8, Parity, u8), Wrong> {
     parsed.ok_or_else(|| word.expected("a format such as 8E1, 7E1, 8N1 or 8N2"))
 }
 
-/// Where a server is: `192.168.1.20:502`, `[fe80::1]:502`; without a port number it is Modbus's own.
-pub(super) fn server(word: Word) -> Result<SocketAddr, Wrong> {
-    parse_endpoint(word.text)
-        .filter(|(address, _)| !address.is_unspecified())
-        .map(|(address, port)| SocketAddr::new(address, port.unwrap_or(MODBUS_TCP_PORT)))
-        .ok_or_else(|| word.expected("the address of a server such as 192.168.1.20 or 192.168.1.20:502"))
+/// Names the limits.
+const SERVER_EXPECTED: &str = match SERVERS {
+    true => "the address of a server such as 192.168.1.20 or 192.168.1.20:502, or its name",
+    false => "the address of a server such as 192.168.1.20 or 192.168.1.20:502",
+};
+
+/// Where a server is: `192.168.1.20:502`, `[fe80::1]:502`, `meter.example`; without a port number it is Modbus's own.
+pub(super) fn server_address(word: Word) -> Result<ServerAddress, Wrong> {
+    let by_address = || {
+        let (address, port) = parse_endpoint(word.text).filter(|(address, _)| !address.is_unspecified())?;
+        Some((Host::Address(address), port))
+    };
+    let by_name = || {
+        if !SERVERS {
+            return None;
+        }
+        let (name, port) =
+            word.text.split_once(':').map_or((word.text, None), |(name, port)| (name, Some(port)));
+        let port = port.map(|port| port_number(port).ok_or(())).transpose().ok()?;
+        Some((Host::Name(server_name(name)?), port))
+    };
+    let (host, port) = by_address().or_else(by_name).ok_or_else(|| word.expected(SERVER_EXPECTED))?;
+    Ok(ServerAddress { host, port: port.unwrap_or(MODBUS_TCP_PORT) })
+}
+
+/// A host's name (RFC 1123 2.1): its last label has a letter, or it would be an address.
+fn server_name(text: &str) -> Option<ServerName> {
+    let is_label = |label: &str| {
+        let letters = label.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_');
+        letters && (1..=63).contains(&label.len()) && !label.starts_with('-') && !label.ends_with('-')
+    };
+    let last = text.rsplit('.').next()?;
+    let good = text.split('.').all(is_label) && last.bytes().any(|byte| byte.is_ascii_alphabetic());
+    if good { ServerName::try_from(text).ok() } else { None }
 }
 
 /// `for 192.168.1.0/24,10.0.0.7`: what stands behind the number of reserved places.
-pub(super) fn reserved_for(words: &Words) -> Result<Vec<IpPrefix, RESERVED_MAX>, Wrong> {
+pub(super) fn reserved_for(words: &Words) -> Result<Prefixes, Wrong> {
     words.take().keyword(&[("for", ())], "for and the addresses that the places are kept for")?;
     prefixes(words.take(), words)
 }
 
 /// `192.168.1.0/24,10.0.0.7`, of which the first is `word`.
-pub(super) fn prefixes<'w>(
-    mut word: Word<'w>,
-    words: &'w Words,
-) -> Result<Vec<IpPrefix, RESERVED_MAX>, Wrong> {
+pub(super) fn prefixes<'w>(mut word: Word<'w>, words: &'w Words) -> Result<Prefixes, Wrong> {
     let mut prefixes = Vec::new();
     loop {
         if prefixes.push(prefix(word)?).is_err() {

@@ -3,10 +3,11 @@
 //! A [`Draft`] starts from the defaults or from the port as it is, takes word by word in any order, and is checked
 //! as a whole at the end of the line. What a port cannot use is refused, so that no setting is taken and ignored.
 
+use super::SERVERS;
 use super::field::Field;
 use super::point_problem::PointProblem;
-use super::port_keys::{Key, UNIT_KEYS};
-use super::port_values::{device, server};
+use super::port_keys::{Key, UNIT_KEYS, is_of_tcp_client};
+use super::port_values::{device, server_address};
 use super::problem::Problem;
 use super::values::{listen, parse_number};
 use super::words::{Word, Words, Wrong};
@@ -43,6 +44,8 @@ enum Sort {
     Places,
     OfRequests,
     Several,
+    OfOneServer,
+    OfServers,
     Units,
     OfRtu,
 }
@@ -61,6 +64,8 @@ impl Sort {
             Key::Reserve | Key::Clients => Self::Places,
             Key::Idle | Key::Lifetime => Self::OfRequests,
             Key::InFlight | Key::Pipeline => Self::Several,
+            Key::Unit => Self::OfOneServer,
+            Key::Sockets => Self::OfServers,
             Key::Broadcast | Key::Confirm(_) | Key::Unit255 | Key::ReservedUnits => Self::Units,
             _ => return None,
         })
@@ -108,7 +113,10 @@ impl<'a> Draft<'a> {
     /// Reads a new port up to the end of the line.
     pub(super) fn create(words: &'a Words) -> Result<Self, Wrong> {
         let (kind, place) = new_port(words)?;
-        let seen = Key::Device.bit() | Key::Listen.bit() | Key::Server.bit();
+        let mut seen = Key::Device.bit() | Key::Listen.bit() | Key::Server.bit();
+        if let PortKind::TcpClient(TcpClientSettings { server: None, .. }) = kind {
+            seen &= !Key::Server.bit();
+        }
         let mut draft = Self::read(kind, UnitPolicy::default(), place, seen, words)?;
         let end = words.take();
         let (has_clients, has_format) = (draft.has(Key::Clients), draft.has(Key::Format));
@@ -223,6 +231,17 @@ impl<'a> Draft<'a> {
                     blamed.refuse(Sort::OfRtu, Problem::RtuOnly)?;
                     settings.proofs = Proofs::default();
                 }
+                let TcpClientSettings { sockets, .. } = TcpClientSettings::new(None);
+                match settings.server {
+                    Some(_) => {
+                        blamed.refuse(Sort::OfServers, Problem::HasOneServer)?;
+                        settings.sockets = sockets;
+                    }
+                    None => {
+                        blamed.refuse(Sort::OfOneServer, Problem::HasManyServers)?;
+                        settings.unit = None;
+                    }
+                }
                 one_at_a_time(settings.framing, blamed, &mut settings.in_flight, 1)
             }
             PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_) => Ok(()),
@@ -245,13 +264,21 @@ fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
         Medium::Ethercat => return Ok((PortKind::Ethercat(EthercatSettings::default()), word)),
         Medium::Serial => Side::Client,
     };
+    if SERVERS && matches!((medium, side), (Medium::Tcp, Side::Client)) {
+        let next = words.peek();
+        if next.is_end() || is_of_tcp_client(next) {
+            return Ok((PortKind::TcpClient(TcpClientSettings::new(None)), word));
+        }
+    }
     let place = words.take();
     let kind = match (medium, side) {
         (Medium::Tcp, Side::Server) => {
             let listen = listen(place)?;
             PortKind::TcpServer(TcpServerSettings { listen, ..TcpServerSettings::new(listen.port) })
         }
-        (Medium::Tcp, Side::Client) => PortKind::TcpClient(TcpClientSettings::new(server(place)?)),
+        (Medium::Tcp, Side::Client) => {
+            PortKind::TcpClient(TcpClientSettings::new(Some(server_address(place)?)))
+        }
         (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(place)?)),
         _ => PortKind::Serial(SerialSettings::new(device(place)?)),
     };

@@ -1,16 +1,16 @@
-//! Settings as lines that recreate them: the board's network and how it is found there, then ports, rules in their order, devices, points and slaves.
+//! Settings as lines that recreate them: the board's network and how it is found there, then ports, their servers, rules in their
+//! order, devices, points and slaves.
 
 use core::fmt::{self, Display, Write};
 
 use heapless::String;
 
-use super::address::Endpoint;
 use super::points::PointWords;
 use super::port_keys::UNIT_KEYS;
 use super::route_words::IDENTIFICATION;
 use super::values::Time;
 use super::{
-    EthercatSettings, Framing, IpPrefix, LineSettings, Mdns, Parity, Port, PortKind, SerialSettings,
+    EthercatSettings, Framing, IpPrefix, LineSettings, Mdns, Parity, Port, PortKind, SERVERS, SerialSettings,
     Settings, Side, Special, StreamFraming, TcpClientSettings, TcpServerSettings, UdpServerSettings,
     UnitPolicy,
 };
@@ -40,6 +40,10 @@ pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<
         Some(port) => Some(write_port(port, width, out)),
         None => {
             let n = n.checked_sub(ports().count())?;
+            if let Some(server) = settings.servers.get(n).filter(|_| SERVERS) {
+                return Some(write!(out, "server {:width$} {server}", settings.name(server.port)));
+            }
+            let n = n.checked_sub(settings.servers.len())?;
             match settings.routes.get(n) {
                 Some(route) => Some(write_route(settings, route, width, out)),
                 None => write_points(settings, n - settings.routes.len(), out),
@@ -162,7 +166,10 @@ impl Display for Behind<'_> {
                 write!(f, "serial {device} {framing} {side} {}", line.speed())
             }
             PortKind::TcpServer(settings) => write!(f, "tcp server {}", settings.listen),
-            PortKind::TcpClient(settings) => write!(f, "tcp client {}", Endpoint(settings.server)),
+            PortKind::TcpClient(settings) => match &settings.server {
+                Some(server) => write!(f, "tcp client {server}"),
+                None => f.write_str("tcp client"),
+            },
             PortKind::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
             PortKind::Scanner => f.write_str("scanner"),
             PortKind::Ethercat(_) => f.write_str("ethercat"),
@@ -195,7 +202,7 @@ impl PortKind {
                 plain.clients = plain.clients_of(settings.framing);
                 Self::TcpServer(plain)
             }
-            Self::TcpClient(settings) => Self::TcpClient(TcpClientSettings::new(settings.server)),
+            Self::TcpClient(settings) => Self::TcpClient(TcpClientSettings::new(settings.server.clone())),
             Self::UdpServer(settings) => Self::UdpServer(UdpServerSettings::new(settings.listen)),
             Self::Scanner => Self::Scanner,
             Self::Ethercat(_) => Self::Ethercat(EthercatSettings::default()),

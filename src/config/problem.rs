@@ -9,6 +9,7 @@ use thiserror::Error;
 
 use super::values::Time;
 use super::{LINE_BYTES_MAX, Name, PORTS_MAX, PointProblem, ROUTES_MAX};
+use crate::route::UnitRange;
 use crate::scanner::POINTS;
 
 /// Bytes of a wrong word that an error keeps.
@@ -116,6 +117,35 @@ pub enum Problem {
     /// Something about points, their devices, or slaves.
     #[error(fmt = fmt_points)]
     Points(PointProblem),
+    /// The port has no servers in lines of their own.
+    #[error("is no tcp client without an address: only that has server lines")]
+    NotManyServers,
+    /// A setting for several servers.
+    #[error("is for a tcp client without an address, which has several servers")]
+    HasOneServer,
+    /// A setting for one server.
+    #[error("is for a tcp client with an address: server lines have tags")]
+    HasManyServers,
+    /// Lines say which servers the port has.
+    #[error("{0} server lines name this port: delete them first")]
+    ServersInUse(usize),
+    /// Two servers would be asked for one unit.
+    #[error("unit {unit} is in the line server ... unit {units} already")]
+    UnitTaken {
+        /// The unit.
+        unit: u8,
+        /// Those of the other line.
+        units: UnitRange,
+    },
+    /// As many servers as there can be.
+    #[error("there are {0} servers already, the most there can be")]
+    ServersFull(usize),
+    /// No server has these units.
+    #[error("no server line of this port has these units")]
+    NoSuchServer,
+    /// The feature `servers` is not in the image.
+    #[error("on this board a tcp client has one server, at an address")]
+    NoServers,
     /// RTU characters have 8 data bits (Serial Line 2.5.1).
     #[error("RTU needs 8 data bits, such as 8E1")]
     RtuDataBits,
@@ -263,6 +293,15 @@ pub enum Warning {
         /// Those above that take all their requests. None: their units mean something else at their port.
         takers: Rules,
     },
+    /// Units that a rule sends to a port none of whose servers is asked for them.
+    NoServer {
+        /// The rule.
+        rule: Rules,
+        /// The first of the units, as the port calls it.
+        unit: u8,
+        /// The port.
+        port: Name,
+    },
     /// A request that a rule sends to a server of the gateway itself, and that comes to the same rule again, for ever.
     Circle {
         /// The rule.
@@ -287,6 +326,9 @@ impl fmt::Display for Warning {
                     return write!(f, "{its} units mean something else at {its} port");
                 }
                 write!(f, "{takers} {} all {its} requests", takers.verb("takes", "take"))
+            }
+            Self::NoServer { rule, unit, port } => {
+                write!(f, "{rule} leads to unit {unit} of port {port}, for which no server line is: 0A")
             }
             Self::Circle { rule, unit, port } => {
                 write!(f, "{rule} leads unit {unit} in a circle: its requests come back by port {port}")

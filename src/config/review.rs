@@ -1,12 +1,13 @@
-//! What is set, but unlikely to be meant: short gaps, rules that never match, requests that come back to their rule.
+//! What is set, but unlikely to be meant: short gaps, rules that never match or lead to units without a server, requests that
+//! come back to their rule.
 
 use core::net::{IpAddr, Ipv4Addr};
 
 use super::{
-    Framing, OwnNetwork, Port, PortId, PortKind, Rules, SerialSettings, Settings, Special, Warning,
-    is_implied,
+    Framing, Host, OwnNetwork, Port, PortId, PortKind, Rules, SERVERS, SerialSettings, ServerAddress,
+    Settings, Special, StreamFraming, TcpClientSettings, Warning, is_implied,
 };
-use crate::route::{Destination, Route, meaning, takers};
+use crate::route::{Destination, Route, UnitRange, meaning, takers};
 
 /// Hops along which a request is followed, a bound for circles with a shift in them.
 const HOPS_MAX: usize = 16;
@@ -23,6 +24,9 @@ impl Settings {
         let rules = Rules::one(n);
         if let Some(takers) = never_matches(self, n) {
             return Some(Warning::NeverMatch { rules, takers });
+        }
+        if let Some((unit, port)) = no_server(self, n) {
+            return Some(Warning::NoServer { rule: rules, unit, port: self.port(port)?.name.clone() });
         }
         let (server, unit) = comes_back(self, n)?;
         Some(Warning::Circle { rule: rules, unit, port: self.port(server)?.name.clone() })
@@ -70,30 +74,44 @@ fn never_matches(settings: &Settings, n: usize) -> Option<Rules> {
     })
 }
 
+/// A unit that rule `n` (from 0) sends to a port with several servers, none of which is asked for it. A rule for all units means
+/// those that there are.
+fn no_server(settings: &Settings, n: usize) -> Option<(u8, PortId)> {
+    let rule = settings.routes.get(n).filter(|rule| SERVERS && !is_implied(settings, rule))?;
+    let Destination::Port(client) = rule.destination else { return None };
+    let PortKind::TcpClient(TcpClientSettings { server: None, .. }) = settings.port(client)?.kind else {
+        return None;
+    };
+    let mut targets = (rule.units.first..=rule.units.last).filter_map(|unit| rule.tag.apply(unit));
+    let has_server = |unit: &u8| settings.server(client, *unit).is_some();
+    if rule.units == UnitRange::ALL && targets.clone().any(|unit| has_server(&unit)) {
+        return None;
+    }
+    targets.find(|unit| !has_server(unit)).map(|unit| (unit, client))
+}
+
 /// The TCP server of the gateway by which what rule `n` (from 0) sends out comes back, and the unit for which it comes to that
 /// rule again, for ever, if there is one.
 fn comes_back(settings: &Settings, n: usize) -> Option<(PortId, u8)> {
     let rule = settings.routes.get(n)?;
     let Destination::Port(client) = rule.destination else { return None };
     // Mostly that is all there is to do.
-    let (server, _) = own_server(settings, client)?;
+    leads_back(settings, client).then_some(())?;
     let returns = |unit: &u8| {
         let start = (n, *unit);
         let hops = core::iter::successors(Some(start), |&(n, unit)| next(settings, n, unit));
         hops.skip(1).take(HOPS_MAX).any(|hop| hop == start)
     };
-    (rule.units.first..=rule.units.last).find(returns).map(|unit| (server, unit))
+    let unit = (rule.units.first..=rule.units.last).find(returns)?;
+    let (_, server, _) = hop(settings, client, rule.tag.apply(unit)?)?;
+    Some((server, unit))
 }
 
 /// The rule that a request comes to, and for which unit, when rule `n` has sent it on for `unit`.
 fn next(settings: &Settings, n: usize, unit: u8) -> Option<(usize, u8)> {
     let rule = settings.routes.get(n)?;
     let Destination::Port(client) = rule.destination else { return None };
-    let (server, peer) = own_server(settings, client)?;
-    let target = match settings.port(client).map(|port| &port.kind) {
-        Some(PortKind::TcpClient(client)) => client.unit.or_else(|| rule.tag.apply(unit))?,
-        _ => return None,
-    };
+    let (target, server, peer) = hop(settings, client, rule.tag.apply(unit)?)?;
     let unit = match meaning(settings, server, target) {
         Special::Rules => target,
         Special::Replace(unit) => unit,
@@ -103,11 +121,31 @@ fn next(settings: &Settings, n: usize, unit: u8) -> Option<(usize, u8)> {
     settings.routes.iter().position(takes).map(|n| (n, unit))
 }
 
-/// The gateway's own TCP server to which `client` connects, and the address from which it does, as far as the settings tell:
-/// the host may have other addresses.
-fn own_server(settings: &Settings, client: PortId) -> Option<(PortId, IpAddr)> {
-    let Some(PortKind::TcpClient(client)) = settings.port(client).map(|port| &port.kind) else { return None };
-    let address = client.server.ip();
+/// Whether a server of the port `client` is one of the gateway itself.
+fn leads_back(settings: &Settings, client: PortId) -> bool {
+    let Some(PortKind::TcpClient(TcpClientSettings { server, framing, .. })) =
+        settings.port(client).map(|port| &port.kind)
+    else {
+        return false;
+    };
+    let others = settings.servers_of(client).map(|(_, server)| &server.at);
+    server.iter().chain(others).any(|at| own_server(settings, at, *framing).is_some())
+}
+
+/// What becomes of a request to `unit` that the port `client` sends to the gateway itself: the unit's number there, the server,
+/// and the address from which it comes, as far as the settings tell: the host may have other addresses.
+fn hop(settings: &Settings, client: PortId, unit: u8) -> Option<(u8, PortId, IpAddr)> {
+    let Some(PortKind::TcpClient(settings_of_client)) = settings.port(client).map(|port| &port.kind) else {
+        return None;
+    };
+    let (at, target) = settings.server(client, unit)?;
+    let (server, from) = own_server(settings, at, settings_of_client.framing)?;
+    Some((target, server, from))
+}
+
+/// The gateway's own TCP server `at` this address, and from which one a client of the gateway comes to it.
+fn own_server(settings: &Settings, at: &ServerAddress, framing: StreamFraming) -> Option<(PortId, IpAddr)> {
+    let Host::Address(address) = at.host else { return None };
     let listens = |kind: &PortKind| match kind {
         PortKind::TcpServer(server) => server.listen.address == Some(address),
         PortKind::UdpServer(server) => server.listen.address == Some(address),
@@ -123,14 +161,14 @@ fn own_server(settings: &Settings, client: PortId) -> Option<(PortId, IpAddr)> {
     let is_reached = |kind: &PortKind| match kind {
         PortKind::TcpServer(server) => {
             let any = |own: IpAddr| own.is_unspecified() || own == address;
-            server.listen.port == client.server.port()
+            server.listen.port == at.port
                 && server.listen.address.is_none_or(any)
-                && server.framing == client.framing
+                && server.framing == framing
                 && server.allowed.admits(from)
         }
         _ => false,
     };
-    let at =
+    let reached =
         settings.ports.iter().position(|port| port.as_ref().is_some_and(|port| is_reached(&port.kind)))?;
-    is_own.then_some((PortId(at as u8), from))
+    is_own.then_some((PortId(reached as u8), from))
 }

@@ -37,7 +37,7 @@ pub(super) fn route(settings: &Settings, words: &Words) -> Result<Route, Wrong> 
     Ok(Route { source, units, peer, tag, destination, policy })
 }
 
-fn port(settings: &Settings, word: Word) -> Result<PortId, Wrong> {
+pub(super) fn port(settings: &Settings, word: Word) -> Result<PortId, Wrong> {
     if word.is_end() {
         return Err(word.expected("a port name"));
     }
@@ -67,7 +67,7 @@ fn peer(settings: &Settings, source: PortId, word: Word) -> Result<Option<IpPref
     Ok(Some(peer))
 }
 
-fn tag(word: Word, units: UnitRange) -> Result<Tag, Wrong> {
+pub(super) fn tag(word: Word, units: UnitRange) -> Result<Tag, Wrong> {
     let expected = "* (the unit id stays), +N or -N (is shifted), or =N (becomes N)";
     if word.text == "*" {
         return Ok(Tag::Keep);

@@ -8,6 +8,9 @@ mod rules;
 // And only one that was built with them has slaves.
 #[cfg(feature = "points")]
 mod slaves;
+// And only one that was built with them has servers.
+#[cfg(feature = "servers")]
+mod servers;
 
 extern crate std;
 use std::borrow::ToOwned;
@@ -50,7 +53,11 @@ fn print(settings: &Settings) -> String {
 
 /// Applies `line` on top of `PORTS` and gives its error as the console prints it.
 fn error(line: &str) -> String {
-    let mut settings = load(PORTS);
+    error_after(PORTS, line)
+}
+
+fn error_after(text: &str, line: &str) -> String {
+    let mut settings = load(text);
     let before = settings.clone();
     let error = apply(&mut settings, line).expect_err(line).to_string();
     assert_eq!(settings, before, "a bad line changes nothing: {line}");
@@ -77,6 +84,10 @@ fn ports_are_read_by_value() {
     assert_eq!(p502.reserved_for[1], IpPrefix { address: "10.0.0.7".parse().unwrap(), length: 32 });
 }
 
+fn address(text: &str) -> ServerAddress {
+    text.parse::<core::net::SocketAddr>().unwrap().into()
+}
+
 #[test]
 fn a_tcp_client_is_read_by_value_and_changed_by_words() {
     let mut settings = load("port plc tcp client 192.168.1.20 in-flight 4 idle 0 unit 255 retries 2");
@@ -85,12 +96,12 @@ fn a_tcp_client_is_read_by_value_and_changed_by_words() {
         other => panic!("{other:?}"),
     };
     let plc = client(&settings);
-    assert_eq!(plc.server, "192.168.1.20:502".parse().unwrap());
+    assert_eq!(plc.server, Some(address("192.168.1.20:502")));
     assert_eq!((plc.in_flight, plc.unit, plc.retries), (4, Some(255), 2));
     assert_eq!(plc.idle, Duration::from_ticks(0));
     apply_all(&mut settings, &["edit port plc address [::1]:1502 unit auto rtu"]);
     let plc = client(&settings);
-    assert_eq!((plc.server, plc.unit), ("[::1]:1502".parse().unwrap(), None));
+    assert_eq!((plc.server, plc.unit), (Some(address("[::1]:1502")), None));
     assert_eq!((plc.framing, plc.in_flight), (StreamFraming::Rtu, 1), "one request at a time with rtu");
     assert_eq!(print(&settings), "port plc tcp client [::1]:1502 rtu idle 0 retries 2\n");
     apply_all(&mut settings, &["edit port plc mbap"]);
@@ -132,7 +143,7 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
     let cases = [
         (
             "prot P1",
-            "column 1: \"prot\": expected port, route, device, point, slave, edit, insert, move, delete, network or mdns; did you mean port?",
+            "column 1: \"prot\": expected port, server, route, device, point, slave, edit, insert, move, delete, network or mdns; did you mean port?",
         ),
         ("port", "column 5: end of line: expected a port name: a letter"),
         ("port 7 tcp server 1", "column 6: \"7\": expected a port name"),
@@ -150,7 +161,7 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("port X tcp client 10.0.0.1 rtu in-flight 4", "\"in-flight\": cannot be set with rtu"),
         ("port X tcp server 1 pipeline 4 rtu", "\"pipeline\": cannot be set with rtu"),
         ("port X tcp client 10.0.0.1 connect-delay 2m", "expected a time from 0 to 60s"),
-        ("port X tcp client 10.0.0.1 clients 4", "expected address, rtu, unit"),
+        ("port X tcp client 10.0.0.1 clients 4", "expected address, rtu, sockets, unit"),
         ("port X tcp server 0", "\"0\": expected a TCP port from 1 to 65535"),
         ("port X tcp server 1 clints 4", "did you mean clients?"),
         ("port X tcp server 1 idle 60", "\"60\": expected a time with its unit"),
@@ -432,6 +443,8 @@ fn the_boards_own_address_is_given_by_dhcp_or_set() {
         "network dhcp name cabinet-7",
         "network address 192.168.1.5/24",
         "network address 10.200.0.9/8 gateway 10.0.0.1",
+        #[cfg(feature = "servers")] // Nobody asks for names without.
+        "network address 10.200.0.9/8 gateway 10.0.0.1 dns 10.0.0.2",
     ] {
         apply(&mut settings, line).unwrap();
         assert!(print(&settings).starts_with(&format!("{line}\n")));

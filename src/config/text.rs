@@ -15,10 +15,11 @@ use super::port_keys;
 use super::port_words::{self, Draft};
 use super::problem::{LineError, Problem, Rules, Warning};
 use super::route_words::{self, route};
+use super::servers;
 use super::slaves;
 use super::values::{name, number};
 use super::words::{Word, Words, Wrong};
-use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Settings, Side};
+use super::{LINE_BYTES_MAX, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, SERVERS, Settings, Side};
 use crate::route::{Destination, Route};
 use crate::scanner::POINTS;
 
@@ -34,6 +35,7 @@ pub struct Applied {
 #[derive(Clone, Copy)]
 enum Verb {
     Port,
+    Server,
     Route,
     Device,
     Point,
@@ -48,6 +50,7 @@ enum Verb {
 
 const VERBS: &[(&str, Verb)] = &[
     ("port", Verb::Port),
+    ("server", Verb::Server),
     ("route", Verb::Route),
     ("device", Verb::Device),
     ("point", Verb::Point),
@@ -93,11 +96,14 @@ fn change(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     if verb.is_end() {
         return Ok(Changed::Nothing);
     }
-    match verb
-        .keyword(VERBS, "port, route, device, point, slave, edit, insert, move, delete, network or mdns")?
-    {
+    match verb.keyword(
+        VERBS,
+        "port, server, route, device, point, slave, edit, insert, move, delete, network or mdns",
+    )? {
         Verb::Device | Verb::Point | Verb::Slave if !POINTS => Err(verb.error(Problem::NoPoints)),
+        Verb::Server if !SERVERS => Err(verb.error(Problem::NoServers)),
         Verb::Port => port(settings, words),
+        Verb::Server => servers::server(settings, words),
         Verb::Route => put_route(settings, words, settings.routes.len(), false),
         Verb::Device => point_words::device(settings, words),
         Verb::Point => point_words::point(settings, words),
@@ -130,6 +136,9 @@ pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
     port_words::keywords(each);
     port_keys::keywords(each);
     route_words::keywords(each);
+    if SERVERS {
+        servers::keywords(each);
+    }
     // No word of a line that is refused.
     if POINTS {
         point_words::keywords(each);
@@ -187,6 +196,10 @@ fn put_port(
             _ => {}
         }
     }
+    let has_lines = matches!(&port.kind, PortKind::TcpClient(client) if client.server.is_none());
+    if !has_lines {
+        check_no_servers(settings, id, name)?;
+    }
     let changes = |old: &Port| discriminant(&old.kind) != discriminant(&port.kind);
     if settings.port(id).is_some_and(changes) {
         check_unused(settings, id, name)?;
@@ -201,6 +214,14 @@ fn put_port(
         *slot = Some(port);
     }
     Ok(Changed::Port(id))
+}
+
+/// An error if there are servers of the port at `id`.
+fn check_no_servers(settings: &Settings, id: PortId, word: Word) -> Result<(), Wrong> {
+    match settings.servers_of(id).count() {
+        0 => Ok(()),
+        count => Err(word.error(Problem::ServersInUse(count))),
+    }
 }
 
 /// An error if there are devices or slaves, and the port at `id` is the one that asks them.
@@ -236,6 +257,7 @@ fn put_route(settings: &mut Settings, words: &Words, at: usize, replace: bool) -
 #[derive(Clone, Copy)]
 enum Thing {
     Port,
+    Server,
     Route,
     Routes,
     Device,
@@ -245,6 +267,7 @@ enum Thing {
 }
 
 const PORT: (&str, Thing) = ("port", Thing::Port);
+const SERVER: (&str, Thing) = ("server", Thing::Server);
 const ROUTE: (&str, Thing) = ("route", Thing::Route);
 const ROUTES: (&str, Thing) = ("routes", Thing::Routes);
 const DEVICE: (&str, Thing) = ("device", Thing::Device);
@@ -289,8 +312,8 @@ fn move_route(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> 
 }
 
 fn delete(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
-    let things = [PORT, ROUTE, ROUTES, DEVICE, POINT, SLAVE, SLAVES];
-    match words.take().keyword(&things, "port, route, routes, device, point, slave or slaves")? {
+    let things = [PORT, SERVER, ROUTE, ROUTES, DEVICE, POINT, SLAVE, SLAVES];
+    match words.take().keyword(&things, "port, server, route, routes, device, point, slave or slaves")? {
         Thing::Port => {
             let word = words.take();
             let (id, _) = existing_port(settings, word)?;
@@ -300,10 +323,12 @@ fn delete(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
                 return Err(word.error(Problem::PortInUse(rules)));
             }
             check_unused(settings, id, word)?;
+            check_no_servers(settings, id, word)?;
             if let Some(slot) = settings.ports.get_mut(id.index()) {
                 *slot = None;
             }
         }
+        Thing::Server => return servers::delete_server(settings, words),
         Thing::Route => {
             let at = route_place(settings, words.take())?;
             words.end()?;

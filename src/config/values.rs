@@ -182,7 +182,7 @@ pub(super) fn parse_endpoint(text: &str) -> Option<(IpAddr, Option<u16>)> {
     Some((address, Some(port_number(port)?)))
 }
 
-fn port_number(text: &str) -> Option<u16> {
+pub(super) fn port_number(text: &str) -> Option<u16> {
     parse_number(text).and_then(|port| u16::try_from(port).ok()).filter(|&port| port != 0)
 }
 

@@ -44,6 +44,7 @@ pub(super) enum PointCommand {
 pub(super) const COMMANDS: &[(&str, Command)] = &[
     ("help", Command::Help),
     ("port", Command::Settings),
+    ("server", Command::Settings),
     ("route", Command::Settings),
     ("device", Command::Settings),
     ("point", Command::Settings),
@@ -74,6 +75,7 @@ pub(super) const COMMANDS: &[(&str, Command)] = &[
 
 pub(super) const TOPICS_SHOW: &[(&str, Show)] = &[
     ("ports", Show::Ports),
+    ("servers", Show::Servers),
     ("routes", Show::Routes),
     ("units", Show::Units),
     ("clients", Show::Clients),
@@ -182,7 +184,8 @@ fn save(words: &Words<'_>) -> Begun {
     Ok(Wait::Save { whatever })
 }
 
-const SHOW_EXPECTED: &str = "ports, routes, units, clients, stats, points, devices, registers, config, network, log, frames or version";
+const SHOW_EXPECTED: &str = "ports, servers, routes, units, clients, stats, points, devices, registers, config, network, \
+     log, frames or version";
 
 /// The last word of a line as a topic of `table`.
 fn topic<T: Copy>(words: &Words, table: &[(&'static str, T)], expected: &'static str) -> Result<T, Wrong> {

@@ -79,7 +79,9 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
     } else if is("mdns") {
         mdns_words().for_each(offer);
     } else if is("delete") && second {
-        ["port", "route", "routes", "device", "point", "slave", "slaves"].into_iter().for_each(offer);
+        ["port", "server", "route", "routes", "device", "point", "slave", "slaves"]
+            .into_iter()
+            .for_each(offer);
     } else if is_one_of(&["read", "write", "begin", "finish"]) {
         settings.points.iter().for_each(|point| offer(&point.name));
     } else if is("mark") {
@@ -91,7 +93,7 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
         option_words(&mut |word| offer(word));
     } else if is_one_of(&["scan", "tune"]) && second {
         ports(offer);
-    } else if is_one_of(&["port", "route", "edit", "insert", "delete"]) {
+    } else if is_one_of(&["port", "server", "route", "edit", "insert", "delete"]) {
         ports(offer);
         if !second {
             option_words(&mut |word| offer(word));
@@ -135,6 +137,11 @@ mod tests {
         assert_eq!(appended("edit port met").as_deref(), Some("ers "));
         assert_eq!(appended("route p").as_deref(), Some("502 "));
         assert_eq!(appended("edit port meters tur").as_deref(), Some("naround "));
+        assert_eq!(appended("serv").as_deref(), Some("er "));
+        assert_eq!(appended("server met").as_deref(), Some("ers "));
+        assert_eq!(appended("show se").as_deref(), Some("rvers "));
+        assert_eq!(appended("delete se").as_deref(), Some("rver "));
+        assert_eq!(appended("port plant tcp client sock").as_deref(), Some("ets "));
         assert_eq!(appended("help inse").as_deref(), Some("rt "));
         assert_eq!(appended("network dh").as_deref(), Some("cp "));
         assert_eq!(appended("mdns of").as_deref(), Some("f "));
@@ -151,6 +158,6 @@ mod tests {
         assert_eq!(complete("xyz", &settings()), Completion::None);
         let mut all = Vec::new();
         candidates("s", &settings(), &mut |word| all.push(word.to_string()));
-        assert_eq!(all, ["slave", "show", "scan", "save"]);
+        assert_eq!(all, ["server", "slave", "show", "scan", "save"]);
     }
 }

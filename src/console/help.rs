@@ -2,11 +2,14 @@
 
 use core::str::Lines;
 
-use crate::config::{Words, Wrong};
+use crate::config::{SERVERS, Words, Wrong};
 use crate::scanner::POINTS;
 
 /// What stands for the text of a command that a gateway without data points does not have.
 const NO_POINTS: &str = "this board has no data points";
+
+/// What stands for the text of a command about servers where a TCP client has one.
+const NO_SERVERS: &str = "on this board a tcp client has one server";
 
 /// What a command of data points has to say, where there are any.
 const fn of_points(text: &'static str) -> &'static str {
@@ -21,7 +24,7 @@ const TOPICS: &[(&str, &str)] = &[
         "port NAME serial|tcp|udp|... \ta port: a new one, or another one in place of the port of that name
 port NAME serial DEVICE rtu|ascii client|server [BAUD] [FORMAT] [OPTION VALUE]...
 port NAME tcp|udp server [ADDRESS:]PORT [OPTION VALUE]...
-port NAME tcp client ADDRESS:PORT [OPTION VALUE]...
+port NAME tcp client ADDRESS[:PORT] [OPTION VALUE]...\tof one server; without an address server lines say which
 port NAME scanner\tasks the devices of data points, by the rules for its name
 port NAME ethercat [interface NAME] [line PORT] [on-loss hold|clear|stop] [prove-outputs|no-prove-outputs]
 \tasks the devices of the EtherCAT process image; interface: on Linux, the network interface where a
@@ -30,7 +33,7 @@ port NAME ethercat [interface NAME] [line PORT] [on-loss hold|clear|stop] [prove
           with rs485 or rts: driver-before T, driver-after T
   client: timeout T, retries N, turnaround T, start-delay T, late-window T|auto, down-after N
   server: answer-within T, reply-delay T
-  tcp client: rtu, in-flight N, unit N, timeout T, connect-timeout T, connect-delay T, request-delay T, idle T,
+  tcp client: rtu, in-flight N, unit N (one server), sockets N (several: connections at a time), timeout T, connect-timeout T, connect-delay T, request-delay T, idle T,
           retries N, late-window T|auto, down-after N;  udp: pipeline N, requests N, lifetime T, allow
   tcp server: rtu, clients N, idle T, pipeline N, lifetime T, full displace|refuse, reserve N for PREFIX[,PREFIX]...,
           allow PREFIX,...|*,
@@ -38,6 +41,20 @@ port NAME ethercat [interface NAME] [line PORT] [on-loss hold|clear|stop] [prove
   servers: broadcast|unit-255|reserved-units rules|off|local|replace N, broadcast all, confirm-broadcast
   A time T has its unit: 750us, 1.75ms, 300ms, 1s, 2m.
   port P1 serial uart1 rtu client 19200 8E1 timeout 300ms",
+    ),
+    (
+        "server",
+        match SERVERS {
+            true => {
+                "server PORT unit UNITS at ADDRESS[:PORT] [tag TAG]\ta server behind a tcp client without an address
+  UNITS: 7 or 1-5, those it is asked for; no unit is in two servers of a port, one in none gets 0A
+  ADDRESS: 192.168.1.20 or a name, which is looked up whenever a connection is opened; PORT: 502
+  TAG: what the server itself calls the unit: =1, or +N or -N for several; as in route
+  server plant unit 1-5 at 192.168.1.20:502
+  server plant unit 7 at meter.example tag =1"
+            }
+            false => NO_SERVERS,
+        },
     ),
     (
         "route",
@@ -97,6 +114,7 @@ edit route N SOURCE UNITS ...\tputs another rule in place of rule N, as in route
     (
         "delete",
         "delete port NAME\ttakes a port away that no rule names
+delete server PORT unit UNITS\ttakes a server away
 delete route N\ttakes rule N away
 delete routes\ttakes all rules away
 delete device NAME, delete point NAME, delete slave N, delete slaves",
@@ -105,7 +123,7 @@ delete device NAME, delete point NAME, delete slave N, delete slaves",
         "network",
         "network dhcp|address ...\tthe address of a board with an Ethernet of its own; takes effect at once
 network dhcp [name NAME]\tit is a DHCP server's to give
-network address ADDRESS/PREFIX [gateway ADDRESS]
+network address ADDRESS/PREFIX [gateway ADDRESS] [dns ADDRESS]\tdns: who is asked for names of servers
   network address 192.168.1.5/24",
     ),
     (
@@ -116,8 +134,9 @@ mdns off\tit does not answer",
     ),
     (
         "show",
-        "show TOPIC\tports, routes, units, clients, stats, log, frames, points, devices, registers, config, network, version
+        "show TOPIC\tports, servers, routes, units, clients, stats, log, frames, points, devices, registers, config, network, version
 show ports\twhat the ports are and how they do
+show servers\tthe servers of tcp clients that have several, and how they do
 show routes\tthe rules by number; an implied one is the way back of another
 show units\tthe devices behind the ports: whether they answer, how fast, and their troubles
 show clients\twho is connected
@@ -230,7 +249,7 @@ impl Help {
             Self::Overview(topics) => loop {
                 let ((_, text), behind) = topics.split_first()?;
                 *topics = behind;
-                if *text != NO_POINTS {
+                if *text != NO_POINTS && *text != NO_SERVERS {
                     break text.lines().next()?;
                 }
             },
@@ -247,11 +266,8 @@ mod tests {
     #[test]
     fn every_command_has_its_help() {
         for (command, _) in COMMANDS {
-            assert!(
-                TOPICS.iter().any(
-                    |(topic, text)| topic == command && (text.starts_with(command) || *text == NO_POINTS)
-                )
-            );
+            assert!(TOPICS.iter().any(|(topic, text)| topic == command
+                && (text.starts_with(command) || [NO_POINTS, NO_SERVERS].contains(text))));
         }
         assert_eq!(TOPICS.len(), COMMANDS.len());
     }

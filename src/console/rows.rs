@@ -7,7 +7,7 @@ use embassy_time::{Duration, Instant};
 use heapless::String;
 
 use crate::capture::FrameKind;
-use crate::config::{DEVICE_BYTES_MAX, Endpoint, PortId, PortKind, Settings, Time, is_implied};
+use crate::config::{DEVICE_BYTES_MAX, PortId, PortKind, Settings, Time, is_implied};
 use crate::gateway::{Gateway, Status};
 use crate::port::units::{State, Unit};
 use crate::route::{Policy, Route};
@@ -119,7 +119,10 @@ pub(super) fn describe(kind: &PortKind, show: &mut Description<'_>) {
             show(&role, &serial.device, &serial.line.speed());
         }
         PortKind::TcpServer(server) => show(&"tcp server", &server.listen, &server.framing),
-        PortKind::TcpClient(client) => show(&"tcp client", &Endpoint(client.server), &client.framing),
+        PortKind::TcpClient(client) => match &client.server {
+            Some(server) => show(&"tcp client", server, &client.framing),
+            None => show(&"tcp client", &"see show servers", &client.framing),
+        },
         PortKind::UdpServer(server) => show(&"udp server", &server.listen, &""),
         PortKind::Ethercat(ethercat) => {
             let interface = ethercat.interface.as_ref();

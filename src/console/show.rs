@@ -10,7 +10,7 @@ use super::points;
 use super::registers;
 use super::rows::{LogRow, Row, StatusText, Troubles, age, cell, describe, describe_unit, text, took};
 use super::session::Session;
-use crate::config::{Endpoint, Port, PortId, PortKind, Settings, Side, write_line};
+use crate::config::{Endpoint, Port, PortId, PortKind, SERVERS, ServerSettings, Settings, Side, write_line};
 use crate::gateway::{Gateway, PortAt};
 use crate::hal::{NetworkState, System};
 use crate::port::ethercat::{Controller, EthercatPlace, LineWriter};
@@ -21,6 +21,7 @@ use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Show {
     Ports,
+    Servers,
     Routes,
     Units,
     Clients,
@@ -91,6 +92,7 @@ fn write(
          out: &mut dyn fmt::Write| { titled(heading, place, out, |nth, out| row(source, nth, out)) };
     match what {
         Show::Ports => port(source, place, out),
+        Show::Servers => table(SERVER_LINES, server, out),
         Show::Routes => table(ROUTES, route, out),
         Show::Units => table(UNITS, unit, out),
         Show::Clients => table(CLIENTS, client, out),
@@ -119,6 +121,7 @@ pub(super) fn titled(
     }
 }
 
+const SERVER_LINES: &str = "PORT            UNITS   TAG  WHERE                 STATUS";
 const ROUTES: &str = " NO SOURCE          UNITS   IP                 TAG  DESTINATION     KIND    POLICY";
 const UNITS: &str = "PORT            UNIT STATE         REQUESTS    ANSWERS EXCEPTIONS   TIMEOUTS      LAST       P50       P99 TROUBLES";
 const CLIENTS: &str = "PORT            PEER                      SINCE     QUIET OPEN   REQUESTS PLACE";
@@ -149,6 +152,17 @@ fn port(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Writ
         written = write!(out, "{:15} {role:12} {place:width$} {line:12} {status}", port.name);
     });
     Some(written.and_then(|()| writer.map_or(Ok(()), |writer| write!(out, ", {writer}"))))
+}
+
+fn server(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
+    let Source { gateway, settings, .. } = *source;
+    if !SERVERS {
+        return None;
+    }
+    let ServerSettings { port, units, at, tag } = settings.servers.get(nth)?;
+    let status = StatusText(gateway.server_status(nth, None)?);
+    let (port, at) = (settings.name(*port), cell(at));
+    Some(write!(out, "{port:15} {units:7} {tag:4} {at:21} {status}"))
 }
 
 fn route(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {

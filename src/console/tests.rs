@@ -184,7 +184,7 @@ fn an_error_in_piped_input_names_its_line_and_the_rest_goes_on() {
             "error: line 2, column 1: \"prot\": expected a command (see help); did you mean port?\n\
              error: line 3, column 33: \"81E\": expected a format such as 8E1, 7E1, 8N1 or 8N2\n\
              error: line 5, column 1: \"shwo\": expected a command (see help); did you mean show?\n\
-             error: line 6, column 6: \"prots\": expected ports, routes, units, clients, stats, points, \
+             error: line 6, column 6: \"prots\": expected ports, servers, routes, units, clients, stats, points, \
              devices, registers, config, network, log, frames or version; did you mean ports?\n\
              error: line 7, column 12: \"now\": expected the end of the line\n"
         );
@@ -353,8 +353,12 @@ fn a_board_with_a_network_of_its_own_follows_the_settings_and_shows_its_address(
     let ports = Ports::<0>::new();
     let gateway = Gateway::new(&gateway, &ports, &[]).with_own_network();
     assert_eq!(pipe(&gateway, "network address 10.0.0.5/24 gateway 10.0.0.1\n"), "");
-    let address =
-        StaticAddress { address: [10, 0, 0, 5].into(), prefix: 24, gateway: Some([10, 0, 0, 1].into()) };
+    let address = StaticAddress {
+        address: [10, 0, 0, 5].into(),
+        prefix: 24,
+        gateway: Some([10, 0, 0, 1].into()),
+        dns: None,
+    };
     assert_eq!(block_on(gateway.new_network()), OwnNetwork::Static(address));
 
     let show = |network| {
@@ -427,7 +431,7 @@ fn a_person_types_edits_completes_and_leaves() {
 fn tab_lists_the_words_that_a_word_could_become() {
     with_gateway(|gateway| {
         let printed = typed(gateway, "s\t\x15help move\r");
-        assert!(printed.contains("\r\nslave  show  scan  save\r\n\rmobgate> s"), "{printed:?}");
+        assert!(printed.contains("\r\nserver  slave  show  scan  save\r\n\rmobgate> s"), "{printed:?}");
         assert!(printed.contains("move route N M"), "{printed:?}");
     });
 }

@@ -10,9 +10,10 @@ use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant};
 
 use super::Shared;
-use crate::config::PortId;
+use crate::config::{PortId, SERVERS_MAX};
 use crate::frame::Channel;
 use crate::hal::OpenError;
+use crate::port::servers::LINKS_MAX;
 use crate::port::sockets::Socket;
 use crate::port::units::{AllUnits, Units};
 use crate::stats::{Counters, Event};
@@ -28,8 +29,8 @@ pub struct PortPlace {
     pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
     /// The port's counters.
     pub stats: Counters,
-    /// The port's connection to an outside server.
-    pub(crate) socket: Socket,
+    /// The port's connections to outside servers.
+    pub(crate) sockets: [Socket; LINKS_MAX],
     /// Orders that wait at a client-side port.
     waiting: AtomicU16,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
@@ -52,6 +53,18 @@ pub enum Status {
     Failed(OpenError),
 }
 
+impl Status {
+    /// The lowest of those of several servers is the port's.
+    pub(crate) const fn rank(self) -> u8 {
+        match self {
+            Self::Open => 0,
+            Self::Idle => 1,
+            Self::Off => 2,
+            Self::Lost | Self::Failed(_) => 3,
+        }
+    }
+}
+
 impl PortPlace {
     /// A place without a port.
     pub const fn new() -> Self {
@@ -60,7 +73,7 @@ impl PortPlace {
             generation: AtomicU16::new(0),
             changed: Signal::new(),
             stats: Counters::new(),
-            socket: Socket::new(),
+            sockets: [const { Socket::new() }; LINKS_MAX],
             waiting: AtomicU16::new(0),
             status: Mutex::new(Cell::new(Status::Off)),
         }
@@ -93,20 +106,31 @@ impl PortPlace {
 
     /// Notes how the port is doing; says whether that is news.
     pub(crate) fn set_status(&self, status: Status) -> bool {
-        self.status.lock(|cell| cell.replace(status)) != status
+        self.replace_status(status) != status
+    }
+
+    /// Notes how the port is doing; gives what was noted before.
+    pub(crate) fn replace_status(&self, status: Status) -> Status {
+        self.status.lock(|cell| cell.replace(status))
     }
 }
+
+/// How one of several servers behind a port is doing.
+pub(super) type ServerPlace = Mutex<CriticalSectionRawMutex, Cell<Status>>;
 
 /// What the tasks share of all ports. Boards keep it in a static; it is all zeros at start.
 pub struct Ports<const N: usize> {
     pub(super) places: [PortPlace; N],
     pub(super) units: Shared<AllUnits>,
+    pub(super) servers: [ServerPlace; SERVERS_MAX],
 }
 
 impl<const N: usize> Ports<N> {
     /// Places without ports.
     pub const fn new() -> Self {
-        Self { places: [const { PortPlace::new() }; N], units: Mutex::new(RefCell::new(AllUnits::new())) }
+        let servers = [const { Mutex::new(Cell::new(Status::Off)) }; SERVERS_MAX];
+        let units = Mutex::new(RefCell::new(AllUnits::new()));
+        Self { places: [const { PortPlace::new() }; N], units, servers }
     }
 }
 

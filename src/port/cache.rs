@@ -94,10 +94,9 @@ impl Cache {
         self.remove(|kept| unit == BROADCAST || kept.unit == unit);
     }
 
-    /// Forgets all.
-    pub fn clear(&mut self) {
-        self.kept.clear();
-        self.bytes.clear();
+    /// Forgets what `these` units have answered.
+    pub fn forget(&mut self, these: impl Fn(u8) -> bool) {
+        self.remove(|kept| these(kept.unit));
     }
 
     /// Answers that are kept.

@@ -12,6 +12,7 @@
 //! Where a rule allows it, a read is answered from memory ([`cache`](crate::port::cache)), unless a write to its unit waits
 //! or is on its way.
 
+mod dispatch;
 mod join;
 mod order;
 
@@ -35,6 +36,7 @@ use crate::port::flights::FLIGHTS_MAX;
 use crate::port::moment::until;
 use crate::port::outstanding::Purpose;
 use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ready, Ticket, WAITING_MAX};
+use crate::port::servers::{LINKS_MAX, Servers};
 use crate::port::units::{Care, Gate, Step};
 use crate::stats::Event;
 
@@ -42,32 +44,47 @@ use crate::stats::Event;
 /// one must take less.
 const SWEEP_PAUSE_MS: u16 = 10;
 
+/// Orders that one port carries out at a time: on each link as many as may be open there, with the feature `small` on all of
+/// them together.
+const CURRENT_MAX: usize = if cfg!(feature = "small") { FLIGHTS_MAX } else { FLIGHTS_MAX * LINKS_MAX };
+
 /// Orders of one client-side port, shared by the future that takes them in and the one that carries them out.
 pub(crate) struct Desk<'g> {
     gateway: &'g Gateway<'g>,
     place: PortAt<'g>,
     id: PortId,
     queue: RefCell<PortQueue<Frame<'g>>>,
+    servers: RefCell<Servers>,
+    /// Links that have servers, at most as many as there are servers.
+    links: u8,
     /// The unit that is asked whatever the rule says.
     unit: Option<u8>,
     /// A console has the port for itself: all others are refused.
     alone: bool,
     /// The orders that are being carried out.
-    current: RefCell<Vec<Frame<'g>, FLIGHTS_MAX>>,
+    current: RefCell<Vec<Frame<'g>, CURRENT_MAX>>,
     cache: RefCell<Cache>,
     /// Far fewer end while one order is carried out than make it the same again.
     writes_ended: Cell<u16>,
     /// When it was last looked which orders are unwanted: the milliseconds of the clock, cut off.
     swept: Cell<u16>,
-    open: Cell<bool>,
-    /// It is closed for a pause, which an asker who spares servers by himself may end.
-    pausing: Cell<bool>,
-    /// Something changed: an order came or a unit's gate moved.
-    news: Signal<NoopRawMutex, ()>,
+    /// For each link: something changed, an order came or a unit's gate moved.
+    news: [Signal<NoopRawMutex, ()>; LINKS_MAX],
     /// Responses say which request they belong to.
     transaction_ids: bool,
-    /// What is sent before the order that was given out last.
-    proof: Cell<Option<Proving>>,
+    /// For each link: what is sent before the order that was given out last.
+    proofs: [Cell<Option<Proving>>; LINKS_MAX],
+}
+
+/// What a client-side port is besides its line.
+pub(crate) struct Part {
+    pub(crate) servers: Servers,
+    /// Connections at a time.
+    pub(crate) links: u8,
+    /// The unit that is asked whatever the rule says.
+    pub(crate) unit: Option<u8>,
+    /// Responses say which request they belong to.
+    pub(crate) transaction_ids: bool,
 }
 
 /// The request that an order waits for.
@@ -83,26 +100,26 @@ impl<'g> Desk<'g> {
         gateway: &'g Gateway<'g>,
         place: PortAt<'g>,
         id: PortId,
-        unit: Option<u8>,
-        transaction_ids: bool,
+        part: Part,
         alone: bool,
     ) -> Self {
+        let Part { servers, links, unit, transaction_ids } = part;
         Self {
             gateway,
             place,
             id,
             queue: RefCell::new(PortQueue::new()),
+            servers: RefCell::new(servers),
+            links,
             unit,
             alone,
             current: RefCell::new(Vec::new()),
             cache: RefCell::new(Cache::new()),
             writes_ended: Cell::new(0),
             swept: Cell::new(0),
-            open: Cell::new(true),
-            pausing: Cell::new(false),
-            news: Signal::new(),
+            news: [const { Signal::new() }; LINKS_MAX],
             transaction_ids,
-            proof: Cell::new(None),
+            proofs: [const { Cell::new(None) }; LINKS_MAX],
         }
     }
 
@@ -127,7 +144,7 @@ impl<'g> Desk<'g> {
         self.queue.borrow_mut()
     }
 
-    fn current(&self) -> RefMut<'_, Vec<Frame<'g>, FLIGHTS_MAX>> {
+    fn current(&self) -> RefMut<'_, Vec<Frame<'g>, CURRENT_MAX>> {
         self.current.borrow_mut()
     }
 
@@ -135,11 +152,16 @@ impl<'g> Desk<'g> {
         self.cache.borrow_mut()
     }
 
+    fn servers(&self) -> RefMut<'_, Servers> {
+        self.servers.borrow_mut()
+    }
+
     /// Takes orders in for ever, and drops those whose time is over or whose asker is gone.
     pub(crate) async fn take_in(&self) {
         loop {
             let deadline = self.queue().first_deadline().unwrap_or(Instant::MAX);
-            match select(self.place.queue.receive(self.gateway.pool()), until(deadline)).await {
+            let due = deadline.min(self.make_room());
+            match select(self.place.queue.receive(self.gateway.pool()), until(due)).await {
                 Either::First(frame) => self.admit(frame),
                 Either::Second(()) => self.sweep(),
             }
@@ -152,9 +174,8 @@ impl<'g> Desk<'g> {
             envelope.target = target;
             frame.address(envelope);
         }
-        let attempt = envelope.paced && self.pausing.get();
         let is_others = self.alone && envelope.origin.way != Way::Console;
-        if is_others || (!self.open.get() && !attempt) {
+        if is_others || !self.servers().takes(envelope.target, envelope.paced) {
             return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
         }
         let Some(frame) = self.answer_from_memory(frame, &envelope) else { return };
@@ -168,7 +189,7 @@ impl<'g> Desk<'g> {
         }
         self.enqueue(frame, &envelope, PortQueue::push);
         self.count_waiting();
-        self.news.signal(());
+        self.tell(envelope.target);
     }
 
     /// Puts an order in the queue, and refuses the one for which there is no room then.
@@ -214,21 +235,19 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// The next order, which is being carried out from now on.
-    pub(crate) fn next(&self) -> Next<Frame<'g>> {
+    /// The next order for `link`, which is being carried out from now on.
+    pub(crate) fn next(&self, link: u8) -> Next<Frame<'g>> {
         let now = Instant::now();
-        let all_well = self.all_well(now);
-        if !all_well || self.queue().first_deadline().is_some_and(|deadline| deadline <= now) {
-            self.sweep();
+        self.sweep_if_due(now);
+        if LINKS_MAX > 1 && self.current().is_full() {
+            return Next::Empty;
         }
         loop {
             // An order that was postponed has closed its unit's gate.
-            let gate = self.gates(self.all_well(now));
-            let ready = |unit| match gate(unit) {
-                Gate::Open(ready) => ready,
-                // Only an asker who is not kept from it has an order here.
-                Gate::Down => self.place.units(|units| units.attempt(unit, now)),
-            };
+            let ready = self.readiness(now);
+            let is_only = LINKS_MAX == 1 || self.servers().len() == 1;
+            let is_here = |unit| is_only || self.servers().link(unit) == Some(link);
+            let ready = |unit| if is_here(unit) { ready(unit) } else { Ready::Elsewhere };
             let next = self.queue().next(now, ready);
             let Next::Serve(frame, ticket) = next else {
                 self.count_waiting();
@@ -254,11 +273,28 @@ impl<'g> Desk<'g> {
         }
     }
 
+    /// Sends home what must not be sent any more, if there may be something.
+    fn sweep_if_due(&self, now: Instant) {
+        if !self.all_well(now) || self.queue().first_deadline().is_some_and(|deadline| deadline <= now) {
+            self.sweep();
+        }
+    }
+
+    /// Says of each unit when it may be asked.
+    fn readiness(&self, now: Instant) -> impl Fn(u8) -> Ready {
+        let gate = self.gates(self.all_well(now));
+        move |unit| match gate(unit) {
+            Gate::Open(ready) => ready,
+            // Only an asker who is not kept from it has an order here.
+            Gate::Down => self.place.units(|units| units.attempt(unit, now)),
+        }
+    }
+
     /// Whether the unit that `frame` is for is in step, so that it may share its transaction and be passed on while it arrives. None
     /// when it must not be sent now. Notes what is to be sent before it.
     fn step(&self, frame: &Frame<'g>, ticket: &Ticket, now: Instant) -> Option<bool> {
-        self.proof.set(None);
         let unit = ticket.unit;
+        self.set_proof(unit, None);
         if self.transaction_ids || unit == BROADCAST {
             return Some(true);
         }
@@ -273,7 +309,7 @@ impl<'g> Desk<'g> {
             let step = frame.pdu(|request| Some(units.step(unit, request, &care, now)))?;
             match step {
                 Step::Direct => {}
-                Step::Prove(request, purpose) => self.proof.set(Some(Proving { request, purpose })),
+                Step::Prove(request, purpose) => self.set_proof(unit, Some(Proving { request, purpose })),
                 Step::Wait => return None,
             }
             Some(false)
@@ -298,20 +334,35 @@ impl<'g> Desk<'g> {
 
     /// Calls `look` with the [`Desk::request`] for `order`, where it lies.
     pub(crate) fn with_request<R: Default>(&self, order: &Frame<'g>, look: impl FnOnce(&[u8]) -> R) -> R {
-        match self.proof.get() {
+        match self.proof(order) {
             Some(proof) => look(&proof.request),
             None => order.pdu(look),
         }
     }
 
-    /// Whether [`Desk::request`] is a proof.
-    pub(crate) fn is_proving(&self) -> bool {
-        self.proof.get().is_some()
+    /// Whether the [`Desk::request`] for `order` is a proof.
+    pub(crate) fn is_proving(&self, order: &Frame<'g>) -> bool {
+        self.proof(order).is_some()
+    }
+
+    /// What is sent before `order`.
+    fn proof(&self, order: &Frame<'g>) -> Option<Proving> {
+        self.proof_place(order.target())?.get()
+    }
+
+    fn set_proof(&self, unit: u8, proof: Option<Proving>) {
+        self.proof_place(unit).into_iter().for_each(|place| place.set(proof));
+    }
+
+    /// That of the link that has the server of `unit`.
+    fn proof_place(&self, unit: u8) -> Option<&Cell<Option<Proving>>> {
+        let link = if self.has_one_link() { 0 } else { self.servers().link(unit)? };
+        self.proofs.get(usize::from(link))
     }
 
     /// The [`Desk::request`] for `order` is sent to `unit` now.
     pub(crate) fn sent(&self, order: &Frame<'g>, unit: u8) {
-        let purpose = self.proof.get().map_or(Purpose::Request, |proof| proof.purpose);
+        let purpose = self.proof(order).map_or(Purpose::Request, |proof| proof.purpose);
         let event = if purpose == Purpose::Request { Event::Request } else { Event::Proof };
         self.place.stats.count(event);
         if unit != BROADCAST {
@@ -405,34 +456,6 @@ impl<'g> Desk<'g> {
         let others = || queue.companions(ticket).filter(is_there).filter_map(Joint::of);
         let joins = self.place.units(|units| units.joins(ticket.unit, now));
         if joins { Some(joint.join_all(others)) } else { None }
-    }
-
-    /// Whether an order waits, or is to be sent again.
-    pub(crate) fn is_wanted(&self) -> bool {
-        !self.queue().is_empty() || !self.current().is_empty()
-    }
-
-    /// Waits until one does.
-    pub(crate) async fn wanted(&self) {
-        while !self.is_wanted() {
-            self.changed().await;
-        }
-    }
-
-    /// One of the orders that are being carried out, if there is one that `is_lost`.
-    pub(crate) fn lost(&self, is_lost: impl Fn(&Frame<'g>) -> bool) -> Option<Frame<'g>> {
-        self.current().iter().find(|order| is_lost(order)).map(Frame::share)
-    }
-
-    /// While it is `pausing`, it takes orders only of those who spare servers by themselves: what they wait for is the next
-    /// attempt.
-    pub(crate) fn set_pausing(&self, pausing: bool) {
-        self.pausing.set(pausing);
-    }
-
-    /// Waits until [`Desk::next`] may have something new to say.
-    pub(crate) fn changed(&self) -> impl Future<Output = ()> {
-        self.news.wait()
     }
 
     /// Sends `order` home with what it holds by now as its answer.
@@ -568,6 +591,10 @@ impl<'g> Desk<'g> {
     fn take(&self, order: &Frame<'g>) -> Option<(Frame<'g>, Errand)> {
         let mut current = self.current();
         let at = current.iter().position(|current| current.is(order))?;
+        if LINKS_MAX > 1 && current.is_full() {
+            // Others may have waited for that.
+            self.news.iter().for_each(|news| news.signal(()));
+        }
         let ended = current.swap_remove(at);
         let errand = ended.errand();
         if errand.writes {
@@ -602,27 +629,37 @@ impl<'g> Desk<'g> {
 
     /// Opens the desk: orders are queued.
     pub(crate) fn open(&self) {
-        self.open.set(true);
+        self.servers().open();
     }
 
     /// Closes the desk: whatever was on the wire is answered 0Bh, whatever waits or comes 0Ah.
     pub(crate) fn close(&self) {
-        self.open.set(false);
-        self.cache().clear();
+        self.servers().close();
+        self.close_orders(None);
+        while let Some(frame) = self.place.queue.try_receive(self.gateway.pool()) {
+            self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
+        }
+    }
+
+    /// What is on the wire for `server`, or for all, is answered 0Bh, what waits 0Ah.
+    fn close_orders(&self, server: Option<usize>) {
+        let which = |unit| server.is_none_or(|server| self.is_of(server, unit));
+        self.cache().forget(which);
         loop {
-            let Some(frame) = self.current().pop() else { break };
+            let mut current = self.current();
+            let Some(at) = current.iter().position(|order| which(order.target())) else { break };
+            let frame = current.swap_remove(at);
+            drop(current);
             while let Some(rider) = frame.unload() {
                 self.give_up(rider);
             }
             self.give_up(frame);
         }
-        while let Some((frame, event)) = self.queue().take_if(|_, _| Some(Event::NoPath)) {
+        let of_these = |_: &Frame<'g>, ticket: &Ticket| which(ticket.unit).then_some(Event::NoPath);
+        while let Some((frame, event)) = self.queue().take_if(of_these) {
             self.fail(frame, event, Exception::GATEWAY_NO_PATH);
         }
         self.count_waiting();
-        while let Some(frame) = self.place.queue.try_receive(self.gateway.pool()) {
-            self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
-        }
     }
 
     /// Whether no unit has to be looked at by itself.

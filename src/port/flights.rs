@@ -8,9 +8,9 @@ use heapless::Vec;
 
 /// Requests that may be open at a time (Messaging on TCP/IP 4.4.1.1: NumberMaxOfServerTransaction, 1 to 16).
 pub const FLIGHTS_MAX: usize = 16;
-/// Ids that can be lost at a time: with the default window there are no more than requests. When all are, no request is sent
-/// until the first one's window is over.
-const LOST_MAX: usize = if cfg!(feature = "small") { FLIGHTS_MAX } else { 2 * FLIGHTS_MAX };
+/// Requests that are open and ids that are lost, together: with the default window there are no more lost ids than requests. When
+/// there is no room, no request is sent until the first one's window is over.
+const ALL_MAX: usize = if cfg!(feature = "small") { FLIGHTS_MAX } else { 2 * FLIGHTS_MAX };
 
 /// A request that waits for its answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,11 +25,38 @@ pub struct Flight<T> {
     pub sent: Instant,
 }
 
+/// A request, or the id of one that timed out.
+enum Entry<T> {
+    Open(Flight<T>),
+    /// With the end of its window.
+    Lost(u16, Instant),
+}
+
+impl<T> Entry<T> {
+    fn open(&self) -> Option<&Flight<T>> {
+        match self {
+            Self::Open(flight) => Some(flight),
+            Self::Lost(..) => None,
+        }
+    }
+
+    fn id(&self) -> u16 {
+        match self {
+            Self::Open(flight) => flight.id,
+            Self::Lost(id, _) => *id,
+        }
+    }
+
+    /// Whether it is a lost id whose window is over.
+    fn is_over(&self, now: Instant) -> bool {
+        matches!(self, Self::Lost(_, until) if *until <= now)
+    }
+}
+
 /// The open requests of a connection.
 pub struct Flights<T> {
-    open: Vec<Flight<T>, FLIGHTS_MAX>,
-    /// Each with the end of its window.
-    lost: Vec<(u16, Instant), LOST_MAX>,
+    /// In the order in which they were opened.
+    all: Vec<Entry<T>, ALL_MAX>,
     next: u16,
     /// So long after a request there is no answer to it.
     timeout: Duration,
@@ -38,97 +65,108 @@ pub struct Flights<T> {
 impl<T> Flights<T> {
     /// None. Ids begin with `first`, and requests have their answers within `timeout`.
     pub const fn new(first: u16, timeout: Duration) -> Self {
-        Self { open: Vec::new(), lost: Vec::new(), next: first, timeout }
+        Self { all: Vec::new(), next: first, timeout }
+    }
+
+    fn open(&self) -> impl DoubleEndedIterator<Item = &Flight<T>> {
+        self.all.iter().filter_map(Entry::open)
     }
 
     /// Requests that are open.
     pub fn len(&self) -> usize {
-        self.open.len()
+        self.open().count()
     }
 
     /// Whether none is.
     pub fn is_empty(&self) -> bool {
-        self.open.is_empty()
+        self.first().is_none()
     }
 
     /// When one more can be opened: at `now`, or when a lost id's window is over. `None`: when one has ended.
     pub fn room(&self, now: Instant) -> Option<Instant> {
-        if self.open.is_full() {
+        if self.len() >= FLIGHTS_MAX {
             return None;
         }
-        let (mut lost, mut first) = (0, Instant::MAX);
-        for (_, until) in self.lost.iter().filter(|(_, until)| *until > now) {
-            lost += 1;
-            first = first.min(*until);
+        let (mut taken, mut first) = (0, Instant::MAX);
+        for entry in self.all.iter().filter(|entry| !entry.is_over(now)) {
+            taken += 1;
+            if let Entry::Lost(_, until) = entry {
+                first = first.min(*until);
+            }
         }
-        // Each open request may come to be lost, too.
-        Some(if lost + self.open.len() < LOST_MAX { now } else { first })
+        Some(if taken < ALL_MAX { now } else { first })
     }
 
     /// Opens a request and gives its id; gives the request back when there is no [`Flights::room`].
     pub fn start(&mut self, order: T, unit: u8, now: Instant) -> Result<u16, T> {
-        self.forget_lost(now);
+        while let Some(over) = self.all.iter().position(|entry| entry.is_over(now)) {
+            self.all.remove(over);
+        }
         if self.room(now) != Some(now) {
             return Err(order);
         }
-        while self.find(self.next).is_some() || self.is_lost(self.next) {
+        while self.all.iter().any(|entry| entry.id() == self.next) {
             self.next = self.next.wrapping_add(1);
         }
         let id = self.next;
         self.next = id.wrapping_add(1);
-        let flight = Flight { id, order, unit, sent: now };
-        self.open.push(flight).map(|()| id).map_err(|flight| flight.order)
+        // There is room.
+        match self.all.push(Entry::Open(Flight { id, order, unit, sent: now })) {
+            Err(Entry::Open(flight)) => Err(flight.order),
+            _ => Ok(id),
+        }
     }
 
     /// The open request with this id.
     pub fn find(&self, id: u16) -> Option<&Flight<T>> {
-        self.open.iter().find(|flight| flight.id == id)
+        self.open().find(|flight| flight.id == id)
     }
 
     /// Whether an open request's order `is` the one looked for.
     pub fn holds(&self, is: impl Fn(&T) -> bool) -> bool {
-        self.open.iter().any(|flight| is(&flight.order))
+        self.open().any(|flight| is(&flight.order))
     }
 
     /// The request that was opened first.
     pub fn first(&self) -> Option<&Flight<T>> {
-        self.open.first()
+        self.open().next()
     }
 
     /// Closes the request with this id: it has its answer.
     pub fn finish(&mut self, id: u16) -> Option<Flight<T>> {
-        let at = self.open.iter().position(|flight| flight.id == id)?;
-        Some(self.open.remove(at))
+        self.close(|flight| flight.id == id, |_| None)
     }
 
     /// Closes one request whose time is over; its answer may come for `window` more.
     pub fn expire(&mut self, now: Instant, window: Duration) -> Option<Flight<T>> {
-        let at = self.open.iter().position(|flight| flight.sent + self.timeout <= now)?;
-        let flight = self.open.remove(at);
-        self.forget_lost(now);
-        // `room` has kept a place for it.
-        let _ = self.lost.push((flight.id, now + window));
-        Some(flight)
+        let timeout = self.timeout;
+        self.close(|flight| flight.sent + timeout <= now, |id| Some(Entry::Lost(id, now + window)))
     }
 
     /// Closes one request, whichever: the connection has ended.
     pub fn pop(&mut self) -> Option<Flight<T>> {
-        self.open.pop()
+        self.close(|_| true, |_| None)
+    }
+
+    /// Closes the first request that `is` the one wanted; what `lost` makes of its id takes its place.
+    fn close(
+        &mut self,
+        is: impl Fn(&Flight<T>) -> bool,
+        lost: impl FnOnce(u16) -> Option<Entry<T>>,
+    ) -> Option<Flight<T>> {
+        let at = self.all.iter().position(|entry| entry.open().is_some_and(&is))?;
+        let entry = match lost(self.all.get(at)?.id()) {
+            Some(lost) => core::mem::replace(self.all.get_mut(at)?, lost),
+            None => self.all.remove(at),
+        };
+        match entry {
+            Entry::Open(flight) => Some(flight),
+            Entry::Lost(..) => None,
+        }
     }
 
     /// When the first request's time is over.
     pub fn first_deadline(&self) -> Option<Instant> {
-        self.open.iter().map(|flight| flight.sent + self.timeout).min()
-    }
-
-    /// Forgets the ids whose windows are over.
-    fn forget_lost(&mut self, now: Instant) {
-        while let Some(over) = self.lost.iter().position(|(_, until)| *until <= now) {
-            self.lost.swap_remove(over);
-        }
-    }
-
-    fn is_lost(&self, id: u16) -> bool {
-        self.lost.iter().any(|(lost, _)| *lost == id)
+        self.open().map(|flight| flight.sent + self.timeout).min()
     }
 }

@@ -23,6 +23,7 @@ use crate::port::desk::{Desk, is_answering};
 use crate::port::flights::Flights;
 use crate::port::moment::{until, within};
 use crate::port::queue::{BROADCAST, Next};
+use crate::port::sockets::Socket;
 use crate::port::stream::Pieces;
 use crate::stats::Event;
 
@@ -41,6 +42,10 @@ pub(crate) struct Link<'l, 'g, S> {
     settings: &'l TcpClientSettings,
     stream: S,
     flights: Flights<Frame<'g>>,
+    /// Which of the port's links it is, and to which server.
+    link: u8,
+    server: usize,
+    socket: &'l Socket,
     input: [u8; INPUT_BYTES_MAX],
     length: usize,
     opened: Instant,
@@ -50,11 +55,13 @@ pub(crate) struct Link<'l, 'g, S> {
     used: Instant,
     /// When something was received last.
     heard: Instant,
-    /// Whether a request was answered.
+    /// Whether a request was sent.
+    asked: bool,
+    /// Whether one was answered.
     proven: bool,
     /// Reads that the connection before took along, unanswered, may be left.
     lost: bool,
-    /// The board needs the socket.
+    /// The socket is needed elsewhere.
     leaving: bool,
 }
 
@@ -76,19 +83,30 @@ pub(crate) enum End {
 
 impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
     /// A connection that has just been opened. `first` is the first transaction id.
-    pub(crate) fn new(desk: &'l Desk<'g>, settings: &'l TcpClientSettings, stream: S, first: u16) -> Self {
+    pub(crate) fn new(
+        desk: &'l Desk<'g>,
+        settings: &'l TcpClientSettings,
+        stream: S,
+        first: u16,
+        (link, server): (u8, usize),
+        socket: &'l Socket,
+    ) -> Self {
         let now = Instant::now();
         Self {
             desk,
             settings,
             stream,
             flights: Flights::new(first, settings.timeout),
+            link,
+            server,
+            socket,
             input: [0; INPUT_BYTES_MAX],
             length: 0,
             opened: now,
             active: now,
             used: now,
             heard: now,
+            asked: false,
             proven: false,
             lost: true,
             leaving: false,
@@ -131,7 +149,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
 
     /// Carries orders out until the connection ends.
     pub(crate) async fn serve(&mut self) -> Result<Infallible, End> {
-        let place = self.desk.place();
+        let socket = self.socket;
         loop {
             self.judge_pause();
             if self.expire() && self.is_astray() {
@@ -151,12 +169,15 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
                     Step::Wait(due) => break due,
                 }
             };
-            place.socket.busy(!self.flights.is_empty());
+            if socket.busy(!self.flights.is_empty() || self.begins()) {
+                // It may be the one to go now.
+                self.desk.make_room();
+            }
             let deadline = self.flights.first_deadline().unwrap_or(Instant::MAX);
             let wake = due.min(deadline).min(self.pause_end());
             let space = self.input.get_mut(self.length..).unwrap_or(&mut []);
             let read = self.stream.read(space);
-            match select4(read, self.desk.changed(), until(wake), place.socket.leave.wait()).await {
+            match select4(read, self.desk.changed(self.link), until(wake), socket.leave.wait()).await {
                 Either4::First(read) => self.take(read.unwrap_or(0))?,
                 Either4::Second(()) | Either4::Third(()) => {}
                 Either4::Fourth(()) => self.leaving = true,
@@ -169,9 +190,14 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         if count == 0 { Err(End::Lost) } else { self.received(count) }
     }
 
+    /// Whether nothing has been sent, but shall be: who has waited for the connection is served before it may go.
+    fn begins(&self) -> bool {
+        !self.asked && self.desk.is_wanted(self.server)
+    }
+
     /// What is to be done at `now`.
     fn step(&mut self, now: Instant) -> Result<Step<'g>, End> {
-        if self.leaving {
+        if self.leaving && !self.begins() {
             return if self.flights.is_empty() { Err(End::Unused) } else { Ok(Step::Wait(Instant::MAX)) };
         }
         if self.flights.len() >= usize::from(self.settings.in_flight) {
@@ -188,14 +214,14 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         }
         if self.lost {
             let is_open = |order: &Frame<'g>| self.flights.holds(|open| open.is(order));
-            if let Some(order) = self.desk.lost(|order| !is_open(order)) {
+            if let Some(order) = self.desk.lost(self.server, |order| !is_open(order)) {
                 let unit = order.target();
                 return Ok(Step::Send(order, unit));
             }
             self.lost = false;
         }
         let stays = self.settings.idle == Duration::from_ticks(0) || !self.flights.is_empty();
-        match self.desk.next() {
+        match self.desk.next(self.link) {
             Next::Serve(order, ticket) => Ok(Step::Send(order, ticket.unit)),
             Next::Wait(until) => Ok(Step::Wait(until)),
             Next::Empty if stays => Ok(Step::Wait(Instant::MAX)),
@@ -207,7 +233,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
     }
 
     async fn send(&mut self, order: Frame<'g>, unit: u8, now: Instant) -> Result<(), End> {
-        let broadcast = unit == 0 && self.settings.framing == StreamFraming::Rtu;
+        let broadcast = unit == BROADCAST && self.settings.framing == StreamFraming::Rtu;
         let mut id = 0;
         if !broadcast {
             id = match self.flights.start(order.share(), unit, now) {
@@ -219,6 +245,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
                 }
             };
         }
+        self.asked = true;
         self.desk.sent(&order, if broadcast { BROADCAST } else { unit });
         let sent = self.write(id, unit, &order).await;
         self.active = now;
@@ -250,7 +277,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
             // What came before the request is no answer to it.
             self.judge_unawaited();
         }
-        let header = Header { transaction, unit };
+        let header = Header { transaction, unit: self.desk.outside(unit) };
         let mut out = Pieces::new();
         loop {
             let begins = |frame: &[u8]| self.tap(true, Event::Request, frame);

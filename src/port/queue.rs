@@ -98,6 +98,8 @@ pub enum Ready {
     Now,
     /// Not before this time.
     At(Instant),
+    /// By somebody else.
+    Elsewhere,
 }
 
 /// What the port shall do next.
@@ -133,6 +135,15 @@ struct Known {
     asker: Asker,
     turn: u32,
     by_address: u32,
+}
+
+/// Whose turn it is.
+struct Turn {
+    class: usize,
+    /// Of which classes orders could be served.
+    present: [bool; 3],
+    /// The order's place.
+    index: usize,
 }
 
 /// The last turns of the asker's address and of the asker: the lowest is first.
@@ -187,13 +198,33 @@ impl<T> PortQueue<T> {
 
     /// The order whose turn it is at `now`; `ready` says when a unit may be asked.
     pub fn next(&mut self, now: Instant, ready: impl Fn(u8) -> Ready) -> Next<T> {
+        let Turn { class, present, index } = match self.turn(now, ready) {
+            Ok(turn) => turn,
+            Err(earliest) => return earliest.map_or(Next::Empty, Next::Wait),
+        };
+        let waiting = self.waiting.remove(index);
+        let ticket = self.ticket(&waiting);
+        self.note_turn(waiting.asker);
+        self.note_class(class, present);
+        Next::Serve(waiting.order, ticket)
+    }
+
+    /// The unit of the order whose turn it is at `now`, which goes on waiting; else the time before which there is none.
+    pub fn first(&self, now: Instant, ready: impl Fn(u8) -> Ready) -> Result<u8, Instant> {
+        let turn = self.turn(now, ready).map_err(|earliest| earliest.unwrap_or(Instant::MAX))?;
+        self.waiting.get(turn.index).map(|waiting| waiting.unit).ok_or(Instant::MAX)
+    }
+
+    /// Whose turn it is; else when it is somebody's, if anybody's at all.
+    fn turn(&self, now: Instant, ready: impl Fn(u8) -> Ready) -> Result<Turn, Option<Instant>> {
         // Of each class.
         let mut first: [Option<(Option<Rank>, usize)>; 3] = [None; 3];
         let mut earliest: Option<Instant> = None;
         for (index, waiting) in self.waiting.iter().enumerate() {
             match ready(waiting.unit) {
+                Ready::Elsewhere => {}
                 Ready::At(at) if at > now => earliest = Some(earliest.map_or(at, |other| other.min(at))),
-                _ => {
+                Ready::At(_) | Ready::Now => {
                     let rank = self.rank(waiting);
                     let first = &mut first[waiting.priority as usize];
                     // Of equals the one that came first.
@@ -204,17 +235,14 @@ impl<T> PortQueue<T> {
             }
         }
         let present = first.map(|first| first.is_some());
-        let Some(class) = self.class(present) else {
-            return earliest.map_or(Next::Empty, Next::Wait);
-        };
-        let Some((_, index)) = first[class] else {
-            return Next::Empty;
-        };
-        let waiting = self.waiting.remove(index);
-        let ticket = self.ticket(&waiting);
-        self.note_turn(waiting.asker);
-        self.note_class(class, present);
-        Next::Serve(waiting.order, ticket)
+        let class = self.class(present).ok_or(earliest)?;
+        let (_, index) = first[class].ok_or(None)?;
+        Ok(Turn { class, present, index })
+    }
+
+    /// The units of those that wait.
+    pub fn units(&self) -> impl Iterator<Item = u8> {
+        self.waiting.iter().map(|waiting| waiting.unit)
     }
 
     fn rank(&self, waiting: &Waiting<T>) -> Option<Rank> {

@@ -28,7 +28,7 @@ impl<'r, 'g> Reply<'r, 'g> {
         let has_end = || pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
         let lane = || desk.gateway().settings(|settings| Lane::at(settings, origin.port));
         let in_step = || desk.place().units(|units| units.is_in_step(unit, true));
-        let is_proof = desk.is_proving();
+        let is_proof = desk.is_proving(order);
         let asker = if cut && !is_proof && has_end() && in_step() { lane() } else { None };
         Self { desk, order, unit, request, is_proof, asker, passing: Passing::Open }
     }

@@ -22,6 +22,9 @@ use crate::port::queue::{BROADCAST, Next};
 use crate::port::reply::Reply;
 use crate::stats::Event;
 
+/// A line is the only link of its port.
+const LINK: u8 = 0;
+
 /// Keeps the line open and carries out the desk's orders, for ever.
 pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSettings, host: &mut H) {
     let mut opening = Opening::new(desk.place().place(), settings);
@@ -50,7 +53,7 @@ async fn serve<L: SerialLine>(desk: &Desk<'_>, bus: &mut Bus<'_, L>, client: &Se
         if bus.silence().await.is_err() {
             return;
         }
-        let wake = match desk.next() {
+        let wake = match desk.next(LINK) {
             Next::Serve(frame, ticket) => {
                 if apart(pin!(carry_out(desk, bus, client, frame, ticket.unit))).await.is_err() {
                     return;
@@ -60,7 +63,7 @@ async fn serve<L: SerialLine>(desk: &Desk<'_>, bus: &mut Bus<'_, L>, client: &Se
             Next::Wait(at) => at,
             Next::Empty => Instant::MAX,
         };
-        if bus.idle(select(desk.changed(), until(wake))).await.is_err() {
+        if bus.idle(select(desk.changed(LINK), until(wake))).await.is_err() {
             return;
         }
     }
@@ -102,7 +105,7 @@ async fn carry_out<'g, L: SerialLine>(
         frame.pdu(|request| bus.note_copied(unit, request, crc));
     }
     let way = frame.origin().way;
-    let proving = desk.is_proving();
+    let proving = desk.is_proving(&frame);
     if unit != BROADCAST && !arriving && !proving && way == Way::Line {
         place.stats.count(Event::Stored);
     }

@@ -1,8 +1,10 @@
-//! How the ports that make connections share the board's sockets, when there are more servers than sockets.
+//! How connections to outside servers share sockets, when there are more servers than those: those of one port the ones that it
+//! may have, and those of all ports the board's.
 //!
-//! A port that finds none left asks for one. The connection that has been quiet for longest is closed for it; when all
-//! are busy, the one that was opened first takes no more requests and goes as soon as those that are open have ended. So all
-//! servers get their turn, and a server that cannot be reached holds no socket while it backs off.
+//! Who finds none left asks for one. The connection that has been quiet for longest is closed for it; where none is quiet, an
+//! attempt is given up that no order waits for; when all are busy, the one that was opened first takes no more requests and
+//! goes as soon as those that are open have ended. So all servers get their turn, and a server that cannot be reached holds
+//! no socket while it backs off.
 
 use core::cell::Cell;
 
@@ -14,64 +16,115 @@ use embassy_time::Instant;
 use crate::config::PortId;
 use crate::gateway::PortPlace;
 
-/// A port's share of the sockets: one connection, or none.
+/// One of a port's sockets: one connection, or none.
 pub(crate) struct Socket {
     state: Mutex<CriticalSectionRawMutex, Cell<State>>,
-    /// The connection must go, to make room for another port's.
+    /// The connection must go, to make room for another one.
     pub(crate) leave: Signal<CriticalSectionRawMutex, ()>,
-    /// Another port has closed its connection for this one.
+    /// Another connection was closed for this one.
     pub(crate) freed: Signal<CriticalSectionRawMutex, ()>,
+}
+
+/// What a socket is used for; of those that can be given up, the first is the first to go.
+// `None` is the 0: then a port's place is all zeros at the start, which take no place in a board's flash.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Use {
+    /// There is nothing to give up.
+    None,
+    /// No requests are open.
+    Idle,
+    /// A server is tried again that no order waits for.
+    Retry,
+    /// Requests are open.
+    Busy,
+}
+
+/// What a socket is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Need {
+    /// An order waits.
+    Order,
+    /// A server is to be tried again.
+    Retry,
 }
 
 #[derive(Clone, Copy)]
 struct State {
-    open: bool,
-    /// Requests are open on it.
-    busy: bool,
+    used_for: Use,
     opened: Instant,
-    /// Its last request.
+    /// The last request's beginning or end.
     used: Instant,
+    /// It has been asked to go.
+    leaving: bool,
     /// Who waits for it to be closed.
-    wanted_by: Option<PortId>,
+    wanted_by: Option<(PortId, u8)>,
 }
 
 impl State {
+    const NONE: Self = Self {
+        used_for: Use::None,
+        opened: Instant::MIN,
+        used: Instant::MIN,
+        leaving: false,
+        wanted_by: None,
+    };
+
     /// The lowest is the first to go.
-    fn rank(&self) -> (bool, Instant) {
-        (self.busy, if self.busy { self.opened } else { self.used })
+    fn rank(&self) -> (Use, Instant) {
+        (self.used_for, if self.used_for == Use::Idle { self.used } else { self.opened })
+    }
+
+    fn goes_for(&self, need: Need) -> bool {
+        let last = if need == Need::Order { Use::Busy } else { Use::Idle };
+        !self.leaving && self.used_for != Use::None && self.used_for <= last
     }
 }
 
 impl Socket {
     /// No connection.
     pub(crate) const fn new() -> Self {
-        let state =
-            State { open: false, busy: false, opened: Instant::MIN, used: Instant::MIN, wanted_by: None };
-        Self { state: Mutex::new(Cell::new(state)), leave: Signal::new(), freed: Signal::new() }
+        Self { state: Mutex::new(Cell::new(State::NONE)), leave: Signal::new(), freed: Signal::new() }
     }
 
-    /// The port has a connection now.
+    /// A connection is being opened, for no order if it is a `retry`.
+    pub(crate) fn opening(&self, retry: bool) {
+        self.leave.reset();
+        let used_for = if retry { Use::Retry } else { Use::None };
+        self.set(State { used_for, opened: Instant::now(), ..State::NONE });
+    }
+
+    /// There is a connection now.
     pub(crate) fn opened(&self) {
         let now = Instant::now();
         self.leave.reset();
-        self.set(State { open: true, busy: false, opened: now, used: now, wanted_by: None });
+        self.set(State { opened: now, used: now, ..State::NONE });
     }
 
-    /// Whether requests are open on the connection from now on.
-    pub(crate) fn busy(&self, busy: bool) {
+    /// Whether requests are open on the connection from now on; says whether that is news.
+    pub(crate) fn busy(&self, busy: bool) -> bool {
         let state = self.state();
-        if state.busy != busy {
-            self.set(State { busy, used: Instant::now(), ..state });
+        let used_for = if busy { Use::Busy } else { Use::Idle };
+        let is_news = state.used_for != used_for;
+        if is_news {
+            self.set(State { used_for, used: Instant::now(), ..state });
         }
+        is_news
     }
 
-    /// The port has no connection any more; wakes the port among `places` that waits for it.
+    /// Whether the connection has been asked to go.
+    pub(crate) fn is_leaving(&self) -> bool {
+        self.state().leaving
+    }
+
+    /// There is no connection any more; wakes whoever among `places` waits for that.
     pub(crate) fn closed(&self, places: &[PortPlace]) {
         let state = self.state();
-        self.set(State { open: false, busy: false, wanted_by: None, ..state });
-        if let Some(place) = state.wanted_by.and_then(|id| places.get(id.index())) {
-            place.socket.freed.signal(());
-        }
+        self.set(State::NONE);
+        let waiting = state.wanted_by.and_then(|(id, link)| {
+            let place = places.get(id.index())?;
+            place.sockets.get(usize::from(link))
+        });
+        waiting.into_iter().for_each(|socket| socket.freed.signal(()));
     }
 
     fn state(&self) -> State {
@@ -83,20 +136,21 @@ impl Socket {
     }
 }
 
-/// Asks one of the connections of `places` to go for the port `id`; says whether one will.
-pub(crate) fn ask_for_one(places: &[PortPlace], id: PortId) -> bool {
+/// Asks one of `sockets` to go, for the link of a port that waits for it if that is said; says whether one will.
+pub(crate) fn ask_for_one<'s>(
+    sockets: impl IntoIterator<Item = &'s Socket>,
+    need: Need,
+    wanted_by: Option<(PortId, u8)>,
+) -> bool {
     let mut first: Option<(&Socket, State)> = None;
-    for place in places {
-        let state = place.socket.state();
-        if state.open
-            && state.wanted_by.is_none()
-            && first.is_none_or(|(_, other)| state.rank() < other.rank())
-        {
-            first = Some((&place.socket, state));
+    for socket in sockets {
+        let state = socket.state();
+        if state.goes_for(need) && first.is_none_or(|(_, other)| state.rank() < other.rank()) {
+            first = Some((socket, state));
         }
     }
     let Some((socket, state)) = first else { return false };
-    socket.set(State { wanted_by: Some(id), ..state });
+    socket.set(State { leaving: true, wanted_by, ..state });
     socket.leave.signal(());
     true
 }

@@ -20,9 +20,9 @@ use crate::port::outstanding::{Match, Outstanding, Purpose, Settled, Shape};
 use crate::port::queue::Ready;
 use crate::stats::Event;
 
-/// Units remembered at one port: the loads that an RS-485 segment carries. The quietest healthy one is forgotten
-/// when another one comes. The feature `small` remembers half as many.
-pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 32 };
+/// Units remembered at one port: the servers that it can have, and more than the loads that an RS-485 segment carries. The
+/// quietest healthy one is forgotten when another one comes. The feature `small` remembers fewer.
+pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 64 };
 /// Units remembered at all ports together, since few ports have as many as they may: see [`AllUnits`].
 pub const ALL_UNITS_MAX: usize = if cfg!(feature = "small") { 48 } else { 256 };
 /// First and longest pause between probes of a unit that is down.

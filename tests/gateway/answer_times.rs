@@ -1,7 +1,7 @@
 //! Percentiles of answer times from a few bytes.
 
 use mobgate::port::answer_times::AnswerTimes;
-use mobgate::port::units::{UNITS_MAX, Unit};
+use mobgate::port::units::Unit;
 use mobgate_simulator::Random;
 
 /// How far a percentile may be off: the width of a class.
@@ -39,5 +39,6 @@ fn old_answers_fade_and_rare_slow_ones_are_seen() {
 fn the_units_of_a_port_take_little_memory() {
     // 20 bytes of times and 20 of troubles for each.
     assert!(size_of::<Unit>() <= 120, "{}", size_of::<Unit>());
-    assert!(UNITS_MAX * (size_of::<AnswerTimes>() + 20) <= 1_280);
+    // Those of an RS-485 segment.
+    assert!(32 * (size_of::<AnswerTimes>() + 20) <= 1_280);
 }

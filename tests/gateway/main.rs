@@ -32,6 +32,8 @@ mod random_frames;
 mod rules;
 mod scan;
 mod serial_server;
+mod servers;
+mod servers_torture;
 mod shared_bus;
 mod sharing;
 mod stream_server;

@@ -59,6 +59,8 @@ pub(crate) struct Bus {
 #[derive(Deserialize, Clone, Default)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Server {
+    /// What it is called, for settings that name it.
+    pub(crate) name: Option<String>,
     /// It speaks RTU over TCP.
     #[serde(default)]
     pub(crate) rtu: bool,

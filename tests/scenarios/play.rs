@@ -92,6 +92,9 @@ impl<'s, 'r, 'g> Stage<'s, 'r, 'g> {
             self.devices.insert((address.to_string(), setup.unit), device.clone());
             devices.push(device);
         }
+        if let Some(name) = &server.name {
+            self.rig.network.set_name(name, Some(address.ip()));
+        }
         let listener = self.rig.network.serve(address);
         world.spawn(device::tcp::serve(listener, framing, devices, world.spawner()));
         Ok(())

@@ -1,5 +1,7 @@
 //! Steps: one line each, a sentence whose first word says who acts.
 
+use std::net::SocketAddr;
+
 use embassy_time::Duration;
 use mobgate::stats::Event;
 
@@ -23,6 +25,8 @@ pub(crate) enum Step {
     Crowd { count: usize, port: u16 },
     /// `unit 5 on uart1 ...`
     Unit { unit: u8, device: String, what: OfUnit },
+    /// `server 10.0.1.1:502 is unreachable`, `is reachable`
+    Server { address: SocketAddr, reachable: bool },
     /// `wire uart1 ...`
     Wire { device: String, what: OfWire },
     /// `point power ...`
@@ -154,6 +158,10 @@ pub(crate) fn step(line: &str) -> Result<Step, String> {
         ["unit", unit, "on", rest @ ..] => {
             let (device, rest) = name(rest)?;
             Step::Unit { unit: number(unit)?, device, what: of_unit(&rest)? }
+        }
+        ["server", address, "is", word @ ("reachable" | "unreachable")] => {
+            let address = address.parse().map_err(|_| "an address such as 10.0.1.1:502 is missing")?;
+            Step::Server { address, reachable: *word == "reachable" }
         }
         ["wire", rest @ ..] => {
             let (device, rest) = name(rest)?;

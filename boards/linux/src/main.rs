@@ -70,7 +70,7 @@ async fn router() {
 
 #[embassy_executor::task(pool_size = PORTS_MAX)]
 async fn port(id: PortId, mut lines: Lines) {
-    GATEWAY.run_port(id, &mut lines, &mut Connector, &mut Datagrams).await
+    GATEWAY.run_port(id, &mut lines, &Connector, &mut Datagrams).await
 }
 
 #[embassy_executor::task(pool_size = SEATS)]

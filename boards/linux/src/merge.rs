@@ -10,8 +10,9 @@ use std::collections::HashMap;
 use mobgate::config::{LINE_BYTES_MAX, Settings, apply, write_line};
 
 /// What lines are about, in the order in which a text needs them.
-const KINDS: [&str; 6] = ["network", "port", "route", "device", "point", "slave"];
-const ROUTE: usize = 2;
+const KINDS: [&str; 7] = ["network", "port", "server", "route", "device", "point", "slave"];
+const SERVER: usize = 2;
+const ROUTE: usize = 3;
 const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// The text `old`, so that it says what `new` says: the lines that print settings.
@@ -74,8 +75,14 @@ impl Item {
     fn of(line: &str) -> Option<Self> {
         let words = split(line).0.into_iter().map(str::to_owned).collect::<Vec<_>>();
         let kind = kind(words.first()?)?;
-        let name = words.get(1).filter(|_| kind != ROUTE && kind != 0);
-        let name = name.map(|name| name.to_lowercase()).unwrap_or_default();
+        let name_words = match kind {
+            0 | ROUTE => 0,
+            // The port and the units.
+            SERVER => 3,
+            _ => 1,
+        };
+        let name = words.iter().skip(1).take(name_words).map(|word| word.to_lowercase()).collect::<Vec<_>>();
+        let name = name.join(" ");
         Some(Self { kind, name, text: line.to_owned(), words })
     }
 
@@ -135,6 +142,7 @@ fn made(settings: &Settings, verb: &str, words: &[&str]) -> Option<Item> {
     let counts = [
         usize::from(settings.network.is_some()),
         settings.ports.iter().flatten().count(),
+        settings.servers.len(),
         settings.routes.len(),
         settings.devices.len(),
         settings.points.len(),
@@ -142,8 +150,8 @@ fn made(settings: &Settings, verb: &str, words: &[&str]) -> Option<Item> {
     ];
     let first: usize = counts[..kind].iter().sum();
     let name = words.get(1).map(|name| name.to_lowercase());
-    let is_it = |item: &Item| item.name.is_empty() || Some(&item.name) == name.as_ref();
-    // A rule comes behind the others.
+    let is_it = |item: &Item| kind == SERVER || item.name.is_empty() || Some(&item.name) == name.as_ref();
+    // A rule or a server comes behind the others.
     (first..first + counts[kind]).rev().filter_map(|n| printed(settings, n)).find(is_it)
 }
 

@@ -138,3 +138,63 @@ fn a_datagram_is_answered_to_whoever_sent_it() {
     assert_eq!(answer[..length], [0, 2, 0, 0, 0, 3, 250, 0x83, 0x0a], "no rule");
     drop(program);
 }
+
+#[test]
+fn one_port_asks_many_servers_by_address_and_by_name_on_few_sockets() {
+    const SERVERS: u8 = 12;
+    let mut lines = String::new();
+    for unit in 1..=SERVERS {
+        // By its name a server on IPv4 alone is found, too, where the name has an address of IPv6 as well.
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let at = listener.local_addr().unwrap().port();
+        let host = if unit % 2 == 0 { "localhost" } else { "127.0.0.1" };
+        lines += &format!("server plant unit {unit} at {host}:{at} tag =1\n");
+        thread::spawn(move || {
+            for stream in listener.incoming() {
+                thread::spawn(move || serve_as(stream.unwrap(), unit));
+            }
+        });
+    }
+    let program = Program::configured(&format!(
+        "port plant tcp client sockets 4
+         port P502 tcp server {{port}}
+         {lines}server plant unit 100 at nobody.invalid
+         server plant unit 101 at 127.0.0.1:{}
+         route P502 * * * plant\n",
+        free_port()
+    ));
+    let before = program.descriptors();
+    let mut client = program.connect();
+    let mut other = program.connect();
+    for round in 0..20 {
+        if round == 3 {
+            // Nobody waits for the look-up of a name that nobody has.
+            other.write_all(&[&[0, 1, 0, 0, 0, 6, 100][..], &READ].concat()).unwrap();
+        }
+        for unit in 1..=SERVERS {
+            assert_eq!(
+                ask(&mut client, unit, &READ),
+                [3, 2, unit, 1],
+                "the unit's own server, as its unit 1"
+            );
+        }
+        assert_eq!(ask(&mut client, 101, &READ), [0x83, 0x0a]);
+        assert_eq!(ask(&mut client, 50, &READ), [0x83, 0x0a], "no server has it");
+        let descriptors = program.descriptors();
+        assert!(descriptors <= before + 8, "{descriptors} descriptors, {before} at the start");
+    }
+    let mut answer = [0; 9];
+    other.set_read_timeout(Some(PATIENCE)).unwrap();
+    other.read_exact(&mut answer).unwrap();
+    assert_eq!(answer[7..], [0x83, 0x0a]);
+    program.logs("no connection to nobody.invalid:502");
+}
+
+/// Answers every request of a connection with a register that holds `server` and the unit asked.
+fn serve_as(mut stream: TcpStream, server: u8) {
+    let mut request = [0; 12];
+    while stream.read_exact(&mut request).is_ok() {
+        let answer = [&request[..4], &[0, 5, request[6], 3, 2, server, request[6]]].concat();
+        stream.write_all(&answer).unwrap();
+    }
+}

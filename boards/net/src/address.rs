@@ -26,6 +26,7 @@ pub fn state(stack: Stack<'static>) -> NetworkState {
         address: own.address.address(),
         prefix: own.address.prefix_len(),
         gateway: own.gateway,
+        dns: own.dns_servers.first().copied(),
     });
     let HardwareAddress::Ethernet(hardware) = stack.hardware_address();
     NetworkState { link: stack.is_link_up(), address, hardware: hardware.0 }
@@ -41,7 +42,7 @@ fn ipv4(network: &OwnNetwork) -> ConfigV4 {
         OwnNetwork::Static(own) => ConfigV4::Static(StaticConfigV4 {
             address: Ipv4Cidr::new(own.address, own.prefix),
             gateway: own.gateway,
-            dns_servers: Default::default(),
+            dns_servers: own.dns.into_iter().collect(),
         }),
     }
 }

@@ -1,10 +1,12 @@
 //! Connections that the gateway makes to outside servers.
 
-use core::net::{Ipv4Addr, SocketAddr};
+use core::net::{IpAddr, Ipv4Addr};
 
 use embassy_net::tcp::ConnectError;
+use mobgate::config::{Host, ServerAddress};
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
 
+use crate::names;
 use crate::pool::Sockets;
 use crate::tcp::{IPV4_ONLY, TcpStream, set_up};
 
@@ -22,13 +24,17 @@ impl Connector {
 impl TcpConnect for Connector {
     type Stream<'a> = TcpStream;
 
-    async fn connect(&mut self, server: SocketAddr) -> Result<TcpStream, OpenError> {
-        let SocketAddr::V4(server) = server else { return Err(IPV4_ONLY) };
-        if !has_way(self.0, *server.ip()) {
+    async fn connect(&self, server: &ServerAddress) -> Result<TcpStream, OpenError> {
+        let address = match &server.host {
+            Host::Address(IpAddr::V4(address)) => *address,
+            Host::Address(IpAddr::V6(_)) => return Err(IPV4_ONLY),
+            Host::Name(name) => names::look_up(self.0.stack(), name).await?,
+        };
+        if !has_way(self.0, address) {
             return Err(refusal(ConnectError::NoRoute));
         }
         let mut pooled = self.0.tcp()?;
-        pooled.get().connect((*server.ip(), server.port())).await.map_err(refusal)?;
+        pooled.get().connect((address, server.port)).await.map_err(refusal)?;
         // Behind the handshake, whose time the caller limits.
         set_up(pooled.get());
         Ok(TcpStream::new(pooled))

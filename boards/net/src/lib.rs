@@ -10,6 +10,9 @@
 pub mod address;
 mod connector;
 pub mod mdns;
+// One of two: images that have no names have no resolver either.
+#[cfg_attr(not(feature = "servers"), path = "no_names.rs")]
+mod names;
 mod pool;
 mod tcp;
 mod udp;
@@ -18,3 +21,7 @@ pub use connector::Connector;
 pub use pool::{SOCKETS_MAX, Sockets};
 pub use tcp::{TcpSockets, TcpStream};
 pub use udp::{Datagram, Datagrams};
+
+/// Places that a stack's resources need besides those for [`Sockets`]: for DHCP, for multicast DNS, and for
+/// look-ups of names.
+pub const STACK_SOCKETS: usize = if cfg!(feature = "servers") { 3 } else { 2 };

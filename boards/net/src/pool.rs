@@ -17,7 +17,7 @@ pub const SOCKETS_MAX: usize = 32;
 
 /// The sockets that a board can have open at a time.
 ///
-/// The stack's resources need one place for each of them and one more for DHCP: `StackResources<{ SOCKETS + 1 }>`.
+/// The stack's resources need one place for each of them and some of its own: `StackResources<{ SOCKETS + STACK_SOCKETS }>`.
 pub struct Sockets {
     pub(crate) stack: Stack<'static>,
     free: RefCell<Vec<&'static mut [u8], SOCKETS_MAX>>,

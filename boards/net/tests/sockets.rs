@@ -6,7 +6,7 @@ use embassy_futures::join::{join, join3};
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
-use mobgate::config::{Settings, TcpListen, apply};
+use mobgate::config::{Host, ServerAddress, Settings, TcpListen, apply};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports};
 use mobgate::hal::{OpenErrorKind, TcpConnect, TcpHost, TcpStream as _, UdpHost, UdpSocket};
@@ -23,10 +23,14 @@ fn at(address: Ipv4Addr, port: u16) -> SocketAddr {
     SocketAddr::new(address.into(), port)
 }
 
+fn server(address: Ipv4Addr, port: u16) -> ServerAddress {
+    at(address, port).into()
+}
+
 /// A connection from `near` to `far`.
 async fn connected(near: &'static Sockets, far: &'static Sockets) -> (TcpStream, TcpStream) {
-    let (mut connector, mut host) = (Connector::new(near), TcpSockets::new(far));
-    let (made, accepted) = join(connector.connect(at(FAR, 502)), host.accept(&PORT_502)).await;
+    let (connector, mut host) = (Connector::new(near), TcpSockets::new(far));
+    let (made, accepted) = join(connector.connect(&server(FAR, 502)), host.accept(&PORT_502)).await;
     let (accepted, peer) = accepted.unwrap();
     assert_eq!(peer.ip(), NEAR, "the peer's address is told, not the own one");
     (made.unwrap(), accepted)
@@ -71,7 +75,7 @@ fn several_hosts_accept_at_the_same_port() {
     world.run_until(async {
         let accept = || async { TcpSockets::new(far).accept(&PORT_502).await.unwrap().1 };
         let connect = || async {
-            let stream = Connector::new(near).connect(at(FAR, 502)).await.unwrap();
+            let stream = Connector::new(near).connect(&server(FAR, 502)).await.unwrap();
             Timer::after_millis(1).await;
             drop(stream);
         };
@@ -88,7 +92,7 @@ fn without_a_socket_left_a_connection_is_refused_until_one_is_given_back() {
     world.run_until(async {
         let (first, _server) = connected(near, far).await;
         assert_eq!(near.free(), 0);
-        let error = Connector::new(near).connect(at(FAR, 502)).await.map(drop).unwrap_err();
+        let error = Connector::new(near).connect(&server(FAR, 502)).await.map(drop).unwrap_err();
         assert_eq!(error.kind, OpenErrorKind::Exhausted);
         let error = Datagrams::new(near).bind(&PORT_502).await.map(drop).unwrap_err();
         assert_eq!(error.kind, OpenErrorKind::Exhausted);
@@ -166,14 +170,17 @@ fn a_connection_that_cannot_be_made_says_why() {
     let mut world = World::new(7);
     let (near, far, _) = wired(&world, 2, 1);
     world.run_until(async {
-        let mut connector = Connector::new(near);
-        let refused = connector.connect(at(FAR, 503)).await.map(drop).unwrap_err();
+        let connector = Connector::new(near);
+        let refused = connector.connect(&server(FAR, 503)).await.map(drop).unwrap_err();
         assert_eq!(refused.kind, OpenErrorKind::Refused);
-        let elsewhere = connector.connect(at(Ipv4Addr::new(192, 168, 9, 9), 502));
+        let elsewhere = server(Ipv4Addr::new(192, 168, 9, 9), 502);
+        let elsewhere = connector.connect(&elsewhere);
         assert_eq!(elsewhere.await.map(drop).unwrap_err().kind, OpenErrorKind::NotFound);
-        let v6 = connector.connect("[fe80::1]:502".parse().unwrap());
+        let v6 = "[fe80::1]:502".parse::<SocketAddr>().unwrap().into();
+        let v6 = connector.connect(&v6);
         assert_eq!(v6.await.map(drop).unwrap_err().kind, OpenErrorKind::Unsupported);
-        let nobody = connector.connect(at(Ipv4Addr::new(10, 0, 0, 77), 502));
+        let nobody = server(Ipv4Addr::new(10, 0, 0, 77), 502);
+        let nobody = connector.connect(&nobody);
         assert!(with_timeout(Duration::from_secs(3), nobody).await.is_err(), "given up by the caller");
         assert_eq!((near.free(), far.free()), (2, 1));
     });
@@ -191,8 +198,8 @@ fn a_server_listens_at_the_boards_own_address_or_says_that_it_is_not() {
         for good in ["10.0.0.2", "0.0.0.0"] {
             host.listen(&listen(good)).unwrap();
             let listen = listen(good);
-            let mut connector = Connector::new(near);
-            let (made, accepted) = join(connector.connect(at(FAR, 502)), host.accept(&listen)).await;
+            let connector = Connector::new(near);
+            let (made, accepted) = join(connector.connect(&server(FAR, 502)), host.accept(&listen)).await;
             join(made.unwrap().close(), accepted.unwrap().0.close()).await;
         }
     });
@@ -215,8 +222,11 @@ fn the_address_follows_the_settings() {
             let state = address::state(far.stack());
             assert_eq!(state.address.unwrap().to_string(), "10.0.0.44/24");
             assert_eq!((state.link, state.hardware), (true, [2, 0, 0, 0, 0, 2]));
-            let (mut connector, mut host) = (Connector::new(near), TcpSockets::new(far));
-            join(connector.connect(at([10, 0, 0, 44].into(), 502)), host.accept(&PORT_502)).await.0.unwrap();
+            let (connector, mut host) = (Connector::new(near), TcpSockets::new(far));
+            join(connector.connect(&server([10, 0, 0, 44].into(), 502)), host.accept(&PORT_502))
+                .await
+                .0
+                .unwrap();
 
             apply(&mut settings, "network dhcp name cabinet-7").unwrap();
             gateway.apply(&settings).unwrap();
@@ -234,7 +244,7 @@ fn an_accept_that_is_given_up_leaves_no_listener() {
     world.run_until(async {
         select(TcpSockets::new(far).accept(&PORT_502), Timer::after_millis(5)).await;
         assert_eq!(far.free(), 1);
-        let refused = Connector::new(near).connect(at(FAR, 502)).await.map(drop).unwrap_err();
+        let refused = Connector::new(near).connect(&server(FAR, 502)).await.map(drop).unwrap_err();
         assert_eq!(refused.kind, OpenErrorKind::Refused);
     });
 }
@@ -257,4 +267,62 @@ fn datagrams_go_both_ways_and_long_ones_are_cut_off() {
         asking.send(b"lost", at(Ipv4Addr::new(192, 168, 9, 9), 1)).await.unwrap();
     });
     assert_eq!((near.free(), far.free()), (1, 1));
+}
+
+/// A name server that knows one name, and answers that others do not exist (RFC 1035 4.1).
+async fn name_server(sockets: &'static Sockets, name: &[u8], address: Ipv4Addr) {
+    let mut host = Datagrams::new(sockets);
+    let mut socket = host.bind(&TcpListen { address: None, port: 53 }).await.unwrap();
+    loop {
+        let mut query = [0; 512];
+        let (length, from) = socket.receive(&mut query).await.unwrap();
+        let question = &query[12..length];
+        let is_known = question.starts_with(name);
+        // The id, a recursive response, one question, and one answer or none.
+        let mut response = query[..2].to_vec();
+        response.extend([0x81, if is_known { 0x80 } else { 0x83 }, 0, 1, 0, is_known.into(), 0, 0, 0, 0]);
+        response.extend(question);
+        if is_known {
+            // The name of the question, A, IN, a minute, four bytes.
+            response.extend([0xc0, 12, 0, 1, 0, 1, 0, 0, 0, 60, 0, 4]);
+            response.extend(address.octets());
+        }
+        socket.send(&response, from).await.unwrap();
+    }
+}
+
+#[test]
+fn a_name_is_looked_up_when_a_connection_is_made() {
+    let mut world = World::new(8);
+    let (near, far, cable) = wired(&world, 2, 3);
+    world.run_until(async {
+        let named = |name: &str| ServerAddress { host: Host::Name(name.try_into().unwrap()), port: 502 };
+        let connector = Connector::new(near);
+        let known = named("meter.example");
+        let error = connector.connect(&known).await.map(drop).unwrap_err();
+        assert!(error.hint.starts_with("no name server"), "{error}");
+        assert_eq!(near.free(), 2, "a name that nobody is asked for holds no socket");
+
+        let mut own = near.stack().config_v4().unwrap();
+        own.dns_servers.push(FAR).unwrap();
+        near.stack().set_config_v4(embassy_net::ConfigV4::Static(own));
+        let serve = name_server(far, b"\x05meter\x07example\0", FAR);
+        let ask = async {
+            let mut host = TcpSockets::new(far);
+            let (made, accepted) = join(connector.connect(&known), host.accept(&PORT_502)).await;
+            let mut made = made.unwrap();
+            made.write_all(b"ask").await.unwrap();
+            assert_eq!(accepted.unwrap().0.read(&mut [0; 8]).await.unwrap(), 3);
+            let error = connector.connect(&named("nobody.example")).await.map(drop).unwrap_err();
+            assert!(
+                error.kind == OpenErrorKind::NotFound && error.hint.contains("name is not known"),
+                "{error}"
+            );
+            // Who asks for a name limits the time.
+            cable.pull();
+            let in_vain = with_timeout(Duration::from_secs(3), connector.connect(&known)).await;
+            assert!(in_vain.is_err() || in_vain.is_ok_and(|made| made.is_err()));
+        };
+        select(serve, ask).await;
+    });
 }

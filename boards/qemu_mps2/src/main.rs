@@ -38,7 +38,7 @@ async fn router() {
 
 #[embassy_executor::task(pool_size = PORTS)]
 async fn port(id: PortId, sockets: &'static Sockets) {
-    GATEWAY.run_port(id, &mut Lines, &mut Connector::new(sockets), &mut Datagrams::new(sockets)).await
+    GATEWAY.run_port(id, &mut Lines, &Connector::new(sockets), &mut Datagrams::new(sockets)).await
 }
 
 #[embassy_executor::task(pool_size = SEATS)]

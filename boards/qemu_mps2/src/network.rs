@@ -4,7 +4,7 @@ use embassy_futures::join::join4;
 use embassy_net::{Runner, StackResources};
 use mobgate::config::OwnNetwork;
 use mobgate::gateway::Gateway;
-use mobgate_net::{Sockets, address, mdns};
+use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::ethernet::Ethernet;
@@ -19,7 +19,7 @@ const SOCKET_BYTES: usize = 2 * 640;
 
 /// Starts the network with this setting. The runner is to be run.
 pub(crate) fn start(setting: &OwnNetwork) -> (&'static Sockets, Runner<'static, Ethernet>) {
-    static RESOURCES: StaticCell<StackResources<{ SOCKETS + 2 }>> = StaticCell::new();
+    static RESOURCES: StaticCell<StackResources<{ SOCKETS + STACK_SOCKETS }>> = StaticCell::new();
     static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
         ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
     static POOL: StaticCell<Sockets> = StaticCell::new();

@@ -100,8 +100,8 @@ async fn router() {
 
 #[embassy_executor::task(pool_size = PORTS)]
 async fn port(index: usize, mut lines: Lines, network: Network) {
-    let (mut connector, mut datagrams) = (Connector::new(network.0), Datagrams::new(network.0));
-    let run = pin!(gateway().run_port(PortId(index as u8), &mut lines, &mut connector, &mut datagrams));
+    let (connector, mut datagrams) = (Connector::new(network.0), Datagrams::new(network.0));
+    let run = pin!(gateway().run_port(PortId(index as u8), &mut lines, &connector, &mut datagrams));
     LIVENESS.watch(Task::Port as usize + index, run).await
 }
 

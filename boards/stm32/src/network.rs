@@ -9,7 +9,7 @@ use embassy_stm32::eth::{Ethernet, GenericPhy, PacketQueue, Sma};
 use embassy_stm32::peripherals::{ETH, ETH_SMA};
 use embassy_stm32::uid::uid;
 use mobgate::config::OwnNetwork;
-use mobgate_net::{Sockets, address, mdns};
+use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::gateway::{CONNECTIONS_OUT, LIVENESS, SEATS, Task, gateway};
@@ -31,8 +31,7 @@ const SOCKET_BYTES: usize = 2 * 260;
 
 static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
     ConstStaticCell::new([[0; SOCKET_BYTES]; SOCKETS]);
-// One more socket is DHCP's, and one multicast DNS's.
-static RESOURCES: StaticCell<StackResources<{ SOCKETS + 2 }>> = StaticCell::new();
+static RESOURCES: StaticCell<StackResources<{ SOCKETS + STACK_SOCKETS }>> = StaticCell::new();
 static POOL: StaticCell<Sockets> = StaticCell::new();
 
 /// The place of the driver's packets.

@@ -177,27 +177,39 @@ fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
         )
 }
 
+fn any_address() -> impl Strategy<Value = ServerAddress> {
+    let host = prop_oneof![
+        4 => (1..=u32::MAX).prop_map(|bits| Host::Address(IpAddr::V4(bits.into()))),
+        4 => (1..=u128::MAX).prop_map(|bits| Host::Address(IpAddr::V6(bits.into()))),
+        u32::from(SERVERS) => "([a-z0-9]([a-z0-9_-]{0,9}[a-z0-9])?[.]){0,3}meter[a-z0-9]{0,5}"
+            .prop_map(|name| Host::Name(name.as_str().try_into().unwrap())),
+    ];
+    (host, 1..=u16::MAX).prop_map(|(host, port)| ServerAddress { host, port })
+}
+
+/// With an address of its own, or for several servers.
 fn any_tcp_client() -> impl Strategy<Value = PortKind> {
     let zero = Just(Duration::from_ticks(0));
     let address = prop_oneof![
-        (1..=u32::MAX).prop_map(|bits| IpAddr::V4(bits.into())),
-        (1..=u128::MAX).prop_map(|bits| IpAddr::V6(bits.into())),
+        3 => any_address().prop_map(|address| (Some(address), TcpClientSettings::new(None).sockets)),
+        u32::from(SERVERS) => (1..=SOCKETS_MAX as u8).prop_map(|sockets| (None, sockets)),
     ];
     let hour = 3_600_000_000;
-    let place = (address, 1..=u16::MAX, any_stream(), prop::option::of(any::<u8>()), 1..=16_u8);
+    let place = (address, any_stream(), prop::option::of(any::<u8>()), 1..=16_u8);
     let delays = (duration(0..=60_000_000), duration(0..=60_000_000));
     let idle = prop_oneof![zero, duration(1_000_000..=86_400_000_000)];
     let late_window = prop::option::of(duration(0..=hour));
     let health = (late_window, any::<u8>(), any_proofs());
     (place, duration(1_000..=hour), duration(1_000..=hour), delays, idle, 0..=10_u8, health).prop_map(
         |(place, timeout, connect_timeout, delays, idle, retries, health)| {
-            let (address, port, framing, unit, in_flight) = place;
+            let ((server, sockets), framing, unit, in_flight) = place;
             let (late_window, down_after, proofs) = health;
             let (connect_delay, request_delay) = delays;
             PortKind::TcpClient(TcpClientSettings {
-                server: (address, port).into(),
+                unit: unit.filter(|_| server.is_some()),
+                server,
+                sockets,
                 framing,
-                unit,
                 in_flight: if framing == StreamFraming::Rtu { 1 } else { in_flight },
                 timeout,
                 connect_timeout,
@@ -333,6 +345,30 @@ fn any_route(ports: Vec<Port>) -> impl Strategy<Value = Route> {
     )
 }
 
+/// Servers of the ports that have several, whose units do not meet.
+fn any_servers(ports: &[Port]) -> impl Strategy<Value = Vec<ServerSettings>> + use<> {
+    let has_several =
+        |port: &Port| matches!(&port.kind, PortKind::TcpClient(client) if client.server.is_none());
+    let several: Vec<u8> =
+        (0..ports.len() as u8).filter(|at| has_several(&ports[usize::from(*at)])).collect();
+    let most = if several.is_empty() { 0 } else { 20 };
+    prop::collection::vec((any::<prop::sample::Index>(), any_address(), 0..4_u8, 0..4_u8), 0..=most).prop_map(
+        move |servers| {
+            let server = |(nth, (port, at, length, shift)): (usize, (prop::sample::Index, _, u8, u8))| {
+                let first = 10 * nth as u8 + 1;
+                let units = UnitRange { first, last: first + length };
+                let tag = match shift {
+                    0 => Tag::Keep,
+                    1 if length == 0 => Tag::Set(255),
+                    by => Tag::Add(by),
+                };
+                ServerSettings { port: PortId(several[port.index(several.len())]), units, at, tag }
+            };
+            servers.into_iter().enumerate().map(server).collect()
+        },
+    )
+}
+
 fn any_network() -> impl Strategy<Value = Option<OwnNetwork>> {
     let name = "([a-zA-Z0-9][-a-zA-Z0-9]{0,31})?";
     let dhcp = name.prop_map(|name| OwnNetwork::Dhcp { name: name.as_str().try_into().unwrap() });
@@ -340,7 +376,8 @@ fn any_network() -> impl Strategy<Value = Option<OwnNetwork>> {
     let set = (any::<u16>(), 16..=30_u8, any::<bool>()).prop_map(|(net, prefix, gateway)| {
         let net = (0x0a00_0000 | u32::from(net) << 2) & !(u32::MAX >> prefix);
         let gateway = gateway.then_some((net | 2).into());
-        OwnNetwork::Static(StaticAddress { address: (net | 1).into(), prefix, gateway })
+        let dns = (SERVERS && prefix % 2 == 0).then_some([9, 9, 9, 9].into());
+        OwnNetwork::Static(StaticAddress { address: (net | 1).into(), prefix, gateway, dns })
     });
     prop::option::of(prop_oneof![Just(OwnNetwork::DEFAULT), dhcp, set])
 }
@@ -383,13 +420,15 @@ fn any_settings() -> impl Strategy<Value = Settings> {
             let most = if ports.iter().any(asks) { SLAVES_MAX } else { 0 };
             let slaves = prop::collection::vec(any_slave(), 0..=most);
             let routes = prop::collection::vec(any_route(ports.clone()), 0..=ROUTES_MAX);
-            (any_network(), any_mdns(), Just(ports), routes, slaves)
+            let servers = any_servers(&ports);
+            (any_network(), any_mdns(), Just(ports), servers, routes, slaves)
         })
-        .prop_map(|(network, mdns, ports, routes, slaves)| {
+        .prop_map(|(network, mdns, ports, servers, routes, slaves)| {
             let mut settings = Settings { network, mdns, ..Settings::new() };
             for (slot, port) in settings.ports.iter_mut().zip(ports) {
                 *slot = Some(port);
             }
+            settings.servers.extend(servers);
             for route in routes {
                 if !settings.routes.contains(&route) {
                     settings.routes.push(route).unwrap();

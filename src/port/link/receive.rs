@@ -36,7 +36,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
             let consumed = match tcp::parse(self.input.get(..self.length).unwrap_or(&[])) {
                 Ok(Parsed::Incomplete) => return Ok(()),
                 Ok(Parsed::Frame { header, pdu, consumed }) => {
-                    match pair(&mut self.flights, header, pdu) {
+                    match pair(&mut self.flights, header, pdu, |unit| self.desk.outside(unit)) {
                         Ok(flight) => {
                             self.proven = true;
                             self.tap(false, Event::Answer, self.first(consumed));
@@ -68,8 +68,9 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         let Some(flight) = self.flights.first() else { return self.take_unawaited() };
         let request = self.desk.request(&flight.order);
         let (id, unit) = (flight.id, flight.unit);
+        let outside = self.desk.outside(unit);
         let heard = self.input.get(..self.length).unwrap_or(&[]);
-        if let Received::Complete(pdu) = rtu::response(unit, &request, heard) {
+        if let Received::Complete(pdu) = rtu::response(outside, &request, heard) {
             let end = rtu::end_of(pdu, heard);
             match self.judge(unit, pdu, true, Event::Misfit) {
                 Ok(()) => {
@@ -85,7 +86,8 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
                 }
             }
             self.drop_first(end);
-        } else if rtu::decode(heard).is_ok_and(|(from, pdu)| from != unit || fits(&request, pdu).is_err()) {
+        } else if rtu::decode(heard).is_ok_and(|(from, pdu)| from != outside || fits(&request, pdu).is_err())
+        {
             // A whole frame, and not that: what it is need not wait for a pause.
             self.judge_heard();
         } else if self.length >= rtu::FRAME_BYTES_MAX {
@@ -123,7 +125,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         let request = &self.desk.request(&flight.order);
         let (id, unit) = (flight.id, flight.unit);
         let heard = self.input.get(..self.length).unwrap_or(&[]);
-        let judged = rtu::response_at_silence(unit, request, heard);
+        let judged = rtu::response_at_silence(self.desk.outside(unit), request, heard);
         let verdict = match judged {
             AtSilence::Complete(pdu) => {
                 self.judge(unit, pdu, true, Event::Misfit).err().unwrap_or(Event::Answer)
@@ -131,7 +133,9 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
             AtSilence::Damaged => Event::BadCheck,
             AtSilence::Short => Event::Short,
             AtSilence::WrongUnit(from, pdu) => {
-                self.judge(from, pdu, false, Event::WrongUnit).err().unwrap_or(Event::WrongUnit)
+                let from = self.desk.inside(self.server, from);
+                let judged = from.map(|from| self.judge(from, pdu, false, Event::WrongUnit));
+                judged.and_then(Result::err).unwrap_or(Event::WrongUnit)
             }
             AtSilence::Misfit(_, pdu) => {
                 self.judge(unit, pdu, false, Event::Misfit).err().unwrap_or(Event::Misfit)
@@ -181,6 +185,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
     pub(super) fn judge_unawaited(&mut self) {
         let heard = self.input.get(..self.length).unwrap_or(&[]);
         let Ok((unit, pdu)) = rtu::decode(heard) else { return self.drop_noise() };
+        let Some(unit) = self.desk.inside(self.server, unit) else { return self.drop_noise() };
         let event = self.judge(unit, pdu, false, Event::Unsolicited).err().unwrap_or(Event::Unsolicited);
         self.tap(false, event, heard);
         self.desk.place().disturbed(unit, event);
@@ -190,7 +195,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
     /// The order of `flight` got no answer.
     pub(super) fn failed(&self, flight: &Flight<Frame<'g>>) {
         let (down_after, retries) = (self.settings.down_after, self.settings.retries);
-        if self.desk.is_proving() {
+        if self.desk.is_proving(&flight.order) {
             self.desk.not_proved(&flight.order, flight.unit, down_after, retries);
         } else {
             self.desk.failed(&flight.order, retries);
@@ -226,7 +231,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         };
         let (now, open) = (Instant::now(), self.flights.len());
         while let Some(flight) = self.flights.expire(now, window) {
-            if !self.desk.is_proving() {
+            if !self.desk.is_proving(&flight.order) {
                 self.desk.place().timed_out(flight.unit, self.settings.down_after);
             }
             self.failed(&flight);
@@ -235,15 +240,17 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
     }
 }
 
-/// The open request that a Modbus TCP frame answers; else what the frame is, and which unit was asked if that is known.
+/// The open request that a Modbus TCP frame answers; else what the frame is, and which unit was asked if that is known. Units have
+/// other ids `outside`.
 fn pair<'g>(
     flights: &mut Flights<Frame<'g>>,
     header: Header,
     pdu: &[u8],
+    outside: impl Fn(u8) -> u8,
 ) -> Result<Flight<Frame<'g>>, (Option<u8>, Event)> {
     let flight = flights.find(header.transaction).ok_or((None, Event::Stray))?;
     let asked = Some(flight.unit);
-    if flight.unit != header.unit {
+    if outside(flight.unit) != header.unit {
         return Err((asked, Event::WrongUnit));
     }
     fits(&flight.order.content(), pdu).map_err(|_| (asked, Event::Misfit))?;
@@ -261,7 +268,7 @@ fn answer<'g>(desk: &Desk<'g>, flight: Flight<Frame<'g>>, pdu: &[u8]) {
 
 /// Sends the order home with `pdu` as its answer, unless that was the proof that it waited for.
 fn answer_rtu<'g>(desk: &Desk<'g>, flight: Flight<Frame<'g>>, request: &[u8], pdu: &[u8]) {
-    if desk.is_proving() {
+    if desk.is_proving(&flight.order) {
         return desk.proved(&flight.order, flight.unit);
     }
     if pdu.first().is_some_and(|function| function & EXCEPTION_BIT == 0) {

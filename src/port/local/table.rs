@@ -20,15 +20,19 @@ pub const BASE: u16 = 0x8000;
 pub const PORTS: u16 = 0x8100;
 /// See [`PORTS`].
 pub const PORT_LENGTH: u16 = 0x40;
-/// The first register of the first unit of port place 0, and the length of a unit's block; each port has [`UNITS_MAX`].
+/// The first register of the first unit of port place 0, and the length of a unit's block; each port has [`UNITS_PER_PORT`],
+/// the first of those that are remembered.
 pub const UNITS: u16 = 0x9000;
 /// See [`UNITS`].
 pub const UNIT_LENGTH: u16 = 0x20;
 
+/// Units of a port in this table, whose addresses stay as they are.
+pub const UNITS_PER_PORT: usize = if UNITS_MAX < 32 { UNITS_MAX } else { 32 };
+
 /// The version of this table.
 const VERSION: u16 = 1;
 const PORTS_END: u16 = PORTS + PORTS_MAX as u16 * PORT_LENGTH;
-const UNITS_END: u16 = UNITS + (PORTS_MAX * UNITS_MAX) as u16 * UNIT_LENGTH;
+const UNITS_END: u16 = UNITS + (PORTS_MAX * UNITS_PER_PORT) as u16 * UNIT_LENGTH;
 /// Most registers that one answer holds (Application Protocol 6.4).
 const REGISTERS_MAX: u16 = 125;
 
@@ -100,10 +104,10 @@ fn register(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
         }
         UNITS..UNITS_END => {
             let (block, at) = (usize::from((address - UNITS) / UNIT_LENGTH), (address - UNITS) % UNIT_LENGTH);
-            let place = gateway.place(PortId((block / UNITS_MAX) as u8));
+            let place = gateway.place(PortId((block / UNITS_PER_PORT) as u8));
             let unit = place.and_then(|place| {
                 place.units(|units| {
-                    let unit = *units.iter().nth(block % UNITS_MAX)?;
+                    let unit = *units.iter().nth(block % UNITS_PER_PORT)?;
                     Some((unit, units.state(&unit, Instant::now())))
                 })
             });
@@ -119,7 +123,7 @@ fn of_gateway(gateway: &Gateway<'_>, at: u16) -> u16 {
     match at {
         0 => VERSION,
         1 => gateway.ports().len() as u16,
-        2 => UNITS_MAX as u16,
+        2 => UNITS_PER_PORT as u16,
         3 => gateway.pool().capacity() as u16,
         4 => gateway.pool().free() as u16,
         5 => gateway.seats().iter().filter(|seat| seat.state().peer.is_some()).count() as u16,

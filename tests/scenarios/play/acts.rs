@@ -43,6 +43,9 @@ impl Stage<'_, '_, '_> {
             }
             Step::Crowd { count, port } => return self.crowd(world, *count, *port),
             Step::Unit { unit, device, what } => return self.unit(device, *unit, what),
+            Step::Server { address, reachable } => {
+                self.rig.network.set_unreachable(*address, !reachable);
+            }
             Step::Wire { device, what } => return self.wire(world, device, what),
             Step::Point { name, what } => return self.point(name, what),
             Step::Mark { device, function, range } => return self.mark(device, *function, *range),

@@ -65,6 +65,10 @@ pub struct Counters {
     pub dropped: u64,
     /// Connections made by the gateway.
     pub made: u64,
+    /// Sockets in use for such connections, and for attempts, now and the most there were at a time.
+    pub sockets: u64,
+    /// See `sockets`.
+    pub sockets_most: u64,
 }
 
 impl Network {

@@ -172,9 +172,9 @@ impl<'g> Rig<'g> {
         let board = self.lines.iter().fold(board, |board, line| board.with(&line.device, &line.end));
         for port in 0..PORTS_MAX {
             let mut host = board.clone();
-            let (mut connector, mut datagrams) = (self.network.connector(), self.network.udp_host());
+            let (connector, mut datagrams) = (self.network.connector(), self.network.udp_host());
             world.spawn(async move {
-                gateway.run_port(PortId(port as u8), &mut host, &mut connector, &mut datagrams).await
+                gateway.run_port(PortId(port as u8), &mut host, &connector, &mut datagrams).await
             });
         }
         for seat in 0..size.seats {

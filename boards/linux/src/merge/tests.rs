@@ -334,3 +334,14 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn lines_of_servers_keep_their_places_and_comments() {
+    let file = "port plant tcp client sockets 2\nserver plant unit 1-5 at 10.0.0.1 # the hall\n\n# the yard\nserver plant unit 7 at meter.example\n";
+    let saved = changed(file, &["server plant unit 9 at 10.0.0.9 tag =1"]);
+    assert!(saved.starts_with(file), "{saved}");
+    assert!(saved.ends_with("at 10.0.0.9:502 tag =1\n"), "{saved}");
+    let saved = changed(file, &["delete server plant unit 7", "edit port plant sockets 3"]);
+    assert!(saved.contains("server plant unit 1-5 at 10.0.0.1 # the hall\n"), "{saved}");
+    assert!(!saved.contains("meter.example") && saved.contains("sockets 3"), "{saved}");
+}

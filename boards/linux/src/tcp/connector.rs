@@ -1,8 +1,13 @@
 //! Connections that the gateway makes to outside servers.
+//!
+//! A name is looked up by the system, in a thread of its own since that may take long. All of its addresses are tried, in the
+//! system's order.
 
 use std::io;
-use std::net::{SocketAddr, TcpStream as SystemStream};
+use std::net::{SocketAddr, TcpStream as SystemStream, ToSocketAddrs};
 
+use embassy_time::{Duration, with_timeout};
+use mobgate::config::{Host, ServerAddress};
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
 use rustix::io::Errno;
 use socket2::{Domain, Protocol, Socket, Type};
@@ -10,6 +15,15 @@ use socket2::{Domain, Protocol, Socket, Type};
 use super::listener::is_exhausted;
 use super::{TcpStream, options};
 use crate::descriptor::Descriptor;
+use crate::worker;
+
+/// How long an address may take to answer while the name has another one.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+const NO_NAME: OpenError = OpenError::new(
+    OpenErrorKind::NotFound,
+    "the name is not known: is it right, and does the name server answer?",
+);
 
 /// Makes connections.
 #[derive(Debug, Clone, Copy, Default)]
@@ -18,11 +32,42 @@ pub struct Connector;
 impl TcpConnect for Connector {
     type Stream<'a> = TcpStream;
 
-    async fn connect(&mut self, server: SocketAddr) -> Result<TcpStream, OpenError> {
-        let mut stream = begin(server).map_err(|error| refusal(&error))?;
-        let connected = stream.write_with(is_connected).await;
-        connected.map(|()| TcpStream::new(stream, None)).map_err(|error| refusal(&error))
+    async fn connect(&self, server: &ServerAddress) -> Result<TcpStream, OpenError> {
+        let port = server.port;
+        let mut addresses = match &server.host {
+            Host::Address(address) => return connect(SocketAddr::new(*address, port)).await,
+            Host::Name(name) => look_up(name.as_str().to_owned(), port).await?.into_iter().peekable(),
+        };
+        let mut error = NO_NAME;
+        while let Some(address) = addresses.next() {
+            let connecting = connect(address);
+            let connected = match addresses.peek() {
+                Some(_) => with_timeout(PATIENCE, connecting).await,
+                // The caller limits the time.
+                None => Ok(connecting.await),
+            };
+            match connected {
+                Ok(Ok(stream)) => return Ok(stream),
+                Ok(Err(refused)) => error = refused,
+                Err(_) => error = OpenError::new(OpenErrorKind::TimedOut, ""),
+            }
+        }
+        Err(error)
     }
+}
+
+async fn connect(address: SocketAddr) -> Result<TcpStream, OpenError> {
+    let mut stream = begin(address).map_err(|error| refusal(&error))?;
+    let connected = stream.write_with(is_connected).await;
+    connected.map(|()| TcpStream::new(stream, None)).map_err(|error| refusal(&error))
+}
+
+/// The addresses of the host called `name`.
+async fn look_up(name: String, port: u16) -> Result<Vec<SocketAddr>, OpenError> {
+    let looked_up = worker::once(move || (name.as_str(), port).to_socket_addrs()).await;
+    let addresses =
+        looked_up.map_err(|_| OpenError::new(OpenErrorKind::Failed, "no thread for a look-up"))?;
+    addresses.map(Iterator::collect).map_err(|_| NO_NAME)
 }
 
 /// A socket that is connecting.

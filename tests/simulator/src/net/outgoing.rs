@@ -2,15 +2,18 @@
 
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::future::poll_fn;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::task::{Poll, Waker};
 
 use embassy_time::Timer;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+use mobgate::config::{Host, ServerAddress};
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream};
 
 use super::pipe::{Path, Pipe};
 use super::{ClientStream, Network};
+
+const NO_NAME: OpenError = OpenError::new(OpenErrorKind::NotFound, "the name is not known");
 
 /// What the gateway can connect to.
 #[derive(Default)]
@@ -18,6 +21,7 @@ pub(super) struct Outside {
     servers: HashMap<SocketAddr, Listening>,
     unreachable: HashSet<SocketAddr>,
     paths: HashMap<SocketAddr, Path>,
+    names: HashMap<String, IpAddr>,
     /// Sockets of the board that are left; none: as many as wanted.
     sockets: Option<usize>,
 }
@@ -61,6 +65,19 @@ impl Network {
         self.0.borrow_mut().outside.paths.insert(address, path);
     }
 
+    /// The host called `name` has this address from now on, or is not known.
+    pub fn set_name(&self, name: &str, address: Option<IpAddr>) {
+        let names = &mut self.0.borrow_mut().outside.names;
+        match address {
+            Some(address) => names.insert(name.to_owned(), address),
+            None => names.remove(name),
+        };
+    }
+
+    fn look_up(&self, name: &str) -> Option<IpAddr> {
+        self.0.borrow().outside.names.get(name).copied()
+    }
+
     /// The board has `sockets` for connections that it makes.
     pub fn set_sockets(&self, sockets: usize) {
         self.0.borrow_mut().outside.sockets = Some(sockets);
@@ -99,7 +116,12 @@ pub struct SimTcpConnect(Network);
 impl TcpConnect for SimTcpConnect {
     type Stream<'a> = OutgoingStream;
 
-    async fn connect(&mut self, server: SocketAddr) -> Result<OutgoingStream, OpenError> {
+    async fn connect(&self, server: &ServerAddress) -> Result<OutgoingStream, OpenError> {
+        let ip = match &server.host {
+            Host::Address(address) => *address,
+            Host::Name(name) => self.0.look_up(name).ok_or(NO_NAME)?,
+        };
+        let server = SocketAddr::new(ip, server.port);
         let socket = Socket::take(&self.0).ok_or(OpenError::new(OpenErrorKind::Exhausted, ""))?;
         let path = self.0.0.borrow().outside.paths.get(&server).copied().unwrap_or_default();
         // SYN there, and its acknowledgement back.
@@ -125,18 +147,25 @@ struct Socket(Network);
 
 impl Socket {
     fn take(network: &Network) -> Option<Self> {
-        if let Some(left) = &mut network.0.borrow_mut().outside.sockets {
+        let mut state = network.0.borrow_mut();
+        if let Some(left) = &mut state.outside.sockets {
             *left = left.checked_sub(1)?;
         }
+        let counters = &mut state.counters;
+        counters.sockets += 1;
+        counters.sockets_most = counters.sockets_most.max(counters.sockets);
+        drop(state);
         Some(Self(network.clone()))
     }
 }
 
 impl Drop for Socket {
     fn drop(&mut self) {
-        if let Some(left) = &mut self.0.0.borrow_mut().outside.sockets {
+        let mut state = self.0.0.borrow_mut();
+        if let Some(left) = &mut state.outside.sockets {
             *left += 1;
         }
+        state.counters.sockets -= 1;
     }
 }
 

@@ -6,7 +6,6 @@ use super::output::{NO_ROW, Written};
 use super::show::{Source, titled};
 use crate::config::PORTS_MAX;
 use crate::port::local::{image, points, table};
-use crate::port::units::UNITS_MAX;
 use crate::scanner::POINTS;
 
 /// The first register, its table, and what stands there, of whom.
@@ -45,7 +44,7 @@ fn line<'s>(source: &Source<'s, '_>, nth: usize) -> Option<Option<Line<'s>>> {
         let name = source.settings.ports.get(port)?.as_ref().map(|port| &*port.name);
         let (first, what) = match is_units {
             false => (table::PORTS + port as u16 * table::PORT_LENGTH, "port "),
-            true => (table::UNITS + (port * UNITS_MAX) as u16 * table::UNIT_LENGTH, "units of port "),
+            true => (table::UNITS + (port * table::UNITS_PER_PORT) as u16 * table::UNIT_LENGTH, "units of port "),
         };
         return Some(name.map(|name| (first, "input", what, name)));
     };

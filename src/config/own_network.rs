@@ -18,7 +18,7 @@ pub const HOST_NAME_BYTES_MAX: usize = 32;
 const PREFIX_MAX: u32 = 30;
 
 /// A host's name, as a DHCP server is told it.
-pub type HostName = String<HOST_NAME_BYTES_MAX>;
+pub type HostName = String<HOST_NAME_BYTES_MAX, u8>;
 
 /// How the board comes by its address.
 #[derive(Debug, Clone, PartialEq, Eq)]

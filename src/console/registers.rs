@@ -44,7 +44,9 @@ fn line<'s>(source: &Source<'s, '_>, nth: usize) -> Option<Option<Line<'s>>> {
         let name = source.settings.ports.get(port)?.as_ref().map(|port| &*port.name);
         let (first, what) = match is_units {
             false => (table::PORTS + port as u16 * table::PORT_LENGTH, "port "),
-            true => (table::UNITS + (port * table::UNITS_PER_PORT) as u16 * table::UNIT_LENGTH, "units of port "),
+            true => {
+                (table::UNITS + (port * table::UNITS_PER_PORT) as u16 * table::UNIT_LENGTH, "units of port ")
+            }
         };
         return Some(name.map(|name| (first, "input", what, name)));
     };

@@ -101,7 +101,8 @@ fn words(value: f32) -> [u16; 2] {
 pub fn settings_text(listen: &TcpListen) -> String {
     let TcpListen { port, .. } = listen;
     format!(
-        "port bus serial {DEVICE} rtu client 19200 8E1\n\
+        "mdns off\n\
+         port bus serial {DEVICE} rtu client 19200 8E1\n\
          port P{port} tcp server {listen}\n\
          route P{port} * * * bus\n"
     )

@@ -54,8 +54,8 @@ struct Network {
     name: String,
     address: Ipv4Addr,
     mask: Ipv4Addr,
-    /// What takes back what is announced there, when there is something to be found.
-    farewell: Option<Said>,
+    /// What takes back what is announced there; empty when there is nothing to be found.
+    farewell: Said,
 }
 
 impl Network {
@@ -123,11 +123,11 @@ impl<'s, 'g> Responder<'s, 'g> {
             network.farewell = self.say(network.address, farewell);
         }
         for gone in self.networks.iter().filter(|old| !networks.iter().any(|new| new.is(old))) {
-            self.multicast(gone.address, gone.farewell.as_ref());
+            self.multicast(gone.address, &gone.farewell);
         }
         let news = networks.iter().any(|new| !self.networks.iter().any(|old| old.is(new)));
         self.networks = networks;
-        if self.networks.iter().all(|network| network.farewell.is_none()) {
+        if self.networks.iter().all(|network| network.farewell.is_empty()) {
             (self.socket, self.due) = (None, Instant::MAX);
         } else if news || self.socket.is_none() {
             match self.open() {
@@ -175,7 +175,7 @@ impl<'s, 'g> Responder<'s, 'g> {
 
     fn announce(&mut self) {
         for network in &self.networks {
-            self.multicast(network.address, self.say(network.address, announcement).as_ref());
+            self.multicast(network.address, &self.say(network.address, announcement));
         }
         self.announcements = self.announcements.saturating_sub(1);
         self.due = if self.announcements > 0 { Instant::now() + AGAIN } else { Instant::MAX };
@@ -184,31 +184,31 @@ impl<'s, 'g> Responder<'s, 'g> {
     fn answer(&mut self, query: &[u8], from: SocketAddr) {
         let IpAddr::V4(peer) = from.ip() else { return };
         let Some(network) = self.networks.iter().find(|network| network.has(peer)) else { return };
-        let said = self.say(network.address, |gateway| answer(gateway, query, from.port()));
-        let Some(said) = said.filter(|_| self.rate.admits(Instant::now())) else { return };
+        let said = self.say(network.address, |gateway, said| answer(gateway, query, from.port(), said));
+        if said.is_empty() || !self.rate.admits(Instant::now()) {
+            return;
+        }
         match (&self.socket, from.port()) {
-            (_, PORT) => self.multicast(network.address, Some(&said)),
+            (_, PORT) => self.multicast(network.address, &said),
             // What is lost is asked again.
             (Some(socket), _) => _ = socket.get_ref().send_to(&said, from),
             (None, _) => {}
         }
     }
 
-    /// What is to be said in the network of this `address`.
-    fn say(
-        &self,
-        address: Ipv4Addr,
-        what: impl FnOnce(mobgate_mdns::Gateway<'_>) -> Option<Said>,
-    ) -> Option<Said> {
+    /// What is to be said in the network of this `address`, as `what` writes it.
+    fn say(&self, address: Ipv4Addr, what: impl FnOnce(mobgate_mdns::Gateway<'_>, &mut Said)) -> Said {
+        let mut said = Said::new();
         self.gateway.settings(|settings| {
             let (own_name, host) = (self.name.as_str(), Some(self.host.as_str()));
-            what(mobgate_mdns::Gateway { settings, own_name, host, address })
-        })
+            what(mobgate_mdns::Gateway { settings, own_name, host, address }, &mut said);
+        });
+        said
     }
 
     /// Sends to all in the network of this `address`.
-    fn multicast(&self, address: Ipv4Addr, message: Option<&Said>) {
-        let (Some(socket), Some(message)) = (&self.socket, message) else { return };
+    fn multicast(&self, address: Ipv4Addr, message: &Said) {
+        let Some(socket) = self.socket.as_ref().filter(|_| !message.is_empty()) else { return };
         let socket = socket.get_ref();
         let sent = socket2::SockRef::from(socket)
             .set_multicast_if_v4(&address)
@@ -227,7 +227,7 @@ fn networks() -> Vec<Network> {
         .filter_map(|one| {
             let address = one.address?.as_sockaddr_in()?.ip();
             let mask = one.netmask?.as_sockaddr_in()?.ip();
-            Some(Network { name: one.interface_name, address, mask, farewell: None })
+            Some(Network { name: one.interface_name, address, mask, farewell: Said::new() })
         })
         .collect()
 }

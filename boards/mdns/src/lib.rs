@@ -23,9 +23,9 @@ use mobgate::config::{HOST_NAME_BYTES_MAX, NAME_BYTES_MAX, PORTS_MAX, Settings};
 pub const GROUP: Ipv4Addr = Ipv4Addr::new(224, 0, 0, 251);
 /// The UDP port of both ends. Who asks from another one is no multicast DNS client: it is answered alone (RFC 6762, 6.7).
 pub const PORT: u16 = 5353;
-/// Room that a message needs. What does not fit is left out: with short names that are more than two servers.
-pub const MESSAGE_BYTES: usize = 512;
-/// What is said.
+/// Room for a message. What does not fit is left out: with short names that are more than three servers.
+pub const MESSAGE_BYTES: usize = 400;
+/// What is said; nothing when it is empty.
 pub type Said = Vec<u8, MESSAGE_BYTES>;
 /// An announcement is sent so often, a second apart (RFC 6762, 8.3).
 pub const ANNOUNCEMENTS: usize = 2;
@@ -91,16 +91,17 @@ pub struct Gateway<'s> {
     pub address: Ipv4Addr,
 }
 
-/// The answer to `query`. `None` when there is nothing to say: it asks for something else, is no query, or the gateway is not to be
+/// Writes the answer to `query`. There is nothing to say when it asks for something else, is no query, or the gateway is not to be
 /// found.
-pub fn answer(gateway: Gateway<'_>, query: &[u8], from_port: u16) -> Option<Said> {
-    let query = Message::from_octets(query).ok()?;
+pub fn answer(gateway: Gateway<'_>, query: &[u8], from_port: u16, said: &mut Said) {
+    said.clear();
+    let Ok(query) = Message::from_octets(query) else { return };
     let (header, is_legacy) = (query.header(), from_port != PORT);
     if header.qr() || header.opcode() != Opcode::QUERY {
-        return None;
+        return;
     }
     let questions = || query.question().flatten();
-    gateway.says(|records, said| {
+    gateway.says(said, |records, said| {
         let mut message = response(said)?;
         if is_legacy {
             message.header_mut().set_id(header.id());
@@ -127,17 +128,17 @@ pub fn answer(gateway: Gateway<'_>, query: &[u8], from_port: u16) -> Option<Said
             if is_told { data.push(&mut message, owner, TTL) } else { Ok(()) }
         })?;
         Ok(true)
-    })
+    });
 }
 
-/// What is sent to all when the gateway or its settings are new.
-pub fn announcement(gateway: Gateway<'_>) -> Option<Said> {
-    gateway.says(|records, said| records.all(said, TTL))
+/// Writes what is sent to all when the gateway or its settings are new.
+pub fn announcement(gateway: Gateway<'_>, said: &mut Said) {
+    gateway.says(said, |records, said| records.all(said, TTL));
 }
 
-/// What is sent to all when what was announced with these settings is so no more (RFC 6762, 10.1).
-pub fn farewell(gateway: Gateway<'_>) -> Option<Said> {
-    gateway.says(|records, said| records.all(said, Ttl::ZERO))
+/// Writes what is sent to all when what was announced with these settings is so no more (RFC 6762, 10.1).
+pub fn farewell(gateway: Gateway<'_>, said: &mut Said) {
+    gateway.says(said, |records, said| records.all(said, Ttl::ZERO));
 }
 
 /// An answer of one who is asked for his own (RFC 6762, 18).
@@ -150,20 +151,28 @@ fn response(said: &mut Said) -> Result<MessageBuilder<StaticCompressor<&mut Said
 }
 
 impl Gateway<'_> {
-    /// What `say` writes, of as many servers as there is room for; says whether that is something.
-    fn says(self, say: impl Fn(&Records<'_>, &mut Said) -> Result<bool, PushError>) -> Option<Said> {
+    /// Lets `say` write to `said`, of as many servers as there is room for; that says whether it is something.
+    fn says(self, said: &mut Said, say: impl Fn(&Records<'_>, &mut Said) -> Result<bool, PushError>) {
+        said.clear();
+        let something = self.records().is_some_and(|mut records| {
+            let servers = self.settings.modbus_servers(self.address).count().min(PORTS_MAX);
+            (1..=servers).rev().find_map(|servers| {
+                records.servers = servers;
+                said.clear();
+                say(&records, said).ok()
+            }) == Some(true)
+        });
+        if !something {
+            said.clear();
+        }
+    }
+
+    /// What there is to be said, of no server.
+    fn records(&self) -> Option<Records<'_>> {
         let name = self.settings.mdns_name(self.own_name)?;
         let host = dns_name(&[self.host.unwrap_or(name), DOMAIN])?;
         let (kinds, service) = (dns_name(&KINDS)?, dns_name(&SERVICE)?);
-        let mut records = Records { gateway: self, name, servers: 0, kinds, service, host };
-        for servers in (1..=self.settings.modbus_servers(self.address).count().min(PORTS_MAX)).rev() {
-            records.servers = servers;
-            let mut said = Said::new();
-            if let Ok(something) = say(&records, &mut said) {
-                return something.then_some(said);
-            }
-        }
-        None
+        Some(Records { gateway: *self, name, servers: 0, kinds, service, host })
     }
 }
 

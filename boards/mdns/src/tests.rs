@@ -59,8 +59,20 @@ fn records(message: &[u8]) -> [Vec<String>; 2] {
     [text(&packet.answers), text(&packet.additional_records)]
 }
 
+/// What is said, if that is something.
+fn said(gateway: Gateway<'_>, say: impl FnOnce(Gateway<'_>, &mut Said)) -> Option<Said> {
+    // Of something that was said before.
+    let mut said = Said::from_slice(b"before").unwrap();
+    say(gateway, &mut said);
+    Some(said).filter(|said| !said.is_empty())
+}
+
+fn answer_to(gateway: Gateway<'_>, query: &[u8], from_port: u16) -> Option<Said> {
+    said(gateway, |gateway, said| answer(gateway, query, from_port, said))
+}
+
 fn answered(settings: &Settings, query: &[u8]) -> Option<Said> {
-    answer(gateway(settings), query, PORT)
+    answer_to(gateway(settings), query, PORT)
 }
 
 #[test]
@@ -97,8 +109,8 @@ fn the_host_and_the_kinds_of_services_are_found_too() {
 fn a_second_server_has_its_ports_name_and_a_host_may_have_another_one() {
     let settings = settings(&["port P502 tcp server 502", "port plant tcp server 1502"]);
     let gateway = Gateway { host: Some("pc-mobgate"), own_name: "pc", ..gateway(&settings) };
-    let said = answer(gateway, &query(0, SERVICES, TYPE::PTR), PORT).unwrap();
-    let [answers, more] = records(&said);
+    let message = answer_to(gateway, &query(0, SERVICES, TYPE::PTR), PORT).unwrap();
+    let [answers, more] = records(&message);
     let pointers =
         ["pc", "pc plant"].map(|name| format!("_modbus._tcp.local 120 PTR {name}._modbus._tcp.local"));
     assert_eq!(answers, pointers);
@@ -114,8 +126,8 @@ fn a_second_server_has_its_ports_name_and_a_host_may_have_another_one() {
 fn who_asks_by_another_port_gets_the_id_and_the_question_back() {
     let settings = settings(&["port P502 tcp server 502"]);
     let asked = query(0x1234, SERVICES, TYPE::PTR);
-    let said = answer(gateway(&settings), &asked, 40_000).unwrap();
-    let packet = Packet::parse(&said).unwrap();
+    let message = answer_to(gateway(&settings), &asked, 40_000).unwrap();
+    let packet = Packet::parse(&message).unwrap();
     assert_eq!((packet.id(), packet.questions.len()), (0x1234, 1));
     let packet = answered(&settings, &asked).unwrap();
     let packet = Packet::parse(&packet).unwrap();
@@ -125,7 +137,9 @@ fn who_asks_by_another_port_gets_the_id_and_the_question_back() {
 #[test]
 fn what_is_announced_is_taken_back_with_no_time_to_live() {
     let settings = settings(&["port P502 tcp server 502"]);
-    for (message, ttl) in [(announcement(gateway(&settings)), 120), (farewell(gateway(&settings)), 0)] {
+    for (message, ttl) in
+        [(said(gateway(&settings), announcement), 120), (said(gateway(&settings), farewell), 0)]
+    {
         let [answers, _] = records(&message.unwrap());
         let pointer = format!("_modbus._tcp.local {ttl} PTR mobgate-0a1b2c._modbus._tcp.local");
         assert!(answers.contains(&pointer), "{answers:?}");
@@ -143,8 +157,8 @@ fn a_gateway_that_is_off_or_has_no_server_there_says_nothing() {
     ] {
         let settings = settings(&lines);
         assert_eq!(answered(&settings, &query(0, SERVICES, TYPE::PTR)), None, "{lines:?}");
-        assert_eq!(announcement(gateway(&settings)), None, "{lines:?}");
-        assert_eq!(farewell(gateway(&settings)), None, "{lines:?}");
+        assert_eq!(said(gateway(&settings), announcement), None, "{lines:?}");
+        assert_eq!(said(gateway(&settings), farewell), None, "{lines:?}");
     }
 }
 
@@ -176,10 +190,10 @@ proptest! {
             }
         }
         let settings = settings(&["port P502 tcp server 502"]);
-        answer(gateway(&settings), &query, from_port);
+        answer_to(gateway(&settings), &query, from_port);
         // Any other port has its question back, which may be none that can be read.
-        if let Some(said) = answered(&settings, &query) {
-            prop_assert!(Packet::parse(&said).is_ok());
+        if let Some(message) = answered(&settings, &query) {
+            prop_assert!(Packet::parse(&message).is_ok());
         }
     }
 }
@@ -197,8 +211,8 @@ fn ten_are_answered_in_a_second_and_more_in_the_next() {
 #[test]
 fn an_answer_is_no_question() {
     let settings = settings(&["port P502 tcp server 502"]);
-    let said = announcement(gateway(&settings)).unwrap();
-    assert_eq!(answered(&settings, &said), None);
+    let message = said(gateway(&settings), announcement).unwrap();
+    assert_eq!(answered(&settings, &message), None);
     assert_eq!(answered(&settings, b""), None);
     assert_eq!(answered(&settings, &query(0, SERVICES, TYPE::PTR)[..20]), None, "a part of one");
 }

@@ -1,6 +1,7 @@
 //! The board's own address: what the settings say, for embassy-net, and what has come of it, for `show network`.
 
 use embassy_net::{ConfigV4, DhcpConfig, HardwareAddress, Ipv4Cidr, Stack, StaticConfigV4};
+use heapless::String;
 use mobgate::config::{OwnNetwork, StaticAddress};
 use mobgate::gateway::Gateway;
 use mobgate::hal::NetworkState;
@@ -36,7 +37,8 @@ fn ipv4(network: &OwnNetwork) -> ConfigV4 {
     match network {
         OwnNetwork::Dhcp { name } => {
             let mut dhcp = DhcpConfig::default();
-            dhcp.hostname = Some(name.clone()).filter(|name| !name.is_empty());
+            // It is as long as a name of ours may be.
+            dhcp.hostname = name.as_str().try_into().ok().filter(|name: &String<_>| !name.is_empty());
             ConfigV4::Dhcp(dhcp)
         }
         OwnNetwork::Static(own) => ConfigV4::Static(StaticConfigV4 {

@@ -3,7 +3,7 @@
 use core::net::Ipv4Addr;
 
 use embassy_futures::select::{Either4, select4};
-use embassy_net::udp::{PacketMetadata, UdpMetadata, UdpSocket};
+use embassy_net::udp::{PacketMetadata, UdpSocket};
 use embassy_net::{IpAddress, IpEndpoint, Stack};
 use embassy_time::{Duration, Instant, Timer};
 use heapless::String;
@@ -16,7 +16,7 @@ use mobgate_mdns::{
 use crate::address::state;
 
 /// Longest query. Those for one kind of service are shorter.
-const QUERY_BYTES_MAX: usize = 384;
+const QUERY_BYTES_MAX: usize = 300;
 /// As those who listen may want it (RFC 6762, 11).
 const TTL: u8 = 255;
 /// From one announcement to the next (RFC 6762, 8.3).
@@ -34,7 +34,7 @@ pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
     socket.set_hop_limit(Some(TTL));
     // Nobody else has the port, and there is room for one group.
     let _ = (socket.bind(PORT), stack.join_multicast_group(GROUP));
-    let name = own_name(state(stack).hardware);
+    let (name, mut said) = (own_name(state(stack).hardware), Said::new());
     let mut rate = Rate::new();
     loop {
         stack.wait_config_up().await;
@@ -42,15 +42,16 @@ pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
         loop {
             let Some(own) = stack.config_v4() else { break };
             let responder = Responder { gateway, name: &name, address: own.address.address() };
-            let received =
-                socket.recv_from_with(|query, from| (responder.answer(query, from), from.endpoint));
+            let received = socket.recv_from_with(|query, from| {
+                responder.say(|gateway| answer(gateway, query, from.endpoint.port, &mut said));
+                from.endpoint
+            });
             let happened =
                 select4(received, gateway.new_mdns(), Timer::at(due), stack.wait_config_down()).await;
-            let (said, to) = match happened {
-                Either4::First((said, from)) => {
-                    let said = said.filter(|_| rate.admits(Instant::now()));
-                    (said, if from.port == PORT { ALL } else { from })
-                }
+            let to = match happened {
+                Either4::First(_) if said.is_empty() || !rate.admits(Instant::now()) => continue,
+                Either4::First(from) if from.port != PORT => from,
+                Either4::First(_) => ALL,
                 Either4::Second(()) => {
                     (announcements, due) = (ANNOUNCEMENTS, Instant::now());
                     continue;
@@ -58,11 +59,12 @@ pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
                 Either4::Third(()) => {
                     announcements -= 1;
                     due = if announcements > 0 { Instant::now() + AGAIN } else { Instant::MAX };
-                    (responder.say(announcement), ALL)
+                    responder.say(|gateway| announcement(gateway, &mut said));
+                    ALL
                 }
                 Either4::Fourth(()) => break,
             };
-            if let Some(said) = said {
+            if !said.is_empty() {
                 // What is lost is asked again.
                 let _ = socket.send_to(&said, to).await;
             }
@@ -86,12 +88,8 @@ struct Responder<'s, 'g> {
 }
 
 impl Responder<'_, '_> {
-    fn answer(&self, query: &[u8], from: UdpMetadata) -> Option<Said> {
-        self.say(|gateway| answer(gateway, query, from.endpoint.port))
-    }
-
-    fn say(&self, what: impl FnOnce(mdns::Gateway<'_>) -> Option<Said>) -> Option<Said> {
+    fn say(&self, what: impl FnOnce(mdns::Gateway<'_>)) {
         let Self { gateway, name: own_name, address } = *self;
-        gateway.settings(|settings| what(mdns::Gateway { settings, own_name, host: None, address }))
+        gateway.settings(|settings| what(mdns::Gateway { settings, own_name, host: None, address }));
     }
 }

@@ -23,6 +23,7 @@ mod power_cuts;
 mod servers;
 mod shared_bus;
 mod sharing;
+mod stations;
 mod tools;
 
 use figure::{Target, figure};
@@ -38,6 +39,7 @@ fn main() {
         ("behind_a_time_out", in_step::behind_a_time_out),
         ("shared_bus", shared_bus::figures),
         ("points", points::figures),
+        ("stations", stations::figures),
         ("ports", ports::figures),
         ("goodput", goodput::figures),
         ("servers", servers::figures),

@@ -42,3 +42,4 @@ mod tcp_torture;
 mod torture;
 mod tune;
 mod units;
+mod visitors;

@@ -68,9 +68,10 @@ pub(super) fn server_address(word: Word) -> Result<ServerAddress, Wrong> {
         if !SERVERS {
             return None;
         }
-        let (name, port) =
-            word.text.split_once(':').map_or((word.text, None), |(name, port)| (name, Some(port)));
-        let port = port.map(|port| port_number(port).ok_or(())).transpose().ok()?;
+        let (name, port) = match word.text.split_once(':') {
+            Some((name, port)) => (name, Some(port_number(port)?)),
+            None => (word.text, None),
+        };
         Some((Host::Name(server_name(name)?), port))
     };
     let (host, port) = by_address().or_else(by_name).ok_or_else(|| word.expected(SERVER_EXPECTED))?;

@@ -11,7 +11,7 @@ use std::os::fd::OwnedFd;
 use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer};
 use mobgate::gateway::Gateway;
-use mobgate_mdns::{ANNOUNCEMENTS, GROUP, PORT, Rate, Said, announcement, answer, farewell};
+use mobgate_mdns::{AGAIN, ANNOUNCEMENTS, GROUP, HOPS, PORT, Rate, Said, announcement, answer, farewell};
 use nix::ifaddrs::getifaddrs;
 use nix::net::if_::InterfaceFlags;
 use rustix::net::netlink::SocketAddrNetlink;
@@ -26,10 +26,6 @@ const NEWS: u32 = 0x1 | 0x10;
 const NEWS_BYTES: usize = 8_192;
 /// No message is longer (RFC 6762, 17).
 const QUERY_BYTES_MAX: usize = 9_000;
-/// As those who listen may want it (RFC 6762, 11).
-const TTL: u32 = 255;
-/// From one announcement to the next (RFC 6762, 8.3).
-const AGAIN: Duration = Duration::from_secs(1);
 /// When the socket could not be opened.
 const RETRY: Duration = Duration::from_secs(60);
 
@@ -150,7 +146,7 @@ impl<'s, 'g> Responder<'s, 'g> {
                 let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
                 // The machine may have a responder of its own.
                 socket.set_reuse_address(true)?;
-                socket.set_multicast_ttl_v4(TTL)?;
+                socket.set_multicast_ttl_v4(HOPS.into())?;
                 socket.bind(&SocketAddrV4::new(GROUP, PORT).into())?;
                 Descriptor::new(socket.into())?
             }

@@ -222,7 +222,7 @@ fn the_demo_is_a_sub_device_that_the_documentations_script_reads() {
         program.logs("An EtherCAT SubDevice with the meter and the relays is at ecs0.");
         // SOEM waits for a frame for 2 ms while it starts, and a busy machine may take longer: then it is started again.
         wait_for("the script to show volts and a relay", || {
-            let output = Command::new(python()).arg(&script).arg(MASTER_END).output().unwrap();
+            let output = Command::new(python("pysoem")).arg(&script).arg(MASTER_END).output().unwrap();
             let said = String::from_utf8(output.stdout).unwrap();
             println!("{said}{}{}", String::from_utf8_lossy(&output.stderr), program.log());
             let (volts, rest) = said.lines().last()?.split_once(" V")?;

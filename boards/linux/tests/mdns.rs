@@ -1,13 +1,12 @@
 //! The gateway as it is found on the network by somebody else's multicast DNS, in a network of the test's own.
 
 use std::io::{BufRead, BufReader, Write};
-use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::Duration;
 
-use mobgate_simulator::own_network::{MASTER_END, in_own_network, ip};
+use mobgate_simulator::own_network::{MASTER_END, in_own_network, ip, python};
 
 use common::{PATIENCE, Program, converse, free_port, mobgate};
 
@@ -22,13 +21,13 @@ struct Browser {
 impl Browser {
     /// In the network of this address of the machine.
     fn at(address: &str) -> Self {
-        let root = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
-        let python =
-            std::env::var_os("MOBGATE_PYTHON").unwrap_or(root.join("target/python/bin/python3").into());
-        let script = root.join("boards/linux/tests/peers/browse.py");
-        let mut command = Command::new(python);
-        command.arg(script).arg(address).stdin(Stdio::piped()).stdout(Stdio::piped());
-        let mut child = command.spawn().expect("python3 with zeroconf: tests/peers/setup");
+        let mut command = Command::new(python("zeroconf"));
+        command
+            .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/browse.py"))
+            .arg(address)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped());
+        let mut child = command.spawn().unwrap();
         let (tell, seen) = channel();
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
         thread::spawn(move || lines.map_while(Result::ok).try_for_each(|line| tell.send(line)));

@@ -27,8 +27,12 @@ pub const PORT: u16 = 5353;
 pub const MESSAGE_BYTES: usize = 400;
 /// What is said; nothing when it is empty.
 pub type Said = Vec<u8, MESSAGE_BYTES>;
-/// An announcement is sent so often, a second apart (RFC 6762, 8.3).
+/// An announcement is sent so often (RFC 6762, 8.3).
 pub const ANNOUNCEMENTS: usize = 2;
+/// From one announcement to the next.
+pub const AGAIN: Duration = Duration::from_secs(1);
+/// How many hops its packets could make: those who listen may want to see that they have made none (RFC 6762, 11).
+pub const HOPS: u8 = 255;
 
 /// What may be remembered for how long (RFC 6762, 10).
 const TTL: Ttl = Ttl::from_secs(120);

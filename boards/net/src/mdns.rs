@@ -1,26 +1,23 @@
 //! The gateway is found on the board's network by multicast DNS.
 
+use core::fmt::Write as _;
 use core::net::Ipv4Addr;
 
 use embassy_futures::select::{Either4, select4};
 use embassy_net::udp::{PacketMetadata, UdpSocket};
 use embassy_net::{IpAddress, IpEndpoint, Stack};
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Instant, Timer};
 use heapless::String;
 use mobgate::config::HOST_NAME_BYTES_MAX;
 use mobgate::gateway::Gateway;
 use mobgate_mdns::{
-    self as mdns, ANNOUNCEMENTS, GROUP, MESSAGE_BYTES, PORT, Rate, Said, announcement, answer,
+    self as mdns, AGAIN, ANNOUNCEMENTS, GROUP, HOPS, MESSAGE_BYTES, PORT, Rate, Said, announcement, answer,
 };
 
 use crate::address::state;
 
 /// Longest query. Those for one kind of service are shorter.
 const QUERY_BYTES_MAX: usize = 300;
-/// As those who listen may want it (RFC 6762, 11).
-const TTL: u8 = 255;
-/// From one announcement to the next (RFC 6762, 8.3).
-const AGAIN: Duration = Duration::from_secs(1);
 
 /// Everybody who listens.
 const ALL: IpEndpoint = IpEndpoint::new(IpAddress::Ipv4(GROUP), PORT);
@@ -31,7 +28,7 @@ pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
     let (mut received, mut sent) = ([PacketMetadata::EMPTY; 1], [PacketMetadata::EMPTY; 1]);
     let (mut query, mut answers) = ([0; QUERY_BYTES_MAX], [0; MESSAGE_BYTES]);
     let mut socket = UdpSocket::new(stack, &mut received, &mut query, &mut sent, &mut answers);
-    socket.set_hop_limit(Some(TTL));
+    socket.set_hop_limit(Some(HOPS));
     // Nobody else has the port, and there is room for one group.
     let _ = (socket.bind(PORT), stack.join_multicast_group(GROUP));
     let (name, mut said) = (own_name(state(stack).hardware), Said::new());
@@ -76,7 +73,7 @@ pub async fn run(gateway: &Gateway<'_>, stack: Stack<'static>) {
 fn own_name([.., a, b, c]: [u8; 6]) -> String<HOST_NAME_BYTES_MAX> {
     let mut name = String::new();
     // It has room.
-    let _ = core::fmt::Write::write_fmt(&mut name, format_args!("mobgate-{a:02x}{b:02x}{c:02x}"));
+    let _ = write!(name, "mobgate-{a:02x}{b:02x}{c:02x}");
     name
 }
 

@@ -4,16 +4,13 @@ import sys
 import time
 
 import pysoem
-from patience import PATIENCE
+from patience import PATIENCE, start
 
 CYCLE_NS = 1_000_000
 
 master = pysoem.Master()
 master.open(sys.argv[1])
-assert master.config_init() == 1, "one device"
-device = master.slaves[0]
-assert master.config_map() >= 240
-assert master.state_check(pysoem.SAFEOP_STATE, PATIENCE) == pysoem.SAFEOP_STATE
+device = start(master, 240)
 # What the machine takes from us must not stop the outputs.
 device.set_watchdog("processdata", 6_000)
 device.output = bytes(len(device.output))

@@ -5,7 +5,7 @@ import sys
 import time
 
 import pysoem
-from patience import PATIENCE
+from patience import PATIENCE, start
 
 
 def cycle():
@@ -38,10 +38,7 @@ def relays():
 master = pysoem.Master()
 master.sdo_read_timeout = master.sdo_write_timeout = PATIENCE
 master.open(sys.argv[1])
-assert master.config_init() == 1, "one device"
-gateway = master.slaves[0]
-assert master.config_map() >= 240
-assert master.state_check(pysoem.SAFEOP_STATE, PATIENCE) == pysoem.SAFEOP_STATE
+gateway = start(master, 240)
 assert gateway.name == "mobgate"
 # What the machine takes from us must not stop the outputs.
 gateway.set_watchdog("processdata", 6_000)

@@ -77,16 +77,16 @@ pub fn ip(words: &str) {
     assert!(status.expect("ip is installed: apt-get install iproute2").success(), "ip {words}");
 }
 
-/// A Python that has pysoem: the one that `MOBGATE_PYTHON` names, or else the virtual environment's.
+/// A Python that has `module`: the one that `MOBGATE_PYTHON` names, or else the virtual environment's.
 ///
 /// # Panics
 /// When there is none.
-pub fn python() -> OsString {
+pub fn python(module: &str) -> OsString {
     let prepared = Path::new(REPOSITORY).join("target/python/bin/python3");
     let python = std::env::var_os("MOBGATE_PYTHON").unwrap_or(prepared.into());
-    let found = Command::new(&python).args(["-c", "import pysoem"]).output();
+    let found = Command::new(&python).args(["-c", &format!("import {module}")]).output();
     let good = found.is_ok_and(|output| output.status.success());
-    assert!(good, "pysoem is missing: apt-get install python3-venv && tests/peers/setup");
+    assert!(good, "{module} is missing: apt-get install python3-venv && tests/peers/setup");
     python
 }
 
@@ -96,7 +96,7 @@ pub fn python() -> OsString {
 /// When Python or pysoem is missing.
 pub fn start_master(script: &str, arguments: &[String]) -> Child {
     let path: PathBuf = [REPOSITORY, "tests/ethercat/masters", script].iter().collect();
-    let mut script = Command::new(python());
+    let mut script = Command::new(python("pysoem"));
     // The scripts' folder is no place for what Python makes of them.
     script.env("PYTHONDONTWRITEBYTECODE", "1").arg(path).arg(MASTER_END).args(arguments);
     script.stdin(Stdio::null()).spawn().unwrap()

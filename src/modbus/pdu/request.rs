@@ -45,7 +45,8 @@ pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
 /// Whether `request` is a read whose answer no PDU could hold.
 pub(crate) fn is_beyond_response(request: &[u8]) -> bool {
     let is_read = matches!(request, [READ_COILS..=READ_INPUT_REGISTERS, ..]);
-    let length = response_length(request, request.get(..1).unwrap_or(&[]));
+    // A response begins with the same function code, and more of it tells a read nothing.
+    let length = response_length(request, request);
     is_read && matches!(length, ResponseLength::Known(length) if length > PDU_BYTES_MAX)
 }
 

@@ -36,13 +36,13 @@
 //!
 //! # EtherCAT
 //!
-//! [`ethercat`] is a SubDevice that knows nothing of the rest; [`port::ethercat`] says what the gateway is as one: its objects,
+//! [`ethercat_subdevice`] is a SubDevice that knows nothing of the rest; [`port::ethercat`] says what the gateway is as one: its objects,
 //! its buffers and where the values of Modbus devices lie in them. The buffers are the memory of a [`scanner`] of their own,
 //! whose requests go through the router by the rules for the `ethercat` port, as do those that a MainDevice makes by itself.
 //! The devices are settings: what a MainDevice has had taken over is printed and saved with the others, by
 //! [`gateway::Gateway::keep_settings`] also when it asks for that. A board with a controller keeps an
 //! [`port::ethercat::EthercatPlace`] in a static, gives it to [`gateway::Gateway::with_ethercat`], and runs
-//! [`port::ethercat::serve`], a [`ethercat::sub_device::SubDevice`] with [`port::ethercat::GatewayObjects`], over it. With
+//! [`port::ethercat::serve`], a [`SubDevice`](ethercat_subdevice::sub_device::SubDevice) with [`port::ethercat::GatewayObjects`], over it. With
 //! [`gateway::Gateway::with_ethercat_interfaces`] the settings name the network interface that leads to a controller in software.
 //!
 //! # Limits
@@ -88,7 +88,6 @@ pub mod capture;
 pub mod config;
 pub mod console;
 pub mod drafting;
-pub mod ethercat;
 pub mod frame;
 pub mod gateway;
 pub mod hal;

@@ -6,12 +6,12 @@ mod devices;
 use std::cell::RefMut;
 
 use embassy_time::Duration;
-use mobgate::ethercat::application::Application;
-use mobgate::ethercat::device::Device;
-use mobgate::ethercat::esc::Esc;
-use mobgate::ethercat::sii;
-use mobgate::ethercat::sub_device::SubDevice;
-use mobgate::ethercat::sync_manager::Channel;
+use ethercat_subdevice::application::Application;
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::esc::Esc;
+use ethercat_subdevice::sii;
+use ethercat_subdevice::sub_device::SubDevice;
+use ethercat_subdevice::sync_manager::Channel;
 use mobgate_simulator::esc::{Command, Interrupt, Segment, SharedChip};
 use mobgate_simulator::{World, sub_device};
 

@@ -1,7 +1,7 @@
 //! SyncManagers in buffered mode: three buffers, so that neither side ever waits or sees half of an image.
 
 use embassy_time::{Duration, Timer};
-use mobgate::ethercat::esc::Esc;
+use ethercat_subdevice::esc::Esc;
 use mobgate_simulator::World;
 use mobgate_simulator::esc::{Command, DirectPdi, Segment};
 use mobgate_simulator::sub_device::Paced;

@@ -1,7 +1,7 @@
 //! AL control as a mailbox, and the process data watchdog.
 
 use embassy_time::{Duration, Timer};
-use mobgate::ethercat::esc::Esc;
+use ethercat_subdevice::esc::Esc;
 use mobgate_simulator::World;
 use mobgate_simulator::esc::{Command, DirectPdi, Interrupt, Segment, now};
 

@@ -2,7 +2,7 @@
 
 use embassy_time::Timer;
 use embedded_hal_async::digital::Wait;
-use mobgate::ethercat::esc::Esc;
+use ethercat_subdevice::esc::Esc;
 use mobgate_simulator::World;
 use mobgate_simulator::esc::frame::Builder;
 use mobgate_simulator::esc::{Command, DirectPdi, Fate, Interrupt, Segment, now};

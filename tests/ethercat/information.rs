@@ -1,8 +1,8 @@
 //! Conformance: SDO information, and that everything that describes the device says the same (statements 38 to 41).
 
-use mobgate::ethercat::device::Device;
-use mobgate::ethercat::object::Access;
-use mobgate::ethercat::{esi, sii};
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::object::Access;
+use ethercat_subdevice::{esi, sii};
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::Random;
 use roxmltree::{Document, Node};
@@ -13,7 +13,7 @@ use crate::sdo::category;
 static GATEWAY: Device = DEVICE;
 
 /// Asks, and puts the fragments of the answer together; or the abort code.
-fn ask<A: mobgate::ethercat::application::Application + 'static>(
+fn ask<A: ethercat_subdevice::application::Application + 'static>(
     rig: &mut Rig<A>,
     operation: u8,
     data: &[u8],
@@ -46,7 +46,10 @@ fn words(bytes: &[u8]) -> Vec<u16> {
     bytes.as_chunks::<2>().0.iter().map(|word| u16::from_le_bytes(*word)).collect()
 }
 
-fn list<A: mobgate::ethercat::application::Application + 'static>(rig: &mut Rig<A>, number: u16) -> Vec<u16> {
+fn list<A: ethercat_subdevice::application::Application + 'static>(
+    rig: &mut Rig<A>,
+    number: u16,
+) -> Vec<u16> {
     let answer = words(&ask(rig, 1, &number.to_le_bytes()).unwrap());
     assert_eq!(answer[0], number, "the first word repeats which list it is");
     answer[1..].to_vec()

@@ -3,8 +3,8 @@
 use embassy_futures::select::{Either, select};
 use embassy_time::{Instant, Timer};
 use embedded_hal_async::digital::Wait;
-use mobgate::ethercat::esc::{Esc, EscError, read_agreed};
-use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
+use ethercat_subdevice::esc::{Esc, EscError, read_agreed};
+use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate_simulator::esc::Command;
 use mobgate_simulator::lan9252::{Timing, Traffic};
 

@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use mobgate::ethercat::esc::Esc;
-use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
+use ethercat_subdevice::esc::Esc;
+use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate_simulator::esc::SharedSegment;
 use mobgate_simulator::lan9252::{Spi, Timing};
 use mobgate_simulator::{Lan9252, World};

@@ -1,8 +1,8 @@
 //! The LAN9252 driver at a chip that does not work as it should: it reports, stays bounded, and comes back.
 
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::ethercat::esc::{Esc, EscError, read_agreed};
-use mobgate::ethercat::lan9252::{Incidents, Lan9252 as Driver};
+use ethercat_subdevice::esc::{Esc, EscError, read_agreed};
+use ethercat_subdevice::lan9252::{Incidents, Lan9252 as Driver};
 use mobgate_simulator::Random;
 use mobgate_simulator::esc::{Command, now};
 use mobgate_simulator::lan9252::{Spi, SpiFaults, Timing};

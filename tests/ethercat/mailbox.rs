@@ -1,6 +1,6 @@
 //! Conformance: the mailbox (statements 21 to 28).
 
-use mobgate::ethercat::sync_manager::Channel;
+use ethercat_subdevice::sync_manager::Channel;
 
 use crate::bench::{Bench, INIT, MAILBOX_128, OP, PRE_OP, Rig};
 

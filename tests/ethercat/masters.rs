@@ -1,11 +1,11 @@
 //! A real MainDevice on the gateway's description: ethercrab, in process and in virtual time.
 
 use embassy_time::Timer;
+use ethercat_subdevice::application::Application;
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
+use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
-use mobgate::ethercat::application::Application;
-use mobgate::ethercat::device::Device;
-use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
-use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::lan9252::{Timing, over_spi};
 use mobgate_simulator::sub_device::{

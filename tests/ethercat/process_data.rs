@@ -3,8 +3,8 @@
 use std::ops::RangeInclusive;
 
 use embassy_time::Duration;
-use mobgate::ethercat::device::Device;
-use mobgate::ethercat::sync_manager::Channel;
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::sync_manager::Channel;
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::Random;
 use mobgate_simulator::esc::Command;

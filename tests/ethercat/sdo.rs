@@ -1,10 +1,10 @@
 //! Conformance: SDO, and what the gateway's objects take (statements 29 to 37).
 
-use mobgate::ethercat::al_state::{AlState, AlStatusCode};
-use mobgate::ethercat::coe::abort::Abort;
-use mobgate::ethercat::device::Device;
-use mobgate::ethercat::sii;
-use mobgate::ethercat::sync_manager::Channel;
+use ethercat_subdevice::al_state::{AlState, AlStatusCode};
+use ethercat_subdevice::coe::abort::Abort;
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::sii;
+use ethercat_subdevice::sync_manager::Channel;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
 
 use crate::bench::{
@@ -294,7 +294,7 @@ fn statement_36_identity_types_and_sizes_agree_everywhere() {
     sii::write(&GATEWAY, &mut image).unwrap();
     assert_eq!(rig.upload_complete(0x1018, 1).unwrap(), image[0x10..0x20]);
     let mut description = String::new();
-    mobgate::ethercat::esi::write(&GATEWAY, &mut description).unwrap();
+    ethercat_subdevice::esi::write(&GATEWAY, &mut description).unwrap();
     for number in image[0x10..0x1c].as_chunks::<4>().0 {
         assert!(description.contains(&format!("#x{:08X}", u32::from_le_bytes(*number))));
     }

@@ -9,11 +9,11 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use embassy_time::{Duration, Instant, Timer, with_timeout};
-use mobgate::ethercat::device::Device;
-use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
-use mobgate::ethercat::sii;
-use mobgate::ethercat::sub_device::SubDevice;
-use mobgate::ethercat::sync_manager::Channel;
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
+use ethercat_subdevice::sii;
+use ethercat_subdevice::sub_device::SubDevice;
+use ethercat_subdevice::sync_manager::Channel;
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::esc::cable::{Cable, FrameFaults, SharedSegment};
 use mobgate_simulator::esc::frame::{Builder, datagrams};

@@ -1,9 +1,9 @@
 //! From a new output of the MainDevice to its read-back in the inputs: one drive, polled as fast as its line allows.
 
 use embassy_time::{Duration, Instant, Timer};
+use ethercat_subdevice::device::Device as Description;
+use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
-use mobgate::ethercat::device::Device as Description;
-use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
 use mobgate_simulator::rig::with_gateway;
 use mobgate_simulator::sub_device::{Desk, Group, cable, direct, line_of, spawn, with_master};

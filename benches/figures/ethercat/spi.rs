@@ -4,9 +4,9 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use embassy_time::Instant;
-use mobgate::ethercat::device::Device;
-use mobgate::ethercat::esc::Esc;
-use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::esc::Esc;
+use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::esc::{Chip, Command, Kind, Segment};
 use mobgate_simulator::lan9252::{Timing, Traffic};

@@ -1,6 +1,6 @@
 //! The EtherCAT SubDevice: how long ethercrab takes to start it, and how images fare.
 
-use mobgate::ethercat::device::Device;
+use ethercat_subdevice::device::Device;
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::lan9252::over_spi;
 use mobgate_simulator::sub_device::{exchange_images, start_up};

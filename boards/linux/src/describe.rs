@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use mobgate::ethercat::{esi, sii};
+use ethercat_subdevice::{esi, sii};
 use mobgate::port::ethercat::DEVICE;
 
 use crate::cli::Make;

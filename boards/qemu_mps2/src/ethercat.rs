@@ -4,7 +4,7 @@ mod pipes;
 mod spi;
 
 use embassy_executor::Spawner;
-use mobgate::ethercat::lan9252::{Lan9252, Wiring};
+use ethercat_subdevice::lan9252::{Lan9252, Wiring};
 use mobgate::gateway::Gateway;
 use mobgate::port::ethercat::{EthercatPlace, serve};
 use mobgate::scanner::ScannerPlace;

@@ -15,7 +15,7 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::{Peri, dma, exti};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use mobgate::ethercat::lan9252::{Lan9252, Wiring};
+use ethercat_subdevice::lan9252::{Lan9252, Wiring};
 use mobgate::gateway::Gateway;
 use mobgate::port::ethercat::{EthercatPlace, serve};
 use mobgate::scanner::ScannerPlace;

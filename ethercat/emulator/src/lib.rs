@@ -18,7 +18,7 @@
 //! them away with a damaged frame. On a line of chips, [`Chip::pass_on`] says what comes before and behind.
 //!
 //! The processor's side is [`pdi`]: [`Chip::read`] and [`Chip::write`] as [`DirectPdi`], which is an
-//! [`Esc`](mobgate::ethercat::esc::Esc), and the [`Interrupt`]. Both sides may be in one thread only; nothing blocks.
+//! [`Esc`](ethercat_subdevice::esc::Esc), and the [`Interrupt`]. Both sides may be in one thread only; nothing blocks.
 //!
 //! The chip itself knows no clock: every access carries the time, in nanoseconds since any one moment. [`now`] is that of
 //! embassy-time, which [`DirectPdi`] and [`Interrupt`] go by.

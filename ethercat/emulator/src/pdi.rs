@@ -10,7 +10,7 @@ use embassy_futures::select::select;
 use embassy_time::{Instant, Timer};
 use embedded_hal::digital::ErrorType;
 use embedded_hal_async::digital::Wait;
-use mobgate::ethercat::esc::{Esc, EscError};
+use ethercat_subdevice::esc::{Esc, EscError};
 
 use crate::chip::Chip;
 use crate::registers::AL_EVENT;

@@ -2,6 +2,12 @@
 
 use core::fmt::Write;
 
+use ethercat_subdevice::al_state::{AlState, AlStatusCode};
+use ethercat_subdevice::application::{Address, Application};
+use ethercat_subdevice::coe::abort::Abort;
+use ethercat_subdevice::dictionary::number;
+use ethercat_subdevice::esc::EscError;
+use ethercat_subdevice::sync_manager::Channel;
 use heapless::String;
 
 use super::configuration::ConfigError;
@@ -12,11 +18,6 @@ use super::objects::REASON_BYTES;
 use super::place::EthercatPlace;
 use super::points::PointObjects;
 use super::slaves::ModbusSlave;
-use crate::ethercat::al_state::{AlState, AlStatusCode};
-use crate::ethercat::application::{Address, Application};
-use crate::ethercat::coe::abort::Abort;
-use crate::ethercat::dictionary::number;
-use crate::ethercat::sync_manager::Channel;
 use crate::scanner::ScannerPlace;
 
 /// Reads and writes of configuration, layout and buffers.
@@ -244,6 +245,10 @@ impl Application for GatewayObjects<'_> {
                 into.fill(self.input_counter);
             }
         }
+    }
+
+    fn failed(&mut self, fault: EscError) {
+        log_warn!("EtherCAT starts anew: {fault}");
     }
 
     fn outputs_stopped(&mut self) {

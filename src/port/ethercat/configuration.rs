@@ -1,5 +1,6 @@
 //! What a MainDevice has configured (2000h to 2020h, 2100h and following), and whether it can be used, as a whole.
 
+use ethercat_subdevice::application::Address;
 use heapless::Vec;
 
 use super::image::Room;
@@ -7,7 +8,6 @@ use super::layout::layouts;
 use super::line::Speed;
 use super::slaves::{ModbusSlave, SLAVES_FIRST, SLAVES_MAX, default_unit};
 use crate::config::{OnSilence, SlaveSettings};
-use crate::ethercat::application::Address;
 use crate::scanner::Kind;
 
 /// Why a configuration cannot be used, or not be kept. Slaves count from 0, as in the names of 2001h to 2004h.

@@ -3,13 +3,13 @@
 use core::fmt;
 
 use embassy_time::{Duration, Timer};
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::esc::{Esc, EscError};
+use ethercat_subdevice::sub_device::{RESTART_PAUSE, SubDevice};
 
 use super::application::GatewayObjects;
 use super::objects::DEVICE;
 use super::place::EthercatPlace;
-use crate::ethercat::device::Device;
-use crate::ethercat::esc::{Esc, EscError};
-use crate::ethercat::sub_device::{RESTART_PAUSE, SubDevice};
 use crate::gateway::Status;
 use crate::hal::{OpenError, OpenErrorKind};
 use crate::scanner::ScannerPlace;

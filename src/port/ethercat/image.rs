@@ -1,6 +1,6 @@
 //! Which bytes of the buffers each PDO carries, and so how long an image the assigned ones hold.
 
-use crate::ethercat::sync_manager::Channel;
+use ethercat_subdevice::sync_manager::Channel;
 
 /// Bytes of the input buffer and of the output buffer.
 pub(super) const IMAGE_BYTES: u16 = 512;

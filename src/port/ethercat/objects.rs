@@ -4,13 +4,14 @@
 //! `MOBGATE_ETHERCAT_PRODUCT` (decimal or `0x`): a vendor id is assigned by the EtherCAT Technology Group. The default is nobody's, for
 //! evaluation only.
 
+use ethercat_subdevice::device::{Device, Identity};
+use ethercat_subdevice::object::{Access, DataType, Entry, Mapped, Object};
+use ethercat_subdevice::standard;
+use ethercat_subdevice::sync_manager::MemoryPlan;
+
 use super::image::{FIRST_BYTES, IMAGE_BYTES, SECOND_END};
 use super::request::REQUEST_BYTES_MAX;
 use super::slaves::{CONFIGURATIONS, LAYOUTS, SLAVES, SLAVES_FIRST, STATUSES, first_four};
-use crate::ethercat::device::{Device, Identity};
-use crate::ethercat::object::{Access, DataType, Entry, Mapped, Object};
-use crate::ethercat::standard;
-use crate::ethercat::sync_manager::MemoryPlan;
 use crate::modbus::PDU_BYTES_MAX;
 use crate::scanner::REQUESTERS;
 

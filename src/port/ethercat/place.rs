@@ -9,6 +9,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
+use ethercat_subdevice::coe::abort::Abort;
 
 use super::configuration::{ConfigError, Configuration};
 use super::controller::Controller;
@@ -18,7 +19,6 @@ use super::layout::{DeviceLayout, layouts};
 use super::line::{LineWriter, Speed};
 use super::request::Requests;
 use crate::config::{Cells, OnLoss, Settings, SlaveSettings};
-use crate::ethercat::coe::abort::Abort;
 use crate::scanner::{
     ByteOrder, Device, DeviceId, DeviceStatus, Form, Full, Reading, Row, Scanner, ScannerPlace, Writing,
 };

@@ -3,8 +3,8 @@
 use core::mem;
 
 use embassy_time::Instant;
+use ethercat_subdevice::coe::abort::Abort;
 
-use crate::ethercat::coe::abort::Abort;
 use crate::scanner::{Refused, RowId, ScannerPlace};
 
 /// Access to the points of a gateway, if it has any.

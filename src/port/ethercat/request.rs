@@ -7,9 +7,9 @@ use core::cell::RefCell;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
+use ethercat_subdevice::coe::abort::Abort;
 use heapless::Vec;
 
-use crate::ethercat::coe::abort::Abort;
 use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::scanner::{ErrorCode, Pdu};

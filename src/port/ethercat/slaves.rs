@@ -3,7 +3,8 @@
 //! All slaves have them from 2100h, 2140h and 2180h on. The configuration and the layout of the first four stand at 2001h and
 //! 2011h too: the same values, at two places.
 
-use crate::ethercat::object::{DataType, Entry, Object};
+use ethercat_subdevice::object::{DataType, Entry, Object};
+
 use crate::scanner::POINTS;
 
 /// Slaves that can be configured. The table has all of them also in an image that cannot ask any.

@@ -4,11 +4,11 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
+use ethercat_subdevice::al_state::{AlState, AlStatusCode};
+use ethercat_subdevice::application::{Address, Application};
+use ethercat_subdevice::coe::abort::Abort;
+use ethercat_subdevice::sync_manager::Channel;
 use mobgate::config::{Settings, apply};
-use mobgate::ethercat::al_state::{AlState, AlStatusCode};
-use mobgate::ethercat::application::{Address, Application};
-use mobgate::ethercat::coe::abort::Abort;
-use mobgate::ethercat::sync_manager::Channel;
 use mobgate::port::ethercat::{EthercatPlace, GatewayObjects};
 
 /// An application that a test looks into while the SubDevice has it.

@@ -1,9 +1,9 @@
 //! The bench's devices: alike but for the size of their mailboxes, with objects for everything that SDO can do.
 
-use mobgate::ethercat::device::{Device, Identity};
-use mobgate::ethercat::object::{Access, DataType, Entry, Mapped, Object};
-use mobgate::ethercat::standard;
-use mobgate::ethercat::sync_manager::MemoryPlan;
+use ethercat_subdevice::device::{Device, Identity};
+use ethercat_subdevice::object::{Access, DataType, Entry, Mapped, Object};
+use ethercat_subdevice::standard;
+use ethercat_subdevice::sync_manager::MemoryPlan;
 
 /// Bytes of object 2100h.
 pub(crate) const LARGE_BYTES: usize = 300;

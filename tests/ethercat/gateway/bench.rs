@@ -1,10 +1,10 @@
 //! The virtual devices on a wire, the gateway between, and ethercrab as its MainDevice, all in virtual time.
 
 use embassy_time::{Duration, Instant, Timer};
+use ethercat_subdevice::device::Device as Description;
+use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
 use mobgate::config::LineSettings;
-use mobgate::ethercat::device::Device as Description;
-use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::gateway::Gateway;
 use mobgate::port::ethercat::{DEVICE, GatewayObjects};
 use mobgate_simulator::device::serve;

@@ -1,8 +1,8 @@
 //! The configuration flow: what is taken over, what follows from it, and that a bad configuration changes nothing.
 
+use ethercat_subdevice::application::Application;
+use ethercat_subdevice::coe::abort::Abort;
 use mobgate::config::PortKind;
-use mobgate::ethercat::application::Application;
-use mobgate::ethercat::coe::abort::Abort;
 use mobgate::port::ethercat::{
     ConfigError, Configuration, EthercatPlace, GatewayObjects, REASON_BYTES, Room,
 };

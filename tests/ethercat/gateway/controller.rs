@@ -2,8 +2,8 @@
 
 use embassy_time::{Duration, Timer};
 use embedded_hal_async::digital::Wait;
-use mobgate::ethercat::device::Device;
-use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate::gateway::Status;
 use mobgate::port::ethercat::{Controller, DEVICE, serve};
 use mobgate_simulator::Lan9252;

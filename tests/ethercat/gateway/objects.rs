@@ -1,7 +1,7 @@
 //! The gateway's objects without a chip: values are read and written as SDO does it.
 
-use mobgate::ethercat::application::{Address, Application};
-use mobgate::ethercat::coe::abort::Abort;
+use ethercat_subdevice::application::{Address, Application};
+use ethercat_subdevice::coe::abort::Abort;
 use mobgate::port::ethercat::{EthercatPlace, GatewayObjects, REASON_BYTES};
 use mobgate_simulator::rig::with_gateway;
 

@@ -3,8 +3,8 @@
 use std::net::Ipv4Addr;
 
 use embassy_time::Timer;
+use ethercat_subdevice::coe::abort::Abort;
 use ethercrab::error::{Error, MailboxError};
-use mobgate::ethercat::coe::abort::Abort;
 use mobgate_simulator::Device;
 use mobgate_simulator::client::Answer;
 

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use mobgate::ethercat::application::Application;
-use mobgate::ethercat::coe::abort::Abort;
-use mobgate::ethercat::sync_manager::Channel;
+use ethercat_subdevice::application::Application;
+use ethercat_subdevice::coe::abort::Abort;
+use ethercat_subdevice::sync_manager::Channel;
 use mobgate::port::ethercat::GatewayObjects;
 use mobgate_simulator::Random;
 

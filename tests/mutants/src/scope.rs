@@ -27,14 +27,15 @@ pub(crate) const PATHS: &[&str] = &[
     "src/scanner",
     "src/port/scanner.rs",
     // EtherCAT.
-    "src/ethercat/al_state.rs",
-    "src/ethercat/mailbox.rs",
+    "ethercat/subdevice/src/al_state.rs",
+    "ethercat/subdevice/src/mailbox.rs",
     // Where a board keeps its settings.
     "boards/flash/src",
 ];
 
 /// Packages whose code is mutated, with their folder; their unit and integration tests are those that must notice.
-pub(crate) const PACKAGES: &[(&str, &str)] = &[("mobgate", ""), ("mobgate-flash", "boards/flash")];
+pub(crate) const PACKAGES: &[(&str, &str)] =
+    &[("mobgate", ""), ("ethercat-subdevice", "ethercat/subdevice"), ("mobgate-flash", "boards/flash")];
 
 /// Beginnings of the names of tests that are not asked: they need other programs, or take their time from a clock of the
 /// machine.

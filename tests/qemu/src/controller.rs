@@ -15,7 +15,7 @@ use embassy_futures::block_on;
 use embassy_time::Timer;
 use embedded_hal::spi::Operation;
 use embedded_hal_async::spi::SpiDevice;
-use mobgate::ethercat::device::Device;
+use ethercat_subdevice::device::Device;
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::Lan9252;
 use mobgate_simulator::esc::SharedSegment;

@@ -8,9 +8,9 @@
 use std::array;
 
 use embassy_time::{Duration, Instant, Timer};
+use ethercat_subdevice::device::Device as Description;
+use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
-use mobgate::ethercat::device::Device as Description;
-use mobgate::ethercat::sub_device::SubDevice;
 use mobgate::port::ethercat::{DEVICE, EthercatPlace, GatewayObjects};
 
 use crate::rig::{Size, with_gateway_of};

@@ -13,7 +13,7 @@ mod spi;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
+use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 
 use crate::esc::{Interrupt, Nanos, SharedChip, now};
 use crate::random::Random;

@@ -12,11 +12,11 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use embedded_hal_async::digital::Wait;
-use mobgate::ethercat::application::Application;
-use mobgate::ethercat::device::Device;
-use mobgate::ethercat::esc::Esc;
-use mobgate::ethercat::sii;
-use mobgate::ethercat::sub_device::SubDevice;
+use ethercat_subdevice::application::Application;
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::esc::Esc;
+use ethercat_subdevice::sii;
+use ethercat_subdevice::sub_device::SubDevice;
 
 use crate::World;
 use crate::esc::cable::SharedSegment;

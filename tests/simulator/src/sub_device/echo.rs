@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use mobgate::ethercat::application::{Address, Application};
-use mobgate::ethercat::coe::abort::Abort;
+use ethercat_subdevice::application::{Address, Application};
+use ethercat_subdevice::coe::abort::Abort;
 
 use crate::random;
 

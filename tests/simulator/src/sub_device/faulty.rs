@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::rc::Rc;
 
 use embassy_time::Timer;
-use mobgate::ethercat::esc::{Esc, EscError};
+use ethercat_subdevice::esc::{Esc, EscError};
 
 use crate::random::Random;
 

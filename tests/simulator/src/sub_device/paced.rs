@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use embassy_time::Timer;
-use mobgate::ethercat::esc::{Esc, EscError};
+use ethercat_subdevice::esc::{Esc, EscError};
 
 use crate::esc::registers::PROCESS_RAM;
 use crate::random::Random;

@@ -5,14 +5,14 @@ use std::rc::Rc;
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::esc::Esc;
+use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
+use ethercat_subdevice::sub_device::SubDevice;
+use ethercat_subdevice::sync_manager::Channel;
 use ethercrab::error::Error;
 use ethercrab::subdevice_group::{Op, PreOp, SubDeviceGroup};
 use ethercrab::{MainDevice, PduLoop};
-use mobgate::ethercat::device::Device;
-use mobgate::ethercat::esc::Esc;
-use mobgate::ethercat::lan9252::{Lan9252 as Driver, Wiring};
-use mobgate::ethercat::sub_device::SubDevice;
-use mobgate::ethercat::sync_manager::Channel;
 
 use super::{Counted, Paced, SharedEcho, direct, image, line_of, sequence, spawn};
 use crate::esc::cable::{Cable, SharedSegment};
@@ -161,7 +161,7 @@ pub struct SpiCost {
 /// What a cycle of process data in Op costs on the SPI of a LAN9252 when inputs are given with each outputs: the SubDevice as boards
 /// run it, which looks at events as well. `proves` as in [`Application::proves_outputs`].
 ///
-/// [`Application::proves_outputs`]: mobgate::ethercat::application::Application::proves_outputs
+/// [`Application::proves_outputs`]: ethercat_subdevice::application::Application::proves_outputs
 ///
 /// # Errors
 /// What the MainDevice says.

@@ -1,0 +1,64 @@
+//! What an application adds to the stack: values of objects, process data, and its word on changes of state.
+
+use crate::al_state::{AlState, AlStatusCode};
+use crate::coe::abort::Abort;
+use crate::esc::EscError;
+use crate::sync_manager::Channel;
+
+/// An entry of an object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Address {
+    /// The object.
+    pub index: u16,
+    /// The sub-index.
+    pub sub: u8,
+}
+
+/// The application behind a SubDevice. Calls come from the SubDevice's task, none of them waits.
+pub trait Application {
+    /// Writes the value at `at` into `into`, which has the entry's size, and gives its length: shorter for a text only.
+    fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort>;
+
+    /// Whether `value` may be written at `at`. The stack has checked access, state, length and range.
+    fn check(&mut self, _at: Address, _value: &[u8]) -> Result<(), Abort> {
+        Ok(())
+    }
+
+    /// Writes `value`, which was checked. In a complete access all values are checked before the first is written.
+    fn write(&mut self, at: Address, value: &[u8]);
+
+    /// How what was written last ended; none while it goes on. Its SDO is answered when it has ended, and no other is
+    /// served before.
+    fn written(&mut self) -> Option<Result<(), Abort>> {
+        Some(Ok(()))
+    }
+
+    /// Which PDOs a SyncManager carries, in their order; before the first call they are those of the device's table.
+    fn assigned(&mut self, _channel: Channel, _pdos: &[u16]) {}
+
+    /// Whether outputs are taken only when two readings in a row agree, on a bus that may turn bits in process data. That doubles
+    /// their traffic.
+    fn proves_outputs(&self) -> bool {
+        false
+    }
+
+    /// Takes the outputs of a PDO, always those of one frame. Called in Op only, for each assigned PDO.
+    fn outputs(&mut self, pdo: u16, bytes: &[u8]);
+
+    /// Writes the inputs of a PDO.
+    fn inputs(&mut self, pdo: u16, into: &mut [u8]);
+
+    /// The outputs are not valid any more: Op was left, on request, or since no outputs came.
+    fn outputs_stopped(&mut self);
+
+    /// The controller failed: it is started anew.
+    fn failed(&mut self, _fault: EscError) {}
+
+    /// Whether the device may go up to `state`; the code is shown to the MainDevice if not.
+    fn may_enter(&mut self, _state: AlState) -> Result<(), AlStatusCode> {
+        Ok(())
+    }
+
+    /// The state has changed.
+    fn entered(&mut self, _state: AlState) {}
+}

@@ -1,0 +1,190 @@
+//! What the stack itself keeps behind objects: which PDOs are assigned, and how the application is synchronised.
+
+use crate::coe::abort::Abort;
+use crate::device::Device;
+use crate::object::Object;
+use crate::sync_manager::Channel;
+
+/// PDOs that a SyncManager carries at most.
+pub const PDOS_ASSIGNED_MAX: usize = 8;
+
+/// The PDOs of one SyncManager, in order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Assignment {
+    channel: Channel,
+    count: u8,
+    pdos: [u16; PDOS_ASSIGNED_MAX],
+}
+
+impl Assignment {
+    fn of_device(device: &Device, channel: Channel) -> Self {
+        let initial = device.default_pdos(channel);
+        let mut pdos = [0; PDOS_ASSIGNED_MAX];
+        pdos.iter_mut().zip(initial).for_each(|(pdo, &index)| *pdo = index);
+        Self { channel, count: initial.len().min(PDOS_ASSIGNED_MAX) as u8, pdos }
+    }
+
+    /// The SyncManager that carries them.
+    pub fn channel(&self) -> Channel {
+        self.channel
+    }
+
+    /// The indices of the assigned PDOs.
+    pub fn indices(&self) -> &[u16] {
+        self.pdos.get(..usize::from(self.count)).unwrap_or_default()
+    }
+
+    /// The assigned PDOs.
+    pub fn pdos(&self, device: &Device) -> impl Iterator<Item = &'static Object> {
+        self.indices().iter().filter_map(|&index| device.object(index))
+    }
+
+    /// Bytes of all assigned PDOs.
+    pub fn bytes(&self, device: &Device) -> u16 {
+        self.pdos(device).map(Object::pdo_bytes).sum::<usize>() as u16
+    }
+
+    /// The value at a sub-index.
+    pub fn value(&self, sub: u8) -> u16 {
+        match sub.checked_sub(1) {
+            None => self.count.into(),
+            Some(at) => self.pdos.get(usize::from(at)).copied().unwrap_or_default(),
+        }
+    }
+
+    /// What the list is after a write at a sub-index: sub-index 0 last, and 0 before the others are written (ETG.1020).
+    pub fn with(mut self, device: &Device, sub: u8, value: u16) -> Result<Self, Abort> {
+        match sub.checked_sub(1) {
+            None => {
+                if usize::from(value) > PDOS_ASSIGNED_MAX {
+                    return Err(Abort::PdoLength);
+                }
+                self.count = value as u8;
+                self.checked(device)
+            }
+            Some(_) if self.count != 0 => Err(Abort::CountNotZero),
+            Some(at) => {
+                if value != 0 {
+                    self.pdo(device, value)?;
+                }
+                *self.pdos.get_mut(usize::from(at)).ok_or(Abort::NoEntry)? = value;
+                Ok(self)
+            }
+        }
+    }
+
+    /// The list with all of `pdos`.
+    pub fn replaced(
+        mut self,
+        device: &Device,
+        pdos: impl ExactSizeIterator<Item = u16>,
+    ) -> Result<Self, Abort> {
+        if pdos.len() > PDOS_ASSIGNED_MAX {
+            return Err(Abort::PdoLength);
+        }
+        self.count = pdos.len() as u8;
+        self.pdos.iter_mut().zip(pdos).for_each(|(kept, pdo)| *kept = pdo);
+        self.checked(device)
+    }
+
+    fn checked(self, device: &Device) -> Result<Self, Abort> {
+        for (at, &index) in self.indices().iter().enumerate() {
+            let pdo = self.pdo(device, index)?;
+            for &other in self.indices().iter().skip(at + 1) {
+                if other == index || pdo.excludes(self.pdo(device, other)?) {
+                    return Err(Abort::Incompatible);
+                }
+            }
+        }
+        if self.bytes(device) > device.bytes_max(self.channel) {
+            return Err(Abort::PdoLength);
+        }
+        Ok(self)
+    }
+
+    fn pdo(&self, device: &Device, index: u16) -> Result<&'static Object, Abort> {
+        let object = device.object(index).filter(|object| object.pdo() == Some(self.channel));
+        object.ok_or(Abort::NotMappable)
+    }
+}
+
+/// When images are exchanged with the application.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Synchronisation {
+    /// Outputs when they come, inputs by the local clock.
+    FreeRun,
+    /// With the SyncManagers' events: inputs are renewed when outputs came or inputs were fetched.
+    SyncManager,
+}
+
+/// The values that the stack keeps, as they are after power-on until a MainDevice changes them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Communication {
+    /// 1C12h.
+    pub outputs: Assignment,
+    /// 1C13h.
+    pub inputs: Assignment,
+    /// 1C32h:01.
+    outputs_synchronised: u16,
+    /// 1C33h:01.
+    inputs_synchronised: u16,
+}
+
+impl Communication {
+    const FREE_RUN: u16 = 0x00;
+    const OWN_EVENT: u16 = 0x01;
+    const OUTPUTS_EVENT: u16 = 0x22;
+
+    /// After power-on.
+    pub fn new(device: &Device) -> Self {
+        Self {
+            outputs: Assignment::of_device(device, Channel::Outputs),
+            inputs: Assignment::of_device(device, Channel::Inputs),
+            outputs_synchronised: Self::OWN_EVENT,
+            inputs_synchronised: Self::OUTPUTS_EVENT,
+        }
+    }
+
+    /// Synchronisation of both directions, if they fit each other.
+    pub fn synchronisation(&self) -> Option<Synchronisation> {
+        match (self.outputs_synchronised, self.inputs_synchronised) {
+            (Self::FREE_RUN, Self::FREE_RUN) => Some(Synchronisation::FreeRun),
+            (Self::OWN_EVENT, Self::OWN_EVENT | Self::OUTPUTS_EVENT) => Some(Synchronisation::SyncManager),
+            _ => None,
+        }
+    }
+
+    /// The assignment behind an object.
+    pub fn assignment(&mut self, index: u16) -> Option<&mut Assignment> {
+        match index {
+            0x1c12 => Some(&mut self.outputs),
+            0x1c13 => Some(&mut self.inputs),
+            _ => None,
+        }
+    }
+
+    /// A value of the stack's.
+    pub fn value(&mut self, index: u16, sub: u8) -> Option<u16> {
+        match (index, sub) {
+            (0x1c32, 1) => Some(self.outputs_synchronised),
+            (0x1c33, 1) => Some(self.inputs_synchronised),
+            _ => self.assignment(index).map(|assignment| assignment.value(sub)),
+        }
+    }
+
+    /// Writes a value of the stack's.
+    pub fn set(&mut self, device: &Device, index: u16, sub: u8, value: u16) -> Result<(), Abort> {
+        match (index, sub, value) {
+            (0x1c32, 1, Self::FREE_RUN | Self::OWN_EVENT) => self.outputs_synchronised = value,
+            (0x1c33, 1, Self::FREE_RUN | Self::OWN_EVENT | Self::OUTPUTS_EVENT) => {
+                self.inputs_synchronised = value
+            }
+            (0x1c32 | 0x1c33, ..) => return Err(Abort::Range),
+            _ => {
+                let assignment = self.assignment(index).ok_or(Abort::General)?;
+                *assignment = assignment.with(device, sub, value)?;
+            }
+        }
+        Ok(())
+    }
+}

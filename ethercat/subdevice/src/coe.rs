@@ -1,0 +1,99 @@
+//! CAN application protocol over EtherCAT: services by their number, each in a file of its own (ETG.1000.6, clause 5.6).
+
+pub mod abort;
+pub mod emergency;
+pub mod information;
+pub mod sdo;
+
+use crate::application::Application;
+use crate::dictionary::Dictionary;
+use crate::mailbox::{MailboxError, Payload};
+use emergency::Emergencies;
+use information::Information;
+use sdo::SdoServer;
+
+/// Bytes of the header in front of each service.
+const HEADER_BYTES: usize = 2;
+
+/// The service of a message; the number stands in bits 15:12 of the header.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+enum Service {
+    Emergency = 1,
+    SdoRequest = 2,
+    SdoResponse = 3,
+    SdoInformation = 8,
+}
+
+impl Service {
+    /// A message of this service.
+    fn message(self, parts: &[&[u8]]) -> Payload {
+        let mut payload = Payload::new();
+        let header = u16::from(self as u8) << 12;
+        // Callers cut their data to the mailbox's size, which is a payload's capacity at most.
+        let mut kept = payload.extend_from_slice(&header.to_le_bytes());
+        for part in parts {
+            kept = kept.and_then(|()| payload.extend_from_slice(part));
+        }
+        debug_assert!(kept.is_ok(), "a message is cut to the mailbox's size");
+        payload
+    }
+}
+
+/// All services' state.
+#[derive(Debug, Default)]
+pub struct Coe {
+    sdo: SdoServer,
+    information: Information,
+    /// Errors that are to be reported.
+    pub emergencies: Emergencies,
+}
+
+impl Coe {
+    /// Takes a request. Its answer is what [`next`](Self::next) gives.
+    pub fn request<A: Application>(
+        &mut self,
+        payload: &[u8],
+        dictionary: &mut Dictionary<'_, A>,
+        room: usize,
+    ) -> Result<Option<Payload>, MailboxError> {
+        let (&[_, service], body) =
+            payload.split_first_chunk::<HEADER_BYTES>().ok_or(MailboxError::SizeTooShort)?;
+        match service >> 4 {
+            service if service == Service::SdoRequest as u8 => {
+                let body = body.split_first_chunk().ok_or(MailboxError::SizeTooShort)?;
+                Ok(self.sdo.request(body, dictionary, room - HEADER_BYTES))
+            }
+            service if service == Service::SdoInformation as u8 => {
+                self.information.request(body, dictionary)?;
+                Ok(self.information.next(room - HEADER_BYTES))
+            }
+            _ => Err(MailboxError::ServiceNotSupported),
+        }
+    }
+
+    /// Whether an answer is not complete: its other messages come by [`next`](Self::next), and go first.
+    pub fn is_answering(&self) -> bool {
+        self.information.is_answering()
+    }
+
+    /// Whether a write goes on in the application: its answer comes by [`written`](Self::written), and goes first.
+    pub fn is_writing(&self) -> bool {
+        self.sdo.is_writing()
+    }
+
+    /// The answer to a write that went on, if the application has ended it.
+    pub fn written(&mut self, application: &mut impl Application) -> Option<Payload> {
+        self.sdo.written(application)
+    }
+
+    /// Whether there is anything to send without being asked again.
+    pub fn has_more(&self) -> bool {
+        self.is_answering() || self.emergencies.is_pending()
+    }
+
+    /// The next message of an answer, or an emergency.
+    pub fn next(&mut self, room: usize) -> Option<Payload> {
+        self.information.next(room - HEADER_BYTES).or_else(|| self.emergencies.next())
+    }
+}

@@ -1,0 +1,76 @@
+//! What a device is: its identity, its memory, and its objects. Everything that a MainDevice is told comes from here.
+
+use crate::object::{Entries, Object};
+use crate::sync_manager::{Channel, MemoryPlan};
+
+/// A SubDevice, described.
+#[derive(Debug, Clone, Copy)]
+pub struct Device {
+    /// Who made which device.
+    pub identity: Identity,
+    /// The manufacturer's name.
+    pub vendor_name: &'static str,
+    /// The device's name, for people.
+    pub name: &'static str,
+    /// The type, without spaces: by it MainDevices tell devices apart.
+    pub order: &'static str,
+    /// The group it is listed in.
+    pub group: &'static str,
+    /// How the controller's memory is shared out.
+    pub memory: MemoryPlan,
+    /// The controller's configuration, the SII's first eight bytes: PDI and synchronisation unit.
+    pub controller: [u8; 8],
+    /// Whether errors are also reported by emergency messages.
+    pub emergencies: bool,
+    /// The objects, sorted by index.
+    pub objects: &'static [Object],
+}
+
+/// The identity object's values, which also stand in the SII and in the ESI file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Identity {
+    /// The vendor id, assigned by the ETG.
+    pub vendor: u32,
+    /// The vendor's number for the product.
+    pub product: u32,
+    /// The product's revision.
+    pub revision: u32,
+    /// The device's serial number, or 0.
+    pub serial: u32,
+}
+
+impl Device {
+    /// The object at `index`.
+    pub fn object(&self, index: u16) -> Option<&'static Object> {
+        let at = self.objects.binary_search_by_key(&index, |object| object.index).ok()?;
+        self.objects.get(at)
+    }
+
+    /// All PDOs of a SyncManager.
+    pub fn pdos(&self, channel: Channel) -> impl Iterator<Item = &'static Object> + use<> {
+        self.objects.iter().filter(move |object| object.pdo() == Some(channel))
+    }
+
+    /// The PDOs that a SyncManager carries after power-on.
+    pub fn default_pdos(&self, channel: Channel) -> &'static [u16] {
+        match self.object(0x1c10 + channel as u16).map(|object| object.entries) {
+            Some(Entries::Assignment(initial, _)) => initial,
+            _ => &[],
+        }
+    }
+
+    /// Bytes of a SyncManager's process data after power-on.
+    pub fn default_bytes(&self, channel: Channel) -> usize {
+        let pdos = self.default_pdos(channel).iter().filter_map(|&index| self.object(index));
+        pdos.map(Object::pdo_bytes).sum()
+    }
+
+    /// The most bytes of a SyncManager's process data.
+    pub const fn bytes_max(&self, channel: Channel) -> u16 {
+        match channel {
+            Channel::MailboxOut | Channel::MailboxIn => self.memory.mailbox_bytes,
+            Channel::Outputs => self.memory.outputs_bytes_max,
+            Channel::Inputs => self.memory.inputs_bytes_max,
+        }
+    }
+}

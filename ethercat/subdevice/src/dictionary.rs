@@ -1,0 +1,223 @@
+//! Access to the dictionary's values, with every check that SDO promises: existence, rights, state, length, range.
+
+mod complete;
+
+use heapless::Vec;
+
+use crate::al_state::AlState;
+use crate::application::{Address, Application};
+use crate::assignment::Communication;
+use crate::coe::abort::Abort;
+use crate::device::Device;
+use crate::object::{Access, Entries, Entry, Object, Value};
+
+/// Bytes of an object at most, also when it is accessed completely: 512 bytes of a buffer, and a count.
+pub const OBJECT_BYTES_MAX: usize = 520;
+
+/// An object's value or values.
+pub type Bytes = Vec<u8, OBJECT_BYTES_MAX>;
+
+/// The dictionary as it can be accessed at this moment.
+pub struct Dictionary<'a, A> {
+    /// The table.
+    pub device: &'static Device,
+    /// The stack's values.
+    pub communication: &'a mut Communication,
+    /// Who has all other values.
+    pub application: &'a mut A,
+    /// The state, on which rights depend.
+    pub state: AlState,
+}
+
+/// What an SDO addresses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Target {
+    /// Where.
+    pub at: Address,
+    /// Whether it means all entries from sub-index 0 or 1 on.
+    pub complete: bool,
+}
+
+impl<A: Application> Dictionary<'_, A> {
+    /// Reads what `target` says.
+    pub fn read(&mut self, target: Target) -> Result<Bytes, Abort> {
+        let mut bytes = Bytes::new();
+        let Target { at, complete } = target;
+        let object = self.object(at.index)?;
+        if !complete {
+            self.read_entry(object, at.sub, &mut bytes)?;
+            return Ok(bytes);
+        }
+        let mut last = object.sub_max();
+        check_complete(object, at.sub)?;
+        if let Some(assignment) = self.communication.assignment(at.index) {
+            last = assignment.value(0) as u8;
+        }
+        for sub in at.sub..=last {
+            self.read_entry(object, sub, &mut bytes)?;
+            if sub == 0 {
+                // The count takes 16 bits in a complete access (ETG.1000.6, clause 5.6.2).
+                bytes.push(0).map_err(|_| Abort::OutOfMemory)?;
+            }
+        }
+        Ok(bytes)
+    }
+
+    /// Checks whether anything at all may be written at `target`, before its data have come.
+    pub fn check_writable(&self, target: Target) -> Result<(), Abort> {
+        let Target { at, complete } = target;
+        let object = self.object(at.index)?;
+        if !complete {
+            return self.writable(object, at.sub).map(|_| ());
+        }
+        check_complete(object, at.sub)?;
+        let counted = u8::from(!matches!(object.entries, Entries::Assignment(..)));
+        (at.sub.max(counted)..=object.sub_max()).try_for_each(|sub| self.writable(object, sub).map(|_| ()))
+    }
+
+    /// Writes all of `bytes`, or nothing.
+    pub fn write(&mut self, target: Target, bytes: &[u8]) -> Result<(), Abort> {
+        self.check_writable(target)?;
+        let Target { at, complete } = target;
+        let object = self.object(at.index)?;
+        match object.entries {
+            _ if !complete => {
+                let entry = self.check(object, at.sub, bytes)?;
+                self.commit(entry, at, bytes)
+            }
+            Entries::Assignment(..) => self.assign(at, bytes),
+            _ => self.write_complete(object, at.sub, bytes),
+        }
+    }
+
+    /// The size of the entry at `at`, or 0.
+    pub fn entry_bytes(&self, at: Address) -> usize {
+        let entry = self.device.object(at.index).and_then(|object| object.entry(at.sub));
+        entry.map_or(0, |entry| entry.data_type.bytes())
+    }
+
+    fn object(&self, index: u16) -> Result<&'static Object, Abort> {
+        self.device.object(index).ok_or(Abort::NoObject)
+    }
+
+    fn read_entry(&mut self, object: &Object, sub: u8, into: &mut Bytes) -> Result<(), Abort> {
+        let entry = object.entry(sub).ok_or(Abort::NoEntry)?;
+        if !entry.access.any(Access::READ) {
+            return Err(Abort::WriteOnly);
+        }
+        if !entry.access.any(right(Access::READ, self.state)) {
+            return Err(Abort::State);
+        }
+        let start = into.len();
+        into.resize(start + entry.data_type.bytes(), 0).map_err(|_| Abort::OutOfMemory)?;
+        let place = into.get_mut(start..).unwrap_or_default();
+        let at = Address { index: object.index, sub };
+        let length = match entry.value {
+            Value::Number(number) => put(number, place),
+            Value::Text(text) => {
+                place.copy_from_slice(text.as_bytes());
+                place.len()
+            }
+            Value::Stack(_) => {
+                let number = self.communication.value(at.index, sub).ok_or(Abort::General)?;
+                put(number.into(), place)
+            }
+            Value::Application(_) => self.application.read(at, place)?,
+        };
+        into.truncate(start + length);
+        Ok(())
+    }
+
+    fn writable(&self, object: &Object, sub: u8) -> Result<Entry, Abort> {
+        let entry = object.entry(sub).ok_or(Abort::NoEntry)?;
+        if !entry.access.any(Access::WRITE) {
+            return Err(Abort::ReadOnly);
+        }
+        if !entry.access.any(right(Access::WRITE, self.state)) {
+            return Err(Abort::State);
+        }
+        Ok(entry)
+    }
+
+    /// Whether `bytes` may be written at `sub`.
+    fn check(&mut self, object: &Object, sub: u8, bytes: &[u8]) -> Result<Entry, Abort> {
+        let entry = self.writable(object, sub)?;
+        let size = entry.data_type.bytes();
+        if bytes.len() > size {
+            return Err(Abort::TooLong);
+        }
+        if bytes.len() < size && !entry.data_type.may_be_shorter() {
+            return Err(Abort::TooShort);
+        }
+        if entry.data_type.is_number() {
+            let number = number(bytes);
+            if number < entry.range.0 {
+                return Err(Abort::TooSmall);
+            }
+            if number > entry.greatest() {
+                return Err(Abort::TooGreat);
+            }
+        }
+        if matches!(entry.value, Value::Application(_)) {
+            self.application.check(Address { index: object.index, sub }, bytes)?;
+        }
+        Ok(entry)
+    }
+
+    /// Tells the application which PDOs are assigned, if that stands behind the object `index`.
+    fn tell_assignment(&mut self, index: u16) {
+        if let Some(assignment) = self.communication.assignment(index) {
+            self.application.assigned(assignment.channel(), assignment.indices());
+        }
+    }
+
+    fn commit(&mut self, entry: Entry, at: Address, bytes: &[u8]) -> Result<(), Abort> {
+        match entry.value {
+            Value::Stack(_) => {
+                let number = u16::try_from(number(bytes)).map_err(|_| Abort::TooGreat)?;
+                self.communication.set(self.device, at.index, at.sub, number)?;
+                self.tell_assignment(at.index);
+                Ok(())
+            }
+            Value::Application(_) => {
+                self.application.write(at, bytes);
+                Ok(())
+            }
+            Value::Number(_) | Value::Text(_) => Err(Abort::ReadOnly),
+        }
+    }
+}
+
+/// Complete access starts at sub-index 0 or 1, and is for objects that have more than one value.
+fn check_complete(object: &Object, sub: u8) -> Result<(), Abort> {
+    match (object.entries, sub) {
+        (Entries::Variable(_), _) => Err(Abort::NoCompleteAccess),
+        // Nobody could tell where the next one begins.
+        (Entries::Record(entries), _) if entries.iter().any(|entry| entry.data_type.may_be_shorter()) => {
+            Err(Abort::NoCompleteAccess)
+        }
+        (_, 0 | 1) => Ok(()),
+        _ => Err(Abort::UnsupportedAccess),
+    }
+}
+
+/// The bit of `rights` that counts in `state`.
+fn right(rights: Access, state: AlState) -> Access {
+    let lowest = rights.0 & rights.0.wrapping_neg();
+    Access(match state {
+        AlState::Init | AlState::Boot => 0,
+        AlState::PreOp => lowest,
+        AlState::SafeOp => lowest << 1,
+        AlState::Op => lowest << 2,
+    })
+}
+
+fn put(number: u64, into: &mut [u8]) -> usize {
+    into.iter_mut().zip(number.to_le_bytes()).for_each(|(place, byte)| *place = byte);
+    into.len()
+}
+
+/// The number that `bytes` are, eight at most.
+pub fn number(bytes: &[u8]) -> u64 {
+    bytes.iter().rev().fold(0, |number, &byte| number << 8 | u64::from(byte))
+}

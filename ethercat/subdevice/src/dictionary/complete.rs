@@ -1,0 +1,56 @@
+//! Complete access that writes: all of an object's values, or none of them.
+
+use super::Dictionary;
+use crate::application::{Address, Application};
+use crate::coe::abort::Abort;
+use crate::object::Object;
+
+impl<A: Application> Dictionary<'_, A> {
+    /// Writes all entries from `first` on: every value is checked before the first is written. A count that is sent along must
+    /// be the object's. (No object has both entries of the stack's, which can still refuse, and others that can be written.)
+    pub(super) fn write_complete(&mut self, object: &Object, first: u8, bytes: &[u8]) -> Result<(), Abort> {
+        let mut values = bytes;
+        if first == 0 {
+            let (count, rest) = bytes.split_first_chunk::<2>().ok_or(Abort::TooShort)?;
+            if u16::from_le_bytes(*count) != u16::from(object.sub_max()) {
+                return Err(Abort::Range);
+            }
+            values = rest;
+        }
+        for committing in [false, true] {
+            let mut rest = values;
+            for sub in 1..=object.sub_max() {
+                let size = object.entry(sub).ok_or(Abort::NoEntry)?.data_type.bytes();
+                let (value, behind) = rest.split_at_checked(size).ok_or(Abort::TooShort)?;
+                rest = behind;
+                let entry =
+                    if committing { self.writable(object, sub) } else { self.check(object, sub, value) }?;
+                if committing {
+                    self.commit(entry, Address { index: object.index, sub }, value)?;
+                }
+            }
+            if !rest.is_empty() {
+                return Err(Abort::TooLong);
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes a PDO assignment as a whole. From sub-index 1 on, the count is how many values there are.
+    pub(super) fn assign(&mut self, at: Address, bytes: &[u8]) -> Result<(), Abort> {
+        let mut values = bytes;
+        if at.sub == 0 {
+            let (count, rest) = bytes.split_first_chunk::<2>().ok_or(Abort::TooShort)?;
+            let listed = 2 * usize::from(u16::from_le_bytes(*count));
+            if rest.len() > listed {
+                return Err(Abort::TooLong);
+            }
+            values = rest.get(..listed).ok_or(Abort::TooShort)?;
+        }
+        let (pdos, []) = values.as_chunks::<2>() else { return Err(Abort::LengthMismatch) };
+        let assignment = self.communication.assignment(at.index).ok_or(Abort::General)?;
+        *assignment = assignment.replaced(self.device, pdos.iter().map(|pdo| u16::from_le_bytes(*pdo)))?;
+        self.tell_assignment(at.index);
+        Ok(())
+    }
+}

@@ -1,0 +1,178 @@
+//! The ESI file: the device's description in XML for configuration tools (ETG.2000), made from the device's table.
+//!
+//! The schema enforces the order of elements, so they are written in that order.
+
+mod dictionary;
+mod xml;
+
+use core::fmt::{Error, Write};
+
+use crate::device::Device;
+use crate::object::{DataType, Entries, Object};
+use crate::sii::{SII_BYTES, SiiFull, default_length, write as write_sii};
+use crate::sync_manager::{Channel, MAILBOX_BYTES_MIN};
+use xml::Xml;
+
+/// The profile that devices of this kind follow: the modular device profile.
+const PROFILE: u16 = 5001;
+
+/// Writes the description of `device`.
+pub fn write(device: &Device, into: &mut impl Write) -> Result<(), EsiError> {
+    let mut sii = [0; SII_BYTES];
+    write_sii(device, &mut sii)?;
+    into.write_str("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n")?;
+    let mut xml = Xml::new(into);
+    xml.within("EtherCATInfo", format_args!(""), |xml| {
+        xml.within("Vendor", format_args!(""), |xml| {
+            xml.text("Id", format_args!("#x{:08X}", device.identity.vendor))?;
+            xml.text("Name", format_args!("{}", device.vendor_name))
+        })?;
+        xml.within("Descriptions", format_args!(""), |xml| {
+            xml.within("Groups", format_args!(""), |xml| {
+                xml.within("Group", format_args!(""), |xml| {
+                    xml.text("Type", format_args!("{}", device.group))?;
+                    xml.text("Name", format_args!("{}", device.group))
+                })
+            })?;
+            xml.within("Devices", format_args!(""), |xml| {
+                xml.within("Device", format_args!(" Physics=\"YY\""), |xml| write_device(xml, device, &sii))
+            })
+        })
+    })?;
+    Ok(())
+}
+
+/// Why a description could not be written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum EsiError {
+    /// The EEPROM's content, which is part of it, could not be made.
+    #[error(transparent)]
+    Sii(#[from] SiiFull),
+    /// Where it is written to refused.
+    #[error("the description cannot be written")]
+    Write,
+}
+
+impl From<Error> for EsiError {
+    fn from(_: Error) -> Self {
+        Self::Write
+    }
+}
+
+fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, sii: &[u8; SII_BYTES]) -> Result<(), Error> {
+    let identity = device.identity;
+    let codes = format_args!(
+        " ProductCode=\"#x{:08X}\" RevisionNo=\"#x{:08X}\"",
+        identity.product, identity.revision
+    );
+    xml.element("Type", codes, format_args!("{}", device.order))?;
+    xml.text("Name", format_args!("{}", device.name))?;
+    xml.text("GroupType", format_args!("{}", device.group))?;
+    xml.within("Profile", format_args!(""), |xml| {
+        xml.text("ProfileNo", format_args!("{PROFILE}"))?;
+        xml.within("Dictionary", format_args!(""), |xml| dictionary::write(xml, device))
+    })?;
+    for usage in ["Outputs", "Inputs", "MBoxState"] {
+        xml.text("Fmmu", format_args!("{usage}"))?;
+    }
+    Channel::ALL.into_iter().try_for_each(|channel| write_sync_manager(xml, device, channel))?;
+    for (name, channel) in [("RxPdo", Channel::Outputs), ("TxPdo", Channel::Inputs)] {
+        device.pdos(channel).try_for_each(|pdo| write_pdo(xml, device, name, channel, pdo))?;
+    }
+    xml.within("Mailbox", format_args!(" DataLinkLayer=\"true\""), |xml| {
+        let coe = " SdoInfo=\"true\" PdoAssign=\"true\" PdoConfig=\"false\" CompleteAccess=\"true\" SegmentedSdo=\"true\"";
+        xml.empty("CoE", format_args!("{coe}"))
+    })?;
+    xml.within("Eeprom", format_args!(""), |xml| {
+        xml.text("ByteSize", format_args!("{SII_BYTES}"))?;
+        // The part that the check covers, without the alias; the tool makes the rest from this file.
+        xml.text("ConfigData", format_args!("{}", xml::Hex(sii.get(..8).unwrap_or_default())))
+    })
+}
+
+fn write_sync_manager<W: Write>(
+    xml: &mut Xml<'_, W>,
+    device: &Device,
+    channel: Channel,
+) -> Result<(), Error> {
+    let usage = match channel {
+        Channel::MailboxOut => "MBoxOut",
+        Channel::MailboxIn => "MBoxIn",
+        Channel::Outputs => "Outputs",
+        Channel::Inputs => "Inputs",
+    };
+    let length = default_length(device, channel);
+    let bounds = match channel {
+        Channel::MailboxOut | Channel::MailboxIn => (length.max(MAILBOX_BYTES_MIN), length),
+        Channel::Outputs | Channel::Inputs => (0, device.bytes_max(channel)),
+    };
+    let attributes = format_args!(
+        " MinSize=\"{}\" MaxSize=\"{}\" DefaultSize=\"{length}\" StartAddress=\"#x{:04X}\" ControlByte=\"#x{:02X}\" Enable=\"{}\"",
+        bounds.0,
+        bounds.1,
+        device.memory.start(channel),
+        channel.control(),
+        u8::from(length > 0),
+    );
+    xml.element("Sm", attributes, format_args!("{usage}"))
+}
+
+fn write_pdo<W: Write>(
+    xml: &mut Xml<'_, W>,
+    device: &Device,
+    name: &'static str,
+    channel: Channel,
+    pdo: &Object,
+) -> Result<(), Error> {
+    let content = |xml: &mut Xml<'_, W>| {
+        xml.text("Index", format_args!("#x{:04X}", pdo.index))?;
+        xml.text("Name", format_args!("{}", pdo.name))?;
+        let room = usize::from(device.bytes_max(channel)).saturating_sub(pdo.pdo_bytes());
+        let excluded = |other: &&Object| pdo.excludes(other) || other.pdo_bytes() > room;
+        for other in device.pdos(channel).filter(|other| other.index != pdo.index).filter(excluded) {
+            xml.text("Exclude", format_args!("#x{:04X}", other.index))?;
+        }
+        pdo.mapped().try_for_each(|mapped| {
+            let [bits, sub, index @ ..] = mapped.to_le_bytes();
+            let index = u16::from_le_bytes(index);
+            let object = device.object(index).ok_or(Error)?;
+            let entry = object.entry(sub).ok_or(Error)?;
+            xml.within("Entry", format_args!(""), |xml| {
+                xml.text("Index", format_args!("#x{index:04X}"))?;
+                xml.text("SubIndex", format_args!("{sub}"))?;
+                xml.text("BitLen", format_args!("{bits}"))?;
+                match (&object.entries, sub.checked_sub(1)) {
+                    // From 0 on, as physical addresses count, and eight bytes by their first one.
+                    (Entries::Array(..), Some(place)) => {
+                        let step = if entry.data_type == DataType::U64 { 8 } else { 1 };
+                        xml.text("Name", format_args!("{} {}", entry.name, u16::from(place) * step))?;
+                    }
+                    _ => xml.text("Name", format_args!("{}", entry.name))?,
+                }
+                xml.text("DataType", format_args!("{}", TypeName(entry.data_type)))
+            })
+        })
+    };
+    match device.default_pdos(channel).contains(&pdo.index) {
+        true => xml.within(name, format_args!(" Fixed=\"1\" Sm=\"{}\"", channel as u8), content),
+        false => xml.within(name, format_args!(" Fixed=\"1\""), content),
+    }
+}
+
+/// The name of a type in the file.
+struct TypeName(DataType);
+
+impl core::fmt::Display for TypeName {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self.0 {
+            DataType::U8 => f.write_str("USINT"),
+            DataType::U16 => f.write_str("UINT"),
+            DataType::U32 => f.write_str("UDINT"),
+            DataType::U64 => f.write_str("ULINT"),
+            DataType::Text(bytes) => write!(f, "STRING({bytes})"),
+            DataType::Octets(bytes) | DataType::OctetsUpTo(bytes) => {
+                write!(f, "ARRAY [0..{}] OF BYTE", bytes.saturating_sub(1))
+            }
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! The LAN9252 behind an SPI: registers through one engine of the chip, process data through two FIFOs.
+//!
+//! An access below 1000h goes to the register engine (`registers`), at most four bytes at a time; one above is streamed through a FIFO
+//! (`fifo`) by few, long transactions (`bus`). When the chip does not do what it should, the access fails, and the next one
+//! first brings the chip to its senses (`start`): if that took a reset, it fails too, with [`EscError::Restarted`], so that the caller
+//! knows that all its settings are gone.
+//!
+//! # What a damaged transfer can do
+//!
+//! The SPI has no check sum. What the chip was told to do is read back behind every access, so an access to the wrong place, of the wrong
+//! length, or one that lost or gained a byte is noticed ([`EscError::Garbled`]), and so is every damaged register value, which is read
+//! twice. A bit that falls over in process data on its way is *not* noticed. Where the line is not to be trusted, read
+//! outputs by [`read_agreed`](crate::esc::read_agreed), or let the MainDevice send a sequence number or check sum with them.
+
+mod bus;
+mod fifo;
+mod registers;
+mod start;
+
+use embassy_time::{Duration, Instant};
+use embedded_hal_async::spi::SpiDevice;
+
+use crate::esc::{Esc, EscError};
+use bus::Bus;
+
+/// The first address of process data memory.
+const PROCESS_RAM: u16 = 0x1000;
+/// The AL event request.
+const AL_EVENT: u16 = 0x0220;
+/// How often it is looked at whether the chip is still the one that was set up.
+const CHECK_INTERVAL: Duration = Duration::from_millis(20);
+
+/// How the chip is wired.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Wiring {
+    /// The SPI clock is above 30 MHz: reads need a byte of pause before their data.
+    pub fast: bool,
+    /// The interrupt pin is high when it asks; else low.
+    pub interrupt_high: bool,
+}
+
+impl Default for Wiring {
+    /// At most 30 MHz, interrupt active high.
+    fn default() -> Self {
+        Self { fast: false, interrupt_high: true }
+    }
+}
+
+/// What went wrong since the driver was made; for diagnosis.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Incidents {
+    /// Register accesses that were repeated because something read back wrong.
+    pub repeated: u32,
+    /// Accesses that failed because something read back wrong.
+    pub garbled: u32,
+    /// Accesses that the chip did not finish in time.
+    pub stuck: u32,
+    /// How often the chip had to be set up again.
+    pub restarts: u32,
+}
+
+/// What is known of the chip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Health {
+    /// Nothing: it was not talked to yet.
+    Unknown,
+    /// It did not do what it should.
+    Suspect,
+    /// It is set up.
+    Good,
+}
+
+/// The driver.
+pub struct Lan9252<SPI> {
+    bus: Bus<SPI>,
+    wiring: Wiring,
+    health: Health,
+    /// The chip has lost its settings, and the caller does not know yet.
+    restarted: bool,
+    checked: Instant,
+    /// A register access is under way: its future was dropped, or it failed.
+    register_open: bool,
+    reading: fifo::Direction,
+    writing: fifo::Direction,
+    incidents: Incidents,
+}
+
+impl<SPI: SpiDevice> Lan9252<SPI> {
+    /// A driver of the chip at `spi`. The first access resets the chip and sets it up.
+    pub fn new(spi: SPI, wiring: Wiring) -> Self {
+        Self {
+            bus: Bus::new(spi, wiring.fast),
+            wiring,
+            health: Health::Unknown,
+            restarted: false,
+            checked: Instant::MIN,
+            register_open: false,
+            reading: fifo::Direction::READ,
+            writing: fifo::Direction::WRITE,
+            incidents: Incidents::default(),
+        }
+    }
+
+    /// What went wrong so far.
+    pub fn incidents(&self) -> Incidents {
+        self.incidents
+    }
+
+    /// Notes how an access ended.
+    fn noted<T>(&mut self, outcome: Result<T, EscError>) -> Result<T, EscError> {
+        match outcome {
+            Ok(_) | Err(EscError::Bus | EscError::Absent(_) | EscError::Unreachable(_)) => {}
+            Err(EscError::Garbled(_)) => self.incidents.garbled += 1,
+            Err(EscError::Stuck(_)) => self.incidents.stuck += 1,
+            Err(EscError::Restarted) => self.incidents.restarts += 1,
+        }
+        // A chip that was never set up stays unknown, and is reset when it answers.
+        let fresh = matches!(outcome, Ok(_) | Err(EscError::Restarted));
+        if self.health == Health::Good && !fresh {
+            self.health = Health::Suspect;
+        }
+        outcome
+    }
+
+    async fn try_read(&mut self, address: u16, into: &mut [u8]) -> Result<(), EscError> {
+        self.ready().await?;
+        let below = usize::from(PROCESS_RAM.saturating_sub(address)).min(into.len());
+        let (registers, memory) = into.split_at_mut(below);
+        self.read_registers(address, registers).await?;
+        self.read_memory(address.wrapping_add(below as u16), memory).await
+    }
+
+    async fn try_write(&mut self, address: u16, bytes: &[u8]) -> Result<(), EscError> {
+        self.ready().await?;
+        let below = usize::from(PROCESS_RAM.saturating_sub(address)).min(bytes.len());
+        let (registers, memory) = bytes.split_at(below);
+        self.write_registers(address, registers).await?;
+        self.write_memory(address.wrapping_add(below as u16), memory).await
+    }
+
+    async fn try_events(&mut self) -> Result<u32, EscError> {
+        self.ready().await?;
+        if self.checked.elapsed() >= CHECK_INTERVAL {
+            self.check().await?;
+            self.checked = Instant::now();
+        }
+        self.read_register(AL_EVENT, 4).await
+    }
+}
+
+impl<SPI: SpiDevice> Esc for Lan9252<SPI> {
+    async fn read(&mut self, address: u16, into: &mut [u8]) -> Result<(), EscError> {
+        let outcome = self.try_read(address, into).await;
+        self.noted(outcome)
+    }
+
+    async fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), EscError> {
+        let outcome = self.try_write(address, bytes).await;
+        self.noted(outcome)
+    }
+
+    async fn events(&mut self) -> Result<u32, EscError> {
+        let outcome = self.try_events().await;
+        self.noted(outcome)
+    }
+
+    async fn look(&mut self) -> Result<(), EscError> {
+        self.test_pattern().await
+    }
+}

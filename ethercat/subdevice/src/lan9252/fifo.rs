@@ -1,0 +1,193 @@
+//! The engines that move process data through FIFOs of sixteen double words.
+//!
+//! A transfer is streamed through its FIFO in one transaction, however long it is: at 30 MHz a double word takes a microsecond on the SPI, longer
+//! than the engine needs for it. That the engine kept up is proved afterwards: had it not, it would still have something to
+//! move. From then on the FIFO's
+//! level is watched.
+
+use embedded_hal_async::spi::SpiDevice;
+
+use super::Lan9252;
+use super::registers::{BUSY, POLLS_MAX};
+use crate::esc::EscError;
+
+const ABORT: u32 = 1 << 30;
+/// So many double words of a transfer must wait in the FIFO before it is streamed.
+const LEAD_WORDS: usize = 4;
+/// After so many transfers in a row that were not finished in time the chip is reset.
+const STUCK_MAX: u8 = 2;
+
+/// One of the two engines.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Direction {
+    /// Where its FIFO is.
+    port: u16,
+    /// Its address and length register; the command register is right behind.
+    place: u16,
+    /// A transfer is under way: its future was dropped, or it failed.
+    open: bool,
+    /// So many transfers in a row were not finished in time.
+    stuck: u8,
+    /// Whether the level of the FIFO must be watched.
+    watched: bool,
+}
+
+impl Direction {
+    pub(super) const READ: Self = Self { port: 0x000, place: 0x308, open: false, stuck: 0, watched: false };
+    pub(super) const WRITE: Self = Self { port: 0x020, place: 0x310, open: false, stuck: 0, watched: false };
+
+    fn command(self) -> u16 {
+        self.place + 4
+    }
+}
+
+/// Double words that wait, or for which there is room, in a command register.
+fn count(status: u32) -> usize {
+    (status >> 8 & 0x1F) as usize
+}
+
+/// How many of `left` bytes fit into `words` double words when the first lies in byte lane `lane`.
+fn fitting(words: usize, lane: usize, left: usize) -> usize {
+    (words * 4).saturating_sub(lane).min(left)
+}
+
+impl<SPI: SpiDevice> Lan9252<SPI> {
+    /// Reads process data memory.
+    pub(super) async fn read_memory(&mut self, address: u16, into: &mut [u8]) -> Result<(), EscError> {
+        if into.is_empty() {
+            return Ok(());
+        }
+        let left_open = core::mem::replace(&mut self.reading.open, true);
+        let done = self.fetch(left_open, address, into).await;
+        self.reading.ended(done);
+        done
+    }
+
+    /// Writes process data memory.
+    pub(super) async fn write_memory(&mut self, address: u16, bytes: &[u8]) -> Result<(), EscError> {
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        let left_open = core::mem::replace(&mut self.writing.open, true);
+        let done = self.push(left_open, address, bytes).await;
+        self.writing.ended(done);
+        done
+    }
+
+    async fn fetch(&mut self, left_open: bool, address: u16, mut into: &mut [u8]) -> Result<(), EscError> {
+        let engine = self.reading;
+        let length = into.len();
+        self.begin(engine, left_open, address, length).await?;
+        let mut lane = usize::from(address % 4);
+        while !into.is_empty() {
+            let left = (lane + into.len()).div_ceil(4);
+            let waiting = self.level(engine, address, left.min(LEAD_WORDS)).await?;
+            let words = if engine.watched { waiting } else { left };
+            let (part, rest) = into.split_at_mut(fitting(words, lane, into.len()));
+            self.bus.read_bytes(engine.port, lane, part).await?;
+            (into, lane) = (rest, 0);
+        }
+        self.finish(engine, address, length).await
+    }
+
+    async fn push(&mut self, left_open: bool, address: u16, mut bytes: &[u8]) -> Result<(), EscError> {
+        let engine = self.writing;
+        let length = bytes.len();
+        self.begin(engine, left_open, address, length).await?;
+        let mut lane = usize::from(address % 4);
+        while !bytes.is_empty() {
+            // A FIFO that has just been started is empty: there is room.
+            let left = (lane + bytes.len()).div_ceil(4);
+            let words = if engine.watched { self.level(engine, address, 1).await? } else { left };
+            let (part, rest) = bytes.split_at(fitting(words, lane, bytes.len()));
+            self.bus.write_bytes(engine.port, lane, part).await?;
+            (bytes, lane) = (rest, 0);
+        }
+        self.finish(engine, address, length).await
+    }
+
+    /// Starts a transfer, after ending one that was left.
+    async fn begin(
+        &mut self,
+        engine: Direction,
+        left_open: bool,
+        address: u16,
+        length: usize,
+    ) -> Result<(), EscError> {
+        if left_open {
+            self.abort(engine).await?;
+        }
+        self.bus.write_up(engine.place, place(address, length), BUSY).await
+    }
+
+    /// Ends whatever transfer an engine has under way.
+    pub(super) async fn abort(&mut self, engine: Direction) -> Result<(), EscError> {
+        self.bus.write(engine.command(), ABORT).await?;
+        for _ in 0..POLLS_MAX {
+            if self.bus.read(engine.command()).await? & (BUSY | ABORT) == 0 {
+                return Ok(());
+            }
+        }
+        Err(EscError::Stuck(engine.command()))
+    }
+
+    /// Waits until at least `wanted` double words wait, or have room; how many it is.
+    async fn level(&mut self, engine: Direction, address: u16, wanted: usize) -> Result<usize, EscError> {
+        for _ in 0..POLLS_MAX {
+            let level = count(self.bus.read(engine.command()).await?);
+            if level >= wanted {
+                return Ok(level);
+            }
+        }
+        Err(EscError::Stuck(address))
+    }
+
+    /// Proves that a transfer was the one that was meant, and that all of it was moved. Address and length count on while
+    /// an engine works, or stay as they were written.
+    async fn finish(&mut self, engine: Direction, address: u16, length: usize) -> Result<(), EscError> {
+        let end = place(address.wrapping_add(length as u16), 0);
+        let reads = engine.port == Direction::READ.port;
+        for _ in 0..POLLS_MAX {
+            let (now, status) = self.bus.read_up(engine.place).await?;
+            if status & BUSY != 0 {
+                continue;
+            }
+            let as_meant = now == end || now == place(address, length);
+            let left_over = reads && count(status) > 0;
+            return if as_meant && !left_over { Ok(()) } else { Err(EscError::Garbled(address)) };
+        }
+        Err(EscError::Stuck(address))
+    }
+}
+
+impl Direction {
+    /// Notes how a transfer ended. What was not proved is aborted before the next.
+    fn ended(&mut self, done: Result<(), EscError>) {
+        match done {
+            Ok(()) => (self.open, self.stuck) = (false, 0),
+            Err(EscError::Stuck(_)) => (self.stuck, self.watched) = (self.stuck.saturating_add(1), true),
+            Err(EscError::Garbled(_)) => self.watched = true,
+            Err(_) => {}
+        }
+    }
+
+    /// Whether an abort is not enough to make the engine work again.
+    pub(super) fn hangs(self) -> bool {
+        self.stuck >= STUCK_MAX
+    }
+
+    /// Notes that the engine was aborted.
+    pub(super) fn aborted(&mut self) {
+        self.open = false;
+    }
+
+    /// Notes that the engine was reset.
+    pub(super) fn reset(&mut self) {
+        (self.open, self.stuck) = (false, 0);
+    }
+}
+
+/// What goes into the address and length register.
+fn place(address: u16, length: usize) -> u32 {
+    (length as u32) << 16 | u32::from(address)
+}

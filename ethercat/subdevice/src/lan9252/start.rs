@@ -1,0 +1,157 @@
+//! Setting the chip up, noticing that it is not the one that was set up, and bringing it back.
+
+use embassy_time::{Duration, Timer};
+use embedded_hal_async::spi::SpiDevice;
+
+use super::fifo::Direction;
+use super::registers::{BUSY, COMMAND, POLLS_MAX};
+use super::{Health, Lan9252};
+use crate::esc::EscError;
+
+const IRQ_CONFIG: u16 = 0x054;
+const IRQ_ENABLE: u16 = 0x05C;
+const BYTE_TEST: u16 = 0x064;
+const HARDWARE_CONFIG: u16 = 0x074;
+const RESET_CONTROL: u16 = 0x1F8;
+
+const TEST_PATTERN: u32 = 0x8765_4321;
+const READY: u32 = 1 << 27;
+const RESET_DIGITAL: u32 = 1;
+const IRQ_FROM_ETHERCAT: u32 = 1;
+/// Pin switched on, push-pull; and high when it asks.
+const IRQ_ON: u32 = 0x101;
+const IRQ_HIGH: u32 = 0x010;
+
+/// How long the chip may take from a reset to its test pattern, and from there to being ready.
+const ANSWER_LIMIT_MS: u64 = 100;
+const READY_LIMIT_MS: u64 = 500;
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
+/// A wrong value is believed when it was read so often.
+const LOOKS: usize = 3;
+
+impl<SPI: SpiDevice> Lan9252<SPI> {
+    /// Sees to it that the chip is set up before an access.
+    pub(super) async fn ready(&mut self) -> Result<(), EscError> {
+        match self.health {
+            Health::Good => Ok(()),
+            Health::Unknown => {
+                self.wait_for_answer().await?;
+                self.reset().await?;
+                self.set_up().await
+            }
+            Health::Suspect => self.recover().await,
+        }
+    }
+
+    /// Whether the chip shows its test pattern.
+    pub(super) async fn test_pattern(&mut self) -> Result<(), EscError> {
+        match self.bus.read(BYTE_TEST).await? {
+            TEST_PATTERN => Ok(()),
+            other => Err(EscError::Absent(other)),
+        }
+    }
+
+    /// Whether the chip still is the one that was set up: a brown-out resets it without a word.
+    pub(super) async fn check(&mut self) -> Result<(), EscError> {
+        let mut pattern = 0;
+        for _ in 0..LOOKS {
+            pattern = self.bus.read(BYTE_TEST).await?;
+            if pattern == TEST_PATTERN && self.bus.read(IRQ_CONFIG).await? == self.irq_config() {
+                return Ok(());
+            }
+        }
+        self.health = Health::Suspect;
+        if pattern == TEST_PATTERN { self.recover().await } else { Err(EscError::Absent(pattern)) }
+    }
+
+    /// Brings a chip back that did not do what it should: without a reset if it can be.
+    async fn recover(&mut self) -> Result<(), EscError> {
+        self.wait_for_answer().await?;
+        self.restarted |= !self.is_set_up().await?;
+        if !self.is_idle().await? {
+            self.restarted = true;
+            self.reset().await?;
+        }
+        self.set_up().await?;
+        // Told once, and not before the chip is set up: until then it may happen again.
+        if core::mem::take(&mut self.restarted) { Err(EscError::Restarted) } else { Ok(()) }
+    }
+
+    async fn is_set_up(&mut self) -> Result<bool, EscError> {
+        for _ in 0..LOOKS {
+            if self.bus.read(IRQ_CONFIG).await? == self.irq_config() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Ends what the engines may still have under way; whether they all can be used again.
+    async fn is_idle(&mut self) -> Result<bool, EscError> {
+        if self.reading.hangs() || self.writing.hangs() {
+            return Ok(false);
+        }
+        for engine in [Direction::READ, Direction::WRITE] {
+            match self.abort(engine).await {
+                Err(EscError::Stuck(_)) => return Ok(false),
+                outcome => outcome?,
+            }
+        }
+        for _ in 0..POLLS_MAX {
+            if self.bus.read(COMMAND).await? & BUSY == 0 {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    async fn reset(&mut self) -> Result<(), EscError> {
+        self.bus.write(RESET_CONTROL, RESET_DIGITAL).await?;
+        self.reading.reset();
+        self.writing.reset();
+        Timer::after(POLL_INTERVAL).await;
+        self.wait_for_answer().await
+    }
+
+    /// Waits for the test pattern and for READY.
+    async fn wait_for_answer(&mut self) -> Result<(), EscError> {
+        let mut pattern = 0;
+        for _ in 0..ANSWER_LIMIT_MS {
+            pattern = self.bus.read(BYTE_TEST).await?;
+            if pattern == TEST_PATTERN {
+                return self.wait_until_ready().await;
+            }
+            Timer::after(POLL_INTERVAL).await;
+        }
+        Err(EscError::Absent(pattern))
+    }
+
+    async fn wait_until_ready(&mut self) -> Result<(), EscError> {
+        for _ in 0..READY_LIMIT_MS {
+            if self.bus.read(HARDWARE_CONFIG).await? & READY != 0 {
+                return Ok(());
+            }
+            Timer::after(POLL_INTERVAL).await;
+        }
+        Err(EscError::Stuck(HARDWARE_CONFIG))
+    }
+
+    /// Switches the interrupt pin on. That it was read back makes the chip known.
+    async fn set_up(&mut self) -> Result<(), EscError> {
+        self.bus.write(IRQ_CONFIG, self.irq_config()).await?;
+        self.bus.write(IRQ_ENABLE, IRQ_FROM_ETHERCAT).await?;
+        let config = self.bus.read(IRQ_CONFIG).await?;
+        if config != self.irq_config() || self.bus.read(IRQ_ENABLE).await? != IRQ_FROM_ETHERCAT {
+            return Err(EscError::Garbled(IRQ_CONFIG));
+        }
+        self.register_open = false;
+        self.reading.aborted();
+        self.writing.aborted();
+        self.health = Health::Good;
+        Ok(())
+    }
+
+    fn irq_config(&self) -> u32 {
+        IRQ_ON | if self.wiring.interrupt_high { IRQ_HIGH } else { 0 }
+    }
+}

@@ -1,0 +1,271 @@
+//! The object dictionary as data: one table from which SDO, SDO information, the SII image and the ESI file are all served.
+//!
+//! A device's table is a `const`, sorted by index. Numbers and texts that never change stand in it; what the stack itself keeps
+//! (PDO assignment, synchronisation) is marked as such, and everything else is the application's.
+
+mod types;
+
+use crate::sync_manager::Channel;
+
+pub use types::{Access, DataType};
+
+/// An object: an index with one or more entries.
+#[derive(Debug, Clone, Copy)]
+pub struct Object {
+    /// Its index.
+    pub index: u16,
+    /// Its name.
+    pub name: &'static str,
+    /// What stands behind its sub-indices.
+    pub entries: Entries,
+}
+
+/// The entries of an object.
+#[derive(Debug, Clone, Copy)]
+pub enum Entries {
+    /// One value, at sub-index 0.
+    Variable(Entry),
+    /// `count` values of one kind from sub-index 1 on; sub-index 0 tells how many.
+    Array(u8, Entry),
+    /// Values of different kinds.
+    Record(&'static [Entry]),
+    /// Which PDOs a SyncManager carries: the list after power-on; sub-index 0 may be written.
+    Assignment(&'static [u16], Access),
+    /// What a PDO carries, and which others cannot be assigned with it.
+    Mapping(&'static [Mapped], &'static [u16]),
+}
+
+/// A run of entries of one object that a PDO carries.
+#[derive(Debug, Clone, Copy)]
+pub struct Mapped {
+    /// The object.
+    pub index: u16,
+    /// The first sub-index.
+    pub sub: u8,
+    /// How many entries.
+    pub count: u8,
+    /// Bits of each entry.
+    pub bits: u8,
+}
+
+/// One value of an object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Entry {
+    /// Its name.
+    pub name: &'static str,
+    /// Its type.
+    pub data_type: DataType,
+    /// Who may read and write it in which state.
+    pub access: Access,
+    /// Where its value comes from.
+    pub value: Value,
+    /// The least and the greatest number that may be written.
+    pub range: (u64, u64),
+}
+
+/// Where an entry's value comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Value {
+    /// From the table: a number.
+    Number(u64),
+    /// From the table: a text.
+    Text(&'static str),
+    /// From the stack; the number is its value after power-on.
+    Stack(u64),
+    /// From the application; the number is its value after power-on.
+    Application(u64),
+}
+
+impl Entry {
+    /// A number that never changes.
+    pub const fn number(name: &'static str, data_type: DataType, value: u64) -> Self {
+        Self { name, data_type, access: Access::READ, value: Value::Number(value), range: (0, u64::MAX) }
+    }
+
+    /// A text that never changes.
+    pub const fn text(name: &'static str, text: &'static str) -> Self {
+        let data_type = DataType::Text(text.len() as u16);
+        Self { name, data_type, access: Access::READ, value: Value::Text(text), range: (0, u64::MAX) }
+    }
+
+    /// A value of the application that is read only.
+    pub const fn reading(name: &'static str, data_type: DataType) -> Self {
+        Self { value: Value::Application(0), ..Self::number(name, data_type, 0) }
+    }
+
+    /// A value of the application that may be written, in every state, as long as it is a number in `least..=greatest`.
+    pub const fn setting(name: &'static str, data_type: DataType, default: u64, range: (u64, u64)) -> Self {
+        let access = Access::READ.and(Access::WRITE).and(Access::SETTING);
+        Self { value: Value::Application(default), access, range, ..Self::number(name, data_type, 0) }
+    }
+
+    /// A value that the stack keeps.
+    pub const fn of_stack(name: &'static str, data_type: DataType, default: u64, access: Access) -> Self {
+        Self { value: Value::Stack(default), access, ..Self::number(name, data_type, 0) }
+    }
+
+    /// The same with other rights.
+    #[must_use]
+    pub const fn with_access(self, access: Access) -> Self {
+        Self { access, ..self }
+    }
+
+    /// A value of the application that is another number than 0 after power-on.
+    #[must_use]
+    pub const fn with_default(self, value: u64) -> Self {
+        Self { value: Value::Application(value), ..self }
+    }
+
+    /// The value after power-on, if it is a number.
+    pub const fn default_number(&self) -> Option<u64> {
+        match self.value {
+            Value::Number(value) | Value::Stack(value) | Value::Application(value)
+                if self.data_type.is_number() =>
+            {
+                Some(value)
+            }
+            _ => None,
+        }
+    }
+
+    /// The greatest number that may be written.
+    pub const fn greatest(&self) -> u64 {
+        let (greatest, of_type) = (self.range.1, self.data_type.greatest());
+        if greatest < of_type { greatest } else { of_type }
+    }
+}
+
+impl Object {
+    /// An object with one value.
+    pub const fn variable(index: u16, entry: Entry) -> Self {
+        Self { index, name: entry.name, entries: Entries::Variable(entry) }
+    }
+
+    /// An object with `count` values of one kind.
+    pub const fn array(index: u16, name: &'static str, count: u8, entry: Entry) -> Self {
+        Self { index, name, entries: Entries::Array(count, entry) }
+    }
+
+    /// An object with values of different kinds.
+    pub const fn record(index: u16, name: &'static str, entries: &'static [Entry]) -> Self {
+        Self { index, name, entries: Entries::Record(entries) }
+    }
+
+    /// A PDO.
+    pub const fn mapping(index: u16, name: &'static str, mapped: &'static [Mapped]) -> Self {
+        Self { index, name, entries: Entries::Mapping(mapped, &[]) }
+    }
+
+    /// The same PDO, which cannot be assigned together with the PDOs `excluded`.
+    #[must_use]
+    pub const fn excluding(self, excluded: &'static [u16]) -> Self {
+        match self.entries {
+            Entries::Mapping(mapped, _) => Self { entries: Entries::Mapping(mapped, excluded), ..self },
+            _ => self,
+        }
+    }
+
+    /// The greatest sub-index.
+    pub fn sub_max(&self) -> u8 {
+        match self.entries {
+            Entries::Variable(_) => 0,
+            Entries::Array(count, _) => count,
+            Entries::Record(entries) => entries.len() as u8,
+            Entries::Assignment(..) => crate::assignment::PDOS_ASSIGNED_MAX as u8,
+            Entries::Mapping(mapped, _) => mapped.iter().map(|run| run.count).sum(),
+        }
+    }
+
+    /// What stands at sub-index `sub`.
+    pub fn entry(&self, sub: u8) -> Option<Entry> {
+        if let Entries::Variable(entry) = self.entries {
+            return (sub == 0).then_some(entry);
+        }
+        if sub == 0 {
+            return Some(self.count_entry());
+        }
+        match self.entries {
+            Entries::Array(count, entry) => (sub <= count).then_some(entry),
+            Entries::Record(entries) => entries.get(usize::from(sub) - 1).copied(),
+            Entries::Assignment(initial, access) => (sub <= self.sub_max()).then(|| {
+                let default = initial.get(usize::from(sub) - 1).copied().unwrap_or_default();
+                Entry::of_stack("PDO", DataType::U16, default.into(), access)
+            }),
+            Entries::Mapping(..) => {
+                let value = self.mapped().nth(usize::from(sub) - 1)?;
+                Some(Entry::number("Mapped entry", DataType::U32, value.into()))
+            }
+            Entries::Variable(_) => None,
+        }
+    }
+
+    fn count_entry(&self) -> Entry {
+        const NAME: &str = "Number of entries";
+        match self.entries {
+            Entries::Assignment(initial, access) => {
+                Entry::of_stack(NAME, DataType::U8, initial.len() as u64, access)
+            }
+            _ => Entry::number(NAME, DataType::U8, self.sub_max().into()),
+        }
+    }
+
+    /// The object code: VAR, ARRAY or RECORD.
+    pub const fn code(&self) -> u8 {
+        match self.entries {
+            Entries::Variable(_) => 7,
+            Entries::Array(..) | Entries::Assignment(..) => 8,
+            Entries::Record(_) | Entries::Mapping(..) => 9,
+        }
+    }
+
+    /// The data type: of a VAR or ARRAY that of its values, of a RECORD its own (ETG.1000.6, table 63).
+    pub const fn data_type(&self) -> u16 {
+        match self.entries {
+            Entries::Variable(entry) | Entries::Array(_, entry) => entry.data_type.code(),
+            Entries::Assignment(..) => DataType::U16.code(),
+            Entries::Mapping(..) => 0x0021,
+            Entries::Record(_) => match self.index {
+                0x1018 => 0x0023,
+                0x1c32 | 0x1c33 => 0x0029,
+                // The first number that is left to manufacturers.
+                _ => 0x0040,
+            },
+        }
+    }
+
+    /// Which SyncManager's PDO this is, if it is one.
+    pub const fn pdo(&self) -> Option<Channel> {
+        match (&self.entries, self.index) {
+            (Entries::Mapping(..), 0x1600..=0x17ff) => Some(Channel::Outputs),
+            (Entries::Mapping(..), 0x1a00..=0x1bff) => Some(Channel::Inputs),
+            _ => None,
+        }
+    }
+
+    /// The mapped entries of a PDO, in the form of its values: index, sub-index, bits.
+    pub fn mapped(&self) -> impl Iterator<Item = u32> + use<> {
+        let mapped = match self.entries {
+            Entries::Mapping(mapped, _) => mapped,
+            _ => &[],
+        };
+        mapped.iter().flat_map(|run| {
+            let subs = u32::from(run.sub)..u32::from(run.sub) + u32::from(run.count);
+            subs.map(|sub| u32::from(run.index) << 16 | sub << 8 | u32::from(run.bits))
+        })
+    }
+
+    /// Whether this PDO and `other` cannot be assigned together.
+    pub fn excludes(&self, other: &Self) -> bool {
+        let names = |one: &Self, index: u16| match one.entries {
+            Entries::Mapping(_, excluded) => excluded.contains(&index),
+            _ => false,
+        };
+        names(self, other.index) || names(other, self.index)
+    }
+
+    /// Bytes of a PDO.
+    pub fn pdo_bytes(&self) -> usize {
+        let bits: u32 = self.mapped().map(|entry| entry & 0xff).sum();
+        bits as usize / 8
+    }
+}

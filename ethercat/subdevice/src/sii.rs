@@ -1,0 +1,216 @@
+//! The SII: what stands in the controller's EEPROM (ETG.1000.6, clause 5.4; ETG.2010), made from the device's table.
+
+use crc::{Algorithm, Crc};
+
+use crate::device::Device;
+use crate::object::Object;
+use crate::sync_manager::Channel;
+use strings::Strings;
+
+mod strings;
+
+/// Bytes of an image: an EEPROM of 32 KBit, the smallest one that all controllers address by two bytes.
+pub const SII_BYTES: usize = 4096;
+/// Where the categories begin.
+const CATEGORIES_START: usize = 0x80;
+/// What an erased EEPROM reads; two of them end the categories.
+const ERASED: u8 = 0xff;
+
+/// The check of the first seven words: x^8 + x^2 + x + 1, from FFh.
+const CRC_8: Algorithm<u8> = Algorithm {
+    width: 8,
+    poly: 0x07,
+    init: 0xff,
+    refin: false,
+    refout: false,
+    xorout: 0,
+    check: 0xfb,
+    residue: 0,
+};
+
+/// The mailbox protocols of word 1Ch: CoE.
+const PROTOCOLS: u16 = 0x0004;
+/// CoE: SDO, SDO information, PDO assignment, uploads at start, complete access.
+const COE_DETAILS: u8 = 0x37;
+/// The mailbox repeats messages; the identification is shown in AL status code.
+const GENERAL_FLAGS: u8 = 0x0c;
+/// Both ports are MII, one nibble each.
+const PORTS: u16 = 0x0011;
+/// A PDO whose content cannot be changed.
+const PDO_FIXED: u16 = 0x0010;
+/// The SyncManager of a PDO that is not assigned after power-on.
+const NOT_ASSIGNED: u8 = 0xff;
+
+/// The categories' types.
+#[derive(Clone, Copy)]
+#[repr(u16)]
+enum Category {
+    Strings = 10,
+    General = 30,
+    Fmmu = 40,
+    SyncManager = 41,
+    TxPdo = 50,
+    RxPdo = 51,
+}
+
+/// The description does not fit into [`SII_BYTES`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the device's description does not fit into the EEPROM's {SII_BYTES} bytes")]
+pub struct SiiFull;
+
+/// Writes the image of `device`; what is not used reads as erased.
+pub fn write(device: &Device, into: &mut [u8; SII_BYTES]) -> Result<(), SiiFull> {
+    into.fill(ERASED);
+    let (head, categories) = into.split_first_chunk_mut::<CATEGORIES_START>().ok_or(SiiFull)?;
+    *head = head_of(device);
+    let strings = Strings::of(device).ok_or(SiiFull)?;
+    let mut writer = Writer { bytes: categories, at: 0 };
+    writer.category(Category::Strings, |writer| {
+        writer.put(&[strings.count()])?;
+        strings.iter().try_for_each(|text| {
+            writer.put(&[text.len() as u8])?;
+            writer.put(text.as_bytes())
+        })
+    })?;
+    writer.category(Category::General, |writer| writer.put(&general(device, &strings)))?;
+    // Outputs, inputs, and the state of the mailbox.
+    writer.category(Category::Fmmu, |writer| writer.put(&[1, 2, 3]))?;
+    writer.category(Category::SyncManager, |writer| {
+        Channel::ALL.into_iter().try_for_each(|channel| writer.put(&sync_manager(device, channel)))
+    })?;
+    for (category, channel) in [(Category::TxPdo, Channel::Inputs), (Category::RxPdo, Channel::Outputs)] {
+        writer.category(category, |writer| {
+            device.pdos(channel).try_for_each(|pdo| write_pdo(writer, device, &strings, channel, pdo))
+        })?;
+    }
+    Ok(())
+}
+
+/// The image's check: that of its first 14 bytes.
+pub fn check(head: &[u8; 14]) -> u8 {
+    Crc::<u8>::new(&CRC_8).checksum(head)
+}
+
+/// The words in front of the categories.
+fn head_of(device: &Device) -> [u8; CATEGORIES_START] {
+    let mut head = [0; CATEGORIES_START];
+    let mut put = |word: usize, bytes: &[u8]| {
+        head.iter_mut().skip(2 * word).zip(bytes).for_each(|(place, &byte)| *place = byte);
+    };
+    let mut configuration = [0; 14];
+    configuration.iter_mut().zip(device.controller).for_each(|(place, byte)| *place = byte);
+    put(0x00, &configuration);
+    put(0x07, &[check(&configuration), 0]);
+    let identity = device.identity;
+    let numbers = [identity.vendor, identity.product, identity.revision, identity.serial];
+    (0..).zip(numbers).for_each(|(at, number)| put(0x08 + 2 * at, &number.to_le_bytes()));
+    let memory = device.memory;
+    let (out, answers) = (memory.start(Channel::MailboxOut), memory.start(Channel::MailboxIn));
+    let words = [out, memory.mailbox_bytes, answers, memory.mailbox_bytes, PROTOCOLS];
+    (0..).zip(words).for_each(|(at, word)| put(0x18 + at, &word.to_le_bytes()));
+    // The size in KBit less 1, and the version of this format.
+    put(0x3e, &[(SII_BYTES * 8 / 1024 - 1) as u8, 0, 1, 0]);
+    head
+}
+
+fn general(device: &Device, strings: &Strings) -> [u8; 32] {
+    let mut general = [0; 32];
+    let [ports_low, ports_high] = PORTS.to_le_bytes();
+    let fields = [
+        (0x00, strings.index(device.group)),
+        (0x02, strings.index(device.order)),
+        (0x03, strings.index(device.name)),
+        (0x05, COE_DETAILS),
+        (0x0b, GENERAL_FLAGS),
+        (0x10, ports_low),
+        (0x11, ports_high),
+    ];
+    for (at, value) in fields {
+        general[at] = value;
+    }
+    general
+}
+
+fn sync_manager(device: &Device, channel: Channel) -> [u8; 8] {
+    let length = default_length(device, channel);
+    let [start_low, start_high] = device.memory.start(channel).to_le_bytes();
+    let [length_low, length_high] = length.to_le_bytes();
+    let enable = u8::from(length > 0);
+    [start_low, start_high, length_low, length_high, channel.control(), 0, enable, channel.purpose()]
+}
+
+/// A SyncManager's length after power-on.
+pub fn default_length(device: &Device, channel: Channel) -> u16 {
+    match channel {
+        Channel::MailboxOut | Channel::MailboxIn => device.memory.mailbox_bytes,
+        Channel::Outputs | Channel::Inputs => device.default_bytes(channel) as u16,
+    }
+}
+
+fn write_pdo(
+    writer: &mut Writer<'_>,
+    device: &Device,
+    strings: &Strings,
+    channel: Channel,
+    pdo: &Object,
+) -> Result<(), SiiFull> {
+    let assigned = device.default_pdos(channel).contains(&pdo.index);
+    let sync_manager = if assigned { channel as u8 } else { NOT_ASSIGNED };
+    writer.put(&pdo.index.to_le_bytes())?;
+    writer.put(&[pdo.sub_max(), sync_manager, 0, strings.index(pdo.name)])?;
+    writer.put(&PDO_FIXED.to_le_bytes())?;
+    pdo.mapped().try_for_each(|mapped| {
+        let [bits, sub, index @ ..] = mapped.to_le_bytes();
+        let index = u16::from_le_bytes(index);
+        let entry = device.object(index).and_then(|object| object.entry(sub)).ok_or(SiiFull)?;
+        writer.put(&index.to_le_bytes())?;
+        writer.put(&[sub, strings.index(entry.name), entry.data_type.code() as u8, bits, 0, 0])
+    })
+}
+
+/// Writes categories, one behind the other.
+struct Writer<'b> {
+    bytes: &'b mut [u8],
+    at: usize,
+}
+
+impl Writer<'_> {
+    fn put(&mut self, bytes: &[u8]) -> Result<(), SiiFull> {
+        // Room is kept for the mark at the end.
+        let place = self.bytes.get_mut(self.at..self.at + bytes.len() + 2).ok_or(SiiFull)?;
+        place.iter_mut().zip(bytes).for_each(|(place, &byte)| *place = byte);
+        self.at += bytes.len();
+        Ok(())
+    }
+
+    /// A category: its type, its length in words, and what `content` writes, made even.
+    fn category(
+        &mut self,
+        category: Category,
+        content: impl FnOnce(&mut Self) -> Result<(), SiiFull>,
+    ) -> Result<(), SiiFull> {
+        self.put(&(category as u16).to_le_bytes())?;
+        let length_at = self.at;
+        self.put(&[0, 0])?;
+        let start = self.at;
+        content(self)?;
+        if !(self.at - start).is_multiple_of(2) {
+            self.put(&[0])?;
+        }
+        let words = ((self.at - start) / 2) as u16;
+        let place = self.bytes.get_mut(length_at..).unwrap_or_default();
+        place.iter_mut().zip(words.to_le_bytes()).for_each(|(place, byte)| *place = byte);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::check;
+
+    #[test]
+    fn the_check_is_that_of_images_seen_elsewhere() {
+        assert_eq!(check(&[0x09, 0, 0, 0x08, 0, 0, 0, 0, 0xcd, 0xab, 0, 0, 0, 0]), 0x04);
+        assert_eq!(check(&[0x80, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]), 0xe9);
+    }
+}

@@ -1,0 +1,93 @@
+//! The objects that every device with a mailbox has (ETG.1000.6, clause 5.6.7; ETG.1020).
+
+use crate::device::Identity;
+use crate::object::{Access, DataType, Entries, Entry, Object};
+
+/// 1000h, device type: the profile's number.
+pub const fn device_type(profile: u32) -> Object {
+    Object::variable(0x1000, Entry::number("Device type", DataType::U32, profile as u64))
+}
+
+/// 1008h, device name.
+pub const fn device_name(name: &'static str) -> Object {
+    Object::variable(0x1008, Entry::text("Device name", name))
+}
+
+/// 1009h, hardware version.
+pub const fn hardware_version(version: &'static str) -> Object {
+    Object::variable(0x1009, Entry::text("Hardware version", version))
+}
+
+/// 100Ah, software version.
+pub const fn software_version(version: &'static str) -> Object {
+    Object::variable(0x100a, Entry::text("Software version", version))
+}
+
+/// 1018h, identity: the entries are those of [`identity_entries`], kept in a static.
+pub const fn identity(entries: &'static [Entry]) -> Object {
+    Object::record(0x1018, "Identity", entries)
+}
+
+/// The entries of 1018h.
+pub const fn identity_entries(identity: Identity) -> [Entry; 4] {
+    [
+        Entry::number("Vendor ID", DataType::U32, identity.vendor as u64),
+        Entry::number("Product code", DataType::U32, identity.product as u64),
+        Entry::number("Revision number", DataType::U32, identity.revision as u64),
+        Entry::number("Serial number", DataType::U32, identity.serial as u64),
+    ]
+}
+
+/// 1C00h, what the SyncManagers are for: mailbox out and in, outputs, inputs.
+pub const SYNC_MANAGER_TYPES: Object = {
+    const ENTRIES: [Entry; 4] = [
+        Entry::number("SyncManager 0", DataType::U8, 1),
+        Entry::number("SyncManager 1", DataType::U8, 2),
+        Entry::number("SyncManager 2", DataType::U8, 3),
+        Entry::number("SyncManager 3", DataType::U8, 4),
+    ];
+    Object::record(0x1c00, "SyncManager types", &ENTRIES)
+};
+
+/// Rights of an assignment that may be changed, in PreOp.
+pub const SELECTABLE: Access = Access::READ.and(Access::WRITE_PRE_OP);
+/// Rights of an assignment that is fixed.
+pub const FIXED: Access = Access::READ;
+
+/// 1C12h, the PDOs of the outputs, [`SELECTABLE`] or [`FIXED`].
+pub const fn rx_assignment(initial: &'static [u16], access: Access) -> Object {
+    Object { index: 0x1c12, name: "RxPDO assignment", entries: Entries::Assignment(initial, access) }
+}
+
+/// 1C13h, the PDOs of the inputs, [`SELECTABLE`] or [`FIXED`].
+pub const fn tx_assignment(initial: &'static [u16], access: Access) -> Object {
+    Object { index: 0x1c13, name: "TxPDO assignment", entries: Entries::Assignment(initial, access) }
+}
+
+/// Synchronisation types offered: free run (bit 0) and with the SyncManager's event (bit 1).
+const SYNC_TYPES: u64 = 0b11;
+/// The shortest cycle that is promised.
+const CYCLE_NS_MIN: u64 = 100_000;
+
+const fn synchronisation(default: u64) -> [Entry; 6] {
+    [
+        Entry::of_stack("Synchronisation type", DataType::U16, default, SELECTABLE),
+        Entry::number("Cycle time", DataType::U32, 0),
+        Entry::number("Shift time", DataType::U32, 0),
+        Entry::number("Synchronisation types supported", DataType::U16, SYNC_TYPES),
+        Entry::number("Minimum cycle time", DataType::U32, CYCLE_NS_MIN),
+        Entry::number("Calc and copy time", DataType::U32, 0),
+    ]
+}
+
+/// 1C32h, how outputs are synchronised.
+pub const OUTPUT_SYNCHRONISATION: Object = {
+    const ENTRIES: [Entry; 6] = synchronisation(0x01);
+    Object::record(0x1c32, "Output SyncManager parameters", &ENTRIES)
+};
+
+/// 1C33h, how inputs are synchronised.
+pub const INPUT_SYNCHRONISATION: Object = {
+    const ENTRIES: [Entry; 6] = synchronisation(0x22);
+    Object::record(0x1c33, "Input SyncManager parameters", &ENTRIES)
+};

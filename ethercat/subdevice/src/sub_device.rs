@@ -1,0 +1,173 @@
+//! The SubDevice: serves a controller's events, one after the other.
+//!
+//! A pass reads the event register and does what it says: a request for a state (`states`), a changed SyncManager (`checks`), a message (`mail`), process data
+//! (`data`). Which events raise the interrupt follows from what can be done about them, so a request that must wait for
+//! room does not keep the interrupt up.
+
+mod checks;
+mod data;
+mod mail;
+mod states;
+
+use embassy_futures::select::select;
+use embassy_time::{Duration, Instant, Timer};
+
+use crate::al_state::{AlMachine, AlState};
+use crate::application::Application;
+use crate::assignment::{Communication, Synchronisation};
+use crate::coe::Coe;
+use crate::device::Device;
+use crate::esc::{Esc, EscError};
+use crate::mailbox::Mailbox;
+use crate::process::Images;
+use crate::registers::{AL_EVENT_MASK, Events};
+use crate::sync_manager::Channel;
+
+/// How long Op may wait for the first outputs.
+pub const OUTPUTS_WAIT: Duration = Duration::from_millis(1_000);
+/// How often inputs are renewed in free run.
+pub const FREE_RUN_CYCLE: Duration = Duration::from_millis(1);
+/// How often the application is asked whether a write has ended.
+const WRITING_PAUSE: Duration = Duration::from_millis(1);
+/// How long the controller is left alone when it did not answer.
+pub const RESTART_PAUSE: Duration = Duration::from_millis(10);
+
+/// A SubDevice on a controller, for an application.
+pub struct SubDevice<E, A> {
+    device: &'static Device,
+    esc: E,
+    application: A,
+    al: AlMachine,
+    communication: Communication,
+    mailbox: Mailbox,
+    coe: Coe,
+    images: Images,
+    /// The events that raise the interrupt, as far as the controller was told.
+    mask: Option<Events>,
+    /// Op was asked for, and waits for outputs until then.
+    op_deadline: Option<Instant>,
+}
+
+impl<E: Esc, A: Application> SubDevice<E, A> {
+    /// A SubDevice that is what `device` says.
+    pub fn new(device: &'static Device, esc: E, application: A) -> Self {
+        Self {
+            device,
+            esc,
+            application,
+            al: AlMachine::new(None),
+            communication: Communication::new(device),
+            mailbox: Mailbox::default(),
+            coe: Coe::default(),
+            images: Images::default(),
+            mask: None,
+            op_deadline: None,
+        }
+    }
+
+    /// The state it is in.
+    pub fn state(&self) -> AlState {
+        self.al.state()
+    }
+
+    /// The controller.
+    pub fn esc(&mut self) -> &mut E {
+        &mut self.esc
+    }
+
+    /// The application.
+    pub fn application(&mut self) -> &mut A {
+        &mut self.application
+    }
+
+    /// Serves the controller for ever. `attention` waits for the controller's interrupt (a level), or for as long as may pass
+    /// between two looks where there is none. A controller that fails is started anew.
+    pub async fn run(&mut self, mut attention: impl AsyncFnMut()) -> ! {
+        loop {
+            self.run_until_fault(&mut attention).await;
+            Timer::after(RESTART_PAUSE).await;
+        }
+    }
+
+    /// [`run`](Self::run) until the controller fails.
+    pub async fn run_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> EscError {
+        let fault = match self.start().await {
+            Ok(()) => self.serve_until_fault(attention).await,
+            Err(fault) => fault,
+        };
+        self.application.failed(fault);
+        self.application.outputs_stopped();
+        fault
+    }
+
+    async fn serve_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> EscError {
+        loop {
+            if let Err(fault) = self.serve().await {
+                return fault;
+            }
+            match self.due() {
+                Some(due) => {
+                    select(attention(), Timer::at(due)).await;
+                }
+                None => attention().await,
+            }
+        }
+    }
+
+    /// Does all that there is to do now. [`start`](Self::start) comes first.
+    pub async fn serve(&mut self) -> Result<(), EscError> {
+        while self.pass().await? {}
+        self.update_mask().await
+    }
+
+    /// When something is due without an event.
+    pub fn due(&self) -> Option<Instant> {
+        let inputs = self.runs_free().then_some(self.images.inputs_due);
+        let writes = self.al.state().has_mailbox() && self.coe.is_writing();
+        let written = writes.then(|| Instant::now() + WRITING_PAUSE);
+        [inputs, self.op_deadline, written].into_iter().flatten().min()
+    }
+
+    /// Does what one look at the events asks for; true when it is worth another look, since that may have changed them.
+    async fn pass(&mut self) -> Result<bool, EscError> {
+        let events = Events(self.esc.events().await?);
+        if events.any(Events::AL_CONTROL) {
+            self.al_control().await?;
+            return Ok(true);
+        }
+        if events.any(Events::SYNC_MANAGER_CHANGED) {
+            self.sync_managers_changed().await?;
+            return Ok(true);
+        }
+        if events.any(Events::WATCHDOG) {
+            self.watchdog().await?;
+        }
+        self.exchange_data(events).await?;
+        self.op_without_outputs().await?;
+        self.exchange_mail(events).await
+    }
+
+    fn runs_free(&self) -> bool {
+        self.al.state().has_process_data()
+            && self.communication.synchronisation() == Some(Synchronisation::FreeRun)
+    }
+
+    async fn update_mask(&mut self) -> Result<(), EscError> {
+        let data = self.al.state().has_process_data();
+        let mask = Events(Events::AL_CONTROL.0 | Events::SYNC_MANAGER_CHANGED.0)
+            .with_if(self.takes_requests(), Events::MAILBOX_WRITTEN)
+            .with_if(self.waits_for_mailbox(), Events::MAILBOX_FETCHED)
+            .with_if(data, Events(Events::WATCHDOG.0 | Events::OUTPUTS_WRITTEN.0))
+            .with_if(data && !self.runs_free(), Events::INPUTS_FETCHED);
+        if self.mask != Some(mask) {
+            self.esc.write(AL_EVENT_MASK, &mask.0.to_le_bytes()).await?;
+            self.mask = Some(mask);
+        }
+        Ok(())
+    }
+
+    /// Lets a SyncManager work, or not.
+    async fn switch(&mut self, channel: Channel, on: bool) -> Result<(), EscError> {
+        self.esc.write(channel.pdi_control(), &[u8::from(!on)]).await
+    }
+}

@@ -1,0 +1,104 @@
+//! Whether the SyncManagers are set up well, and what the device falls back for by itself.
+
+use super::SubDevice;
+use crate::al_state::{AlState, AlStatusCode};
+use crate::application::Application;
+use crate::coe::emergency::Cause;
+use crate::esc::{Esc, EscError};
+use crate::registers::{SYNC_MANAGER_STATUS, SYNC_MANAGERS, WATCHDOG_STATUS};
+use crate::sync_manager::{Channel, SYNC_MANAGERS_USED, SyncManager};
+
+/// A SyncManager's status: the mailbox is full.
+const MAILBOX_FULL: u8 = 1 << 3;
+/// PDI control: the repeat request was served.
+const REPEAT_ACKNOWLEDGE: u8 = 1 << 1;
+
+/// The SyncManagers' registers, and whether SM1 is full.
+pub(super) struct SyncManagers {
+    pub(super) channels: [SyncManager; SYNC_MANAGERS_USED],
+    mailbox_full: bool,
+}
+
+impl<E: Esc, A: Application> SubDevice<E, A> {
+    /// Falls back to `state`, and says why.
+    async fn fall(&mut self, state: AlState, code: AlStatusCode) -> Result<(), EscError> {
+        self.op_deadline = None;
+        self.go_down(state).await?;
+        self.al.fell(state, code);
+        self.report(Cause::ProcessDataLost, code);
+        self.application.entered(state);
+        self.write_status().await
+    }
+
+    /// The process data watchdog's event.
+    pub(super) async fn watchdog(&mut self) -> Result<(), EscError> {
+        let expired = self.read_word(WATCHDOG_STATUS).await? & 1 == 0;
+        if !expired {
+            return Ok(());
+        }
+        self.images.outputs_valid = false;
+        match self.al.state() {
+            AlState::Op => self.fall(AlState::SafeOp, AlStatusCode::SyncManagerWatchdog).await,
+            _ => Ok(()),
+        }
+    }
+
+    /// Some SyncManager's activation was written: it may be off now, or ask for a repetition; true if that was all.
+    pub(super) async fn sync_managers_changed(&mut self) -> Result<bool, EscError> {
+        let found = self.read_sync_managers().await?;
+        let state = self.al.state();
+        if !state.has_mailbox() {
+            return Ok(false);
+        }
+        if let Err(code) = self.check_mailboxes(&found) {
+            return self.fall(AlState::Init, code).await.map(|()| false);
+        }
+        if state.has_process_data()
+            && let Err(code) = self.check_process_data(&found)
+        {
+            return self.fall(AlState::PreOp, code).await.map(|()| false);
+        }
+        if !found.mailbox_full {
+            self.mailbox.fetched();
+        }
+        let repeat = found.channels[Channel::MailboxIn as usize].repeat();
+        let asked = self.mailbox.is_repeat(repeat);
+        if asked {
+            self.repeat_message(repeat).await?;
+        }
+        Ok(asked)
+    }
+
+    /// Tells the MainDevice that its repeat request was served.
+    pub(super) async fn acknowledge_repeat(&mut self, repeat: bool) -> Result<(), EscError> {
+        let acknowledge = if repeat { REPEAT_ACKNOWLEDGE } else { 0 };
+        self.esc.write(Channel::MailboxIn.pdi_control(), &[acknowledge]).await
+    }
+
+    pub(super) fn check_mailboxes(&self, found: &SyncManagers) -> Result<(), AlStatusCode> {
+        let bytes = self.device.memory.mailbox_bytes;
+        self.check(found, Channel::MailboxOut, bytes)?;
+        self.check(found, Channel::MailboxIn, bytes)
+    }
+
+    pub(super) fn check_process_data(&self, found: &SyncManagers) -> Result<(), AlStatusCode> {
+        self.check(found, Channel::Outputs, self.data_bytes(Channel::Outputs))?;
+        self.check(found, Channel::Inputs, self.data_bytes(Channel::Inputs))
+    }
+
+    fn check(&self, found: &SyncManagers, channel: Channel, bytes: u16) -> Result<(), AlStatusCode> {
+        found.channels[channel as usize].check(channel, self.device.memory.start(channel), bytes)
+    }
+
+    /// Reading all of them also clears the event that one was changed.
+    pub(super) async fn read_sync_managers(&mut self) -> Result<SyncManagers, EscError> {
+        let mut bytes = [0; 8 * SYNC_MANAGERS_USED];
+        self.esc.read(SYNC_MANAGERS, &mut bytes).await?;
+        let mut blocks = bytes.as_chunks::<8>().0.iter();
+        let channels = [(); SYNC_MANAGERS_USED].map(|()| {
+            blocks.next().map_or_else(SyncManager::default, |&block| SyncManager::from_bytes(block))
+        });
+        let status = bytes[8 * Channel::MailboxIn as usize + SYNC_MANAGER_STATUS as usize];
+        Ok(SyncManagers { channels, mailbox_full: status & MAILBOX_FULL != 0 })
+    }
+}

@@ -1,0 +1,96 @@
+//! Messages: one from SM0 when its answer has a place, one into SM1 when that is empty.
+
+use super::SubDevice;
+use crate::application::Application;
+use crate::dictionary::Dictionary;
+use crate::esc::{Esc, EscError};
+use crate::mailbox::{MAILBOX_BYTES_MAX, MailboxError, Protocol};
+use crate::registers::Events;
+use crate::sync_manager::Channel;
+
+impl<E: Esc, A: Application> SubDevice<E, A> {
+    /// Takes and gives messages; true if there were any.
+    pub(super) async fn exchange_mail(&mut self, events: Events) -> Result<bool, EscError> {
+        if !self.al.state().has_mailbox() {
+            return Ok(false);
+        }
+        if events.any(Events::MAILBOX_FETCHED) {
+            self.mailbox.fetched();
+        }
+        let ended = self.coe.written(&mut self.application);
+        let written = ended.is_some();
+        if let Some(answer) = ended {
+            self.mailbox.send(Protocol::CanOpen, answer);
+        }
+        let taken = events.any(Events::MAILBOX_WRITTEN) && self.takes_requests();
+        if taken {
+            self.take_request().await?;
+        }
+        let given = self.give_message().await?;
+        Ok(written || taken || given)
+    }
+
+    /// Whether a request may be taken: its answer has a place, and none to an earlier one is outstanding or half sent.
+    pub(super) fn takes_requests(&self) -> bool {
+        self.al.state().has_mailbox()
+            && self.mailbox.has_room()
+            && !self.coe.is_answering()
+            && !self.coe.is_writing()
+    }
+
+    /// Whether something is to be sent as soon as SM1 was fetched.
+    pub(super) fn waits_for_mailbox(&self) -> bool {
+        self.mailbox.is_occupied() && (!self.mailbox.is_idle() || self.coe.has_more())
+    }
+
+    async fn take_request(&mut self) -> Result<(), EscError> {
+        let mut buffer = [0; MAILBOX_BYTES_MAX];
+        let bytes = usize::from(self.device.memory.mailbox_bytes);
+        let mailbox = buffer.get_mut(..bytes).unwrap_or_default();
+        self.esc.read(self.device.memory.start(Channel::MailboxOut), mailbox).await?;
+        let Some(request) = self.mailbox.receive(mailbox) else { return Ok(()) };
+        // Here Ethernet and files come in by their protocol's number.
+        if request.protocol != Protocol::CanOpen as u8 {
+            self.mailbox.refuse::<()>(MailboxError::UnsupportedProtocol);
+            return Ok(());
+        }
+        let mut dictionary = Dictionary {
+            device: self.device,
+            communication: &mut self.communication,
+            application: &mut self.application,
+            state: self.al.state(),
+        };
+        match self.coe.request(request.payload, &mut dictionary, self.mailbox.payload_bytes()) {
+            Ok(Some(answer)) => self.mailbox.send(Protocol::CanOpen, answer),
+            Ok(None) => {}
+            Err(error) => drop(self.mailbox.refuse::<()>(error)),
+        }
+        Ok(())
+    }
+
+    async fn give_message(&mut self) -> Result<bool, EscError> {
+        if self.mailbox.is_idle()
+            && let Some(payload) = self.coe.next(self.mailbox.payload_bytes())
+        {
+            self.mailbox.send(Protocol::CanOpen, payload);
+        }
+        let mut buffer = [0; MAILBOX_BYTES_MAX];
+        let Some(message) = self.mailbox.next(&mut buffer) else { return Ok(false) };
+        self.esc.write(self.device.memory.start(Channel::MailboxIn), message).await?;
+        Ok(true)
+    }
+
+    /// Puts the last message into SM1 again (ETG.1000.4, clause 5.6.3: the repeat request).
+    pub(super) async fn repeat_message(&mut self, repeat: bool) -> Result<(), EscError> {
+        if self.mailbox.is_occupied() {
+            // Off and on again empties it; what it held comes behind the repeated message.
+            self.switch(Channel::MailboxIn, false).await?;
+            self.switch(Channel::MailboxIn, true).await?;
+        }
+        let mut buffer = [0; MAILBOX_BYTES_MAX];
+        if let Some(message) = self.mailbox.repeat(repeat, &mut buffer) {
+            self.esc.write(self.device.memory.start(Channel::MailboxIn), message).await?;
+        }
+        self.acknowledge_repeat(repeat).await
+    }
+}

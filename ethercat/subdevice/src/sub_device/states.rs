@@ -1,0 +1,205 @@
+//! Changes of state that the MainDevice asks for, and what each needs (ETG.1000.6, clause 6.4.1).
+
+use embassy_time::Instant;
+
+use super::{OUTPUTS_WAIT, SubDevice};
+use crate::al_state::{AlControl, AlMachine, AlState, AlStatusCode, Step};
+use crate::application::Application;
+use crate::coe::Coe;
+use crate::coe::emergency::Cause;
+use crate::esc::{Esc, EscError};
+use crate::registers::{AL_CONTROL, AL_STATUS, AL_STATUS_CODE, DC_ACTIVATION, STATION_ALIAS};
+use crate::sync_manager::Channel;
+
+/// Why a state was not reached.
+enum Failure {
+    /// The MainDevice is told.
+    Refused(AlStatusCode),
+    /// The controller failed.
+    Esc(EscError),
+}
+
+impl From<EscError> for Failure {
+    fn from(error: EscError) -> Self {
+        Self::Esc(error)
+    }
+}
+
+impl From<AlStatusCode> for Failure {
+    fn from(code: AlStatusCode) -> Self {
+        Self::Refused(code)
+    }
+}
+
+impl<E: Esc, A: Application> SubDevice<E, A> {
+    /// Takes the controller over: in Init, all SyncManagers off, with an error if there was another state before, in the
+    /// controller or here.
+    pub async fn start(&mut self) -> Result<(), EscError> {
+        let before = self.read_word(AL_STATUS).await? & 0x0f;
+        let fell = before != AlState::Init as u16 || self.al.state() != AlState::Init;
+        let fault = fell.then_some(AlStatusCode::RestartedLocally).or(self.al.fault());
+        for channel in Channel::ALL {
+            self.switch(channel, false).await?;
+        }
+        self.al = AlMachine::new(fault);
+        self.op_deadline = None;
+        self.mask = None;
+        self.write_status().await
+    }
+
+    /// Takes a request for a state.
+    pub(super) async fn al_control(&mut self) -> Result<(), EscError> {
+        let control = AlControl(self.read_word(AL_CONTROL).await?);
+        let faulty = self.al.fault().is_some();
+        self.op_deadline = None;
+        match self.al.request(control) {
+            Step::Ignore => return Ok(()),
+            Step::Stay => {}
+            Step::Down(state) => {
+                self.go_down(state).await?;
+                self.al.reached(state);
+                self.application.entered(state);
+            }
+            Step::Up(state) => self.go_up(state).await?,
+        }
+        if faulty && self.al.fault().is_none() {
+            self.coe.emergencies.clear();
+        }
+        if control.asks_identification() {
+            let alias = self.read_word(STATION_ALIAS).await?;
+            self.al.identify(alias);
+        }
+        self.write_status().await
+    }
+
+    async fn go_up(&mut self, state: AlState) -> Result<(), EscError> {
+        let prepared = match state {
+            AlState::PreOp => self.prepare_pre_op().await,
+            AlState::SafeOp => self.prepare_safe_op().await,
+            _ => self.prepare_op(),
+        };
+        match prepared {
+            Ok(()) if self.op_deadline.is_some() => {}
+            Ok(()) => {
+                self.al.reached(state);
+                self.application.entered(state);
+            }
+            Err(Failure::Refused(code)) => self.refuse(state, code),
+            Err(Failure::Esc(error)) => return Err(error),
+        }
+        Ok(())
+    }
+
+    fn refuse(&mut self, state: AlState, code: AlStatusCode) {
+        self.al.refused(code);
+        match state {
+            AlState::SafeOp => self.report(Cause::SafeOpRefused, code),
+            AlState::Op => self.report(Cause::OpRefused, code),
+            _ => {}
+        }
+    }
+
+    async fn prepare_pre_op(&mut self) -> Result<(), Failure> {
+        let found = self.read_sync_managers().await?;
+        self.check_mailboxes(&found)?;
+        self.application.may_enter(AlState::PreOp)?;
+        let repeat = found.channels[Channel::MailboxIn as usize].repeat();
+        self.mailbox.start(self.device.memory.mailbox_bytes, repeat);
+        self.coe = Coe::default();
+        self.switch(Channel::MailboxOut, true).await?;
+        self.acknowledge_repeat(repeat).await?;
+        Ok(())
+    }
+
+    async fn prepare_safe_op(&mut self) -> Result<(), Failure> {
+        let mut activation = [0];
+        self.esc.read(DC_ACTIVATION, &mut activation).await?;
+        if activation[0] & 1 != 0 {
+            return Err(AlStatusCode::InvalidDcConfiguration.into());
+        }
+        self.communication.synchronisation().ok_or(AlStatusCode::SynchronisationNotSupported)?;
+        let found = self.read_sync_managers().await?;
+        self.check_process_data(&found)?;
+        self.application.may_enter(AlState::SafeOp)?;
+        self.images.outputs_valid = false;
+        for channel in [Channel::Outputs, Channel::Inputs] {
+            self.switch(channel, self.data_bytes(channel) > 0).await?;
+        }
+        // Without a first image the MainDevice's reads would fail, and the working counter with them.
+        self.write_inputs().await?;
+        Ok(())
+    }
+
+    /// Op needs outputs: the deadline is set if they have not come yet.
+    fn prepare_op(&mut self) -> Result<(), Failure> {
+        self.application.may_enter(AlState::Op)?;
+        if self.data_bytes(Channel::Outputs) == 0 {
+            return Ok(());
+        }
+        if self.images.outputs_valid {
+            self.hand_out();
+        } else {
+            self.op_deadline = Some(Instant::now() + OUTPUTS_WAIT);
+        }
+        Ok(())
+    }
+
+    /// The outputs came that Op waited for.
+    pub(super) async fn op_with_outputs(&mut self) -> Result<(), EscError> {
+        self.op_deadline = None;
+        self.hand_out();
+        self.al.reached(AlState::Op);
+        self.application.entered(AlState::Op);
+        self.write_status().await
+    }
+
+    /// Refuses Op if the outputs took too long.
+    pub(super) async fn op_without_outputs(&mut self) -> Result<(), EscError> {
+        if self.op_deadline.is_none_or(|deadline| Instant::now() < deadline) {
+            return Ok(());
+        }
+        self.op_deadline = None;
+        self.refuse(AlState::Op, AlStatusCode::SyncManagerWatchdog);
+        self.write_status().await
+    }
+
+    /// Ends what a lower state does not have.
+    pub(super) async fn go_down(&mut self, state: AlState) -> Result<(), EscError> {
+        if self.al.state() == AlState::Op {
+            self.application.outputs_stopped();
+        }
+        if !state.has_process_data() {
+            self.switch(Channel::Outputs, false).await?;
+            self.switch(Channel::Inputs, false).await?;
+        }
+        if !state.has_mailbox() {
+            self.switch(Channel::MailboxOut, false).await?;
+            self.switch(Channel::MailboxIn, false).await?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn report(&mut self, cause: Cause, code: AlStatusCode) {
+        if self.device.emergencies && self.al.state().has_mailbox() {
+            self.coe.emergencies.raise(cause, code);
+        }
+    }
+
+    /// No flag is ever seen without its code: the code comes first, and goes last.
+    pub(super) async fn write_status(&mut self) -> Result<(), EscError> {
+        let (status, code) = (self.al.status().to_le_bytes(), self.al.code().to_le_bytes());
+        if self.al.code() != 0 {
+            self.esc.write(AL_STATUS_CODE, &code).await?;
+            self.esc.write(AL_STATUS, &status).await
+        } else {
+            self.esc.write(AL_STATUS, &status).await?;
+            self.esc.write(AL_STATUS_CODE, &code).await
+        }
+    }
+
+    pub(super) async fn read_word(&mut self, register: u16) -> Result<u16, EscError> {
+        let mut word = [0; 2];
+        self.esc.read(register, &mut word).await?;
+        Ok(u16::from_le_bytes(word))
+    }
+}

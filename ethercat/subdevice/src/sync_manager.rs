@@ -1,0 +1,212 @@
+//! SyncManagers: where mailboxes and process data lie in the controller's memory, and whether the MainDevice set them up so.
+
+use crate::al_state::AlStatusCode;
+use crate::registers::{SYNC_MANAGER_BYTES, SYNC_MANAGER_PDI_CONTROL, SYNC_MANAGERS};
+
+/// How many SyncManagers are used: two mailboxes, outputs, inputs.
+pub const SYNC_MANAGERS_USED: usize = 4;
+/// Where process memory begins; registers lie below.
+pub const MEMORY_START: u16 = 0x1000;
+/// Bytes of a mailbox at least: both headers of CoE, 8 bytes of SDO, and room to move (ETG.1000.4 wants 34).
+pub const MAILBOX_BYTES_MIN: u16 = 34;
+
+/// Which SyncManager it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Channel {
+    /// Messages of the MainDevice.
+    MailboxOut = 0,
+    /// Messages of the SubDevice.
+    MailboxIn = 1,
+    /// Outputs.
+    Outputs = 2,
+    /// Inputs.
+    Inputs = 3,
+}
+
+impl Channel {
+    /// All of them, by number.
+    pub const ALL: [Self; SYNC_MANAGERS_USED] =
+        [Self::MailboxOut, Self::MailboxIn, Self::Outputs, Self::Inputs];
+
+    /// The address of its block of registers.
+    pub const fn registers(self) -> u16 {
+        SYNC_MANAGERS + SYNC_MANAGER_BYTES * self as u16
+    }
+
+    /// The address of its PDI control register.
+    pub const fn pdi_control(self) -> u16 {
+        self.registers() + SYNC_MANAGER_PDI_CONTROL
+    }
+
+    /// Its type in 1C00h and in the SII.
+    pub const fn purpose(self) -> u8 {
+        self as u8 + 1
+    }
+
+    /// The control byte that the MainDevice is told to write.
+    pub const fn control(self) -> u8 {
+        match self {
+            Self::MailboxOut => 0x26,
+            Self::MailboxIn => 0x22,
+            Self::Outputs => 0x64,
+            Self::Inputs => 0x20,
+        }
+    }
+
+    /// What the AL status code is when it is not set up well.
+    pub const fn fault(self) -> AlStatusCode {
+        match self {
+            Self::MailboxOut | Self::MailboxIn => AlStatusCode::InvalidMailbox,
+            Self::Outputs => AlStatusCode::InvalidOutputs,
+            Self::Inputs => AlStatusCode::InvalidInputs,
+        }
+    }
+}
+
+/// A SyncManager's registers, as they were read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SyncManager {
+    /// Where its buffer begins.
+    pub start: u16,
+    /// The buffer's bytes.
+    pub length: u16,
+    /// Mode, direction, events, watchdog.
+    pub control: u8,
+    /// Activation by the MainDevice, with the repeat request.
+    pub activate: u8,
+}
+
+impl SyncManager {
+    /// Mode (bits 1:0) and direction (bits 3:2); events and watchdog are the MainDevice's choice.
+    const KIND: u8 = 0x0f;
+    const ENABLE: u8 = 1 << 0;
+    const REPEAT: u8 = 1 << 1;
+
+    /// From the 8 bytes of its block.
+    pub const fn from_bytes(block: [u8; SYNC_MANAGER_BYTES as usize]) -> Self {
+        let [start_low, start_high, length_low, length_high, control, _status, activate, _pdi] = block;
+        Self {
+            start: u16::from_le_bytes([start_low, start_high]),
+            length: u16::from_le_bytes([length_low, length_high]),
+            control,
+            activate,
+        }
+    }
+
+    /// Whether the MainDevice has it enabled.
+    pub const fn enabled(self) -> bool {
+        self.activate & Self::ENABLE != 0
+    }
+
+    /// The bit that the MainDevice toggles to have the last message again.
+    pub const fn repeat(self) -> bool {
+        self.activate & Self::REPEAT != 0
+    }
+
+    /// Checks that it serves `channel` with `length` bytes at `start`; without bytes it must be off.
+    pub fn check(self, channel: Channel, start: u16, length: u16) -> Result<(), AlStatusCode> {
+        let kind_fits = (self.control ^ channel.control()) & Self::KIND == 0;
+        let good = match length {
+            0 => !self.enabled(),
+            _ => self.enabled() && kind_fits && self.start == start && self.length == length,
+        };
+        if good { Ok(()) } else { Err(channel.fault()) }
+    }
+}
+
+/// How the controller's memory is shared out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MemoryPlan {
+    /// Bytes of each of the two mailboxes.
+    pub mailbox_bytes: u16,
+    /// The most bytes of outputs.
+    pub outputs_bytes_max: u16,
+    /// The most bytes of inputs.
+    pub inputs_bytes_max: u16,
+}
+
+impl MemoryPlan {
+    /// A plan for `memory_bytes` of process memory.
+    ///
+    /// # Panics
+    /// At build time, where it is meant to be called: when the plan does not fit.
+    pub const fn new(
+        mailbox_bytes: u16,
+        outputs_bytes_max: u16,
+        inputs_bytes_max: u16,
+        memory_bytes: u16,
+    ) -> Self {
+        let plan = Self { mailbox_bytes, outputs_bytes_max, inputs_bytes_max };
+        assert!(mailbox_bytes >= MAILBOX_BYTES_MIN, "a mailbox has 34 bytes at least");
+        assert!(mailbox_bytes as usize <= crate::mailbox::MAILBOX_BYTES_MAX, "messages are kept in buffers");
+        assert!(
+            outputs_bytes_max as usize <= crate::process::OUTPUTS_BYTES_MAX,
+            "outputs are kept in a buffer"
+        );
+        assert!(inputs_bytes_max as usize <= crate::process::INPUTS_BYTES_MAX, "inputs are kept in a buffer");
+        let end = plan.start(Channel::Inputs) + 3 * inputs_bytes_max;
+        assert!(end <= MEMORY_START + memory_bytes, "three buffers of inputs and outputs must fit");
+        plan
+    }
+
+    /// Where a channel's buffer begins, at a multiple of 8. Process data take three buffers, one behind the other.
+    pub const fn start(&self, channel: Channel) -> u16 {
+        let mailbox = self.mailbox_bytes.next_multiple_of(8);
+        match channel {
+            Channel::MailboxOut => MEMORY_START,
+            Channel::MailboxIn => MEMORY_START + mailbox,
+            Channel::Outputs => MEMORY_START + 2 * mailbox,
+            Channel::Inputs => MEMORY_START + 2 * mailbox + (3 * self.outputs_bytes_max).next_multiple_of(8),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Channel, MemoryPlan, SyncManager};
+    use crate::al_state::AlStatusCode;
+
+    const PLAN: MemoryPlan = MemoryPlan::new(128, 120, 120, 4096);
+
+    /// As SOEM writes them.
+    const SM0: [u8; 8] = [0x00, 0x10, 0x80, 0x00, 0x26, 0x00, 0x01, 0x00];
+    const SM2: [u8; 8] = [0x00, 0x11, 0x78, 0x00, 0x64, 0x00, 0x01, 0x00];
+
+    #[test]
+    fn the_plan_puts_mailboxes_first_and_three_buffers_each_behind() {
+        assert_eq!(Channel::ALL.map(|channel| PLAN.start(channel)), [0x1000, 0x1080, 0x1100, 0x1268]);
+    }
+
+    #[test]
+    fn what_a_main_device_writes_is_accepted() {
+        assert_eq!(SyncManager::from_bytes(SM0).check(Channel::MailboxOut, 0x1000, 128), Ok(()));
+        assert_eq!(SyncManager::from_bytes(SM2).check(Channel::Outputs, 0x1100, 120), Ok(()));
+    }
+
+    #[test]
+    fn the_watchdog_bit_and_the_event_bits_are_the_main_devices_choice() {
+        let mut block = SM2;
+        block[4] = 0x04;
+        assert_eq!(SyncManager::from_bytes(block).check(Channel::Outputs, 0x1100, 120), Ok(()));
+    }
+
+    #[test]
+    fn each_wrong_field_is_found() {
+        for (at, change) in [(0, 1), (1, 1), (2, 1), (2, 0xff), (4, 0x02), (4, 0x04), (6, 0x01)] {
+            let mut block = SM0;
+            block[at] ^= change;
+            let checked = SyncManager::from_bytes(block).check(Channel::MailboxOut, 0x1000, 128);
+            assert_eq!(checked, Err(AlStatusCode::InvalidMailbox), "byte {at} ^ {change:#x}");
+        }
+    }
+
+    #[test]
+    fn without_bytes_a_sync_manager_must_be_off() {
+        let on = SyncManager::from_bytes(SM2);
+        assert_eq!(on.check(Channel::Outputs, 0x1100, 0), Err(AlStatusCode::InvalidOutputs));
+        let off = SyncManager { activate: 0, ..on };
+        assert_eq!(off.check(Channel::Outputs, 0x1100, 0), Ok(()));
+        assert_eq!(off.check(Channel::Outputs, 0x1100, 120), Err(AlStatusCode::InvalidOutputs));
+    }
+}

@@ -1,4 +1,4 @@
-//! `show registers`: what stands in which register of the gateway's own unit. README.md says what each of them means.
+//! `show registers`: what stands in which register of the gateway's own unit. docs/registers.md says what each of them means.
 
 use core::fmt;
 

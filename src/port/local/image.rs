@@ -1,5 +1,5 @@
 //! The EtherCAT process image as input registers of the gateway's own unit, for those who are no MainDevice: what was read from
-//! the slaves and what is to be written to them, from memory, with the state and the age of each. README.md has the table.
+//! the slaves and what is to be written to them, from memory, with the state and the age of each. docs/registers.md has the table.
 
 use embassy_time::Instant;
 

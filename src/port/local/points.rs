@@ -1,5 +1,5 @@
 //! Data points as registers of the gateway's own unit, for masters that do what a program does: what is to be read or written at
-//! once, whose commands were taken, and the status of each point. README.md has the table.
+//! once, whose commands were taken, and the status of each point. docs/registers.md has the table.
 
 use embassy_time::Instant;
 

@@ -1,4 +1,4 @@
-//! The gateway's state as input registers of its own unit. README.md has the table; its addresses stay.
+//! The gateway's state as input registers of its own unit. docs/registers.md has the table; its addresses stay.
 //!
 //! From [`BASE`] on: a block for the gateway, one for each port place, and one for each unit remembered at each port. Numbers of 32
 //! bits stand with their big end first. What a block does not use reads as zero.

@@ -52,7 +52,7 @@ pub use self::network::{
 pub(crate) use self::own_network::keywords as network_words;
 pub use self::own_network::{HOST_NAME_BYTES_MAX, HostName, OwnNetwork, StaticAddress};
 pub use self::point_problem::PointProblem;
-pub(crate) use self::point_words::{KINDS, ORDERS, TYPES};
+pub(crate) use self::point_words::{KINDS, ORDERS, ORDERS_EXPECTED, TYPES, TYPES_EXPECTED};
 pub use self::points::{
     DeviceSettings, LABEL_BYTES_MAX, Label, POINTS_MAX, PointAt, PointName, PointSettings,
 };

@@ -150,7 +150,11 @@ impl Scanner {
     /// Adds rows for the cells of `range`, which may be more than one frame holds: as many rows as it takes frames, one behind
     /// the other in the memory. Nothing is added when there is no room for all.
     pub fn add_range(&mut self, range: Row, now: Instant) -> Result<(), Full> {
-        let most = range.kind.cells_max(range.write != Writing::Never);
+        let mut most = range.kind.cells_max(range.write != Writing::Never);
+        if range.form == Form::Wide {
+            // Whole values in each frame.
+            most &= !1;
+        }
         if self.entries.capacity() - self.entries.len() < usize::from(range.count.div_ceil(most)) {
             return Err(Full::Rows);
         }

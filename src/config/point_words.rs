@@ -28,6 +28,7 @@ pub(crate) const ORDERS: &[(&str, ByteOrder)] = &[
     ("1032", ByteOrder::Order1032),
     ("3210", ByteOrder::Order3210),
 ];
+pub(crate) const ORDERS_EXPECTED: &str = "0123, 2301, 1032 or 3210";
 pub(crate) const TYPES: &[(&str, ValueType)] = &[
     ("u16", ValueType::U16),
     ("i16", ValueType::I16),
@@ -35,6 +36,7 @@ pub(crate) const TYPES: &[(&str, ValueType)] = &[
     ("i32", ValueType::I32),
     ("f32", ValueType::F32),
 ];
+pub(crate) const TYPES_EXPECTED: &str = "u16, i16, u32, i32 or f32";
 const READINGS: &[(&str, Reading)] = &[
     ("low", Reading::Low),
     ("normal", Reading::Normal),
@@ -125,7 +127,7 @@ pub(super) fn device(settings: &mut Settings, words: &Words) -> Result<Changed, 
         let key = word.keyword(DEVICE_KEYS, "order, check or label")?;
         seen.once(key, word)?;
         match key {
-            Key::Order => device.order = words.take().keyword(ORDERS, "0123, 2301, 1032 or 3210")?,
+            Key::Order => device.order = words.take().keyword(ORDERS, ORDERS_EXPECTED)?,
             Key::Check => device.check = true,
             _ => device_label = label(words)?,
         }
@@ -267,7 +269,7 @@ fn options<'w>(
 fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) -> Result<(), Wrong> {
     match key {
         Key::Count => point.count = medium(words.take(), "values", 1..=1_968)?,
-        Key::As => point.value = words.take().keyword(TYPES, "u16, i16, u32, i32 or f32")?,
+        Key::As => point.value = words.take().keyword(TYPES, TYPES_EXPECTED)?,
         Key::Bit => {
             let word = words.take();
             let nth = small(word, "a bit of the register", 0..=RegisterBit::ALL.len() as u8 - 1)?;

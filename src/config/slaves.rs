@@ -1,4 +1,4 @@
-//! The Modbus devices behind the EtherCAT process image: `slave 0 unit 232 coil 10 count 18 holding 40010 count 4 read 1s`.
+//! The Modbus devices behind the EtherCAT process image: `slave 0 unit 232 coil 10 count 18 holding 40010 count 4 as f32 read 1s`.
 //!
 //! They are in the order of their values in the image. A MainDevice that has a configuration taken over changes them as these
 //! lines do.
@@ -8,14 +8,14 @@ use core::fmt::{self, Display};
 use embassy_time::Duration;
 
 use super::point_problem::PointProblem;
-use super::point_words::{PERIOD, whole_ms};
+use super::point_words::{ORDERS, ORDERS_EXPECTED, PERIOD, TYPES, TYPES_EXPECTED, whole_ms};
 use super::print::option;
 use super::problem::Problem;
 use super::text::Changed;
 use super::values::{Time, medium, number, small};
 use super::words::{Word, Words, Wrong};
 use super::{PortKind, Settings};
-use crate::scanner::{Kind, POINTS};
+use crate::scanner::{ByteOrder, Form, Kind, POINTS, ValueType};
 
 /// Devices behind the process image.
 pub const SLAVES_MAX: usize = if POINTS { 32 } else { 0 };
@@ -70,6 +70,10 @@ pub struct SlaveSettings {
     pub polling_ms: u32,
     /// Its cells, in the order of [`Kind::ALL`].
     pub cells: [Cells; 4],
+    /// What its input registers and its holding registers are.
+    pub types: [ValueType; 2],
+    /// In which order it has the bytes of values of 32 bits.
+    pub order: ByteOrder,
 }
 
 impl SlaveSettings {
@@ -77,7 +81,23 @@ impl SlaveSettings {
     pub const fn new(unit: u8) -> Self {
         let cells = [Cells { count: 0, address: 0 }; 4];
         let on_silence = OnSilence::Hold;
-        Self { unit, check: false, on_silence, substitute: 0, polling_ms: POLLING_MS, cells }
+        let (types, order) = ([ValueType::U16; 2], ByteOrder::Order0123);
+        Self { unit, check: false, on_silence, substitute: 0, polling_ms: POLLING_MS, cells, types, order }
+    }
+
+    /// What the cells of a table are.
+    pub const fn value_type(&self, kind: Kind) -> ValueType {
+        let [input, holding] = self.types;
+        match kind {
+            Kind::Coil | Kind::Discrete => ValueType::Bit,
+            Kind::Input => input,
+            Kind::Holding => holding,
+        }
+    }
+
+    /// How they are kept: values of 32 bits with the high byte first.
+    pub const fn form(&self, kind: Kind) -> Form {
+        if self.value_type(kind).registers() == 2 { Form::Wide } else { Form::Cells }
     }
 
     /// The tables with what is configured of them.
@@ -98,6 +118,7 @@ impl SlaveSettings {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Key {
     Table(Kind),
+    Order,
     Read,
     Check,
     OnSilence,
@@ -108,11 +129,12 @@ const KEYS: &[(&str, Key)] = &[
     ("discrete", Key::Table(Kind::Discrete)),
     ("input", Key::Table(Kind::Input)),
     ("holding", Key::Table(Kind::Holding)),
+    ("order", Key::Order),
     ("read", Key::Read),
     ("check", Key::Check),
     ("on-silence", Key::OnSilence),
 ];
-const EXPECTED: &str = "coil, discrete, input, holding, read, check or on-silence";
+const EXPECTED: &str = "coil, discrete, input, holding, order, read, check or on-silence";
 const ON_SILENCE: &[(&str, OnSilence)] =
     &[("hold", OnSilence::Hold), ("clear", OnSilence::Clear), ("substitute", OnSilence::Substitute)];
 
@@ -132,16 +154,17 @@ pub(super) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, W
     let place = number(word, "the next slave's number, or that of one there is,", 0..=most as u32)?;
     words.take().keyword(&[("unit", ())], "unit and the slave's unit id")?;
     let mut slave = SlaveSettings::new(small(words.take(), "a unit id", 1..=247)?);
-    let mut seen = heapless::Vec::<Key, 7>::new();
+    let mut seen = heapless::Vec::<Key, 8>::new();
     while !words.peek().is_end() {
         let word = words.take();
         let key = word.keyword(KEYS, EXPECTED)?;
-        // There are seven, and none comes twice.
+        // There are eight, and none comes twice.
         if seen.contains(&key) || seen.push(key).is_err() {
             return Err(word.error(Problem::Twice));
         }
         match key {
             Key::Table(kind) => table(&mut slave, kind, words)?,
+            Key::Order => slave.order = words.take().keyword(ORDERS, ORDERS_EXPECTED)?,
             Key::Read => slave.polling_ms = whole_ms(words.take(), &PERIOD)?,
             Key::Check => slave.check = true,
             Key::OnSilence => on_silence(&mut slave, words)?,
@@ -155,7 +178,7 @@ pub(super) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, W
     Ok(Changed::Other)
 }
 
-/// `10 count 18`
+/// `10 count 18 as f32`
 fn table(slave: &mut SlaveSettings, kind: Kind, words: &Words) -> Result<(), Wrong> {
     let first = words.take();
     let address = medium(first, "an address as it is on the wire", 0..=u16::MAX)?;
@@ -163,6 +186,18 @@ fn table(slave: &mut SlaveSettings, kind: Kind, words: &Words) -> Result<(), Wro
     if words.peek().is("count") {
         words.take();
         count = medium(words.take(), "cells", 1..=u16::MAX)?;
+    }
+    if words.peek().is("as") {
+        let word = words.take();
+        let place = match kind {
+            Kind::Coil | Kind::Discrete => {
+                return Err(word.error(Problem::Points(PointProblem::BitsHaveNoType)));
+            }
+            Kind::Input => 0,
+            Kind::Holding => 1,
+        };
+        slave.types[place] = words.take().keyword(TYPES, TYPES_EXPECTED)?;
+        count = count.saturating_mul(slave.types[place].registers());
     }
     if u32::from(address) + u32::from(count) > 65_536 {
         return Err(first.error(Problem::Points(PointProblem::AddressesEnd)));
@@ -198,9 +233,13 @@ impl Display for SlaveSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "unit {}", self.unit)?;
         for (kind, Cells { count, address }) in self.tables().filter(|(_, cells)| cells.count > 0) {
+            let value_type = self.value_type(kind);
+            let values = count / value_type.registers();
             write!(f, " {kind} {address}")?;
-            option(f, "count", count, count != 1)?;
+            option(f, "count", values, values != 1)?;
+            option(f, "as", value_type.name(), !matches!(value_type, ValueType::Bit | ValueType::U16))?;
         }
+        option(f, "order", self.order, self.order != ByteOrder::default())?;
         let polling = Duration::from_millis(self.polling_ms.into());
         option(f, "read", Time(polling), self.polling_ms != POLLING_MS)?;
         if self.check {

@@ -7,7 +7,8 @@ use super::probe::harmless;
 use super::rows::{LINE_VALUES_MAX, Values};
 use super::session::{Begun, Session};
 use crate::config::{
-    KINDS, ORDERS, PortId, Problem, Settings, TYPES, Time, Word, Words, Wrong, medium, parse_number, small,
+    KINDS, ORDERS, ORDERS_EXPECTED, PortId, Problem, Settings, TYPES, TYPES_EXPECTED, Time, Word, Words,
+    Wrong, medium, parse_number, small,
 };
 use crate::modbus::Exception;
 use crate::modbus::pdu::function::{DIAGNOSTICS, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS};
@@ -146,9 +147,9 @@ impl Question {
         while !words.peek().is("via") && !words.peek().is_end() {
             let word = words.take();
             if word.is("as") && !self.kind.is_bits() {
-                self.value = words.take().keyword(TYPES, "u16, i16, u32, i32 or f32")?;
+                self.value = words.take().keyword(TYPES, TYPES_EXPECTED)?;
             } else if word.is("order") {
-                self.order = words.take().keyword(ORDERS, "0123, 2301, 1032 or 3210")?;
+                self.order = words.take().keyword(ORDERS, ORDERS_EXPECTED)?;
             } else if word.is("count") && !writes {
                 let word = words.take();
                 let count = parse_number(word.text).and_then(|count| u16::try_from(count).ok());

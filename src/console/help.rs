@@ -96,7 +96,8 @@ point NAME local coil|discrete|input|holding ADDRESS [count N] [as TYPE] | [of P
         "slave",
         of_points(
             "slave N unit U ...\ta device behind the EtherCAT process image
-slave N unit U [coil|discrete|input|holding ADDRESS [count N]]... [read T] [check]
+slave N unit U [coil|discrete ADDRESS [count N]]... [input|holding ADDRESS [count N]
+  [as u16|i16|u32|i32|f32]]... [order 0123|2301|1032|3210] [read T] [check]
       [on-silence hold|clear|substitute VALUE]
   As a MainDevice configures it too; N from 0, in the order of their values.
   read: every T, else every 1s; check: asks for a sign of life first; on-silence: what its inputs become when it

@@ -14,7 +14,7 @@ use crate::route::{
     AddressRange, Cut, Destination, Forbidden, Functions, Merge, Policy, Priority, Route, Sharing, Tag,
     UnitRange,
 };
-use crate::scanner::Kind;
+use crate::scanner::{ByteOrder, Kind, ValueType};
 
 fn duration(us: core::ops::RangeInclusive<u64>) -> impl Strategy<Value = Duration> {
     let (low, high) = (*us.start(), *us.end());
@@ -400,14 +400,23 @@ fn any_slave() -> impl Strategy<Value = SlaveSettings> {
         Just((OnSilence::Clear, 0)),
         any::<u16>().prop_map(|value| (OnSilence::Substitute, value))
     ];
-    (1..=247_u8, any::<bool>(), on_silence, 1..=3_600_000_u32, cells).prop_map(
-        |(unit, check, (on_silence, substitute), polling_ms, cells)| SlaveSettings {
-            unit,
-            check,
-            on_silence,
-            substitute,
-            polling_ms,
-            cells: cells.map(Option::unwrap_or_default),
+    let types = [any_value_type(), any_value_type()];
+    (1..=247_u8, any::<bool>(), on_silence, 1..=3_600_000_u32, cells, types, any_order()).prop_map(
+        |(unit, check, (on_silence, substitute), polling_ms, cells, types, order)| {
+            let mut cells = cells.map(Option::unwrap_or_default);
+            let mut slave =
+                SlaveSettings { unit, check, on_silence, substitute, polling_ms, cells, types, order };
+            // What has no cells has no type, and whole values only.
+            for (place, (kind, cells)) in Kind::ALL.into_iter().zip(&mut cells).enumerate() {
+                cells.count -= cells.count % slave.value_type(kind).registers();
+                if cells.count == 0 {
+                    *cells = Cells::default();
+                    if let Some(nth) = place.checked_sub(2) {
+                        slave.types[nth] = ValueType::U16;
+                    }
+                }
+            }
+            SlaveSettings { cells, ..slave }
         },
     )
 }
@@ -520,4 +529,12 @@ fn random_line() -> impl Strategy<Value = String> {
         .prop_map(|(verb, words)| format!("{verb} {}", words.join(" ")));
     let verbs: Vec<&'static str> = Vec::from(["delete route 1", "move route 1 2", "edit port P1 retries 3"]);
     prop_oneof![route, any, prop::sample::select(verbs).prop_map(String::from)]
+}
+
+fn any_value_type() -> impl Strategy<Value = ValueType> {
+    prop::sample::select(TYPES.iter().map(|(_, value_type)| *value_type).collect::<Vec<_>>())
+}
+
+fn any_order() -> impl Strategy<Value = ByteOrder> {
+    prop::sample::select(ORDERS.iter().map(|(_, order)| *order).collect::<Vec<_>>())
 }

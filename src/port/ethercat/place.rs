@@ -19,9 +19,7 @@ use super::layout::{DeviceLayout, layouts};
 use super::line::{LineWriter, Speed};
 use super::request::Requests;
 use crate::config::{Cells, OnLoss, Settings, SlaveSettings};
-use crate::scanner::{
-    ByteOrder, Device, DeviceId, DeviceStatus, Form, Full, Reading, Row, Scanner, ScannerPlace, Writing,
-};
+use crate::scanner::{Device, DeviceId, DeviceStatus, Full, Reading, Row, Scanner, ScannerPlace, Writing};
 
 /// Where the buffers lie in the scanner's memory.
 const INPUTS: u16 = 0;
@@ -364,12 +362,8 @@ fn add(
     layout: &DeviceLayout,
     now: Instant,
 ) -> Result<(), Full> {
-    let device = Device {
-        unit: slave.unit,
-        order: ByteOrder::default(),
-        check: slave.check,
-        filling: slave.filling(),
-    };
+    let device =
+        Device { unit: slave.unit, order: slave.order, check: slave.check, filling: slave.filling() };
     let id = scanner.add_device(device)?;
     for (kind, Cells { count, address }) in slave.tables().filter(|(_, cells)| cells.count > 0) {
         let input = INPUTS + layout.input(kind);
@@ -384,7 +378,7 @@ fn add(
             read: Reading::Every(slave.polling_ms),
             write: if output.is_some() { Writing::OnChange } else { Writing::Never },
             multiple: false,
-            form: Form::Cells,
+            form: slave.form(kind),
             of: None,
             quality: None,
         };

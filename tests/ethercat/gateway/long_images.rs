@@ -90,3 +90,32 @@ fn an_image_longer_than_the_assigned_pdos_is_refused_where_it_is_found() {
         assert!(place.is_running(), "which is the state's fault, not the configuration's");
     });
 }
+
+/// 128 registers: more than one frame reads, so that a value must not be torn between two.
+#[test]
+fn values_of_32_bits_stand_with_the_high_byte_first_whatever_order_their_device_has() {
+    let settings = format!("{SETTINGS}\nslave 0 unit 1 holding 0 count 64 as u32 order 2301 read 100ms");
+    let device = Device::new(1);
+    with_wire(BAUD, &settings, vec![device.clone()], async |desk, _| {
+        let group = desk.to_pre_op().await.unwrap();
+        assign(&desk, &group, &[0x1601, 0x1602, 0x1603], &[0x1a01, 0x1a04, 0x1a05]).await;
+        let group = group.into_safe_op(desk.master).await.unwrap();
+        let gateway = group.subdevice(desk.master, 0).unwrap();
+        let values = (0..64_u32).map(|nth| 0x0102_0304 * (nth + 1));
+        let image: Vec<u8> = values.clone().flat_map(u32::to_be_bytes).collect();
+        gateway.outputs_raw_mut()[..256].copy_from_slice(&image);
+        group.tx_rx(desk.master).await.unwrap();
+        let group = group.request_into_op(desk.master).await.unwrap();
+        let begin = Instant::now();
+        while begin.elapsed() < 1_000 * MS {
+            group.tx_rx(desk.master).await.unwrap();
+            Timer::after_millis(2).await;
+        }
+        for (nth, value) in values.enumerate() {
+            let words = [value as u16, (value >> 16) as u16];
+            assert_eq!(device.memory().holding[2 * nth..2 * nth + 2], words, "value {nth}: the low word first");
+        }
+        let gateway = group.subdevice(desk.master, 0).unwrap();
+        assert_eq!(gateway.inputs_raw()[..256], image);
+    });
+}

@@ -189,15 +189,16 @@ fn table(slave: &mut SlaveSettings, kind: Kind, words: &Words) -> Result<(), Wro
     }
     if words.peek().is("as") {
         let word = words.take();
-        let place = match kind {
+        let [input, holding] = &mut slave.types;
+        let value_type = match kind {
             Kind::Coil | Kind::Discrete => {
                 return Err(word.error(Problem::Points(PointProblem::BitsHaveNoType)));
             }
-            Kind::Input => 0,
-            Kind::Holding => 1,
+            Kind::Input => input,
+            Kind::Holding => holding,
         };
-        slave.types[place] = words.take().keyword(TYPES, TYPES_EXPECTED)?;
-        count = count.saturating_mul(slave.types[place].registers());
+        *value_type = words.take().keyword(TYPES, TYPES_EXPECTED)?;
+        count = count.saturating_mul(value_type.registers());
     }
     if u32::from(address) + u32::from(count) > 65_536 {
         return Err(first.error(Problem::Points(PointProblem::AddressesEnd)));

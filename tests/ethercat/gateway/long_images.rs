@@ -113,7 +113,11 @@ fn values_of_32_bits_stand_with_the_high_byte_first_whatever_order_their_device_
         }
         for (nth, value) in values.enumerate() {
             let words = [value as u16, (value >> 16) as u16];
-            assert_eq!(device.memory().holding[2 * nth..2 * nth + 2], words, "value {nth}: the low word first");
+            assert_eq!(
+                device.memory().holding[2 * nth..2 * nth + 2],
+                words,
+                "value {nth}: the low word first"
+            );
         }
         let gateway = group.subdevice(desk.master, 0).unwrap();
         assert_eq!(gateway.inputs_raw()[..256], image);

@@ -2,7 +2,7 @@
 //!
 //! A MainDevice writes which devices there are (2000h and following), and sets 2005h:01. The configuration is then checked as a
 //! whole, the layout of both buffers is computed (2011h and following), and 2005h:02 says that it is in use, until the
-//! MainDevice resets it. While it is, the port that the settings call `ethercat` asks the devices through the router, by the
+//! MainDevice resets it or, in PreOp, writes another one. While it is, the port that the settings call `ethercat` asks the devices through the router, by the
 //! rules for its name. The devices are settings too: they can be typed, saved, and are in use after the next start.
 
 mod application;
@@ -15,6 +15,7 @@ mod line;
 mod objects;
 mod place;
 mod points;
+mod ranges;
 mod request;
 mod settings;
 mod slaves;

@@ -16,4 +16,5 @@ mod points;
 mod random;
 mod requests;
 mod silence;
+mod start_up_list;
 pub(crate) mod virtual_devices;

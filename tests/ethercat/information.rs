@@ -1,7 +1,7 @@
 //! Conformance: SDO information, and that everything that describes the device says the same (statements 38 to 41).
 
 use ethercat_subdevice::device::Device;
-use ethercat_subdevice::object::Access;
+use ethercat_subdevice::object::{Access, DataType, Entry, Object};
 use ethercat_subdevice::{esi, sii};
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::Random;
@@ -11,6 +11,9 @@ use crate::bench::{Bench, MAILBOX_34, MAILBOX_64, MAILBOX_128, OP, PRE_OP, Rig, 
 use crate::sdo::category;
 
 static GATEWAY: Device = DEVICE;
+
+const INPUT: Access = Access::READ.and(Access::TX_PDO);
+const OUTPUT: Access = Access::READ.and(Access::RX_PDO);
 
 /// Asks, and puts the fragments of the answer together; or the abort code.
 fn ask<A: ethercat_subdevice::application::Application + 'static>(
@@ -99,6 +102,32 @@ fn statement_39_long_answers_come_in_fragments() {
         let all = list(&mut rig, 1);
         assert!(all.is_sorted() && all.len() == device.objects.len());
     }
+}
+
+#[test]
+fn statement_39_a_dictionary_of_1000_objects_is_listed_through_mailboxes_of_34_bytes() {
+    let settings = (0x4000..0x43e8_u16).map(|index| match index % 4 {
+        0 => Object::array(index, "Array", 3, Entry::setting("Value", DataType::U8, 0, (0, 9))),
+        1 => Object::variable(index, Entry::reading("In", DataType::U8).with_access(INPUT)),
+        2 => Object::variable(index, Entry::reading("Out", DataType::U8).with_access(OUTPUT)),
+        _ => Object::variable(index, Entry::number("Constant", DataType::U32, 7)),
+    });
+    let objects: Vec<_> = MAILBOX_34.objects.iter().copied().chain(settings).collect();
+    let all: Vec<_> = objects.iter().map(|object| object.index).collect();
+    // A device is there for as long as it runs.
+    let device: &'static Device = Box::leak(Box::new(Device { objects: objects.leak(), ..MAILBOX_34 }));
+    let mut rig = Rig::in_state(device, PRE_OP);
+    assert_eq!(list(&mut rig, 1), all);
+    let of = |rest: u16, own: &[u16]| {
+        let ours = all.iter().copied().filter(move |index| *index >= 0x4000 && index % 4 == rest);
+        own.iter().copied().chain(ours).collect::<Vec<_>>()
+    };
+    assert_eq!(list(&mut rig, 2), of(2, &[0x3000]));
+    assert_eq!(list(&mut rig, 3), of(1, &[0x3001]));
+    let settings: Vec<u16> = list(&mut rig, 5).into_iter().filter(|index| *index >= 0x4000).collect();
+    assert_eq!(settings, of(0, &[]));
+    let counts = list(&mut rig, 0);
+    assert_eq!(counts, (1..=5).map(|number| list(&mut rig, number).len() as u16).collect::<Vec<_>>());
 }
 
 #[test]

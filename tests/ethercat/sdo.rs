@@ -75,10 +75,12 @@ fn statement_30_assignments_change_in_pre_op_only_and_with_their_count_at_0() {
 }
 
 #[test]
-fn statement_30_the_gateways_configuration_is_not_changed_while_it_is_in_use() {
+fn statement_57_the_gateways_configuration_is_not_changed_while_process_data_are_exchanged() {
     let mut rig = gateway();
     assert_eq!(rig.download(0x2005, 1, &[1, 0]), Ok(()));
     assert_eq!(rig.upload(0x2005, 2), Ok(vec![1, 0]));
+    rig.set_up_process_data();
+    assert_eq!(rig.request(SAFE_OP), (SAFE_OP, 0));
     for (index, sub, value) in
         [(0x2000, 1, &[1, 0][..]), (0x2001, 1, &[7, 0]), (0x2020, 1, &[0x80, 0x25, 0, 0])]
     {

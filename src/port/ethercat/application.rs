@@ -176,13 +176,15 @@ impl Application for GatewayObjects<'_> {
             // 1 would be mark parity, which no line here can do.
             (0x2020, 3) if number == 1 => Err(Abort::Range),
             (0x2005, _) => Ok(()),
-            // All others are the configuration; the one in use is not changed under its devices.
-            _ if self.place.is_running() => Err(Abort::State),
+            // All others are the configuration, which changes in PreOp only.
+            _ if self.place.is_exchanging() && self.place.is_running() => Err(Abort::State),
             _ => Ok(()),
         }
     }
 
     fn write(&mut self, at: Address, value: &[u8]) {
+        // No other write is served while the outcome of a save is waited for: that MainDevice has started anew.
+        self.place.keeping.forget();
         let number = number(value) as u32;
         match (at.index, at.sub) {
             (0x1010, _) => self.place.keeping.begin(Keep::Save),
@@ -201,7 +203,7 @@ impl Application for GatewayObjects<'_> {
             }
             (index @ (0x2040 | 0x2042), sub) => self.points.write(index, sub, number as u16),
             // The table has no other writable entry that is not known here.
-            _ => self.place.configuration(|configuration| configuration.set(at, number)).unwrap_or_default(),
+            _ => self.place.configure(at, number),
         }
     }
 
@@ -211,7 +213,7 @@ impl Application for GatewayObjects<'_> {
         }
         match self.place.keeping.outcome() {
             Kept::Nothing | Kept::Done => Some(Ok(())),
-            Kept::Going => None,
+            Kept::Wanted | Kept::Going => None,
             Kept::Failed => Some(self.note(Err(ConfigError::NotSaved))),
         }
     }

@@ -52,8 +52,10 @@ struct State {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Kept {
-    /// There is none.
+    /// There is none, or nobody waits for it any more.
     Nothing,
+    /// Whoever has the store has not seen it.
+    Wanted,
     /// It is being done.
     Going,
     /// It was done.
@@ -76,20 +78,26 @@ impl Keeping {
     /// Begins with `keep`.
     pub(super) fn begin(&self, keep: Keep) {
         let State { has_store, .. } = self.state.lock(Cell::get);
-        let state = State { has_store, keep, kept: Kept::Going, since: Instant::now() };
+        let state = State { has_store, keep, kept: Kept::Wanted, since: Instant::now() };
         self.state.lock(|cell| cell.set(state));
         self.wanted.signal(());
+    }
+
+    /// Nobody waits for an outcome any more: the MainDevice has started anew, or it was told.
+    pub(super) fn forget(&self) {
+        let state = self.state.lock(Cell::get);
+        self.state.lock(|cell| cell.set(State { kept: Kept::Nothing, ..state }));
     }
 
     /// How it is doing; an outcome is told once.
     pub(super) fn outcome(&self) -> Kept {
         let state = self.state.lock(Cell::get);
         let kept = match state.kept {
-            Kept::Going if state.since.elapsed() >= PATIENCE => Kept::Failed,
+            Kept::Wanted | Kept::Going if state.since.elapsed() >= PATIENCE => Kept::Failed,
             kept => kept,
         };
         if matches!(kept, Kept::Done | Kept::Failed) {
-            self.state.lock(|cell| cell.set(State { kept: Kept::Nothing, ..state }));
+            self.forget();
         }
         kept
     }
@@ -99,13 +107,17 @@ impl Keeping {
         let state = self.state.lock(Cell::get);
         self.state.lock(|cell| cell.set(State { has_store: true, ..state }));
         self.wanted.wait().await;
-        self.state.lock(Cell::get).keep
+        let state = self.state.lock(Cell::get);
+        if state.kept == Kept::Wanted {
+            self.state.lock(|cell| cell.set(State { kept: Kept::Going, ..state }));
+        }
+        state.keep
     }
 
     /// What came of it.
     pub(super) fn done(&self, well: bool) {
         let state = self.state.lock(Cell::get);
-        // Nobody may wait any more.
+        // Nobody may wait any more, or for another one, which has not begun.
         if state.kept == Kept::Going {
             let kept = if well { Kept::Done } else { Kept::Failed };
             self.state.lock(|cell| cell.set(State { kept, ..state }));

@@ -9,6 +9,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
+use ethercat_subdevice::application::Address;
 use ethercat_subdevice::coe::abort::Abort;
 
 use super::configuration::{ConfigError, Configuration};
@@ -17,13 +18,10 @@ use super::image::{IMAGE_BYTES, Room};
 use super::keeping::{Keep, Keeping};
 use super::layout::{DeviceLayout, layouts};
 use super::line::{LineWriter, Speed};
+use super::ranges::{INPUTS, OUTPUTS, add};
 use super::request::Requests;
-use crate::config::{Cells, OnLoss, Settings, SlaveSettings};
-use crate::scanner::{Device, DeviceId, DeviceStatus, Full, Reading, Row, Scanner, ScannerPlace, Writing};
-
-/// Where the buffers lie in the scanner's memory.
-const INPUTS: u16 = 0;
-const OUTPUTS: u16 = IMAGE_BYTES;
+use crate::config::{OnLoss, Settings};
+use crate::scanner::{DeviceId, DeviceStatus, Scanner, ScannerPlace};
 
 /// A gateway's EtherCAT side. Boards keep it in a static; it is all zeros at start.
 pub struct EthercatPlace {
@@ -114,6 +112,18 @@ impl EthercatPlace {
         self.configuration.lock(|configuration| f(configuration.borrow_mut().filled()))
     }
 
+    /// Writes a number of the configuration. What is there already changes nothing, so that a MainDevice may send its start-up list
+    /// again; anything else is the first of another configuration, and the one in use ends.
+    pub(super) fn configure(&self, at: Address, number: u32) {
+        if self.configuration(|configuration| configuration.number(at)) == Some(number) {
+            return;
+        }
+        if self.is_running() {
+            self.stop();
+        }
+        self.configuration(|configuration| configuration.set(at, number)).unwrap_or_default();
+    }
+
     /// Where the values of the slave `nth` lie; all zeros while no configuration is in use.
     pub fn layout(&self, nth: usize) -> DeviceLayout {
         if !self.is_running() {
@@ -144,11 +154,13 @@ impl EthercatPlace {
         }
     }
 
-    /// Uses the configuration as a whole, with empty buffers, or changes nothing.
+    /// Uses the configuration as a whole, with empty buffers, or changes nothing. One that is in use already stays so.
     pub(super) fn take_over(&self) -> Result<(), ConfigError> {
         let speed = self.check()?;
         self.update(|state| (state.speed, state.taken_over) = (speed, true));
-        self.start();
+        if !self.is_running() {
+            self.start();
+        }
         Ok(())
     }
 
@@ -202,6 +214,11 @@ impl EthercatPlace {
     }
 
     /// Whether process data are exchanged.
+    pub(super) fn is_exchanging(&self) -> bool {
+        self.state.lock(Cell::get).exchanging
+    }
+
+    /// Notes whether process data are exchanged.
     pub(super) fn set_exchanging(&self, exchanging: bool) {
         self.update(|state| state.exchanging = exchanging);
     }
@@ -353,36 +370,4 @@ impl Default for EthercatPlace {
     fn default() -> Self {
         Self::new()
     }
-}
-
-/// Lets `scanner` read `slave` into its part of the input buffer, and write from its part of the output buffer.
-fn add(
-    scanner: &mut Scanner,
-    slave: &SlaveSettings,
-    layout: &DeviceLayout,
-    now: Instant,
-) -> Result<(), Full> {
-    let device =
-        Device { unit: slave.unit, order: slave.order, check: slave.check, filling: slave.filling() };
-    let id = scanner.add_device(device)?;
-    for (kind, Cells { count, address }) in slave.tables().filter(|(_, cells)| cells.count > 0) {
-        let input = INPUTS + layout.input(kind);
-        let output = layout.output(kind);
-        let range = Row {
-            device: Some(id),
-            kind,
-            first: address,
-            count,
-            input,
-            output: output.map_or(input, |output| OUTPUTS + output),
-            read: Reading::Every(slave.polling_ms),
-            write: if output.is_some() { Writing::OnChange } else { Writing::Never },
-            multiple: false,
-            form: slave.form(kind),
-            of: None,
-            quality: None,
-        };
-        scanner.add_range(range, now)?;
-    }
-    Ok(())
 }

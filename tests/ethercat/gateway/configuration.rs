@@ -1,5 +1,6 @@
 //! The configuration flow: what is taken over, what follows from it, and that a bad configuration changes nothing.
 
+use ethercat_subdevice::al_state::AlState;
 use ethercat_subdevice::application::Application;
 use ethercat_subdevice::coe::abort::Abort;
 use mobgate::config::PortKind;
@@ -29,16 +30,19 @@ fn the_devices_of_the_vectors_have_the_layout_of_the_vectors() {
 }
 
 #[test]
-fn a_configuration_in_use_is_changed_only_after_its_flag_was_reset() {
+fn a_configuration_in_use_is_changed_in_pre_op_only_and_is_not_in_use_then() {
     with_objects(|place, mut objects| {
         write(&mut objects, 0x2005, 1, 1).unwrap();
+        objects.entered(AlState::SafeOp);
         for (index, sub) in [(0x2000, 1), (0x2001, 1), (0x2004, 10), (0x2007, 2), (0x2020, 1)] {
             assert_eq!(write(&mut objects, index, sub, 1), Err(Abort::State), "{index:04x}");
         }
-        write(&mut objects, 0x2005, 2, 0).unwrap();
-        assert!(!place.is_running());
+        objects.entered(AlState::PreOp);
+        write(&mut objects, 0x2000, 1, 4).unwrap();
+        assert!(place.is_running(), "there are four already");
         write(&mut objects, 0x2000, 1, 3).unwrap();
-        assert_eq!(read(&mut objects, 0x2000, 1), 3);
+        assert!(!place.is_running());
+        assert_eq!((read(&mut objects, 0x2000, 1), read(&mut objects, 0x2005, 2)), (3, 0));
     });
 }
 

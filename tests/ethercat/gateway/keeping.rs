@@ -1,6 +1,6 @@
 //! The configuration survives a restart: saved on the MainDevice's command, or at the console, as lines of the settings.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 use embassy_futures::join::join;
@@ -29,7 +29,8 @@ const SLOW: Duration = Duration::from_millis(400);
 struct SlowStore {
     next: Rc<RefCell<String>>,
     saved: Rc<RefCell<Option<String>>>,
-    fails: bool,
+    /// How often it fails before it does not.
+    failures: Rc<Cell<u32>>,
 }
 
 impl Store for SlowStore {
@@ -45,7 +46,8 @@ impl Store for SlowStore {
 
     async fn commit(&mut self) -> Result<(), StoreError> {
         Timer::after(SLOW).await;
-        if self.fails {
+        if let Some(left) = self.failures.get().checked_sub(1) {
+            self.failures.set(left);
             return Err(StoreError::Failed);
         }
         *self.saved.borrow_mut() = Some(self.next.take());
@@ -54,6 +56,10 @@ impl Store for SlowStore {
 }
 
 impl SlowStore {
+    fn failing(times: u32) -> Self {
+        Self { failures: Rc::new(Cell::new(times)), ..Self::default() }
+    }
+
     fn saved(&self) -> Option<String> {
         self.saved.borrow().clone()
     }
@@ -138,7 +144,7 @@ fn statement_56_what_cannot_be_saved_is_aborted() {
         let nobody = gateway.sdo_write(0x1010, 1, SAVE).await;
         assert_eq!(code(nobody), 0x0800_0020, "nobody has a store");
     });
-    let store = SlowStore { fails: true, ..SlowStore::default() };
+    let store = SlowStore::failing(1);
     with_wire(115_200, SETTINGS, Vec::new(), async |desk, gateway| {
         with_store(gateway, &store, async {
             let group = desk.to_pre_op().await.unwrap();
@@ -153,6 +159,30 @@ fn statement_56_what_cannot_be_saved_is_aborted() {
         .await;
     });
     assert_eq!(store.saved(), None);
+}
+
+#[test]
+fn statement_56_a_save_of_before_a_restart_from_init_answers_no_other_sdo() {
+    let store = SlowStore::failing(1);
+    with_wire(115_200, SETTINGS, Vec::new(), async |desk, gateway| {
+        with_store(gateway, &store, async {
+            let group = desk.to_pre_op().await.unwrap();
+            let device = group.subdevice(desk.master, 0).unwrap();
+            device.sdo_write(0x2005, 1, 1_u16).await.unwrap();
+            let begin = Instant::now();
+            let saved = select(device.sdo_write(0x1010, 1, SAVE), Timer::after(10 * MS)).await;
+            assert!(matches!(saved, Either::Second(())), "the MainDevice does not wait for it");
+
+            let group = desk.to_pre_op().await.unwrap();
+            let device = group.subdevice(desk.master, 0).unwrap();
+            device.sdo_write(0x2001, 10, 1_000_u32).await.unwrap();
+            assert!(begin.elapsed() < SLOW, "another SDO does not wait for it either");
+            device.sdo_write(0x1010, 1, SAVE).await.unwrap();
+            assert!(begin.elapsed() >= 2 * SLOW, "the outcome is its own: the first one failed");
+        })
+        .await;
+    });
+    assert!(store.saved().is_some());
 }
 
 #[test]

@@ -1,15 +1,16 @@
 //! SDO information: which objects there are, and what they are like (ETG.1000.6, clause 5.6.3).
 //!
-//! An answer that is longer than the mailbox goes out in fragments, each built when there is room for it.
+//! An answer that is longer than the mailbox goes out in fragments, each built when there is room for it. A list is not kept: its
+//! rest is found in the table when the next fragment is built, so it may have any length.
 
 use heapless::Vec;
 
 use super::Service;
 use super::abort::Abort;
 use crate::application::Application;
-use crate::dictionary::{Bytes, Dictionary};
+use crate::dictionary::Dictionary;
 use crate::mailbox::{MailboxError, Payload};
-use crate::object::{Access, Entry, Object};
+use crate::object::{Access, Entries, Entry, Object};
 
 /// Bytes of the header in front of each message: operation, reserved, fragments left.
 const HEADER_BYTES: usize = 4;
@@ -32,12 +33,44 @@ mod value_info {
 /// The lists of objects, by number.
 const LISTS: u16 = 5;
 
+/// Bytes of a description at most: its numbers, and a name of more than a hundred letters.
+const DESCRIPTION_BYTES_MAX: usize = 160;
+
 /// The answer that is being sent.
 #[derive(Debug, Default)]
 pub struct Information {
     operation: u8,
-    answer: Bytes,
+    /// A description, or what comes in front of a list.
+    answer: Vec<u8, DESCRIPTION_BYTES_MAX>,
     sent: usize,
+    list: Rest,
+}
+
+/// The objects of a list that have not been sent.
+#[derive(Debug, Default)]
+struct Rest {
+    list: u16,
+    count: usize,
+    /// The part of the table that they are in.
+    objects: &'static [Object],
+}
+
+impl Rest {
+    fn of(list: u16, objects: &'static [Object]) -> Self {
+        let count = objects.iter().filter(|object| is_listed(object, list)).count();
+        Self { list, count, objects }
+    }
+}
+
+impl Iterator for Rest {
+    type Item = u16;
+
+    fn next(&mut self) -> Option<u16> {
+        let at = self.objects.iter().position(|object| is_listed(object, self.list))?;
+        let (object, behind) = self.objects.get(at..)?.split_first()?;
+        (self.count, self.objects) = (self.count - 1, behind);
+        Some(object.index)
+    }
 }
 
 /// Why there is no description.
@@ -64,6 +97,7 @@ impl Information {
         self.sent = 0;
         self.operation = operation.wrapping_add(ANSWER);
         self.answer.clear();
+        self.list = Rest::default();
         match self.describe(operation, data, dictionary) {
             Ok(()) => Ok(()),
             Err(Refusal::Malformed) => {
@@ -105,20 +139,16 @@ impl Information {
     }
 
     /// The objects of a list, or for list 0 how many each list has.
-    fn list(&mut self, objects: &[Object], list: u16) -> Result<(), Refusal> {
+    fn list(&mut self, objects: &'static [Object], list: u16) -> Result<(), Refusal> {
         if list > LISTS {
             return Err(Abort::UnsupportedAccess.into());
         }
         self.put(&list.to_le_bytes())?;
         if list == 0 {
-            for list in 1..=LISTS {
-                let count = objects.iter().filter(|object| is_listed(object, list)).count();
-                self.put(&(count as u16).to_le_bytes())?;
-            }
+            let counts = (1..=LISTS).map(|list| Rest::of(list, objects).count as u16);
+            return counts.into_iter().try_for_each(|count| self.put(&count.to_le_bytes()));
         }
-        for object in objects.iter().filter(|object| is_listed(object, list)) {
-            self.put(&object.index.to_le_bytes())?;
-        }
+        self.list = Rest::of(list, objects);
         Ok(())
     }
 
@@ -151,22 +181,35 @@ impl Information {
         self.answer.extend_from_slice(bytes).map_err(|_| Refusal::Abort(Abort::OutOfMemory))
     }
 
+    /// Bytes that have not been sent.
+    fn left(&self) -> usize {
+        self.answer.len() - self.sent + 2 * self.list.count
+    }
+
     /// Whether fragments are left.
     pub(super) fn is_answering(&self) -> bool {
-        self.sent < self.answer.len()
+        self.left() > 0
     }
 
     /// The next fragment, in `room` bytes at most.
     pub(super) fn next(&mut self, room: usize) -> Option<Payload> {
-        let rest = self.answer.get(self.sent..).filter(|rest| !rest.is_empty())?;
+        if !self.is_answering() {
+            return None;
+        }
         // An even number, so that no index of a list is cut in two.
         let data_max = (room - HEADER_BYTES) & !1;
-        let data = rest.get(..data_max).unwrap_or(rest);
-        let left = rest.len().div_ceil(data_max) - 1;
+        let rest = self.answer.get(self.sent..).unwrap_or_default();
+        let described = rest.get(..data_max).unwrap_or(rest);
+        let mut data = Payload::from_slice(described).unwrap_or_default();
+        self.sent += described.len();
+        for index in self.list.by_ref().take((data_max - data.len()) / 2) {
+            // A fragment is no longer than the mailbox, which is a payload's capacity at most.
+            let _ = data.extend_from_slice(&index.to_le_bytes());
+        }
+        let left = self.left().div_ceil(data_max);
         let incomplete = if left > 0 { INCOMPLETE } else { 0 };
         let [low, high] = (left as u16).to_le_bytes();
-        self.sent += data.len();
-        Some(Service::SdoInformation.message(&[&[self.operation | incomplete, 0, low, high], data]))
+        Some(Service::SdoInformation.message(&[&[self.operation | incomplete, 0, low, high], &data]))
     }
 }
 
@@ -181,5 +224,11 @@ fn is_listed(object: &Object, list: u16) -> bool {
         5 => Access::SETTING,
         _ => return false,
     };
-    (0..=object.sub_max()).any(|sub| object.entry(sub).is_some_and(|entry| entry.access.any(wanted)))
+    match object.entries {
+        // They are all alike.
+        Entries::Variable(entry) | Entries::Array(_, entry) => entry.access.any(wanted),
+        Entries::Record(entries) => entries.iter().any(|entry| entry.access.any(wanted)),
+        Entries::Assignment(_, access) => access.any(wanted),
+        Entries::Mapping(..) => false,
+    }
 }

@@ -1,0 +1,44 @@
+//! What the scanner reads and writes of a Modbus device for the process image.
+
+use embassy_time::Instant;
+
+use super::image::IMAGE_BYTES;
+use super::layout::DeviceLayout;
+use crate::config::{Cells, SlaveSettings};
+use crate::scanner::{Device, Full, Reading, Row, Scanner, Writing};
+
+/// Where the buffers lie in the scanner's memory.
+pub(super) const INPUTS: u16 = 0;
+pub(super) const OUTPUTS: u16 = IMAGE_BYTES;
+
+/// Lets `scanner` read `slave` into its part of the input buffer, and write from its part of the output buffer.
+pub(super) fn add(
+    scanner: &mut Scanner,
+    slave: &SlaveSettings,
+    layout: &DeviceLayout,
+    now: Instant,
+) -> Result<(), Full> {
+    let device =
+        Device { unit: slave.unit, order: slave.order, check: slave.check, filling: slave.filling() };
+    let id = scanner.add_device(device)?;
+    for (kind, Cells { count, address }) in slave.tables().filter(|(_, cells)| cells.count > 0) {
+        let input = INPUTS + layout.input(kind);
+        let output = layout.output(kind);
+        let range = Row {
+            device: Some(id),
+            kind,
+            first: address,
+            count,
+            input,
+            output: output.map_or(input, |output| OUTPUTS + output),
+            read: Reading::Every(slave.polling_ms),
+            write: if output.is_some() { Writing::OnChange } else { Writing::Never },
+            multiple: false,
+            form: slave.form(kind),
+            of: None,
+            quality: None,
+        };
+        scanner.add_range(range, now)?;
+    }
+    Ok(())
+}

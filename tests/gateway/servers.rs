@@ -188,6 +188,28 @@ fn a_server_that_comes_back_is_found_though_all_sockets_are_in_use() {
 }
 
 #[test]
+fn an_outage_of_the_past_makes_no_pause_longer_once_a_connection_was_well() {
+    with_gateway(1, &settings(1, "connect-timeout 500ms idle 2s"), |world, rig| {
+        attach(world, rig, [1]);
+        rig.network.set_unreachable(address(1), true);
+        for _ in 0..60 {
+            assert_eq!(ask(world, rig, 1).0, no_path());
+            world.run_for(SECOND);
+        }
+        rig.network.set_unreachable(address(1), false);
+        // Longer than the longest pause.
+        world.run_for(11 * SECOND);
+        assert_eq!(ask(world, rig, 1).0, value(1));
+        world.run_for(5 * SECOND);
+        rig.network.set_unreachable(address(1), true);
+        assert_eq!(ask(world, rig, 1).0, no_path());
+        rig.network.set_unreachable(address(1), false);
+        world.run_for(2 * RETRY_FIRST);
+        assert_eq!(ask(world, rig, 1).0, value(1), "the first pause is the shortest again");
+    });
+}
+
+#[test]
 fn each_server_has_its_own_status_and_the_port_is_as_well_as_the_best() {
     with_gateway(1, &settings(3, "sockets 2"), |world, rig| {
         attach(world, rig, [1]);

@@ -46,9 +46,11 @@ impl Device {
         self.objects.get(at)
     }
 
-    /// All PDOs of a SyncManager.
-    pub fn pdos(&self, channel: Channel) -> impl Iterator<Item = &'static Object> + use<> {
-        self.objects.iter().filter(move |object| object.pdo() == Some(channel))
+    /// The PDOs of a SyncManager that the EEPROM and the ESI file describe.
+    pub fn described_pdos(&self, channel: Channel) -> impl Iterator<Item = &'static Object> + use<> {
+        let described =
+            |object: &&Object| matches!(object.entries, Entries::Mapping(_, rules) if rules.described);
+        self.objects.iter().filter(move |object| object.pdo() == Some(channel)).filter(described)
     }
 
     /// The PDOs that a SyncManager carries after power-on.

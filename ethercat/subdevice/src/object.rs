@@ -31,8 +31,21 @@ pub enum Entries {
     Record(&'static [Entry]),
     /// Which PDOs a SyncManager carries: the list after power-on; sub-index 0 may be written.
     Assignment(&'static [u16], Access),
-    /// What a PDO carries, and which others cannot be assigned with it.
-    Mapping(&'static [Mapped], &'static [u16]),
+    /// What a PDO carries, and how it goes with others.
+    Mapping(&'static [Mapped], PdoRules),
+}
+
+/// How a PDO goes with others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PdoRules {
+    /// Those that cannot be assigned with it.
+    pub excluded: &'static [u16],
+    /// Whether the EEPROM and the ESI file describe it, or only the dictionary.
+    pub described: bool,
+}
+
+impl PdoRules {
+    const NONE: Self = Self { excluded: &[], described: true };
 }
 
 /// A run of entries of one object that a PDO carries.
@@ -153,14 +166,28 @@ impl Object {
 
     /// A PDO.
     pub const fn mapping(index: u16, name: &'static str, mapped: &'static [Mapped]) -> Self {
-        Self { index, name, entries: Entries::Mapping(mapped, &[]) }
+        Self { index, name, entries: Entries::Mapping(mapped, PdoRules::NONE) }
     }
 
     /// The same PDO, which cannot be assigned together with the PDOs `excluded`.
     #[must_use]
     pub const fn excluding(self, excluded: &'static [u16]) -> Self {
         match self.entries {
-            Entries::Mapping(mapped, _) => Self { entries: Entries::Mapping(mapped, excluded), ..self },
+            Entries::Mapping(mapped, rules) => {
+                Self { entries: Entries::Mapping(mapped, PdoRules { excluded, ..rules }), ..self }
+            }
+            _ => self,
+        }
+    }
+
+    /// The same PDO, known by the dictionary alone: each entry takes eight bytes of an EEPROM, which may have no room for another
+    /// view of the same values.
+    #[must_use]
+    pub const fn undescribed(self) -> Self {
+        match self.entries {
+            Entries::Mapping(mapped, rules) => {
+                Self { entries: Entries::Mapping(mapped, PdoRules { described: false, ..rules }), ..self }
+            }
             _ => self,
         }
     }
@@ -257,7 +284,7 @@ impl Object {
     /// Whether this PDO and `other` cannot be assigned together.
     pub fn excludes(&self, other: &Self) -> bool {
         let names = |one: &Self, index: u16| match one.entries {
-            Entries::Mapping(_, excluded) => excluded.contains(&index),
+            Entries::Mapping(_, rules) => rules.excluded.contains(&index),
             _ => false,
         };
         names(self, other.index) || names(other, self.index)

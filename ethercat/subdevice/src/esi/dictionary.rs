@@ -22,9 +22,15 @@ pub(super) fn write<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(
     })
 }
 
-/// Each type that some entry has, once.
+/// Each type that some entry has, once, and that of the bytes in arrays.
 fn write_base_types<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(), Error> {
     let types = || device.objects.iter().flat_map(types_of);
+    if types().any(|data_type| matches!(data_type, DataType::Octets(_) | DataType::OctetsUpTo(_))) {
+        xml.within("DataType", format_args!(""), |xml| {
+            xml.text("Name", format_args!("BYTE"))?;
+            xml.text("BitSize", format_args!("8"))
+        })?;
+    }
     for (at, data_type) in types().enumerate() {
         if types().take(at).any(|earlier| earlier == data_type) {
             continue;

@@ -183,6 +183,7 @@ struct TypeName(DataType);
 impl core::fmt::Display for TypeName {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self.0 {
+            DataType::Bool => f.write_str("BOOL"),
             DataType::U8 => f.write_str("USINT"),
             DataType::U16 => f.write_str("UINT"),
             DataType::U32 => f.write_str("UDINT"),

@@ -27,7 +27,9 @@ pub enum Entries {
     Variable(Entry),
     /// `count` values of one kind from sub-index 1 on; sub-index 0 tells how many.
     Array(u8, Entry),
-    /// Values of different kinds.
+    /// The same, of numbers that never change.
+    Constants(&'static [u32], Entry),
+    /// Values of different kinds; an [absent](Entry::ABSENT) one leaves its sub-index out.
     Record(&'static [Entry]),
     /// Which PDOs a SyncManager carries: the list after power-on; sub-index 0 may be written.
     Assignment(&'static [u16], Access),
@@ -90,6 +92,9 @@ pub enum Value {
 }
 
 impl Entry {
+    /// In a record: nothing stands at this sub-index.
+    pub const ABSENT: Self = Self { access: Access(0), ..Self::number("", DataType::U8, 0) };
+
     /// A number that never changes.
     pub const fn number(name: &'static str, data_type: DataType, value: u64) -> Self {
         Self { name, data_type, access: Access::READ, value: Value::Number(value), range: (0, u64::MAX) }
@@ -197,6 +202,7 @@ impl Object {
         match self.entries {
             Entries::Variable(_) => 0,
             Entries::Array(count, _) => count,
+            Entries::Constants(values, _) => values.len() as u8,
             Entries::Record(entries) => entries.len() as u8,
             Entries::Assignment(..) => crate::assignment::PDOS_ASSIGNED_MAX as u8,
             Entries::Mapping(mapped, _) => mapped.iter().map(|run| run.count).sum(),
@@ -213,7 +219,13 @@ impl Object {
         }
         match self.entries {
             Entries::Array(count, entry) => (sub <= count).then_some(entry),
-            Entries::Record(entries) => entries.get(usize::from(sub) - 1).copied(),
+            Entries::Constants(values, entry) => {
+                let &value = values.get(usize::from(sub) - 1)?;
+                Some(Entry { value: Value::Number(value.into()), ..entry })
+            }
+            Entries::Record(entries) => {
+                entries.get(usize::from(sub) - 1).copied().filter(|entry| *entry != Entry::ABSENT)
+            }
             Entries::Assignment(initial, access) => (sub <= self.sub_max()).then(|| {
                 let default = initial.get(usize::from(sub) - 1).copied().unwrap_or_default();
                 Entry::of_stack("PDO", DataType::U16, default.into(), access)
@@ -240,7 +252,7 @@ impl Object {
     pub const fn code(&self) -> u8 {
         match self.entries {
             Entries::Variable(_) => 7,
-            Entries::Array(..) | Entries::Assignment(..) => 8,
+            Entries::Array(..) | Entries::Constants(..) | Entries::Assignment(..) => 8,
             Entries::Record(_) | Entries::Mapping(..) => 9,
         }
     }
@@ -248,7 +260,9 @@ impl Object {
     /// The data type: of a VAR or ARRAY that of its values, of a RECORD its own (ETG.1000.6, table 63).
     pub const fn data_type(&self) -> u16 {
         match self.entries {
-            Entries::Variable(entry) | Entries::Array(_, entry) => entry.data_type.code(),
+            Entries::Variable(entry) | Entries::Array(_, entry) | Entries::Constants(_, entry) => {
+                entry.data_type.code()
+            }
             Entries::Assignment(..) => DataType::U16.code(),
             Entries::Mapping(..) => 0x0021,
             Entries::Record(_) => match self.index {

@@ -23,6 +23,8 @@ pub struct EthercatSettings {
     pub line: Option<Name>,
     /// Outputs are read from the controller until two readings agree, for an SPI that may turn bits: about half as much traffic again.
     pub prove_outputs: bool,
+    /// What tells the gateway from others of its kind, as a rotary switch would; none: the station alias in the EEPROM.
+    pub id: Option<u16>,
 }
 
 impl Settings {

@@ -42,6 +42,12 @@ pub trait Application {
         false
     }
 
+    /// What tells the device from others of its kind when a MainDevice asks for that (ETG.1020, explicit device identification): the
+    /// value of a selector or a setting. None is the station alias that stands in the EEPROM.
+    fn identification(&self) -> Option<u16> {
+        None
+    }
+
     /// Takes the outputs of a PDO, always those of one frame. Called in Op only, for each assigned PDO.
     fn outputs(&mut self, pdo: u16, bytes: &[u8]);
 

@@ -136,6 +136,10 @@ impl Application for GatewayObjects<'_> {
         self.place.proves_outputs()
     }
 
+    fn identification(&self) -> Option<u16> {
+        self.place.identification()
+    }
+
     fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort> {
         match (at.index, at.sub) {
             (0x2021 | 0x2023, sub) => self.place.inputs(|buffer| copy_entry(buffer, sub, into))?,

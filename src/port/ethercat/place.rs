@@ -43,6 +43,8 @@ struct State {
     has_line: bool,
     on_loss: OnLoss,
     proves_outputs: bool,
+    /// What the gateway says it is when it is asked.
+    id: Option<u16>,
     /// Whether a configuration is in use.
     running: bool,
     /// The settings have slaves that are to be asked as soon as there are port and line.
@@ -67,6 +69,7 @@ impl State {
         has_line: false,
         on_loss: OnLoss::Stop,
         proves_outputs: false,
+        id: None,
         running: false,
         wanted: false,
         taken_over: false,
@@ -99,6 +102,11 @@ impl EthercatPlace {
     /// Whether outputs are read from the controller until two readings agree.
     pub(super) fn proves_outputs(&self) -> bool {
         self.state.lock(Cell::get).proves_outputs
+    }
+
+    /// What tells the gateway from others, if that is set.
+    pub(super) fn identification(&self) -> Option<u16> {
+        self.state.lock(Cell::get).id
     }
 
     /// How the slave `nth` is doing, if there is one.
@@ -322,6 +330,7 @@ impl EthercatPlace {
             state.has_line = sets_none || line != Speed::NONE;
             state.on_loss = port.map(|port| port.on_loss).unwrap_or_default();
             state.proves_outputs = port.is_some_and(|port| port.prove_outputs);
+            state.id = port.and_then(|port| port.id);
             state.line = line;
             state.wanted |= other_slaves && !settings.slaves.is_empty();
         });

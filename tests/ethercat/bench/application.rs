@@ -53,6 +53,10 @@ impl<A: Application> Application for Shared<A> {
         self.0.borrow_mut().written()
     }
 
+    fn identification(&self) -> Option<u16> {
+        self.0.borrow().identification()
+    }
+
     fn assigned(&mut self, channel: Channel, pdos: &[u16]) {
         self.0.borrow_mut().assigned(channel, pdos);
     }

@@ -66,8 +66,14 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             self.coe.emergencies.clear();
         }
         if control.asks_identification() {
-            let alias = self.read_word(STATION_ALIAS).await?;
-            self.al.identify(alias);
+            let id = match self.application.identification() {
+                Some(id) => id,
+                None => self.read_word(STATION_ALIAS).await?,
+            };
+            // 0 is no identification.
+            if id != 0 {
+                self.al.identify(id);
+            }
         }
         self.write_status().await
     }

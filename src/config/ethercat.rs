@@ -25,6 +25,8 @@ pub struct EthercatSettings {
     pub prove_outputs: bool,
     /// What tells the gateway from others of its kind, as a rotary switch would; none: the station alias in the EEPROM.
     pub id: Option<u16>,
+    /// Errors are reported by emergencies, too; a MainDevice can change that (10F3h:05). Some end with the first one they get.
+    pub emergencies: bool,
 }
 
 impl Settings {

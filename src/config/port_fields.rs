@@ -57,6 +57,7 @@ impl PortKind {
                 Key::Line => Some(Field::Line(&mut settings.line)),
                 Key::OnLoss => Some(Field::OnLoss(&mut settings.on_loss)),
                 Key::ProveOutputs(prove) => Some(Field::Flag(&mut settings.prove_outputs, prove)),
+                Key::Emergencies(sent) => Some(Field::Flag(&mut settings.emergencies, sent)),
                 Key::Id => Some(Field::Id(&mut settings.id, &ID)),
                 _ => None,
             },

@@ -302,6 +302,10 @@ fn statement_41_defaults_in_the_file_are_what_is_read_after_power_on() {
         let subs = (0..=table.sub_max()).filter(|sub| table.entry(*sub).is_some());
         for (sub, info) in subs.zip(infos) {
             let default = text(info, "DefaultData");
+            // The time goes on.
+            if index == 0x10f8 {
+                continue;
+            }
             if matches!((index, sub), (0x2033, 1 | 5) | (0x2034, 1..)) {
                 assert_eq!(rig.upload(index, sub), Err(0x0601_0001), "it is only written");
                 continue;

@@ -1,5 +1,6 @@
 //! What a device is: its identity, its memory, and its objects. Everything that a MainDevice is told comes from here.
 
+use crate::diagnosis::Text;
 use crate::object::{Entries, Object};
 use crate::sync_manager::{Channel, MemoryPlan};
 
@@ -22,6 +23,8 @@ pub struct Device {
     pub controller: [u8; 8],
     /// Whether errors are also reported by emergency messages.
     pub emergencies: bool,
+    /// The texts of messages in the diagnosis history.
+    pub texts: &'static [Text],
     /// The objects, sorted by index.
     pub objects: &'static [Object],
 }

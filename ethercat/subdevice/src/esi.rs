@@ -71,7 +71,8 @@ fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, sii: &[u8; SII_
     xml.text("GroupType", format_args!("{}", device.group))?;
     xml.within("Profile", format_args!(""), |xml| {
         xml.text("ProfileNo", format_args!("{PROFILE}"))?;
-        xml.within("Dictionary", format_args!(""), |xml| dictionary::write(xml, device))
+        xml.within("Dictionary", format_args!(""), |xml| dictionary::write(xml, device))?;
+        write_texts(xml, device)
     })?;
     for usage in ["Outputs", "Inputs", "MBoxState"] {
         xml.text("Fmmu", format_args!("{usage}"))?;
@@ -81,12 +82,28 @@ fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, sii: &[u8; SII_
         device.described_pdos(channel).try_for_each(|pdo| write_pdo(xml, device, name, channel, pdo))?;
     }
     xml.within("Mailbox", format_args!(" DataLinkLayer=\"true\""), |xml| {
-        xml.empty("CoE", format_args!("{CoeDetails} SegmentedSdo=\"true\""))
+        let has_history = device.object(0x10f3).is_some();
+        xml.empty("CoE", format_args!("{CoeDetails} SegmentedSdo=\"true\" DiagHistory=\"{has_history}\""))
     })?;
     xml.within("Eeprom", format_args!(""), |xml| {
         xml.text("ByteSize", format_args!("{SII_BYTES}"))?;
         // The part that the check covers, without the alias; the tool makes the rest from this file.
         xml.text("ConfigData", format_args!("{}", xml::Hex(sii.get(..8).unwrap_or_default())))
+    })
+}
+
+/// The texts of the diagnosis history, in English (language 1033).
+fn write_texts<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(), Error> {
+    if device.texts.is_empty() {
+        return Ok(());
+    }
+    xml.within("DiagMessages", format_args!(""), |xml| {
+        device.texts.iter().try_for_each(|text| {
+            xml.within("DiagMessage", format_args!(""), |xml| {
+                xml.text("TextId", format_args!("#x{:04X}", text.id))?;
+                xml.element("MessageText", format_args!(" LcId=\"1033\""), format_args!("{}", text.text))
+            })
+        })
     })
 }
 

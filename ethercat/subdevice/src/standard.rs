@@ -2,6 +2,7 @@
 
 use crate::assignment::CYCLE_NS_MIN;
 use crate::device::Identity;
+use crate::diagnosis::{FIRST_MESSAGE, MESSAGE_BYTES, MESSAGES};
 use crate::object::{Access, DataType, Entries, Entry, Object};
 
 /// 1000h, device type: the profile's number.
@@ -38,6 +39,35 @@ pub const fn identity_entries(identity: Identity) -> [Entry; 4] {
         Entry::number("Serial number", DataType::U32, identity.serial as u64),
     ]
 }
+
+/// 10F1h, what becomes of local errors and of lost synchronisation: nothing that could be set.
+pub const ERROR_SETTINGS: Object = {
+    const ENTRIES: [Entry; 2] = [
+        Entry::number("Local error reaction", DataType::U32, 0),
+        // There is no limit.
+        Entry::number("Sync error counter limit", DataType::U16, 0),
+    ];
+    Object::record(0x10f1, "Error settings", &ENTRIES)
+};
+
+/// 10F3h, the diagnosis history; the application has it and answers by its [`History`](crate::diagnosis::History).
+pub const DIAGNOSIS_HISTORY: Object = {
+    const SETTING: Access = Access::READ.and(Access::WRITE);
+    const ENTRIES: [Entry; FIRST_MESSAGE as usize - 1 + MESSAGES] = {
+        let message = Entry::reading("Diagnosis message", DataType::Octets(MESSAGE_BYTES as u16));
+        let mut entries = [message; FIRST_MESSAGE as usize - 1 + MESSAGES];
+        entries[0] = Entry::number("Maximum messages", DataType::U8, MESSAGES as u64);
+        entries[1] = Entry::reading("Newest message", DataType::U8);
+        entries[2] = Entry::reading("Newest acknowledged message", DataType::U8).with_access(SETTING);
+        entries[3] = Entry::reading("New messages available", DataType::Bool);
+        entries[4] = Entry::reading("Flags", DataType::U16).with_access(SETTING);
+        entries
+    };
+    Object::record(0x10f3, "Diagnosis history", &ENTRIES)
+};
+
+/// 10F8h, the time of the diagnosis history, in nanoseconds; the application's.
+pub const TIME_STAMP: Object = Object::variable(0x10f8, Entry::reading("Time stamp", DataType::U64));
 
 /// 1C00h, what the SyncManagers are for: mailbox out and in, outputs, inputs.
 pub const SYNC_MANAGER_TYPES: Object = Object {

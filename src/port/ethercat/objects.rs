@@ -9,6 +9,7 @@ use ethercat_subdevice::object::{Access, DataType, Entry, Mapped, Object};
 use ethercat_subdevice::standard;
 use ethercat_subdevice::sync_manager::MemoryPlan;
 
+use super::diagnosis::TEXTS;
 use super::image::{FIRST_BYTES, IMAGE_BYTES, SECOND_END};
 use super::request::REQUEST_BYTES_MAX;
 use super::slaves::{CONFIGURATIONS, LAYOUTS, SLAVES, SLAVES_FIRST, STATUSES, first_four};
@@ -45,8 +46,9 @@ pub const DEVICE: Device = Device {
     memory: MemoryPlan::new(128, IMAGE_BYTES, INPUTS_BYTES.next_multiple_of(8), 4096),
     // LAN9252: SPI, no synchronisation signals.
     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
-    // Some MainDevices (ethercrab 0.7) end with the first one that they get.
+    // Some MainDevices (ethercrab 0.7) end with the first one that they get: 10F3h:05 and the port's settings say who takes them.
     emergencies: false,
+    texts: TEXTS,
     objects: OBJECTS,
 };
 
@@ -148,6 +150,9 @@ const BEFORE_SLAVES: &[Object] = &[
     Object::array(0x1010, "Store parameters", 1, on_command("Save all parameters")),
     Object::array(0x1011, "Restore default parameters", 1, on_command("Restore all default parameters")),
     standard::identity(IDENTITY_ENTRIES),
+    standard::ERROR_SETTINGS,
+    standard::DIAGNOSIS_HISTORY,
+    standard::TIME_STAMP,
     Object::mapping(0x1600, "Outputs by byte", &[all_of(0x2022, FIRST_BYTES as u8, 8)])
         .excluding(&[0x1601])
         .undescribed(),

@@ -186,7 +186,8 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     }
 
     pub(super) fn report(&mut self, cause: Cause, code: AlStatusCode) {
-        if self.device.emergencies && self.al.state().has_mailbox() {
+        let sends = self.device.emergencies || self.application.sends_emergencies();
+        if sends && self.al.state().has_mailbox() {
             self.coe.emergencies.raise(cause, code);
         }
     }

@@ -23,6 +23,10 @@ pub struct EthercatSettings {
     pub line: Option<Name>,
     /// Outputs are read from the controller until two readings agree, for an SPI that may turn bits: about half as much traffic again.
     pub prove_outputs: bool,
+    /// What tells the gateway from others of its kind, as a rotary switch would; none: the station alias in the EEPROM.
+    pub id: Option<u16>,
+    /// Errors are reported by emergencies, too; a MainDevice can change that (10F3h:05). Some end with the first one they get.
+    pub emergencies: bool,
 }
 
 impl Settings {

@@ -42,6 +42,8 @@ pub(super) enum Field<'s> {
     Medium(&'s mut u16, &'static Count),
     /// None is the unit of the rule.
     Unit(&'s mut Option<u8>, &'static Count),
+    /// None is the alias in the EEPROM.
+    Id(&'s mut Option<u16>, &'static Count),
     Baud(&'s mut u32, &'static RangeInclusive<u32>),
     Format(&'s mut LineSettings),
     Device(&'s mut String<DEVICE_BYTES_MAX>),
@@ -88,6 +90,8 @@ impl Field<'_> {
             Self::Medium(place, count) => *place = count.read(word)? as u16,
             Self::Unit(place, _) if word.is("auto") => *place = None,
             Self::Unit(place, count) => *place = Some(count.read(word)? as u8),
+            Self::Id(place, _) if word.is("alias") => *place = None,
+            Self::Id(place, count) => *place = Some(count.read(word)? as u16),
             Self::Device(place) => *place = device(word)?,
             Self::Listen(place) => *place = listen(word)?,
             Self::Server(place) => *place = Some(server_address(word)?),
@@ -133,6 +137,7 @@ impl Field<'_> {
             Self::Small(number, _) => number,
             Self::Unit(Some(number), _) => number,
             Self::Medium(number, _) => number,
+            Self::Id(Some(id), _) => id,
             Self::Special(meaning, _) => meaning,
             Self::Interface(Some(name)) | Self::Line(Some(name)) => name,
             Self::OnLoss(on_loss) => on_loss,

@@ -39,6 +39,8 @@ const PIPELINE: Count = Count("requests", 1..=16);
 const REQUESTS: Count = Count("requests", 1..=UDP_REQUESTS_MAX as u32);
 /// A board has few.
 const SOCKETS: Count = Count("connections", 1..=SOCKETS_MAX as u32);
+/// 0 would be none (ETG.1020).
+const ID: Count = Count("alias, or an id", 1..=u16::MAX as u32);
 const UNIT: Count = Count("auto, or a unit id", 0..=255);
 
 impl PortKind {
@@ -55,6 +57,8 @@ impl PortKind {
                 Key::Line => Some(Field::Line(&mut settings.line)),
                 Key::OnLoss => Some(Field::OnLoss(&mut settings.on_loss)),
                 Key::ProveOutputs(prove) => Some(Field::Flag(&mut settings.prove_outputs, prove)),
+                Key::Emergencies(sent) => Some(Field::Flag(&mut settings.emergencies, sent)),
+                Key::Id => Some(Field::Id(&mut settings.id, &ID)),
                 _ => None,
             },
         }

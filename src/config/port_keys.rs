@@ -51,6 +51,8 @@ pub(super) enum Key {
     ReservedUnits,
     ProveOutputs(bool),
     Interface,
+    Id,
+    Emergencies(bool),
 }
 
 impl Key {
@@ -102,6 +104,8 @@ impl Key {
             Self::Full => 42,
             Self::Interface => 43,
             Self::Sockets => 44,
+            Self::Id => 45,
+            Self::Emergencies(_) => 46,
         }
     }
 }
@@ -189,6 +193,10 @@ const ETHERCAT_KEYS: Keys = &[
     ("interface", Key::Interface),
     ("line", Key::Line),
     ("on-loss", Key::OnLoss),
+    ("id", Key::Id),
+    ("emergencies", Key::Emergencies(true)),
+    // For `edit`: a flag has no value that could say so.
+    ("no-emergencies", Key::Emergencies(false)),
     ("prove-outputs", Key::ProveOutputs(true)),
     // For `edit`: a flag has no value that could say so.
     ("no-prove-outputs", Key::ProveOutputs(false)),
@@ -226,7 +234,7 @@ const TCP_SERVER_EXPECTED: &str =
 const TCP_CLIENT_EXPECTED: &str = "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
      connect-delay, request-delay, idle, retries, late-window, down-after or proof";
 const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow";
-const ETHERCAT_EXPECTED: &str = "interface, line, on-loss or prove-outputs";
+const ETHERCAT_EXPECTED: &str = "interface, line, on-loss, id, emergencies or prove-outputs";
 
 /// Gives `each` the words that set something.
 pub(super) fn keywords(each: &mut dyn FnMut(&'static str)) {

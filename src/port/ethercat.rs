@@ -8,6 +8,7 @@
 mod application;
 mod configuration;
 mod controller;
+mod diagnosis;
 mod image;
 mod keeping;
 mod layout;

@@ -32,8 +32,8 @@ struct Port<'s, 'g> {
     place: &'s PortPlace,
     id: PortId,
     scanner: &'s ScannerPlace,
-    /// What a MainDevice asks besides, at the EtherCAT port.
-    requests: Option<&'s Requests>,
+    /// The MainDevice whose devices these are, at the EtherCAT port; it asks something besides.
+    ethercat: Option<&'s EthercatPlace>,
     /// What it shows while it runs.
     status: Status,
 }
@@ -49,8 +49,7 @@ pub(crate) async fn run(
     let Some(scanner) = scanner else { return place.changed.wait().await };
     ethercat.into_iter().for_each(|ethercat| gateway.adopt(ethercat));
     let status = ethercat.map_or(Status::Open, |ethercat| ethercat.controller().status());
-    let requests = ethercat.map(EthercatPlace::requests);
-    let port = Port { gateway, place, id, scanner, status, requests };
+    let port = Port { gateway, place, id, scanner, status, ethercat };
     let renewed = async {
         match ethercat {
             Some(ethercat) => ethercat.renewed().await,
@@ -63,6 +62,11 @@ pub(crate) async fn run(
 }
 
 impl Port<'_, '_> {
+    /// What a MainDevice asks by itself.
+    fn requests(&self) -> Option<&Requests> {
+        self.ethercat.map(EthercatPlace::requests)
+    }
+
     /// Asks the devices, for ever.
     async fn run(&self) {
         self.place.set_status(self.status);
@@ -86,12 +90,12 @@ impl Port<'_, '_> {
         self.place.renew();
         while self.place.queue.try_receive(self.gateway.pool()).is_some() {}
         self.scanner.with(|scanner| scanner.forget_open());
-        self.requests.into_iter().for_each(Requests::lost);
+        self.requests().into_iter().for_each(Requests::lost);
     }
 
     /// Waits for a request of a MainDevice.
     async fn asked(&self) {
-        match self.requests {
+        match self.requests() {
             Some(requests) => requests.asked().await,
             None => pending().await,
         }
@@ -101,7 +105,7 @@ impl Port<'_, '_> {
     fn send(&self) -> bool {
         loop {
             let now = Instant::now();
-            let asked = self.requests.is_some_and(Requests::waits);
+            let asked = self.requests().is_some_and(Requests::waits);
             if !asked && !self.scanner.with(|scanner| scanner.is_due(now)) {
                 return true;
             }
@@ -123,7 +127,7 @@ impl Port<'_, '_> {
 
     /// What is to be asked next: the request's transaction id, unit and PDU.
     fn next(&self, now: Instant) -> Option<(u16, u8, Pdu)> {
-        if let Some((unit, pdu)) = self.requests.and_then(Requests::take) {
+        if let Some((unit, pdu)) = self.requests().and_then(Requests::take) {
             return Some((REQUEST, unit, pdu));
         }
         let request = self.scanner.with(|scanner| scanner.next(now))?;
@@ -164,11 +168,23 @@ impl Port<'_, '_> {
                 // Whoever had no way has counted that.
                 Err(_) => {}
             }
-            match self.requests {
+            match self.requests() {
                 Some(requests) if transaction == REQUEST => requests.ended(outcome),
-                _ => self.scanner.with(|scanner| scanner.answered(device, now, outcome)),
+                _ => self.answered(device, now, outcome),
             }
         };
         frame.pdu(answer);
+    }
+
+    /// Gives the scanner what came of a request, and has a MainDevice told what that says of the device.
+    fn answered(&self, device: DeviceId, now: Instant, outcome: Result<&[u8], ErrorCode>) {
+        let (before, after) = self.scanner.with(|scanner| {
+            let before = scanner.device_status(device, now);
+            scanner.answered(device, now, outcome);
+            (before, scanner.device_status(device, now))
+        });
+        if let Some(ethercat) = self.ethercat {
+            ethercat.asked(device, before, after);
+        }
     }
 }

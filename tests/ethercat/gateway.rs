@@ -4,6 +4,7 @@ pub(crate) mod bench;
 mod conduct;
 mod configuration;
 mod controller;
+mod diagnosis;
 mod drive;
 mod exchange;
 mod image_table;

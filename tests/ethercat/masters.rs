@@ -30,13 +30,14 @@ fn with_gateway(application: impl Application, script: impl AsyncFnOnce(Desk<'_>
 #[test]
 fn ethercrab_brings_the_gateway_to_op_with_its_default_mapping() {
     let started = start_up(&GATEWAY, direct).unwrap();
-    assert!(started.round_trips >= 2 * (120 + 3), "each mapped entry is asked for: {started:?}");
+    assert!(started.round_trips >= 2 * (15 + 3), "each mapped entry is asked for: {started:?}");
     assert!(started.time.as_millis() <= 300, "{started:?}");
 }
 
 #[test]
 fn ethercrab_brings_it_to_op_over_spi_at_20_mhz_in_300_ms() {
     let started = start_up(&GATEWAY, over_spi).unwrap();
+    println!("{} ms, {} mailbox requests", started.time.as_millis(), started.round_trips);
     assert!(started.time.as_millis() <= 300, "{started:?}");
 }
 
@@ -106,7 +107,7 @@ fn tshark_decodes_a_start_with_all_its_messages_without_malformed_packets() {
         desk.to_op(group, 1).await.unwrap();
     });
     let (frames, ethercat, malformed) = capture.decode();
-    assert!(frames > 1_000, "{frames} frames");
+    assert!(frames > 800, "{frames} frames");
     assert_eq!(frames, ethercat, "all of them EtherCAT");
     assert_eq!(malformed, [] as [String; 0]);
 }

@@ -91,6 +91,27 @@ fn statement_57_the_gateways_configuration_is_not_changed_while_process_data_are
 }
 
 #[test]
+fn statement_59_synchronisation_is_told_by_the_entries_that_others_have() {
+    let mut rig = rig();
+    for index in [0x1c32, 0x1c33] {
+        assert_eq!(rig.upload(index, 0), Ok(vec![0x20]));
+        let sizes = [1, 2, 3, 4, 5, 6, 8, 9, 0x0a, 0x0b, 0x0c, 0x20]
+            .map(|sub| (sub, rig.upload(index, sub).unwrap().len()));
+        assert_eq!(sizes.map(|(_, bytes)| bytes), [2, 4, 4, 2, 4, 4, 2, 4, 4, 2, 2, 1]);
+        for sub in (1..=0x21).filter(|sub| sizes.iter().all(|(known, _)| known != sub)) {
+            assert_eq!(rig.upload(index, sub), Err(0x0609_0011), "{sub:02x}");
+        }
+        let complete = rig.upload_complete(index, 0).unwrap();
+        assert_eq!(complete.len(), 2 + sizes.iter().map(|(_, bytes)| bytes).sum::<usize>());
+        assert_eq!(rig.download(index, 8, &[2, 0]), Ok(()), "counters begin anew");
+        assert_eq!(rig.download(index, 8, &[1, 0]), Err(0x0609_0030), "there is no measurement");
+    }
+    let types = |rig: &mut Rig<_>| rig.ask(&[0, 0x80, 3, 0, 0, 0, 0x00, 0x1c])[8..12].to_vec();
+    assert_eq!(types(&mut rig), [5, 0, 4, 8], "1C00h is an ARRAY of USINT");
+    assert_eq!(rig.upload_complete(0x1c00, 0), Ok(vec![4, 0, 1, 2, 3, 4]));
+}
+
+#[test]
 fn statement_31_small_values_are_expedited_and_larger_ones_are_not() {
     let mut rig = rig();
     for (index, sub, command, value) in [

@@ -339,6 +339,12 @@ fn statement_20_the_alias_identifies_the_device_on_request() {
 }
 
 #[test]
+fn statement_20_without_an_identification_none_is_shown() {
+    let mut rig = in_state(PRE_OP);
+    assert_eq!(rig.request(PRE_OP | 0x20), (PRE_OP, 0), "0 is none");
+}
+
+#[test]
 fn statement_54_after_a_reset_of_the_chip_the_device_is_in_init_with_0060_and_comes_back() {
     let mut used = None;
     let reach = |chip| {

@@ -2,6 +2,7 @@
 
 use crate::al_state::{AlState, AlStatusCode};
 use crate::coe::abort::Abort;
+use crate::coe::emergency::Emergency;
 use crate::esc::EscError;
 use crate::sync_manager::Channel;
 
@@ -40,6 +41,22 @@ pub trait Application {
     /// their traffic.
     fn proves_outputs(&self) -> bool {
         false
+    }
+
+    /// Whether errors are also reported by emergencies, for a MainDevice that takes them.
+    fn sends_emergencies(&self) -> bool {
+        false
+    }
+
+    /// The next emergency of its own; asked for when there is room for one, while [they are sent](Self::sends_emergencies).
+    fn emergency(&mut self) -> Option<Emergency> {
+        None
+    }
+
+    /// What tells the device from others of its kind when a MainDevice asks for that (ETG.1020, explicit device identification): the
+    /// value of a selector or a setting. None is the station alias that stands in the EEPROM.
+    fn identification(&self) -> Option<u16> {
+        None
     }
 
     /// Takes the outputs of a PDO, always those of one frame. Called in Op only, for each assigned PDO.

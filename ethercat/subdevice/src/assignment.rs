@@ -3,6 +3,7 @@
 use crate::coe::abort::Abort;
 use crate::device::Device;
 use crate::object::Object;
+use crate::standard::RESET_COUNTERS;
 use crate::sync_manager::Channel;
 
 /// PDOs that a SyncManager carries at most.
@@ -117,6 +118,51 @@ pub enum Synchronisation {
     SyncManager,
 }
 
+/// The shortest cycle that is promised as long as nothing else is known.
+pub const CYCLE_NS_MIN: u32 = 100_000;
+
+/// How the exchange of images keeps up with the MainDevice: 1C32h and 1C33h from entry 05 on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Timing {
+    /// 05: the shortest cycle in which no image is left out, in nanoseconds.
+    pub minimum_cycle_ns: u32,
+    /// 06: how long reading outputs and writing inputs takes, in nanoseconds.
+    pub copy_ns: u32,
+    /// 0B: images that came before the one in front of them was taken.
+    pub missed_events: u16,
+    /// 0C: how often that was since the cycle is shorter than the shortest one.
+    pub cycles_too_small: u16,
+    /// 20: whether synchronisation is lost.
+    pub sync_error: bool,
+}
+
+impl Timing {
+    const NEW: Self = Self {
+        minimum_cycle_ns: CYCLE_NS_MIN,
+        copy_ns: 0,
+        missed_events: 0,
+        cycles_too_small: 0,
+        sync_error: false,
+    };
+
+    fn value(&self, sub: u8) -> Option<u32> {
+        Some(match sub {
+            0x05 => self.minimum_cycle_ns,
+            0x06 => self.copy_ns,
+            // Nothing is being measured.
+            0x08 => 0,
+            0x0b => self.missed_events.into(),
+            0x0c => self.cycles_too_small.into(),
+            0x20 => self.sync_error.into(),
+            _ => return None,
+        })
+    }
+
+    fn reset(&mut self) {
+        (self.missed_events, self.cycles_too_small, self.sync_error) = (0, 0, false);
+    }
+}
+
 /// The values that the stack keeps, as they are after power-on until a MainDevice changes them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Communication {
@@ -128,6 +174,8 @@ pub struct Communication {
     outputs_synchronised: u16,
     /// 1C33h:01.
     inputs_synchronised: u16,
+    /// What 1C32h and 1C33h tell about the exchange.
+    pub timing: Timing,
 }
 
 impl Communication {
@@ -142,6 +190,7 @@ impl Communication {
             inputs: Assignment::of_device(device, Channel::Inputs),
             outputs_synchronised: Self::OWN_EVENT,
             inputs_synchronised: Self::OUTPUTS_EVENT,
+            timing: Timing::NEW,
         }
     }
 
@@ -164,11 +213,12 @@ impl Communication {
     }
 
     /// A value of the stack's.
-    pub fn value(&mut self, index: u16, sub: u8) -> Option<u16> {
+    pub fn value(&mut self, index: u16, sub: u8) -> Option<u32> {
         match (index, sub) {
-            (0x1c32, 1) => Some(self.outputs_synchronised),
-            (0x1c33, 1) => Some(self.inputs_synchronised),
-            _ => self.assignment(index).map(|assignment| assignment.value(sub)),
+            (0x1c32, 1) => Some(self.outputs_synchronised.into()),
+            (0x1c33, 1) => Some(self.inputs_synchronised.into()),
+            (0x1c32 | 0x1c33, _) => self.timing.value(sub),
+            _ => self.assignment(index).map(|assignment| assignment.value(sub).into()),
         }
     }
 
@@ -179,6 +229,8 @@ impl Communication {
             (0x1c33, 1, Self::FREE_RUN | Self::OWN_EVENT | Self::OUTPUTS_EVENT) => {
                 self.inputs_synchronised = value
             }
+            (0x1c32 | 0x1c33, 8, 0) => {}
+            (0x1c32 | 0x1c33, 8, RESET_COUNTERS) => self.timing.reset(),
             (0x1c32 | 0x1c33, ..) => return Err(Abort::Range),
             _ => {
                 let assignment = self.assignment(index).ok_or(Abort::General)?;

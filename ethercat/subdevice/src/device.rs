@@ -1,5 +1,6 @@
 //! What a device is: its identity, its memory, and its objects. Everything that a MainDevice is told comes from here.
 
+use crate::diagnosis::Text;
 use crate::object::{Entries, Object};
 use crate::sync_manager::{Channel, MemoryPlan};
 
@@ -22,6 +23,8 @@ pub struct Device {
     pub controller: [u8; 8],
     /// Whether errors are also reported by emergency messages.
     pub emergencies: bool,
+    /// The texts of messages in the diagnosis history.
+    pub texts: &'static [Text],
     /// The objects, sorted by index.
     pub objects: &'static [Object],
 }
@@ -46,9 +49,11 @@ impl Device {
         self.objects.get(at)
     }
 
-    /// All PDOs of a SyncManager.
-    pub fn pdos(&self, channel: Channel) -> impl Iterator<Item = &'static Object> + use<> {
-        self.objects.iter().filter(move |object| object.pdo() == Some(channel))
+    /// The PDOs of a SyncManager that the EEPROM and the ESI file describe.
+    pub fn described_pdos(&self, channel: Channel) -> impl Iterator<Item = &'static Object> + use<> {
+        let described =
+            |object: &&Object| matches!(object.entries, Entries::Mapping(_, rules) if rules.described);
+        self.objects.iter().filter(move |object| object.pdo() == Some(channel)).filter(described)
     }
 
     /// The PDOs that a SyncManager carries after power-on.

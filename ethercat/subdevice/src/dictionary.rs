@@ -53,7 +53,7 @@ impl<A: Application> Dictionary<'_, A> {
         if let Some(assignment) = self.communication.assignment(at.index) {
             last = assignment.value(0) as u8;
         }
-        for sub in at.sub..=last {
+        for sub in (at.sub..=last).filter(|sub| object.entry(*sub).is_some()) {
             self.read_entry(object, sub, &mut bytes)?;
             if sub == 0 {
                 // The count takes 16 bits in a complete access (ETG.1000.6, clause 5.6.2).
@@ -72,7 +72,8 @@ impl<A: Application> Dictionary<'_, A> {
         }
         check_complete(object, at.sub)?;
         let counted = u8::from(!matches!(object.entries, Entries::Assignment(..)));
-        (at.sub.max(counted)..=object.sub_max()).try_for_each(|sub| self.writable(object, sub).map(|_| ()))
+        let mut subs = (at.sub.max(counted)..=object.sub_max()).filter(|sub| object.entry(*sub).is_some());
+        subs.try_for_each(|sub| self.writable(object, sub).map(|_| ()))
     }
 
     /// Writes all of `bytes`, or nothing.

@@ -8,8 +8,8 @@ mod xml;
 use core::fmt::{Error, Write};
 
 use crate::device::Device;
-use crate::object::{DataType, Entries, Object};
-use crate::sii::{SII_BYTES, SiiFull, default_length, write as write_sii};
+use crate::object::{DataType, Entries, Entry, Object};
+use crate::sii::{COE_DETAILS, SII_BYTES, SiiFull, default_length, write as write_sii};
 use crate::sync_manager::{Channel, MAILBOX_BYTES_MIN};
 use xml::Xml;
 
@@ -67,26 +67,43 @@ fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, sii: &[u8; SII_
     );
     xml.element("Type", codes, format_args!("{}", device.order))?;
     xml.text("Name", format_args!("{}", device.name))?;
+    xml.within("Info", format_args!(""), |xml| xml.text("IdentificationReg134", format_args!("true")))?;
     xml.text("GroupType", format_args!("{}", device.group))?;
     xml.within("Profile", format_args!(""), |xml| {
         xml.text("ProfileNo", format_args!("{PROFILE}"))?;
-        xml.within("Dictionary", format_args!(""), |xml| dictionary::write(xml, device))
+        xml.within("Dictionary", format_args!(""), |xml| dictionary::write(xml, device))?;
+        write_texts(xml, device)
     })?;
     for usage in ["Outputs", "Inputs", "MBoxState"] {
         xml.text("Fmmu", format_args!("{usage}"))?;
     }
     Channel::ALL.into_iter().try_for_each(|channel| write_sync_manager(xml, device, channel))?;
     for (name, channel) in [("RxPdo", Channel::Outputs), ("TxPdo", Channel::Inputs)] {
-        device.pdos(channel).try_for_each(|pdo| write_pdo(xml, device, name, channel, pdo))?;
+        device.described_pdos(channel).try_for_each(|pdo| write_pdo(xml, device, name, channel, pdo))?;
     }
     xml.within("Mailbox", format_args!(" DataLinkLayer=\"true\""), |xml| {
-        let coe = " SdoInfo=\"true\" PdoAssign=\"true\" PdoConfig=\"false\" CompleteAccess=\"true\" SegmentedSdo=\"true\"";
-        xml.empty("CoE", format_args!("{coe}"))
+        let has_history = device.object(0x10f3).is_some();
+        xml.empty("CoE", format_args!("{CoeDetails} SegmentedSdo=\"true\" DiagHistory=\"{has_history}\""))
     })?;
     xml.within("Eeprom", format_args!(""), |xml| {
         xml.text("ByteSize", format_args!("{SII_BYTES}"))?;
         // The part that the check covers, without the alias; the tool makes the rest from this file.
         xml.text("ConfigData", format_args!("{}", xml::Hex(sii.get(..8).unwrap_or_default())))
+    })
+}
+
+/// The texts of the diagnosis history, in English (language 1033).
+fn write_texts<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(), Error> {
+    if device.texts.is_empty() {
+        return Ok(());
+    }
+    xml.within("DiagMessages", format_args!(""), |xml| {
+        device.texts.iter().try_for_each(|text| {
+            xml.within("DiagMessage", format_args!(""), |xml| {
+                xml.text("TextId", format_args!("#x{:04X}", text.id))?;
+                xml.element("MessageText", format_args!(" LcId=\"1033\""), format_args!("{}", text.text))
+            })
+        })
     })
 }
 
@@ -129,7 +146,8 @@ fn write_pdo<W: Write>(
         xml.text("Name", format_args!("{}", pdo.name))?;
         let room = usize::from(device.bytes_max(channel)).saturating_sub(pdo.pdo_bytes());
         let excluded = |other: &&Object| pdo.excludes(other) || other.pdo_bytes() > room;
-        for other in device.pdos(channel).filter(|other| other.index != pdo.index).filter(excluded) {
+        for other in device.described_pdos(channel).filter(|other| other.index != pdo.index).filter(excluded)
+        {
             xml.text("Exclude", format_args!("#x{:04X}", other.index))?;
         }
         pdo.mapped().try_for_each(|mapped| {
@@ -141,13 +159,10 @@ fn write_pdo<W: Write>(
                 xml.text("Index", format_args!("#x{index:04X}"))?;
                 xml.text("SubIndex", format_args!("{sub}"))?;
                 xml.text("BitLen", format_args!("{bits}"))?;
-                match (&object.entries, sub.checked_sub(1)) {
-                    // From 0 on, as physical addresses count, and eight bytes by their first one.
-                    (Entries::Array(..), Some(place)) => {
-                        let step = if entry.data_type == DataType::U64 { 8 } else { 1 };
-                        xml.text("Name", format_args!("{} {}", entry.name, u16::from(place) * step))?;
-                    }
-                    _ => xml.text("Name", format_args!("{}", entry.name))?,
+                // As the EEPROM has it, which has no room for a name of each entry; which one it is stands in the comment.
+                xml.text("Name", format_args!("{}", entry.name))?;
+                if let (Entries::Array(..), Some(place)) = (&object.entries, sub.checked_sub(1)) {
+                    write_place(xml, entry, place)?;
                 }
                 xml.text("DataType", format_args!("{}", TypeName(entry.data_type)))
             })
@@ -159,12 +174,33 @@ fn write_pdo<W: Write>(
     }
 }
 
+/// Which element of an array an entry is, counted from 0; of bytes which ones.
+fn write_place<W: Write>(xml: &mut Xml<'_, W>, entry: Entry, place: u8) -> Result<(), Error> {
+    match entry.data_type {
+        DataType::Octets(bytes) => {
+            let first = u16::from(place) * bytes;
+            xml.text("Comment", format_args!("{} {first} to {}", entry.name, first + bytes - 1))
+        }
+        _ => xml.text("Comment", format_args!("{} {place}", entry.name)),
+    }
+}
+
+/// What CoE offers, as attributes.
+struct CoeDetails;
+
+impl core::fmt::Display for CoeDetails {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        COE_DETAILS.iter().try_for_each(|(attribute, _, offered)| write!(f, " {attribute}=\"{offered}\""))
+    }
+}
+
 /// The name of a type in the file.
 struct TypeName(DataType);
 
 impl core::fmt::Display for TypeName {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self.0 {
+            DataType::Bool => f.write_str("BOOL"),
             DataType::U8 => f.write_str("USINT"),
             DataType::U16 => f.write_str("UINT"),
             DataType::U32 => f.write_str("UDINT"),

@@ -9,7 +9,7 @@
 //! * process data ([`process`]) go to the application and come from it ([`application`]), PDO by PDO as they are assigned
 //!   ([`assignment`]).
 //!
-//! What the device is stands in one table ([`device`], [`object`], [`standard`]), from which the MainDevice's other sources are
+//! What happened to it is told by the diagnosis history ([`diagnosis`]), and by emergencies. What the device is stands in one table ([`device`], [`object`], [`standard`]), from which the MainDevice's other sources are
 //! made too: the controller's EEPROM ([`sii`]) and the description file ([`esi`]).
 //!
 //! | limit | value | why |
@@ -26,6 +26,7 @@ pub mod application;
 pub mod assignment;
 pub mod coe;
 pub mod device;
+pub mod diagnosis;
 pub mod dictionary;
 pub mod esc;
 pub mod esi;

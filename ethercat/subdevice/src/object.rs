@@ -27,12 +27,27 @@ pub enum Entries {
     Variable(Entry),
     /// `count` values of one kind from sub-index 1 on; sub-index 0 tells how many.
     Array(u8, Entry),
-    /// Values of different kinds.
+    /// The same, of numbers that never change.
+    Constants(&'static [u32], Entry),
+    /// Values of different kinds; an [absent](Entry::ABSENT) one leaves its sub-index out.
     Record(&'static [Entry]),
     /// Which PDOs a SyncManager carries: the list after power-on; sub-index 0 may be written.
     Assignment(&'static [u16], Access),
-    /// What a PDO carries, and which others cannot be assigned with it.
-    Mapping(&'static [Mapped], &'static [u16]),
+    /// What a PDO carries, and how it goes with others.
+    Mapping(&'static [Mapped], PdoRules),
+}
+
+/// How a PDO goes with others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PdoRules {
+    /// Those that cannot be assigned with it.
+    pub excluded: &'static [u16],
+    /// Whether the EEPROM and the ESI file describe it, or only the dictionary.
+    pub described: bool,
+}
+
+impl PdoRules {
+    const NONE: Self = Self { excluded: &[], described: true };
 }
 
 /// A run of entries of one object that a PDO carries.
@@ -77,6 +92,9 @@ pub enum Value {
 }
 
 impl Entry {
+    /// In a record: nothing stands at this sub-index.
+    pub const ABSENT: Self = Self { access: Access(0), ..Self::number("", DataType::U8, 0) };
+
     /// A number that never changes.
     pub const fn number(name: &'static str, data_type: DataType, value: u64) -> Self {
         Self { name, data_type, access: Access::READ, value: Value::Number(value), range: (0, u64::MAX) }
@@ -153,14 +171,28 @@ impl Object {
 
     /// A PDO.
     pub const fn mapping(index: u16, name: &'static str, mapped: &'static [Mapped]) -> Self {
-        Self { index, name, entries: Entries::Mapping(mapped, &[]) }
+        Self { index, name, entries: Entries::Mapping(mapped, PdoRules::NONE) }
     }
 
     /// The same PDO, which cannot be assigned together with the PDOs `excluded`.
     #[must_use]
     pub const fn excluding(self, excluded: &'static [u16]) -> Self {
         match self.entries {
-            Entries::Mapping(mapped, _) => Self { entries: Entries::Mapping(mapped, excluded), ..self },
+            Entries::Mapping(mapped, rules) => {
+                Self { entries: Entries::Mapping(mapped, PdoRules { excluded, ..rules }), ..self }
+            }
+            _ => self,
+        }
+    }
+
+    /// The same PDO, known by the dictionary alone: each entry takes eight bytes of an EEPROM, which may have no room for another
+    /// view of the same values.
+    #[must_use]
+    pub const fn undescribed(self) -> Self {
+        match self.entries {
+            Entries::Mapping(mapped, rules) => {
+                Self { entries: Entries::Mapping(mapped, PdoRules { described: false, ..rules }), ..self }
+            }
             _ => self,
         }
     }
@@ -170,6 +202,7 @@ impl Object {
         match self.entries {
             Entries::Variable(_) => 0,
             Entries::Array(count, _) => count,
+            Entries::Constants(values, _) => values.len() as u8,
             Entries::Record(entries) => entries.len() as u8,
             Entries::Assignment(..) => crate::assignment::PDOS_ASSIGNED_MAX as u8,
             Entries::Mapping(mapped, _) => mapped.iter().map(|run| run.count).sum(),
@@ -186,7 +219,13 @@ impl Object {
         }
         match self.entries {
             Entries::Array(count, entry) => (sub <= count).then_some(entry),
-            Entries::Record(entries) => entries.get(usize::from(sub) - 1).copied(),
+            Entries::Constants(values, entry) => {
+                let &value = values.get(usize::from(sub) - 1)?;
+                Some(Entry { value: Value::Number(value.into()), ..entry })
+            }
+            Entries::Record(entries) => {
+                entries.get(usize::from(sub) - 1).copied().filter(|entry| *entry != Entry::ABSENT)
+            }
             Entries::Assignment(initial, access) => (sub <= self.sub_max()).then(|| {
                 let default = initial.get(usize::from(sub) - 1).copied().unwrap_or_default();
                 Entry::of_stack("PDO", DataType::U16, default.into(), access)
@@ -213,7 +252,7 @@ impl Object {
     pub const fn code(&self) -> u8 {
         match self.entries {
             Entries::Variable(_) => 7,
-            Entries::Array(..) | Entries::Assignment(..) => 8,
+            Entries::Array(..) | Entries::Constants(..) | Entries::Assignment(..) => 8,
             Entries::Record(_) | Entries::Mapping(..) => 9,
         }
     }
@@ -221,7 +260,9 @@ impl Object {
     /// The data type: of a VAR or ARRAY that of its values, of a RECORD its own (ETG.1000.6, table 63).
     pub const fn data_type(&self) -> u16 {
         match self.entries {
-            Entries::Variable(entry) | Entries::Array(_, entry) => entry.data_type.code(),
+            Entries::Variable(entry) | Entries::Array(_, entry) | Entries::Constants(_, entry) => {
+                entry.data_type.code()
+            }
             Entries::Assignment(..) => DataType::U16.code(),
             Entries::Mapping(..) => 0x0021,
             Entries::Record(_) => match self.index {
@@ -257,7 +298,7 @@ impl Object {
     /// Whether this PDO and `other` cannot be assigned together.
     pub fn excludes(&self, other: &Self) -> bool {
         let names = |one: &Self, index: u16| match one.entries {
-            Entries::Mapping(_, excluded) => excluded.contains(&index),
+            Entries::Mapping(_, rules) => rules.excluded.contains(&index),
             _ => false,
         };
         names(self, other.index) || names(other, self.index)

@@ -30,8 +30,16 @@ const CRC_8: Algorithm<u8> = Algorithm {
 
 /// The mailbox protocols of word 1Ch: CoE.
 const PROTOCOLS: u16 = 0x0004;
-/// CoE: SDO, SDO information, PDO assignment, uploads at start, complete access.
-const COE_DETAILS: u8 = 0x37;
+/// CoE: SDO.
+const COE_SDO: u8 = 0x01;
+/// What else CoE offers: the attribute of the ESI file, the bit here, and whether it does.
+pub(crate) const COE_DETAILS: [(&str, u8, bool); 5] = [
+    ("SdoInfo", 0x02, true),
+    ("PdoAssign", 0x04, true),
+    ("PdoConfig", 0x08, false),
+    ("PdoUpload", 0x10, true),
+    ("CompleteAccess", 0x20, true),
+];
 /// The mailbox repeats messages; the identification is shown in AL status code.
 const GENERAL_FLAGS: u8 = 0x0c;
 /// Both ports are MII, one nibble each.
@@ -80,7 +88,9 @@ pub fn write(device: &Device, into: &mut [u8; SII_BYTES]) -> Result<(), SiiFull>
     })?;
     for (category, channel) in [(Category::TxPdo, Channel::Inputs), (Category::RxPdo, Channel::Outputs)] {
         writer.category(category, |writer| {
-            device.pdos(channel).try_for_each(|pdo| write_pdo(writer, device, &strings, channel, pdo))
+            device
+                .described_pdos(channel)
+                .try_for_each(|pdo| write_pdo(writer, device, &strings, channel, pdo))
         })?;
     }
     Ok(())
@@ -116,12 +126,16 @@ fn head_of(device: &Device) -> [u8; CATEGORIES_START] {
 fn general(device: &Device, strings: &Strings) -> [u8; 32] {
     let mut general = [0; 32];
     let [ports_low, ports_high] = PORTS.to_le_bytes();
+    let details = COE_DETAILS.iter().filter(|(_, _, offered)| *offered);
+    let details = details.fold(COE_SDO, |details, (_, bit, _)| details | bit);
     let fields = [
         (0x00, strings.index(device.group)),
         (0x02, strings.index(device.order)),
         (0x03, strings.index(device.name)),
-        (0x05, COE_DETAILS),
+        (0x05, details),
         (0x0b, GENERAL_FLAGS),
+        // For readers of an older format.
+        (0x0e, strings.index(device.group)),
         (0x10, ports_low),
         (0x11, ports_high),
     ];

@@ -1,6 +1,8 @@
 //! The objects that every device with a mailbox has (ETG.1000.6, clause 5.6.7; ETG.1020).
 
+use crate::assignment::CYCLE_NS_MIN;
 use crate::device::Identity;
+use crate::diagnosis::{FIRST_MESSAGE, MESSAGE_BYTES, MESSAGES};
 use crate::object::{Access, DataType, Entries, Entry, Object};
 
 /// 1000h, device type: the profile's number.
@@ -38,15 +40,40 @@ pub const fn identity_entries(identity: Identity) -> [Entry; 4] {
     ]
 }
 
-/// 1C00h, what the SyncManagers are for: mailbox out and in, outputs, inputs.
-pub const SYNC_MANAGER_TYPES: Object = {
-    const ENTRIES: [Entry; 4] = [
-        Entry::number("SyncManager 0", DataType::U8, 1),
-        Entry::number("SyncManager 1", DataType::U8, 2),
-        Entry::number("SyncManager 2", DataType::U8, 3),
-        Entry::number("SyncManager 3", DataType::U8, 4),
+/// 10F1h, what becomes of local errors and of lost synchronisation: nothing that could be set.
+pub const ERROR_SETTINGS: Object = {
+    const ENTRIES: [Entry; 2] = [
+        Entry::number("Local error reaction", DataType::U32, 0),
+        // There is no limit.
+        Entry::number("Sync error counter limit", DataType::U16, 0),
     ];
-    Object::record(0x1c00, "SyncManager types", &ENTRIES)
+    Object::record(0x10f1, "Error settings", &ENTRIES)
+};
+
+/// 10F3h, the diagnosis history; the application has it and answers by its [`History`](crate::diagnosis::History).
+pub const DIAGNOSIS_HISTORY: Object = {
+    const SETTING: Access = Access::READ.and(Access::WRITE);
+    const ENTRIES: [Entry; FIRST_MESSAGE as usize - 1 + MESSAGES] = {
+        let message = Entry::reading("Diagnosis message", DataType::Octets(MESSAGE_BYTES as u16));
+        let mut entries = [message; FIRST_MESSAGE as usize - 1 + MESSAGES];
+        entries[0] = Entry::number("Maximum messages", DataType::U8, MESSAGES as u64);
+        entries[1] = Entry::reading("Newest message", DataType::U8);
+        entries[2] = Entry::reading("Newest acknowledged message", DataType::U8).with_access(SETTING);
+        entries[3] = Entry::reading("New messages available", DataType::Bool);
+        entries[4] = Entry::reading("Flags", DataType::U16).with_access(SETTING);
+        entries
+    };
+    Object::record(0x10f3, "Diagnosis history", &ENTRIES)
+};
+
+/// 10F8h, the time of the diagnosis history, in nanoseconds; the application's.
+pub const TIME_STAMP: Object = Object::variable(0x10f8, Entry::reading("Time stamp", DataType::U64));
+
+/// 1C00h, what the SyncManagers are for: mailbox out and in, outputs, inputs.
+pub const SYNC_MANAGER_TYPES: Object = Object {
+    index: 0x1c00,
+    name: "SyncManager types",
+    entries: Entries::Constants(&[1, 2, 3, 4], Entry::number("SyncManager type", DataType::U8, 0)),
 };
 
 /// Rights of an assignment that may be changed, in PreOp.
@@ -66,28 +93,41 @@ pub const fn tx_assignment(initial: &'static [u16], access: Access) -> Object {
 
 /// Synchronisation types offered: free run (bit 0) and with the SyncManager's event (bit 1).
 const SYNC_TYPES: u64 = 0b11;
-/// The shortest cycle that is promised.
-const CYCLE_NS_MIN: u64 = 100_000;
+/// 2 in 1C32h:08 or 1C33h:08 has what is counted there begin anew.
+pub const RESET_COUNTERS: u16 = 2;
 
-const fn synchronisation(default: u64) -> [Entry; 6] {
-    [
-        Entry::of_stack("Synchronisation type", DataType::U16, default, SELECTABLE),
-        Entry::number("Cycle time", DataType::U32, 0),
-        Entry::number("Shift time", DataType::U32, 0),
-        Entry::number("Synchronisation types supported", DataType::U16, SYNC_TYPES),
-        Entry::number("Minimum cycle time", DataType::U32, CYCLE_NS_MIN),
-        Entry::number("Calc and copy time", DataType::U32, 0),
-    ]
+/// The last one is 20h.
+const fn synchronisation(default: u64) -> [Entry; 32] {
+    const RESET: Access = Access::READ.and(Access::WRITE);
+    let mut entries = [Entry::ABSENT; 32];
+    entries[0x00] = Entry::of_stack("Synchronisation type", DataType::U16, default, SELECTABLE);
+    entries[0x01] = Entry::number("Cycle time", DataType::U32, 0);
+    entries[0x02] = Entry::number("Shift time", DataType::U32, 0);
+    entries[0x03] = Entry::number("Synchronisation types supported", DataType::U16, SYNC_TYPES);
+    entries[0x04] = measured("Minimum cycle time", DataType::U32, CYCLE_NS_MIN as u64);
+    entries[0x05] = measured("Calc and copy time", DataType::U32, 0);
+    entries[0x07] = Entry::of_stack("Get cycle time", DataType::U16, 0, RESET);
+    entries[0x08] = Entry::number("Delay time", DataType::U32, 0);
+    entries[0x09] = Entry::number("SYNC0 cycle time", DataType::U32, 0);
+    entries[0x0a] = measured("SyncManager event missed", DataType::U16, 0);
+    entries[0x0b] = measured("Cycle time too small", DataType::U16, 0);
+    entries[0x1f] = measured("Synchronisation error", DataType::Bool, 0);
+    entries
+}
+
+/// What the stack tells about its timing.
+const fn measured(name: &'static str, data_type: DataType, default: u64) -> Entry {
+    Entry::of_stack(name, data_type, default, Access::READ)
 }
 
 /// 1C32h, how outputs are synchronised.
 pub const OUTPUT_SYNCHRONISATION: Object = {
-    const ENTRIES: [Entry; 6] = synchronisation(0x01);
+    const ENTRIES: [Entry; 32] = synchronisation(0x01);
     Object::record(0x1c32, "Output SyncManager parameters", &ENTRIES)
 };
 
 /// 1C33h, how inputs are synchronised.
 pub const INPUT_SYNCHRONISATION: Object = {
-    const ENTRIES: [Entry; 6] = synchronisation(0x22);
+    const ENTRIES: [Entry; 32] = synchronisation(0x22);
     Object::record(0x1c33, "Input SyncManager parameters", &ENTRIES)
 };

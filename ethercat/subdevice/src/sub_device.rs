@@ -29,6 +29,8 @@ pub const OUTPUTS_WAIT: Duration = Duration::from_millis(1_000);
 pub const FREE_RUN_CYCLE: Duration = Duration::from_millis(1);
 /// How often the application is asked whether a write has ended.
 const WRITING_PAUSE: Duration = Duration::from_millis(1);
+/// How often the application is asked for emergencies, while they are sent.
+const EMERGENCY_PAUSE: Duration = Duration::from_millis(20);
 /// How long the controller is left alone when it did not answer.
 pub const RESTART_PAUSE: Duration = Duration::from_millis(10);
 
@@ -125,7 +127,9 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         let inputs = self.runs_free().then_some(self.images.inputs_due);
         let writes = self.al.state().has_mailbox() && self.coe.is_writing();
         let written = writes.then(|| Instant::now() + WRITING_PAUSE);
-        [inputs, self.op_deadline, written].into_iter().flatten().min()
+        let emergencies = self.al.state().has_mailbox() && self.application.sends_emergencies();
+        let emergency = emergencies.then(|| Instant::now() + EMERGENCY_PAUSE);
+        [inputs, self.op_deadline, written, emergency].into_iter().flatten().min()
     }
 
     /// Does what one look at the events asks for; true when it is worth another look, since that may have changed them.

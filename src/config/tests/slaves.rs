@@ -86,6 +86,19 @@ fn what_is_wrong_with_a_slave_is_said() {
 }
 
 #[test]
+fn the_port_has_an_id_or_the_alias_of_the_eeprom() {
+    let mut settings = Settings::new();
+    for (line, id) in [
+        ("port X ethercat id 17", Some(17)),
+        ("edit port X id 65535", Some(65_535)),
+        ("edit port X id alias", None),
+    ] {
+        apply(&mut settings, line).unwrap();
+        assert_eq!(settings.ethercat().unwrap().id, id, "{line}");
+    }
+}
+
+#[test]
 fn what_is_wrong_with_the_port_is_said() {
     let cases = [
         (
@@ -103,8 +116,9 @@ fn what_is_wrong_with_the_port_is_said() {
         ),
         (
             "port X ethercat on-los stop",
-            "column 17: \"on-los\": expected interface, line, on-loss or prove-outputs; did you mean on-loss?",
+            "column 17: \"on-los\": expected interface, line, on-loss, id, emergencies or prove-outputs; did you mean on-loss?",
         ),
+        ("port X ethercat id 0", "column 20: \"0\": expected alias, or an id from 1 to 65535"),
     ];
     for (line, expected) in cases {
         let error = error(line);

@@ -2,9 +2,12 @@
 
 use core::fmt::Write;
 
+use embassy_time::Instant;
 use ethercat_subdevice::al_state::{AlState, AlStatusCode};
 use ethercat_subdevice::application::{Address, Application};
 use ethercat_subdevice::coe::abort::Abort;
+use ethercat_subdevice::coe::emergency::Emergency;
+use ethercat_subdevice::diagnosis::History;
 use ethercat_subdevice::dictionary::number;
 use ethercat_subdevice::esc::EscError;
 use ethercat_subdevice::sync_manager::Channel;
@@ -84,6 +87,9 @@ impl<'p> GatewayObjects<'p> {
     /// Whether the configuration can be used; notes why not.
     fn check_configuration(&mut self) -> Result<(), Abort> {
         let checked = self.place.check().map(|_| ());
+        if checked.is_err() {
+            self.place.configuration_refused();
+        }
         self.note(checked)
     }
 
@@ -136,10 +142,24 @@ impl Application for GatewayObjects<'_> {
         self.place.proves_outputs()
     }
 
+    fn sends_emergencies(&self) -> bool {
+        self.place.history(|history| history.sends_emergencies())
+    }
+
+    fn emergency(&mut self) -> Option<Emergency> {
+        self.place.history(History::emergency)
+    }
+
+    fn identification(&self) -> Option<u16> {
+        self.place.identification()
+    }
+
     fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort> {
         match (at.index, at.sub) {
             (0x2021 | 0x2023, sub) => self.place.inputs(|buffer| copy_entry(buffer, sub, into))?,
             (0x2022 | 0x2024, sub) => self.place.outputs(|buffer| copy_entry(buffer, sub, into))?,
+            (0x10f3, sub) => self.place.history(|history| history.read(sub, into))?,
+            (0x10f8, _) => into.copy_from_slice(&(Instant::now().as_micros() * 1_000).to_le_bytes()),
             (0x2033, 3) => return Ok(self.place.requests().copy_answer(into)),
             (0x2006, _) => {
                 let reason = self.reason();
@@ -159,6 +179,7 @@ impl Application for GatewayObjects<'_> {
         match (at.index, at.sub) {
             (0x1010, _) => self.check_keeping(Keep::Save, number),
             (0x1011, _) => self.check_keeping(Keep::Restore, number),
+            (0x10f3, sub) => self.place.history(|history| history.check(sub, number as u16)),
             (0x2005, 1) if number == 1 => self.check_configuration(),
             (0x2033, 1) => {
                 self.place.check_port()?;
@@ -189,6 +210,7 @@ impl Application for GatewayObjects<'_> {
         match (at.index, at.sub) {
             (0x1010, _) => self.place.keeping.begin(Keep::Save),
             (0x1011, _) => self.place.keeping.begin(Keep::Restore),
+            (0x10f3, sub) => self.place.history(|history| history.write(sub, number as u16)),
             // It was checked.
             (0x2005, 1) if number == 1 => self.refused = self.place.take_over().err(),
             (0x2005, 2) => self.place.stop(),
@@ -251,6 +273,7 @@ impl Application for GatewayObjects<'_> {
 
     fn failed(&mut self, fault: EscError) {
         log_warn!("EtherCAT starts anew: {fault}");
+        self.place.controller_failed();
     }
 
     fn outputs_stopped(&mut self) {

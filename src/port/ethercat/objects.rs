@@ -9,6 +9,7 @@ use ethercat_subdevice::object::{Access, DataType, Entry, Mapped, Object};
 use ethercat_subdevice::standard;
 use ethercat_subdevice::sync_manager::MemoryPlan;
 
+use super::diagnosis::TEXTS;
 use super::image::{FIRST_BYTES, IMAGE_BYTES, SECOND_END};
 use super::request::REQUEST_BYTES_MAX;
 use super::slaves::{CONFIGURATIONS, LAYOUTS, SLAVES, SLAVES_FIRST, STATUSES, first_four};
@@ -45,8 +46,9 @@ pub const DEVICE: Device = Device {
     memory: MemoryPlan::new(128, IMAGE_BYTES, INPUTS_BYTES.next_multiple_of(8), 4096),
     // LAN9252: SPI, no synchronisation signals.
     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
-    // Some MainDevices (ethercrab 0.7) end with the first one that they get.
+    // Some MainDevices (ethercrab 0.7) end with the first one that they get: 10F3h:05 and the port's settings say who takes them.
     emergencies: false,
+    texts: TEXTS,
     objects: OBJECTS,
 };
 
@@ -148,20 +150,27 @@ const BEFORE_SLAVES: &[Object] = &[
     Object::array(0x1010, "Store parameters", 1, on_command("Save all parameters")),
     Object::array(0x1011, "Restore default parameters", 1, on_command("Restore all default parameters")),
     standard::identity(IDENTITY_ENTRIES),
-    Object::mapping(0x1600, "Outputs by byte", &[all_of(0x2022, FIRST_BYTES as u8, 8)]).excluding(&[0x1601]),
-    Object::mapping(0x1601, "Outputs by eight bytes", &[by_eight(0x2024, 0, FIRST_BYTES)]),
+    standard::ERROR_SETTINGS,
+    standard::DIAGNOSIS_HISTORY,
+    standard::TIME_STAMP,
+    Object::mapping(0x1600, "Outputs by byte", &[all_of(0x2022, FIRST_BYTES as u8, 8)])
+        .excluding(&[0x1601])
+        .undescribed(),
+    Object::mapping(0x1601, "Outputs 0 to 119", &[by_eight(0x2024, 0, FIRST_BYTES)]),
     Object::mapping(0x1602, "Outputs 120 to 255", &[by_eight(0x2024, FIRST_BYTES, SECOND_END)]),
     Object::mapping(0x1603, "Outputs 256 to 511", &[by_eight(0x2024, SECOND_END, IMAGE_BYTES)]),
-    Object::mapping(0x1a00, "Inputs by byte", &[all_of(0x2021, FIRST_BYTES as u8, 8)]).excluding(&[0x1a01]),
-    Object::mapping(0x1a01, "Inputs by eight bytes", &[by_eight(0x2023, 0, FIRST_BYTES)]),
+    Object::mapping(0x1a00, "Inputs by byte", &[all_of(0x2021, FIRST_BYTES as u8, 8)])
+        .excluding(&[0x1a01])
+        .undescribed(),
+    Object::mapping(0x1a01, "Inputs 0 to 119", &[by_eight(0x2023, 0, FIRST_BYTES)]),
     Object::mapping(0x1a02, "Status", &[all_of(0x2030, 1, 8)]),
     Object::mapping(0x1a03, "Health of the first four slaves", &[all_of(0x2031, SLAVES_FIRST, 8)]),
     Object::mapping(0x1a04, "Inputs 120 to 255", &[by_eight(0x2023, FIRST_BYTES, SECOND_END)]),
     Object::mapping(0x1a05, "Inputs 256 to 511", &[by_eight(0x2023, SECOND_END, IMAGE_BYTES)]),
     Object::mapping(0x1a06, "State of all slaves", &[all_of(0x2032, SLAVES, 16)]),
     standard::SYNC_MANAGER_TYPES,
-    standard::rx_assignment(&[0x1600], standard::SELECTABLE),
-    standard::tx_assignment(&[0x1a00], standard::SELECTABLE),
+    standard::rx_assignment(&[0x1601], standard::SELECTABLE),
+    standard::tx_assignment(&[0x1a01], standard::SELECTABLE),
     standard::OUTPUT_SYNCHRONISATION,
     standard::INPUT_SYNCHRONISATION,
     Object::record(0x2000, "ModbusConfig", MODBUS),
@@ -185,13 +194,13 @@ const BEHIND_LAYOUTS: &[Object] = &[
         0x2023,
         "InputBufferByEight",
         (IMAGE_BYTES / 8) as u8,
-        inputs("Input bytes from", DataType::U64),
+        inputs("Input bytes", DataType::Octets(8)),
     ),
     Object::array(
         0x2024,
         "OutputBufferByEight",
         (IMAGE_BYTES / 8) as u8,
-        outputs("Output bytes from", DataType::U64),
+        outputs("Output bytes", DataType::Octets(8)),
     ),
     Object::record(0x2030, "Status", STATUS),
     Object::array(0x2031, "HealthOfSlaves", SLAVES, HEALTH),

@@ -11,9 +11,11 @@ use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 use ethercat_subdevice::application::Address;
 use ethercat_subdevice::coe::abort::Abort;
+use ethercat_subdevice::diagnosis::History;
 
 use super::configuration::{ConfigError, Configuration};
 use super::controller::Controller;
+use super::diagnosis::SharedHistory;
 use super::image::{IMAGE_BYTES, Room};
 use super::keeping::{Keep, Keeping};
 use super::layout::{DeviceLayout, layouts};
@@ -33,6 +35,7 @@ pub struct EthercatPlace {
     renewed: Signal<CriticalSectionRawMutex, ()>,
     requests: Requests,
     pub(super) keeping: Keeping,
+    pub(super) history: SharedHistory,
 }
 
 #[derive(Clone, Copy)]
@@ -43,6 +46,10 @@ struct State {
     has_line: bool,
     on_loss: OnLoss,
     proves_outputs: bool,
+    /// What the gateway says it is when it is asked.
+    id: Option<u16>,
+    /// Whether errors are reported by emergencies from the start.
+    emergencies: bool,
     /// Whether a configuration is in use.
     running: bool,
     /// The settings have slaves that are to be asked as soon as there are port and line.
@@ -67,6 +74,8 @@ impl State {
         has_line: false,
         on_loss: OnLoss::Stop,
         proves_outputs: false,
+        id: None,
+        emergencies: false,
         running: false,
         wanted: false,
         taken_over: false,
@@ -88,6 +97,7 @@ impl EthercatPlace {
             renewed: Signal::new(),
             requests: Requests::new(),
             keeping: Keeping::new(),
+            history: SharedHistory::new(RefCell::new(History::new())),
         }
     }
 
@@ -99,6 +109,11 @@ impl EthercatPlace {
     /// Whether outputs are read from the controller until two readings agree.
     pub(super) fn proves_outputs(&self) -> bool {
         self.state.lock(Cell::get).proves_outputs
+    }
+
+    /// What tells the gateway from others, if that is set.
+    pub(super) fn identification(&self) -> Option<u16> {
+        self.state.lock(Cell::get).id
     }
 
     /// How the slave `nth` is doing, if there is one.
@@ -322,6 +337,8 @@ impl EthercatPlace {
             state.has_line = sets_none || line != Speed::NONE;
             state.on_loss = port.map(|port| port.on_loss).unwrap_or_default();
             state.proves_outputs = port.is_some_and(|port| port.prove_outputs);
+            state.id = port.and_then(|port| port.id);
+            state.emergencies = port.is_some_and(|port| port.emergencies);
             state.line = line;
             state.wanted |= other_slaves && !settings.slaves.is_empty();
         });
@@ -333,7 +350,11 @@ impl EthercatPlace {
             self.update(|state| state.taken_over = false);
             self.configuration(|configuration| configuration.replace(&settings.slaves));
         }
-        let State { has_port, has_line, running, wanted, .. } = self.state.lock(Cell::get);
+        let State { has_port, has_line, running, wanted, emergencies, .. } = self.state.lock(Cell::get);
+        // What a MainDevice has set counts until it is typed otherwise.
+        if emergencies != before.emergencies {
+            self.history(|history| history.set_emergencies(emergencies));
+        }
         if wanted && has_port && has_line {
             self.start();
         } else if running && (!has_port || other_slaves) {
@@ -350,6 +371,9 @@ impl EthercatPlace {
     /// The settings have been saved, or not.
     pub(crate) fn kept(&self, well: bool) {
         self.keeping.done(well);
+        if !well {
+            self.configuration_not_kept();
+        }
     }
 
     /// The slaves are those of after power-on.

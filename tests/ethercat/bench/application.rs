@@ -7,6 +7,7 @@ use std::rc::Rc;
 use ethercat_subdevice::al_state::{AlState, AlStatusCode};
 use ethercat_subdevice::application::{Address, Application};
 use ethercat_subdevice::coe::abort::Abort;
+use ethercat_subdevice::coe::emergency::Emergency;
 use ethercat_subdevice::sync_manager::Channel;
 use mobgate::config::{Settings, apply};
 use mobgate::port::ethercat::{EthercatPlace, GatewayObjects};
@@ -51,6 +52,18 @@ impl<A: Application> Application for Shared<A> {
 
     fn written(&mut self) -> Option<Result<(), Abort>> {
         self.0.borrow_mut().written()
+    }
+
+    fn sends_emergencies(&self) -> bool {
+        self.0.borrow().sends_emergencies()
+    }
+
+    fn emergency(&mut self) -> Option<Emergency> {
+        self.0.borrow_mut().emergency()
+    }
+
+    fn identification(&self) -> Option<u16> {
+        self.0.borrow().identification()
     }
 
     fn assigned(&mut self, channel: Channel, pdos: &[u16]) {

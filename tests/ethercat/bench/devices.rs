@@ -69,6 +69,7 @@ const fn device(mailbox_bytes: u16) -> Device {
         memory: MemoryPlan::new(mailbox_bytes, 120, 120, 4096),
         controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
         emergencies: false,
+        texts: &[],
         objects: OBJECTS,
     }
 }

@@ -1,10 +1,16 @@
 //! What the gateway does besides exchanging values: without a configuration, before and after Op, with devices that are not well.
 
 use embassy_time::Timer;
+use ethercat_subdevice::device::Device;
+use mobgate::config::{Settings, apply};
+use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::{Fault, Faults};
 
 use super::bench::{MS, SETUP, Setup, with_devices};
+use crate::bench::{INIT, Rig, gateway_objects};
+
+static GATEWAY: Device = DEVICE;
 
 #[test]
 fn while_the_flag_is_reset_there_is_no_traffic_and_the_buffers_keep_their_values() {
@@ -116,4 +122,24 @@ fn a_device_that_is_to_be_checked_is_asked_for_a_sign_of_life_before_each_poll()
         assert!(polls >= 7 && checks(2).abs_diff(polls) <= 1, "{} checks, {polls} polls", checks(2));
         assert_eq!([checks(0), checks(1), checks(3)], [0; 3]);
     });
+}
+
+#[test]
+fn statement_20_the_settings_identify_the_gateway_and_without_them_the_alias_does() {
+    let objects = gateway_objects();
+    let place = objects.place();
+    let mut rig = Rig::with_application(&GATEWAY, objects);
+    rig.segment.chip(0).borrow_mut().write(0, 0x0012, &[0x34, 0x12]);
+    let mut settings = Settings::new();
+    for (line, id) in [
+        ("port ecat ethercat id 17", 17),
+        ("edit port ecat id 65535", 65_535),
+        ("edit port ecat id alias", 0x1234),
+    ] {
+        apply(&mut settings, line).unwrap();
+        place.follow(&settings, false);
+        // In Init, as the specification has it, without a mailbox.
+        assert_eq!(rig.request(INIT | 0x20), (INIT | 0x20, id), "{line}");
+        assert_eq!(rig.request(INIT), (INIT, 0));
+    }
 }

@@ -50,6 +50,12 @@ fn the_port_says_that_no_controller_answers_and_works_when_one_does() {
         lan9252.set_timing(Timing::USUAL);
         world.run_for(Duration::from_secs(2));
         assert_eq!((place.controller(), port()), (Controller::Present, Status::Open));
+        with_master(world, cable(line.clone()), async |desk| {
+            let group = desk.to_pre_op().await.unwrap();
+            let device = group.subdevice(desk.master, 0).unwrap();
+            assert_eq!(device.sdo_read::<u8>(0x10f3, 2).await.unwrap(), 6, "it tells of that once");
+            assert_eq!(device.sdo_read::<[u8; 25]>(0x10f3, 6).await.unwrap()[6], 6, "by its text");
+        });
     });
 }
 

@@ -154,6 +154,7 @@ fn statement_56_what_cannot_be_saved_is_aborted() {
             let refused = device.sdo_write(0x1010, 1, SAVE).await;
             assert!(matches!(refused, Err(Error::Mailbox(MailboxError::Aborted { code, .. })) if u32::from(code) == 0x0800_0020));
             assert!(begin.elapsed() >= SLOW);
+            assert_eq!(device.sdo_read::<[u8; 25]>(0x10f3, 6).await.unwrap()[6], 5, "and it is in the history");
             assert!(device.sdo_read::<[u8; 48]>(0x2006, 0).await.unwrap().starts_with(b"the settings could not be saved"));
         })
         .await;

@@ -175,8 +175,8 @@ struct Run<'r, P> {
 impl<P: FnMut(Duration)> Run<'_, P> {
     async fn run(mut self, master: &Master<'_>) -> Outcome {
         let mut outcome = Outcome::default();
-        // What the drive held before is written over first.
-        let mut value = Image::default();
+        // What the drive held before is written over first, by what no input is before it was read.
+        let mut value = [0xff; 2 * REGISTERS];
         self.change(master, value, &mut Outcome::default()).await;
         let start = Instant::now();
         while start.elapsed() < self.time {

@@ -31,6 +31,24 @@ impl Cause {
     }
 }
 
+/// An error, or that it is over, as an application tells it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Emergency {
+    /// The error code (CiA 301, 7.2.7.1); 0: what was wrong is over.
+    pub code: u16,
+    /// The error register.
+    pub register: u8,
+    /// The manufacturer's bytes.
+    pub data: [u8; 5],
+}
+
+impl Emergency {
+    /// Its message.
+    pub(crate) fn message(self) -> Payload {
+        Service::Emergency.message(&[&self.code.to_le_bytes(), &[self.register], &self.data])
+    }
+}
+
 /// Error register: bit 0 generic, bit 4 communication.
 const ERROR_REGISTER: u8 = 0x11;
 
@@ -78,7 +96,7 @@ impl Emergencies {
 /// The manufacturer's five bytes begin with the AL status code.
 fn message(code: u16, register: u8, al_status_code: u16) -> Payload {
     let [low, high] = al_status_code.to_le_bytes();
-    Service::Emergency.message(&[&code.to_le_bytes(), &[register, low, high, 0, 0, 0]])
+    Emergency { code, register, data: [low, high, 0, 0, 0] }.message()
 }
 
 #[cfg(test)]

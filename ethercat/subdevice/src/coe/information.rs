@@ -226,7 +226,9 @@ fn is_listed(object: &Object, list: u16) -> bool {
     };
     match object.entries {
         // They are all alike.
-        Entries::Variable(entry) | Entries::Array(_, entry) => entry.access.any(wanted),
+        Entries::Variable(entry) | Entries::Array(_, entry) | Entries::Constants(_, entry) => {
+            entry.access.any(wanted)
+        }
         Entries::Record(entries) => entries.iter().any(|entry| entry.access.any(wanted)),
         Entries::Assignment(_, access) => access.any(wanted),
         Entries::Mapping(..) => false,

@@ -20,7 +20,8 @@ impl<A: Application> Dictionary<'_, A> {
         for committing in [false, true] {
             let mut rest = values;
             for sub in 1..=object.sub_max() {
-                let size = object.entry(sub).ok_or(Abort::NoEntry)?.data_type.bytes();
+                let Some(entry) = object.entry(sub) else { continue };
+                let size = entry.data_type.bytes();
                 let (value, behind) = rest.split_at_checked(size).ok_or(Abort::TooShort)?;
                 rest = behind;
                 let entry =

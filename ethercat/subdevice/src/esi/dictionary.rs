@@ -22,9 +22,15 @@ pub(super) fn write<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(
     })
 }
 
-/// Each type that some entry has, once.
+/// Each type that some entry has, once, and that of the bytes in arrays.
 fn write_base_types<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(), Error> {
     let types = || device.objects.iter().flat_map(types_of);
+    if types().any(|data_type| matches!(data_type, DataType::Octets(_) | DataType::OctetsUpTo(_))) {
+        xml.within("DataType", format_args!(""), |xml| {
+            xml.text("Name", format_args!("BYTE"))?;
+            xml.text("BitSize", format_args!("8"))
+        })?;
+    }
     for (at, data_type) in types().enumerate() {
         if types().take(at).any(|earlier| earlier == data_type) {
             continue;
@@ -58,9 +64,9 @@ fn element(object: &Object) -> Option<Entry> {
 }
 
 fn bits(object: &Object) -> usize {
-    let bits_of = |sub| object.entry(sub).map_or(0, |entry| usize::from(entry.data_type.bits()));
+    let bits_of = |sub| object.entry(sub).map_or(0, |entry| 8 * entry.data_type.bytes());
     match object.entries {
-        Entries::Variable(_) => bits_of(0),
+        Entries::Variable(entry) => entry.data_type.bits().into(),
         _ => COUNT_BITS + (1..=object.sub_max()).map(bits_of).sum::<usize>(),
     }
 }
@@ -100,7 +106,7 @@ fn write_sub_items<W: Write>(xml: &mut Xml<'_, W>, object: &Object) -> Result<()
             xml.text("BitOffs", format_args!("{offset}"))?;
             write_flags(xml, entry.access)
         })?;
-        offset += if sub == 0 { COUNT_BITS } else { entry.data_type.bits().into() };
+        offset += if sub == 0 { COUNT_BITS } else { 8 * entry.data_type.bytes() };
     }
     let Some(entry) = element(object) else { return Ok(()) };
     xml.within("SubItem", format_args!(""), |xml| {

@@ -1,8 +1,10 @@
 //! Types of values, and who may access them when.
 
-/// The type of a value. All are whole bytes, so that nothing in a PDO straddles them.
+/// The type of a value. All take whole bytes, so that nothing in a PDO straddles them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DataType {
+    /// 0 or 1.
+    Bool,
     /// 8 bits.
     U8,
     /// 16 bits.
@@ -23,6 +25,7 @@ impl DataType {
     /// Its number in the dictionary (ETG.1000.6, table 63).
     pub const fn code(self) -> u16 {
         match self {
+            Self::Bool => 0x0001,
             Self::U8 => 0x0005,
             Self::U16 => 0x0006,
             Self::U32 => 0x0007,
@@ -35,7 +38,7 @@ impl DataType {
     /// Its size, at most if that may differ.
     pub const fn bytes(self) -> usize {
         match self {
-            Self::U8 => 1,
+            Self::Bool | Self::U8 => 1,
             Self::U16 => 2,
             Self::U32 => 4,
             Self::U64 => 8,
@@ -43,9 +46,12 @@ impl DataType {
         }
     }
 
-    /// Its size in bits.
+    /// Its size in bits; the others of its bytes are 0.
     pub const fn bits(self) -> u16 {
-        8 * self.bytes() as u16
+        match self {
+            Self::Bool => 1,
+            _ => 8 * self.bytes() as u16,
+        }
     }
 
     /// Whether it is a number, which has a range.
@@ -60,6 +66,7 @@ impl DataType {
 
     pub(super) const fn greatest(self) -> u64 {
         match self {
+            Self::Bool => 1,
             Self::U8 => u8::MAX as u64,
             Self::U16 => u16::MAX as u64,
             Self::U32 => u32::MAX as u64,

@@ -19,7 +19,7 @@ impl Strings {
             strings.add(text)?;
         }
         for channel in [Channel::Inputs, Channel::Outputs] {
-            for pdo in device.pdos(channel) {
+            for pdo in device.described_pdos(channel) {
                 strings.add(pdo.name)?;
                 for mapped in pdo.mapped() {
                     let [_, sub, index @ ..] = mapped.to_le_bytes();

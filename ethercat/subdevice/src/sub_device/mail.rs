@@ -2,9 +2,10 @@
 
 use super::SubDevice;
 use crate::application::Application;
+use crate::coe::emergency::Emergency;
 use crate::dictionary::Dictionary;
 use crate::esc::{Esc, EscError};
-use crate::mailbox::{MAILBOX_BYTES_MAX, MailboxError, Protocol};
+use crate::mailbox::{MAILBOX_BYTES_MAX, MailboxError, Payload, Protocol};
 use crate::registers::Events;
 use crate::sync_manager::Channel;
 
@@ -68,9 +69,18 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         Ok(())
     }
 
+    /// What goes out without being asked for again: the rest of an answer, or an emergency.
+    fn next_message(&mut self) -> Option<Payload> {
+        let next = self.coe.next(self.mailbox.payload_bytes());
+        if next.is_some() || !self.application.sends_emergencies() {
+            return next;
+        }
+        self.application.emergency().map(Emergency::message)
+    }
+
     async fn give_message(&mut self) -> Result<bool, EscError> {
         if self.mailbox.is_idle()
-            && let Some(payload) = self.coe.next(self.mailbox.payload_bytes())
+            && let Some(payload) = self.next_message()
         {
             self.mailbox.send(Protocol::CanOpen, payload);
         }

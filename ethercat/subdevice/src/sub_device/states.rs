@@ -66,8 +66,14 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             self.coe.emergencies.clear();
         }
         if control.asks_identification() {
-            let alias = self.read_word(STATION_ALIAS).await?;
-            self.al.identify(alias);
+            let id = match self.application.identification() {
+                Some(id) => id,
+                None => self.read_word(STATION_ALIAS).await?,
+            };
+            // 0 is no identification.
+            if id != 0 {
+                self.al.identify(id);
+            }
         }
         self.write_status().await
     }
@@ -180,7 +186,8 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     }
 
     pub(super) fn report(&mut self, cause: Cause, code: AlStatusCode) {
-        if self.device.emergencies && self.al.state().has_mailbox() {
+        let sends = self.device.emergencies || self.application.sends_emergencies();
+        if sends && self.al.state().has_mailbox() {
             self.coe.emergencies.raise(cause, code);
         }
     }

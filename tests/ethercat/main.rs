@@ -4,6 +4,7 @@
 use mobgate_clock as _;
 
 mod bench;
+mod chip_resets;
 mod chips;
 mod documents;
 mod esc_buffers;

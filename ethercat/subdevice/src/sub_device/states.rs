@@ -42,8 +42,10 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             self.switch(channel, false).await?;
         }
         self.al = AlMachine::new(fault);
+        self.application.entered(AlState::Init);
         self.op_deadline = None;
         self.mask = None;
+        self.proved = Instant::now();
         self.write_status().await
     }
 

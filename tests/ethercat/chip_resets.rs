@@ -3,13 +3,13 @@
 //! `MOBGATE_SEED=17 cargo test --test ethercat chip_resets` resets it as seed 17 says alone; `MOBGATE_SEEDS=4000` as so many do.
 
 use embassy_time::{Duration, Instant};
-use ethercat_subdevice::lan9252::{InterruptPin, Lan9252 as Driver, Wiring};
+use ethercat_subdevice::lan9252::InterruptPin;
 use mobgate_simulator::lan9252::Timing;
 use mobgate_simulator::random::each_seed;
 use mobgate_simulator::sub_device::direct;
 use mobgate_simulator::{Lan9252, Random};
 
-use crate::bench::{Bench, ERROR, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP};
+use crate::bench::{Bench, ERROR, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, lan9252_with};
 
 const SEEDS: u64 = 1_000;
 /// From the reset until the application knows.
@@ -22,12 +22,9 @@ const PAUSE: Duration = Duration::from_millis(2);
 fn behind_spi(interrupt: InterruptPin, timing: Timing) -> (Rig<Bench>, Lan9252) {
     let mut used = None;
     let reach = |chip| {
-        let lan9252 = Lan9252::new(chip, timing);
-        let lan9252 = if interrupt == InterruptPin::High { lan9252 } else { lan9252.pulled_up() };
-        used = Some(lan9252.clone());
-        let pin = lan9252.interrupt();
-        let pin = if interrupt == InterruptPin::High { pin } else { pin.inverted() };
-        (Driver::new(lan9252.spi(), Wiring { interrupt, ..Wiring::default() }), pin)
+        let (driver, line, lan9252) = lan9252_with(chip, interrupt, timing);
+        used = Some(lan9252);
+        (driver, line)
     };
     let mut rig = Rig::reached_by(&MAILBOX_128, Bench::default(), PAUSE, reach);
     rig.pass(100);

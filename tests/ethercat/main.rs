@@ -6,6 +6,7 @@ use mobgate_clock as _;
 mod bench;
 mod chip_resets;
 mod chips;
+mod controllers;
 mod documents;
 mod esc_buffers;
 mod esc_commands;

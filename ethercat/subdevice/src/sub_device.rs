@@ -40,6 +40,8 @@ pub struct SubDevice<E, A> {
     device: &'static Device,
     esc: E,
     application: A,
+    /// How many SyncManagers the controller has.
+    sync_managers: u8,
     al: AlMachine,
     communication: Communication,
     mailbox: Mailbox,
@@ -60,6 +62,7 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             device,
             esc,
             application,
+            sync_managers: 0,
             al: AlMachine::new(None),
             communication: Communication::new(device),
             mailbox: Mailbox::default(),

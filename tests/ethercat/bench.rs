@@ -1,6 +1,7 @@
 //! A SubDevice on a simulated chip, and a MainDevice's hand on its frames: states, messages and process data one by one.
 
 mod application;
+mod controllers;
 mod devices;
 
 use std::cell::RefMut;
@@ -12,10 +13,11 @@ use ethercat_subdevice::esc::Esc;
 use ethercat_subdevice::sii;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercat_subdevice::sync_manager::Channel;
-use mobgate_simulator::esc::{Command, Interrupt, Segment, SharedChip};
+use mobgate_simulator::esc::{Command, Interrupt, Kind, Segment, SharedChip};
 use mobgate_simulator::{World, sub_device};
 
 pub(crate) use application::{Bench, Shared, gateway_objects};
+pub(crate) use controllers::{Controller, lan9252_with};
 pub(crate) use devices::{LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128};
 
 /// Requested states, as AL control has them.
@@ -28,8 +30,15 @@ pub(crate) const ERROR: u16 = 0x10;
 
 /// Where the process data lie in the logical address space: outputs here, inputs behind.
 pub(crate) const LOGICAL: u32 = 0x0001_0000;
-/// Between two frames.
-const PAUSE: Duration = Duration::from_micros(50);
+
+/// How a rig is started.
+pub(crate) struct Start {
+    pub(crate) kind: Kind,
+    /// How long the device is given after each frame.
+    pub(crate) pause: Duration,
+    /// The processor notes rising edges of the interrupt instead of looking at its level.
+    pub(crate) edges: bool,
+}
 
 /// One device with the MainDevice's end of its line.
 pub(crate) struct Rig<A> {
@@ -60,7 +69,7 @@ impl Rig<Bench> {
 impl<A: Application + 'static> Rig<A> {
     /// A device with this application, switched on.
     pub(crate) fn with_application(device: &'static Device, application: A) -> Self {
-        Self::reached_by(device, application, PAUSE, sub_device::direct)
+        Controller::chosen().rig(device, application)
     }
 
     /// The same; its processor reaches the chip by what `reach` makes, and is given `pause` after each frame.
@@ -70,12 +79,26 @@ impl<A: Application + 'static> Rig<A> {
         pause: Duration,
         reach: impl FnOnce(SharedChip) -> (E, Interrupt),
     ) -> Self {
+        Self::start(device, application, Start { kind: Kind::LAN9252, pause, edges: false }, reach)
+    }
+
+    /// The same, with all that can be chosen.
+    pub(crate) fn start<E: Esc + 'static>(
+        device: &'static Device,
+        application: A,
+        Start { kind, pause, edges }: Start,
+        reach: impl FnOnce(SharedChip) -> (E, Interrupt),
+    ) -> Self {
         let world = World::new(1);
-        let line = sub_device::line_of(device);
+        let line = sub_device::line_of_kind(kind, device);
         let chip = line.borrow().chip(0);
         let application = Shared::new(application);
         let (esc, interrupt) = reach(chip);
-        sub_device::spawn(&world, SubDevice::new(device, esc, application.clone()), interrupt);
+        let sub_device = SubDevice::new(device, esc, application.clone());
+        match edges {
+            false => sub_device::spawn(&world, sub_device, interrupt),
+            true => sub_device::spawn_by_edges(&world, sub_device, interrupt),
+        }
         let segment = line.replace(Segment::new([]));
         let mut rig = Self { segment, device, application, pause, counter: 0, world };
         rig.pass(1);

@@ -4,7 +4,7 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Instant, Timer};
 use embedded_hal_async::digital::Wait;
 use ethercat_subdevice::esc::{Esc, EscError, read_agreed};
-use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
+use ethercat_subdevice::lan9252::{InterruptPin, Lan9252 as Driver, Wiring};
 use mobgate_simulator::esc::Command;
 use mobgate_simulator::lan9252::{Timing, Traffic};
 
@@ -100,15 +100,17 @@ fn a_mailbox_is_emptied_by_its_last_byte_and_filled_by_it() {
 
 #[test]
 fn the_interrupt_pin_asks_for_the_processor_at_either_level() {
-    for interrupt_high in [true, false] {
+    for interrupt in [InterruptPin::High, InterruptPin::Low, InterruptPin::OpenDrain] {
         with_driver(Timing::USUAL, async |_, bench| {
-            let mut driver = Driver::new(bench.chip.spi(), Wiring { interrupt_high, ..Wiring::default() });
-            let mut pin = bench.chip.interrupt();
+            let mut driver = Driver::new(bench.chip.spi(), Wiring { interrupt, ..Wiring::default() });
+            let chip = bench.chip.clone();
+            let chip = if interrupt == InterruptPin::High { chip } else { chip.pulled_up() };
+            let mut pin = chip.interrupt();
             driver.write(0x0204, &[1, 0, 0, 0]).await.unwrap();
             let asked = async {
-                match interrupt_high {
-                    true => pin.wait_for_high().await.unwrap(),
-                    false => pin.wait_for_low().await.unwrap(),
+                match interrupt {
+                    InterruptPin::High => pin.wait_for_high().await.unwrap(),
+                    InterruptPin::Low | InterruptPin::OpenDrain => pin.wait_for_low().await.unwrap(),
                 }
                 Instant::now()
             };

@@ -4,7 +4,9 @@
 use mobgate_clock as _;
 
 mod bench;
+mod chip_resets;
 mod chips;
+mod controllers;
 mod documents;
 mod esc_buffers;
 mod esc_commands;

@@ -66,6 +66,13 @@ impl Interrupt {
         Self { chip, level: Box::new(level) }
     }
 
+    /// The same line behind an inverter: for those that ask by a low level.
+    #[must_use]
+    pub fn inverted(self) -> Self {
+        let mut level = self.level;
+        Self { level: Box::new(move |at| !level(at)), ..self }
+    }
+
     async fn wait_for(&mut self, high: bool) {
         loop {
             if (self.level)(now()) == high {

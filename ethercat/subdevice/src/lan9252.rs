@@ -35,14 +35,25 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(20);
 pub struct Wiring {
     /// The SPI clock is above 30 MHz: reads need a byte of pause before their data.
     pub fast: bool,
-    /// The interrupt pin is high when it asks; else low.
-    pub interrupt_high: bool,
+    /// How the interrupt pin asks.
+    pub interrupt: InterruptPin,
+}
+
+/// What the chip does with its interrupt pin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InterruptPin {
+    /// Drives it high when it asks, else low. A resistor on the board should pull it down: the chip lets go of it in a reset.
+    High,
+    /// Drives it low when it asks, else high; with a resistor that pulls it up.
+    Low,
+    /// Pulls it low when it asks, and leaves it to a resistor that pulls it up else; others may pull at the same wire.
+    OpenDrain,
 }
 
 impl Default for Wiring {
     /// At most 30 MHz, interrupt active high.
     fn default() -> Self {
-        Self { fast: false, interrupt_high: true }
+        Self { fast: false, interrupt: InterruptPin::High }
     }
 }
 
@@ -66,6 +77,8 @@ enum Health {
     Unknown,
     /// It did not do what it should.
     Suspect,
+    /// It has lost its settings, as the caller knows.
+    Lost,
     /// It is set up.
     Good,
 }

@@ -1,5 +1,7 @@
 //! The controller's registers that this stack touches, and the bits in them (ET1100 data sheet, section II).
 
+/// How many SyncManagers the controller has, one byte.
+pub const SYNC_MANAGERS_PRESENT: u16 = 0x0005;
 /// Configured station address, two bytes.
 pub const STATION_ADDRESS: u16 = 0x0010;
 /// Station alias, two bytes: the SII's word 4 at power-on.
@@ -25,6 +27,8 @@ pub const DC_ACTIVATION: u16 = 0x0981;
 pub const SYNC_MANAGER_BYTES: u16 = 8;
 /// A SyncManager's status, from the beginning of its block.
 pub const SYNC_MANAGER_STATUS: u16 = 5;
+/// A SyncManager's activation, from the beginning of its block. Reading it clears its part in the event that one was changed.
+pub const SYNC_MANAGER_ACTIVATE: u16 = 6;
 /// A SyncManager's PDI control, from the beginning of its block.
 pub const SYNC_MANAGER_PDI_CONTROL: u16 = 7;
 

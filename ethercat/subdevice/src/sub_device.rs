@@ -31,6 +31,9 @@ pub const FREE_RUN_CYCLE: Duration = Duration::from_millis(1);
 const WRITING_PAUSE: Duration = Duration::from_millis(1);
 /// How often the application is asked for emergencies, while they are sent.
 const EMERGENCY_PAUSE: Duration = Duration::from_millis(20);
+/// How often the controller is looked at where it has nothing to tell: one that was lost cannot tell, and its PDI watchdog runs
+/// out after 100 ms unless a MainDevice sets it.
+pub const LOOK_INTERVAL: Duration = Duration::from_millis(50);
 /// How long the controller is left alone when it did not answer.
 pub const RESTART_PAUSE: Duration = Duration::from_millis(10);
 
@@ -39,6 +42,8 @@ pub struct SubDevice<E, A> {
     device: &'static Device,
     esc: E,
     application: A,
+    /// How many SyncManagers the controller has.
+    sync_managers: u8,
     al: AlMachine,
     communication: Communication,
     mailbox: Mailbox,
@@ -46,6 +51,8 @@ pub struct SubDevice<E, A> {
     images: Images,
     /// The events that raise the interrupt, as far as the controller was told.
     mask: Option<Events>,
+    /// When the controller last proved that it is the one that was started.
+    proved: Instant,
     /// Op was asked for, and waits for outputs until then.
     op_deadline: Option<Instant>,
 }
@@ -57,12 +64,14 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             device,
             esc,
             application,
+            sync_managers: 0,
             al: AlMachine::new(None),
             communication: Communication::new(device),
             mailbox: Mailbox::default(),
             coe: Coe::default(),
             images: Images::default(),
             mask: None,
+            proved: Instant::MIN,
             op_deadline: None,
         }
     }
@@ -107,22 +116,35 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             if let Err(fault) = self.serve().await {
                 return fault;
             }
-            match self.due() {
-                Some(due) => {
-                    select(attention(), Timer::at(due)).await;
-                }
-                None => attention().await,
-            }
+            let look = Instant::now() + LOOK_INTERVAL;
+            let due = self.due().map_or(look, |due| due.min(look));
+            select(attention(), Timer::at(due)).await;
         }
     }
 
     /// Does all that there is to do now. [`start`](Self::start) comes first.
     pub async fn serve(&mut self) -> Result<(), EscError> {
         while self.pass().await? {}
-        self.update_mask().await
+        self.update_mask().await?;
+        self.prove().await
     }
 
-    /// When something is due without an event.
+    /// Looks whether the controller is the one that was started, unless its interrupt has just shown that: one that was reset
+    /// does not know any more what to interrupt for.
+    async fn prove(&mut self) -> Result<(), EscError> {
+        if self.proved.elapsed() < LOOK_INTERVAL {
+            return Ok(());
+        }
+        let mut mask = [0; 4];
+        self.esc.read(AL_EVENT_MASK, &mut mask).await?;
+        if self.mask != Some(Events(u32::from_le_bytes(mask))) {
+            return Err(EscError::Restarted);
+        }
+        self.proved = Instant::now();
+        Ok(())
+    }
+
+    /// When something is due without an event, beside the look after [`LOOK_INTERVAL`].
     pub fn due(&self) -> Option<Instant> {
         let inputs = self.runs_free().then_some(self.images.inputs_due);
         let writes = self.al.state().has_mailbox() && self.coe.is_writing();
@@ -135,6 +157,9 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     /// Does what one look at the events asks for; true when it is worth another look, since that may have changed them.
     async fn pass(&mut self) -> Result<bool, EscError> {
         let events = Events(self.esc.events().await?);
+        if self.mask.is_some_and(|mask| events.any(mask)) {
+            self.proved = Instant::now();
+        }
         if events.any(Events::AL_CONTROL) {
             self.al_control().await?;
             return Ok(true);

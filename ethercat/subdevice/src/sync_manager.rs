@@ -5,6 +5,8 @@ use crate::registers::{SYNC_MANAGER_BYTES, SYNC_MANAGER_PDI_CONTROL, SYNC_MANAGE
 
 /// How many SyncManagers are used: two mailboxes, outputs, inputs.
 pub const SYNC_MANAGERS_USED: usize = 4;
+/// How many SyncManagers a controller has at most.
+pub const SYNC_MANAGERS_MAX: u8 = 16;
 /// Where process memory begins; registers lie below.
 pub const MEMORY_START: u16 = 0x1000;
 /// Bytes of a mailbox at least: both headers of CoE, 8 bytes of SDO, and room to move (ETG.1000.4 wants 34).

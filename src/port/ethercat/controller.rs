@@ -16,6 +16,8 @@ use crate::scanner::ScannerPlace;
 
 /// Between two looks for a controller that does not answer. A look is a few bytes on the bus.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
+/// The same for one that did answer: a MainDevice waits for it.
+const LOST_LOOK_INTERVAL: Duration = Duration::from_millis(100);
 
 static GATEWAY: Device = DEVICE;
 
@@ -97,7 +99,9 @@ pub async fn serve(
                 sub_device.run_until_fault(&mut attention).await;
                 RESTART_PAUSE
             }
-            Controller::Missing(_) | Controller::Lost(_) => LOOK_INTERVAL,
+            // What leads to it comes back by somebody's hand.
+            Controller::Missing(_) | Controller::Lost(EscError::Unreachable(_)) => LOOK_INTERVAL,
+            Controller::Lost(_) => LOST_LOOK_INTERVAL,
         };
         Timer::after(pause).await;
     }

@@ -8,6 +8,7 @@ use ethercat_subdevice::al_state::{AlState, AlStatusCode};
 use ethercat_subdevice::application::{Address, Application};
 use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::coe::emergency::Emergency;
+use ethercat_subdevice::esc::EscError;
 use ethercat_subdevice::sync_manager::Channel;
 use mobgate::config::{Settings, apply};
 use mobgate::port::ethercat::{EthercatPlace, GatewayObjects};
@@ -82,6 +83,10 @@ impl<A: Application> Application for Shared<A> {
         self.0.borrow_mut().outputs_stopped();
     }
 
+    fn failed(&mut self, fault: EscError) {
+        self.0.borrow_mut().failed(fault);
+    }
+
     fn may_enter(&mut self, state: AlState) -> Result<(), AlStatusCode> {
         self.0.borrow_mut().may_enter(state)
     }
@@ -104,6 +109,8 @@ pub(crate) struct Bench {
     pub(crate) images: usize,
     /// How often outputs became invalid.
     pub(crate) stops: usize,
+    /// How the controller failed.
+    pub(crate) faults: Vec<EscError>,
     /// With what inputs are filled; it counts up.
     pub(crate) fill: u8,
     /// Writes go on as long as this is set, and end in an error if there is one.
@@ -150,6 +157,10 @@ impl Application for Bench {
 
     fn outputs_stopped(&mut self) {
         self.stops += 1;
+    }
+
+    fn failed(&mut self, fault: EscError) {
+        self.faults.push(fault);
     }
 
     fn may_enter(&mut self, state: AlState) -> Result<(), AlStatusCode> {

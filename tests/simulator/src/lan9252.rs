@@ -87,6 +87,13 @@ impl Lan9252 {
         Self(Rc::new(RefCell::new(Device::new(chip, timing, now()))))
     }
 
+    /// The same, on a board whose resistor at the interrupt pin leads up; else it leads down.
+    #[must_use]
+    pub fn pulled_up(self) -> Self {
+        self.0.borrow_mut().pulled_up = true;
+        self
+    }
+
     /// The processor's SPI.
     pub fn spi(&self) -> Spi {
         Spi::new(self.0.clone())

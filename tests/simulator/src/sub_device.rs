@@ -11,6 +11,8 @@ mod start;
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::signal::Signal;
 use embedded_hal_async::digital::Wait;
 use ethercat_subdevice::application::Application;
 use ethercat_subdevice::device::Device;
@@ -32,14 +34,22 @@ pub use start::{
     with_master,
 };
 
-/// A line with one chip whose EEPROM says what `device` is.
+/// A line with one LAN9252 whose EEPROM says what `device` is.
 ///
 /// # Panics
 /// When the device's description does not fit into the EEPROM.
 pub fn line_of(device: &Device) -> SharedSegment {
+    line_of_kind(Kind::LAN9252, device)
+}
+
+/// The same with another chip.
+///
+/// # Panics
+/// As [`line_of`].
+pub fn line_of_kind(kind: Kind, device: &Device) -> SharedSegment {
     let mut image = [0; sii::SII_BYTES];
     sii::write(device, &mut image).expect("the description fits");
-    Rc::new(RefCell::new(Segment::new([Chip::new(Kind::LAN9252, image.to_vec())])))
+    Rc::new(RefCell::new(Segment::new([Chip::new(kind, image.to_vec())])))
 }
 
 /// A chip that is reached directly, and its interrupt.
@@ -58,4 +68,21 @@ pub fn spawn<'w>(
             .run(async || interrupt.wait_for_high().await.expect("the simulated line cannot fail"))
             .await
     });
+}
+
+/// The same with a processor that notes a rising edge of `interrupt` until it is asked for it, and never looks at the level.
+pub fn spawn_by_edges<'w>(
+    world: &World<'w>,
+    mut sub_device: SubDevice<impl Esc + 'w, impl Application + 'w>,
+    mut interrupt: Interrupt,
+) {
+    let noted = Rc::new(Signal::<NoopRawMutex, ()>::new());
+    let edges = noted.clone();
+    world.spawn(async move {
+        loop {
+            interrupt.wait_for_rising_edge().await.expect("the simulated line cannot fail");
+            edges.signal(());
+        }
+    });
+    world.spawn(async move { sub_device.run(async || noted.wait().await).await });
 }

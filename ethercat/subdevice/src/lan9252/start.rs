@@ -5,7 +5,7 @@ use embedded_hal_async::spi::SpiDevice;
 
 use super::fifo::Direction;
 use super::registers::{BUSY, COMMAND, POLLS_MAX};
-use super::{Health, Lan9252};
+use super::{Health, InterruptPin, Lan9252};
 use crate::esc::EscError;
 
 const IRQ_CONFIG: u16 = 0x054;
@@ -18,8 +18,9 @@ const TEST_PATTERN: u32 = 0x8765_4321;
 const READY: u32 = 1 << 27;
 const RESET_DIGITAL: u32 = 1;
 const IRQ_FROM_ETHERCAT: u32 = 1;
-/// Pin switched on, push-pull; and high when it asks.
-const IRQ_ON: u32 = 0x101;
+/// Pin switched on; push-pull; and high when it asks.
+const IRQ_ON: u32 = 0x100;
+const IRQ_PUSH_PULL: u32 = 0x001;
 const IRQ_HIGH: u32 = 0x010;
 
 /// How long the chip may take from a reset to its test pattern, and from there to being ready.
@@ -40,6 +41,11 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
                 self.set_up().await
             }
             Health::Suspect => self.recover().await,
+            Health::Lost => {
+                self.bring_back().await?;
+                self.restarted = false;
+                Ok(())
+            }
         }
     }
 
@@ -60,21 +66,31 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
                 return Ok(());
             }
         }
-        self.health = Health::Suspect;
-        if pattern == TEST_PATTERN { self.recover().await } else { Err(EscError::Absent(pattern)) }
+        if pattern != TEST_PATTERN {
+            return Err(EscError::Absent(pattern));
+        }
+        // Told at once: until it is ready again may take longer than its caller should go on as if nothing had happened.
+        self.health = Health::Lost;
+        Err(EscError::Restarted)
     }
 
     /// Brings a chip back that did not do what it should: without a reset if it can be.
     async fn recover(&mut self) -> Result<(), EscError> {
         self.wait_for_answer().await?;
         self.restarted |= !self.is_set_up().await?;
+        self.bring_back().await?;
+        // Told once, and not before the chip is set up: until then it may happen again.
+        if core::mem::take(&mut self.restarted) { Err(EscError::Restarted) } else { Ok(()) }
+    }
+
+    /// Sets the chip up as soon as it is ready.
+    async fn bring_back(&mut self) -> Result<(), EscError> {
+        self.wait_for_answer().await?;
         if !self.is_idle().await? {
             self.restarted = true;
             self.reset().await?;
         }
-        self.set_up().await?;
-        // Told once, and not before the chip is set up: until then it may happen again.
-        if core::mem::take(&mut self.restarted) { Err(EscError::Restarted) } else { Ok(()) }
+        self.set_up().await
     }
 
     async fn is_set_up(&mut self) -> Result<bool, EscError> {
@@ -152,6 +168,11 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
     }
 
     fn irq_config(&self) -> u32 {
-        IRQ_ON | if self.wiring.interrupt_high { IRQ_HIGH } else { 0 }
+        IRQ_ON
+            | match self.wiring.interrupt {
+                InterruptPin::High => IRQ_PUSH_PULL | IRQ_HIGH,
+                InterruptPin::Low => IRQ_PUSH_PULL,
+                InterruptPin::OpenDrain => 0,
+            }
     }
 }

@@ -5,7 +5,9 @@ use crate::al_state::{AlState, AlStatusCode};
 use crate::application::Application;
 use crate::coe::emergency::Cause;
 use crate::esc::{Esc, EscError};
-use crate::registers::{SYNC_MANAGER_STATUS, SYNC_MANAGERS, WATCHDOG_STATUS};
+use crate::registers::{
+    SYNC_MANAGER_ACTIVATE, SYNC_MANAGER_BYTES, SYNC_MANAGER_STATUS, SYNC_MANAGERS, WATCHDOG_STATUS,
+};
 use crate::sync_manager::{Channel, SYNC_MANAGERS_USED, SyncManager};
 
 /// A SyncManager's status: the mailbox is full.
@@ -90,10 +92,14 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         found.channels[channel as usize].check(channel, self.device.memory.start(channel), bytes)
     }
 
-    /// Reading all of them also clears the event that one was changed.
+    /// Reading all of them also clears the event that one was changed: those too that the chip has and nobody uses.
     pub(super) async fn read_sync_managers(&mut self) -> Result<SyncManagers, EscError> {
         let mut bytes = [0; 8 * SYNC_MANAGERS_USED];
         self.esc.read(SYNC_MANAGERS, &mut bytes).await?;
+        for unused in SYNC_MANAGERS_USED as u16..self.sync_managers.into() {
+            let block = SYNC_MANAGERS + SYNC_MANAGER_BYTES * unused;
+            self.esc.read(block + SYNC_MANAGER_ACTIVATE, &mut [0]).await?;
+        }
         let mut blocks = bytes.as_chunks::<8>().0.iter();
         let channels = [(); SYNC_MANAGERS_USED].map(|()| {
             blocks.next().map_or_else(SyncManager::default, |&block| SyncManager::from_bytes(block))

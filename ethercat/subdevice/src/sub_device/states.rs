@@ -8,8 +8,10 @@ use crate::application::Application;
 use crate::coe::Coe;
 use crate::coe::emergency::Cause;
 use crate::esc::{Esc, EscError};
-use crate::registers::{AL_CONTROL, AL_STATUS, AL_STATUS_CODE, DC_ACTIVATION, STATION_ALIAS};
-use crate::sync_manager::Channel;
+use crate::registers::{
+    AL_CONTROL, AL_STATUS, AL_STATUS_CODE, DC_ACTIVATION, STATION_ALIAS, SYNC_MANAGERS_PRESENT,
+};
+use crate::sync_manager::{Channel, SYNC_MANAGERS_MAX};
 
 /// Why a state was not reached.
 enum Failure {
@@ -35,6 +37,9 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     /// Takes the controller over: in Init, all SyncManagers off, with an error if there was another state before, in the
     /// controller or here.
     pub async fn start(&mut self) -> Result<(), EscError> {
+        let mut present = [0];
+        self.esc.read(SYNC_MANAGERS_PRESENT, &mut present).await?;
+        self.sync_managers = present[0].min(SYNC_MANAGERS_MAX);
         let before = self.read_word(AL_STATUS).await? & 0x0f;
         let fell = before != AlState::Init as u16 || self.al.state() != AlState::Init;
         let fault = fell.then_some(AlStatusCode::RestartedLocally).or(self.al.fault());
@@ -42,8 +47,10 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             self.switch(channel, false).await?;
         }
         self.al = AlMachine::new(fault);
+        self.application.entered(AlState::Init);
         self.op_deadline = None;
         self.mask = None;
+        self.proved = Instant::now();
         self.write_status().await
     }
 

@@ -12,6 +12,7 @@ const READY: u32 = 1 << 27;
 const STATUS_READY: u32 = 1 << 30;
 const IRQ_ENABLE: u32 = 1 << 8;
 const IRQ_ACTIVE_HIGH: u32 = 1 << 4;
+const IRQ_PUSH_PULL: u32 = 1;
 const RESET_DIGITAL: u32 = 1;
 const RESET_ETHERCAT: u32 = 1 << 6;
 
@@ -31,6 +32,8 @@ pub(super) struct Device {
     pub(super) write: Fifo,
     irq_config: u32,
     irq_enable: u32,
+    /// The board's resistor at the interrupt pin leads up, not down.
+    pub(super) pulled_up: bool,
     /// When it was last reset.
     reset_at: Nanos,
 }
@@ -51,6 +54,7 @@ impl Device {
             write: Fifo::default(),
             irq_config: 0,
             irq_enable: 0,
+            pulled_up: false,
             reset_at: at,
         }
     }
@@ -69,10 +73,14 @@ impl Device {
         }
     }
 
-    /// The level of the interrupt pin.
+    /// The level of the interrupt pin. As an open drain, which it is after a reset, it can only pull down: else the board's
+    /// resistor has its way.
     pub(super) fn pin(&mut self, at: Nanos) -> bool {
         let requested = self.irq_config & IRQ_ENABLE != 0 && self.interrupts(at) & self.irq_enable != 0;
-        requested == (self.irq_config & IRQ_ACTIVE_HIGH != 0)
+        match self.irq_config & IRQ_PUSH_PULL {
+            0 => self.pulled_up && !requested,
+            _ => requested == (self.irq_config & IRQ_ACTIVE_HIGH != 0),
+        }
     }
 
     fn interrupts(&mut self, at: Nanos) -> u32 {

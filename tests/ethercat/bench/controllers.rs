@@ -1,0 +1,91 @@
+//! The controllers that the suite runs on: by default one that is reached directly, and by the tests in `controllers` each of them.
+
+use embassy_time::Duration;
+use ethercat_subdevice::application::Application;
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::lan9252::{InterruptPin, Lan9252 as Driver, Wiring};
+use mobgate_simulator::Lan9252;
+use mobgate_simulator::esc::{Interrupt, Kind, SharedChip};
+use mobgate_simulator::lan9252::{Spi, Timing};
+use mobgate_simulator::sub_device::direct;
+
+use super::{Rig, Start};
+
+/// Says on which controller the suite runs.
+pub(crate) const CHOICE: &str = "MOBGATE_CONTROLLER";
+/// Between two frames, where an access takes no time, and on an SPI.
+const PAUSE: Duration = Duration::from_micros(50);
+const SPI_PAUSE: Duration = Duration::from_millis(4);
+/// A LAN9252 is ready 20 ms after its driver has reset it.
+const POWER_ON: Duration = Duration::from_millis(50);
+
+/// A controller, and how the processor reaches it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Controller {
+    pub(crate) name: &'static str,
+    kind: Kind,
+    /// It is a LAN9252 on an SPI, with this pin; else it is reached directly.
+    spi: Option<InterruptPin>,
+    /// The processor notes rising edges of its line instead of looking at the level.
+    edges: bool,
+}
+
+/// All of them; the first is the one by default.
+pub(crate) const CONTROLLERS: [Controller; 7] = [
+    Controller { name: "4-level", kind: Kind::LAN9252, spi: None, edges: false },
+    Controller { name: "8-level", kind: Kind::ET1100, spi: None, edges: false },
+    Controller { name: "8-edge", kind: Kind::ET1100, spi: None, edges: true },
+    lan9252("spi-high-level", InterruptPin::High, false),
+    lan9252("spi-low-edge", InterruptPin::Low, true),
+    lan9252("spi-open-drain-level", InterruptPin::OpenDrain, false),
+    lan9252("spi-open-drain-edge", InterruptPin::OpenDrain, true),
+];
+
+const fn lan9252(name: &'static str, pin: InterruptPin, edges: bool) -> Controller {
+    Controller { name, kind: Kind::LAN9252, spi: Some(pin), edges }
+}
+
+/// The driver of a LAN9252 with this pin, the line that it makes on a board, and the chip.
+pub(crate) fn lan9252_with(
+    chip: SharedChip,
+    interrupt: InterruptPin,
+    timing: Timing,
+) -> (Driver<Spi>, Interrupt, Lan9252) {
+    let lan9252 = Lan9252::new(chip, timing);
+    let driver = Driver::new(lan9252.spi(), Wiring { interrupt, ..Wiring::default() });
+    let (line, lan9252) = match interrupt {
+        InterruptPin::High => (lan9252.interrupt(), lan9252),
+        InterruptPin::Low | InterruptPin::OpenDrain => {
+            let lan9252 = lan9252.pulled_up();
+            (lan9252.interrupt().inverted(), lan9252)
+        }
+    };
+    (driver, line, lan9252)
+}
+
+impl Controller {
+    /// The one that is asked for.
+    pub(crate) fn chosen() -> Self {
+        let [usual, ..] = CONTROLLERS;
+        let Ok(name) = std::env::var(CHOICE) else { return usual };
+        let chosen = CONTROLLERS.into_iter().find(|controller| controller.name == name);
+        chosen.unwrap_or_else(|| panic!("no controller is called {name}"))
+    }
+
+    /// A device on it, with this application, switched on.
+    pub(crate) fn rig<A: Application + 'static>(self, device: &'static Device, application: A) -> Rig<A> {
+        let start = Start { kind: self.kind, pause: PAUSE, edges: self.edges };
+        match self.spi {
+            None => Rig::start(device, application, start, direct),
+            Some(interrupt) => {
+                let start = Start { pause: SPI_PAUSE, ..start };
+                let mut rig = Rig::start(device, application, start, |chip| {
+                    let (driver, line, _) = lan9252_with(chip, interrupt, Timing::USUAL);
+                    (driver, line)
+                });
+                rig.world.run_for(POWER_ON);
+                rig
+            }
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! A controller chip that is reset under the device: seen at once in every state, and the device is there again at once.
+//!
+//! `MOBGATE_SEED=17 cargo test --test ethercat chip_resets` resets it as seed 17 says alone; `MOBGATE_SEEDS=4000` as so many do.
+
+use embassy_time::{Duration, Instant};
+use ethercat_subdevice::lan9252::InterruptPin;
+use mobgate_simulator::lan9252::Timing;
+use mobgate_simulator::random::each_seed;
+use mobgate_simulator::sub_device::direct;
+use mobgate_simulator::{Lan9252, Random};
+
+use crate::bench::{Bench, ERROR, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, lan9252_with};
+
+const SEEDS: u64 = 1_000;
+/// From the reset until the application knows.
+const SEEN_MS: u64 = 100;
+/// From a MainDevice's first request until PreOp.
+const BACK: Duration = Duration::from_secs(1);
+const PAUSE: Duration = Duration::from_millis(2);
+
+/// A device behind an SPI, and the chip.
+fn behind_spi(interrupt: InterruptPin, timing: Timing) -> (Rig<Bench>, Lan9252) {
+    let mut used = None;
+    let reach = |chip| {
+        let (driver, line, lan9252) = lan9252_with(chip, interrupt, timing);
+        used = Some(lan9252);
+        (driver, line)
+    };
+    let mut rig = Rig::reached_by(&MAILBOX_128, Bench::default(), PAUSE, reach);
+    rig.pass(100);
+    (rig, used.unwrap())
+}
+
+/// The ways of a processor to its chip.
+const REACHED: [fn() -> Rig<Bench>; 2] = [
+    || behind_spi(InterruptPin::High, Timing::USUAL).0,
+    || Rig::reached_by(&MAILBOX_128, Bench::default(), PAUSE, direct),
+];
+
+/// The application of a device that was in `state` knows that its chip is gone.
+fn seen(rig: &Rig<Bench>, state: u16, seed: u64) {
+    let application = rig.application();
+    assert!(!application.faults.is_empty(), "seed {seed}: nobody has seen it");
+    assert!(state != OP || application.stops > 0, "seed {seed}: outputs are still driven");
+}
+
+/// What a MainDevice does that finds a device in another state than it left it.
+fn back_to_pre_op(rig: &mut Rig<Bench>, seed: u64) {
+    let begin = Instant::now();
+    loop {
+        rig.write(0x0120, &(INIT | ERROR).to_le_bytes());
+        if rig.status() == (INIT, 0) {
+            rig.set_up_mailboxes();
+            rig.write(0x0120, &PRE_OP.to_le_bytes());
+            if rig.status() == (PRE_OP, 0) {
+                break;
+            }
+        }
+        assert!(begin.elapsed() < BACK, "seed {seed}: {:?} after {:?}", rig.status(), begin.elapsed());
+    }
+    assert!(rig.upload(0x1000, 0).is_ok(), "seed {seed}: the mailbox works");
+}
+
+/// Lets a device in `state` do what it does there for `cycles`.
+fn live(rig: &mut Rig<Bench>, state: u16, cycles: usize) {
+    for _ in 0..cycles {
+        match state {
+            INIT | PRE_OP => rig.pass(2),
+            _ => drop(rig.cycle(1)),
+        }
+    }
+}
+
+#[test]
+fn a_chip_that_is_reset_is_seen_in_every_state_and_started_anew() {
+    each_seed(SEEDS, |seed| {
+        let mut random = Random::new(seed);
+        let state = [INIT, PRE_OP, SAFE_OP, OP][random.index(4)];
+        let interrupt = [InterruptPin::High, InterruptPin::Low, InterruptPin::OpenDrain][random.index(3)];
+        // Some chips are ready late.
+        let ready_nanos = random.within(1_000_000..=400_000_000);
+        let (mut rig, chip) = behind_spi(interrupt, Timing { ready_nanos: 20_000_000, ..Timing::USUAL });
+        rig.bring_to(state);
+        live(&mut rig, state, random.index(10));
+        rig.world.run_for(Duration::from_micros(random.within(0..=60_000)));
+        chip.set_timing(Timing { ready_nanos, ..Timing::USUAL });
+        chip.reset();
+        rig.pass(SEEN_MS);
+        seen(&rig, state, seed);
+        back_to_pre_op(&mut rig, seed);
+        let failures = rig.application().faults.len();
+        assert!((1..=3).contains(&failures), "seed {seed}: {failures} failures told of one");
+    });
+}
+
+#[test]
+fn a_reset_by_the_main_device_that_leaves_the_spi_as_it_was_is_seen_too() {
+    for state in [INIT, PRE_OP, SAFE_OP, OP] {
+        for reached in REACHED {
+            let mut rig = reached();
+            rig.bring_to(state);
+            for byte in b"RES" {
+                assert_eq!(rig.segment.poke(0, 0x0040, &[*byte]), 1);
+            }
+            rig.pass(SEEN_MS);
+            seen(&rig, state, state.into());
+            back_to_pre_op(&mut rig, state.into());
+        }
+    }
+}
+
+#[test]
+fn an_idle_device_does_not_let_the_watchdog_of_its_side_run_out() {
+    for state in [INIT, PRE_OP, SAFE_OP] {
+        for reached in REACHED {
+            let mut rig = reached();
+            rig.bring_to(state);
+            rig.pass(5_000);
+            assert_eq!(rig.read(0x0443, 1).unwrap(), [0], "in {state}: how often it has run out");
+            assert_eq!(rig.read(0x0110, 1).unwrap()[0] & 2, 2, "in {state}: its status");
+        }
+    }
+}

@@ -15,6 +15,7 @@ mod esc_line;
 mod esc_mailbox;
 mod esc_masters;
 mod esc_registers;
+mod foreign;
 mod gateway;
 mod information;
 mod lan9252_access;

@@ -4,7 +4,8 @@
 //! `MOBGATE_CYCLES=100000 MOBGATE_RESTARTS=500 cargo test --test ethercat foreign -- --nocapture` is the whole routine, which CI
 //! runs; without these variables there is less of it.
 
-use std::fmt::Write;
+mod in_process;
+
 use std::process::Child;
 
 use embassy_futures::select::{Either, select};
@@ -28,26 +29,49 @@ static GATEWAY: Device = DEVICE;
 const CYCLES: u32 = 5_000;
 const RESTARTS: u32 = 3;
 
-/// What can be read in PreOp, as the scripts take it.
-fn entries(device: &Device) -> String {
+/// An entry that can be read in PreOp.
+#[derive(Debug, Clone)]
+struct Listing {
+    index: u16,
+    sub: u8,
+    bytes: usize,
+    /// There may be fewer bytes.
+    shorter: bool,
+}
+
+fn entries(device: &Device) -> Vec<Listing> {
     const READ_PRE_OP: Access = Access(1);
-    let mut lines = String::new();
-    for object in device.objects {
-        for sub in 0..=object.sub_max() {
-            let Some(entry) = object.entry(sub).filter(|entry| entry.access.any(READ_PRE_OP)) else { continue };
-            let kind = if entry.data_type.may_be_shorter() { '<' } else { '=' };
-            writeln!(lines, "{:04x} {sub} {} {kind}", object.index, entry.data_type.bytes()).unwrap();
-        }
-    }
-    lines
+    let entries = device.objects.iter().flat_map(|object| {
+        let entries = (0..=object.sub_max()).filter_map(|sub| Some((sub, object.entry(sub)?)));
+        let readable = entries.filter(|(_, entry)| entry.access.any(READ_PRE_OP));
+        readable.map(|(sub, entry)| Listing {
+            index: object.index,
+            sub,
+            bytes: entry.data_type.bytes(),
+            shorter: entry.data_type.may_be_shorter(),
+        })
+    });
+    entries.collect()
+}
+
+/// The number in an environment variable, or the usual one.
+fn number(variable: &str, usual: u32) -> u32 {
+    std::env::var(variable).map_or(usual, |number| number.parse().expect("a number"))
+}
+
+fn cycles() -> u32 {
+    number("MOBGATE_CYCLES", CYCLES)
 }
 
 /// Starts the MainDevice `name` with its routine.
 fn routine(name: &str, second: Option<&str>) -> Child {
     let list = format!("{}/entries_{name}", env!("CARGO_TARGET_TMPDIR"));
-    std::fs::write(&list, entries(&GATEWAY)).unwrap();
-    let number = |name, usual: u32| std::env::var(name).unwrap_or_else(|_| usual.to_string());
-    let numbers = [number("MOBGATE_CYCLES", CYCLES), number("MOBGATE_RESTARTS", RESTARTS)];
+    let line = |entry: Listing| {
+        let Listing { index, sub, bytes, shorter } = entry;
+        format!("{index:04x} {sub} {bytes} {}\n", if shorter { '<' } else { '=' })
+    };
+    std::fs::write(&list, entries(&GATEWAY).into_iter().map(line).collect::<String>()).unwrap();
+    let numbers = [cycles(), number("MOBGATE_RESTARTS", RESTARTS)].map(|number| number.to_string());
     let arguments: Vec<_> = [list].into_iter().chain(numbers).chain(second.map(str::to_owned)).collect();
     start_master_with(name, &format!("{name}_master.py"), &arguments)
 }

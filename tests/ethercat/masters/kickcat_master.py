@@ -42,7 +42,7 @@ class MainDevice:
         self.link.set_timeout(timeout)
         self.bus = kickcat.Bus(self.link)
         try:
-            self.bus.init(routine.WATCHDOG / 1_000)
+            self.bus.init(routine.WATCHDOG_SECONDS)
         except RuntimeError as error:
             if not any(text in str(error) for text in LATE):
                 raise

@@ -2,7 +2,7 @@
 
 import pysoem
 import routine
-from patience import PATIENCE
+from patience import PATIENCE, slow_watchdog
 
 
 class MainDevice:
@@ -17,7 +17,7 @@ class MainDevice:
         assert self.master.config_init() == 1, "one device"
         self.device = self.master.slaves[0]
         assert self.device.state_check(pysoem.PREOP_STATE, PATIENCE) == pysoem.PREOP_STATE
-        self.device.set_watchdog("processdata", routine.WATCHDOG)
+        slow_watchdog(self.device)
 
     def to_op(self):
         self.master.config_map()

@@ -17,8 +17,10 @@ fewer). It comes from the device's table, and what is read is held against it.
 import sys
 import time
 
-# Milliseconds without outputs after which they stop: what a busy machine takes from a MainDevice must not stop them.
-WATCHDOG = 6_000
+# Six seconds without outputs stop them, in the register's units of 100 us: what a busy machine takes from a MainDevice must not.
+WATCHDOG_REGISTER = 0x0420
+WATCHDOG_SECONDS = 6.0
+WATCHDOG = int(10_000 * WATCHDOG_SECONDS).to_bytes(2, "little")
 # What is longer than a mailbox comes in segments.
 MAILBOX = 128
 

@@ -21,7 +21,7 @@ class MainDevice:
         assert self.device.state_check(soemx.PREOP_STATE, PATIENCE) == soemx.PREOP_STATE
         # Before that it takes the device's mailbox for one that does not work.
         self.master.read_state()
-        self.device.set_watchdog("processdata", routine.WATCHDOG)
+        self.master.write_register(self.device.index, routine.WATCHDOG_REGISTER, routine.WATCHDOG, PATIENCE)
 
     def to_op(self):
         self.master.config_map()

@@ -50,7 +50,8 @@ fn words(bytes: &[u8]) -> Vec<u16> {
     bytes.as_chunks::<2>().0.iter().map(|word| u16::from_le_bytes(*word)).collect()
 }
 
-fn list<A: ethercat_subdevice::application::Application + 'static>(
+/// The objects of one of the lists.
+pub(crate) fn list<A: ethercat_subdevice::application::Application + 'static>(
     rig: &mut Rig<A>,
     number: u16,
 ) -> Vec<u16> {

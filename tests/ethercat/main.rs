@@ -18,6 +18,7 @@ mod esc_mailbox;
 mod esc_masters;
 mod esc_registers;
 mod esi;
+mod foreign;
 mod gateway;
 mod information;
 mod lan9252_access;

@@ -1,12 +1,18 @@
 //! One ESC with all its parts, and how time passes for it.
 
+use std::cell::RefCell;
+use std::rc::Rc;
 use std::task::Waker;
+
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::sii;
 
 use crate::Nanos;
 use crate::dc::Clock;
 use crate::eeprom::Eeprom;
 use crate::events::Events;
 use crate::memory::Memory;
+use crate::pdi::SharedChip;
 use crate::registers::*;
 use crate::reset::ResetSequence;
 use crate::sync_manager::SyncManagers;
@@ -87,6 +93,16 @@ impl Chip {
         };
         chip.reset();
         chip
+    }
+
+    /// A LAN9252 that a frame and the processor share, and whose EEPROM says what `device` is.
+    ///
+    /// # Panics
+    /// When the device's description does not fit into the EEPROM.
+    pub fn of(device: &Device) -> SharedChip {
+        let mut eeprom = [0; sii::SII_BYTES];
+        sii::write(device, &mut eeprom).expect("the description fits");
+        Rc::new(RefCell::new(Self::new(Kind::LAN9252, eeprom.to_vec())))
     }
 
     /// Lets the chip's clock (I, Distributed Clocks) show `start` at the beginning of the world, and run faster than the

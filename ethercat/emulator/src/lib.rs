@@ -20,6 +20,8 @@
 //! The processor's side is [`pdi`]: [`Chip::read`] and [`Chip::write`] as [`DirectPdi`], which is an
 //! [`Esc`](ethercat_subdevice::esc::Esc), and the [`Interrupt`]. Both sides may be in one thread only; nothing blocks.
 //!
+//! [`MainDevice`] is a small one for tests and examples: the example `digital_io` of `ethercat-subdevice` runs it beside a SubDevice.
+//!
 //! The chip itself knows no clock: every access carries the time, in nanoseconds since any one moment. [`now`] is that of
 //! embassy-time, which [`DirectPdi`] and [`Interrupt`] go by.
 //!
@@ -62,6 +64,7 @@ pub mod fmmu;
 pub mod frame;
 #[cfg(feature = "interface")] // It is one of Linux, and takes crates for that.
 pub mod interface;
+pub mod main_device;
 mod memory;
 mod passing;
 pub mod pdi;
@@ -73,6 +76,7 @@ mod watchdog;
 
 pub use chip::{Chip, Kind};
 pub use command::Command;
+pub use main_device::MainDevice;
 pub use pdi::{DirectPdi, Interrupt, SharedChip};
 
 /// A time in nanoseconds since any one moment, the same for all accesses of a chip.

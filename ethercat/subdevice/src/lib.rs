@@ -9,7 +9,60 @@
 //! * process data ([`process`]) go to the application and come from it ([`application`]), PDO by PDO as they are assigned
 //!   ([`assignment`]).
 //!
-//! What happened to it is told by the diagnosis history ([`diagnosis`]), and by emergencies. What the device is stands in one table ([`device`], [`object`], [`standard`]), from which the MainDevice's other sources are
+//! A device is a table, values, and a task:
+//!
+//! ```
+//! use embedded_hal_async::digital::Wait;
+//! use ethercat_subdevice::prelude::*;
+//!
+//! const IDENTITY: Identity = Identity { vendor: 0xe000_0000, product: 1, revision: 1, serial: 0 };
+//! static DEVICE: Device = Device {
+//!     identity: IDENTITY,
+//!     vendor_name: "Example",
+//!     name: "Thermometer",
+//!     order: "T-1",
+//!     group: "Sensors",
+//!     memory: MemoryPlan::new(128, 0, 2, 4096),
+//!     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
+//!     emergencies: false,
+//!     texts: &[],
+//!     objects: &[
+//!         standard::device_type(0),
+//!         standard::identity(&standard::identity_entries(IDENTITY)),
+//!         Object::mapping(0x1a00, "Inputs", &[Mapped { index: 0x6000, sub: 0, count: 1, bits: 16 }]),
+//!         standard::SYNC_MANAGER_TYPES,
+//!         standard::tx_assignment(&[0x1a00], standard::FIXED),
+//!         Object::variable(0x6000, Entry::input("Temperature", DataType::U16)),
+//!     ],
+//! };
+//!
+//! struct Thermometer(u16);
+//!
+//! impl Application for Thermometer {
+//!     fn read(&mut self, _at: Address, into: &mut [u8]) -> Result<usize, Abort> {
+//!         into.copy_from_slice(&self.0.to_le_bytes());
+//!         Ok(into.len())
+//!     }
+//!     fn write(&mut self, _at: Address, _value: &[u8]) {}
+//!     fn outputs(&mut self, _pdo: u16, _bytes: &[u8]) {}
+//!     fn inputs(&mut self, _pdo: u16, into: &mut [u8]) {
+//!         into.copy_from_slice(&self.0.to_le_bytes());
+//!     }
+//!     fn outputs_stopped(&mut self) {}
+//! }
+//!
+//! /// The task: with a LAN9252, `esc` is a `lan9252::Lan9252`.
+//! async fn ethercat(esc: impl Esc, mut interrupt: impl Wait) -> ! {
+//!     let mut sub_device = SubDevice::new(&DEVICE, esc, Thermometer(0));
+//!     sub_device.run(async || interrupt.wait_for_high().await.expect("a pin")).await
+//! }
+//! #
+//! # // It is good for an EEPROM as well.
+//! # ethercat_subdevice::sii::write(&DEVICE, &mut [0; ethercat_subdevice::sii::SII_BYTES]).unwrap();
+//! ```
+//!
+//! The example `digital_io` runs one against a controller in software. What happened to a device is told by the diagnosis history
+//! ([`diagnosis`]), and by emergencies. What it is stands in one table ([`device`], [`object`], [`standard`]), from which the MainDevice's other sources are
 //! made too: the controller's EEPROM ([`sii`]) and the description file ([`esi`]).
 //!
 //! | limit | value | why |
@@ -33,6 +86,7 @@ pub mod esi;
 pub mod lan9252;
 pub mod mailbox;
 pub mod object;
+pub mod prelude;
 pub mod process;
 pub mod registers;
 pub mod sii;

@@ -111,6 +111,16 @@ impl Entry {
         Self { value: Value::Application(0), ..Self::number(name, data_type, 0) }
     }
 
+    /// The same that a TxPDO may carry.
+    pub const fn input(name: &'static str, data_type: DataType) -> Self {
+        Self::reading(name, data_type).with_access(Access::READ.and(Access::TX_PDO))
+    }
+
+    /// The same that a RxPDO may carry.
+    pub const fn output(name: &'static str, data_type: DataType) -> Self {
+        Self::reading(name, data_type).with_access(Access::READ.and(Access::RX_PDO))
+    }
+
     /// A value of the application that may be written, in every state, as long as it is a number in `least..=greatest`.
     pub const fn setting(name: &'static str, data_type: DataType, default: u64, range: (u64, u64)) -> Self {
         let access = Access::READ.and(Access::WRITE).and(Access::SETTING);

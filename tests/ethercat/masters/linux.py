@@ -5,7 +5,7 @@ import sys
 import time
 
 import pysoem
-from patience import PATIENCE, start
+from patience import PATIENCE, slow_watchdog, start
 
 
 def cycle():
@@ -40,8 +40,7 @@ master.sdo_read_timeout = master.sdo_write_timeout = PATIENCE
 master.open(sys.argv[1])
 gateway = start(master, 240)
 assert gateway.name == "mobgate"
-# What the machine takes from us must not stop the outputs.
-gateway.set_watchdog("processdata", 6_000)
+slow_watchdog(gateway)
 assert gateway.sdo_read(0x2005, 2) == bytes([1, 0]), "the slaves of the settings are in use"
 layout_of_meter, layout_of_relays = layout(0x2011), layout(0x2012)
 gateway.output = bytes(120)

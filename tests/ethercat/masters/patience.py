@@ -1,15 +1,21 @@
 """Lets SOEM wait: it takes a frame that is some milliseconds late for lost, and on a busy machine many are.
 
-And brings one device to SafeOp.
+Lets outputs wait as well, and brings one device to SafeOp.
 """
 
 import pysoem
+from routine import WATCHDOG, WATCHDOG_REGISTER
 
 # So long, in us, may the machine do other things.
 PATIENCE = 5_000_000
 
 for what in ("ret", "safe", "eeprom", "tx_mailbox", "rx_mailbox", "state"):
     setattr(pysoem.settings.timeouts, what, PATIENCE)
+
+
+def slow_watchdog(device):
+    """What the machine takes from us must not stop the outputs. `set_watchdog` itself would wait for 4 ms only."""
+    device._fpwr(WATCHDOG_REGISTER, WATCHDOG, PATIENCE)
 
 
 def start(master, size):

@@ -14,7 +14,7 @@ import time
 import tomllib
 
 import pysoem
-from patience import PATIENCE
+from patience import PATIENCE, slow_watchdog
 
 INTERFACE, VECTORS, LATE, *NUMBERS = sys.argv[1:]
 BAUD, POLLING, CYCLE, INPUTS, OUTPUTS = map(int, NUMBERS)
@@ -116,8 +116,7 @@ master.sdo_read_timeout = master.sdo_write_timeout = PATIENCE
 master.open(INTERFACE)
 assert master.config_init() == 1, "one device"
 gateway = master.slaves[0]
-# What the machine takes from us must not stop the outputs.
-gateway.set_watchdog("processdata", 6_000)
+slow_watchdog(gateway)
 configure()
 assert master.config_map() >= 240
 assert master.state_check(pysoem.SAFEOP_STATE, PATIENCE) == pysoem.SAFEOP_STATE

@@ -5,6 +5,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Write};
+use std::os::fd::AsFd;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
@@ -150,7 +151,7 @@ impl Wires {
         let Self { lan9252, spi, from_board, to_board, begun, .. } = self;
         let source = from_board.try_clone().unwrap();
         let answer = || answer(from_board, to_board, begun, lan9252, spi);
-        run_beside(source, answer, future).expect("pipes")
+        run_beside(&[source.as_fd()], answer, future).expect("pipes")
     }
 }
 

@@ -11,6 +11,10 @@ const INSIDE: &str = "MOBGATE_OWN_NETWORK";
 pub const MASTER_END: &str = "ecm0";
 /// The end of the virtual cable for the SubDevice.
 pub const SEGMENT_END: &str = "ecs0";
+/// The ends of a second cable, for a ring.
+pub const SECOND_MASTER_END: &str = "ecm1";
+/// As above.
+pub const SECOND_SEGMENT_END: &str = "ecs1";
 
 const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
@@ -29,6 +33,8 @@ pub fn in_own_network(test: &str, body: impl FnOnce()) {
     let said = String::from_utf8_lossy(&said);
     assert!(output.status.success(), "in the namespace:\n{said}");
     assert!(said.contains("1 passed"), "the test's name is {test}:\n{said}");
+    // For its figures.
+    print!("{said}");
 }
 
 /// Whether this program runs in a network of its own.
@@ -60,8 +66,20 @@ pub fn prepare() {
 /// # Panics
 /// When that is not allowed.
 pub fn lay_cable() {
-    ip(&format!("link add {MASTER_END} type veth peer name {SEGMENT_END}"));
-    for end in [MASTER_END, SEGMENT_END] {
+    lay(MASTER_END, SEGMENT_END);
+}
+
+/// Lays the second cable.
+///
+/// # Panics
+/// When that is not allowed.
+pub fn lay_second_cable() {
+    lay(SECOND_MASTER_END, SECOND_SEGMENT_END);
+}
+
+fn lay(master: &str, segment: &str) {
+    ip(&format!("link add {master} type veth peer name {segment}"));
+    for end in [master, segment] {
         // Without this the kernel talks IPv6 on the cable.
         let _ = std::fs::write(format!("/proc/sys/net/ipv6/conf/{end}/disable_ipv6"), "1");
         ip(&format!("link set {end} up"));
@@ -90,13 +108,21 @@ pub fn python(module: &str) -> OsString {
     python
 }
 
-/// Starts a script of `tests/ethercat/masters` at the MainDevice's end of the cable.
+/// Starts a script of `tests/ethercat/masters` with pysoem at the MainDevice's end of the cable.
 ///
 /// # Panics
 /// When Python or pysoem is missing.
 pub fn start_master(script: &str, arguments: &[String]) -> Child {
+    start_master_with("pysoem", script, arguments)
+}
+
+/// Starts a script of `tests/ethercat/masters` at the MainDevice's end of the cable, which needs the Python `module`.
+///
+/// # Panics
+/// When Python or the module is missing.
+pub fn start_master_with(module: &str, script: &str, arguments: &[String]) -> Child {
     let path: PathBuf = [REPOSITORY, "tests/ethercat/masters", script].iter().collect();
-    let mut script = Command::new(python("pysoem"));
+    let mut script = Command::new(python(module));
     // The scripts' folder is no place for what Python makes of them.
     script.env("PYTHONDONTWRITEBYTECODE", "1").arg(path).arg(MASTER_END).args(arguments);
     script.stdin(Stdio::null()).spawn().unwrap()

@@ -1,8 +1,8 @@
-//! The simulator on the wall clock, in one thread: a future that runs beside a file descriptor.
+//! The simulator on the wall clock, in one thread: a future that runs beside file descriptors.
 
 use std::future::Future;
 use std::io;
-use std::os::fd::AsFd;
+use std::os::fd::BorrowedFd;
 use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,13 +21,13 @@ impl Wake for Woken {
     }
 }
 
-/// Runs `future` until it is done. Between its polls `look` takes what has come at `source`, piece by piece: it says whether there was
-/// anything.
+/// Runs `future` until it is done. Between its polls `look` takes what has come at `sources`, piece by piece: it says whether there
+/// was anything.
 ///
 /// # Errors
 /// What `look` says, or the system.
 pub fn run_beside<T>(
-    source: impl AsFd,
+    sources: &[BorrowedFd<'_>],
     mut look: impl FnMut() -> io::Result<bool>,
     future: impl Future<Output = T>,
 ) -> io::Result<T> {
@@ -42,7 +42,7 @@ pub fn run_beside<T>(
             }
         }
         if !look()? {
-            wait(&source, mobgate_clock::next_alarm().map(Instant::from_ticks))?;
+            wait(sources, mobgate_clock::next_alarm().map(Instant::from_ticks))?;
         }
     }
 }
@@ -56,13 +56,14 @@ pub fn host_milliseconds() -> u64 {
     now.tv_sec() as u64 * 1_000 + now.tv_nsec() as u64 / 1_000_000
 }
 
-/// Waits until something comes at `source`, or until that time.
-pub(crate) fn wait(source: impl AsFd, until: Option<Instant>) -> io::Result<()> {
+/// Waits until something comes at one of `sources`, or until that time.
+pub(crate) fn wait(sources: &[BorrowedFd<'_>], until: Option<Instant>) -> io::Result<()> {
     let timeout = until.map(|until| {
         let left = until.saturating_duration_since(Instant::now());
         TimeSpec::from(std::time::Duration::from_micros(left.as_micros()))
     });
-    match ppoll(&mut [PollFd::new(source.as_fd(), PollFlags::POLLIN)], timeout, None) {
+    let mut polled: Vec<_> = sources.iter().map(|&source| PollFd::new(source, PollFlags::POLLIN)).collect();
+    match ppoll(&mut polled, timeout, None) {
         Ok(_) | Err(nix::errno::Errno::EINTR) => Ok(()),
         Err(error) => Err(error.into()),
     }

@@ -2,6 +2,7 @@
 
 use std::future::Future;
 use std::io::{self, ErrorKind};
+use std::os::fd::AsFd;
 
 use embassy_time::Instant;
 use mobgate_esc::frame::FRAME_BYTES_MAX;
@@ -22,19 +23,24 @@ impl PacketSocket {
 
     /// Passes a frame through `segment` that has come, or waits for one until a time.
     pub fn pass(&self, segment: &SharedSegment, until: Option<Instant>) -> io::Result<()> {
-        if self.pass_one(segment)? { Ok(()) } else { wait(&self.0, until) }
+        if self.pass_one(segment)? { Ok(()) } else { wait(&[self.0.as_fd()], until) }
     }
 
     /// Passes a frame through `segment` that has come; says whether one had.
     fn pass_one(&self, segment: &SharedSegment) -> io::Result<bool> {
+        self.carry(self, |frame| segment.borrow_mut().pass(now(), frame, Fate::Intact))
+    }
+
+    /// Takes a frame that has come, and sends it out `behind` if it `passes`; says whether one had come.
+    fn carry(&self, behind: &Self, passes: impl FnOnce(&mut [u8]) -> bool) -> io::Result<bool> {
         let mut frame = [0; FRAME_BYTES_MAX];
         let frame = match self.0.receive(&mut frame) {
             Ok(length) => &mut frame[..length],
             Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(false),
             Err(error) => return Err(error),
         };
-        if segment.borrow_mut().pass(now(), frame, Fate::Intact) {
-            self.0.send(frame)?;
+        if passes(frame) {
+            behind.0.send(frame)?;
         }
         Ok(true)
     }
@@ -46,5 +52,20 @@ pub fn serve<T>(
     segment: &SharedSegment,
     device: impl Future<Output = T>,
 ) -> io::Result<T> {
-    run_beside(&socket.0, || socket.pass_one(segment), device)
+    run_beside(&[socket.0.as_fd()], || socket.pass_one(segment), device)
+}
+
+/// The same with a ring: what comes at the one of `ends` leaves by the other.
+pub fn serve_ring<T>(
+    ends: [&PacketSocket; 2],
+    ring: &SharedSegment,
+    device: impl Future<Output = T>,
+) -> io::Result<T> {
+    let [first, second] = ends;
+    let carry = || {
+        let forth = first.carry(second, |frame| ring.borrow_mut().pass(now(), frame, Fate::Intact))?;
+        let back = second.carry(first, |frame| ring.borrow_mut().pass_back(now(), frame, Fate::Intact))?;
+        Ok(forth || back)
+    };
+    run_beside(&[first.0.as_fd(), second.0.as_fd()], carry, device)
 }

@@ -1,0 +1,141 @@
+//! A MainDevice for tests and examples: brings one SubDevice to a state by frames, and exchanges process data with it.
+//!
+//! It knows the SubDevice by its [`Device`], where a real one reads the EEPROM, and keeps to the PDOs that are assigned after
+//! power-on. It waits between its frames, so that it runs beside the SubDevice in one thread.
+
+use embassy_time::{Duration, Instant, Timer};
+use ethercat_subdevice::al_state::AlState;
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::sii::default_length;
+use ethercat_subdevice::sync_manager::Channel;
+
+use crate::frame::{Builder, datagrams};
+use crate::registers::{AL_CONTROL, AL_STATUS, FMMU, SYNC_MANAGER, WATCHDOG_DATA};
+use crate::{Command, SharedChip, now};
+
+/// How long a state may take.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// Between two frames.
+const PAUSE: Duration = Duration::from_micros(100);
+/// Without outputs for so long they stop, in units of 100 us: what a busy host takes from a MainDevice must not stop them.
+const WATCHDOG: u16 = 60_000;
+/// Acknowledges an error, in AL control; one stands, in AL status.
+const ERROR: u8 = 1 << 4;
+/// Where outputs lie in the logical address space; inputs lie behind them.
+const LOGICAL: u32 = 0;
+
+/// Why a MainDevice could not do what was asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refusal {
+    /// The controller did not take the datagram: there is nothing, or the SubDevice has not read the request before.
+    NotTaken,
+    /// The SubDevice shows an error, with this AL status code.
+    Error(u16),
+    /// It is in another state when the time is over.
+    Late(u8),
+}
+
+/// A MainDevice in front of one SubDevice.
+pub struct MainDevice<'d> {
+    chip: SharedChip,
+    device: &'d Device,
+}
+
+impl<'d> MainDevice<'d> {
+    /// A MainDevice whose only SubDevice has this controller, and is described by `device`.
+    pub fn new(chip: SharedChip, device: &'d Device) -> Self {
+        Self { chip, device }
+    }
+
+    /// Brings the SubDevice to `state` by the states between, and sets up on the way what each of them needs. An error that
+    /// stands is acknowledged.
+    pub async fn bring_to(&mut self, state: AlState) -> Result<(), Refusal> {
+        let steps = [AlState::Init, AlState::PreOp, AlState::SafeOp, AlState::Op];
+        for step in steps.into_iter().filter(|&step| step <= state) {
+            match step {
+                AlState::PreOp => self.set_up(&[Channel::MailboxOut, Channel::MailboxIn]).await?,
+                AlState::SafeOp => {
+                    self.write(WATCHDOG_DATA, &WATCHDOG.to_le_bytes()).await?;
+                    self.set_up(&[Channel::Outputs, Channel::Inputs]).await?;
+                }
+                // It takes outputs to reach Op.
+                AlState::Op => self.exchange(&vec![0; self.bytes(Channel::Outputs)]).await.map(|_| ())?,
+                _ => {}
+            }
+            self.reach(step).await?;
+        }
+        Ok(())
+    }
+
+    /// Sends outputs and takes inputs by one frame; so the inputs are of a time before the SubDevice has seen these outputs.
+    pub async fn exchange(&mut self, outputs: &[u8]) -> Result<Vec<u8>, Refusal> {
+        let mut data = outputs.to_vec();
+        data.resize(outputs.len() + self.bytes(Channel::Inputs), 0);
+        let mut data = self.send(Builder::default().logical(Command::Lrw, LOGICAL, &data)).await?;
+        Ok(data.split_off(outputs.len()))
+    }
+
+    /// Writes to a register or to memory of the controller.
+    pub async fn write(&mut self, address: u16, bytes: &[u8]) -> Result<(), Refusal> {
+        self.send(Builder::default().device(Command::Apwr, 0, address, bytes)).await.map(|_| ())
+    }
+
+    /// Reads registers or memory of the controller.
+    pub async fn read(&mut self, address: u16, bytes: usize) -> Result<Vec<u8>, Refusal> {
+        self.send(Builder::default().device(Command::Aprd, 0, address, &vec![0; bytes])).await
+    }
+
+    async fn reach(&mut self, state: AlState) -> Result<(), Refusal> {
+        self.write(AL_CONTROL, &[state as u8 | ERROR, 0]).await?;
+        let end = Instant::now() + PATIENCE;
+        loop {
+            let status = self.read(AL_STATUS, 6).await?;
+            match status[0] {
+                reached if reached == state as u8 => return Ok(()),
+                error if error & ERROR != 0 => {
+                    return Err(Refusal::Error(u16::from_le_bytes([status[4], status[5]])));
+                }
+                other if Instant::now() >= end => return Err(Refusal::Late(other)),
+                _ => {}
+            }
+        }
+    }
+
+    /// Sets up SyncManagers, and for process data the FMMUs before them.
+    async fn set_up(&mut self, channels: &[Channel]) -> Result<(), Refusal> {
+        for &channel in channels {
+            let start = self.device.memory.start(channel).to_le_bytes();
+            let length = default_length(self.device, channel).to_le_bytes();
+            let on = u8::from(length != [0; 2]);
+            let (fmmu, logical, writes) = match channel {
+                Channel::Outputs => (Some(0), LOGICAL, true),
+                Channel::Inputs => (Some(1), LOGICAL + self.bytes(Channel::Outputs) as u32, false),
+                _ => (None, 0, false),
+            };
+            if let Some(nth) = fmmu {
+                let [way, last_bit] = [if writes { 2 } else { 1 }, 7];
+                let block =
+                    [&logical.to_le_bytes()[..], &length, &[0, last_bit], &start, &[0, way, on, 0, 0, 0]];
+                self.write(FMMU + 16 * nth, &block.concat()).await?;
+            }
+            let block = [&start[..], &length, &[channel.control(), 0, on, 0]].concat();
+            self.write(SYNC_MANAGER + 8 * channel as u16, &block).await?;
+        }
+        Ok(())
+    }
+
+    fn bytes(&self, channel: Channel) -> usize {
+        default_length(self.device, channel).into()
+    }
+
+    /// Lets a frame with one datagram pass, and gives the SubDevice time; the datagram's data.
+    async fn send(&mut self, frame: Builder) -> Result<Vec<u8>, Refusal> {
+        let mut frame = frame.build();
+        let came_back = self.chip.borrow_mut().pass(now(), &mut frame);
+        Timer::after(PAUSE).await;
+        match datagrams(&mut frame).next() {
+            Some(datagram) if came_back && datagram.counter() > 0 => Ok(datagram.data().to_vec()),
+            _ => Err(Refusal::NotTaken),
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! The same routine in virtual time: ethercrab, and frames of our own.
+
+use ethercat_subdevice::application::Application;
+use ethercat_subdevice::sub_device::SubDevice;
+use ethercat_subdevice::sync_manager::Channel;
+use ethercrab::{EtherCrabWireRead, EtherCrabWireSized, SubIndex};
+use ethercrab_wire::WireError;
+use mobgate::port::ethercat::GatewayObjects;
+use mobgate_simulator::World;
+use mobgate_simulator::sub_device::{Desk, SharedEcho, cable, direct, image, line_of, spawn, with_master};
+
+use super::{GATEWAY, Listing, cycles, entries, number};
+use crate::bench::{INIT, OP, PRE_OP, Rig, gateway_objects};
+use crate::information::list;
+
+/// Starts of a plain `cargo test`: more than in real time.
+const STARTS: u32 = 30;
+
+fn starts() -> u32 {
+    number("MOBGATE_RESTARTS", STARTS)
+}
+
+/// What ethercrab has read, as it came.
+struct Bytes(Vec<u8>);
+
+impl EtherCrabWireRead for Bytes {
+    fn unpack_from_slice(bytes: &[u8]) -> Result<Self, WireError> {
+        Ok(Self(bytes.to_vec()))
+    }
+}
+
+impl EtherCrabWireSized for Bytes {
+    const PACKED_LEN: usize = 2_048;
+    type Buffer = [u8; Self::PACKED_LEN];
+
+    fn buffer() -> Self::Buffer {
+        [0; Self::PACKED_LEN]
+    }
+}
+
+/// An object as the device's table has it.
+struct Listed {
+    index: u16,
+    entries: Vec<Listing>,
+}
+
+fn objects() -> Vec<Listed> {
+    let listings = entries(&GATEWAY);
+    let chunks = listings.chunk_by(|one, other| one.index == other.index);
+    chunks.map(|entries| Listed { index: entries[0].index, entries: entries.to_vec() }).collect()
+}
+
+impl Listed {
+    /// Whether it can be read as a whole: it has sub-indices, and no entry that is not readable.
+    fn is_complete(&self) -> bool {
+        self.entries.len() > 1 && self.entries.iter().enumerate().all(|(at, entry)| at == entry.sub.into())
+    }
+
+    /// What complete access must read when the entries are these.
+    fn whole(&self, values: &[Vec<u8>]) -> Vec<u8> {
+        let count = values[0][0];
+        [vec![count, 0], values[1..=count.into()].concat()].concat()
+    }
+}
+
+/// Prints how many cycles had a short working counter, which none may have.
+fn demand(name: &str, short: u64) {
+    let verdict = if short == 0 { "ok" } else { "short" };
+    println!("figure {name}_short {short} of {} <=0 {verdict}", cycles());
+    assert_eq!(short, 0, "cycles with a short working counter");
+}
+
+/// The gateway's SubDevice with this application, and ethercrab, which does as `script` says.
+fn with_ethercrab(application: impl Application, script: impl AsyncFnOnce(Desk<'_>)) {
+    let mut world = World::new(1);
+    let line = line_of(&GATEWAY);
+    let (esc, interrupt) = direct(line.borrow().chip(0));
+    spawn(&world, SubDevice::new(&GATEWAY, esc, application), interrupt);
+    with_master(&mut world, cable(line), script);
+}
+
+/// Whether ethercrab can read `value`: 0.7.1 takes the answer to a segment for one that it does not know.
+fn fits_a_mailbox(value: &[u8]) -> bool {
+    value.len() <= 128 - 6 - 2 - 8
+}
+
+/// The values of an object's entries, and the whole if it can be read so, as raw frames read them.
+fn read(raw: &mut Rig<GatewayObjects<'static>>, object: &Listed) -> (Vec<Vec<u8>>, Option<Vec<u8>>) {
+    let values = object.entries.iter().map(|entry| raw.upload(entry.index, entry.sub).unwrap()).collect();
+    (values, object.is_complete().then(|| raw.upload_complete(object.index, 0).unwrap()))
+}
+
+fn in_pre_op() -> Rig<GatewayObjects<'static>> {
+    let mut raw = Rig::with_application(&GATEWAY, gateway_objects());
+    raw.bring_to(PRE_OP);
+    raw
+}
+
+#[test]
+fn ethercrab_reads_all_objects() {
+    // It keeps room for a list of 65 536 objects on the stack.
+    const STACK_BYTES: usize = 16 << 20;
+    let thread = std::thread::Builder::new().stack_size(STACK_BYTES);
+    thread.spawn(read_all_objects_by_ethercrab).unwrap().join().unwrap();
+}
+
+fn read_all_objects_by_ethercrab() {
+    let objects = objects();
+    let mut raw = in_pre_op();
+    let expected: Vec<_> = objects.iter().map(|object| read(&mut raw, object)).collect();
+    drop(raw); // Its clock too.
+    with_ethercrab(gateway_objects(), async |desk| {
+        let group = desk.to_pre_op().await.unwrap();
+        let device = group.subdevice(desk.master, 0).unwrap();
+        // Of the list itself 0.7.1 loses the end of each fragment but the first.
+        let listed = device.sdo_info_object_quantities().await.unwrap().expect("it has a mailbox");
+        assert_eq!(usize::from(listed.all), objects.len());
+        for (object, (values, whole)) in objects.iter().zip(expected) {
+            for (entry, expected) in object.entries.iter().zip(values).filter(|both| fits_a_mailbox(&both.1))
+            {
+                let value: Bytes = device.sdo_read(entry.index, entry.sub).await.unwrap();
+                assert_eq!(value.0, expected, "{entry:x?}");
+            }
+            if let Some(expected) = whole.filter(|whole| fits_a_mailbox(whole)) {
+                let whole: Bytes = device.sdo_read(object.index, SubIndex::Complete).await.unwrap();
+                // It begins with sub-index 1.
+                assert_eq!(whole.0, expected[2..], "{:04x}", object.index);
+            }
+        }
+    });
+}
+
+#[test]
+fn ethercrab_exchanges_as_often_as_the_others() {
+    with_ethercrab(SharedEcho::default(), async |desk| {
+        let group = desk.to_pre_op().await.unwrap();
+        let group = desk.to_op(group, 1).await.unwrap();
+        let mut short = 0;
+        for number in 2..u64::from(cycles()) + 2 {
+            short += u64::from(desk.exchange(&group, number).await.unwrap().1 != 3);
+        }
+        demand("ethercrab", short);
+    });
+}
+
+#[test]
+fn ethercrab_starts_again_and_again() {
+    with_ethercrab(SharedEcho::default(), async |desk| {
+        for number in 1..=u64::from(starts()) {
+            let group = desk.to_pre_op().await.unwrap();
+            let group = desk.to_op(group, 2 * number).await.unwrap();
+            assert_eq!(desk.exchange(&group, 2 * number + 1).await.unwrap().1, 3);
+            let group = group.into_safe_op(desk.master).await.unwrap();
+            group.into_pre_op(desk.master).await.unwrap().into_init(desk.master).await.unwrap();
+        }
+    });
+}
+
+#[test]
+fn raw_frames_read_all_objects() {
+    let mut raw = in_pre_op();
+    let listed = list(&mut raw, 1);
+    let mut segmented = 0;
+    for object in objects() {
+        assert!(listed.contains(&object.index), "{:04x}", object.index);
+        let (values, whole) = read(&mut raw, &object);
+        for (entry, value) in object.entries.iter().zip(&values) {
+            let fits = if entry.shorter { value.len() <= entry.bytes } else { value.len() == entry.bytes };
+            assert!(fits, "{entry:x?} has {} bytes", value.len());
+        }
+        if let Some(whole) = whole {
+            assert_eq!(whole, object.whole(&values), "{:04x}", object.index);
+            segmented += u32::from(whole.len() > GATEWAY.memory.mailbox_bytes.into());
+        }
+    }
+    assert!(segmented > 0, "some need more than a mailbox");
+}
+
+#[test]
+fn raw_frames_exchange_as_often_as_the_others() {
+    let mut raw = Rig::with_application(&GATEWAY, SharedEcho::default());
+    raw.bring_to(OP);
+    let bytes = GATEWAY.default_bytes(Channel::Outputs);
+    let mut short = 0;
+    for number in 1..=u64::from(cycles()) {
+        short += u64::from(raw.exchange(&image(number, bytes)).1 != 3);
+    }
+    demand("raw", short);
+    let application = raw.application();
+    let echo = application.0.borrow();
+    assert_eq!(
+        (echo.torn, echo.lost, echo.last),
+        (1, 0, Some(cycles().into())),
+        "torn are the zeros of the start"
+    );
+}
+
+#[test]
+fn raw_frames_start_again_and_again() {
+    let mut raw = Rig::with_application(&GATEWAY, SharedEcho::default());
+    for start in 1..=starts() {
+        raw.bring_to(OP);
+        assert_eq!(raw.cycle(start as u8).1, 3, "start {start}");
+        assert_eq!(raw.request(INIT), (INIT, 0), "start {start}");
+    }
+}

@@ -96,6 +96,9 @@ fn in_pre_op() -> Rig<GatewayObjects<'static>> {
     raw
 }
 
+/// The object that has another value at each reading (10F8h).
+const TIME: u16 = 0x10f8;
+
 #[test]
 fn ethercrab_reads_all_objects() {
     // It keeps room for a list of 65 536 objects on the stack.
@@ -119,7 +122,10 @@ fn read_all_objects_by_ethercrab() {
             for (entry, expected) in object.entries.iter().zip(values).filter(|both| fits_a_mailbox(&both.1))
             {
                 let value: Bytes = device.sdo_read(entry.index, entry.sub).await.unwrap();
-                assert_eq!(value.0, expected, "{entry:x?}");
+                // The time goes on between two readings.
+                if entry.index != TIME {
+                    assert_eq!(value.0, expected, "{entry:x?}");
+                }
             }
             if let Some(expected) = whole.filter(|whole| fits_a_mailbox(whole)) {
                 let whole: Bytes = device.sdo_read(object.index, SubIndex::Complete).await.unwrap();

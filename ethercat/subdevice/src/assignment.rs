@@ -128,6 +128,8 @@ pub struct Communication {
     outputs_synchronised: u16,
     /// 1C33h:01.
     inputs_synchronised: u16,
+    /// 1C32h:0B, how often outputs came before those before them were taken, since SafeOp was entered.
+    pub outputs_missed: u16,
 }
 
 impl Communication {
@@ -142,7 +144,18 @@ impl Communication {
             inputs: Assignment::of_device(device, Channel::Inputs),
             outputs_synchronised: Self::OWN_EVENT,
             inputs_synchronised: Self::OUTPUTS_EVENT,
+            outputs_missed: 0,
         }
+    }
+
+    /// Counts outputs that were `missed`.
+    pub(crate) fn note_missed(&mut self, missed: bool) {
+        self.outputs_missed = self.outputs_missed.saturating_add(missed.into());
+    }
+
+    /// Whether inputs are renewed with the outputs alone (1C33h:01 = 22h), and there are any.
+    pub fn inputs_follow_outputs(&self, device: &Device) -> bool {
+        self.inputs_synchronised == Self::OUTPUTS_EVENT && self.outputs.bytes(device) > 0
     }
 
     /// Synchronisation of both directions, if they fit each other.

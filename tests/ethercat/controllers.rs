@@ -1,11 +1,17 @@
 //! What controllers differ in: how many SyncManagers they have, and how they interrupt. The suite runs on all of them.
 
 use embassy_time::Duration;
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::lan9252::InterruptPin;
 use ethercat_subdevice::sync_manager::Channel;
+use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::esc::Kind;
-use mobgate_simulator::sub_device::{Counted, direct};
+use mobgate_simulator::lan9252::Timing;
+use mobgate_simulator::sub_device::{Counted, direct, spi_traffic};
 
-use crate::bench::{Bench, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, Start};
+use crate::bench::{Bench, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, Start, lan9252_with};
+
+static GATEWAY: Device = DEVICE;
 
 #[test]
 fn a_main_device_that_writes_all_eight_sync_managers_leaves_no_event_behind() {
@@ -29,5 +35,31 @@ fn a_main_device_that_writes_all_eight_sync_managers_leaves_no_event_behind() {
         let looked = looks.events.get() - before;
         assert!(looked < 20, "in {state}: {looked} looks for four changes");
         assert_eq!(rig.status(), (state, 0));
+    }
+}
+
+#[test]
+fn a_chip_whose_memory_is_slower_than_the_spi_reaches_op_and_stays_there() {
+    let timing = Timing { fifo_nanos: 2_000, ..Timing::USUAL };
+    let reach = |chip| {
+        let (driver, line, _) = lan9252_with(chip, InterruptPin::High, timing);
+        (driver, line)
+    };
+    let mut rig = Rig::reached_by(&MAILBOX_128, Bench::default(), Duration::from_millis(2), reach);
+    rig.pass(100);
+    rig.bring_to(OP);
+    for fill in 0..100 {
+        assert_eq!(rig.cycle(fill).1, 3);
+        assert_eq!(rig.application().outputs, [fill; 120]);
+    }
+    assert_eq!((rig.status(), rig.application().faults.as_slice()), ((OP, 0), &[][..]));
+}
+
+#[test]
+fn a_cycle_in_op_keeps_its_budget_on_the_spi() {
+    for (proves, bytes, selects) in [(false, 320, 9), (true, 480, 16)] {
+        let cost = spi_traffic(&GATEWAY, 200, proves).unwrap();
+        println!("{cost:?}");
+        assert!(cost.usual.bytes <= bytes && cost.usual.selects <= selects, "{cost:?}");
     }
 }

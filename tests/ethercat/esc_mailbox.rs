@@ -149,13 +149,36 @@ fn an_answer_that_is_lost_on_the_way_back_is_gone_until_it_is_repeated() {
 }
 
 #[test]
+fn a_mailbox_that_the_processor_switches_off_is_so_at_the_end_of_a_frame_that_is_under_way() {
+    let _world = World::new(1);
+    let mut segment = ready();
+    processor_writes(&segment, IN_BOX, &[5; 128]);
+    // A frame of 60 bytes, with preamble and check sequence, takes 5.76 us.
+    assert_eq!(segment.poke(0, 0x0F80, &[1]), 1);
+    let at = |nanos, write: Option<u8>| {
+        let chip = segment.chip(0);
+        let chip = &mut chip.borrow_mut();
+        write.into_iter().for_each(|byte| chip.write(nanos, 0x080F, &[byte]));
+        let mut control = [0];
+        chip.read(nanos, 0x080F, &mut control);
+        (control[0], chip.peek::<1>(0x080D)[0] & FULL)
+    };
+    assert_eq!(at(1_000, Some(1)), (0, FULL), "not yet");
+    assert_eq!(at(2_000, Some(0)), (0, FULL));
+    assert_eq!(at(6_000, None), (0, FULL), "it was taken back");
+    assert_eq!(at(6_000, Some(1)), (1, 0), "no frame is there any more");
+    assert_eq!(at(6_000, Some(0)), (0, 0));
+}
+
+#[test]
 fn a_mailbox_that_either_side_switches_off_is_empty_and_closed_to_the_master_if_the_processor_did() {
     let _world = World::new(1);
     for (address, by_processor) in [(0x0807, true), (0x0806, false)] {
         let mut segment = ready();
         segment.poke(0, OUT_BOX, &[1; 128]);
         if by_processor {
-            processor_writes(&segment, address, &[1]);
+            // No frame is under way.
+            segment.chip(0).borrow_mut().write(1_000_000, address, &[1]);
         } else {
             assert_eq!(segment.poke(0, address, &[0]), 1);
         }

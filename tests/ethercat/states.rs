@@ -41,8 +41,10 @@ fn statement_02_pre_op_is_reached_with_good_mailboxes() {
 #[test]
 fn statement_03_a_wrong_mailbox_stays_in_init() {
     for channel in [Channel::MailboxOut, Channel::MailboxIn] {
-        // Start, length, mode, direction, enable.
-        for (at, change) in [(0, 0x01), (1, 0x01), (2, 0x01), (2, 0xff), (4, 0x02), (4, 0x04), (6, 0x01)] {
+        // Start, length, mode, direction, event for the processor, enable.
+        const CHANGES: [(usize, u8); 8] =
+            [(0, 0x01), (1, 0x01), (2, 0x01), (2, 0xff), (4, 0x02), (4, 0x04), (4, 0x20), (6, 0x01)];
+        for (at, change) in CHANGES {
             let mut rig = rig();
             rig.set_up_mailboxes();
             let mut block = rig.sync_manager(channel);
@@ -138,8 +140,8 @@ fn safe_op_with(channel: Channel, at: usize, change: u8) -> (u16, u16) {
 #[test]
 fn statement_10_process_data_that_do_not_fit_stay_in_pre_op() {
     for (channel, code) in [(Channel::Outputs, 0x001d), (Channel::Inputs, 0x001e)] {
-        // Length, start (also over the other's buffers), direction, mode.
-        for (at, change) in [(2, 0x01), (3, 0x01), (0, 0x08), (1, 0x03), (4, 0x04), (4, 0x02)] {
+        // Length, start (also over the other's buffers), direction, mode, event for the processor.
+        for (at, change) in [(2, 0x01), (3, 0x01), (0, 0x08), (1, 0x03), (4, 0x04), (4, 0x02), (4, 0x20)] {
             assert_eq!(
                 safe_op_with(channel, at, change),
                 (PRE_OP | ERROR, code),

@@ -29,7 +29,7 @@ const MANAGERS: [u8; 16] =
 
 pub(crate) fn figures() {
     // With looks at events, as boards run it; and with the setting that reads outputs twice.
-    for (name, proves, bytes, selects) in [("", false, 348, 13), ("_proving", true, 500, 17)] {
+    for (name, proves, bytes, selects) in [("", false, 320, 9), ("_proving", true, 480, 16)] {
         let cost = spi_traffic(&GATEWAY, CYCLES, proves).expect("ethercrab exchanges images");
         traffic(&format!("cycle{name}"), cost.usual, [bytes, selects]);
         traffic(

@@ -71,6 +71,10 @@ pub struct Chip {
     pub(crate) pdi_reset: ResetSequence,
     /// The EEPROM; what is changed here the chip sees at its next reset or command.
     pub eeprom: Eeprom,
+    /// Until when the last frame is on its way through.
+    pub(crate) frame_end: Nanos,
+    /// SyncManagers that the processor switches off, and when.
+    pub(crate) switching_off: Vec<(u16, Nanos)>,
     waiting: Vec<Waker>,
 }
 
@@ -89,6 +93,8 @@ impl Chip {
             ecat_reset: ResetSequence::default(),
             pdi_reset: ResetSequence::default(),
             eeprom: Eeprom::new(eeprom, kind.eeprom_reads_eight),
+            frame_end: 0,
+            switching_off: Vec::new(),
             waiting: Vec::new(),
         };
         chip.reset();
@@ -129,6 +135,7 @@ impl Chip {
             self.events.watchdog = true;
         }
         self.pdi_watchdog.advance(&mut self.memory, at);
+        self.switch_off(at);
         self.clock.advance(&self.memory, at);
         if let Some(config) = self.eeprom.advance(&mut self.memory, at) {
             self.configure(&config);
@@ -139,7 +146,8 @@ impl Chip {
     /// When the chip will next do something by itself.
     pub fn next_change(&self, at: Nanos) -> Option<Nanos> {
         let others = [self.process_watchdog.next(), self.pdi_watchdog.next(), self.eeprom.next()];
-        others.into_iter().chain([self.clock.next(&self.memory, at)]).flatten().min()
+        let switching = self.switching_off.iter().map(|(_, due)| Some(*due));
+        others.into_iter().chain(switching).chain([self.clock.next(&self.memory, at)]).flatten().min()
     }
 
     /// Registers `waker` for the next frame or access.

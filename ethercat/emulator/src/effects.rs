@@ -30,7 +30,7 @@ impl Chip {
                 self.eeprom.command(&self.memory, at);
                 self.advance(at);
             }
-            0x0800..=0x08FF => self.manager_written(side, address),
+            0x0800..=0x08FF => self.manager_written(side, address, at),
             0x0913 if side == Side::Ecat => {
                 let reference = self.memory.double_word(SYSTEM_TIME);
                 self.clock.compare(&mut self.memory, reference, at);
@@ -50,10 +50,35 @@ impl Chip {
         }
     }
 
+    /// The processor writes a SyncManager's PDI control: it is switched off at the end of a frame that is under way (II, 0807h).
+    pub(crate) fn pdi_control_written(&mut self, address: u16, at: Nanos) {
+        self.switching_off.retain(|(pending, _)| *pending != address);
+        let written = self.memory.byte(address);
+        if written & sync_manager::OFF != 0 && !self.managers.is_held(address) && at < self.frame_end {
+            self.switching_off.push((address, self.frame_end));
+            self.memory.set_byte(address, written & !sync_manager::OFF);
+        }
+    }
+
+    /// Switches off what it is time for.
+    pub(crate) fn switch_off(&mut self, at: Nanos) {
+        for (address, due) in std::mem::take(&mut self.switching_off) {
+            if due > at {
+                self.switching_off.push((address, due));
+                continue;
+            }
+            self.memory.set_byte(address, self.memory.byte(address) | sync_manager::OFF);
+            self.managers.refresh(&mut self.memory);
+        }
+    }
+
     /// What is switched off, by either side, forgets at once what it held: the next datagram may switch it on again.
-    fn manager_written(&mut self, side: Side, address: u16) {
+    fn manager_written(&mut self, side: Side, address: u16, at: Nanos) {
         if side == Side::Ecat && address % sync_manager::BYTES == sync_manager::ACTIVATE {
             self.events.activation |= 1 << ((address - SYNC_MANAGER) / sync_manager::BYTES);
+        }
+        if side == Side::Pdi && address % sync_manager::BYTES == sync_manager::PDI_CONTROL {
+            self.pdi_control_written(address, at);
         }
         self.managers.refresh(&mut self.memory);
     }

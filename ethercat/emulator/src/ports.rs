@@ -6,6 +6,11 @@ use crate::frame::{datagrams, is_ethercat, mark_passed};
 use crate::registers::{LOST_LINK, RECEIVE_TIMES};
 use crate::{Command, Nanos};
 
+/// Preamble and check sequence.
+const AROUND_BYTES: Nanos = 12;
+/// At 100 Mbit/s.
+const NANOS_PER_BYTE: Nanos = 80;
+
 impl Chip {
     /// Lets a frame that came in good condition pass the last chip of a line, whose answer it is then; false if it does not
     /// come back, as one that is not EtherCAT (I, Frame Processing; "Non-EtherCAT protocols").
@@ -20,6 +25,7 @@ impl Chip {
         if !is_ethercat(frame) || !self.closed_port_lets_pass(frame) {
             return false;
         }
+        self.frame_end = at + (frame.len() as Nanos + AROUND_BYTES) * NANOS_PER_BYTE;
         self.frame(at, datagrams(frame), good);
         if good && latches_times(frame) {
             self.clock.latch(&mut self.memory, [Some(at), returned, None, None]);

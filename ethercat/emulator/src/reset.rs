@@ -39,6 +39,7 @@ impl Chip {
         }
         self.managers = SyncManagers::new(&self.memory, self.kind.sync_managers);
         self.events = Events::default();
+        self.switching_off.clear();
         self.process_watchdog = Watchdog::of_process_data();
         self.pdi_watchdog = Watchdog::of_pdi();
         (self.ecat_reset, self.pdi_reset) = Default::default();

@@ -14,6 +14,8 @@ pub(crate) const CONTROL: u16 = 4;
 pub(crate) const STATUS: u16 = 5;
 pub(crate) const ACTIVATE: u16 = 6;
 pub(crate) const PDI_CONTROL: u16 = 7;
+/// In PDI control: the processor switches it off.
+pub(crate) const OFF: u8 = 1;
 /// The status says "buffer 3" when none has been written.
 const NEVER_WRITTEN: u8 = 3;
 
@@ -197,6 +199,12 @@ impl SyncManagers {
             memory.set_byte(base + STATUS, status);
             setup.registers[usize::from(STATUS)] = status;
         }
+    }
+
+    /// Whether the processor has switched the one off whose PDI control is at `address`.
+    pub(crate) fn is_held(&self, address: u16) -> bool {
+        let nth = usize::from((address - SYNC_MANAGER) / BYTES);
+        self.0.get(nth).is_some_and(|(setup, _)| setup.registers[usize::from(PDI_CONTROL)] & OFF != 0)
     }
 
     /// Where the byte at `address` of the process data memory really lies for `side`, after the step that the access means.

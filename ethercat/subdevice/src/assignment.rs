@@ -194,6 +194,16 @@ impl Communication {
         }
     }
 
+    /// Counts outputs that were `missed`.
+    pub(crate) fn note_missed(&mut self, missed: bool) {
+        self.timing.missed_events = self.timing.missed_events.saturating_add(missed.into());
+    }
+
+    /// Whether inputs are renewed with the outputs alone (1C33h:01 = 22h), and there are any.
+    pub fn inputs_follow_outputs(&self, device: &Device) -> bool {
+        self.inputs_synchronised == Self::OUTPUTS_EVENT && self.outputs.bytes(device) > 0
+    }
+
     /// Synchronisation of both directions, if they fit each other.
     pub fn synchronisation(&self) -> Option<Synchronisation> {
         match (self.outputs_synchronised, self.inputs_synchronised) {

@@ -62,6 +62,8 @@ impl Coe {
         match service >> 4 {
             service if service == Service::SdoRequest as u8 => {
                 let body = body.split_first_chunk().ok_or(MailboxError::SizeTooShort)?;
+                // Who asks for something else has no use for the rest of a list.
+                self.information = Information::default();
                 Ok(self.sdo.request(body, dictionary, room - HEADER_BYTES))
             }
             service if service == Service::SdoInformation as u8 => {

@@ -2,6 +2,8 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 
+use crate::registers::Events;
+
 /// An EtherCAT SubDevice controller, as the processor beside it sees it.
 ///
 /// Addresses are those of the ESC's own memory: registers below 1000h, mailboxes and process data from there on. An access has
@@ -15,6 +17,22 @@ pub trait Esc {
 
     /// The AL event request (register 0220h): why the chip wants attention.
     async fn events(&mut self) -> Result<u32, EscError>;
+
+    /// The events, and with them what is new at `address`, where outputs are read, if their event says so. Else `into` may hold
+    /// anything.
+    async fn outputs(&mut self, address: u16, into: &mut [u8]) -> Result<u32, EscError> {
+        let events = self.events().await?;
+        if Events(events).any(Events::OUTPUTS_WRITTEN) {
+            self.read(address, into).await?;
+        }
+        Ok(events)
+    }
+
+    /// Whether one of the events that raise the interrupt is there. A chip that cannot tell by less than a look at its events
+    /// leaves that to its caller.
+    async fn asks(&mut self) -> Result<bool, EscError> {
+        Ok(true)
+    }
 
     /// Whether the chip answers at all, by a look that neither changes nor waits for anything.
     async fn look(&mut self) -> Result<(), EscError> {
@@ -54,6 +72,11 @@ const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Costs at least twice the traffic, and is fooled only by the same bit falling over twice. A mailbox cannot be read so: its first reading empties it.
 pub async fn read_agreed(esc: &mut impl Esc, address: u16, into: &mut [u8]) -> Result<(), EscError> {
     esc.read(address, into).await?;
+    agree(esc, address, into).await
+}
+
+/// The same of what is in `into` after a first reading.
+pub(crate) async fn agree(esc: &mut impl Esc, address: u16, into: &mut [u8]) -> Result<(), EscError> {
     let mut before = CHECKSUM.checksum(into);
     for _ in 1..READS_MAX {
         esc.read(address, into).await?;

@@ -21,6 +21,7 @@ use embassy_time::{Duration, Instant};
 use embedded_hal_async::spi::SpiDevice;
 
 use crate::esc::{Esc, EscError};
+use crate::registers::Events;
 use bus::Bus;
 
 /// The first address of process data memory.
@@ -152,12 +153,43 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
     }
 
     async fn try_events(&mut self) -> Result<u32, EscError> {
+        self.checked().await?;
+        self.read_register(AL_EVENT, 4).await
+    }
+
+    /// Sees to it that the chip is set up, and looks now and then whether it still is.
+    async fn checked(&mut self) -> Result<(), EscError> {
         self.ready().await?;
         if self.checked.elapsed() >= CHECK_INTERVAL {
             self.check().await?;
             self.checked = Instant::now();
         }
-        self.read_register(AL_EVENT, 4).await
+        Ok(())
+    }
+
+    async fn try_outputs(&mut self, address: u16, into: &mut [u8]) -> Result<u32, EscError> {
+        self.checked().await?;
+        let mut came = 0;
+        if self.can_read_with_events(address, into.len()) {
+            match self.read_with_events(address, into).await? {
+                Some(events) => return Ok(events),
+                None => {
+                    self.incidents.repeated += 1;
+                    // The event may be gone with what was read; the outputs are still there.
+                    came = Events::OUTPUTS_WRITTEN.0;
+                }
+            }
+        }
+        let events = self.read_register(AL_EVENT, 4).await? | came;
+        if Events(events).any(Events::OUTPUTS_WRITTEN) {
+            self.read_memory(address, into).await?;
+        }
+        Ok(events)
+    }
+
+    async fn try_asks(&mut self) -> Result<bool, EscError> {
+        self.ready().await?;
+        self.interrupts().await
     }
 }
 
@@ -174,6 +206,16 @@ impl<SPI: SpiDevice> Esc for Lan9252<SPI> {
 
     async fn events(&mut self) -> Result<u32, EscError> {
         let outcome = self.try_events().await;
+        self.noted(outcome)
+    }
+
+    async fn outputs(&mut self, address: u16, into: &mut [u8]) -> Result<u32, EscError> {
+        let outcome = self.try_outputs(address, into).await;
+        self.noted(outcome)
+    }
+
+    async fn asks(&mut self) -> Result<bool, EscError> {
+        let outcome = self.try_asks().await;
         self.noted(outcome)
     }
 

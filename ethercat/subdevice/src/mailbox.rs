@@ -167,6 +167,11 @@ impl Mailbox {
         repeat != self.repeat
     }
 
+    /// The repeat bit that was answered last.
+    pub fn acknowledged(&self) -> bool {
+        self.repeat
+    }
+
     /// Puts the last message that was fetched first again; what has not been fetched comes behind it. SM1 was emptied for that.
     /// Nothing is written when nothing was ever sent.
     pub fn repeat<'b>(&mut self, repeat: bool, into: &'b mut [u8; MAILBOX_BYTES_MAX]) -> Option<&'b [u8]> {

@@ -18,6 +18,8 @@ pub struct Images {
     pub outputs: [u8; OUTPUTS_BYTES_MAX],
     /// Whether outputs have come since SafeOp was entered and the watchdog ran out.
     pub outputs_valid: bool,
+    /// Outputs have come that were not handed out.
+    pub outputs_due: bool,
     /// When inputs are due in free run.
     pub inputs_due: Instant,
     inputs: [u8; INPUTS_BYTES_MAX],
@@ -28,6 +30,7 @@ impl Default for Images {
         Self {
             outputs: [0; OUTPUTS_BYTES_MAX],
             outputs_valid: false,
+            outputs_due: false,
             inputs_due: Instant::MIN,
             inputs: [0; INPUTS_BYTES_MAX],
         }

@@ -25,8 +25,6 @@ pub const DC_ACTIVATION: u16 = 0x0981;
 
 /// Size of one SyncManager's block.
 pub const SYNC_MANAGER_BYTES: u16 = 8;
-/// A SyncManager's status, from the beginning of its block.
-pub const SYNC_MANAGER_STATUS: u16 = 5;
 /// A SyncManager's activation, from the beginning of its block. Reading it clears its part in the event that one was changed.
 pub const SYNC_MANAGER_ACTIVATE: u16 = 6;
 /// A SyncManager's PDI control, from the beginning of its block.

@@ -9,7 +9,7 @@ mod data;
 mod mail;
 mod states;
 
-use embassy_futures::select::select;
+use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::al_state::{AlMachine, AlState};
@@ -22,6 +22,7 @@ use crate::mailbox::Mailbox;
 use crate::process::Images;
 use crate::registers::{AL_EVENT_MASK, Events};
 use crate::sync_manager::Channel;
+use data::Seen;
 
 /// How long Op may wait for the first outputs.
 pub const OUTPUTS_WAIT: Duration = Duration::from_millis(1_000);
@@ -34,8 +35,14 @@ const EMERGENCY_PAUSE: Duration = Duration::from_millis(20);
 /// How often the controller is looked at where it has nothing to tell: one that was lost cannot tell, and its PDI watchdog runs
 /// out after 100 ms unless a MainDevice sets it.
 pub const LOOK_INTERVAL: Duration = Duration::from_millis(50);
+/// Looks at the events in a row at most, whatever a MainDevice does meanwhile.
+const PASSES_MAX: usize = 64;
 /// How long the controller is left alone when it did not answer.
 pub const RESTART_PAUSE: Duration = Duration::from_millis(10);
+
+/// PDI control: the SyncManager is off, and the repeat request that was served.
+const PDI_CONTROL_OFF: u8 = 1 << 0;
+const PDI_CONTROL_REPEAT: u8 = 1 << 1;
 
 /// A SubDevice on a controller, for an application.
 pub struct SubDevice<E, A> {
@@ -112,19 +119,31 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     }
 
     async fn serve_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> EscError {
+        let mut asked = false;
         loop {
-            if let Err(fault) = self.serve().await {
+            if let Err(fault) = self.serve_asked(asked).await {
                 return fault;
             }
             let look = Instant::now() + LOOK_INTERVAL;
             let due = self.due().map_or(look, |due| due.min(look));
-            select(attention(), Timer::at(due)).await;
+            asked = matches!(select(attention(), Timer::at(due)).await, Either::First(()));
         }
     }
 
     /// Does all that there is to do now. [`start`](Self::start) comes first.
     pub async fn serve(&mut self) -> Result<(), EscError> {
-        while self.pass().await? {}
+        self.serve_asked(false).await
+    }
+
+    /// The same. If the controller `asked` for it, that is for new outputs, most of the time.
+    async fn serve_asked(&mut self, asked: bool) -> Result<(), EscError> {
+        let mut ahead = asked && self.al.state() == AlState::Op && self.data_bytes(Channel::Outputs) > 0;
+        // An interrupt that is still asked for is told of again, or found by the next look.
+        for _ in 0..PASSES_MAX {
+            if !self.pass(core::mem::take(&mut ahead)).await? {
+                break;
+            }
+        }
         self.update_mask().await?;
         self.prove().await
     }
@@ -154,12 +173,17 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         [inputs, self.op_deadline, written, emergency].into_iter().flatten().min()
     }
 
-    /// Does what one look at the events asks for; true when it is worth another look, since that may have changed them.
-    async fn pass(&mut self) -> Result<bool, EscError> {
-        let events = Events(self.esc.events().await?);
+    /// Does what one look at the events asks for, with outputs read `ahead` or not; false when the interrupt is not asked for
+    /// any more: until then a processor that is woken by edges would not be woken again.
+    async fn pass(&mut self, ahead: bool) -> Result<bool, EscError> {
+        let events = match ahead {
+            true => self.read_outputs_ahead().await?,
+            false => Events(self.esc.events().await?),
+        };
         if self.mask.is_some_and(|mask| events.any(mask)) {
             self.proved = Instant::now();
         }
+        self.images.outputs_due |= events.any(Events::OUTPUTS_WRITTEN);
         if events.any(Events::AL_CONTROL) {
             self.al_control().await?;
             return Ok(true);
@@ -171,9 +195,14 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         if events.any(Events::WATCHDOG) {
             self.watchdog().await?;
         }
-        self.exchange_data(events).await?;
+        let seen = self.exchange_data(events, ahead).await?;
         self.op_without_outputs().await?;
-        self.exchange_mail(events).await
+        match seen {
+            // What the events say may have changed meanwhile.
+            Seen::Asking => Ok(true),
+            Seen::Quiet => self.exchange_mail(events).await,
+            Seen::Nothing => Ok(self.exchange_mail(events).await? || events.any(self.wanted())),
+        }
     }
 
     fn runs_free(&self) -> bool {
@@ -181,13 +210,20 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             && self.communication.synchronisation() == Some(Synchronisation::FreeRun)
     }
 
-    async fn update_mask(&mut self) -> Result<(), EscError> {
+    /// The events that something can be done about now.
+    fn wanted(&self) -> Events {
         let data = self.al.state().has_process_data();
-        let mask = Events(Events::AL_CONTROL.0 | Events::SYNC_MANAGER_CHANGED.0)
+        // In Op inputs follow the outputs, as far as that was asked for.
+        let follow = self.al.state() == AlState::Op && self.communication.inputs_follow_outputs(self.device);
+        Events(Events::AL_CONTROL.0 | Events::SYNC_MANAGER_CHANGED.0)
             .with_if(self.takes_requests(), Events::MAILBOX_WRITTEN)
             .with_if(self.waits_for_mailbox(), Events::MAILBOX_FETCHED)
             .with_if(data, Events(Events::WATCHDOG.0 | Events::OUTPUTS_WRITTEN.0))
-            .with_if(data && !self.runs_free(), Events::INPUTS_FETCHED);
+            .with_if(data && !self.runs_free() && !follow, Events::INPUTS_FETCHED)
+    }
+
+    async fn update_mask(&mut self) -> Result<(), EscError> {
+        let mask = self.wanted();
         if self.mask != Some(mask) {
             self.esc.write(AL_EVENT_MASK, &mask.0.to_le_bytes()).await?;
             self.mask = Some(mask);
@@ -195,8 +231,10 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         Ok(())
     }
 
-    /// Lets a SyncManager work, or not.
+    /// Lets a SyncManager work, or not. What was acknowledged stays so.
     async fn switch(&mut self, channel: Channel, on: bool) -> Result<(), EscError> {
-        self.esc.write(channel.pdi_control(), &[u8::from(!on)]).await
+        let repeat = channel == Channel::MailboxIn && self.mailbox.acknowledged();
+        let off = if on { 0 } else { PDI_CONTROL_OFF };
+        self.esc.write(channel.pdi_control(), &[off | if repeat { PDI_CONTROL_REPEAT } else { 0 }]).await
     }
 }

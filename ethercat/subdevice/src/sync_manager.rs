@@ -75,23 +75,31 @@ pub struct SyncManager {
     pub length: u16,
     /// Mode, direction, events, watchdog.
     pub control: u8,
+    /// What its buffers hold.
+    pub status: u8,
     /// Activation by the MainDevice, with the repeat request.
     pub activate: u8,
 }
 
 impl SyncManager {
-    /// Mode (bits 1:0) and direction (bits 3:2); events and watchdog are the MainDevice's choice.
-    const KIND: u8 = 0x0f;
+    /// Mode (bits 1:0), direction (bits 3:2) and the event for this side (bit 5), without which nobody would look; the event for
+    /// the MainDevice and the watchdog are its own choice.
+    const KIND: u8 = 0x2f;
     const ENABLE: u8 = 1 << 0;
     const REPEAT: u8 = 1 << 1;
+    /// The mailbox is full.
+    const FULL: u8 = 1 << 3;
+    /// The buffer that was written last (bits 5:4); 3 means none.
+    const NEVER_WRITTEN: u8 = 3 << 4;
 
     /// From the 8 bytes of its block.
     pub const fn from_bytes(block: [u8; SYNC_MANAGER_BYTES as usize]) -> Self {
-        let [start_low, start_high, length_low, length_high, control, _status, activate, _pdi] = block;
+        let [start_low, start_high, length_low, length_high, control, status, activate, _pdi] = block;
         Self {
             start: u16::from_le_bytes([start_low, start_high]),
             length: u16::from_le_bytes([length_low, length_high]),
             control,
+            status,
             activate,
         }
     }
@@ -104,6 +112,16 @@ impl SyncManager {
     /// The bit that the MainDevice toggles to have the last message again.
     pub const fn repeat(self) -> bool {
         self.activate & Self::REPEAT != 0
+    }
+
+    /// Whether it holds a message that was not fetched.
+    pub const fn is_full(self) -> bool {
+        self.status & Self::FULL != 0
+    }
+
+    /// Whether process data were written into it since it was switched on.
+    pub const fn was_written(self) -> bool {
+        self.status & Self::NEVER_WRITTEN != Self::NEVER_WRITTEN
     }
 
     /// Checks that it serves `channel` with `length` bytes at `start`; without bytes it must be off.
@@ -187,15 +205,17 @@ mod tests {
     }
 
     #[test]
-    fn the_watchdog_bit_and_the_event_bits_are_the_main_devices_choice() {
-        let mut block = SM2;
-        block[4] = 0x04;
-        assert_eq!(SyncManager::from_bytes(block).check(Channel::Outputs, 0x1100, 120), Ok(()));
+    fn the_watchdog_bit_and_the_main_devices_event_bit_are_its_own_choice() {
+        for control in [0x24, 0x34, 0x64, 0x74] {
+            let mut block = SM2;
+            block[4] = control;
+            assert_eq!(SyncManager::from_bytes(block).check(Channel::Outputs, 0x1100, 120), Ok(()));
+        }
     }
 
     #[test]
     fn each_wrong_field_is_found() {
-        for (at, change) in [(0, 1), (1, 1), (2, 1), (2, 0xff), (4, 0x02), (4, 0x04), (6, 0x01)] {
+        for (at, change) in [(0, 1), (1, 1), (2, 1), (2, 0xff), (4, 0x02), (4, 0x04), (4, 0x20), (6, 0x01)] {
             let mut block = SM0;
             block[at] ^= change;
             let checked = SyncManager::from_bytes(block).check(Channel::MailboxOut, 0x1000, 128);

@@ -72,8 +72,8 @@ fn a_board_with_a_controller_takes_no_network_interface() {
 
 #[test]
 fn outputs_are_proved_from_the_setting_on_while_process_data_go_on() {
-    /// A read of 120 bytes: address and length, the FIFO's level, the bytes, and the proof that all came.
-    const READ_BYTES: u64 = 152;
+    /// A read of 120 bytes: address and length, the bytes, and the proof that all came.
+    const READ_BYTES: u64 = 145;
     const CYCLES: u64 = 50;
     with_gateway(1, SETTINGS, |world, rig| {
         let place = rig.gateway.ethercat().unwrap();

@@ -9,6 +9,8 @@ const READ: u8 = 0x03;
 const FAST_READ: u8 = 0x0B;
 const INCREMENT: u16 = 0x4000;
 const DECREMENT: u16 = 0x8000;
+/// Bytes of a stream that is for nobody: more than the longest image.
+pub(super) const STREAM_BYTES: usize = 640;
 /// What fills a double word around the bytes that count.
 const PAD: [u8; 3] = [0; 3];
 
@@ -71,9 +73,52 @@ impl<SPI: SpiDevice> Bus<SPI> {
         self.spi.transaction(&mut operations).await.map_err(|_| EscError::Bus)
     }
 
+    /// Reads `register` and the three behind it.
+    pub(super) async fn read_four(&mut self, register: u16) -> Result<[u32; 4], EscError> {
+        let mut bytes = [0; 16];
+        self.read_bytes(register | INCREMENT, 0, &mut bytes).await?;
+        let mut words = bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word));
+        Ok([(); 4].map(|()| words.next().unwrap_or_default()))
+    }
+
+    /// Clocks [`STREAM_BYTES`] through `address`, of which nobody has any use: read if it `reads`, else zeros written.
+    pub(super) async fn stream(&mut self, reads: bool, address: u16) -> Result<(), EscError> {
+        const ZEROS: [u8; STREAM_BYTES / 8] = [0; STREAM_BYTES / 8];
+        let [high, low] = address.to_be_bytes();
+        let head = match (reads, self.fast) {
+            (true, true) => &[FAST_READ, high, low, 0][..],
+            (true, false) => &[READ, high, low],
+            (false, _) => &[WRITE, high, low],
+        };
+        let mut operations = [
+            Operation::Write(head),
+            Operation::Write(&ZEROS),
+            Operation::Write(&ZEROS),
+            Operation::Write(&ZEROS),
+            Operation::Write(&ZEROS),
+            Operation::Write(&ZEROS),
+            Operation::Write(&ZEROS),
+            Operation::Write(&ZEROS),
+            Operation::Write(&ZEROS),
+        ];
+        self.spi.transaction(&mut operations).await.map_err(|_| EscError::Bus)
+    }
+
     /// Writes one register.
     pub(super) async fn write(&mut self, register: u16, word: u32) -> Result<(), EscError> {
         self.write_bytes(register, 0, &word.to_le_bytes()).await
+    }
+
+    /// Writes `register` and the two behind it.
+    pub(super) async fn write_three(&mut self, register: u16, words: [u32; 3]) -> Result<(), EscError> {
+        let mut bytes = [0; 12];
+        bytes
+            .as_chunks_mut::<4>()
+            .0
+            .iter_mut()
+            .zip(words)
+            .for_each(|(four, word)| *four = word.to_le_bytes());
+        self.write_bytes(register | INCREMENT, 0, &bytes).await
     }
 
     /// Writes `register` and the one behind it.

@@ -1,19 +1,18 @@
 //! The engines that move process data through FIFOs of sixteen double words.
 //!
-//! A transfer is streamed through its FIFO in one transaction, however long it is: at 30 MHz a double word takes a microsecond on the SPI, longer
-//! than the engine needs for it. That the engine kept up is proved afterwards: had it not, it would still have something to
-//! move. From then on the FIFO's
-//! level is watched.
+//! A transfer is streamed through its FIFO in one transaction, however long it is, where the engine has shown that it is no slower than the SPI:
+//! at 30 MHz a double word takes a microsecond there. It shows that after each reset, before anybody has use for the memory.
+//! Else the FIFO's level is watched. That all was moved is proved behind every transfer: had the engine not kept up, it would
+//! still have something to move, and from then on it would be watched.
 
 use embedded_hal_async::spi::SpiDevice;
 
-use super::Lan9252;
-use super::registers::{BUSY, POLLS_MAX};
+use super::bus::STREAM_BYTES;
+use super::registers::{BUSY, COMMAND, DATA, POLLS_MAX, READ, command};
+use super::{AL_EVENT, Lan9252, PROCESS_RAM};
 use crate::esc::EscError;
 
 const ABORT: u32 = 1 << 30;
-/// So many double words of a transfer must wait in the FIFO before it is streamed.
-const LEAD_WORDS: usize = 4;
 /// After so many transfers in a row that were not finished in time the chip is reset.
 const STUCK_MAX: u8 = 2;
 
@@ -33,8 +32,8 @@ pub(super) struct Direction {
 }
 
 impl Direction {
-    pub(super) const READ: Self = Self { port: 0x000, place: 0x308, open: false, stuck: 0, watched: false };
-    pub(super) const WRITE: Self = Self { port: 0x020, place: 0x310, open: false, stuck: 0, watched: false };
+    pub(super) const READ: Self = Self { port: 0x000, place: 0x308, open: false, stuck: 0, watched: true };
+    pub(super) const WRITE: Self = Self { port: 0x020, place: 0x310, open: false, stuck: 0, watched: true };
 
     fn command(self) -> u16 {
         self.place + 4
@@ -81,8 +80,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         let mut lane = usize::from(address % 4);
         while !into.is_empty() {
             let left = (lane + into.len()).div_ceil(4);
-            let waiting = self.level(engine, address, left.min(LEAD_WORDS)).await?;
-            let words = if engine.watched { waiting } else { left };
+            let words = if engine.watched { self.level(engine, address, 1).await? } else { left };
             let (part, rest) = into.split_at_mut(fitting(words, lane, into.len()));
             self.bus.read_bytes(engine.port, lane, part).await?;
             (into, lane) = (rest, 0);
@@ -96,7 +94,6 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         self.begin(engine, left_open, address, length).await?;
         let mut lane = usize::from(address % 4);
         while !bytes.is_empty() {
-            // A FIFO that has just been started is empty: there is room.
             let left = (lane + bytes.len()).div_ceil(4);
             let words = if engine.watched { self.level(engine, address, 1).await? } else { left };
             let (part, rest) = bytes.split_at(fitting(words, lane, bytes.len()));
@@ -104,6 +101,56 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
             (bytes, lane) = (rest, 0);
         }
         self.finish(engine, address, length).await
+    }
+
+    /// Streams something in either direction, to no effect: whether the engines keep up. For a chip that was just reset.
+    pub(super) async fn try_engines(&mut self) -> Result<(), EscError> {
+        self.reading.watched = !self.keeps_up(Direction::READ).await?;
+        self.writing.watched = !self.keeps_up(Direction::WRITE).await?;
+        Ok(())
+    }
+
+    async fn keeps_up(&mut self, engine: Direction) -> Result<bool, EscError> {
+        self.begin(engine, false, PROCESS_RAM, STREAM_BYTES).await?;
+        self.bus.stream(engine.reads(), engine.port).await?;
+        match self.finish(engine, PROCESS_RAM, STREAM_BYTES).await {
+            Ok(()) => Ok(true),
+            Err(EscError::Bus) => Err(EscError::Bus),
+            Err(_) => self.abort(engine).await.map(|()| false),
+        }
+    }
+
+    /// Reads the AL events and, right behind them, process data memory. Nothing comes back when something of it reads back as
+    /// something else than what was meant: what was read may be lost then.
+    pub(super) async fn read_with_events(
+        &mut self,
+        address: u16,
+        into: &mut [u8],
+    ) -> Result<Option<u32>, EscError> {
+        let engine = self.reading;
+        let command = command(AL_EVENT, 4, READ);
+        (self.register_open, self.reading.open) = (true, true);
+        // The registers' engine is done with four bytes before the SPI has brought the other's command.
+        self.bus.write_three(COMMAND, [command, place(address, into.len()), BUSY]).await?;
+        self.bus.read_bytes(engine.port, usize::from(address % 4), into).await?;
+        for _ in 0..POLLS_MAX {
+            let [events, done, now, status] = self.bus.read_four(DATA).await?;
+            if (done | status) & BUSY != 0 {
+                continue;
+            }
+            self.register_open = false;
+            let moved = engine.has_moved(now, status, address, into.len());
+            self.reading.open = !moved;
+            let sure = moved && done == command & !BUSY && self.bus.read(DATA).await? == events;
+            return Ok(sure.then_some(events));
+        }
+        Ok(None)
+    }
+
+    /// Whether that can be done: both engines are idle, and the other one keeps up.
+    pub(super) fn can_read_with_events(&self, address: u16, bytes: usize) -> bool {
+        let idle = !self.register_open && !self.reading.open;
+        idle && !self.reading.watched && address >= PROCESS_RAM && bytes > 0
     }
 
     /// Starts a transfer, after ending one that was left.
@@ -145,22 +192,30 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
     /// Proves that a transfer was the one that was meant, and that all of it was moved. Address and length count on while
     /// an engine works, or stay as they were written.
     async fn finish(&mut self, engine: Direction, address: u16, length: usize) -> Result<(), EscError> {
-        let end = place(address.wrapping_add(length as u16), 0);
-        let reads = engine.port == Direction::READ.port;
         for _ in 0..POLLS_MAX {
             let (now, status) = self.bus.read_up(engine.place).await?;
             if status & BUSY != 0 {
                 continue;
             }
-            let as_meant = now == end || now == place(address, length);
-            let left_over = reads && count(status) > 0;
-            return if as_meant && !left_over { Ok(()) } else { Err(EscError::Garbled(address)) };
+            let moved = engine.has_moved(now, status, address, length);
+            return if moved { Ok(()) } else { Err(EscError::Garbled(address)) };
         }
         Err(EscError::Stuck(address))
     }
 }
 
 impl Direction {
+    fn reads(self) -> bool {
+        self.port == Self::READ.port
+    }
+
+    /// Whether an idle engine with these registers has moved all, and that was what it was told to.
+    fn has_moved(self, now: u32, status: u32, address: u16, length: usize) -> bool {
+        let end = place(address.wrapping_add(length as u16), 0);
+        let left_over = self.reads() && count(status) > 0;
+        (now == end || now == place(address, length)) && !left_over
+    }
+
     /// Notes how a transfer ended. What was not proved is aborted before the next.
     fn ended(&mut self, done: Result<(), EscError>) {
         match done {

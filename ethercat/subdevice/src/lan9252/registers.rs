@@ -6,10 +6,10 @@ use super::Lan9252;
 use crate::esc::EscError;
 
 /// Data register, right before the command register.
-const DATA: u16 = 0x300;
+pub(super) const DATA: u16 = 0x300;
 pub(super) const COMMAND: u16 = 0x304;
 pub(super) const BUSY: u32 = 1 << 31;
-const READ: u32 = 1 << 30;
+pub(super) const READ: u32 = 1 << 30;
 /// Looks at the command register until the engine counts as stuck; one lasts some microseconds.
 pub(super) const POLLS_MAX: usize = 64;
 /// How often an access is tried when something reads back wrong.
@@ -24,7 +24,7 @@ fn size(address: u16, left: usize) -> usize {
     }
 }
 
-fn command(address: u16, size: usize, direction: u32) -> u32 {
+pub(super) fn command(address: u16, size: usize, direction: u32) -> u32 {
     BUSY | direction | (size as u32) << 16 | u32::from(address)
 }
 

@@ -9,6 +9,7 @@ use super::{Health, InterruptPin, Lan9252};
 use crate::esc::EscError;
 
 const IRQ_CONFIG: u16 = 0x054;
+const IRQ_STATUS: u16 = 0x058;
 const IRQ_ENABLE: u16 = 0x05C;
 const BYTE_TEST: u16 = 0x064;
 const HARDWARE_CONFIG: u16 = 0x074;
@@ -126,7 +127,13 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         self.reading.reset();
         self.writing.reset();
         Timer::after(POLL_INTERVAL).await;
-        self.wait_for_answer().await
+        self.wait_for_answer().await?;
+        self.try_engines().await
+    }
+
+    /// Whether the chip raises its interrupt, by the register behind the pin.
+    pub(super) async fn interrupts(&mut self) -> Result<bool, EscError> {
+        Ok(self.bus.read(IRQ_STATUS).await? & IRQ_FROM_ETHERCAT != 0)
     }
 
     /// Waits for the test pattern and for READY.

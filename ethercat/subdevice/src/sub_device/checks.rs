@@ -5,21 +5,11 @@ use crate::al_state::{AlState, AlStatusCode};
 use crate::application::Application;
 use crate::coe::emergency::Cause;
 use crate::esc::{Esc, EscError};
-use crate::registers::{
-    SYNC_MANAGER_ACTIVATE, SYNC_MANAGER_BYTES, SYNC_MANAGER_STATUS, SYNC_MANAGERS, WATCHDOG_STATUS,
-};
+use crate::registers::{SYNC_MANAGER_ACTIVATE, SYNC_MANAGER_BYTES, SYNC_MANAGERS, WATCHDOG_STATUS};
 use crate::sync_manager::{Channel, SYNC_MANAGERS_USED, SyncManager};
 
-/// A SyncManager's status: the mailbox is full.
-const MAILBOX_FULL: u8 = 1 << 3;
-/// PDI control: the repeat request was served.
-const REPEAT_ACKNOWLEDGE: u8 = 1 << 1;
-
-/// The SyncManagers' registers, and whether SM1 is full.
-pub(super) struct SyncManagers {
-    pub(super) channels: [SyncManager; SYNC_MANAGERS_USED],
-    mailbox_full: bool,
-}
+/// The SyncManagers' registers.
+pub(super) type SyncManagers = [SyncManager; SYNC_MANAGERS_USED];
 
 impl<E: Esc, A: Application> SubDevice<E, A> {
     /// Falls back to `state`, and says why.
@@ -38,43 +28,40 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         if !expired {
             return Ok(());
         }
-        self.images.outputs_valid = false;
+        (self.images.outputs_valid, self.images.outputs_due) = (false, false);
         match self.al.state() {
             AlState::Op => self.fall(AlState::SafeOp, AlStatusCode::SyncManagerWatchdog).await,
             _ => Ok(()),
         }
     }
 
-    /// Some SyncManager's activation was written: it may be off now, or ask for a repetition; true if that was all.
-    pub(super) async fn sync_managers_changed(&mut self) -> Result<bool, EscError> {
+    /// Some SyncManager's activation was written: it may be off now, have forgotten what it held, or ask for a repetition.
+    pub(super) async fn sync_managers_changed(&mut self) -> Result<(), EscError> {
         let found = self.read_sync_managers().await?;
         let state = self.al.state();
         if !state.has_mailbox() {
-            return Ok(false);
+            return Ok(());
         }
         if let Err(code) = self.check_mailboxes(&found) {
-            return self.fall(AlState::Init, code).await.map(|()| false);
+            return self.fall(AlState::Init, code).await;
         }
         if state.has_process_data()
             && let Err(code) = self.check_process_data(&found)
         {
-            return self.fall(AlState::PreOp, code).await.map(|()| false);
+            return self.fall(AlState::PreOp, code).await;
         }
-        if !found.mailbox_full {
+        let [_, mailbox, outputs, inputs] = found;
+        self.images.outputs_due &= outputs.was_written();
+        if state.has_process_data() && self.data_bytes(Channel::Inputs) > 0 && !inputs.was_written() {
+            self.write_inputs().await?;
+        }
+        if !mailbox.is_full() {
             self.mailbox.fetched();
         }
-        let repeat = found.channels[Channel::MailboxIn as usize].repeat();
-        let asked = self.mailbox.is_repeat(repeat);
-        if asked {
-            self.repeat_message(repeat).await?;
+        match self.mailbox.is_repeat(mailbox.repeat()) {
+            true => self.repeat_message(mailbox.repeat()).await,
+            false => Ok(()),
         }
-        Ok(asked)
-    }
-
-    /// Tells the MainDevice that its repeat request was served.
-    pub(super) async fn acknowledge_repeat(&mut self, repeat: bool) -> Result<(), EscError> {
-        let acknowledge = if repeat { REPEAT_ACKNOWLEDGE } else { 0 };
-        self.esc.write(Channel::MailboxIn.pdi_control(), &[acknowledge]).await
     }
 
     pub(super) fn check_mailboxes(&self, found: &SyncManagers) -> Result<(), AlStatusCode> {
@@ -89,7 +76,7 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     }
 
     fn check(&self, found: &SyncManagers, channel: Channel, bytes: u16) -> Result<(), AlStatusCode> {
-        found.channels[channel as usize].check(channel, self.device.memory.start(channel), bytes)
+        found[channel as usize].check(channel, self.device.memory.start(channel), bytes)
     }
 
     /// Reading all of them also clears the event that one was changed: those too that the chip has and nobody uses.
@@ -101,10 +88,8 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             self.esc.read(block + SYNC_MANAGER_ACTIVATE, &mut [0]).await?;
         }
         let mut blocks = bytes.as_chunks::<8>().0.iter();
-        let channels = [(); SYNC_MANAGERS_USED].map(|()| {
+        Ok([(); SYNC_MANAGERS_USED].map(|()| {
             blocks.next().map_or_else(SyncManager::default, |&block| SyncManager::from_bytes(block))
-        });
-        let status = bytes[8 * Channel::MailboxIn as usize + SYNC_MANAGER_STATUS as usize];
-        Ok(SyncManagers { channels, mailbox_full: status & MAILBOX_FULL != 0 })
+        }))
     }
 }

@@ -5,27 +5,48 @@ use embassy_time::Instant;
 use super::{FREE_RUN_CYCLE, SubDevice};
 use crate::al_state::AlState;
 use crate::application::Application;
-use crate::esc::{Esc, EscError, read_agreed};
+use crate::esc::{Esc, EscError, agree, read_agreed};
 use crate::registers::Events;
 use crate::sync_manager::Channel;
 
+/// What was seen of the interrupt, behind all that clears events of process data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Seen {
+    /// Nobody looked.
+    Nothing,
+    /// It was not asked for.
+    Quiet,
+    /// It was asked for.
+    Asking,
+}
+
 impl<E: Esc, A: Application> SubDevice<E, A> {
-    /// Takes outputs and gives inputs.
-    pub(super) async fn exchange_data(&mut self, events: Events) -> Result<(), EscError> {
+    /// The events, and new outputs with them.
+    pub(super) async fn read_outputs_ahead(&mut self) -> Result<Events, EscError> {
+        let bytes = usize::from(self.data_bytes(Channel::Outputs));
+        let start = self.device.memory.start(Channel::Outputs);
+        let image = self.images.outputs.get_mut(..bytes).unwrap_or_default();
+        let events = Events(self.esc.outputs(start, image).await?);
+        // They are none before they are known to be whole.
+        self.images.outputs_valid &= !events.any(Events::OUTPUTS_WRITTEN);
+        Ok(events)
+    }
+
+    /// Takes outputs, which were read `ahead` or not, and gives inputs; what was seen of the interrupt behind that.
+    pub(super) async fn exchange_data(&mut self, events: Events, ahead: bool) -> Result<Seen, EscError> {
         if !self.al.state().has_process_data() {
-            return Ok(());
+            return Ok(Seen::Nothing);
         }
-        if events.any(Events::OUTPUTS_WRITTEN) {
-            self.read_outputs().await?;
-        }
-        if !self.al.state().has_process_data() {
-            return Ok(());
-        }
+        let came = self.images.outputs_due;
+        let seen = if came { self.take_outputs(ahead).await? } else { Seen::Nothing };
         let due = match self.runs_free() {
             true => Instant::now() >= self.images.inputs_due,
-            false => events.any(Events(Events::OUTPUTS_WRITTEN.0 | Events::INPUTS_FETCHED.0)),
+            false => came && !self.images.outputs_due || events.any(Events::INPUTS_FETCHED),
         };
-        if due { self.write_inputs().await } else { Ok(()) }
+        if due {
+            self.write_inputs().await?;
+        }
+        Ok(seen)
     }
 
     /// Bytes of process data, as they are assigned.
@@ -36,32 +57,40 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         }
     }
 
-    async fn read_outputs(&mut self) -> Result<(), EscError> {
+    async fn read_outputs(&mut self, ahead: bool) -> Result<(), EscError> {
         let bytes = usize::from(self.data_bytes(Channel::Outputs));
-        let image = self.images.outputs.get_mut(..bytes).unwrap_or_default();
-        if image.is_empty() {
-            return Ok(());
-        }
         let start = self.device.memory.start(Channel::Outputs);
+        let image = self.images.outputs.get_mut(..bytes).unwrap_or_default();
+        match (self.application.proves_outputs(), ahead) {
+            (false, true) => Ok(()),
+            (false, false) => self.esc.read(start, image).await,
+            (true, true) => agree(&mut self.esc, start, image).await,
+            (true, false) => read_agreed(&mut self.esc, start, image).await,
+        }
+    }
+
+    /// Takes outputs, unless a SyncManager was changed meanwhile: one that was switched off did not keep its buffer from being
+    /// written. They stay due then, until it is known what was changed.
+    async fn take_outputs(&mut self, ahead: bool) -> Result<Seen, EscError> {
         self.images.outputs_valid = false;
-        match self.application.proves_outputs() {
-            true => read_agreed(&mut self.esc, start, image).await?,
-            false => self.esc.read(start, image).await?,
+        self.read_outputs(ahead).await?;
+        let mut seen = Seen::Quiet;
+        if self.esc.asks().await? {
+            seen = Seen::Asking;
+            let events = Events(self.esc.events().await?);
+            if events.any(Events::SYNC_MANAGER_CHANGED) {
+                return Ok(seen);
+            }
+            self.communication.note_missed(events.any(Events::OUTPUTS_WRITTEN));
         }
-        // A SyncManager that was switched off under the reading did not keep its buffer from being written.
-        if Events(self.esc.events().await?).any(Events::SYNC_MANAGER_CHANGED)
-            && !self.sync_managers_changed().await?
-        {
-            return Ok(());
-        }
-        self.images.outputs_valid = true;
+        (self.images.outputs_due, self.images.outputs_valid) = (false, true);
         match self.al.state() {
             AlState::Op => self.hand_out(),
             // In SafeOp outputs are kept, but have no effect.
             _ if self.op_deadline.is_some() => self.op_with_outputs().await?,
             _ => {}
         }
-        Ok(())
+        Ok(seen)
     }
 
     pub(super) fn hand_out(&mut self) {

@@ -1,6 +1,8 @@
 //! Messages: one from SM0 when its answer has a place, one into SM1 when that is empty.
 
-use super::SubDevice;
+use embassy_time::{Duration, Timer};
+
+use super::{PDI_CONTROL_OFF, SubDevice};
 use crate::application::Application;
 use crate::coe::emergency::Emergency;
 use crate::dictionary::Dictionary;
@@ -8,6 +10,10 @@ use crate::esc::{Esc, EscError};
 use crate::mailbox::{MAILBOX_BYTES_MAX, MailboxError, Payload, Protocol};
 use crate::registers::Events;
 use crate::sync_manager::Channel;
+
+/// Between two looks at whether a SyncManager is off, and how many there are: the longest frame takes 123 us.
+const SWITCH_PAUSE: Duration = Duration::from_micros(20);
+const SWITCH_LOOKS_MAX: usize = 50;
 
 impl<E: Esc, A: Application> SubDevice<E, A> {
     /// Takes and gives messages; true if there were any.
@@ -31,12 +37,9 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         Ok(written || taken || given)
     }
 
-    /// Whether a request may be taken: its answer has a place, and none to an earlier one is outstanding or half sent.
+    /// Whether a request may be taken: its answer has a place, and none to an earlier one is outstanding.
     pub(super) fn takes_requests(&self) -> bool {
-        self.al.state().has_mailbox()
-            && self.mailbox.has_room()
-            && !self.coe.is_answering()
-            && !self.coe.is_writing()
+        self.al.state().has_mailbox() && self.mailbox.has_room() && !self.coe.is_writing()
     }
 
     /// Whether something is to be sent as soon as SM1 was fetched.
@@ -79,7 +82,9 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     }
 
     async fn give_message(&mut self) -> Result<bool, EscError> {
+        // Not before it can go into SM1: what is queued cannot be taken back.
         if self.mailbox.is_idle()
+            && !self.mailbox.is_occupied()
             && let Some(payload) = self.next_message()
         {
             self.mailbox.send(Protocol::CanOpen, payload);
@@ -93,14 +98,28 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     /// Puts the last message into SM1 again (ETG.1000.4, clause 5.6.3: the repeat request).
     pub(super) async fn repeat_message(&mut self, repeat: bool) -> Result<(), EscError> {
         if self.mailbox.is_occupied() {
-            // Off and on again empties it; what it held comes behind the repeated message.
-            self.switch(Channel::MailboxIn, false).await?;
-            self.switch(Channel::MailboxIn, true).await?;
+            // What it holds comes behind the repeated message.
+            self.empty_mailbox().await?;
         }
         let mut buffer = [0; MAILBOX_BYTES_MAX];
         if let Some(message) = self.mailbox.repeat(repeat, &mut buffer) {
             self.esc.write(self.device.memory.start(Channel::MailboxIn), message).await?;
         }
-        self.acknowledge_repeat(repeat).await
+        // Now that the message is there the repeat request is acknowledged.
+        self.switch(Channel::MailboxIn, true).await
+    }
+
+    /// Empties SM1: it is switched off, which it is at the end of a frame that is under way (register 0807h), and on again.
+    async fn empty_mailbox(&mut self) -> Result<(), EscError> {
+        let mut control = [0];
+        self.switch(Channel::MailboxIn, false).await?;
+        for _ in 0..SWITCH_LOOKS_MAX {
+            self.esc.read(Channel::MailboxIn.pdi_control(), &mut control).await?;
+            if control[0] & PDI_CONTROL_OFF != 0 {
+                return self.switch(Channel::MailboxIn, true).await;
+            }
+            Timer::after(SWITCH_PAUSE).await;
+        }
+        Err(EscError::Stuck(Channel::MailboxIn.pdi_control()))
     }
 }

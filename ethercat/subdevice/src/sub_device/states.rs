@@ -116,11 +116,12 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         let found = self.read_sync_managers().await?;
         self.check_mailboxes(&found)?;
         self.application.may_enter(AlState::PreOp)?;
-        let repeat = found.channels[Channel::MailboxIn as usize].repeat();
+        let repeat = found[Channel::MailboxIn as usize].repeat();
         self.mailbox.start(self.device.memory.mailbox_bytes, repeat);
         self.coe = Coe::default();
         self.switch(Channel::MailboxOut, true).await?;
-        self.acknowledge_repeat(repeat).await?;
+        // The bit that is found asks for nothing, and is acknowledged at once.
+        self.switch(Channel::MailboxIn, true).await?;
         Ok(())
     }
 
@@ -134,7 +135,8 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         let found = self.read_sync_managers().await?;
         self.check_process_data(&found)?;
         self.application.may_enter(AlState::SafeOp)?;
-        self.images.outputs_valid = false;
+        (self.images.outputs_valid, self.images.outputs_due) = (false, false);
+        self.communication.timing.missed_events = 0;
         for channel in [Channel::Outputs, Channel::Inputs] {
             self.switch(channel, self.data_bytes(channel) > 0).await?;
         }

@@ -47,7 +47,7 @@ impl Pattern {
         };
         let lit = (2 * flashes - 1) * each.as_ticks();
         let place = since.as_ticks() % (lit + gap.as_ticks());
-        place < lit && place / each.as_ticks() % 2 == 0
+        place < lit && (place / each.as_ticks()).is_multiple_of(2)
     }
 }
 

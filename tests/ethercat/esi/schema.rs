@@ -212,7 +212,7 @@ fn fits(content: Content, text: &str) -> bool {
         HexDec => text.strip_prefix("#x").map_or_else(|| digits(text, 10), |hex| digits(hex, 16)),
         Integer => digits(text, 10),
         Bool => matches!(text, "true" | "false" | "0" | "1"),
-        Hex => text.is_empty() || digits(text, 16) && text.len() % 2 == 0,
+        Hex => text.is_empty() || digits(text, 16) && text.len().is_multiple_of(2),
         Text => !text.trim().is_empty(),
         OneOf(words) => words.contains(&text),
     }

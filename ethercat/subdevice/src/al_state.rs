@@ -340,4 +340,19 @@ mod tests {
         machine.fell(AlState::SafeOp, AlStatusCode::SyncManagerWatchdog);
         assert_eq!((machine.status(), machine.code()), (0x14, 0x001b));
     }
+
+    #[test]
+    fn a_fault_is_the_devices_own_unless_it_was_refused_to_the_main_device() {
+        let fell = |machine: &AlMachine| (machine.indicators().fault.is_some(), machine.indicators().fell);
+        let mut machine = AlMachine::new(Some(AlStatusCode::RestartedLocally));
+        assert_eq!(fell(&machine), (true, true));
+        machine.request(AlControl(0x12));
+        machine.refused(AlStatusCode::InvalidMailbox);
+        assert_eq!(fell(&machine), (true, false));
+        machine.fell(AlState::Init, AlStatusCode::InvalidMailbox);
+        assert_eq!(fell(&machine), (true, true));
+        machine.request(AlControl(1));
+        assert!(!fell(&machine).0);
+        assert_eq!(machine.indicators().state, AlState::Init);
+    }
 }

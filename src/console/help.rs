@@ -150,7 +150,7 @@ show devices\tthe devices that the scanner asks
 show registers\tthe registers of the gateway's own unit, where a rule leads to local
 show config\tthe settings as lines that make them
 show network\tthe board's own address
-show version\twhat runs here, for how long, and whether an EtherCAT controller answers",
+show version\twhat runs here, for how long, and whether an EtherCAT controller answers, and what its RUN and ERR lights show",
     ),
     (
         "ping",

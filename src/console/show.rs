@@ -301,6 +301,9 @@ fn version(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut
     let up = age(Instant::from_ticks(0), now);
     (place == 0).then(|| {
         write!(out, "mobgate {version} on {board}, up {up}")?;
-        gateway.ethercat_controller(settings).map_or(Ok(()), |controller| write!(out, ", {controller}"))
+        let Some(controller) = gateway.ethercat_controller(settings) else { return Ok(()) };
+        write!(out, ", {controller}")?;
+        let indicators = gateway.ethercat().and_then(EthercatPlace::indicators);
+        indicators.map_or(Ok(()), |indicators| write!(out, ", {indicators}"))
     })
 }

@@ -12,6 +12,7 @@ mod diagnosis;
 mod image;
 mod keeping;
 mod layout;
+mod lights;
 mod line;
 mod objects;
 mod place;

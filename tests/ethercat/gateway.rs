@@ -9,6 +9,7 @@ mod drive;
 mod exchange;
 mod image_table;
 mod keeping;
+mod lights;
 mod line;
 mod long_images;
 pub(crate) mod matrix;

@@ -3,6 +3,8 @@
 //! A request passes [`AlMachine::request`], which says what to do; whoever does it reports back by [`AlMachine::reached`] or
 //! [`AlMachine::refused`]. What AL status and its code then read is [`AlMachine::status`] and [`AlMachine::code`].
 
+use crate::indicators::Indicators;
+
 /// A state of the SubDevice. The values are those of AL control and AL status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
@@ -114,6 +116,8 @@ pub enum Step {
 pub struct AlMachine {
     state: AlState,
     fault: Option<AlStatusCode>,
+    /// The fault was no refusal: the device fell, or began, by itself.
+    fell: bool,
     identification: Option<u16>,
 }
 
@@ -123,7 +127,7 @@ impl AlMachine {
 
     /// In Init, with a reason if that was not the plan.
     pub const fn new(fault: Option<AlStatusCode>) -> Self {
-        Self { state: AlState::Init, fault, identification: None }
+        Self { state: AlState::Init, fault, fell: true, identification: None }
     }
 
     /// The state it is in.
@@ -134,6 +138,11 @@ impl AlMachine {
     /// The error that has not been acknowledged.
     pub const fn fault(&self) -> Option<AlStatusCode> {
         self.fault
+    }
+
+    /// What the device's lights show.
+    pub const fn indicators(&self) -> Indicators {
+        Indicators { state: self.state, fault: self.fault, fell: self.fell }
     }
 
     /// What the register AL status must read.
@@ -183,7 +192,7 @@ impl AlMachine {
 
     /// A request was refused, for `code`; the state stays.
     pub fn refused(&mut self, code: AlStatusCode) -> Step {
-        self.fault = Some(code);
+        (self.fault, self.fell) = (Some(code), false);
         Step::Stay
     }
 
@@ -191,7 +200,7 @@ impl AlMachine {
     pub fn fell(&mut self, state: AlState, code: AlStatusCode) {
         self.state = state;
         self.identification = None;
-        self.fault = Some(code);
+        (self.fault, self.fell) = (Some(code), true);
     }
 
     /// Shows the device's identification, below SafeOp and if there is no error to be shown.
@@ -330,5 +339,20 @@ mod tests {
         assert_eq!((machine.state(), machine.fault()), (AlState::PreOp, Some(AlStatusCode::InvalidInputs)));
         machine.fell(AlState::SafeOp, AlStatusCode::SyncManagerWatchdog);
         assert_eq!((machine.status(), machine.code()), (0x14, 0x001b));
+    }
+
+    #[test]
+    fn a_fault_is_the_devices_own_unless_it_was_refused_to_the_main_device() {
+        let fell = |machine: &AlMachine| (machine.indicators().fault.is_some(), machine.indicators().fell);
+        let mut machine = AlMachine::new(Some(AlStatusCode::RestartedLocally));
+        assert_eq!(fell(&machine), (true, true));
+        machine.request(AlControl(0x12));
+        machine.refused(AlStatusCode::InvalidMailbox);
+        assert_eq!(fell(&machine), (true, false));
+        machine.fell(AlState::Init, AlStatusCode::InvalidMailbox);
+        assert_eq!(fell(&machine), (true, true));
+        machine.request(AlControl(1));
+        assert!(!fell(&machine).0);
+        assert_eq!(machine.indicators().state, AlState::Init);
     }
 }

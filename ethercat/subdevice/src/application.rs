@@ -4,6 +4,7 @@ use crate::al_state::{AlState, AlStatusCode};
 use crate::coe::abort::Abort;
 use crate::coe::emergency::Emergency;
 use crate::esc::EscError;
+use crate::indicators::Indicators;
 use crate::sync_manager::Channel;
 
 /// An entry of an object.
@@ -75,6 +76,9 @@ pub trait Application {
     fn may_enter(&mut self, _state: AlState) -> Result<(), AlStatusCode> {
         Ok(())
     }
+
+    /// What the device's lights show from now on.
+    fn shows(&mut self, _indicators: Indicators) {}
 
     /// The state has changed.
     fn entered(&mut self, _state: AlState) {}

@@ -83,6 +83,7 @@ pub mod diagnosis;
 pub mod dictionary;
 pub mod esc;
 pub mod esi;
+pub mod indicators;
 pub mod lan9252;
 pub mod mailbox;
 pub mod object;

@@ -10,6 +10,7 @@ use ethercat_subdevice::coe::emergency::Emergency;
 use ethercat_subdevice::diagnosis::History;
 use ethercat_subdevice::dictionary::number;
 use ethercat_subdevice::esc::EscError;
+use ethercat_subdevice::indicators::Indicators;
 use ethercat_subdevice::sync_manager::Channel;
 use heapless::String;
 
@@ -140,6 +141,10 @@ fn copy_entry(buffer: &[u8], sub: u8, into: &mut [u8]) -> Result<(), Abort> {
 impl Application for GatewayObjects<'_> {
     fn proves_outputs(&self) -> bool {
         self.place.proves_outputs()
+    }
+
+    fn shows(&mut self, indicators: Indicators) {
+        self.place.set_indicators(indicators);
     }
 
     fn sends_emergencies(&self) -> bool {

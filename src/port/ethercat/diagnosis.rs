@@ -62,7 +62,7 @@ impl EthercatPlace {
     }
 
     /// The slave `id` was asked: how it was before, and how it is now.
-    pub(crate) fn asked(&self, id: DeviceId, before: Option<DeviceStatus>, now: Option<DeviceStatus>) {
+    pub fn asked(&self, id: DeviceId, before: Option<DeviceStatus>, now: Option<DeviceStatus>) {
         let (Some(before), Some(now)) = (before, now) else { return };
         match (before.alive, now.alive) {
             (None | Some(true), Some(false)) => self.report(&SILENT, &[id.0]),

@@ -9,6 +9,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
+use ethercat_subdevice::al_state::{AlState, AlStatusCode};
 use ethercat_subdevice::application::Address;
 use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::diagnosis::History;
@@ -17,7 +18,7 @@ use super::configuration::{ConfigError, Configuration};
 use super::controller::Controller;
 use super::diagnosis::SharedHistory;
 use super::image::{IMAGE_BYTES, Room};
-use super::keeping::{Keep, Keeping};
+use super::keeping::Keeping;
 use super::layout::{DeviceLayout, layouts};
 use super::line::{LineWriter, Speed};
 use super::ranges::{INPUTS, OUTPUTS, add};
@@ -30,7 +31,7 @@ pub struct EthercatPlace {
     scanner: ScannerPlace,
     /// As it was written last; while one is in use, this is the one.
     configuration: Mutex<CriticalSectionRawMutex, RefCell<Configuration>>,
-    state: Mutex<CriticalSectionRawMutex, Cell<State>>,
+    pub(super) state: Mutex<CriticalSectionRawMutex, Cell<State>>,
     /// The devices are others: what was asked before is nobody's question any more. Or the controller has come or gone.
     renewed: Signal<CriticalSectionRawMutex, ()>,
     requests: Requests,
@@ -39,7 +40,7 @@ pub struct EthercatPlace {
 }
 
 #[derive(Clone, Copy)]
-struct State {
+pub(super) struct State {
     /// Whether a port asks the devices.
     has_port: bool,
     /// Whether the line is there that the port is to set.
@@ -65,6 +66,10 @@ struct State {
     /// How the line was set when it was looked at last.
     line: Speed,
     controller: Controller,
+    /// What the SubDevice shows, once it does. Apart from each other, or nothing yet would not be all zeros.
+    pub(super) shown: Option<AlState>,
+    pub(super) fault: Option<AlStatusCode>,
+    pub(super) fell: bool,
 }
 
 impl State {
@@ -84,6 +89,9 @@ impl State {
         speed: Speed::NONE,
         line: Speed::NONE,
         controller: Controller::Present,
+        shown: None,
+        fault: None,
+        fell: false,
     };
 }
 
@@ -363,25 +371,7 @@ impl EthercatPlace {
         }
     }
 
-    /// Waits until the settings are to be saved, as somebody who has a store; says how.
-    pub(crate) async fn keep_wanted(&self) -> Keep {
-        self.keeping.wanted().await
-    }
-
-    /// The settings have been saved, or not.
-    pub(crate) fn kept(&self, well: bool) {
-        self.keeping.done(well);
-        if !well {
-            self.configuration_not_kept();
-        }
-    }
-
-    /// The slaves are those of after power-on.
-    pub(crate) fn restore(&self) {
-        self.configuration(|configuration| configuration.replace(&[]));
-    }
-
-    fn update(&self, change: impl FnOnce(&mut State)) {
+    pub(super) fn update(&self, change: impl FnOnce(&mut State)) {
         self.state.lock(|cell| {
             let mut state = cell.get();
             change(&mut state);

@@ -9,6 +9,7 @@ use ethercat_subdevice::application::{Address, Application};
 use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::coe::emergency::Emergency;
 use ethercat_subdevice::esc::EscError;
+use ethercat_subdevice::indicators::Indicators;
 use ethercat_subdevice::sync_manager::Channel;
 use mobgate::config::{Settings, apply};
 use mobgate::port::ethercat::{EthercatPlace, GatewayObjects};
@@ -53,6 +54,10 @@ impl<A: Application> Application for Shared<A> {
 
     fn written(&mut self) -> Option<Result<(), Abort>> {
         self.0.borrow_mut().written()
+    }
+
+    fn shows(&mut self, indicators: Indicators) {
+        self.0.borrow_mut().shows(indicators);
     }
 
     fn sends_emergencies(&self) -> bool {

@@ -203,6 +203,7 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
 
     /// No flag is ever seen without its code: the code comes first, and goes last.
     pub(super) async fn write_status(&mut self) -> Result<(), EscError> {
+        self.application.shows(self.al.indicators());
         let (status, code) = (self.al.status().to_le_bytes(), self.al.code().to_le_bytes());
         if self.al.code() != 0 {
             self.esc.write(AL_STATUS_CODE, &code).await?;

@@ -1,0 +1,40 @@
+//! The gateway's RUN and ERR lights: at the console, and on the lamps of a board.
+
+use core::cell::Cell;
+
+use ethercat_subdevice::indicators::{Indicators, Lamps, Pattern, show};
+
+use super::controller::Controller;
+use super::place::{EthercatPlace, State};
+
+impl EthercatPlace {
+    /// Notes what the SubDevice shows.
+    pub(super) fn set_indicators(&self, indicators: Indicators) {
+        let Indicators { state: shown, fault, fell } = indicators;
+        self.update(|state| (state.shown, state.fault, state.fell) = (Some(shown), fault, fell));
+    }
+
+    fn shown(&self) -> Option<Indicators> {
+        let State { shown, fault, fell, .. } = self.state.lock(Cell::get);
+        shown.map(|state| Indicators { state, fault, fell })
+    }
+
+    /// What the SubDevice shows, if it has begun and its controller answers.
+    pub fn indicators(&self) -> Option<Indicators> {
+        self.shown().filter(|_| self.controller() == Controller::Present)
+    }
+
+    /// The patterns of the RUN light and of the ERR light: without a controller, RUN is off and ERR is on.
+    pub fn lights(&self) -> (Pattern, Pattern) {
+        match (self.controller(), self.shown()) {
+            (Controller::Present, Some(indicators)) => (indicators.run(), indicators.error()),
+            (Controller::Present, None) => (Pattern::Off, Pattern::Off),
+            (Controller::Missing(_) | Controller::Lost(_), _) => (Pattern::Off, Pattern::On),
+        }
+    }
+
+    /// Lets the lamps of a board show that, for ever.
+    pub async fn light(&self, lamps: &mut impl Lamps) -> ! {
+        show(lamps, || self.lights()).await
+    }
+}

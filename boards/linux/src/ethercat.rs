@@ -13,15 +13,15 @@ use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::signal::Signal;
 use embedded_hal_async::digital::Wait;
+use ethercat_esc::frame::{FRAME_BYTES_MAX, is_whole};
+use ethercat_esc::interface::{Interface, InterfaceError};
+use ethercat_esc::{Chip, DirectPdi, Interrupt, Kind, SharedChip, now};
 use ethercat_subdevice::esc::{Esc, EscError};
 use ethercat_subdevice::sii;
 use mobgate::config::{InterfaceName, PortId, PortKind};
 use mobgate::gateway::Gateway;
 use mobgate::port::ethercat::{DEVICE, EthercatPlace, serve};
 use mobgate::stats::Event;
-use mobgate_esc::frame::{FRAME_BYTES_MAX, is_whole};
-use mobgate_esc::interface::{Interface, InterfaceError};
-use mobgate_esc::{Chip, DirectPdi, Interrupt, Kind, SharedChip, now};
 use rustix::io::Errno;
 
 use crate::descriptor::Descriptor;

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use mobgate_esc::Command as Datagram;
-use mobgate_esc::frame::{Builder, FRAME_BYTES_MAX, datagrams};
-use mobgate_esc::interface::Interface;
+use ethercat_esc::Command as Datagram;
+use ethercat_esc::frame::{Builder, FRAME_BYTES_MAX, datagrams};
+use ethercat_esc::interface::Interface;
 use mobgate_simulator::own_network::{
     MASTER_END, SEGMENT_END, in_own_network, ip, lay_cable, python, start_master,
 };

@@ -26,8 +26,8 @@
 //! embassy-time, which [`DirectPdi`] and [`Interrupt`] go by.
 //!
 //! ```
-//! use mobgate_esc::frame::{Builder, datagrams};
-//! use mobgate_esc::{Chip, Command, Kind};
+//! use ethercat_esc::frame::{Builder, datagrams};
+//! use ethercat_esc::{Chip, Command, Kind};
 //!
 //! // With an EEPROM that nobody has written yet.
 //! let mut chip = Chip::new(Kind::LAN9252, vec![]);

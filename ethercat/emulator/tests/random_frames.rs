@@ -3,8 +3,8 @@
 // Linked for the clock and the locks of a host.
 use mobgate_clock as _;
 
-use mobgate_esc::frame::{Builder, FRAME_BYTES_MAX, datagrams, is_ethercat, is_whole};
-use mobgate_esc::{Chip, Command, Kind};
+use ethercat_esc::frame::{Builder, FRAME_BYTES_MAX, datagrams, is_ethercat, is_whole};
+use ethercat_esc::{Chip, Command, Kind};
 use proptest::collection::vec;
 use proptest::prelude::*;
 

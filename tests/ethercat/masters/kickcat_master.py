@@ -14,10 +14,9 @@ from kickcat import Access, State
 # Seconds. As in patience.py.
 PATIENCE = 5.0
 # Without a second interface it lets its time-out pass after each broadcast, and reads the EEPROM by hundreds of them. But a frame
-# that takes longer is lost, and the start with it. When a busy machine makes frames late, the start is begun again: at first with
-# the time-out that KickCAT has by itself.
+# that takes longer is lost, and the start with it. A busy machine makes frames late, so a start that fails is begun again, at
+# first with the time-out that KickCAT has by itself. The device is not to blame unless it fails with the longest, too.
 TIMEOUTS = [0.002] * 4 + [0.002 * 2**nth for nth in range(1, 8)]
-LATE = ("Timeout", "Error while fetching eeprom data", "WriteThenRead was not able to read anything")
 # For a single broadcast.
 BROADCAST = 0.05
 
@@ -30,25 +29,27 @@ class MainDevice:
         self.interfaces = interface, second
 
     def to_pre_op(self):
-        timeouts = [PATIENCE] if self.interfaces[1] else TIMEOUTS
-        assert any(self.scan(timeout) for timeout in timeouts), "frames are late however long they may take"
+        *shorter, longest = [PATIENCE] if self.interfaces[1] else TIMEOUTS
+        if not any(self.succeeds(timeout) for timeout in shorter):
+            self.scan(longest)
         self.link.set_timeout(PATIENCE)
         (self.device,) = self.bus.slaves()
 
+    def succeeds(self, timeout):
+        try:
+            self.scan(timeout)
+        except RuntimeError as error:
+            print(f"with a time-out of {timeout} s: {error}", flush=True)
+            return False
+        return True
+
     def scan(self, timeout):
-        self.begin = time.monotonic()
+        self.begin, self.timeout = time.monotonic(), timeout
         # With a socket of its own: what comes late is not taken for an answer to something else.
         self.link = kickcat.create_link(*self.interfaces)
         self.link.set_timeout(timeout)
         self.bus = kickcat.Bus(self.link)
-        try:
-            self.bus.init(routine.WATCHDOG_SECONDS)
-        except RuntimeError as error:
-            if not any(text in str(error) for text in LATE):
-                raise
-            print(f"{error}: a frame took longer than {timeout} s", flush=True)
-            return False
-        return True
+        self.bus.init(routine.WATCHDOG_SECONDS)
 
     def to_op(self):
         self.bus.create_mapping()

@@ -108,6 +108,7 @@ def run(make):
     print(f"start {start:.2f} s; {read} entries, {complete} objects completely, {segmented} in segments, {reading:.2f} s; "
           f"{cycles} cycles, {cycling:.2f} s; {restarts} restarts, {restarting:.2f} s", flush=True)
     name = sys.argv[0].rsplit("/", 1)[-1].removesuffix("_master.py")
+    figure(f"{name}_start", round(start, 2), "s", 5)
     figure(f"{name}_short", short, f"of {cycles}", 0)
     assert short == 0, f"{short} of {cycles} cycles have a short working counter"
 

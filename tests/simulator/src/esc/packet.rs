@@ -5,8 +5,8 @@ use std::io::{self, ErrorKind};
 use std::os::fd::AsFd;
 
 use embassy_time::Instant;
-use mobgate_esc::frame::FRAME_BYTES_MAX;
-use mobgate_esc::interface::{Interface, InterfaceError};
+use ethercat_esc::frame::FRAME_BYTES_MAX;
+use ethercat_esc::interface::{Interface, InterfaceError};
 
 use super::cable::SharedSegment;
 use super::{Fate, now};

@@ -6,8 +6,8 @@ use std::os::fd::{AsRawFd, OwnedFd};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
-use mobgate_esc::Command;
-use mobgate_esc::frame::{FRAME_BYTES_MAX, datagrams};
+use ethercat_esc::Command;
+use ethercat_esc::frame::{FRAME_BYTES_MAX, datagrams};
 use mobgate_simulator::own_network::SEGMENT_END;
 use nix::cmsg_space;
 use nix::errno::Errno;

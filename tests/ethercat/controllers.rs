@@ -9,7 +9,7 @@ use ethercat_subdevice::sync_manager::Channel;
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::esc::Kind;
 use mobgate_simulator::lan9252::Timing;
-use mobgate_simulator::sub_device::{Counted, direct, spi_traffic};
+use mobgate_simulator::sub_device::{Counted, direct, exchange_at_pace, spi_traffic};
 
 use crate::bench::{
     Bench, CHOICE, CONTROLLERS, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, Start, lan9252_with,
@@ -92,5 +92,20 @@ fn the_suite_passes_on_every_controller() {
         let passed = said.lines().filter(|line| line.ends_with("... ok")).count();
         println!("{}: {passed} tests", controller.name);
         assert!(run.status.success() && passed > 70, "on {}: {said}", controller.name);
+    }
+}
+
+#[test]
+fn in_the_shortest_cycle_that_is_promised_no_image_is_lost_and_in_a_shorter_one_that_is_counted() {
+    for spi_hz in [20_000_000, 30_000_000] {
+        // `cargo bench -- ethercat` exchanges a hundred times as many.
+        let paced = exchange_at_pace(&GATEWAY, spi_hz, 100, 1_000).unwrap();
+        println!("{paced:?}");
+        assert_eq!((paced.cost.bytes, paced.cost.selects), (316, 8), "what the SPI counts");
+        let exchanged = paced.exchanged;
+        assert_eq!((exchanged.short, exchanged.lost, exchanged.wrong, paced.missed), (0, 0, 0, 0));
+        let hurried = exchange_at_pace(&GATEWAY, spi_hz, 60, 1_000).unwrap();
+        assert!(hurried.exchanged.lost > 0 && hurried.missed > 0, "{hurried:?}");
+        assert_eq!(hurried.exchanged.wrong, 0);
     }
 }

@@ -130,6 +130,8 @@ pub struct Communication {
     inputs_synchronised: u16,
     /// 1C32h:0B, how often outputs came before those before them were taken, since SafeOp was entered.
     pub outputs_missed: u16,
+    /// 1C32h:05, the shortest cycle in which no outputs are missed.
+    pub cycle_ns_min: u32,
 }
 
 impl Communication {
@@ -145,6 +147,7 @@ impl Communication {
             outputs_synchronised: Self::OWN_EVENT,
             inputs_synchronised: Self::OUTPUTS_EVENT,
             outputs_missed: 0,
+            cycle_ns_min: 0,
         }
     }
 
@@ -181,6 +184,7 @@ impl Communication {
         match (index, sub) {
             (0x1c32, 1) => Some(self.outputs_synchronised),
             (0x1c33, 1) => Some(self.inputs_synchronised),
+            (0x1c32 | 0x1c33, 0x0b) => Some(self.outputs_missed),
             _ => self.assignment(index).map(|assignment| assignment.value(sub)),
         }
     }

@@ -57,6 +57,7 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             self.mailbox.refuse::<()>(MailboxError::UnsupportedProtocol);
             return Ok(());
         }
+        self.communication.cycle_ns_min = self.cycle_ns_min();
         let mut dictionary = Dictionary {
             device: self.device,
             communication: &mut self.communication,

@@ -6,7 +6,7 @@ mod devices;
 
 use std::cell::RefMut;
 
-use embassy_time::Duration;
+use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::application::Application;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::esc::Esc;
@@ -17,7 +17,7 @@ use mobgate_simulator::esc::{Command, Interrupt, Kind, Segment, SharedChip};
 use mobgate_simulator::{World, sub_device};
 
 pub(crate) use application::{Bench, Shared, gateway_objects};
-pub(crate) use controllers::{Controller, lan9252_with};
+pub(crate) use controllers::{CHOICE, CONTROLLERS, Controller, lan9252_with};
 pub(crate) use devices::{LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128};
 
 /// Requested states, as AL control has them.
@@ -48,6 +48,8 @@ pub(crate) struct Rig<A> {
     /// How long the device is given after each frame.
     pub(crate) pause: Duration,
     counter: u8,
+    /// When process data were exchanged last.
+    exchanged: Instant,
     // Declared last: its tasks end last.
     pub(crate) world: World<'static>,
 }
@@ -100,7 +102,8 @@ impl<A: Application + 'static> Rig<A> {
             true => sub_device::spawn_by_edges(&world, sub_device, interrupt),
         }
         let segment = line.replace(Segment::new([]));
-        let mut rig = Self { segment, device, application, pause, counter: 0, world };
+        let mut rig =
+            Self { segment, device, application, pause, counter: 0, exchanged: Instant::MIN, world };
         rig.pass(1);
         rig
     }
@@ -112,6 +115,11 @@ impl<A: Application + 'static> Rig<A> {
     /// Lets time pass.
     pub(crate) fn pass(&mut self, millis: u64) {
         self.world.run_for(Duration::from_millis(millis));
+    }
+
+    /// Lets time pass until so long after the last exchange of process data.
+    pub(crate) fn pass_since_exchange(&mut self, millis: u64) {
+        self.world.run_until(Timer::at(self.exchanged + Duration::from_millis(millis)));
     }
 
     /// Writes to the device; the working counter. Time for the device to react follows.
@@ -204,6 +212,7 @@ impl<A: Application + 'static> Rig<A> {
     pub(crate) fn exchange(&mut self, outputs: &[u8]) -> (Vec<u8>, u16) {
         let mut data = outputs.to_vec();
         data.resize(outputs.len() + usize::from(sii::default_length(self.device, Channel::Inputs)), 0);
+        self.exchanged = Instant::now();
         let answer = self.segment.send_logical(Command::Lrw, LOGICAL, &data);
         self.world.run_for(self.pause);
         (answer.data[outputs.len()..].to_vec(), answer.counter)

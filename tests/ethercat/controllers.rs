@@ -1,5 +1,7 @@
 //! What controllers differ in: how many SyncManagers they have, and how they interrupt. The suite runs on all of them.
 
+use std::process::Command;
+
 use embassy_time::Duration;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::lan9252::InterruptPin;
@@ -7,9 +9,11 @@ use ethercat_subdevice::sync_manager::Channel;
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::esc::Kind;
 use mobgate_simulator::lan9252::Timing;
-use mobgate_simulator::sub_device::{Counted, direct, spi_traffic};
+use mobgate_simulator::sub_device::{Counted, direct, exchange_at_pace, spi_traffic};
 
-use crate::bench::{Bench, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, Start, lan9252_with};
+use crate::bench::{
+    Bench, CHOICE, CONTROLLERS, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, Start, lan9252_with,
+};
 
 static GATEWAY: Device = DEVICE;
 
@@ -61,5 +65,47 @@ fn a_cycle_in_op_keeps_its_budget_on_the_spi() {
         let cost = spi_traffic(&GATEWAY, 200, proves).unwrap();
         println!("{cost:?}");
         assert!(cost.usual.bytes <= bytes && cost.usual.selects <= selects, "{cost:?}");
+    }
+}
+
+/// The suite: all that goes by frames and looks at what comes back. Left out is what chooses its controller itself and takes long.
+const SUITE: [&str; 10] = [
+    "states::",
+    "mailbox::",
+    "sdo::",
+    "information::",
+    "process_data::",
+    "lost_answers::inputs",
+    "--skip=esc_mailbox",
+    "--skip=statement_42",
+    "--skip=statement_45",
+    "--skip=statement_54",
+];
+
+#[test]
+fn the_suite_passes_on_every_controller() {
+    let this = std::env::current_exe().unwrap();
+    // The first one is what the suite runs on anyway.
+    for controller in &CONTROLLERS[1..] {
+        let run = Command::new(&this).args(SUITE).env(CHOICE, controller.name).output().unwrap();
+        let said = String::from_utf8_lossy(&run.stdout);
+        let passed = said.lines().filter(|line| line.ends_with("... ok")).count();
+        println!("{}: {passed} tests", controller.name);
+        assert!(run.status.success() && passed > 70, "on {}: {said}", controller.name);
+    }
+}
+
+#[test]
+fn in_the_shortest_cycle_that_is_promised_no_image_is_lost_and_in_a_shorter_one_that_is_counted() {
+    for spi_hz in [20_000_000, 30_000_000] {
+        // `cargo bench -- ethercat` exchanges a hundred times as many.
+        let paced = exchange_at_pace(&GATEWAY, spi_hz, 100, 1_000).unwrap();
+        println!("{paced:?}");
+        assert_eq!((paced.cost.bytes, paced.cost.selects), (316, 8), "what the SPI counts");
+        let exchanged = paced.exchanged;
+        assert_eq!((exchanged.short, exchanged.lost, exchanged.wrong, paced.missed), (0, 0, 0, 0));
+        let hurried = exchange_at_pace(&GATEWAY, spi_hz, 60, 1_000).unwrap();
+        assert!(hurried.exchanged.lost > 0 && hurried.missed > 0, "{hurried:?}");
+        assert_eq!(hurried.exchanged.wrong, 0);
     }
 }

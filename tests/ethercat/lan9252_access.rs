@@ -77,7 +77,7 @@ fn a_cycle_of_120_bytes_each_way_keeps_its_budget() {
 fn fast_reads_have_their_byte_of_pause() {
     let timing = Timing { spi_hz: 60_000_000, ..Timing::USUAL };
     with_driver(timing, async |_, bench| {
-        let mut driver = Driver::new(bench.chip.spi(), Wiring { fast: true, ..Wiring::default() });
+        let mut driver = Driver::new(bench.chip.spi(), Wiring { spi_hz: 60_000_000, ..Wiring::default() });
         driver.write(FREE + 1, &[5; 50]).await.unwrap();
         let mut back = [0; 50];
         driver.read(FREE + 1, &mut back).await.unwrap();

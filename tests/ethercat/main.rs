@@ -27,6 +27,7 @@ mod lan9252_events;
 mod lan9252_faults;
 mod lan9252_model;
 mod lost_answers;
+mod mad_writes;
 mod mailbox;
 mod masters;
 mod outside;

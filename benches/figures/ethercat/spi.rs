@@ -10,7 +10,7 @@ use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate::port::ethercat::DEVICE;
 use mobgate_simulator::esc::{Chip, Command, Kind, Segment};
 use mobgate_simulator::lan9252::{Timing, Traffic};
-use mobgate_simulator::sub_device::spi_traffic;
+use mobgate_simulator::sub_device::{exchange_at_pace, spi_traffic};
 use mobgate_simulator::{Lan9252, World};
 
 use crate::{Target, figure};
@@ -18,6 +18,7 @@ use crate::{Target, figure};
 static GATEWAY: Device = DEVICE;
 
 const CYCLES: u64 = 1_000;
+const PACED_CYCLES: u64 = 100_000;
 /// Once in 20 ms two registers are read that tell whether the chip was reset behind the driver's back.
 const CHECK_BYTES: u64 = 2 * 7;
 const CHECK_SELECTS: u64 = 2;
@@ -38,6 +39,9 @@ pub(crate) fn figures() {
             [bytes + CHECK_BYTES, selects + CHECK_SELECTS],
         );
     }
+    for (mhz, spi_hz) in [(20, 20_000_000), (30, 30_000_000)] {
+        pace(mhz, spi_hz);
+    }
     driver();
 }
 
@@ -49,6 +53,24 @@ fn traffic(name: &str, seen: Traffic, [bytes, selects]: [u64; 2]) {
         "selects",
         Target::AtMost(selects as f64),
     );
+}
+
+/// The shortest cycle that is promised, of what it is made, and how images fare in it.
+fn pace(mhz: u32, spi_hz: u32) {
+    let paced = exchange_at_pace(&GATEWAY, spi_hz, 100, PACED_CYCLES).expect("ethercrab exchanges images");
+    let (cost, exchanged) = (paced.cost, paced.exchanged);
+    let bus_ns = cost.nanos(0) - cost.selects * cost.select_ns;
+    for (part, nanos) in [
+        ("bytes", bus_ns),
+        ("selects", cost.selects * cost.select_ns),
+        ("fixed", paced.promised_ns - cost.nanos(0)),
+        ("all", paced.promised_ns),
+    ] {
+        let name = format!("cycle_min_{mhz}_mhz_{part}");
+        figure(&name, f64::from(nanos) / 1e3, "us", Target::None);
+    }
+    let bad = (exchanged.lost + exchanged.wrong + exchanged.short) as f64;
+    figure(&format!("cycle_min_{mhz}_mhz_images_lost_or_torn"), bad, "images", Target::AtMost(0.0));
 }
 
 /// The driver alone.

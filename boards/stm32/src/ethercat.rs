@@ -24,6 +24,8 @@ use crate::gateway::{LIVENESS, Task};
 
 /// The most at which the LAN9252 needs no pause in its reads: the H7 makes 25 MHz of it, the F7 27, the F4 21.
 const SPI_HZ: Hertz = Hertz(30_000_000);
+/// The least of these.
+const SPI_CLOCK_HZ_MIN: u32 = 21_000_000;
 
 static SCANNER: ScannerPlace = ScannerPlace::new();
 static PLACE: EthercatPlace = EthercatPlace::new();
@@ -85,6 +87,8 @@ async fn run(wires: Wires) {
 
 async fn serve_controller(Wires { spi, select, mut interrupt }: Wires) {
     let bus = Mutex::<NoopRawMutex, _>::new(spi);
-    let controller = Lan9252::new(SpiDevice::new(&bus, select), Wiring::default());
+    // What DMA takes to be set up and to end is longer than the select line takes.
+    let wiring = Wiring { spi_hz: SPI_CLOCK_HZ_MIN, select_ns: 5_000, ..Wiring::default() };
+    let controller = Lan9252::new(SpiDevice::new(&bus, select), wiring);
     serve(&PLACE, Some(&SCANNER), controller, async || interrupt.wait_for_high().await).await
 }

@@ -60,6 +60,12 @@ pub trait Application {
         None
     }
 
+    /// What the processor takes for a cycle of process data beside the bus to the controller, at most: from the interrupt to the first
+    /// access, and in between.
+    fn cycle_fixed_ns(&self) -> u32 {
+        25_000
+    }
+
     /// Takes the outputs of a PDO, always those of one frame. Called in Op only, for each assigned PDO.
     fn outputs(&mut self, pdo: u16, bytes: &[u8]);
 

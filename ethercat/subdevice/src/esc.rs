@@ -34,9 +34,37 @@ pub trait Esc {
         Ok(true)
     }
 
+    /// What a cycle with so many bytes of process data costs on the way to the chip; nothing where there is none.
+    fn cycle_cost(&self, _outputs: u16, _inputs: u16, _proves: bool) -> CycleCost {
+        CycleCost::default()
+    }
+
     /// Whether the chip answers at all, by a look that neither changes nor waits for anything.
     async fn look(&mut self) -> Result<(), EscError> {
         self.events().await.map(|_| ())
+    }
+}
+
+/// What a cycle of process data costs on the bus to the chip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct CycleCost {
+    /// Bytes.
+    pub bytes: u32,
+    /// Chip selects.
+    pub selects: u32,
+    /// The bus' clock, of a bit each; 0 where there is no bus.
+    pub clock_hz: u32,
+    /// What a chip select takes beside its bytes.
+    pub select_ns: u32,
+}
+
+impl CycleCost {
+    /// How long that takes, with `fixed_ns` beside the bus.
+    pub fn nanos(self, fixed_ns: u32) -> u32 {
+        const BITS_NS: u64 = 8 * 1_000_000_000;
+        let bytes = (u64::from(self.bytes) * BITS_NS).checked_div(self.clock_hz.into()).unwrap_or(0);
+        let selects = u64::from(self.selects) * u64::from(self.select_ns);
+        u32::try_from(bytes + selects + u64::from(fixed_ns)).unwrap_or(u32::MAX)
     }
 }
 

@@ -20,7 +20,7 @@ mod start;
 use embassy_time::{Duration, Instant};
 use embedded_hal_async::spi::SpiDevice;
 
-use crate::esc::{Esc, EscError};
+use crate::esc::{CycleCost, Esc, EscError};
 use crate::registers::Events;
 use bus::Bus;
 
@@ -28,14 +28,18 @@ use bus::Bus;
 const PROCESS_RAM: u16 = 0x1000;
 /// The AL event request.
 const AL_EVENT: u16 = 0x0220;
+/// The fastest clock for reads without a pause.
+const READ_HZ_MAX: u32 = 30_000_000;
 /// How often it is looked at whether the chip is still the one that was set up.
 const CHECK_INTERVAL: Duration = Duration::from_millis(20);
 
 /// How the chip is wired.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Wiring {
-    /// The SPI clock is above 30 MHz: reads need a byte of pause before their data.
-    pub fast: bool,
+    /// The SPI clock. Above 30 MHz reads need a byte of pause before their data.
+    pub spi_hz: u32,
+    /// What a chip select takes beside its bytes, with the processor's way to the next.
+    pub select_ns: u32,
     /// How the interrupt pin asks.
     pub interrupt: InterruptPin,
 }
@@ -52,9 +56,15 @@ pub enum InterruptPin {
 }
 
 impl Default for Wiring {
-    /// At most 30 MHz, interrupt active high.
+    /// 20 MHz, a microsecond for each chip select, interrupt active high.
     fn default() -> Self {
-        Self { fast: false, interrupt: InterruptPin::High }
+        Self { spi_hz: 20_000_000, select_ns: 1_000, interrupt: InterruptPin::High }
+    }
+}
+
+impl Wiring {
+    const fn is_fast(self) -> bool {
+        self.spi_hz > READ_HZ_MAX
     }
 }
 
@@ -103,7 +113,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
     /// A driver of the chip at `spi`. The first access resets the chip and sets it up.
     pub fn new(spi: SPI, wiring: Wiring) -> Self {
         Self {
-            bus: Bus::new(spi, wiring.fast),
+            bus: Bus::new(spi, wiring.is_fast()),
             wiring,
             health: Health::Unknown,
             restarted: false,
@@ -217,6 +227,23 @@ impl<SPI: SpiDevice> Esc for Lan9252<SPI> {
     async fn asks(&mut self) -> Result<bool, EscError> {
         let outcome = self.try_asks().await;
         self.noted(outcome)
+    }
+
+    fn cycle_cost(&self, outputs: u16, inputs: u16, proves: bool) -> CycleCost {
+        const HEAD: u32 = 3;
+        let words = |bytes: u16| u32::from(bytes.next_multiple_of(4));
+        let read_head = HEAD + u32::from(self.wiring.is_fast());
+        // Place and command; the data; and the proof that they were moved.
+        let (write_memory, read_memory) =
+            (HEAD + 8 + HEAD + words(inputs) + read_head + 8, HEAD + 8 + 2 * read_head + words(outputs) + 8);
+        // With the outputs, their events: a command, two registers, a second look at one; and the interrupt's status.
+        let (events, again) = (4 + 8 + 2 * (read_head + 4), if proves { 1 } else { 0 });
+        CycleCost {
+            bytes: events + (1 + again) * read_memory + write_memory,
+            selects: 8 + 3 * again,
+            clock_hz: self.wiring.spi_hz,
+            select_ns: self.wiring.select_ns,
+        }
     }
 
     async fn look(&mut self) -> Result<(), EscError> {

@@ -17,7 +17,7 @@ use crate::application::Application;
 use crate::assignment::{Communication, Synchronisation};
 use crate::coe::Coe;
 use crate::device::Device;
-use crate::esc::{Esc, EscError};
+use crate::esc::{CycleCost, Esc, EscError};
 use crate::mailbox::Mailbox;
 use crate::process::Images;
 use crate::registers::{AL_EVENT_MASK, Events};
@@ -86,6 +86,23 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     /// The state it is in.
     pub fn state(&self) -> AlState {
         self.al.state()
+    }
+
+    /// What a cycle of process data costs on the way to the controller, as PDOs are assigned.
+    pub fn cycle_cost(&self) -> CycleCost {
+        let bytes = |channel| self.data_bytes(channel);
+        let proves = self.application.proves_outputs();
+        self.esc.cycle_cost(bytes(Channel::Outputs), bytes(Channel::Inputs), proves)
+    }
+
+    /// The shortest cycle in which no outputs are missed (1C32h:05): what it costs, and what the application takes beside that.
+    pub fn cycle_ns_min(&self) -> u32 {
+        self.cycle_cost().nanos(self.application.cycle_fixed_ns())
+    }
+
+    /// How often outputs came before those before them were taken, since SafeOp was entered (1C32h:0B).
+    pub fn outputs_missed(&self) -> u16 {
+        self.communication.timing.missed_events
     }
 
     /// The controller.

@@ -15,7 +15,7 @@ use super::{Rig, Start};
 pub(crate) const CHOICE: &str = "MOBGATE_CONTROLLER";
 /// Between two frames, where an access takes no time, and on an SPI.
 const PAUSE: Duration = Duration::from_micros(50);
-const SPI_PAUSE: Duration = Duration::from_millis(4);
+const SPI_PAUSE: Duration = Duration::from_millis(2);
 /// A LAN9252 is ready 20 ms after its driver has reset it.
 const POWER_ON: Duration = Duration::from_millis(50);
 

@@ -30,8 +30,8 @@ pub use paced::Paced;
 #[cfg(feature = "masters")]
 // As above.
 pub use start::{
-    Desk, Exchanged, Group, SpiCost, StartUp, at_cable, cable, exchange_images, spi_traffic, start_up,
-    with_master,
+    AtPace, Desk, Exchanged, Group, SpiCost, StartUp, at_cable, cable, exchange_at_pace, exchange_images,
+    spi_traffic, start_up, with_master,
 };
 
 /// A line with one LAN9252 whose EEPROM says what `device` is.

@@ -102,7 +102,9 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         if !inputs.is_empty() {
             self.esc.write(self.device.memory.start(Channel::Inputs), inputs).await?;
         }
-        self.images.inputs_due = Instant::now() + FREE_RUN_CYCLE;
+        let (now, next) = (Instant::now(), self.images.inputs_due + FREE_RUN_CYCLE);
+        // What writing them takes does not add to the cycle.
+        self.images.inputs_due = if next > now { next } else { now + FREE_RUN_CYCLE };
         Ok(())
     }
 }

@@ -58,6 +58,7 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             self.mailbox.refuse::<()>(MailboxError::UnsupportedProtocol);
             return Ok(());
         }
+        self.communication.timing.minimum_cycle_ns = self.cycle_ns_min();
         let mut dictionary = Dictionary {
             device: self.device,
             communication: &mut self.communication,

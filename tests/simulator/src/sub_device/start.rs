@@ -4,9 +4,12 @@ use std::cell::Cell;
 use std::rc::Rc;
 
 use embassy_futures::select::{Either, select};
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
+use embedded_hal_async::digital::Wait;
 use ethercat_subdevice::device::Device;
-use ethercat_subdevice::esc::Esc;
+use ethercat_subdevice::esc::{CycleCost, Esc};
 use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercat_subdevice::sync_manager::Channel;
@@ -198,6 +201,19 @@ pub fn spi_traffic(device: &'static Device, cycles: u64, proves: bool) -> Result
     })
 }
 
+/// How images fared on an SPI, cycle by cycle at once.
+#[derive(Debug, Clone, Copy)]
+pub struct AtPace {
+    /// What a cycle costs.
+    pub cost: CycleCost,
+    /// The shortest cycle in which none is missed, as the device promises it.
+    pub promised_ns: u32,
+    /// How images fared.
+    pub exchanged: Exchanged,
+    /// How often the device says that outputs came before those before them were taken.
+    pub missed: u16,
+}
+
 /// How images fared.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Exchanged {
@@ -207,6 +223,57 @@ pub struct Exchanged {
     pub lost: u64,
     /// Outputs or inputs that were torn, or older than the ones before.
     pub wrong: u64,
+}
+
+/// Exchanges images with `device` over an SPI at `spi_hz`, in a cycle of `percent` of the shortest that it promises.
+///
+/// # Errors
+/// What the MainDevice says.
+pub fn exchange_at_pace(
+    device: &'static Device,
+    spi_hz: u32,
+    percent: u64,
+    cycles: u64,
+) -> Result<AtPace, Error> {
+    let mut world = World::new(1);
+    let line = line_of(device);
+    let echo = SharedEcho::default();
+    let timing = Timing { spi_hz: spi_hz.into(), ..Timing::USUAL };
+    let chip = Lan9252::new(line.borrow().chip(0), timing);
+    let wiring = Wiring { spi_hz, select_ns: timing.select_nanos as u32, ..Wiring::default() };
+    let mut sub_device = SubDevice::new(device, Driver::new(chip.spi(), wiring), echo.clone());
+    let (cost, promised_ns) = (sub_device.cycle_cost(), sub_device.cycle_ns_min());
+    let mut interrupt = chip.interrupt();
+    let ended = Rc::new(Signal::<NoopRawMutex, ()>::new());
+    let end = ended.clone();
+    let missed = world.spawn(async move {
+        let attention = async || interrupt.wait_for_high().await.expect("the simulated line cannot fail");
+        select(sub_device.run(attention), end.wait()).await;
+        sub_device.outputs_missed()
+    });
+    let cycle = Duration::from_micros((u64::from(promised_ns) * percent / 100).div_ceil(1_000));
+    let mut exchanged = with_master(&mut world, cable(line), async |desk| {
+        let group = desk.to_pre_op().await?;
+        let group = desk.to_op(group, 1).await?;
+        Timer::after(CYCLE).await;
+        let (mut exchanged, mut last, mut next) = (Exchanged::default(), 0, Instant::now());
+        for number in 2..cycles + 2 {
+            let (inputs, counter) = desk.exchange(&group, number).await?;
+            exchanged.short += u64::from(counter != 3);
+            exchanged.wrong += u64::from(inputs.is_none_or(|inputs| inputs < last));
+            last = inputs.unwrap_or(last);
+            next += cycle;
+            Timer::at(next).await;
+        }
+        Timer::after(CYCLE).await;
+        Ok::<_, Error>(exchanged)
+    })?;
+    ended.signal(());
+    let missed = world.run_until(missed);
+    let echo = echo.0.borrow();
+    exchanged.lost = echo.lost + cycles + 1 - echo.last.unwrap_or(0);
+    exchanged.wrong += echo.torn;
+    Ok(AtPace { cost, promised_ns, exchanged, missed })
 }
 
 /// Exchanges images with `device` in Op, once a millisecond, while its processor works in pieces of random length with random

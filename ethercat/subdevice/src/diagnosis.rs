@@ -3,53 +3,23 @@
 //! A message names a text of the ESI file by its number, and has bytes that stand in it. It is stored with the time since power-on. Where
 //! all places hold messages that were not acknowledged, the oldest one is overwritten, or in the acknowledge mode the new one discarded.
 
+mod message;
+
 use embassy_time::Instant;
 
 use crate::coe::abort::Abort;
 use crate::coe::emergency::Emergency;
+use message::Message;
+
+pub use message::{MESSAGE_BYTES, PARAMETERS_MAX, Severity, Text};
 
 /// Messages that are kept.
 pub const MESSAGES: usize = 20;
-/// Bytes that a message carries for its text at most.
-pub const PARAMETERS_MAX: usize = 3;
-/// Bytes of a message as it is read.
-pub const MESSAGE_BYTES: usize = 16 + 3 * PARAMETERS_MAX;
 /// The sub-index of the first message.
 pub const FIRST_MESSAGE: u8 = 6;
 
-/// Codes of manufacturers: the number of the text stands in the high word.
-const MANUFACTURER_CODE: u16 = 0xe000;
-/// A message's flags: its time is local.
-const LOCAL_TIME: u16 = 1 << 4;
-/// A parameter is an unsigned number of 8 bits.
-const PARAMETER_U8: u16 = 0x0005;
 /// Error register: bit 0 generic, bit 4 communication.
 const ERROR_REGISTER: u8 = 0x11;
-
-/// How grave a message is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Severity {
-    /// Something to know.
-    Information = 0,
-    /// Something to look after.
-    Warning = 1,
-    /// Something is wrong.
-    Error = 2,
-}
-
-/// A text of the ESI file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Text {
-    /// Its number; not 0.
-    pub id: u16,
-    /// How grave it is.
-    pub severity: Severity,
-    /// The emergency's error code (CiA 301, 7.2.7.1).
-    pub emergency: u16,
-    /// In English, with `%d` for each parameter.
-    pub text: &'static str,
-}
 
 /// Bits of 10F3h:05.
 mod flags {
@@ -60,44 +30,6 @@ mod flags {
     /// Read only.
     pub(super) const LOST: u16 = 1 << 5;
     pub(super) const WRITABLE: u16 = 0x1f;
-}
-
-/// A message that is kept; without a text there is none.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Message {
-    time_us: u64,
-    text: u16,
-    emergency: u16,
-    // Numbers of few bits, so that all zeros are no message.
-    severity: u8,
-    count: u8,
-    parameters: [u8; PARAMETERS_MAX],
-}
-
-impl Message {
-    const NONE: Self =
-        Self { time_us: 0, text: 0, emergency: 0, severity: 0, count: 0, parameters: [0; PARAMETERS_MAX] };
-
-    fn says_the_same_as(&self, other: &Self) -> bool {
-        Self { time_us: other.time_us, ..*self } == *other
-    }
-
-    fn write(&self, into: &mut [u8]) {
-        if self.text == 0 {
-            return;
-        }
-        let flags = u16::from(self.severity) | LOCAL_TIME | u16::from(self.count) << 8;
-        let [code_low, code_high] = MANUFACTURER_CODE.to_le_bytes();
-        let [text_low, text_high] = self.text.to_le_bytes();
-        let [flags_low, flags_high] = flags.to_le_bytes();
-        let head = [code_low, code_high, text_low, text_high, flags_low, flags_high, text_low, text_high];
-        let time = (self.time_us * 1_000).to_le_bytes();
-        let [type_low, type_high] = PARAMETER_U8.to_le_bytes();
-        let parameters = self.parameters.iter().take(self.count.into());
-        let parameters = parameters.flat_map(|value| [type_low, type_high, *value]);
-        let bytes = head.into_iter().chain(time).chain(parameters);
-        into.iter_mut().zip(bytes).for_each(|(place, byte)| *place = byte);
-    }
 }
 
 /// The history. It is all zeros at start.
@@ -133,13 +65,9 @@ impl History {
 
     /// Stores a message, unless the newest one says the same, or its severity is disabled.
     pub fn report(&mut self, text: &Text, parameters: &[u8]) {
-        let severity = text.severity as u8;
-        let count = parameters.len().min(PARAMETERS_MAX) as u8;
-        let mut message =
-            Message { text: text.id, emergency: text.emergency, severity, count, ..Message::NONE };
-        message.parameters.iter_mut().zip(parameters).for_each(|(place, value)| *place = *value);
+        let mut message = Message::new(text, parameters);
         let known = self.message(self.newest).is_some_and(|newest| newest.says_the_same_as(&message));
-        if known || self.flags & (flags::DISABLED << severity) != 0 {
+        if known || self.flags & (flags::DISABLED << message.severity()) != 0 {
             return;
         }
         if usize::from(self.unacknowledged) == MESSAGES {
@@ -182,7 +110,7 @@ impl History {
         let message = self.message(self.place(age)?)?;
         let [text_low, text_high] = message.text.to_le_bytes();
         let [first, second, third] = message.parameters;
-        let is_error = message.severity != Severity::Information as u8;
+        let is_error = message.severity() != Severity::Information as u8;
         Some(Emergency {
             code: message.emergency,
             register: if is_error { ERROR_REGISTER } else { 0 },

@@ -161,8 +161,7 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
                 break;
             }
         }
-        self.update_mask().await?;
-        self.prove().await
+        self.update_mask().await
     }
 
     /// Looks whether the controller is the one that was started, unless its interrupt has just shown that: one that was reset
@@ -197,8 +196,10 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             true => self.read_outputs_ahead().await?,
             false => Events(self.esc.events().await?),
         };
-        if self.mask.is_some_and(|mask| events.any(mask)) {
-            self.proved = Instant::now();
+        // Before anything is done about them: a chip that was reset has events as well, but does not tell them.
+        match ahead && self.mask.is_some_and(|mask| events.any(mask)) {
+            true => self.proved = Instant::now(),
+            false => self.prove().await?,
         }
         self.images.outputs_due |= events.any(Events::OUTPUTS_WRITTEN);
         if events.any(Events::AL_CONTROL) {

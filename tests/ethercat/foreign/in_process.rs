@@ -66,7 +66,8 @@ impl Listed {
 /// Prints how many cycles had a short working counter, which none may have.
 fn demand(name: &str, short: u64) {
     let verdict = if short == 0 { "ok" } else { "short" };
-    println!("figure {name}_short {short} of {} <=0 {verdict}", cycles());
+    // The name of the test is on this line already where tests run one by one.
+    println!("\nfigure {name}_short {short} of {} <=0 {verdict}", cycles());
     assert_eq!(short, 0, "cycles with a short working counter");
 }
 

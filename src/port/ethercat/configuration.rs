@@ -37,6 +37,14 @@ pub enum ConfigError {
         /// What it should have there.
         kind: Kind,
     },
+    /// Registers that a value of 32 bits takes only half of.
+    #[error("slave {slave}: half a value of {kind}")]
+    HalfValue {
+        /// The slave.
+        slave: u8,
+        /// Where.
+        kind: Kind,
+    },
     /// Bits per character and parity that are no character of Modbus RTU.
     #[error("2020h: {bits} bits with parity {parity} are not RTU")]
     Character {

@@ -46,6 +46,9 @@ pub(super) fn layouts(
             if u32::from(address) + u32::from(count) > ADDRESSES {
                 return Err(ConfigError::PastLastAddress { slave: nth, kind });
             }
+            if !count.is_multiple_of(slave.value_type(kind).registers()) {
+                return Err(ConfigError::HalfValue { slave: nth, kind });
+            }
         }
         let mut places = [0; 10];
         let mut entries = places.iter_mut();

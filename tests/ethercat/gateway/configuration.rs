@@ -3,7 +3,7 @@
 use ethercat_subdevice::al_state::AlState;
 use ethercat_subdevice::application::Application;
 use ethercat_subdevice::coe::abort::Abort;
-use mobgate::config::PortKind;
+use mobgate::config::{PortKind, Settings, apply};
 use mobgate::port::ethercat::{
     ConfigError, Configuration, EthercatPlace, GatewayObjects, REASON_BYTES, Room,
 };
@@ -166,7 +166,8 @@ fn every_reason_fits_into_its_object() {
         ConfigError::NotSaved,
     ];
     let addresses = Kind::ALL.map(|kind| ConfigError::PastLastAddress { slave: 31, kind });
-    for error in longest.into_iter().chain(addresses) {
+    let halves = Kind::ALL.map(|kind| ConfigError::HalfValue { slave: 31, kind });
+    for error in longest.into_iter().chain(addresses).chain(halves) {
         assert!(error.to_string().len() <= REASON_BYTES.into(), "{error}");
     }
 }
@@ -190,6 +191,22 @@ fn an_image_may_fill_its_room_to_the_last_byte_and_not_a_byte_more() {
         configure(&mut objects, 0, &[1, 0, 0, 1, 0, 0, 0, 60, 0]);
         assert_eq!(write(&mut objects, 0x2005, 1, 1), Err(Abort::Incompatible));
         assert_eq!(reason(&mut objects), "slave 0 ends past the 120 input bytes");
+    });
+}
+
+#[test]
+fn a_value_of_32_bits_is_not_cut_in_two() {
+    with_objects(|place, mut objects| {
+        let mut settings = Settings::new();
+        for line in ["port ecat ethercat", "slave 0 unit 1 input 0 count 2 as f32"] {
+            apply(&mut settings, line).unwrap();
+        }
+        place.follow(&settings, true);
+        write(&mut objects, 0x2001, 6, 3).unwrap();
+        assert_eq!(write(&mut objects, 0x2005, 1, 1), Err(Abort::Incompatible));
+        assert_eq!(reason(&mut objects), "slave 0: half a value of input");
+        write(&mut objects, 0x2001, 6, 6).unwrap();
+        assert_eq!(write(&mut objects, 0x2005, 1, 1), Ok(()));
     });
 }
 

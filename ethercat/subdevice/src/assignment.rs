@@ -126,40 +126,21 @@ pub const CYCLE_NS_MIN: u32 = 100_000;
 pub struct Timing {
     /// 05: the shortest cycle in which no image is left out, in nanoseconds.
     pub minimum_cycle_ns: u32,
-    /// 06: how long reading outputs and writing inputs takes, in nanoseconds.
-    pub copy_ns: u32,
     /// 0B: images that came before the one in front of them was taken.
     pub missed_events: u16,
-    /// 0C: how often that was since the cycle is shorter than the shortest one.
-    pub cycles_too_small: u16,
-    /// 20: whether synchronisation is lost.
-    pub sync_error: bool,
 }
 
 impl Timing {
-    const NEW: Self = Self {
-        minimum_cycle_ns: CYCLE_NS_MIN,
-        copy_ns: 0,
-        missed_events: 0,
-        cycles_too_small: 0,
-        sync_error: false,
-    };
+    const NEW: Self = Self { minimum_cycle_ns: CYCLE_NS_MIN, missed_events: 0 };
 
     fn value(&self, sub: u8) -> Option<u32> {
         Some(match sub {
             0x05 => self.minimum_cycle_ns,
-            0x06 => self.copy_ns,
             // Nothing is being measured.
             0x08 => 0,
             0x0b => self.missed_events.into(),
-            0x0c => self.cycles_too_small.into(),
-            0x20 => self.sync_error.into(),
             _ => return None,
         })
-    }
-
-    fn reset(&mut self) {
-        (self.missed_events, self.cycles_too_small, self.sync_error) = (0, 0, false);
     }
 }
 
@@ -240,7 +221,7 @@ impl Communication {
                 self.inputs_synchronised = value
             }
             (0x1c32 | 0x1c33, 8, 0) => {}
-            (0x1c32 | 0x1c33, 8, RESET_COUNTERS) => self.timing.reset(),
+            (0x1c32 | 0x1c33, 8, RESET_COUNTERS) => self.timing.missed_events = 0,
             (0x1c32 | 0x1c33, ..) => return Err(Abort::Range),
             _ => {
                 let assignment = self.assignment(index).ok_or(Abort::General)?;

@@ -105,13 +105,13 @@ const fn synchronisation(default: u64) -> [Entry; 32] {
     entries[0x02] = Entry::number("Shift time", DataType::U32, 0);
     entries[0x03] = Entry::number("Synchronisation types supported", DataType::U16, SYNC_TYPES);
     entries[0x04] = measured("Minimum cycle time", DataType::U32, CYCLE_NS_MIN as u64);
-    entries[0x05] = measured("Calc and copy time", DataType::U32, 0);
+    entries[0x05] = Entry::number("Calc and copy time", DataType::U32, 0);
     entries[0x07] = Entry::of_stack("Get cycle time", DataType::U16, 0, RESET);
     entries[0x08] = Entry::number("Delay time", DataType::U32, 0);
     entries[0x09] = Entry::number("SYNC0 cycle time", DataType::U32, 0);
     entries[0x0a] = measured("SyncManager event missed", DataType::U16, 0);
-    entries[0x0b] = measured("Cycle time too small", DataType::U16, 0);
-    entries[0x1f] = measured("Synchronisation error", DataType::Bool, 0);
+    entries[0x0b] = Entry::number("Cycle time too small", DataType::U16, 0);
+    entries[0x1f] = Entry::number("Synchronisation error", DataType::Bool, 0);
     entries
 }
 

@@ -5,9 +5,7 @@ Lets outputs wait as well, and brings one device to SafeOp.
 
 import pysoem
 from routine import WATCHDOG, WATCHDOG_REGISTER
-
-# So long, in us, may the machine do other things.
-PATIENCE = 5_000_000
+from soem import PATIENCE
 
 for what in ("ret", "safe", "eeprom", "tx_mailbox", "rx_mailbox", "state"):
     setattr(pysoem.settings.timeouts, what, PATIENCE)

@@ -19,6 +19,7 @@ mod register;
 mod relay;
 mod ring;
 mod semihosting;
+mod transmitter;
 mod uart;
 
 use embassy_net::Runner;

@@ -22,6 +22,7 @@ use crate::measure::{self, Wait};
 use crate::register::Register;
 use crate::relay::{self, Step};
 use crate::ring::{RING_BYTES, Ring};
+use crate::transmitter::{self, Transmitter};
 
 /// UARTs of the machine.
 pub(crate) const COUNT: usize = 5;
@@ -126,7 +127,7 @@ pub(crate) extern "C" fn on_receive<const N: usize>() {
         uart.interrupts.write(RECEIVE);
         let Some(byte) = uart.take_received() else { return };
         match measure::in_relay(|| relay::step(in_interrupt(), N, byte)) {
-            Step::Sent(to, byte) => UARTS[to].send(byte),
+            Step::Sent(to, byte) => UARTS[to].relay(byte),
             Step::Over => {
                 share_timer();
                 uart.wake_reader();
@@ -195,31 +196,23 @@ impl Uart {
 
     /// Gives the transmitter what it takes. By the interrupt, or with interrupts masked.
     fn transmit(&self) {
-        while self.state.read() & TRANSMITTER_FULL == 0 {
-            // SAFETY: there is one reader at a time: the transmit interrupt, or who masks interrupts.
-            let Some(byte) = (unsafe { self.to_send.pop() }) else { break };
-            self.data.write(byte.into());
-        }
-        let is_empty = self.to_send.is_empty();
-        let interrupt = if is_empty { 0 } else { TRANSMIT_INTERRUPT };
-        self.control.write(self.control.read() & !TRANSMIT_INTERRUPT | interrupt);
-        if is_empty {
+        if transmitter::transmit(self) {
             self.room.wake();
         }
     }
 
     /// Sends a byte behind those that wait. With interrupts masked.
     #[inline(always)] // one less call for each byte that is relayed
-    fn send(&self, byte: u8) {
+    fn relay(&self, byte: u8) {
         if self.to_send.is_empty() && self.state.read() & TRANSMITTER_FULL == 0 {
             self.data.write(byte.into());
         } else {
-            self.send_later(byte);
+            self.relay_later(byte);
         }
     }
 
     #[cold]
-    fn send_later(&self, byte: u8) {
+    fn relay_later(&self, byte: u8) {
         // SAFETY: there is one writer at a time: while a relay sends here, the line's owner does not.
         // There is room: it is longer than any frame.
         unsafe { self.to_send.push(byte) };
@@ -247,6 +240,34 @@ impl Uart {
         // A transmitter that stands still makes no interrupt.
         critical_section::with(|_| measure::in_driver(|| self.transmit()));
         count
+    }
+}
+
+impl Transmitter for Uart {
+    fn is_full(&self) -> bool {
+        self.state.read() & TRANSMITTER_FULL != 0
+    }
+
+    fn send(&self, byte: u8) {
+        self.data.write(byte.into());
+    }
+
+    fn has_interrupt(&self) -> bool {
+        self.control.read() & TRANSMIT_INTERRUPT != 0
+    }
+
+    fn set_interrupt(&self, on: bool) {
+        let interrupt = if on { TRANSMIT_INTERRUPT } else { 0 };
+        self.control.write(self.control.read() & !TRANSMIT_INTERRUPT | interrupt);
+    }
+
+    fn next(&self) -> Option<u8> {
+        // SAFETY: there is one reader at a time: the transmit interrupt, or who masks interrupts.
+        unsafe { self.to_send.pop() }
+    }
+
+    fn is_idle(&self) -> bool {
+        self.to_send.is_empty()
     }
 }
 
@@ -290,7 +311,7 @@ impl SerialLine for Line {
             for nth in 0..UARTS[from].received.len() {
                 // SAFETY: nobody reads meanwhile, with interrupts masked and in no task of that line.
                 let byte = unsafe { UARTS[from].received.peek(nth) };
-                byte.and_then(|byte| relay.step(byte)).into_iter().for_each(|byte| self.uart().send(byte));
+                byte.and_then(|byte| relay.step(byte)).into_iter().for_each(|byte| self.uart().relay(byte));
             }
             relay::begin(section, relay, from, self.0);
             own_timer(from);

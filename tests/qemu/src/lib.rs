@@ -21,6 +21,9 @@ mod figure;
 #[cfg(test)]
 #[path = "../../../boards/qemu_mps2/src/relay.rs"]
 mod relay;
+#[cfg(test)]
+#[path = "../../../boards/qemu_mps2/src/transmitter.rs"]
+mod transmitter;
 
 pub use bus::Bus;
 pub use client::Client;
@@ -32,7 +35,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 /// Longest wait for anything that is expected.
-pub const PATIENCE: Duration = Duration::from_secs(15);
+pub const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Waits until `done` gives something.
 ///

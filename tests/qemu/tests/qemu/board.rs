@@ -1,10 +1,14 @@
 //! The board itself: its console, its memory, its network, its end.
 
 use std::process::Command;
+use std::time::Duration;
 
 use mobgate_qemu::{Machine, image, wait_for};
 
 use crate::{Bench, registers};
+
+/// Rounds of commands whose output is not read at once.
+const ROUNDS_READ_LATE: usize = 50;
 
 #[test]
 fn a_session_at_the_console_edits_completes_shows_and_says_what_is_wrong() {
@@ -28,6 +32,22 @@ fn a_session_at_the_console_edits_completes_shows_and_says_what_is_wrong() {
     wait_for("the fault", || {
         console.run("show ports").contains("this board has uart1, uart2 and uart3").then_some(())
     });
+}
+
+#[test]
+fn a_terminal_that_reads_late_gets_everything() {
+    let bench = Bench::new();
+    let mut console = bench.machine.console();
+    let config = console.run("show config");
+    // More than the emulator's socket holds: its UART stands still until the next look, and goes on while more is written.
+    for _ in 0..ROUNDS_READ_LATE {
+        (0..8).for_each(|_| console.type_keys("show config\r"));
+        std::thread::sleep(Duration::from_millis(4)); // what has come is not read meanwhile
+        for _ in 0..8 {
+            console.read_until("show config\r\n");
+            assert!(console.read_until("> ").starts_with(&config));
+        }
+    }
 }
 
 #[test]

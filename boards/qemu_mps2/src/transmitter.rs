@@ -24,11 +24,11 @@ pub(crate) fn transmit(transmitter: &impl Transmitter) -> bool {
             let Some(byte) = transmitter.next() else { break };
             transmitter.send(byte);
         }
-        let is_idle = transmitter.is_idle();
-        if is_idle || transmitter.has_interrupt() {
-            if is_idle {
-                transmitter.set_interrupt(false);
-            }
+        let (is_idle, has_interrupt) = (transmitter.is_idle(), transmitter.has_interrupt());
+        if is_idle && has_interrupt {
+            transmitter.set_interrupt(false);
+        }
+        if is_idle || has_interrupt {
             return is_idle;
         }
         // A byte that leaves before this makes no interrupt: hence another look.

@@ -41,8 +41,8 @@ use embedded_io_async::{Read, Write};
 pub use self::guard::Foreign;
 use self::job::{Came, Wait};
 use self::session::Console;
-use crate::drafting;
 use crate::gateway::Gateway;
+use crate::gateway::reconfigure;
 use crate::hal::{Store, System};
 
 const PROMPT: &str = "mobgate> ";
@@ -172,15 +172,15 @@ async fn work<S: Store>(console: &mut Console<'_, '_>, store: &mut S, wait: Wait
             }
         }
         Wait::Change => {
-            let changed = drafting::change(session.gateway, input.line()).await;
+            let changed = reconfigure::change(session.gateway, input.line()).await;
             session.changed(changed);
         }
         Wait::Save { whatever } => {
-            let saved = drafting::save(session.gateway, store, whatever).await;
+            let saved = reconfigure::save(session.gateway, store, whatever).await;
             session.saved(saved);
         }
         Wait::Load => {
-            let loaded = drafting::load(session.gateway, store).await;
+            let loaded = reconfigure::load(session.gateway, store).await;
             session.loaded(loaded);
         }
         Wait::Reboot => session.system.reboot(),

@@ -1,52 +1,50 @@
-//! The gateway: what all tasks share, and the futures that a board runs as its tasks.
+//! The gateway: what all tasks share.
 //!
 //! A board keeps the frame pool, the port places and the seats in statics of their own, builds a [`Gateway`] over
 //! them, and runs [`Gateway::route`] once, [`Gateway::run_port`] for every port place and [`Gateway::run_seat`] for
 //! every TCP connection that it can hold. [`Gateway::apply`] takes settings over and restarts what differs.
 
 use core::cell::RefCell;
-use core::pin::pin;
 use core::sync::atomic::AtomicBool;
 use core::sync::atomic::Ordering::Relaxed;
 
-use embassy_futures::select::select;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::Instant;
 
-use crate::asking::Asking;
 use crate::capture::{CAPTURE, Capture};
-use crate::config::{
-    OwnNetwork, PORTS_MAX, Port, PortId, PortKind, Reloaded, SERVERS_MAX, Settings, Side, StreamFraming,
-    load_points,
-};
-use crate::drafting::Draft;
+use crate::config::{OwnNetwork, PortId, Settings};
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Stage, Way};
-use crate::hal::{SerialHost, TcpConnect, TcpHost, UdpHost};
 use crate::modbus::Exception;
-use crate::port::desk::{Desk, Part};
 use crate::port::ethercat::EthercatPlace;
-use crate::port::local::Events;
-use crate::port::moment::apart;
-use crate::port::servers::{LINKS_MAX, Servers};
-use crate::port::tcp_server::{Terms, Turns};
-use crate::port::units::AllUnits;
-use crate::port::{scanner, serial_client, serial_server, tcp_client, tcp_server, udp_server};
 use crate::scanner::{POINTS, ScannerPlace};
 use crate::stats::Log;
 
+mod apply;
 mod check;
+mod connection;
+pub(crate) mod direct_request;
 mod ethercat;
-mod place;
-mod seat;
+pub(crate) mod events;
+pub mod outstanding;
+mod port_state;
+pub mod reconfigure;
+pub mod response_times;
+mod shared;
+pub(crate) mod socket;
+pub(crate) mod turns;
+pub mod unit_health;
 
 pub use self::check::ApplyError;
-use self::place::ServerPlace;
-pub use self::place::{PortAt, PortPlace, Ports, Status};
-pub use self::seat::{Seat, SeatState};
-
-type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
+pub use self::connection::{Seat, SeatState};
+use self::direct_request::Asking;
+use self::events::Events;
+use self::port_state::ServerPlace;
+pub use self::port_state::{PortAt, PortPlace, Ports, Status};
+use self::shared::{Draft, Shared};
+use self::socket::Socket;
+use self::turns::Turns;
+use self::unit_health::AllUnits;
 
 /// All that the tasks share.
 pub struct Gateway<'g> {
@@ -192,6 +190,14 @@ impl<'g> Gateway<'g> {
         Some(place.lock(|status| new.map_or_else(|| status.get(), |new| status.replace(new))))
     }
 
+    /// A port's connection has ended: whoever waits for its socket is woken.
+    pub(crate) fn socket_closed(&self, socket: &Socket) {
+        let waits = |(id, link): (PortId, u8)| self.ports.get(id.index())?.sockets.get(usize::from(link));
+        if let Some(socket) = socket.closed().and_then(waits) {
+            socket.freed.signal(());
+        }
+    }
+
     /// The places for TCP connections.
     pub fn seats(&self) -> &'g [Seat] {
         self.seats
@@ -227,158 +233,6 @@ impl<'g> Gateway<'g> {
     /// Changes the settings in force. Who changes more than what is looked up for each request tells the ports of it.
     pub(crate) fn change_settings<R>(&self, f: impl FnOnce(&mut Settings) -> R) -> R {
         self.settings.lock(|settings| f(&mut settings.borrow_mut()))
-    }
-
-    /// Takes `new` over: rules and what special units mean from the next request on; ports that differ in kind or its
-    /// settings are started again, the others go on.
-    pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
-        self.check(new)?;
-        let mut points = Reloaded::Nothing;
-        if let Some(place) = self.scanner() {
-            let load = |scanner: &mut _| self.settings(|old| load_points(scanner, old, new, Instant::now()));
-            points = place.change(load)?;
-        }
-        let mut changed = [false; PORTS_MAX];
-        let other_slaves = self.settings(|settings| settings.slaves != new.slaves);
-        self.settings.lock(|settings| {
-            let mut settings = settings.borrow_mut();
-            for (changed, (old, new)) in changed.iter_mut().zip(settings.ports.iter().zip(&new.ports)) {
-                // A name or what special units mean is looked up anew for each request.
-                *changed = old.as_ref().map(|port| &port.kind) != new.as_ref().map(|port| &port.kind);
-                // What it has asked so far is nobody's question any more.
-                *changed |= points == Reloaded::All && new.as_ref().is_some_and(is_scanner);
-            }
-            for (index, changed) in changed.iter_mut().enumerate() {
-                let id = PortId(index as u8);
-                let [old, new] =
-                    [&settings, new].map(|settings| settings.servers_of(id).map(|(_, line)| line));
-                *changed |= !old.eq(new);
-            }
-            self.move_server_statuses(&settings, new);
-            if settings.own_network() != new.own_network() {
-                self.network_changed.signal(());
-            }
-            if settings.mdns != new.mdns || settings.network != new.network || settings.ports != new.ports {
-                self.mdns_changed.signal(());
-            }
-            settings.clone_from(new);
-        });
-        self.follow_ethercat(new, other_slaves);
-        for place in self.places().filter(|place| changed.get(place.id.index()) == Some(&true)) {
-            let id = place.id;
-            let old = self.seats.iter().filter(|seat| seat.state().port == Some(id));
-            old.for_each(|seat| seat.give_to(None));
-            place.restart();
-        }
-        for (index, port) in new.ports.iter().enumerate() {
-            if let (Some(port), Some(true)) = (port, changed.get(index)) {
-                let free = self.seats.iter().filter(|seat| seat.state().port.is_none());
-                free.take(seats_of(&port.kind)).for_each(|seat| seat.give_to(Some(PortId(index as u8))));
-            }
-        }
-        Ok(())
-    }
-
-    /// How servers are doing is noted by the places of their lines: where those move, it moves with them.
-    fn move_server_statuses(&self, old: &Settings, new: &Settings) {
-        let mut statuses = [Status::Off; SERVERS_MAX];
-        for (status, line) in statuses.iter_mut().zip(&new.servers) {
-            let before = old.servers.iter().position(|before| before == line);
-            *status = before.and_then(|place| self.server_status(place, None)).unwrap_or(Status::Off);
-        }
-        for (place, status) in statuses.into_iter().enumerate() {
-            self.server_status(place, Some(status));
-        }
-    }
-
-    /// The port task of place `id`: plays the part that the settings say, for ever.
-    ///
-    /// `lines` opens serial lines, `connector` makes connections, `datagrams` opens UDP sockets. An `async fn` would keep what it
-    /// is given twice, at each port.
-    pub fn run_port<H: SerialHost, C: TcpConnect, U: UdpHost>(
-        &self,
-        id: PortId,
-        lines: &mut H,
-        connector: &C,
-        datagrams: &mut U,
-    ) -> impl Future<Output = ()> {
-        let at = self.place(id);
-        async move {
-            let Some(at) = at else { return };
-            let place = at.place();
-            loop {
-                let mut kind = self.settings(|settings| settings.port(id).cloned()).map(|port| port.kind);
-                let alone = self.asking.try_on(id, kind.as_mut());
-                at.units(|units| units.freeze(alone));
-                place.renew();
-                match &kind {
-                    Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
-                        let never_underruns = lines.never_underruns();
-                        let server =
-                            serial_server::Server { gateway: self, place, id, settings, never_underruns };
-                        select(place.changed.wait(), server.run(lines)).await;
-                        server.close();
-                    }
-                    Some(PortKind::UdpServer(settings)) => {
-                        let server = udp_server::Server::new(self, place, id, settings);
-                        select(place.changed.wait(), apart(pin!(server.run(datagrams)))).await;
-                        server.close();
-                    }
-                    Some(PortKind::Scanner | PortKind::Ethercat(_)) => {
-                        let ethercat = self.ethercat().filter(|_| kind != Some(PortKind::Scanner));
-                        scanner::run(self, place, id, ethercat).await;
-                    }
-                    kind => {
-                        let desk = Desk::new(self, at, id, self.part(id, kind), alone);
-                        let part = play(&desk, kind.as_ref(), lines, connector);
-                        select(place.changed.wait(), select(desk.take_in(), part)).await;
-                        desk.close();
-                        place.sockets.iter().for_each(|socket| socket.closed(self.ports));
-                    }
-                }
-            }
-        }
-    }
-
-    /// What the client-side port `id` is besides its line.
-    fn part(&self, id: PortId, kind: &Option<PortKind>) -> Part {
-        match kind {
-            Some(PortKind::TcpClient(client)) => {
-                let servers = match client.server {
-                    Some(_) => Servers::one(),
-                    None => self.settings(|settings| {
-                        Servers::new(settings.servers_of(id).map(|(_, server)| (server.units, server.tag)))
-                    }),
-                };
-                let links = usize::from(client.sockets).min(LINKS_MAX).min(servers.len()) as u8;
-                let transaction_ids = client.framing == StreamFraming::Mbap;
-                Part { servers, links, unit: client.unit, transaction_ids }
-            }
-            _ => Part { servers: Servers::line(), links: 1, unit: None, transaction_ids: false },
-        }
-    }
-
-    /// The task of the seat `index`: serves one TCP client after the other, for ever. An `async fn` would keep what it is given
-    /// twice, at each seat.
-    pub fn run_seat<H: TcpHost>(&self, index: usize, host: &mut H) -> impl Future<Output = ()> {
-        let seat = self.seats.get(index);
-        async move {
-            let Some(seat) = seat else { return };
-            loop {
-                let served = seat.state().port.and_then(|id| {
-                    let terms = self.settings(|settings| settings.tcp_server(id).map(Terms::of))?;
-                    Some((id, self.ports.get(id.index())?, terms))
-                });
-                let Some((id, place, terms)) = &served else {
-                    seat.changed.wait().await;
-                    continue;
-                };
-                let (id, settings) = (*id, terms);
-                let server = tcp_server::Server { gateway: self, id, place, settings, seat, index };
-                select(seat.changed.wait(), server.run(host)).await;
-                server.left();
-            }
-        }
     }
 
     /// A frame for what the port `id` itself hears; its seats take theirs by their own numbers.
@@ -437,40 +291,5 @@ impl<'g> Gateway<'g> {
     fn send_home(&self, frame: Frame<'_>, stage: Stage) {
         frame.set_stage(stage);
         self.inbox.send(frame);
-    }
-}
-
-fn is_scanner(port: &Port) -> bool {
-    matches!(port.kind, PortKind::Scanner)
-}
-
-/// Connections that a port needs: its clients, and one that is accepted to decide who goes.
-fn seats_of(kind: &PortKind) -> usize {
-    match kind {
-        PortKind::TcpServer(server) => usize::from(server.clients) + 1,
-        PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) => 0,
-        PortKind::Scanner | PortKind::Ethercat(_) => 0,
-    }
-}
-
-/// The part that a client-side port plays besides taking orders in.
-async fn play<H: SerialHost, C: TcpConnect>(
-    desk: &Desk<'_>,
-    kind: Option<&PortKind>,
-    lines: &mut H,
-    connector: &C,
-) {
-    match kind {
-        Some(PortKind::Serial(settings)) => {
-            serial_client::run(desk, settings, lines).await;
-        }
-        Some(PortKind::TcpClient(settings)) => {
-            apart(pin!(tcp_client::run(desk, settings, connector))).await;
-        }
-        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_))
-        | None => {
-            desk.close();
-            core::future::pending().await
-        }
     }
 }

@@ -6,9 +6,9 @@
 //!    [`port::shared_bus`] tells it from what others say: it strips the framing ([`modbus`]), takes a frame from the pool
 //!    ([`frame`]), writes the PDU and an envelope into it (who asked, for which unit, until when), and sends it to the
 //!    router's inbox.
-//! 2. The routing task (`router`) looks the first matching rule up ([`route`]), translates the unit id, and sends the frame
+//! 2. The routing task (`tasks/router.rs`) looks the first matching rule up ([`route`]), translates the unit id, and sends the frame
 //!    to the channel of the destination port.
-//! 3. The client-side port takes it into its queue ([`port::queue`]: who is served next; [`port::units`]: which units are
+//! 3. The client-side port takes it into its queue ([`port::queue`]: who is served next; [`gateway::unit_health`]: which units are
 //!    alive), sends the request as soon as its line has been silent for long enough, and checks the response strictly.
 //!    Identical reads that wait at that moment are one transaction; each asker gets its own copy of the answer.
 //! 4. The response, or an exception that says what went wrong, replaces the request in the frame, which takes the
@@ -61,8 +61,8 @@
 //! | [`config::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
 //! | [`port::queue::WAITING_MAX`] | 64, small: 24 | orders that wait at a port; one more is answered 06h |
 //! | [`port::cache::ANSWERS_MAX`] | 16, small: 8 | answers that a port keeps where a rule says `cache`, in [`port::cache::ANSWER_BYTES_MAX`] bytes |
-//! | [`port::units::UNITS_MAX`] | 64, small: 16 | servers of a port, or loads of an RS-485 segment; the quietest healthy unit is forgotten first |
-//! | [`port::units::ALL_UNITS_MAX`] | 256, small: 64 | units of all ports together: few ports have as many as they may |
+//! | [`gateway::unit_health::UNITS_MAX`] | 64, small: 16 | servers of a port, or loads of an RS-485 segment; the quietest healthy unit is forgotten first |
+//! | [`gateway::unit_health::ALL_UNITS_MAX`] | 256, small: 64 | units of all ports together: few ports have as many as they may |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
 //! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
 //! | [`config::PORT_SERVERS_MAX`], [`config::SERVERS_MAX`] | 64 and 128, small: 8 and 16 | servers of one TCP client, and of all: the stations that one scanner asks on time |
@@ -83,17 +83,15 @@
 #[macro_use]
 mod fmt;
 
-mod asking;
 pub mod capture;
 pub mod config;
 pub mod console;
-pub mod drafting;
 pub mod frame;
 pub mod gateway;
 pub mod hal;
 pub mod modbus;
 pub mod port;
 pub mod route;
-mod router;
 pub mod scanner;
 pub mod stats;
+mod tasks;

@@ -7,18 +7,15 @@
 //! devices.
 
 pub mod answer_tail;
-pub mod answer_times;
 pub mod cache;
 pub mod cut;
 pub mod ethercat;
 pub mod flights;
 pub mod local;
-pub mod outstanding;
 pub mod queue;
 pub mod relay;
 pub mod servers;
 pub mod shared_bus;
-pub mod units;
 
 pub(crate) mod arriving;
 pub(crate) mod bus;
@@ -35,7 +32,6 @@ pub(crate) mod reply;
 pub(crate) mod scanner;
 pub(crate) mod serial_client;
 pub(crate) mod serial_server;
-pub(crate) mod sockets;
 pub(crate) mod stream;
 pub(crate) mod tcp_client;
 pub(crate) mod tcp_server;

@@ -1,4 +1,4 @@
-//! How a client-side port finds out that a unit has answered all that it was sent: see [`outstanding`](crate::port::outstanding).
+//! How a client-side port finds out that a unit has answered all that it was sent: see [`outstanding`](crate::gateway::outstanding).
 
 use core::fmt::{self, Display};
 

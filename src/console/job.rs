@@ -10,8 +10,8 @@ use super::scan::Scan;
 use super::session::Session;
 use super::show::Table;
 use super::tune::Tune;
-use crate::asking::NotAsked;
 use crate::config::LineSettings;
+use crate::gateway::direct_request::NotAsked;
 use crate::hal::OpenError;
 
 /// What is waited for behind a step, when what it has written is sent.

@@ -8,8 +8,8 @@ use heapless::String;
 
 use crate::capture::FrameKind;
 use crate::config::{DEVICE_BYTES_MAX, PortId, PortKind, Settings, Time, is_implied};
+use crate::gateway::unit_health::{State, Unit};
 use crate::gateway::{Gateway, Status};
-use crate::port::units::{State, Unit};
 use crate::route::{Policy, Route};
 use crate::scanner::ValueType;
 use crate::stats::{LogEntry, Outcome};

@@ -1,6 +1,6 @@
 //! Whether a board can have settings: what each of them asks for, against what there is.
 
-use super::{Gateway, is_scanner, seats_of};
+use super::Gateway;
 use crate::config::{EthercatSettings, Name, Port, PortKind, Settings, StreamFraming};
 use crate::port::ethercat::ConfigError;
 use crate::scanner::Full;
@@ -132,4 +132,17 @@ fn device(port: &Port) -> Option<&str> {
 
 fn captures(port: &Port) -> bool {
     matches!(&port.kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture)
+}
+
+pub(super) fn is_scanner(port: &Port) -> bool {
+    matches!(port.kind, PortKind::Scanner)
+}
+
+/// Connections that a port needs: its clients, and one that is accepted to decide who goes.
+pub(super) fn seats_of(kind: &PortKind) -> usize {
+    match kind {
+        PortKind::TcpServer(server) => usize::from(server.clients) + 1,
+        PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) => 0,
+        PortKind::Scanner | PortKind::Ethercat(_) => 0,
+    }
 }

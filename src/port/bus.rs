@@ -13,6 +13,7 @@ use embassy_time::{Duration, Instant, Timer};
 use crate::capture::Tap;
 use crate::config::{Framing, SerialSettings};
 use crate::frame::Frame;
+use crate::gateway::direct_request::Failure;
 use crate::gateway::{Gateway, PortAt};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{Decoder, LINE_FEED};
@@ -29,17 +30,6 @@ mod look;
 mod unasked;
 
 use look::Found;
-
-/// Why there is no response.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Failure {
-    /// None came in time; it may still come.
-    Timeout,
-    /// It came damaged, and this is what was wrong with it.
-    Damaged(Event),
-    /// The request was damaged by somebody who sent at the same time.
-    Collision,
-}
 
 /// An open line and what is expected on it.
 pub(crate) struct Bus<'s, L> {

@@ -26,6 +26,8 @@ use heapless::Vec;
 
 use crate::config::{PortId, PortKind, SerialSettings};
 use crate::frame::{Cause, Envelope, Errand, Fill, Frame, Stage, Way};
+use crate::gateway::outstanding::Purpose;
+use crate::gateway::unit_health::{Care, Gate, Ready, Step};
 use crate::gateway::{Gateway, PortAt};
 use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX, Pdu};
@@ -34,10 +36,8 @@ use crate::port::desk::join::Joint;
 use crate::port::desk::order::{asker, block, ticket};
 use crate::port::flights::FLIGHTS_MAX;
 use crate::port::moment::until;
-use crate::port::outstanding::Purpose;
-use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ready, Ticket, WAITING_MAX};
+use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ticket, WAITING_MAX};
 use crate::port::servers::{LINKS_MAX, Servers};
-use crate::port::units::{Care, Gate, Step};
 use crate::stats::Event;
 
 /// How often a full queue is looked through for orders that are nobody's any more. That takes longer than serving a request, and to refuse

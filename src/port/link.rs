@@ -16,6 +16,7 @@ use embassy_time::{Duration, Instant};
 use crate::capture::Tap;
 use crate::config::{StreamFraming, TcpClientSettings};
 use crate::frame::{Cause, Frame};
+use crate::gateway::socket::Socket;
 use crate::hal::TcpStream;
 use crate::modbus::pdu;
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header};
@@ -23,7 +24,6 @@ use crate::port::desk::{Desk, is_answering};
 use crate::port::flights::Flights;
 use crate::port::moment::{until, within};
 use crate::port::queue::{BROADCAST, Next};
-use crate::port::sockets::Socket;
 use crate::port::stream::Pieces;
 use crate::stats::Event;
 

@@ -23,7 +23,6 @@ pub mod image;
 pub mod points;
 pub mod table;
 
-pub(crate) use diagnostics::Events;
 use diagnostics::Mode;
 
 /// Run indicator of FC 11h: on (Application Protocol 6.13).
@@ -73,7 +72,7 @@ fn respond(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8], answer: &
         [GET_COMM_EVENT_COUNTER] => gateway.events(|events| put(answer, &[request, &events.counter()])),
         [GET_COMM_EVENT_LOG] => {
             let messages = diagnostics::messages(gateway, envelope.origin.port);
-            gateway.events(|events| events.log(messages, answer))
+            gateway.events(|events| diagnostics::event_log(events, messages, answer))
         }
         [REPORT_SERVER_ID] => {
             put(answer, &[&[REPORT_SERVER_ID, SERVER_ID.len() as u8 + 1], SERVER_ID, &[RUNNING]])

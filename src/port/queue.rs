@@ -20,6 +20,7 @@ use core::net::IpAddr;
 use embassy_time::Instant;
 use heapless::Vec;
 
+use crate::gateway::unit_health::Ready;
 use crate::route::Priority;
 
 /// Orders that may wait at one port. With the feature `small` a port does not hold more than a small board has frames.
@@ -90,17 +91,6 @@ pub enum Access {
 
 /// The unit id of an order to all units of a line.
 pub(crate) const BROADCAST: u8 = 0;
-
-/// When a unit may be asked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ready {
-    /// At once.
-    Now,
-    /// Not before this time.
-    At(Instant),
-    /// By somebody else.
-    Elsewhere,
-}
 
 /// What the port shall do next.
 #[derive(Debug, PartialEq, Eq)]

@@ -10,9 +10,10 @@ use embassy_time::{Duration, Instant};
 
 use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::{Cause, Fill, Frame, Way};
+use crate::gateway::direct_request::Failure;
 use crate::hal::{SerialHost, SerialLine};
 use crate::modbus::pdu::EXCEPTION_BIT;
-use crate::port::bus::{Bus, Failure};
+use crate::port::bus::Bus;
 use crate::port::copy::Copied;
 use crate::port::cut::Lane;
 use crate::port::desk::Desk;

@@ -17,12 +17,12 @@ use embassy_time::{Duration, Instant, with_deadline, with_timeout};
 
 use crate::config::TcpClientSettings;
 use crate::gateway::Status;
+use crate::gateway::socket::{self, Need, Socket};
 use crate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream};
 use crate::port::desk::Desk;
 use crate::port::link::Link;
 use crate::port::moment::apart;
 use crate::port::servers::LINKS_MAX;
-use crate::port::sockets::{self, Need, Socket};
 use crate::stats::Event;
 
 /// Pause before another look for a socket: others than ports that make connections use some, too.
@@ -79,7 +79,7 @@ impl<C: TcpConnect> Caller<'_, '_, C> {
         loop {
             let server = desk.chosen(self.link, keeps).await;
             let visit = self.visit(server, first_id).await;
-            socket.closed(desk.gateway().ports());
+            desk.gateway().socket_closed(socket);
             first_id = first_id.wrapping_add(ID_STRIDE);
             match visit {
                 Visit::Well => {
@@ -137,7 +137,7 @@ impl<C: TcpConnect> Caller<'_, '_, C> {
             }
             let need = if retry { Need::Retry } else { Need::Order };
             let all = desk.gateway().ports().iter().flat_map(|place| &place.sockets);
-            sockets::ask_for_one(all, need, Some((desk.id(), *link)));
+            socket::ask_for_one(all, need, Some((desk.id(), *link)));
             if Instant::now() >= give_up {
                 return Visit::Failed(error);
             }

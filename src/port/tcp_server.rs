@@ -32,7 +32,6 @@ use crate::stats::Event;
 mod export;
 mod window;
 
-pub(crate) use self::window::Turns;
 use self::window::Window;
 
 /// A client that does not take an answer for so long is closed.

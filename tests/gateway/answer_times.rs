@@ -1,7 +1,7 @@
 //! Percentiles of answer times from a few bytes.
 
-use mobgate::port::answer_times::AnswerTimes;
-use mobgate::port::units::Unit;
+use mobgate::gateway::response_times::AnswerTimes;
+use mobgate::gateway::unit_health::Unit;
 use mobgate_simulator::Random;
 
 /// How far a percentile may be off: the width of a class.

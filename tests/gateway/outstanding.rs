@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use mobgate::port::outstanding::{
+use mobgate::gateway::outstanding::{
     DIAGNOSTIC_PROOF, Match, OF_UNIT_MAX, OUTSTANDING_MAX, Outstanding, Purpose, Shape,
 };
 use mobgate_simulator::Random;

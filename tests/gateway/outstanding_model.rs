@@ -3,7 +3,9 @@
 
 use std::collections::BTreeSet;
 
-use mobgate::port::outstanding::{Match, OF_UNIT_MAX, OUTSTANDING_MAX, Outstanding, Purpose, Settled, Shape};
+use mobgate::gateway::outstanding::{
+    Match, OF_UNIT_MAX, OUTSTANDING_MAX, Outstanding, Purpose, Settled, Shape,
+};
 use mobgate_simulator::Random;
 use proptest::prelude::*;
 

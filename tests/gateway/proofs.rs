@@ -2,9 +2,9 @@
 
 use embassy_time::{Duration, Instant};
 use mobgate::config::{PortId, Proof};
-use mobgate::port::outstanding::Purpose;
-use mobgate::port::queue::Ready;
-use mobgate::port::units::{AllUnits, Care, Gate, State, Step, Unit, Units};
+use mobgate::gateway::outstanding::Purpose;
+use mobgate::gateway::unit_health::Ready;
+use mobgate::gateway::unit_health::{AllUnits, Care, Gate, State, Step, Unit, Units};
 use mobgate::scanner::Kind;
 use mobgate::stats::Event;
 

@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::Instant;
-use mobgate::port::queue::{Access, Asker, Next, PASSED_OVER_MAX, PortQueue, Ready, Ticket, WAITING_MAX};
+use mobgate::gateway::unit_health::Ready;
+use mobgate::port::queue::{Access, Asker, Next, PASSED_OVER_MAX, PortQueue, Ticket, WAITING_MAX};
 use mobgate::route::Priority;
 use proptest::prelude::*;
 

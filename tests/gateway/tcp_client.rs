@@ -307,8 +307,9 @@ fn a_forced_unit_id_is_sent_and_the_asker_sees_its_own() {
         rig.attach_tcp(world, PLC, [Device::new(255)]);
         assert_eq!(ask(world, rig, 1, &READ).0, value(255));
         assert_eq!(ask(world, rig, 77, &READ).0, value(255));
-        let units =
-            |units: &mut mobgate::port::units::Units| units.iter().map(|unit| unit.id).collect::<Vec<_>>();
+        let units = |units: &mut mobgate::gateway::unit_health::Units| {
+            units.iter().map(|unit| unit.id).collect::<Vec<_>>()
+        };
         assert_eq!(rig.gateway.place(PortId(0)).unwrap().units(units), [255]);
     });
 }

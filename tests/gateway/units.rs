@@ -2,9 +2,11 @@
 
 use embassy_time::{Duration, Instant};
 use mobgate::config::{PORTS_MAX, PortId, Proof};
-use mobgate::port::outstanding::Purpose;
-use mobgate::port::queue::Ready;
-use mobgate::port::units::{ALL_UNITS_MAX, AllUnits, Care, Gate, PROBE_LONGEST, Step, UNITS_MAX, Units};
+use mobgate::gateway::outstanding::Purpose;
+use mobgate::gateway::unit_health::Ready;
+use mobgate::gateway::unit_health::{
+    ALL_UNITS_MAX, AllUnits, Care, Gate, PROBE_LONGEST, Step, UNITS_MAX, Units,
+};
 use mobgate::stats::Event;
 
 const WINDOW: Duration = Duration::from_secs(1);

@@ -11,8 +11,8 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use mobgate::capture::Capture;
 use mobgate::config::{PORTS_MAX, PortId, Settings, TcpListen};
-use mobgate::drafting;
 use mobgate::frame::{FramePool, Slot};
+use mobgate::gateway::reconfigure;
 use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate::hal::{OpenError, System};
 use mobgate::port::ethercat::EthercatPlace;
@@ -202,7 +202,7 @@ fn run(options: Options) -> Result<End, String> {
         CAPTURE_FILE.signal(Some(capture::create(file)?));
     }
     CAPTURE.set_epoch(capture::epoch_us());
-    drafting::take_over(&GATEWAY, &mut store, &start.settings).map_err(|error| error.to_string())?;
+    reconfigure::take_over(&GATEWAY, &mut store, &start.settings).map_err(|error| error.to_string())?;
     start.settings.warnings().for_each(|warning| log::warn!("{warning}"));
 
     let _raw_until_the_end = RawMode::enter();
@@ -258,13 +258,13 @@ fn spawn(
 async fn reload(store: &mut FileStore) -> Result<String, String> {
     let file = store.path().map_err(|error| error.to_string())?.display().to_string();
     // Nobody changes or saves settings meanwhile.
-    let mut draft = drafting::draft(&GATEWAY).await;
+    let mut draft = reconfigure::draft(&GATEWAY).await;
     if GATEWAY.has_unsaved() {
         let aside = store.keep_aside(&GATEWAY.settings(settings::print))?;
         log::warn!("{}: has the changes that were not saved", aside.display());
     }
     settings::read(&GATEWAY, store, &mut draft).await?;
-    drafting::take_over(&GATEWAY, store, &draft).map_err(|error| format!("{file}: {error}"))?;
+    reconfigure::take_over(&GATEWAY, store, &draft).map_err(|error| format!("{file}: {error}"))?;
     Ok(file)
 }
 

@@ -1,8 +1,8 @@
 //! Settings from a file: read as a whole, checked as a whole, and only then taken over.
 
 use mobgate::config::{Loader, PortKind, Settings, TcpListen, TcpServerSettings, write_line};
-use mobgate::drafting::{self, Unchanged};
 use mobgate::gateway::Gateway;
+use mobgate::gateway::reconfigure::{self, Unchanged};
 use mobgate::hal::StoreError;
 
 use crate::store::FileStore;
@@ -15,7 +15,7 @@ pub async fn read(
     settings: &mut Settings,
 ) -> Result<(), String> {
     let path = store.path().map_err(|error| error.to_string())?.to_owned();
-    let fault = match drafting::read(gateway, store, settings).await {
+    let fault = match reconfigure::read(gateway, store, settings).await {
         // A file without a line is one, too.
         Ok(0) if !path.exists() => {
             "no such file (an empty one is a good start: settings can be typed at the console)".to_owned()

@@ -10,7 +10,7 @@ use embassy_sync::mutex::Mutex;
 use heapless::String;
 use mobgate::config::Loader;
 use mobgate::console::{self, Mode};
-use mobgate::drafting;
+use mobgate::gateway::reconfigure;
 use mobgate::gateway::Gateway;
 use mobgate::hal::{NetworkState, System};
 use mobgate_board::last_words::WORDS_BYTES_MAX;
@@ -44,12 +44,12 @@ pub(crate) fn load(gateway: &Gateway<'_>) -> Store {
     let flash = FileFlash::open().expect("a file for the flash: see boards/qemu_mps2/emulate");
     let store = block_on(FlashStore::open(flash, 0));
     let mut store = SharedStore::new(STORE.init(Mutex::new(store)));
-    match block_on(drafting::load(gateway, &mut store)) {
+    match block_on(reconfigure::load(gateway, &mut store)) {
         Ok(1..) => return store,
         Ok(0) => {}
         Err(error) => log::error!("{error}"),
     }
-    let mut draft = block_on(drafting::draft(gateway));
+    let mut draft = block_on(reconfigure::draft(gateway));
     let mut loader = Loader::new(&mut draft);
     let loaded = loader.feed(FIRST_SETTINGS.as_bytes()).and_then(|()| loader.finish());
     loaded.expect("lines of the language");

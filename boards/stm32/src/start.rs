@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use mobgate::drafting::{self, Unchanged};
+use mobgate::gateway::reconfigure::{self, Unchanged};
 use mobgate::hal::{Store, StoreError};
 
 use crate::gateway::gateway;
@@ -35,5 +35,5 @@ pub(crate) async fn settings(store: &mut impl Store, forget: bool) -> Result<(),
         store.commit().await.map_err(Problem::Store)?;
         return Err(Problem::Forgotten);
     }
-    drafting::load(gateway(), store).await.map(drop).map_err(Problem::Unchanged)
+    reconfigure::load(gateway(), store).await.map(drop).map_err(Problem::Unchanged)
 }

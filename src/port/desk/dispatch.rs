@@ -7,11 +7,11 @@ use embassy_time::Instant;
 use crate::config::{SERVERS, ServerAddress, Settings};
 use crate::frame::Frame;
 use crate::gateway::Status;
+use crate::gateway::socket::{self, Need};
+use crate::gateway::unit_health::Ready;
 use crate::port::desk::Desk;
 use crate::port::moment::until;
-use crate::port::queue::Ready;
 use crate::port::servers::{Choice, LINKS_MAX, Set};
-use crate::port::sockets::{self, Need};
 
 impl<'g> Desk<'g> {
     /// Links that are in use.
@@ -98,7 +98,7 @@ impl<'g> Desk<'g> {
         let (orders, all) = (wanted.count_ones() as usize, (wanted | retries).count_ones() as usize);
         for nth in free..all {
             let need = if nth < orders { Need::Order } else { Need::Retry };
-            if !sockets::ask_for_one(sockets, need, None) {
+            if !socket::ask_for_one(sockets, need, None) {
                 break;
             }
         }

@@ -4,8 +4,8 @@ use super::keeping::Keep;
 use super::line::Speed;
 use super::place::EthercatPlace;
 use crate::config::{LineSettings, PortKind, SerialSettings};
-use crate::drafting;
 use crate::gateway::Gateway;
+use crate::gateway::reconfigure;
 use crate::hal::Store;
 
 impl Gateway<'_> {
@@ -20,7 +20,7 @@ impl Gateway<'_> {
                 ethercat.restore();
                 self.change_settings(|settings| settings.slaves.clear());
             }
-            let saved = drafting::save(self, store, true).await;
+            let saved = reconfigure::save(self, store, true).await;
             match saved {
                 Ok(()) => log_info!("the settings were saved for EtherCAT"),
                 Err(error) => log_warn!("the settings could not be saved for EtherCAT: {error}"),

@@ -5,32 +5,17 @@
 //! port itself stays open, for the sake of the units behind the gateway.
 
 use embassy_time::Instant;
-use heapless::Deque;
 
 use super::{Answered, put};
-use crate::config::{PORTS_MAX, PortId};
+use crate::config::PortId;
+use crate::gateway::events::Events;
+use crate::gateway::unit_health::Unit;
 use crate::gateway::{Gateway, PortAt, PortPlace, Status};
 use crate::modbus::Exception;
 use crate::modbus::Pdu;
-use crate::modbus::pdu::function::{DIAGNOSTICS, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG};
-use crate::port::units::Unit;
+use crate::modbus::pdu::function::{DIAGNOSTICS, GET_COMM_EVENT_LOG};
 use crate::stats::{Counters, Event};
 
-/// Bytes of the event log (6.10).
-const LOG_BYTES_MAX: usize = 64;
-/// A message was received, and came to everybody (6.10).
-const RECEIVED: u8 = 0x80;
-const BROADCAST: u8 = 0x40;
-/// An answer was sent; an exception 1 to 3, 4, 5 or 6, or 7.
-const SENT: u8 = 0x40;
-const READ_EXCEPTION: u8 = 0x01;
-const ABORT_EXCEPTION: u8 = 0x02;
-const BUSY_EXCEPTION: u8 = 0x04;
-const NAK_EXCEPTION: u8 = 0x08;
-/// The own unit only listened when a message was received, has begun to, or has restarted communications.
-const LISTENED: u8 = 0x20;
-const BEGAN_TO_LISTEN: u8 = 0x04;
-const RESTARTED: u8 = 0x00;
 /// Bits of the diagnostic register: a port is lost or cannot be opened; a unit is down; no frame is free.
 const PORT_FAILED: u16 = 1;
 const UNIT_DOWN: u16 = 2;
@@ -58,7 +43,7 @@ pub(super) fn answer(
         // Clear counters.
         0x0a => {
             place.stats.clear(Instant::now());
-            gateway.events(|events| events.completed = 0);
+            gateway.events(Events::clear_count);
             0
         }
         // Clear the overrun counter.
@@ -83,35 +68,23 @@ fn register(gateway: &Gateway<'_>) -> u16 {
 
 /// What becomes of a message to the own unit before anything else: whether it listens only at `port`, or is told to, or no longer.
 pub(super) fn mode(gateway: &Gateway<'_>, port: PortId, request: &[u8]) -> Mode {
-    let bit = 1 << port.index();
-    let listens = gateway.events(|events| events.listens & bit != 0);
+    let listens = gateway.events(|events| events.listens_only(port));
     match *request {
         // Restart communications; FF00 clears the event log, too.
         [DIAGNOSTICS, 0, 1, clear @ (0 | 0xff), 0] => {
             if let Some(place) = gateway.ports().get(port.index()) {
                 place.stats.clear(Instant::now());
             }
-            gateway.events(|events| {
-                events.listens &= !bit;
-                events.completed = 0;
-                if clear != 0 {
-                    events.log.clear();
-                }
-                events.push(RESTARTED);
-            });
+            gateway.events(|events| events.restart(port, clear != 0));
             if listens { Mode::Silent } else { Mode::Restarted }
         }
         // Force listen-only mode, which has no answer.
         [DIAGNOSTICS, 0, 4, 0, 0] if !listens => {
-            gateway.events(|events| {
-                events.listens |= bit;
-                events.push(RECEIVED);
-                events.push(BEGAN_TO_LISTEN);
-            });
+            gateway.events(|events| events.listen_only(port));
             Mode::Silent
         }
         _ if listens => {
-            gateway.events(|events| events.push(RECEIVED | LISTENED));
+            gateway.events(Events::listened);
             Mode::Silent
         }
         [DIAGNOSTICS, 0, 1 | 4, ..] => Mode::Refused,
@@ -159,58 +132,9 @@ pub(super) fn messages(gateway: &Gateway<'_>, port: PortId) -> u16 {
     gateway.ports().get(port.index()).map_or(0, |place| bus_messages(&place.stats) as u16)
 }
 
-/// What the own unit has done last.
-pub(crate) struct Events {
-    /// Messages that were carried out, other than those that ask for this number.
-    completed: u16,
-    /// Newest last.
-    log: Deque<u8, LOG_BYTES_MAX>,
-    /// The ports by which the own unit only listens, a bit each.
-    listens: u16,
-}
-
-const _: () = assert!(PORTS_MAX <= u16::BITS as usize, "a bit for each port");
-
-impl Events {
-    pub(crate) const fn new() -> Self {
-        Self { completed: 0, log: Deque::new(), listens: 0 }
-    }
-
-    /// Notes a message to the own unit and its answer.
-    pub(super) fn note(&mut self, request: &[u8], broadcast: bool, answer: Answered) {
-        let fetches = matches!(request, [GET_COMM_EVENT_COUNTER | GET_COMM_EVENT_LOG, ..]);
-        if answer.is_ok() && !fetches {
-            self.completed = self.completed.wrapping_add(1);
-        }
-        self.push(RECEIVED | if broadcast { BROADCAST } else { 0 });
-        let exception = match answer {
-            Ok(()) => 0,
-            Err(Exception(1..=3)) => READ_EXCEPTION,
-            Err(Exception(4)) => ABORT_EXCEPTION,
-            Err(Exception(7)) => NAK_EXCEPTION,
-            Err(_) => BUSY_EXCEPTION,
-        };
-        self.push(SENT | exception);
-    }
-
-    fn push(&mut self, event: u8) {
-        if self.log.is_full() {
-            self.log.pop_front();
-        }
-        // There is room now.
-        let _ = self.log.push_back(event);
-    }
-
-    /// Status word (no program runs) and event count.
-    pub(super) fn counter(&self) -> [u8; 4] {
-        let [high, low] = self.completed.to_be_bytes();
-        [0, 0, high, low]
-    }
-
-    /// The answer to FC 0Ch: the newest event first.
-    pub(super) fn log(&self, messages: u16, answer: &mut Pdu) -> Answered {
-        let header = [GET_COMM_EVENT_LOG, 6 + self.log.len() as u8];
-        put(answer, &[&header, &self.counter(), &messages.to_be_bytes()])?;
-        self.log.iter().rev().try_for_each(|event| put(answer, &[&[*event]]))
-    }
+/// The answer to FC 0Ch: status word and counter, the `messages` of the port, and the newest event first.
+pub(super) fn event_log(events: &Events, messages: u16, answer: &mut Pdu) -> Answered {
+    let header = [GET_COMM_EVENT_LOG, 6 + events.len() as u8];
+    put(answer, &[&header, &events.counter(), &messages.to_be_bytes()])?;
+    events.newest_first().try_for_each(|event| put(answer, &[&[event]]))
 }

@@ -7,36 +7,13 @@
 //! take part; who is served as often as refused does not notice. A full queue closes the window at once: another request beside
 //! the others would be refused too.
 
-use core::cell::Cell;
+use embassy_time::Instant;
 
-use embassy_sync::blocking_mutex::Mutex;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_time::{Duration, Instant};
+use crate::gateway::turns::Turns;
 
-/// From one turn to the next.
-const TURN: Duration = Duration::from_millis(2);
 /// By so many requests an answer widens the window that a refusal narrows by one: a client that asks some units that are
 /// down among others is not slowed.
 const WIDENED: u8 = 2;
-
-/// When those may go on who have brought nothing but refusals.
-pub(crate) struct Turns(Mutex<CriticalSectionRawMutex, Cell<Instant>>);
-
-impl Turns {
-    /// Nobody waits.
-    pub(crate) const fn new() -> Self {
-        Self(Mutex::new(Cell::new(Instant::MIN)))
-    }
-
-    /// The next turn: at `now` if nobody waits.
-    pub(crate) fn take(&self, now: Instant) -> Instant {
-        self.0.lock(|next| {
-            let turn = next.get().max(now);
-            next.set(turn + TURN);
-            turn
-        })
-    }
-}
 
 /// Of one connection.
 pub(crate) struct Window {

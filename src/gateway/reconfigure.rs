@@ -4,16 +4,13 @@
 //! the gateway takes over what has become of it only if all of it is good.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::mutex::{Mutex, MutexGuard};
+use embassy_sync::mutex::MutexGuard;
 use heapless::String;
 use thiserror::Error;
 
 use crate::config::{self, LineError, LoadError, ReadError, Settings, WORD_BYTES_MAX, Warning};
 use crate::gateway::{ApplyError, Gateway};
 use crate::hal::{Store, StoreError};
-
-/// The draft.
-pub(crate) type Draft = Mutex<CriticalSectionRawMutex, Settings>;
 
 /// Why the settings stay as they were.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]

@@ -4,19 +4,20 @@
 //! again with its own as soon as the console has done, whatever ended it.
 
 use core::cell::Cell;
-use core::sync::atomic::{AtomicBool, AtomicU16, Ordering};
+use core::sync::atomic::Ordering;
 
-use embassy_sync::blocking_mutex::Mutex;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Instant, Timer, with_deadline};
 
-use crate::config::{LineSettings, PortId, PortKind, SerialClientSettings, Side};
-use crate::frame::{Channel, Envelope, Frame, Origin, Stage, Way};
+use crate::config::{LineSettings, PortId, Side};
+use crate::frame::{Envelope, Origin, Stage, Way};
 use crate::gateway::{Gateway, Status};
 use crate::hal::{OpenError, OpenErrorKind};
-use crate::modbus::Exception;
-use crate::port::bus::Failure;
 use crate::scanner::Pdu;
+
+mod state;
+
+use self::state::Trial;
+pub(crate) use self::state::{Asking, Failure, Outcome};
 
 /// A request that has not been sent by then is not sent any more.
 const LIFETIME: Duration = Duration::from_secs(10);
@@ -32,32 +33,6 @@ const FRAME_PATIENCE: Duration = Duration::from_secs(1);
 const OPENING_LOOK: Duration = Duration::from_millis(1);
 const OPENING_PATIENCE: Duration = Duration::from_secs(3);
 
-/// What a serial line brought for a request: the time from the request's end to the answer's, or what came instead.
-pub(crate) type Outcome = Result<Duration, Failure>;
-
-/// The way back to the console that asks, and what it tries.
-pub(crate) struct Asking {
-    pub(crate) answers: Channel,
-    generation: AtomicU16,
-    taken: AtomicBool,
-    trial: Mutex<CriticalSectionRawMutex, Cell<Option<Trial>>>,
-    /// What came of the last request, if it went on a serial line.
-    outcome: Mutex<CriticalSectionRawMutex, Cell<Option<Outcome>>>,
-}
-
-/// Other settings of a serial client's line for a while.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Trial {
-    /// The port.
-    pub(crate) port: PortId,
-    /// Instead of the port's own.
-    pub(crate) line: LineSettings,
-    /// Instead of the port's own.
-    pub(crate) timeout: Duration,
-    /// Whether all others are refused at once, and the port forgets what it learns of its units.
-    pub(crate) alone: bool,
-}
-
 /// Why nothing was asked, or nothing came back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum NotAsked {
@@ -71,39 +46,6 @@ pub(crate) enum NotAsked {
     Lost,
     #[error("sent to everybody; nobody answers")]
     Broadcast,
-}
-
-impl Asking {
-    pub(crate) const fn new() -> Self {
-        Self {
-            answers: Channel::new(),
-            generation: AtomicU16::new(0),
-            taken: AtomicBool::new(false),
-            trial: Mutex::new(Cell::new(None)),
-            outcome: Mutex::new(Cell::new(None)),
-        }
-    }
-
-    /// Whether somebody waits for the answer to request number `generation`.
-    pub(crate) fn waits_for(&self, generation: u16) -> bool {
-        self.taken.load(Ordering::Relaxed) && self.generation.load(Ordering::Relaxed) == generation
-    }
-
-    /// Notes what came of a request on a serial line.
-    pub(crate) fn note(&self, outcome: Outcome) {
-        self.outcome.lock(|last| last.set(Some(outcome)));
-    }
-
-    /// Puts what is tried at the port `id` into its settings; says whether all others are refused meanwhile.
-    pub(crate) fn try_on(&self, id: PortId, kind: Option<&mut PortKind>) -> bool {
-        let trial = self.trial.lock(Cell::get).filter(|trial| trial.port == id);
-        let (Some(trial), Some(PortKind::Serial(serial))) = (trial, kind) else { return false };
-        serial.line = trial.line;
-        let start_delay = Duration::from_ticks(0);
-        let (timeout, late_window) = (trial.timeout, None);
-        serial.client = SerialClientSettings { timeout, late_window, start_delay, ..serial.client };
-        trial.alone
-    }
 }
 
 /// The console's turn to ask. When it ends, a port that it has tried something at gets its own settings back, and answers that
@@ -202,14 +144,5 @@ impl<'g> Gateway<'g> {
             return Err(NotAsked::Taken);
         }
         Ok(Turn { gateway: self, port })
-    }
-
-    /// Sends what a console asks to the port that it named.
-    pub(crate) fn forward_asked(&self, frame: Frame<'_>) {
-        let port = frame.envelope().destination;
-        match port.and_then(|port| self.ports().get(port.index())) {
-            Some(place) => place.queue.send(frame),
-            None => self.refuse(frame, Exception::GATEWAY_NO_PATH),
-        }
     }
 }

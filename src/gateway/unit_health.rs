@@ -1,6 +1,6 @@
 //! The health of the units behind a client-side port: pure, with time as a value.
 //!
-//! A unit that may still answer earlier requests is *out of step* ([`outstanding`](crate::port::outstanding)): [`Units::step`]
+//! A unit that may still answer earlier requests is *out of step* ([`outstanding`](crate::gateway::outstanding)): [`Units::step`]
 //! says whether a request may be sent as it is, or what proof goes first. A unit that gave several requests in a row no answer is
 //! *down*: its requests fail at once, and one in a while goes through as a probe, 1, 2, 4 ... 30 s apart, so that a dead unit
 //! does not slow the living ones. So far apart are proofs, too, that get no answer. A unit that refused a joined read, or gave
@@ -14,11 +14,21 @@ use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
 use crate::config::{PORTS_MAX, PortId, Proof};
+use crate::gateway::outstanding::{Match, Outstanding, Purpose, Settled, Shape};
+use crate::gateway::response_times::AnswerTimes;
 use crate::modbus::pdu::function::{READ_COILS, READ_INPUT_REGISTERS};
-use crate::port::answer_times::AnswerTimes;
-use crate::port::outstanding::{Match, Outstanding, Purpose, Settled, Shape};
-use crate::port::queue::Ready;
 use crate::stats::Event;
+
+/// When a unit may be asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ready {
+    /// At once.
+    Now,
+    /// Not before this time.
+    At(Instant),
+    /// By somebody else.
+    Elsewhere,
+}
 
 /// Units remembered at one port: the servers that it can have, and more than the loads that an RS-485 segment carries. The
 /// quietest healthy one is forgotten when another one comes. The feature `small` remembers fewer.

@@ -8,7 +8,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
-use super::Shared;
+use super::shared::Shared;
 use crate::config::PortId;
 use crate::frame::Channel;
 

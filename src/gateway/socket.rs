@@ -14,7 +14,6 @@ use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
 use crate::config::PortId;
-use crate::gateway::PortPlace;
 
 /// One of a port's sockets: one connection, or none.
 pub(crate) struct Socket {
@@ -116,15 +115,11 @@ impl Socket {
         self.state().leaving
     }
 
-    /// There is no connection any more; wakes whoever among `places` waits for that.
-    pub(crate) fn closed(&self, places: &[PortPlace]) {
-        let state = self.state();
+    /// There is no connection any more; gives the link of a port that waits for that.
+    pub(crate) fn closed(&self) -> Option<(PortId, u8)> {
+        let wanted_by = self.state().wanted_by;
         self.set(State::NONE);
-        let waiting = state.wanted_by.and_then(|(id, link)| {
-            let place = places.get(id.index())?;
-            place.sockets.get(usize::from(link))
-        });
-        waiting.into_iter().for_each(|socket| socket.freed.signal(()));
+        wanted_by
     }
 
     fn state(&self) -> State {

@@ -1,4 +1,4 @@
-//! Whether a unit is in step, and what proves it: the rules of [`outstanding`](crate::port::outstanding), applied to what is
+//! Whether a unit is in step, and what proves it: the rules of [`outstanding`](crate::gateway::outstanding), applied to what is
 //! known of each unit.
 
 use super::*;

@@ -9,13 +9,12 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant};
 
-use super::Shared;
-use crate::config::{PortId, SERVERS_MAX};
+use super::shared::Shared;
+use super::socket::Socket;
+use super::unit_health::{AllUnits, Units};
+use crate::config::{PortId, SERVERS_MAX, SOCKETS_MAX};
 use crate::frame::Channel;
 use crate::hal::OpenError;
-use crate::port::servers::LINKS_MAX;
-use crate::port::sockets::Socket;
-use crate::port::units::{AllUnits, Units};
 use crate::stats::{Counters, Event};
 
 /// What the tasks share of one port.
@@ -30,7 +29,7 @@ pub struct PortPlace {
     /// The port's counters.
     pub stats: Counters,
     /// The port's connections to outside servers.
-    pub(crate) sockets: [Socket; LINKS_MAX],
+    pub(crate) sockets: [Socket; SOCKETS_MAX],
     /// Orders that wait at a client-side port.
     waiting: AtomicU16,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
@@ -73,7 +72,7 @@ impl PortPlace {
             generation: AtomicU16::new(0),
             changed: Signal::new(),
             stats: Counters::new(),
-            sockets: [const { Socket::new() }; LINKS_MAX],
+            sockets: [const { Socket::new() }; SOCKETS_MAX],
             waiting: AtomicU16::new(0),
             status: Mutex::new(Cell::new(Status::Off)),
         }

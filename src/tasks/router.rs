@@ -199,4 +199,13 @@ impl Gateway<'_> {
             place.stats.count(event);
         }
     }
+
+    /// Sends what a console asks to the port that it named.
+    pub(crate) fn forward_asked(&self, frame: Frame<'_>) {
+        let port = frame.envelope().destination;
+        match port.and_then(|port| self.ports().get(port.index())) {
+            Some(place) => place.queue.send(frame),
+            None => self.refuse(frame, Exception::GATEWAY_NO_PATH),
+        }
+    }
 }

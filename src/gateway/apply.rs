@@ -1,0 +1,71 @@
+//! Takes settings over: what differs is started again, everything else goes on.
+
+use embassy_time::Instant;
+
+use super::check::{ApplyError, is_scanner, seats_of};
+use super::{Gateway, Status};
+use crate::config::{PORTS_MAX, PortId, Reloaded, SERVERS_MAX, Settings, load_points};
+
+impl Gateway<'_> {
+    /// Takes `new` over: rules and what special units mean from the next request on; ports that differ in kind or its
+    /// settings are started again, the others go on.
+    pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
+        self.check(new)?;
+        let mut points = Reloaded::Nothing;
+        if let Some(place) = self.scanner() {
+            let load = |scanner: &mut _| self.settings(|old| load_points(scanner, old, new, Instant::now()));
+            points = place.change(load)?;
+        }
+        let mut changed = [false; PORTS_MAX];
+        let other_slaves = self.settings(|settings| settings.slaves != new.slaves);
+        self.settings.lock(|settings| {
+            let mut settings = settings.borrow_mut();
+            for (changed, (old, new)) in changed.iter_mut().zip(settings.ports.iter().zip(&new.ports)) {
+                // A name or what special units mean is looked up anew for each request.
+                *changed = old.as_ref().map(|port| &port.kind) != new.as_ref().map(|port| &port.kind);
+                // What it has asked so far is nobody's question any more.
+                *changed |= points == Reloaded::All && new.as_ref().is_some_and(is_scanner);
+            }
+            for (index, changed) in changed.iter_mut().enumerate() {
+                let id = PortId(index as u8);
+                let [old, new] =
+                    [&settings, new].map(|settings| settings.servers_of(id).map(|(_, line)| line));
+                *changed |= !old.eq(new);
+            }
+            self.move_server_statuses(&settings, new);
+            if settings.own_network() != new.own_network() {
+                self.network_changed.signal(());
+            }
+            if settings.mdns != new.mdns || settings.network != new.network || settings.ports != new.ports {
+                self.mdns_changed.signal(());
+            }
+            settings.clone_from(new);
+        });
+        self.follow_ethercat(new, other_slaves);
+        for place in self.places().filter(|place| changed.get(place.id.index()) == Some(&true)) {
+            let id = place.id;
+            let old = self.seats.iter().filter(|seat| seat.state().port == Some(id));
+            old.for_each(|seat| seat.give_to(None));
+            place.restart();
+        }
+        for (index, port) in new.ports.iter().enumerate() {
+            if let (Some(port), Some(true)) = (port, changed.get(index)) {
+                let free = self.seats.iter().filter(|seat| seat.state().port.is_none());
+                free.take(seats_of(&port.kind)).for_each(|seat| seat.give_to(Some(PortId(index as u8))));
+            }
+        }
+        Ok(())
+    }
+
+    /// How servers are doing is noted by the places of their lines: where those move, it moves with them.
+    fn move_server_statuses(&self, old: &Settings, new: &Settings) {
+        let mut statuses = [Status::Off; SERVERS_MAX];
+        for (status, line) in statuses.iter_mut().zip(&new.servers) {
+            let before = old.servers.iter().position(|before| before == line);
+            *status = before.and_then(|place| self.server_status(place, None)).unwrap_or(Status::Off);
+        }
+        for (place, status) in statuses.into_iter().enumerate() {
+            self.server_status(place, Some(status));
+        }
+    }
+}

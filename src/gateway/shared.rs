@@ -1,0 +1,15 @@
+//! What tasks share, behind a critical section.
+
+use core::cell::RefCell;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::mutex;
+
+use crate::config::Settings;
+
+/// A value that several tasks look at and change.
+pub(crate) type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
+
+/// Settings that are being changed, loaded or saved: by one task at a time, which may wait for a store.
+pub(crate) type Draft = mutex::Mutex<CriticalSectionRawMutex, Settings>;

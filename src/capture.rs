@@ -20,6 +20,7 @@ mod bytes;
 mod export;
 pub mod pcapng;
 
+pub use self::bytes::BYTES_MAX;
 use self::bytes::Bytes;
 pub use self::export::Export;
 
@@ -27,8 +28,6 @@ pub use self::export::Export;
 pub const CAPTURE: bool = cfg!(feature = "capture");
 /// Frames that the ring remembers; half as many with the feature `small`.
 pub const FRAMES_MAX: usize = if cfg!(feature = "small") { 32 } else { 64 };
-/// Bytes of them all.
-pub const BYTES_MAX: usize = if cfg!(feature = "small") { 1_024 } else { 2_048 };
 
 /// Bytes of one frame, where frames are kept.
 const FRAME_BYTES_MAX: usize = if CAPTURE { FRAME_CHARS_MAX } else { 0 };

@@ -11,6 +11,8 @@
 //! ([`Writing::OnChange`]). A row without a device is what outside clients see ([`Scanner::serve`]). What is done at once is asked
 //! for at the console, or by programs behind the gateway, which have commands of their own ([`Scanner::start`]).
 
+mod bits;
+mod byte_order;
 mod commands;
 mod exchange;
 mod fill;
@@ -18,6 +20,7 @@ mod form;
 mod fraction;
 mod gather;
 mod kind;
+mod operation;
 mod place;
 mod program;
 mod row;
@@ -37,18 +40,20 @@ use self::values::Values;
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 
+pub use self::byte_order::ByteOrder;
 pub use self::commands::Refused;
 pub use self::form::{Form, RegisterBit};
 pub use self::gather::Pdu;
 pub use self::kind::{Kind, Modicon};
+pub use self::operation::Operation;
 pub use self::place::ScannerPlace;
-pub use self::program::{ABANDONED_AFTER, Operation, REQUESTERS};
+pub use self::program::{ABANDONED_AFTER, REQUESTERS};
 pub use self::row::{DeviceId, Reading, Row, RowId, SCAN, Writing};
 pub(crate) use self::serve::age_register;
 pub use self::station::{BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, REPEATS};
 pub use self::status::{ErrorCode, Status};
 pub use self::typed::{TypedValue, ValueType};
-pub use self::values::{ByteOrder, VALUE_BYTES_MAX};
+pub use self::values::VALUE_BYTES_MAX;
 
 /// Whether the gateway can ask devices by itself, for data points or as an EtherCAT SubDevice: the feature `points`. An image
 /// without it holds nothing of what stands behind this constant.

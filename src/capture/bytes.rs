@@ -2,7 +2,8 @@
 
 use heapless::Vec;
 
-use super::BYTES_MAX;
+/// Bytes of them all.
+pub const BYTES_MAX: usize = if cfg!(feature = "small") { 1_024 } else { 2_048 };
 
 /// A queue of bytes.
 pub(super) struct Bytes {

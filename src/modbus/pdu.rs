@@ -11,6 +11,7 @@ pub mod function;
 mod request;
 mod response;
 
+pub use super::exception::EXCEPTION_BIT;
 pub use ahead::{End, request_end, response_end};
 pub use block::Block;
 pub use extent::{Extent, Touched, touched};
@@ -18,9 +19,6 @@ pub use function::{confirmation, is_broadcastable, is_read, name as function_nam
 pub(crate) use request::is_beyond_response;
 pub use request::{check_request, request_length};
 pub use response::{Misfit, ResponseLength, fits, response_length};
-
-/// Set in the function code of an answer that is an exception.
-pub const EXCEPTION_BIT: u8 = 0x80;
 
 /// The file record groups of a function 20 request: reference type, file, record, length in registers.
 const FILE_GROUP_BYTES: usize = 7;

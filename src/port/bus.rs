@@ -26,10 +26,11 @@ use crate::port::moment::until;
 use crate::port::reply::Reply;
 use crate::stats::Event;
 
+mod found;
 mod look;
 mod unasked;
 
-use look::Found;
+use found::Found;
 
 /// An open line and what is expected on it.
 pub(crate) struct Bus<'s, L> {

@@ -21,9 +21,11 @@ mod diagnostics;
 mod identification;
 pub mod image;
 pub mod points;
+mod response;
 pub mod table;
 
 use diagnostics::Mode;
+use response::{Answered, put};
 
 /// Run indicator of FC 11h: on (Application Protocol 6.13).
 const RUNNING: u8 = 0xff;
@@ -54,9 +56,6 @@ pub(crate) fn answer(gateway: &Gateway<'_>, frame: Frame<'_>) {
     }
 }
 
-/// Whether there is an answer, or which exception is the answer.
-type Answered = Result<(), Exception>;
-
 /// Writes the answer to `request`.
 fn respond(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8], answer: &mut Pdu) -> Answered {
     match *request {
@@ -82,12 +81,6 @@ fn respond(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8], answer: &
         }
         _ => from_tables(gateway, request, answer),
     }
-}
-
-/// Appends `parts` to `answer`.
-fn put(answer: &mut Pdu, parts: &[&[u8]]) -> Answered {
-    let written = parts.iter().try_for_each(|part| answer.extend_from_slice(part));
-    written.map_err(|_| Exception::DEVICE_FAILURE)
 }
 
 /// What the local points say to `request`, and behind them the table of the gateway's state.

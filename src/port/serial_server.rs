@@ -7,33 +7,17 @@
 
 use core::pin::pin;
 
-use embassy_time::Instant;
-
-use crate::config::{PortId, SerialSettings};
-use crate::frame::{Cause, Envelope, Frame, FrameWriter, Origin, Way};
-use crate::gateway::{Gateway, PortPlace};
 use crate::hal::SerialHost;
-use crate::modbus::pdu;
 use crate::port::line::{LineLost, Opening};
 use crate::port::moment::apart;
-use crate::route::{self, Onward, onward};
-use crate::stats::Event;
 
+mod server;
 mod session;
 
-use session::Session;
+pub(crate) use self::server::Server;
+use self::session::Session;
 
-/// The port, as long as its settings stay.
-pub(crate) struct Server<'s, 'g> {
-    pub(crate) gateway: &'s Gateway<'g>,
-    pub(crate) place: &'s PortPlace,
-    pub(crate) id: PortId,
-    pub(crate) settings: &'s SerialSettings,
-    /// What the board says of its transmitters.
-    pub(crate) never_underruns: bool,
-}
-
-impl<'g> Server<'_, 'g> {
+impl Server<'_, '_> {
     /// Keeps the line open and answers on it, for ever.
     pub(crate) async fn run<H: SerialHost>(&self, host: &mut H) {
         let mut opening = Opening::new(self.place, self.settings);
@@ -51,56 +35,5 @@ impl<'g> Server<'_, 'g> {
             }
             opening.pause().await;
         }
-    }
-
-    /// Nobody waits any more: answers that are there or still come are dropped.
-    pub(crate) fn close(&self) {
-        self.place.renew();
-        self.place.queue.clear(self.gateway.pool());
-    }
-
-    fn is_ours(&self, unit: u8) -> bool {
-        self.gateway.settings(|settings| route::is_routed(settings, self.id, unit))
-    }
-
-    /// Whether a request for `unit` that begins with `so_far` may be passed on while it arrives.
-    fn onward(&self, unit: u8, so_far: &[u8]) -> Onward {
-        self.gateway.settings(|settings| onward(settings, self.id, unit, so_far, self.never_underruns))
-    }
-
-    /// A frame for a request that is still to come.
-    fn take_frame(&self) -> Option<(FrameWriter<'g>, Frame<'g>)> {
-        self.gateway.take_for_port(self.id)
-    }
-
-    /// The envelope of the master's next request.
-    fn envelope(&self, unit: u8, received: Instant) -> Envelope {
-        let generation = self.place.renew();
-        let way = if unit == 0 { Way::Nobody } else { Way::Line };
-        let origin = Origin { port: self.id, way, generation };
-        Envelope::request(origin, unit, received, received + self.settings.server.answer_within)
-    }
-
-    /// Sends a request to the router; says whether an answer will come.
-    fn ask(&self, unit: u8, request: &[u8], received: Instant) -> bool {
-        let cut = matches!(self.onward(unit, request), Onward::To(_));
-        let envelope = Envelope { cut, ..self.envelope(unit, received) };
-        // A frame's PDU is no longer than a PDU may be.
-        let Some(frame) = self.gateway.fill_for_port(self.id, request, envelope) else {
-            self.place.stats.count(Event::BackPressure);
-            return false;
-        };
-        self.place.stats.count(Event::Request);
-        match pdu::check_request(request) {
-            Ok(()) => self.gateway.inbox.send(frame),
-            Err(exception) => {
-                self.place.stats.count(Event::Refused);
-                if pdu::is_beyond_response(request) {
-                    frame.blame(Cause::Length);
-                }
-                self.gateway.refuse(frame, exception);
-            }
-        }
-        unit != 0
     }
 }

@@ -3,11 +3,11 @@
 use embassy_time::{Duration, Instant};
 
 use super::Scanner;
+use super::bits::{bit, copy_bits};
 use super::kind::Kind;
 use super::row::{DeviceId, Entry, Row, RowId, Writing};
 use super::station::{Device, DeviceStatus};
 use super::status::Status;
-use super::values::{bit, copy_bits};
 
 /// Why something cannot be done with a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]

@@ -151,7 +151,7 @@ impl Scanner {
             let into = self.values.span_mut(row.input, row.bytes());
             take_cells(&row, first, answer, &station.device, into);
             entry.fresh = now;
-            let differs = self.values.differ(&row);
+            let differs = row.differs(&self.values);
             if row.write == Writing::OnChange && self.outputs && differs {
                 entry.status.set(Status::WRITE_MARKED);
                 entry.write_turn = turn;

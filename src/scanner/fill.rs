@@ -1,8 +1,8 @@
 //! What the inputs of a device become when it does not answer any more.
 
 use super::Scanner;
+use super::bits::copy_bits;
 use super::row::DeviceId;
-use super::values::copy_bits;
 
 /// Eight bits that are all set.
 const ONES: [u8; 1] = [0xff];

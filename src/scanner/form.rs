@@ -1,7 +1,8 @@
 //! How the cells of a row are the values of its variable: bits as numbers, a single bit of a register, values of 32 bits.
 
+use super::bits::bit;
+use super::byte_order::ByteOrder;
 use super::kind::Kind;
-use super::values::{ByteOrder, bit};
 
 /// What the cells of a row are in its variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

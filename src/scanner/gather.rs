@@ -5,12 +5,13 @@
 //! may not, since their order matters. A single cell that is written by function 5 or 6 goes alone, and so does a bit of a
 //! register.
 
+use super::bits::{bit, copy_bits};
 use super::form::RegisterBit;
 use super::kind::Kind;
 use super::row::{Entry, Row};
 use super::station::Device;
 use super::status::Status;
-use super::values::{Values, bit, copy_bits};
+use super::values::Values;
 pub use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{
     MASK_WRITE_REGISTER, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL,

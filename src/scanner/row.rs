@@ -2,10 +2,12 @@
 
 use embassy_time::{Duration, Instant};
 
+use super::bits::bit;
 use super::form::{Form, RegisterBit};
 use super::kind::Kind;
-use super::program::Command;
+use super::operation::Command;
 use super::status::{ErrorCode, Status};
+use super::values::Values;
 
 /// The table is looked through this often for rows with a priority.
 pub const SCAN: Duration = Duration::from_millis(200);
@@ -62,6 +64,17 @@ impl Row {
     pub(super) fn bytes(&self) -> u16 {
         let (kind, cells) = self.variable();
         kind.bytes(cells)
+    }
+
+    /// Whether its inputs are others than its outputs. What stands behind the last bit is nobody's.
+    pub(super) fn differs(&self, values: &Values) -> bool {
+        let (kind, cells) = self.variable();
+        let bytes = kind.bytes(cells);
+        let (input, output) = (values.span(self.input, bytes), values.span(self.output, bytes));
+        if kind.is_bits() {
+            return (0..usize::from(cells)).any(|at| bit(input, at) != bit(output, at));
+        }
+        input != output
     }
 
     /// The bit of a register that it is, which is never written with others.

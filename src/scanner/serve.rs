@@ -8,11 +8,11 @@
 use embassy_time::{Duration, Instant};
 
 use super::Scanner;
+use super::bits::copy_bits;
 use super::gather::Pdu;
 use super::kind::Kind;
 use super::row::{Entry, Reading, RowId, Writing};
 use super::status::Status;
-use super::values::copy_bits;
 use crate::modbus::pdu::function::{WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 

@@ -2,8 +2,8 @@
 
 use embassy_time::{Duration, Instant};
 
+use super::byte_order::ByteOrder;
 use super::status::ErrorCode;
-use super::values::ByteOrder;
 
 /// How often a request is repeated that gets no answer.
 pub const REPEATS: u8 = 2;

@@ -5,6 +5,7 @@ use core::mem;
 use embassy_time::Instant;
 
 use super::Bus;
+use super::found::Found;
 use crate::config::Framing;
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{AsciiError, COLON};
@@ -16,18 +17,6 @@ use crate::stats::Event;
 
 /// Bytes of an exception's PDU.
 const EXCEPTION_BYTES: usize = 2;
-
-/// What a look at the line found.
-pub(super) enum Found {
-    /// Nothing yet, or noise between frames.
-    Nothing,
-    /// The response.
-    Response,
-    /// The response, but damaged, and what is wrong with it.
-    Damaged(Event),
-    /// Something else, which has been counted.
-    Other,
-}
 
 impl<L: SerialLine> Bus<'_, L> {
     /// Looks at what has come so far.

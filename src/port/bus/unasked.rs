@@ -3,7 +3,7 @@
 use embassy_time::Instant;
 
 use super::Bus;
-use super::look::Found;
+use super::found::Found;
 use crate::config::Framing;
 use crate::hal::SerialLine;
 use crate::modbus::rtu;

@@ -6,7 +6,7 @@
 
 use embassy_time::Instant;
 
-use super::{Answered, put};
+use super::response::{Answered, put};
 use crate::config::PortId;
 use crate::gateway::events::Events;
 use crate::gateway::unit_health::Unit;

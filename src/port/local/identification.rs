@@ -1,6 +1,6 @@
 //! Read device identification (FC 2Bh, MEI type 0Eh), Application Protocol 6.21.
 
-use super::{Answered, put};
+use super::response::{Answered, put};
 use crate::modbus::Exception;
 use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION};

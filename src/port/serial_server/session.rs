@@ -9,7 +9,7 @@ use core::mem;
 use embassy_futures::select::{Either3, select3};
 use embassy_time::Instant;
 
-use super::Server;
+use super::server::Server;
 use crate::capture::Tap;
 use crate::config::Framing;
 use crate::frame::{Frame, Stage};

@@ -14,7 +14,7 @@ use crate::hal::SerialLine;
 use crate::modbus::pdu::{self, End};
 use crate::port::arriving::{Arriving, Passing, is_whole};
 use crate::port::cut::Lane;
-use crate::port::serial_server::Server;
+use crate::port::serial_server::server::Server;
 use crate::route::Onward;
 use crate::stats::Event;
 

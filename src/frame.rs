@@ -19,7 +19,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::waitqueue::WakerRegistration;
 
 use crate::modbus::{PDU_BYTES_MAX, Pdu};
-use crate::route::Sharing;
+use crate::settings::Sharing;
 
 mod channel;
 mod envelope;

@@ -13,11 +13,11 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 
 use crate::capture::{CAPTURE, Capture};
-use crate::config::{OwnNetwork, PortId, Settings};
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::modbus::Exception;
 use crate::port::ethercat::EthercatPlace;
 use crate::scanner::{POINTS, ScannerPlace};
+use crate::settings::{OwnNetwork, PortId, Settings};
 use crate::stats::Log;
 
 mod apply;
@@ -27,9 +27,11 @@ pub(crate) mod direct_request;
 mod ethercat;
 pub(crate) mod events;
 pub mod outstanding;
+mod points;
 mod port_state;
 pub mod reconfigure;
 pub mod response_times;
+pub mod saved;
 mod shared;
 pub(crate) mod socket;
 pub(crate) mod turns;

@@ -9,8 +9,8 @@ use core::net::SocketAddr;
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 
-use crate::config::{LineSettings, ServerAddress, StaticAddress, TcpListen};
 use crate::port::relay::Relay;
+use crate::settings::{LineSettings, ServerAddress, StaticAddress, TcpListen};
 
 /// Why something could not be opened, with what the user can do about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -101,7 +101,7 @@ pub trait SerialLine: Read + Write {
 
     /// Switches the transceiver's driver on before a frame, and off when its last bit should have left; a line that knows
     /// better when that is waits for it. Called only where the settings leave the driver to the gateway
-    /// ([`Driver::Rts`](crate::config::Driver::Rts)); `open` refuses those settings where it cannot be done.
+    /// ([`Driver::Rts`](crate::settings::Driver::Rts)); `open` refuses those settings where it cannot be done.
     async fn drive(&mut self, _on: bool) -> Result<(), Self::Error> {
         Ok(())
     }

@@ -6,7 +6,7 @@
 //!    [`port::shared_bus`] tells it from what others say: it strips the framing ([`modbus`]), takes a frame from the pool
 //!    ([`frame`]), writes the PDU and an envelope into it (who asked, for which unit, until when), and sends it to the
 //!    router's inbox.
-//! 2. The routing task (`tasks/router.rs`) looks the first matching rule up ([`route`]), translates the unit id, and sends the frame
+//! 2. The routing task (`tasks/router.rs`) looks the first matching rule up ([`routing`]), translates the unit id, and sends the frame
 //!    to the channel of the destination port.
 //! 3. The client-side port takes it into its queue ([`port::queue`]: who is served next; [`gateway::unit_health`]: which units are
 //!    alive), sends the request as soon as its line has been silent for long enough, and checks the response strictly.
@@ -31,7 +31,7 @@
 //!
 //! [`hal`] lists what a board must give. The board keeps slots, port places and seats in statics, builds a
 //! [`gateway::Gateway`] over them, and runs its futures as tasks: one that routes, one for each port, one for each TCP
-//! connection, one for each console ([`console`]). The settings ([`config`]) are lines of text, the same at the console, in
+//! connection, one for each console ([`console`]). The settings ([`settings`], [`language`]) are lines of text, the same at the console, in
 //! a file and in `show config`.
 //!
 //! # EtherCAT
@@ -55,26 +55,26 @@
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
-//! | [`config::PORTS_MAX`] | 16, small: 8 | a cabinet's worth of lines and listeners |
-//! | [`config::DEVICE_BYTES_MAX`] | 255, without `paths`: 15 | a file's name: adapters under `/dev/serial/by-id` have more than 100 |
-//! | [`config::LINE_BYTES_MAX`] | 800, without `paths`: 640 | the longest line that settings print |
-//! | [`config::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
+//! | [`settings::PORTS_MAX`] | 16, small: 8 | a cabinet's worth of lines and listeners |
+//! | [`settings::DEVICE_BYTES_MAX`] | 255, without `paths`: 15 | a file's name: adapters under `/dev/serial/by-id` have more than 100 |
+//! | [`settings::LINE_BYTES_MAX`] | 800, without `paths`: 640 | the longest line that settings print |
+//! | [`settings::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
 //! | [`port::queue::WAITING_MAX`] | 64, small: 24 | orders that wait at a port; one more is answered 06h |
 //! | [`port::cache::ANSWERS_MAX`] | 16, small: 8 | answers that a port keeps where a rule says `cache`, in [`port::cache::ANSWER_BYTES_MAX`] bytes |
 //! | [`gateway::unit_health::UNITS_MAX`] | 64, small: 16 | servers of a port, or loads of an RS-485 segment; the quietest healthy unit is forgotten first |
 //! | [`gateway::unit_health::ALL_UNITS_MAX`] | 256, small: 64 | units of all ports together: few ports have as many as they may |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
 //! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
-//! | [`config::PORT_SERVERS_MAX`], [`config::SERVERS_MAX`] | 64 and 128, small: 8 and 16 | servers of one TCP client, and of all: the stations that one scanner asks on time |
-//! | [`config::SOCKETS_MAX`] | 16, small: 2 | connections that one port has at a time; each takes a future's memory |
-//! | [`config::SERVER_NAME_BYTES_MAX`] | 63, small: 31 | a server's name, one of which each line has |
-//! | [`config::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |
+//! | [`settings::PORT_SERVERS_MAX`], [`settings::SERVERS_MAX`] | 64 and 128, small: 8 and 16 | servers of one TCP client, and of all: the stations that one scanner asks on time |
+//! | [`settings::SOCKETS_MAX`] | 16, small: 2 | connections that one port has at a time; each takes a future's memory |
+//! | [`settings::SERVER_NAME_BYTES_MAX`] | 63, small: 31 | a server's name, one of which each line has |
+//! | [`settings::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |
 //! | [`scanner::DEVICES_MAX`] | 32 | devices that a scanner asks: the loads of an RS-485 segment |
-//! | [`config::SLAVES_MAX`] | 32 | devices behind the EtherCAT process image: all that a scanner asks |
+//! | [`settings::SLAVES_MAX`] | 32 | devices behind the EtherCAT process image: all that a scanner asks |
 //! | [`port::ethercat::Room::MOST`] | 512 | bytes of the process image each way: with three buffers of each, what a controller of 4 KiB holds |
 //! | [`scanner::ROWS_MAX`] | 136 | the four tables of each device, and some ranges that take two frames |
 //! | [`scanner::VALUE_BYTES_MAX`] | 2048 | values of all rows: an image of 512 bytes each way, and as much again |
-//! | [`config::POINTS_MAX`] | 128, small: 64 | data points in the settings, of which there is one draft for all consoles |
+//! | [`settings::POINTS_MAX`] | 128, small: 64 | data points in the settings, of which there is one draft for all consoles |
 //! | [`capture::FRAMES_MAX`], [`capture::BYTES_MAX`] | 64, 2048, small: half | frames that `show frames` remembers |
 //! | frames, TCP connections | the board's | memory; a connection always has one frame of its own |
 #![no_std]
@@ -84,14 +84,15 @@
 mod fmt;
 
 pub mod capture;
-pub mod config;
 pub mod console;
 pub mod frame;
 pub mod gateway;
 pub mod hal;
+pub mod language;
 pub mod modbus;
 pub mod port;
-pub mod route;
+pub mod routing;
 pub mod scanner;
+pub mod settings;
 pub mod stats;
 mod tasks;

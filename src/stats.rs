@@ -8,10 +8,10 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
 use heapless::Deque;
 
-use crate::config::PortId;
 use crate::frame::Cause;
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
+use crate::settings::PortId;
 
 /// What a port counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! How much of a line's legal rate the gateway reaches, and what it adds to a transaction.
 
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::config::LineSettings;
+use mobgate::settings::LineSettings;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::client::load::ClosedLoop;
 use mobgate_simulator::rig::machine;

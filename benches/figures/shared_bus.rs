@@ -1,7 +1,7 @@
 //! A line on which the gateway and two other devices answer one master: whose questions the gateway answers.
 
 use embassy_time::Duration;
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 use mobgate_simulator::rig::Size;
 use mobgate_simulator::shared_bus::{Outcome, torture};
 

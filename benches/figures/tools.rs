@@ -2,7 +2,7 @@
 //! what 999 of 1000 answers need.
 
 use embassy_time::{Duration, Instant};
-use mobgate::config::{LineSettings, Parity};
+use mobgate::settings::{LineSettings, Parity};
 use mobgate_simulator::console::typed;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::{Device, Fault, Faults, device, rig};

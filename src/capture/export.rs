@@ -3,8 +3,8 @@
 use embedded_io_async::Write;
 
 use super::{Capture, Captured, Following, pcapng};
-use crate::config::PortId;
 use crate::gateway::Gateway;
+use crate::settings::PortId;
 
 /// Who gets the frames that come from now on. Nobody waits for him: what is overwritten before he has taken it is missing, and he
 /// is told how many frames that are.

@@ -6,14 +6,15 @@ use super::job::{Came, Job, Wait};
 use super::probe::harmless;
 use super::rows::{LINE_VALUES_MAX, Values};
 use super::session::{Begun, Session};
-use crate::config::{
-    KINDS, ORDERS, ORDERS_EXPECTED, PortId, Problem, Settings, TYPES, TYPES_EXPECTED, Time, Word, Words,
-    Wrong, medium, parse_number, small,
+use crate::language::{
+    KINDS, ORDERS, ORDERS_EXPECTED, Problem, TYPES, TYPES_EXPECTED, Word, Words, Wrong, medium, parse_number,
+    small,
 };
 use crate::modbus::Exception;
 use crate::modbus::pdu::function::{DIAGNOSTICS, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS};
 use crate::modbus::pdu::{EXCEPTION_BIT, check_request};
 use crate::scanner::{ByteOrder, Kind, Pdu, ValueType};
+use crate::settings::{PortId, Settings, Time};
 
 /// Function, address and count, and for a write the number of bytes behind them (Application Protocol 6).
 const READ_BYTES: usize = 5;

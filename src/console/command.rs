@@ -8,7 +8,7 @@ use super::help::Help;
 use super::job::{Job, Wait};
 use super::session::{Begun, Session};
 use super::show::{Show, Table};
-use crate::config::{Words, Wrong};
+use crate::language::{Words, Wrong};
 
 /// What a command's first word asks for.
 #[derive(Debug, Clone, Copy)]

@@ -3,7 +3,8 @@
 use heapless::String;
 
 use super::command::{COMMANDS, TOPICS_CLEAR, TOPICS_SHOW, TOPICS_WATCH};
-use crate::config::{Settings, WORD_BYTES_MAX, mdns_words, network_words, option_words};
+use crate::language::{WORD_BYTES_MAX, mdns_words, network_words, option_words};
+use crate::settings::Settings;
 
 /// What can be done about a word that was begun.
 #[derive(Debug, PartialEq, Eq)]
@@ -112,7 +113,7 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
-    use crate::config::apply;
+    use crate::language::apply;
 
     fn settings() -> Settings {
         let mut settings = Settings::new();

@@ -10,7 +10,7 @@ use heapless::{String, Vec};
 use super::history::History;
 use super::keys::{Key, Keys};
 use super::output::Output;
-use crate::config::LINE_BYTES_MAX;
+use crate::settings::LINE_BYTES_MAX;
 
 /// Bytes of echo that one key can cause.
 const ECHO_BYTES_MAX: usize = 192;

@@ -6,8 +6,8 @@ use super::job::{Came, Wait};
 use super::rows::{Bytes, port_name, text};
 use super::session::{Begun, Session};
 use crate::capture::{Capture, Captured, Following, Head};
-use crate::config::Words;
 use crate::gateway::{ApplyError, Gateway};
+use crate::language::Words;
 
 /// How often a watcher looks.
 const PAUSE: Duration = Duration::from_millis(50);

@@ -5,7 +5,7 @@
 
 use core::fmt;
 
-use crate::config::LINE_BYTES_MAX;
+use crate::settings::LINE_BYTES_MAX;
 
 /// What the bytes of a session turned out to be instead of lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

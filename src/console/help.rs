@@ -2,8 +2,9 @@
 
 use core::str::Lines;
 
-use crate::config::{SERVERS, Words, Wrong};
+use crate::language::{Words, Wrong};
 use crate::scanner::POINTS;
+use crate::settings::SERVERS;
 
 /// What stands for the text of a command that a gateway without data points does not have.
 const NO_POINTS: &str = "this board has no data points";

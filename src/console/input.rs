@@ -4,7 +4,7 @@ use super::editor::{Editor, Event};
 use super::guard::{Foreign, Guard};
 use super::output::Output;
 use super::{Mode, PROMPT};
-use crate::config::{LineBuffer, LineError};
+use crate::language::{LineBuffer, LineError};
 
 /// Where lines are put together.
 // There is one in a session, and the larger one is the one that boards have.

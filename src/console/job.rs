@@ -10,9 +10,9 @@ use super::scan::Scan;
 use super::session::Session;
 use super::show::Table;
 use super::tune::Tune;
-use crate::config::LineSettings;
 use crate::gateway::direct_request::NotAsked;
 use crate::hal::OpenError;
+use crate::settings::LineSettings;
 
 /// What is waited for behind a step, when what it has written is sent.
 #[derive(Debug, Clone, Copy)]

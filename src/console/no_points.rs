@@ -7,7 +7,7 @@ use super::job::{Came, Job, Wait};
 use super::output::Written;
 use super::session::{Begun, Session};
 use super::show::Source;
-use crate::config::{Problem, Words};
+use crate::language::{Problem, Words};
 
 /// There is none.
 pub(super) enum PointJob {}

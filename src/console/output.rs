@@ -5,7 +5,7 @@ use core::fmt::{self, Write as _};
 use heapless::String;
 
 use super::job::Wait;
-use crate::config::LINE_BYTES_MAX;
+use crate::settings::LINE_BYTES_MAX;
 
 /// Room for the longest line of output: a line of settings, or a rule's row in a table, and some more.
 const OUTPUT_BYTES_MAX: usize = LINE_BYTES_MAX + 128;

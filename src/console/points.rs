@@ -11,14 +11,13 @@ use super::output::{NO_ROW, Written};
 use super::rows::{LINE_VALUES_MAX, Values, age, text};
 use super::session::{Begun, Session};
 use super::show::{Source, titled};
-use crate::config::{
-    POINTS_MAX, PointAt, PointProblem, PointSettings, Problem, Settings, Words, Wrong, parse_number,
-};
 use crate::gateway::ApplyError;
+use crate::language::{PointProblem, Problem, Words, Wrong, parse_number};
 use crate::modbus::crc::crc16;
 use crate::scanner::{
     DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, ValueType, Writing,
 };
+use crate::settings::{POINTS_MAX, PointAt, PointSettings, Settings};
 
 /// How long a command waits for a device.
 const PATIENCE: Duration = Duration::from_secs(5);

@@ -5,13 +5,12 @@ use core::fmt;
 
 use embassy_time::{Duration, Instant};
 
-use crate::config::{
-    Framing, LineSettings, PortId, PortKind, Problem, SerialSettings, Settings, Side, Word, Wrong,
-};
+use crate::language::{Problem, Word, Wrong};
 use crate::modbus::pdu::function::{
     DIAGNOSTICS, READ_COILS, READ_DISCRETE_INPUTS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS,
     REPORT_SERVER_ID,
 };
+use crate::settings::{Framing, LineSettings, PortId, PortKind, SerialSettings, Settings, Side};
 
 /// How often the console is told at least how far a long command is: that somebody has gone is found out by it.
 const PROGRESS: Duration = Duration::from_secs(5);

@@ -4,9 +4,9 @@ use core::fmt;
 
 use super::output::{NO_ROW, Written};
 use super::show::{Source, titled};
-use crate::config::PORTS_MAX;
 use crate::port::local::{image, points, table};
 use crate::scanner::POINTS;
+use crate::settings::PORTS_MAX;
 
 /// The first register, its table, and what stands there, of whom.
 type Line<'s> = (u16, &'static str, &'static str, &'s str);

@@ -7,11 +7,11 @@ use embassy_time::{Duration, Instant};
 use heapless::String;
 
 use crate::capture::FrameKind;
-use crate::config::{DEVICE_BYTES_MAX, PortId, PortKind, Settings, Time, is_implied};
 use crate::gateway::unit_health::{State, Unit};
 use crate::gateway::{Gateway, Status};
-use crate::route::{Policy, Route};
+use crate::routing::is_implied;
 use crate::scanner::ValueType;
+use crate::settings::{DEVICE_BYTES_MAX, Policy, PortId, PortKind, Route, Settings, Time};
 use crate::stats::{LogEntry, Outcome};
 
 /// The longest cell: a device, or an IPv6 address with its port.
@@ -203,4 +203,4 @@ impl fmt::Display for LogRow<'_> {
     }
 }
 
-const _: () = assert!(crate::config::NAME_BYTES_MAX == 15, "the width of port columns");
+const _: () = assert!(crate::settings::NAME_BYTES_MAX == 15, "the width of port columns");

@@ -14,13 +14,13 @@ use super::job::{Came, Job, Wait};
 use super::output::{NO_ROW, Written};
 use super::probe::{About, Told, harmless, to_first_char};
 use super::session::{Begun, Session};
-use crate::config::{LineSettings, PortId, PortKind, Settings, Side, Time, Words};
 use crate::gateway::direct_request::Turn;
 use crate::hal::OpenErrorKind;
+use crate::language::Words;
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, REPORT_SERVER_ID};
-use crate::route::Destination;
+use crate::settings::{Destination, LineSettings, PortId, PortKind, Settings, Side, Time};
 use crate::stats::Event;
 
 mod identity;

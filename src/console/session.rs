@@ -7,13 +7,14 @@ use super::input::{Input, Typed};
 use super::job::{Came, Job, Wait};
 use super::output::Output;
 use super::{Ended, Mode, PROMPT, PROMPT_UNSAVED};
-use crate::config::{PortId, Warning, Words, Wrong};
 use crate::gateway::Gateway;
 use crate::gateway::direct_request::{NotAsked, Turn};
 use crate::gateway::reconfigure::Unchanged;
 use crate::hal::{StoreError, System};
+use crate::language::{Warning, Words, Wrong};
 use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::scanner::Pdu;
+use crate::settings::PortId;
 
 /// All of it.
 pub(super) struct Console<'s, 'g> {

@@ -10,11 +10,12 @@ use super::points;
 use super::registers;
 use super::rows::{LogRow, Row, StatusText, Troubles, age, cell, describe, describe_unit, text, took};
 use super::session::Session;
-use crate::config::{Endpoint, Port, PortId, PortKind, SERVERS, ServerSettings, Settings, Side, write_line};
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::gateway::{Gateway, PortAt};
 use crate::hal::{NetworkState, System};
+use crate::language::write_line;
 use crate::port::ethercat::{Controller, EthercatPlace, LineWriter};
+use crate::settings::{Endpoint, Port, PortId, PortKind, SERVERS, ServerSettings, Settings, Side};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
 /// What can be shown.

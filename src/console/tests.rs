@@ -15,16 +15,17 @@ use std::vec::Vec;
 
 use embassy_futures::block_on;
 use embedded_io_async::{ErrorType, Read, Write};
+
 // The clock behind `Instant`.
 use mobgate_clock as _;
 
 use super::*;
-use crate::config::{LINE_BYTES_MAX, OwnNetwork, PortId, StaticAddress};
 use crate::frame::{FramePool, Slot};
 use crate::gateway::{Ports, Seat};
 use crate::hal::{NetworkState, StoreError};
 use crate::modbus::Exception;
 use crate::scanner::ScannerPlace;
+use crate::settings::{LINE_BYTES_MAX, OwnNetwork, PortId, StaticAddress};
 use crate::stats::{Event, LogEntry, Outcome};
 
 /// Gives what was typed in pieces of one size, and keeps what is printed.

@@ -10,14 +10,12 @@ use super::job::{Came, Job, Wait};
 use super::probe::{About, Told, harmless, serial_client, to_first_char};
 use super::rows::{port_name, took};
 use super::session::{Begun, Session};
-use crate::config::{
-    Framing, LineSettings, PortId, SerialClientSettings, Settings, Time, Words, Wrong, number, parse_units,
-};
 use crate::gateway::direct_request::Turn;
 use crate::gateway::unit_health::Units;
+use crate::language::{Words, Wrong, number, parse_units};
 use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS};
 use crate::port::answer_tail::AnswerTail;
-use crate::route::UnitRange;
+use crate::settings::{Framing, LineSettings, PortId, SerialClientSettings, Settings, Time, UnitRange};
 
 /// Requests to each unit unless the words say another number: one standard deviation of what is told is at most 8 %.
 const COUNT: u32 = 2_000;

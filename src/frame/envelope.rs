@@ -4,8 +4,7 @@ use core::net::IpAddr;
 
 use embassy_time::Instant;
 
-use crate::config::PortId;
-use crate::route::{AddressRange, Priority, Sharing};
+use crate::settings::{AddressRange, PortId, Priority, Sharing};
 
 /// What the gateway knows of a frame besides its PDU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,8 +3,9 @@
 use embassy_time::Instant;
 
 use super::check::{ApplyError, is_scanner, seats_of};
+use super::points::{self, Reloaded};
 use super::{Gateway, Status};
-use crate::config::{PORTS_MAX, PortId, Reloaded, SERVERS_MAX, Settings, load_points};
+use crate::settings::{PORTS_MAX, PortId, SERVERS_MAX, Settings};
 
 impl Gateway<'_> {
     /// Takes `new` over: rules and what special units mean from the next request on; ports that differ in kind or its
@@ -13,7 +14,7 @@ impl Gateway<'_> {
         self.check(new)?;
         let mut points = Reloaded::Nothing;
         if let Some(place) = self.scanner() {
-            let load = |scanner: &mut _| self.settings(|old| load_points(scanner, old, new, Instant::now()));
+            let load = |scanner: &mut _| self.settings(|old| points::load(scanner, old, new, Instant::now()));
             points = place.change(load)?;
         }
         let mut changed = [false; PORTS_MAX];

@@ -1,9 +1,9 @@
 //! Whether a board can have settings: what each of them asks for, against what there is.
 
 use super::Gateway;
-use crate::config::{EthercatSettings, Name, Port, PortKind, Settings, StreamFraming};
 use crate::port::ethercat::ConfigError;
 use crate::scanner::Full;
+use crate::settings::{EthercatSettings, Name, Port, PortKind, Settings, StreamFraming};
 
 /// Why settings were not taken over.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

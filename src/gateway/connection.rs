@@ -9,8 +9,8 @@ use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
 use super::shared::Shared;
-use crate::config::PortId;
 use crate::frame::Channel;
+use crate::settings::PortId;
 
 /// What the tasks share of one place for a TCP connection.
 pub struct Seat {

@@ -8,11 +8,11 @@ use core::sync::atomic::Ordering;
 
 use embassy_time::{Duration, Instant, Timer, with_deadline};
 
-use crate::config::{LineSettings, PortId, Side};
 use crate::frame::{Envelope, Origin, Stage, Way};
 use crate::gateway::{Gateway, Status};
 use crate::hal::{OpenError, OpenErrorKind};
 use crate::scanner::Pdu;
+use crate::settings::{LineSettings, PortId, Side};
 
 mod state;
 

@@ -1,9 +1,9 @@
 //! The gateway's EtherCAT side: what the SubDevice shares with it, and how its controller is found.
 
 use super::Gateway;
-use crate::config::{InterfaceName, Settings};
 use crate::port::ethercat::{Controller, EthercatPlace, LineWriter};
 use crate::scanner::POINTS;
+use crate::settings::{InterfaceName, Settings};
 
 impl<'g> Gateway<'g> {
     /// The gateway of a board with an EtherCAT controller, whose SubDevice has the objects of `place`.

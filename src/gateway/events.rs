@@ -2,9 +2,9 @@
 
 use heapless::Deque;
 
-use crate::config::{PORTS_MAX, PortId};
 use crate::modbus::Exception;
 use crate::modbus::pdu::function::{GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG};
+use crate::settings::{PORTS_MAX, PortId};
 
 /// Bytes of the event log (6.10).
 const LOG_BYTES_MAX: usize = 64;

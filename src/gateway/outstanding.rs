@@ -16,7 +16,6 @@
 
 use heapless::Vec;
 
-use crate::config::PORTS_MAX;
 use crate::modbus::Exception;
 use crate::modbus::crc::crc16;
 use crate::modbus::pdu::function::{
@@ -24,6 +23,7 @@ use crate::modbus::pdu::function::{
     READ_WRITE_MULTIPLE_REGISTERS, WRITE_FILE_RECORD,
 };
 use crate::modbus::pdu::{EXCEPTION_BIT, confirmation};
+use crate::settings::PORTS_MAX;
 
 /// Requests that are remembered for one unit.
 pub const OF_UNIT_MAX: usize = 8;

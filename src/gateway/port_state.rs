@@ -12,9 +12,9 @@ use embassy_time::{Duration, Instant};
 use super::shared::Shared;
 use super::socket::Socket;
 use super::unit_health::{AllUnits, Units};
-use crate::config::{PortId, SERVERS_MAX, SOCKETS_MAX};
 use crate::frame::Channel;
 use crate::hal::OpenError;
+use crate::settings::{PortId, SERVERS_MAX, SOCKETS_MAX};
 use crate::stats::{Counters, Event};
 
 /// What the tasks share of one port.

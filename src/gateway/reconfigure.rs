@@ -8,9 +8,12 @@ use embassy_sync::mutex::MutexGuard;
 use heapless::String;
 use thiserror::Error;
 
-use crate::config::{self, LineError, LoadError, ReadError, Settings, WORD_BYTES_MAX, Warning};
+use super::saved::{self, ReadError};
 use crate::gateway::{ApplyError, Gateway};
 use crate::hal::{Store, StoreError};
+use crate::language;
+use crate::language::{LineError, LoadError, WORD_BYTES_MAX, Warning};
+use crate::settings::Settings;
 
 /// Why the settings stay as they were.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -48,7 +51,7 @@ pub struct Refused {
 
 impl Refused {
     fn new(number: u32, line: &str, settings: &Settings, error: ApplyError) -> Self {
-        let (column, word) = config::find_word(line, error.word(settings));
+        let (column, word) = language::find_word(line, error.word(settings));
         Self { line: number, column, word, error }
     }
 }
@@ -62,7 +65,7 @@ pub async fn draft<'s>(gateway: &'s Gateway<'_>) -> MutexGuard<'s, CriticalSecti
 pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>, Unchanged> {
     let mut draft = draft(gateway).await;
     gateway.settings(|settings| draft.clone_from(settings));
-    let applied = config::apply(&mut draft, line)?;
+    let applied = language::apply(&mut draft, line)?;
     let differs = gateway.settings(|settings| *draft != *settings);
     gateway.apply(&draft)?;
     if differs {
@@ -78,7 +81,7 @@ pub async fn save(gateway: &Gateway<'_>, store: &mut impl Store, whatever: bool)
     // What is changed while they are written is not in there.
     let unsaved = gateway.set_unsaved(false);
     store.overwrite(whatever);
-    let saved = config::write_store(&draft, store).await;
+    let saved = saved::write_store(&draft, store).await;
     if saved.is_err() && unsaved {
         gateway.set_unsaved(true);
     }
@@ -114,7 +117,7 @@ pub async fn read(
                 refused = Some(Refused::new(number, line, settings, error));
             }
         };
-        let bytes = config::read_store(store, draft, &mut look).await?;
+        let bytes = saved::read_store(store, draft, &mut look).await?;
         if let Some(refused) = refused {
             return Err(Unchanged::Refused(refused));
         }

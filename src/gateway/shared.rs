@@ -6,7 +6,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex;
 
-use crate::config::Settings;
+use crate::settings::Settings;
 
 /// A value that several tasks look at and change.
 pub(crate) type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;

@@ -13,7 +13,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 
-use crate::config::PortId;
+use crate::settings::PortId;
 
 /// One of a port's sockets: one connection, or none.
 pub(crate) struct Socket {

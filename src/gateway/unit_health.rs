@@ -13,10 +13,10 @@ use core::ops::Range;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
-use crate::config::{PORTS_MAX, PortId, Proof};
 use crate::gateway::outstanding::{Match, Outstanding, Purpose, Settled, Shape};
 use crate::gateway::response_times::AnswerTimes;
 use crate::modbus::pdu::function::{READ_COILS, READ_INPUT_REGISTERS};
+use crate::settings::{PORTS_MAX, PortId, Proof};
 use crate::stats::Event;
 
 /// When a unit may be asked.

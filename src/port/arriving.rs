@@ -6,12 +6,12 @@
 
 use embassy_time::Instant;
 
-use crate::config::Framing;
 use crate::frame::{Frame, FrameWriter};
 use crate::modbus::crc::{crc16, lrc};
 use crate::modbus::pdu::End;
 use crate::modbus::rtu;
-use crate::port::cut::{self, Lane};
+use crate::port::cut;
+use crate::settings::{Framing, Lane};
 
 /// How far a frame is that may be passed on.
 pub(crate) enum Passing<'g> {

@@ -11,7 +11,6 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::capture::Tap;
-use crate::config::{Framing, SerialSettings};
 use crate::frame::Frame;
 use crate::gateway::direct_request::Failure;
 use crate::gateway::{Gateway, PortAt};
@@ -24,6 +23,7 @@ use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::{Collision, Line, LineLost};
 use crate::port::moment::until;
 use crate::port::reply::Reply;
+use crate::settings::{Framing, SerialSettings};
 use crate::stats::Event;
 
 mod found;

@@ -9,7 +9,6 @@
 use embassy_time::{Instant, with_deadline};
 use heapless::Vec;
 
-use crate::config::{Framing, PortId, PortKind};
 use crate::frame::{Fill, Frame};
 use crate::gateway::Gateway;
 use crate::hal::SerialLine;
@@ -19,6 +18,7 @@ use crate::modbus::delta::CrcDelta;
 use crate::modbus::rtu;
 use crate::port::line::{Line, LineLost};
 use crate::port::relay::Relay;
+use crate::settings::{Framing, PortId, PortKind};
 use crate::stats::Event;
 
 /// How the copy of a frame ended.

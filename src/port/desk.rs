@@ -24,7 +24,6 @@ use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 use heapless::Vec;
 
-use crate::config::{PortId, PortKind, SerialSettings};
 use crate::frame::{Cause, Envelope, Errand, Fill, Frame, Stage, Way};
 use crate::gateway::outstanding::Purpose;
 use crate::gateway::unit_health::{Care, Gate, Ready, Step};
@@ -38,6 +37,7 @@ use crate::port::flights::FLIGHTS_MAX;
 use crate::port::moment::until;
 use crate::port::queue::{Access, BROADCAST, Next, PortQueue, Ticket, WAITING_MAX};
 use crate::port::servers::{LINKS_MAX, Servers};
+use crate::settings::{PortId, PortKind, SerialSettings};
 use crate::stats::Event;
 
 /// How often a full queue is looked through for orders that are nobody's any more. That takes longer than serving a request, and to refuse

@@ -2,8 +2,8 @@
 
 use embassy_time::Duration;
 
-use crate::config::{Framing, LineSettings};
 use crate::modbus::{PduLength, ascii, rtu};
+use crate::settings::{Framing, LineSettings};
 
 /// Most characters of a frame in either framing.
 pub(crate) const FRAME_CHARS_MAX: usize = ascii::FRAME_CHARS_MAX;

@@ -8,11 +8,11 @@ use core::pin::pin;
 
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline, with_timeout};
 
-use crate::config::{Driver, LineSettings};
 use crate::hal::{Flaws, SerialLine};
 use crate::modbus::rtu;
 use crate::port::moment::within;
 use crate::port::relay::Relay;
+use crate::settings::{Driver, LineSettings};
 use crate::stats::{Counters, Event};
 
 mod opening;

@@ -14,7 +14,6 @@ use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant};
 
 use crate::capture::Tap;
-use crate::config::{StreamFraming, TcpClientSettings};
 use crate::frame::{Cause, Frame};
 use crate::gateway::socket::Socket;
 use crate::hal::TcpStream;
@@ -25,6 +24,7 @@ use crate::port::flights::Flights;
 use crate::port::moment::{until, within};
 use crate::port::queue::{BROADCAST, Next};
 use crate::port::stream::Pieces;
+use crate::settings::{StreamFraming, TcpClientSettings};
 use crate::stats::Event;
 
 mod receive;

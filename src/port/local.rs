@@ -7,15 +7,14 @@
 
 use embassy_time::Instant;
 
-use crate::config::{Framing, PortKind};
 use crate::frame::{Envelope, Frame};
 use crate::gateway::Gateway;
-use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{
     DIAGNOSTICS, ENCAPSULATED_INTERFACE, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG,
     MEI_DEVICE_IDENTIFICATION, REPORT_SERVER_ID,
 };
-use crate::modbus::{Exception, pdu};
+use crate::modbus::{Exception, Pdu, pdu};
+use crate::settings::{Framing, PortKind};
 
 mod diagnostics;
 mod identification;

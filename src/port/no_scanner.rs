@@ -1,8 +1,8 @@
 //! What stands for the scanner's port in a gateway that asks nothing by itself: without the feature `points`.
 
-use crate::config::PortId;
 use crate::gateway::{Gateway, PortPlace};
 use crate::port::ethercat::EthercatPlace;
+use crate::settings::PortId;
 
 /// There is nothing to ask for. Settings with such a port are refused before.
 pub(crate) fn run(

@@ -21,7 +21,7 @@ use embassy_time::Instant;
 use heapless::Vec;
 
 use crate::gateway::unit_health::Ready;
-use crate::route::Priority;
+use crate::settings::Priority;
 
 /// Orders that may wait at one port. With the feature `small` a port does not hold more than a small board has frames.
 pub const WAITING_MAX: usize = if cfg!(feature = "small") { 24 } else { 64 };
@@ -432,7 +432,7 @@ mod tests {
     use embassy_time::Instant;
 
     use super::{Access, Asker, Next, PortQueue, Ready, Ticket};
-    use crate::route::Priority;
+    use crate::settings::Priority;
 
     /// A read by `connection` from `address`, or from a serial line; the order is the connection.
     fn ask(queue: &mut PortQueue<u16>, connection: u16, address: Option<IpAddr>) {

@@ -5,8 +5,8 @@ use embassy_time::Instant;
 use crate::frame::{Envelope, Frame};
 use crate::modbus::pdu::{self, End};
 use crate::port::arriving::{Arriving, Passing, is_whole};
-use crate::port::cut::Lane;
 use crate::port::desk::{Desk, is_answering};
+use crate::settings::Lane;
 
 /// The response that is awaited.
 pub(crate) struct Reply<'r, 'g> {

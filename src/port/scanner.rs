@@ -9,13 +9,13 @@ use core::future::pending;
 use embassy_futures::select::{Either4, select, select4};
 use embassy_time::{Duration, Instant, Timer};
 
-use crate::config::PortId;
 use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Status};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::port::ethercat::{EthercatPlace, Requests};
 use crate::scanner::{DEVICES_MAX, DeviceId, ErrorCode, Pdu, ScannerPlace};
+use crate::settings::PortId;
 use crate::stats::Event;
 
 /// A request that no port has sent by then is not sent any more: what it would write may be old.

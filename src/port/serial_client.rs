@@ -8,19 +8,18 @@ use core::pin::pin;
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant};
 
-use crate::config::{Framing, SerialClientSettings, SerialSettings};
 use crate::frame::{Cause, Fill, Frame, Way};
 use crate::gateway::direct_request::Failure;
 use crate::hal::{SerialHost, SerialLine};
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::port::bus::Bus;
 use crate::port::copy::Copied;
-use crate::port::cut::Lane;
 use crate::port::desk::Desk;
 use crate::port::line::{Collision, LineLost, Opening};
 use crate::port::moment::{apart, until};
 use crate::port::queue::{BROADCAST, Next};
 use crate::port::reply::Reply;
+use crate::settings::{Framing, Lane, SerialClientSettings, SerialSettings};
 use crate::stats::Event;
 
 /// A line is the only link of its port.

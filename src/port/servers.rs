@@ -8,8 +8,7 @@
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
-use crate::config::{PORT_SERVERS_MAX, SOCKETS_MAX};
-use crate::route::{Tag, UnitRange};
+use crate::settings::{PORT_SERVERS_MAX, SOCKETS_MAX, Tag, UnitRange};
 
 /// First and longest pause before a server is tried again.
 pub const RETRY_FIRST: Duration = Duration::from_millis(500);

@@ -3,10 +3,10 @@
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
-use crate::config::StreamFraming;
 use crate::modbus::PduLength;
 use crate::modbus::rtu::{self, Cut};
 use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, MbapError, Parsed};
+use crate::settings::StreamFraming;
 use crate::stats::Event;
 
 /// A pause that ends a frame of RTU over TCP whose length its function does not tell. A stream has no silences of its own:

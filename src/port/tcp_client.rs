@@ -15,7 +15,6 @@ use embassy_futures::join::join_array;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, with_deadline, with_timeout};
 
-use crate::config::TcpClientSettings;
 use crate::gateway::Status;
 use crate::gateway::socket::{self, Need, Socket};
 use crate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream};
@@ -23,6 +22,7 @@ use crate::port::desk::Desk;
 use crate::port::link::Link;
 use crate::port::moment::apart;
 use crate::port::servers::LINKS_MAX;
+use crate::settings::TcpClientSettings;
 use crate::stats::Event;
 
 /// Pause before another look for a socket: others than ports that make connections use some, too.

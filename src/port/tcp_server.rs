@@ -15,16 +15,15 @@ use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::capture::Tap;
-use crate::config::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState};
 use crate::hal::{OpenError, TcpHost, TcpStream};
-use crate::modbus::Exception;
-use crate::modbus::pdu;
 use crate::modbus::tcp::{Header, Parsed};
+use crate::modbus::{Exception, pdu};
 use crate::port::listening;
 use crate::port::moment::{apart, until, within};
 use crate::port::stream::{Input, Pieces};
+use crate::settings::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::stats::Event;
 
 // One of two: what an `async` function awaits stays in it, also behind a constant.

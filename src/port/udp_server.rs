@@ -12,14 +12,13 @@ use embassy_time::{Duration, Instant, Timer};
 use heapless::Vec;
 
 use crate::capture::{FrameKind, Tap};
-use crate::config::{PortId, UDP_REQUESTS_MAX, UdpServerSettings};
 use crate::frame::{Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Status};
 use crate::hal::{SocketLost, UdpHost, UdpSocket};
-use crate::modbus::Exception;
-use crate::modbus::pdu;
 use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
+use crate::modbus::{Exception, pdu};
 use crate::port::listening;
+use crate::settings::{PortId, UDP_REQUESTS_MAX, UdpServerSettings};
 use crate::stats::Event;
 
 /// Pause after the socket failed.

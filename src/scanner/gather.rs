@@ -12,6 +12,7 @@ use super::row::{Entry, Row};
 use super::station::Device;
 use super::status::Status;
 use super::values::Values;
+
 pub use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{
     MASK_WRITE_REGISTER, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL,

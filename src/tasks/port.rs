@@ -4,13 +4,13 @@ use core::pin::pin;
 
 use embassy_futures::select::select;
 
-use crate::config::{PortId, PortKind, Side, StreamFraming};
 use crate::gateway::Gateway;
 use crate::hal::{SerialHost, TcpConnect, UdpHost};
 use crate::port::desk::{Desk, Part};
 use crate::port::moment::apart;
 use crate::port::servers::{LINKS_MAX, Servers};
 use crate::port::{scanner, serial_client, serial_server, tcp_client, udp_server};
+use crate::settings::{PortId, PortKind, Side, StreamFraming};
 
 impl Gateway<'_> {
     /// The port task of place `id`: plays the part that the settings say, for ever.

@@ -6,13 +6,14 @@
 
 use embassy_time::Instant;
 
-use crate::config::PortId;
 use crate::frame::{Cause, Channel, Envelope, Fill, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::port::local;
-use crate::route::{self, Decision};
+use crate::routing;
+use crate::routing::Decision;
+use crate::settings::PortId;
 use crate::stats::{Event, LogEntry, Outcome};
 
 impl Gateway<'_> {
@@ -39,7 +40,8 @@ impl Gateway<'_> {
         }
         let port = envelope.origin.port;
         let decision = frame.pdu(|request| {
-            let decide = |settings: &_| route::decide(settings, port, envelope.unit, envelope.peer, request);
+            let decide =
+                |settings: &_| routing::decide(settings, port, envelope.unit, envelope.peer, request);
             Some(self.settings(decide))
         });
         let decision = decision.unwrap_or(Decision::Refuse(Exception::ILLEGAL_VALUE));
@@ -97,7 +99,7 @@ impl Gateway<'_> {
         let mut lines = 0;
         for (index, place) in self.ports().iter().enumerate() {
             let port = PortId(index as u8);
-            let rank = |settings: &_| route::leads_to(settings, origin.port, envelope.peer, &request, port);
+            let rank = |settings: &_| routing::leads_to(settings, origin.port, envelope.peer, &request, port);
             let Some(priority) = self.settings(rank) else { continue };
             // No frame is anybody's own here: a flood of broadcasts must not cost others theirs.
             let origin = Origin { way: Way::Nobody, ..origin };

@@ -5,10 +5,10 @@ use std::convert::Infallible;
 
 use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Read, Write};
-use mobgate::config::Settings;
 use mobgate::console::{Ended, Mode, run};
 use mobgate::gateway::Gateway;
 use mobgate::hal::{Store, StoreError, System};
+use mobgate::settings::Settings;
 use mobgate_simulator::random::{Random, chosen};
 use mobgate_simulator::{Device, World, rig};
 

@@ -2,7 +2,7 @@
 
 use embassy_futures::join::join;
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::rig::{Size, machine};

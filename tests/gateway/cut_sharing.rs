@@ -3,7 +3,7 @@
 
 use embassy_futures::join::{join, join3};
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::device::Fresh;

@@ -1,10 +1,11 @@
 //! When the copy of an arriving frame may begin, where its end is, and which CRC it has: by value.
 
 use embassy_time::Instant;
-use mobgate::config::{Framing, LineSettings};
 use mobgate::modbus::delta::CrcDelta;
 use mobgate::modbus::pdu::{End, request_end, response_end};
-use mobgate::port::cut::{Lane, start};
+use mobgate::port::cut::start;
+use mobgate::settings::Lane;
+use mobgate::settings::{Framing, LineSettings};
 use mobgate_simulator::device::rtu;
 use mobgate_simulator::timing::char_bits;
 use proptest::prelude::{any, prop};
@@ -35,7 +36,7 @@ fn start_us(input: &Lane, output: &Lane, bytes: Option<usize>) -> Option<u64> {
 fn a_copy_on_a_line_as_slow_or_slower_begins_as_soon_as_the_unit_is_there() {
     assert_eq!(start_us(&rtu_lane(19_200), &rtu_lane(19_200), None), Some(573));
     assert_eq!(start_us(&rtu_lane(115_200), &rtu_lane(19_200), None), Some(96));
-    let none = LineSettings { parity: mobgate::config::Parity::None, ..line(19_200) };
+    let none = LineSettings { parity: mobgate::settings::Parity::None, ..line(19_200) };
     let none = Lane { framing: Framing::Rtu, line: none };
     // Ten bits a character are sooner over than eleven.
     assert_eq!(start_us(&none, &rtu_lane(19_200), None), Some(521));

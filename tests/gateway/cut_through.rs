@@ -1,7 +1,7 @@
 //! Frames that are passed on while they arrive, from RTU line to RTU line, in virtual time.
 
 use embassy_time::{Duration, Instant};
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 use mobgate::stats::Event;
 use mobgate_simulator::client::load::ClosedLoop;
 use mobgate_simulator::client::{Answer, Reply};

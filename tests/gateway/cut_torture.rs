@@ -3,7 +3,7 @@
 //! `MOBGATE_SEED=17 cargo test cut_torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many, as CI does.
 
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 use mobgate::stats::Event;
 use mobgate_simulator::client::load::ClosedLoop;
 use mobgate_simulator::device::Fresh;

@@ -2,13 +2,12 @@
 
 use std::net::IpAddr;
 
-use mobgate::config::{PortId, Settings, apply};
+use mobgate::language::apply;
 use mobgate::modbus::Exception;
 use mobgate::modbus::pdu::{Extent, Touched, touched};
-use mobgate::route::{
-    AddressRange, Decision, Functions, Onward, Policy, Priority, Tag, UnitRange, decide, is_routed, leads_to,
-    onward,
-};
+use mobgate::routing::{Decision, Onward, decide, is_routed, leads_to, onward};
+use mobgate::settings::{AddressRange, Functions, Policy, Priority, Tag, UnitRange};
+use mobgate::settings::{PortId, Settings};
 
 const READ: [u8; 5] = [3, 0, 0, 0, 1];
 const WRITE: [u8; 5] = [6, 0, 0, 0, 1];

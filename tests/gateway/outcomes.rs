@@ -1,7 +1,7 @@
 //! Every pair of framings, every function code, every way in which an answer can come: each has its defined outcome.
 
 use embassy_time::{Duration, Timer};
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 use mobgate_simulator::client::{Answer, Reply};
 use mobgate_simulator::fault::When;
 use mobgate_simulator::rig::machine;

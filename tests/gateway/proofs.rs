@@ -1,11 +1,11 @@
 //! What goes before a request to a unit that may still answer an earlier one.
 
 use embassy_time::{Duration, Instant};
-use mobgate::config::{PortId, Proof};
 use mobgate::gateway::outstanding::Purpose;
 use mobgate::gateway::unit_health::Ready;
 use mobgate::gateway::unit_health::{AllUnits, Care, Gate, State, Step, Unit, Units};
 use mobgate::scanner::Kind;
+use mobgate::settings::{PortId, Proof};
 use mobgate::stats::Event;
 
 const ID: u8 = 5;

@@ -3,7 +3,7 @@
 
 use embassy_time::{Duration, Instant, with_deadline};
 use embedded_io_async::{Read, Write};
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 use mobgate_simulator::client::frame as mbap;
 use mobgate_simulator::net::{ClientStream, UdpClient};
 use mobgate_simulator::random::chosen;

@@ -2,10 +2,12 @@
 
 use std::net::IpAddr;
 
-use mobgate::config::{PortId, Settings, apply};
+use mobgate::language::apply;
 use mobgate::modbus::Exception;
 use mobgate::modbus::pdu::check_request;
-use mobgate::route::{AddressRange, Decision, Functions, Onward, Policy, Priority, decide, onward};
+use mobgate::routing::{Decision, Onward, decide, onward};
+use mobgate::settings::{AddressRange, Functions, Policy, Priority};
+use mobgate::settings::{PortId, Settings};
 
 /// What a request does to a device (Application Protocol V1.1b3, clause 6).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::config::{Framing, LineSettings, Parity, PortId};
+use mobgate::settings::{Framing, LineSettings, Parity, PortId};
 use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::console::{typed, typed_slowly};

@@ -1,7 +1,7 @@
 //! A master on a serial line asks the gateway, in virtual time.
 
 use embassy_time::Duration;
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 use mobgate::stats::{Event, LastError};
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::rig::Size;

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 
 use embassy_time::{Duration, Instant};
 use mobgate::port::servers::{Choice, RETRY_FIRST, Servers};
-use mobgate::route::{Tag, UnitRange};
+use mobgate::settings::{Tag, UnitRange};
 use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::client::session::Session;

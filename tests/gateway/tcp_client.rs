@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
-use mobgate::config::PortId;
+use mobgate::settings::PortId;
 use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::client::session::Session;

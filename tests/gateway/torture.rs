@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 use mobgate_simulator::client::{Answer, NoReply};
 use mobgate_simulator::device::Fresh;
 use mobgate_simulator::fault::When;

@@ -1,12 +1,12 @@
 //! The health of units: late-reply window, down, probes.
 
 use embassy_time::{Duration, Instant};
-use mobgate::config::{PORTS_MAX, PortId, Proof};
 use mobgate::gateway::outstanding::Purpose;
 use mobgate::gateway::unit_health::Ready;
 use mobgate::gateway::unit_health::{
     ALL_UNITS_MAX, AllUnits, Care, Gate, PROBE_LONGEST, Step, UNITS_MAX, Units,
 };
+use mobgate::settings::{PORTS_MAX, PortId, Proof};
 use mobgate::stats::Event;
 
 const WINDOW: Duration = Duration::from_secs(1);

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 
 use embassy_time::{Duration, Instant};
-use mobgate::config::{LineSettings, PortKind, Settings, apply};
+use mobgate::language::apply;
+use mobgate::settings::{LineSettings, PortKind, Settings};
 use mobgate_simulator::device::tcp::Stream;
 use mobgate_simulator::{Device, LineEnd, Rig, World, device, rig, wire::Silence};
 

@@ -1,6 +1,6 @@
 //! What transactions take by the formulas, in seconds; direct, stored, and passed on while they arrive.
 
-use mobgate::config::{Framing, LineSettings};
+use mobgate::settings::{Framing, LineSettings};
 use mobgate_simulator::timing::{char_bits, t3_5_ns};
 
 use super::{TICK, TURNAROUND, UNIT_FUNCTION_COUNT};

@@ -1,7 +1,7 @@
 //! One router between lines of different framings, or between two ASCII lines: passed on while frames arrive, against the
 //! formula and against frames that are stored.
 
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 
 use super::chain::through;
 use super::formula::{Line, cut_through, direct};

@@ -2,8 +2,8 @@
 
 use crc::{Digest, Table};
 use embedded_storage_async::nor_flash::NorFlash;
-use mobgate::config::{LINE_BYTES_MAX, PORTS_MAX, ROUTES_MAX};
 use mobgate::hal::{Store, StoreError};
+use mobgate::settings::{LINE_BYTES_MAX, PORTS_MAX, ROUTES_MAX};
 use sequential_storage::Error;
 use sequential_storage::cache::Cache;
 use sequential_storage::cache::key_pointers::ArrayKeyPointers;

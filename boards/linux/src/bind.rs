@@ -4,8 +4,8 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::os::fd::AsFd;
 
-use mobgate::config::TcpListen;
 use mobgate::hal::{OpenError, OpenErrorKind};
+use mobgate::settings::TcpListen;
 use rustix::io::Errno;
 use socket2::{Domain, Protocol, Socket, Type};
 

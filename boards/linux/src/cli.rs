@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, Parser, Subcommand};
-use mobgate::config::{InterfaceName, TcpListen};
+use mobgate::settings::{InterfaceName, TcpListen};
 
 use crate::demo;
 

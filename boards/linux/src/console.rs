@@ -7,10 +7,10 @@ use std::net::IpAddr;
 use std::rc::Rc;
 
 use embassy_time::{Duration, Timer};
-use mobgate::config::TcpListen;
 use mobgate::console::{self, Ended, Mode};
 use mobgate::gateway::Gateway;
 use mobgate::hal::{OpenError, System, TcpHost};
+use mobgate::settings::TcpListen;
 use rustix::termios::isatty;
 
 use crate::cli::ConsolePort;

@@ -6,7 +6,7 @@ use std::f32::consts::TAU;
 use std::fmt::Write as _;
 
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::config::{LineSettings, TcpListen};
+use mobgate::settings::{LineSettings, TcpListen};
 use mobgate_simulator::device::serve;
 use mobgate_simulator::{Device, LineEnd, SimSerial, Wire};
 

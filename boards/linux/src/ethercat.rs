@@ -18,9 +18,9 @@ use ethercat_esc::interface::{Interface, InterfaceError};
 use ethercat_esc::{Chip, DirectPdi, Interrupt, Kind, SharedChip, now};
 use ethercat_subdevice::esc::{Esc, EscError};
 use ethercat_subdevice::sii;
-use mobgate::config::{InterfaceName, PortId, PortKind};
 use mobgate::gateway::Gateway;
 use mobgate::port::ethercat::{DEVICE, EthercatPlace, serve};
+use mobgate::settings::{InterfaceName, PortId, PortKind};
 use mobgate::stats::Event;
 use rustix::io::Errno;
 

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Error, ErrorKind, ErrorType, Read, Write};
-use mobgate::config::LineSettings;
 use mobgate::hal::{Flaws, OpenError, SerialHost, SerialLine};
+use mobgate::settings::LineSettings;
 use mobgate_simulator::SimSerial;
 use mobgate_simulator::serial::SimLine;
 

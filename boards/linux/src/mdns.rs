@@ -232,7 +232,7 @@ fn networks() -> Vec<Network> {
 fn host_label(name: &str) -> String {
     let label = name.split('.').next().unwrap_or_default();
     let good = |letter: char| if letter.is_ascii_alphanumeric() { letter } else { '-' };
-    let label: String = label.chars().map(good).take(mobgate::config::HOST_NAME_BYTES_MAX).collect();
+    let label: String = label.chars().map(good).take(mobgate::settings::HOST_NAME_BYTES_MAX).collect();
     let label = label.trim_matches('-');
     if label.is_empty() { "mobgate".to_owned() } else { label.to_owned() }
 }

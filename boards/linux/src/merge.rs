@@ -7,7 +7,8 @@
 
 use std::collections::HashMap;
 
-use mobgate::config::{LINE_BYTES_MAX, Settings, apply, write_line};
+use mobgate::language::{apply, write_line};
+use mobgate::settings::{LINE_BYTES_MAX, Settings};
 
 /// What lines are about, in the order in which a text needs them.
 const KINDS: [&str; 7] = ["network", "port", "server", "route", "device", "point", "slave"];

@@ -1,9 +1,10 @@
 //! Settings from a file: read as a whole, checked as a whole, and only then taken over.
 
-use mobgate::config::{Loader, PortKind, Settings, TcpListen, TcpServerSettings, write_line};
 use mobgate::gateway::Gateway;
 use mobgate::gateway::reconfigure::{self, Unchanged};
 use mobgate::hal::StoreError;
+use mobgate::language::{Loader, write_line};
+use mobgate::settings::{PortKind, Settings, TcpListen, TcpServerSettings};
 
 use crate::store::FileStore;
 

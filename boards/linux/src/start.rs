@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::rc::Rc;
 
-use mobgate::config::{Settings, TcpListen};
 use mobgate::gateway::Gateway;
+use mobgate::settings::{Settings, TcpListen};
 
 use crate::cli::{DemoKind, Options};
 use crate::reactor::block_on;

@@ -13,8 +13,8 @@ use std::rc::{Rc, Weak};
 use embassy_time::{Duration, Timer};
 use embedded_io_async::{ErrorType, Read, Write};
 use futures_lite::future::or;
-use mobgate::config::TcpListen;
 use mobgate::hal::{self, OpenError, TcpHost};
+use mobgate::settings::TcpListen;
 
 use crate::descriptor::Descriptor;
 

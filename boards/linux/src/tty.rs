@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 use embassy_time::Instant;
 use embedded_io_async::{ErrorType, Read, Write};
-use mobgate::config::{Driver, LineSettings, Parity};
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
+use mobgate::settings::{Driver, LineSettings, Parity};
 use rustix::fs::{FlockOperation, flock, fstat, major};
 use rustix::io::Errno;
 use rustix::termios::{QueueSelector, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush};

@@ -3,8 +3,8 @@
 use std::io;
 use std::net::{SocketAddr, UdpSocket as SystemSocket};
 
-use mobgate::config::TcpListen;
 use mobgate::hal::{OpenError, SocketLost, UdpHost, UdpSocket};
+use mobgate::settings::TcpListen;
 use rustix::io::Errno;
 use socket2::{Protocol, Type};
 

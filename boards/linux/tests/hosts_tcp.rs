@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use embassy_time::Timer;
 use embedded_io_async::{Read, Write};
 use futures_lite::future::{or, poll_once, zip};
-use mobgate::config::TcpListen;
 use mobgate::hal::{OpenErrorKind, TcpHost, TcpStream as _};
+use mobgate::settings::TcpListen;
 use mobgate_linux::reactor::block_on;
 use mobgate_linux::tcp::TcpSockets;
 

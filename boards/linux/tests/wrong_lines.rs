@@ -2,10 +2,11 @@
 
 use std::fs;
 
-use mobgate::config::{PORTS_MAX, Settings, WORD_BYTES_MAX};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, Seat};
+use mobgate::language::WORD_BYTES_MAX;
 use mobgate::scanner::ScannerPlace;
+use mobgate::settings::{PORTS_MAX, Settings};
 use mobgate_linux::reactor::block_on;
 use mobgate_linux::store::FileStore;
 use mobgate_linux::{lines, settings};

@@ -17,7 +17,7 @@ use domain::base::{Message, MessageBuilder, Name, StaticCompressor, ToName, Ttl}
 use domain::rdata::{A, Ptr, Srv, Txt};
 use embassy_time::{Duration, Instant};
 use heapless::{String, Vec};
-use mobgate::config::{HOST_NAME_BYTES_MAX, NAME_BYTES_MAX, PORTS_MAX, Settings};
+use mobgate::settings::{HOST_NAME_BYTES_MAX, NAME_BYTES_MAX, PORTS_MAX, Settings};
 
 /// Where queries and answers go (RFC 6762, 3).
 pub const GROUP: Ipv4Addr = Ipv4Addr::new(224, 0, 0, 251);

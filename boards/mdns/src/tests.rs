@@ -8,7 +8,8 @@ use std::vec::Vec;
 use std::{format, vec};
 
 use embassy_time::Instant;
-use mobgate::config::{Settings, apply};
+use mobgate::language::apply;
+use mobgate::settings::Settings;
 use proptest::prelude::*;
 use simple_dns::rdata::RData;
 use simple_dns::{CLASS, Name, Packet, PacketFlag, QCLASS, QTYPE, Question, ResourceRecord, TYPE};

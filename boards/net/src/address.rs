@@ -2,9 +2,9 @@
 
 use embassy_net::{ConfigV4, DhcpConfig, HardwareAddress, Ipv4Cidr, Stack, StaticConfigV4};
 use heapless::String;
-use mobgate::config::{OwnNetwork, StaticAddress};
 use mobgate::gateway::Gateway;
 use mobgate::hal::NetworkState;
+use mobgate::settings::{OwnNetwork, StaticAddress};
 
 /// The settings of a stack whose board is to come by its address in this way.
 pub fn stack_config(network: &OwnNetwork) -> embassy_net::Config {

@@ -3,8 +3,8 @@
 use core::net::{IpAddr, Ipv4Addr};
 
 use embassy_net::tcp::ConnectError;
-use mobgate::config::{Host, ServerAddress};
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
+use mobgate::settings::{Host, ServerAddress};
 
 use crate::names;
 use crate::pool::Sockets;

@@ -8,8 +8,8 @@ use embassy_net::udp::{PacketMetadata, UdpSocket};
 use embassy_net::{IpAddress, IpEndpoint, Stack};
 use embassy_time::{Instant, Timer};
 use heapless::String;
-use mobgate::config::HOST_NAME_BYTES_MAX;
 use mobgate::gateway::Gateway;
+use mobgate::settings::HOST_NAME_BYTES_MAX;
 use mobgate_mdns::{
     self as mdns, AGAIN, ANNOUNCEMENTS, GROUP, HOPS, MESSAGE_BYTES, PORT, Rate, Said, announcement, answer,
 };

@@ -6,8 +6,8 @@ use embassy_net::tcp::{Error, State, TcpSocket};
 use embassy_net::{IpEndpoint, IpListenEndpoint};
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::{ErrorType, Read, Write};
-use mobgate::config::TcpListen;
 use mobgate::hal::{self, OpenError, OpenErrorKind, TcpHost};
+use mobgate::settings::TcpListen;
 
 use crate::pool::{PooledTcp, Sockets};
 

@@ -3,8 +3,8 @@
 use core::net::SocketAddr;
 
 use embassy_net::udp::{PacketMetadata, SendError, UdpSocket};
-use mobgate::config::TcpListen;
 use mobgate::hal::{self, OpenError, OpenErrorKind, SocketLost, UdpHost};
+use mobgate::settings::TcpListen;
 
 use crate::pool::{Lease, Sockets};
 use crate::tcp::{address, endpoint};

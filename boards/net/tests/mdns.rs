@@ -5,9 +5,10 @@ use std::net::Ipv4Addr;
 
 use embassy_net::udp::{PacketMetadata, UdpSocket};
 use embassy_time::{Duration, with_timeout};
-use mobgate::config::{Settings, apply};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, Seat};
+use mobgate::language::apply;
+use mobgate::settings::Settings;
 use mobgate_net::{Sockets, mdns};
 use mobgate_simulator::World;
 

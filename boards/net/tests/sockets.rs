@@ -6,10 +6,11 @@ use embassy_futures::join::{join, join3};
 use embassy_futures::select::select;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
-use mobgate::config::{Host, ServerAddress, Settings, TcpListen, apply};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports};
 use mobgate::hal::{OpenErrorKind, TcpConnect, TcpHost, TcpStream as _, UdpHost, UdpSocket};
+use mobgate::language::apply;
+use mobgate::settings::{Host, ServerAddress, Settings, TcpListen};
 use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets, TcpStream, address};
 use mobgate_simulator::World;
 

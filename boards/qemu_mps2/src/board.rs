@@ -8,7 +8,7 @@ use embassy_futures::join::join;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use heapless::String;
-use mobgate::config::Loader;
+use mobgate::language::{Loader};
 use mobgate::console::{self, Mode};
 use mobgate::gateway::reconfigure;
 use mobgate::gateway::Gateway;

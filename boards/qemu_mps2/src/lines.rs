@@ -1,7 +1,7 @@
 //! The Modbus lines: `uart1` to `uart3`. UART 0 is the console, UART 4 tells figures.
 
 use embassy_time::Duration;
-use mobgate::config::{Driver, LineSettings};
+use mobgate::settings::{Driver, LineSettings};
 use mobgate::hal::{OpenError, OpenErrorKind, SerialHost};
 
 use crate::uart::{CLOCK_HZ, DIVISOR_MIN, Line};

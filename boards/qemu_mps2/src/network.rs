@@ -2,7 +2,7 @@
 
 use embassy_futures::join::join4;
 use embassy_net::{Runner, StackResources};
-use mobgate::config::OwnNetwork;
+use mobgate::settings::{OwnNetwork};
 use mobgate::gateway::Gateway;
 use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};

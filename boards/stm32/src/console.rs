@@ -5,7 +5,7 @@ use core::pin::pin;
 use embassy_executor::Spawner;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use mobgate::config::{LineSettings, Parity};
+use mobgate::settings::{LineSettings, Parity};
 use mobgate::console::{self, Mode};
 use mobgate_flash::{FlashStore, SharedStore};
 

@@ -5,7 +5,7 @@ use core::pin::pin;
 
 use embassy_executor::Spawner;
 use embassy_sync::once_lock::OnceLock;
-use mobgate::config::PortId;
+use mobgate::settings::{PortId};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate_board::liveness::Liveness;

@@ -3,7 +3,7 @@
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use mobgate::config::LineSettings;
+use mobgate::settings::{LineSettings};
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
 
 use crate::line::Line;

@@ -3,12 +3,10 @@
 use embassy_time::Duration;
 use heapless::Vec;
 
-use crate::config::{
-    Framing, LineSettings, Parity, PortId, Settings, Words, Wrong, number, parse_number, parse_units, time,
-};
 use crate::console::probe::{harmless, serial_client};
+use crate::language::{Words, Wrong, number, parse_number, parse_units, time};
 use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, REPORT_SERVER_ID};
-use crate::route::UnitRange;
+use crate::settings::{Framing, LineSettings, Parity, PortId, Settings, UnitRange};
 
 /// Speeds, unless others are named: the likely ones first.
 const BAUDS: [u32; 8] = [9_600, 19_200, 38_400, 57_600, 115_200, 4_800, 2_400, 1_200];

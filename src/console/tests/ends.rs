@@ -1,7 +1,7 @@
 //! How sessions end, and whose bytes never become one.
 
 use super::*;
-use crate::config::LINE_BYTES_MAX;
+use crate::settings::LINE_BYTES_MAX;
 
 /// What a session of `mode` prints, how it ends, and the settings behind it.
 fn ended(mode: Mode, typed: &[u8], piece: usize) -> (String, Ended, String) {

@@ -7,8 +7,8 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Duration;
 
-use crate::config::{LineSettings, PortId, PortKind, SerialClientSettings};
 use crate::frame::Channel;
+use crate::settings::{LineSettings, PortId, PortKind, SerialClientSettings};
 use crate::stats::Event;
 
 /// Why there is no response.

@@ -6,13 +6,12 @@ use embassy_time::Instant;
 
 use super::Bus;
 use super::found::Found;
-use crate::config::Framing;
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{AsciiError, COLON};
 use crate::modbus::pdu::{self, EXCEPTION_BIT, End};
 use crate::modbus::rtu::{self, AtSilence, Received};
-use crate::port::cut::Lane;
 use crate::port::reply::Reply;
+use crate::settings::{Framing, Lane};
 use crate::stats::Event;
 
 /// Bytes of an exception's PDU.

@@ -4,9 +4,9 @@ use embassy_time::Instant;
 
 use super::Bus;
 use super::found::Found;
-use crate::config::Framing;
 use crate::hal::SerialLine;
 use crate::modbus::rtu;
+use crate::settings::Framing;
 use crate::stats::Event;
 
 impl<L: SerialLine> Bus<'_, L> {

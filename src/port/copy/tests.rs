@@ -7,10 +7,10 @@ extern crate std;
 use std::vec::Vec;
 
 use super::{Form, Sent, digits, rtu};
-use crate::config::Framing;
 use crate::frame::{Frame, FramePool, FrameWriter, Slot};
 use crate::modbus::ascii::LINE_FEED;
 use crate::port::framing::FRAME_CHARS_MAX;
+use crate::settings::Framing;
 
 const UNITS: [(u8, u8); 2] = [(5, 5), (105, 5)];
 const READ: [u8; 5] = [3, 0, 7, 0, 1];

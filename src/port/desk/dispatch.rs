@@ -4,7 +4,6 @@
 use embassy_futures::select::select;
 use embassy_time::Instant;
 
-use crate::config::{SERVERS, ServerAddress, Settings};
 use crate::frame::Frame;
 use crate::gateway::Status;
 use crate::gateway::socket::{self, Need};
@@ -12,6 +11,7 @@ use crate::gateway::unit_health::Ready;
 use crate::port::desk::Desk;
 use crate::port::moment::until;
 use crate::port::servers::{Choice, LINKS_MAX, Set};
+use crate::settings::{SERVERS, ServerAddress, Settings};
 
 impl<'g> Desk<'g> {
     /// Links that are in use.

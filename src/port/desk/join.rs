@@ -3,7 +3,7 @@
 use crate::frame::{Envelope, Frame};
 use crate::modbus::pdu::Block;
 use crate::port::desk::order::block;
-use crate::route::{AddressRange, Merge};
+use crate::settings::{AddressRange, Merge};
 
 /// A read that others may join, or what has become of several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,7 +5,7 @@ use crate::frame::{Envelope, Errand, Fill, Frame, Way};
 use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::Block;
 use crate::port::queue::{Access, Asker, Ticket};
-use crate::route::Merge;
+use crate::settings::Merge;
 
 /// What `frame` asks for, if that is a block and sure: of a frame that still arrives nobody knows yet whether it is good.
 pub(super) fn block(frame: &Frame<'_>) -> Option<Block> {

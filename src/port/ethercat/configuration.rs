@@ -7,8 +7,8 @@ use super::image::Room;
 use super::layout::layouts;
 use super::line::Speed;
 use super::slaves::{ModbusSlave, SLAVES_FIRST, SLAVES_MAX, default_unit};
-use crate::config::{OnSilence, SlaveSettings};
 use crate::scanner::Kind;
+use crate::settings::{OnSilence, SlaveSettings};
 
 /// Why a configuration cannot be used, or not be kept. Slaves count from 0, as in the names of 2001h to 2004h.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]

@@ -2,8 +2,8 @@
 
 use super::configuration::ConfigError;
 use super::image::Room;
-use crate::config::{Cells, SlaveSettings};
 use crate::scanner::Kind;
+use crate::settings::{Cells, SlaveSettings};
 
 /// Addresses of a kind: 0 to 65535.
 const ADDRESSES: u32 = 65_536;

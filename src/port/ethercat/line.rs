@@ -3,7 +3,7 @@
 use core::fmt::{self, Display};
 
 use super::configuration::ConfigError;
-use crate::config::{LineSettings, Parity};
+use crate::settings::{LineSettings, Parity};
 
 /// How a serial line is set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -23,8 +23,8 @@ use super::layout::{DeviceLayout, layouts};
 use super::line::{LineWriter, Speed};
 use super::ranges::{INPUTS, OUTPUTS, add};
 use super::request::Requests;
-use crate::config::{OnLoss, Settings};
 use crate::scanner::{DeviceId, DeviceStatus, Scanner, ScannerPlace};
+use crate::settings::{OnLoss, Settings};
 
 /// A gateway's EtherCAT side. Boards keep it in a static; it is all zeros at start.
 pub struct EthercatPlace {

@@ -4,8 +4,8 @@ use embassy_time::Instant;
 
 use super::image::IMAGE_BYTES;
 use super::layout::DeviceLayout;
-use crate::config::{Cells, SlaveSettings};
 use crate::scanner::{Device, Full, Reading, Row, Scanner, Writing};
+use crate::settings::{Cells, SlaveSettings};
 
 /// Where the buffers lie in the scanner's memory.
 pub(super) const INPUTS: u16 = 0;

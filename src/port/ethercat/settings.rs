@@ -3,10 +3,9 @@
 use super::keeping::Keep;
 use super::line::Speed;
 use super::place::EthercatPlace;
-use crate::config::{LineSettings, PortKind, SerialSettings};
-use crate::gateway::Gateway;
-use crate::gateway::reconfigure;
+use crate::gateway::{Gateway, reconfigure};
 use crate::hal::Store;
+use crate::settings::{LineSettings, PortKind, SerialSettings};
 
 impl Gateway<'_> {
     /// Saves the settings into `store` whenever a MainDevice asks for that (1010h, 1011h), for ever; without a SubDevice it ends.

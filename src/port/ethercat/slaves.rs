@@ -18,7 +18,7 @@ const CONFIGURATIONS_END: u16 = 0x2100 + SLAVES_MAX as u16 - 1;
 const LAYOUTS_END: u16 = 0x2140 + SLAVES_MAX as u16 - 1;
 const STATUS_END: u16 = 0x2180 + SLAVES_MAX as u16 - 1;
 
-const _: () = assert!(crate::config::SLAVES_MAX == if POINTS { SLAVES_MAX } else { 0 });
+const _: () = assert!(crate::settings::SLAVES_MAX == if POINTS { SLAVES_MAX } else { 0 });
 
 /// What an object tells about which slave, counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,8 +3,8 @@
 use embassy_time::Instant;
 
 use super::place::EthercatPlace;
-use crate::config::OnSilence;
 use crate::scanner::DeviceStatus;
+use crate::settings::OnSilence;
 
 /// The bit of a state that turns with every answer.
 const TURNS: u16 = 1 << 7;

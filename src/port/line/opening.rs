@@ -3,9 +3,9 @@
 use embassy_time::{Duration, Timer};
 
 use super::Line;
-use crate::config::SerialSettings;
 use crate::gateway::{PortPlace, Status};
 use crate::hal::{OpenError, SerialLine};
+use crate::settings::SerialSettings;
 use crate::stats::{Event, LastError};
 
 /// First and longest pause before a line is opened again.

@@ -3,7 +3,6 @@
 use embassy_time::{Duration, Instant};
 
 use super::{End, Link};
-use crate::config::StreamFraming;
 use crate::frame::{Cause, Frame};
 use crate::hal::TcpStream;
 use crate::modbus::pdu::{EXCEPTION_BIT, fits};
@@ -12,6 +11,7 @@ use crate::modbus::tcp::{self, Header, Parsed};
 use crate::port::desk::Desk;
 use crate::port::flights::{Flight, Flights};
 use crate::port::stream::RTU_PAUSE;
+use crate::settings::StreamFraming;
 use crate::stats::Event;
 
 impl<'g, S: TcpStream> Link<'_, 'g, S> {

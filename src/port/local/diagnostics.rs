@@ -7,13 +7,12 @@
 use embassy_time::Instant;
 
 use super::response::{Answered, put};
-use crate::config::PortId;
 use crate::gateway::events::Events;
 use crate::gateway::unit_health::Unit;
 use crate::gateway::{Gateway, PortAt, PortPlace, Status};
-use crate::modbus::Exception;
-use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{DIAGNOSTICS, GET_COMM_EVENT_LOG};
+use crate::modbus::{Exception, Pdu};
+use crate::settings::PortId;
 use crate::stats::{Counters, Event};
 
 /// Bits of the diagnostic register: a port is lost or cannot be opened; a unit is down; no frame is free.

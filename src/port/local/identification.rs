@@ -1,9 +1,8 @@
 //! Read device identification (FC 2Bh, MEI type 0Eh), Application Protocol 6.21.
 
 use super::response::{Answered, put};
-use crate::modbus::Exception;
-use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION};
+use crate::modbus::{Exception, Pdu};
 
 /// The objects by their ids: vendor, product code, revision; vendor's address, product name.
 const OBJECTS: [&str; 5] = [

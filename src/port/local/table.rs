@@ -6,12 +6,11 @@
 use embassy_time::Instant;
 
 use super::{Answered, image, points, put};
-use crate::config::{PORTS_MAX, PortId};
 use crate::gateway::unit_health::{State, TROUBLES, UNITS_MAX, Unit};
 use crate::gateway::{Gateway, PortAt, Status};
-use crate::modbus::Exception;
-use crate::modbus::Pdu;
 use crate::modbus::pdu::function::{READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS};
+use crate::modbus::{Exception, Pdu};
+use crate::settings::{PORTS_MAX, PortId};
 use crate::stats::Event;
 
 /// The first register of the gateway's block.

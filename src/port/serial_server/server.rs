@@ -2,11 +2,12 @@
 
 use embassy_time::Instant;
 
-use crate::config::{PortId, SerialSettings};
 use crate::frame::{Cause, Envelope, Frame, FrameWriter, Origin, Way};
 use crate::gateway::{Gateway, PortPlace};
 use crate::modbus::pdu;
-use crate::route::{self, Onward, onward};
+use crate::routing;
+use crate::routing::{Onward, onward};
+use crate::settings::{PortId, SerialSettings};
 use crate::stats::Event;
 
 /// The port, as long as its settings stay.
@@ -27,7 +28,7 @@ impl<'g> Server<'_, 'g> {
     }
 
     pub(super) fn is_ours(&self, unit: u8) -> bool {
-        self.gateway.settings(|settings| route::is_routed(settings, self.id, unit))
+        self.gateway.settings(|settings| routing::is_routed(settings, self.id, unit))
     }
 
     /// Whether a request for `unit` that begins with `so_far` may be passed on while it arrives.

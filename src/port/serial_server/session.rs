@@ -11,7 +11,6 @@ use embassy_time::Instant;
 
 use super::server::Server;
 use crate::capture::Tap;
-use crate::config::Framing;
 use crate::frame::{Frame, Stage};
 use crate::hal::SerialLine;
 use crate::modbus::rtu;
@@ -19,6 +18,7 @@ use crate::port::arriving::Passing;
 use crate::port::line::{Line, LineLost};
 use crate::port::moment::until;
 use crate::port::shared_bus::{AsciiEar, RtuEar};
+use crate::settings::Framing;
 use crate::stats::Event;
 
 mod answer;

@@ -11,8 +11,9 @@ use ethercat_subdevice::coe::emergency::Emergency;
 use ethercat_subdevice::esc::EscError;
 use ethercat_subdevice::indicators::Indicators;
 use ethercat_subdevice::sync_manager::Channel;
-use mobgate::config::{Settings, apply};
+use mobgate::language::apply;
 use mobgate::port::ethercat::{EthercatPlace, GatewayObjects};
+use mobgate::settings::Settings;
 
 /// An application that a test looks into while the SubDevice has it.
 pub(crate) struct Shared<A>(pub(crate) Rc<RefCell<A>>);

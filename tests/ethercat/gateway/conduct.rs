@@ -2,8 +2,9 @@
 
 use embassy_time::Timer;
 use ethercat_subdevice::device::Device;
-use mobgate::config::{Settings, apply};
+use mobgate::language::apply;
 use mobgate::port::ethercat::DEVICE;
+use mobgate::settings::Settings;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::{Fault, Faults};
 

@@ -8,10 +8,11 @@ use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::coe::abort::Abort;
 use ethercrab::error::{Error, MailboxError};
-use mobgate::config::{Settings, write_store};
 use mobgate::gateway::Gateway;
+use mobgate::gateway::saved::write_store;
 use mobgate::hal::{Store, StoreError};
 use mobgate::port::ethercat::GatewayObjects;
+use mobgate::settings::Settings;
 use mobgate_simulator::rig::with_gateway;
 use mobgate_simulator::sub_device::Group;
 

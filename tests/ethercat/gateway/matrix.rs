@@ -2,7 +2,7 @@
 //! time and cycle; what it may take follows from the line alone.
 
 use embassy_time::Duration;
-use mobgate::config::LineSettings;
+use mobgate::settings::LineSettings;
 use mobgate_simulator::Random;
 use mobgate_simulator::timing::{chars_ns, t3_5_ns};
 

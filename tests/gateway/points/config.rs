@@ -1,9 +1,10 @@
 //! The lines of data points: what they set, what is wrong with bad ones, and that nothing is ever half applied.
 
-use mobgate::config::{Loader, PointAt, Settings, apply, write_line};
 use mobgate::frame::FramePool;
 use mobgate::gateway::{Gateway, Ports};
+use mobgate::language::{Loader, apply, write_line};
 use mobgate::scanner::{DeviceId, Reading, RowId, ScannerPlace, ValueType, Writing};
+use mobgate::settings::{PointAt, Settings};
 use proptest::prelude::*;
 
 const GOOD: &str = "port  scan scanner

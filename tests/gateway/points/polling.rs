@@ -200,9 +200,10 @@ fn what_the_ports_full_queue_refuses_is_not_taken_for_the_devices_answer() {
 
 #[test]
 fn a_gateway_without_memory_for_points_refuses_them_and_changes_nothing() {
-    use mobgate::config::{Settings, apply};
     use mobgate::frame::FramePool;
     use mobgate::gateway::{ApplyError, Gateway, Ports};
+    use mobgate::language::apply;
+    use mobgate::settings::Settings;
     let (slots, places) = ([], Ports::<0>::new());
     let pool = FramePool::new(&slots, 0);
     let gateway = Gateway::new(&pool, &places, &[]);
@@ -214,7 +215,7 @@ fn a_gateway_without_memory_for_points_refuses_them_and_changes_nothing() {
 
 #[test]
 fn with_one_frame_for_itself_a_scanner_asks_one_device_after_the_other_and_leaves_none_out() {
-    use mobgate::config::PORTS_MAX;
+    use mobgate::settings::PORTS_MAX;
     use mobgate_simulator::rig::{Size, with_gateway_of};
     let mut settings = "port bus serial uart1 rtu client 19200 8E1
         port scan scanner

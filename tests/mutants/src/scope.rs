@@ -5,18 +5,21 @@ pub(crate) const PATHS: &[&str] = &[
     // Codecs.
     "src/modbus",
     // Rules.
-    "src/route.rs",
-    "src/route",
-    "src/config/review.rs",
+    "src/routing.rs",
     "src/routing",
+    "src/settings/functions.rs",
+    "src/settings/policy.rs",
+    "src/settings/rule.rs",
+    "src/language/review.rs",
     // What is asked next, and what an answer proves.
     "src/port/queue.rs",
-    "src/port/units.rs",
-    "src/port/units",
+    "src/gateway/unit_health.rs",
+    "src/gateway/unit_health",
     "src/port/desk.rs",
     "src/port/desk",
-    "src/port/outstanding.rs",
+    "src/gateway/outstanding.rs",
     // Cut-through.
+    "src/settings/lane.rs",
     "src/port/cut.rs",
     "src/port/copy.rs",
     "src/port/arriving.rs",

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{scope, sleep};
 use std::time::{Duration, Instant};
 
-use mobgate::config::LineSettings;
+use mobgate::settings::LineSettings;
 use mobgate_simulator::Random;
 use mobgate_simulator::timing::{chars_ns, t3_5_ns};
 

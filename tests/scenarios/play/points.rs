@@ -1,8 +1,8 @@
 //! What steps do with data points, and look for in them.
 
 use embassy_time::Instant;
-use mobgate::config::PointSettings;
 use mobgate::scanner::{DeviceId, RowId, ScannerPlace, ValueType};
+use mobgate::settings::PointSettings;
 
 use super::Stage;
 use super::acts::equal;

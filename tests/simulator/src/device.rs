@@ -11,7 +11,7 @@ use std::rc::Rc;
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant};
 use embedded_io_async::Write;
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 
 use crate::fault::{Fault, Faults, Sent, Transmission};
 use crate::framing::{self, Listener};

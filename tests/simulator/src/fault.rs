@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use embassy_time::{Duration, Instant};
 use embedded_io_async::Write;
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 
 use crate::random::Random;
 use crate::wire::{Flaw, LineEnd};

@@ -1,6 +1,6 @@
 //! How a participant of a line hears whole frames, in RTU by silences and in ASCII by their first and last characters.
 
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 
 use crate::device::{ascii, rtu};
 use crate::wire::{Heard, LineEnd, Silence};

@@ -2,7 +2,7 @@
 
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::Write;
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 
 use crate::client::{Answer, Reply};
 use crate::framing::{self, Listener};

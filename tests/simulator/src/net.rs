@@ -11,8 +11,8 @@ use std::rc::Rc;
 use std::task::{Poll, Waker};
 
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use mobgate::config::TcpListen;
 use mobgate::hal::{OpenError, OpenErrorKind, TcpHost, TcpStream};
+use mobgate::settings::TcpListen;
 
 use crate::random::Random;
 

@@ -2,9 +2,9 @@
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use mobgate::config::LineSettings;
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
 use mobgate::port::relay::Relay;
+use mobgate::settings::LineSettings;
 
 use crate::wire::LineEnd;
 

@@ -4,7 +4,7 @@
 //! at all, and whether their answers come undamaged. Their registers hold whole requests for the gateway's units.
 
 use embassy_time::{Duration, Timer};
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 
 use crate::client::Answer;
 use crate::device::{Device, Memory, rtu};

@@ -1,7 +1,7 @@
 //! Times on a serial line by the specification's numbers (Modbus over Serial Line 2.5.1.1), and not by the gateway's arithmetic: tests
 //! hold one against the other. All in nanoseconds, rounded up.
 
-use mobgate::config::{LineSettings, Parity};
+use mobgate::settings::{LineSettings, Parity};
 
 /// Above this speed the silences are fixed.
 const FIXED_ABOVE_BAUD: u32 = 19_200;
@@ -36,7 +36,7 @@ fn half_chars_ns(line: &LineSettings, count: u64) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use mobgate::config::{LineSettings, Parity};
+    use mobgate::settings::{LineSettings, Parity};
 
     use super::{char_bits, chars_ns, t1_5_ns, t3_5_ns};
 

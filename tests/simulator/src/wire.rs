@@ -11,8 +11,8 @@ use std::rc::Rc;
 use std::task::{Context, Waker};
 
 use embassy_time::{Duration, Instant};
-use mobgate::config::{Framing, LineSettings, Parity};
 use mobgate::hal::Flaws;
+use mobgate::settings::{Framing, LineSettings, Parity};
 
 use crate::random::mix;
 use crate::timing::{char_bits, chars_ns, t1_5_ns, t3_5_ns};

@@ -30,7 +30,7 @@ fn after(lines: &[&str]) -> String {
 fn changed(file: &str, lines: &[&str]) -> String {
     let mut settings = parse(file).unwrap();
     for line in lines {
-        mobgate::config::apply(&mut settings, line).unwrap_or_else(|error| panic!("{line}: {error}"));
+        mobgate::language::apply(&mut settings, line).unwrap_or_else(|error| panic!("{line}: {error}"));
     }
     merge(file, &print(&settings))
 }
@@ -324,7 +324,7 @@ proptest! {
         let last = |of: &str| old.lines().collect::<Vec<_>>().iter().rposition(|line| line.split_whitespace().take(2).eq(of.split(" ")));
         let rules = old.lines().collect::<Vec<_>>().iter().rposition(|line| line.trim_start().starts_with("route"));
         prop_assume!(!change.starts_with("route") || last("port P1") < rules);
-        if mobgate::config::apply(&mut settings, change).is_ok() {
+        if mobgate::language::apply(&mut settings, change).is_ok() {
             let merged = merge(&old, &print(&settings));
             let count = |text: &str| text.lines().count();
             let stayed: Vec<_> = old.lines().filter(|line| merged.lines().any(|other| other == *line)).collect();

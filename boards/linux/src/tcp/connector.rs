@@ -7,8 +7,8 @@ use std::io;
 use std::net::{SocketAddr, TcpStream as SystemStream, ToSocketAddrs};
 
 use embassy_time::{Duration, with_timeout};
-use mobgate::config::{Host, ServerAddress};
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect};
+use mobgate::settings::{Host, ServerAddress};
 use rustix::io::Errno;
 use socket2::{Domain, Protocol, Socket, Type};
 

@@ -5,8 +5,8 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 
 use async_lock::Mutex;
 use embassy_time::{Duration, Timer};
-use mobgate::config::TcpListen;
 use mobgate::hal::OpenError;
+use mobgate::settings::TcpListen;
 use rustix::io::Errno;
 use socket2::{Protocol, Type};
 

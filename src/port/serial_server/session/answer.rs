@@ -1,15 +1,14 @@
 //! How an answer goes out: whole, or while it still arrives from the line where it was given.
 
 use super::{Answered, Ear, Session};
-use crate::config::Framing;
 use crate::frame::{Envelope, Fill, Frame};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::LINE_FEED;
 use crate::modbus::{pdu, rtu};
 use crate::port::copy::{Copied, Form, copy};
-use crate::port::cut::Lane;
 use crate::port::framing::FRAME_CHARS_MAX;
 use crate::port::line::LineLost;
+use crate::settings::{Framing, Lane};
 use crate::stats::Event;
 
 impl<'g, L: SerialLine> Session<'_, 'g, L> {

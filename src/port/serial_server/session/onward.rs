@@ -13,9 +13,9 @@ use crate::frame::Envelope;
 use crate::hal::SerialLine;
 use crate::modbus::pdu::{self, End};
 use crate::port::arriving::{Arriving, Passing, is_whole};
-use crate::port::cut::Lane;
 use crate::port::serial_server::server::Server;
-use crate::route::Onward;
+use crate::routing::Onward;
+use crate::settings::Lane;
 use crate::stats::Event;
 
 impl<'g, L: SerialLine> Session<'_, 'g, L> {

@@ -8,7 +8,7 @@ use std::task::{Poll, Waker};
 
 use embassy_time::Instant;
 use embedded_io_async::{Read, Write};
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 
 use super::{FRAME_BYTES_MAX, Reply, frame, take_frame};
 use crate::framing::{self, Listener};

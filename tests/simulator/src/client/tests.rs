@@ -4,8 +4,8 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
-use mobgate::config::TcpListen;
 use mobgate::hal::{TcpHost, TcpStream};
+use mobgate::settings::TcpListen;
 
 use super::load::ClosedLoop;
 use super::{Answer, Client, NoReply, frame};

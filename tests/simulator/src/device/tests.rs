@@ -2,7 +2,7 @@
 
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
-use mobgate::config::LineSettings;
+use mobgate::settings::LineSettings;
 
 use super::{Device, Fresh, rtu, serve};
 use crate::fault::{Fault, Faults, When};

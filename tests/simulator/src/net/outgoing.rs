@@ -7,8 +7,8 @@ use std::task::{Poll, Waker};
 
 use embassy_time::Timer;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use mobgate::config::{Host, ServerAddress};
 use mobgate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream};
+use mobgate::settings::{Host, ServerAddress};
 
 use super::pipe::{Path, Pipe};
 use super::{ClientStream, Network};

@@ -4,8 +4,8 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::{Duration, Instant, with_timeout};
 use embedded_io_async::{ErrorKind, Read, Write};
-use mobgate::config::TcpListen;
 use mobgate::hal::{OpenErrorKind, TcpHost, TcpStream};
+use mobgate::settings::TcpListen;
 
 use super::{ClientStream, Network, Path, ServerStream};
 use crate::world::World;

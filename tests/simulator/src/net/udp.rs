@@ -8,8 +8,8 @@ use std::task::{Poll, Waker};
 
 use embassy_time::{Duration, Instant, with_timeout};
 use embassy_time_driver::schedule_wake;
-use mobgate::config::TcpListen;
 use mobgate::hal::{OpenError, OpenErrorKind, SocketLost, UdpHost, UdpSocket};
+use mobgate::settings::TcpListen;
 
 use super::Network;
 use crate::random::Random;

@@ -5,8 +5,8 @@ use std::task::{Context, Poll};
 
 use embassy_time_driver::schedule_wake;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use mobgate::config::LineSettings;
 use mobgate::hal::Flaws;
+use mobgate::settings::LineSettings;
 
 use super::{Bus, Flaw, TRANSMIT_CHARS_MAX, Wire, now_ns, tick_after};
 use crate::timing::{self, chars_ns};

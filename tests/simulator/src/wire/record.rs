@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use mobgate::config::Framing;
+use mobgate::settings::Framing;
 
 use super::Character;
 

@@ -2,8 +2,8 @@
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
-use mobgate::config::{Framing, LineSettings, Parity};
 use mobgate::port::relay::Relay;
+use mobgate::settings::{Framing, LineSettings, Parity};
 
 use super::{Heard, LineEnd, Silence, Wire};
 use crate::World;

@@ -1,0 +1,48 @@
+//! The language of the settings: a line changes them, or changes nothing and says which word is wrong.
+//!
+//! [`apply`] reads a line, typed at the console or read from a configuration file; [`write_line`] prints the lines that recreate
+//! settings.
+
+mod apply;
+mod changed;
+mod ethercat;
+mod field;
+mod line;
+mod loader;
+mod mdns;
+mod option;
+mod own_network;
+mod point_checks;
+mod point_problem;
+mod point_words;
+mod points;
+mod port_fields;
+mod port_keys;
+mod port_values;
+mod port_words;
+mod print;
+mod problem;
+mod proof;
+mod review;
+mod route_words;
+mod servers;
+mod slaves;
+mod values;
+mod words;
+
+#[cfg(test)]
+mod tests;
+
+pub(crate) use self::apply::option_words;
+pub use self::apply::{Applied, apply};
+pub(crate) use self::line::LineBuffer;
+pub use self::loader::{LoadError, Loader, Look};
+pub(crate) use self::mdns::keywords as mdns_words;
+pub(crate) use self::own_network::keywords as network_words;
+pub use self::point_problem::PointProblem;
+pub(crate) use self::point_words::{KINDS, ORDERS, ORDERS_EXPECTED, TYPES, TYPES_EXPECTED};
+pub use self::print::{SPEED_BYTES_MAX, write_line};
+pub use self::problem::{LineError, Problem, WORD_BYTES_MAX, Warning};
+pub(crate) use self::route_words::units as parse_units;
+pub(crate) use self::values::{medium, number, parse_number, small, time};
+pub(crate) use self::words::{Word, Words, Wrong, find_word};

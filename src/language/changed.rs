@@ -1,0 +1,13 @@
+//! What a line changed.
+
+use crate::settings::PortId;
+
+/// What a line changed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Changed {
+    Nothing,
+    Port(PortId),
+    /// The rule at this place, from 0, is new there.
+    Rule(usize),
+    Other,
+}

@@ -1,0 +1,161 @@
+//! What a word of a port line sets: where that stands in the settings, how it is read, and how it is printed.
+
+use core::fmt::{self, Display};
+use core::ops::RangeInclusive;
+
+use embassy_time::Duration;
+use heapless::{String, Vec};
+
+use super::ethercat::ON_LOSS;
+use super::option::list;
+use super::port_values::{device, format, interface, meaning, prefixes, reserved_for, server_address};
+use super::values::{listen, name, number, time};
+use super::words::{Word, Words, Wrong};
+use crate::settings::{
+    Allowed, DEVICE_BYTES_MAX, Driver, Framing, InterfaceName, LineSettings, Name, OnLoss, Prefixes, Proofs,
+    ServerAddress, Side, Special, StreamFraming, TcpListen, Time,
+};
+
+/// What becomes of a newcomer when all connections are taken: the second word refuses it.
+const FULL: &[(&str, bool); 2] = &[("displace", false), ("refuse", true)];
+
+/// A number that may be set: what it counts, and its limits.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Count(pub(crate) &'static str, pub(crate) RangeInclusive<u32>);
+
+/// One setting of a port.
+///
+/// Words of the first kind have no value behind them: they stand for the value that is named here.
+#[derive(PartialEq)]
+pub(crate) enum Field<'s> {
+    Framing(&'s mut Framing, Framing),
+    Side(&'s mut Side, Side),
+    Driver(&'s mut Driver, Driver),
+    Stream(&'s mut StreamFraming, StreamFraming),
+    Flag(&'s mut bool, bool),
+    Time(&'s mut Duration, &'static RangeInclusive<Duration>),
+    /// None is what the specification says, or another setting.
+    AutoTime(&'s mut Option<Duration>, &'static RangeInclusive<Duration>),
+    /// Zero, never, is outside of the limits.
+    Idle(&'s mut Duration, &'static RangeInclusive<Duration>),
+    Small(&'s mut u8, &'static Count),
+    Medium(&'s mut u16, &'static Count),
+    /// None is the unit of the rule.
+    Unit(&'s mut Option<u8>, &'static Count),
+    /// None is the alias in the EEPROM.
+    Id(&'s mut Option<u16>, &'static Count),
+    Baud(&'s mut u32, &'static RangeInclusive<u32>),
+    Format(&'s mut LineSettings),
+    Device(&'s mut String<DEVICE_BYTES_MAX>),
+    Listen(&'s mut TcpListen),
+    Server(&'s mut Option<ServerAddress>),
+    /// Whether newcomers are refused.
+    Full(&'s mut bool),
+    Reserve(&'s mut u16, &'s mut Prefixes, &'static Count),
+    Allow(&'s mut Allowed),
+    /// Whether that may be [`Special::AllLines`] stands behind it.
+    Special(&'s mut Special, bool),
+    Interface(&'s mut Option<InterfaceName>),
+    Line(&'s mut Option<Name>),
+    OnLoss(&'s mut OnLoss),
+    Proofs(&'s mut Proofs),
+}
+
+impl Field<'_> {
+    /// Takes the value from `words`, or from `word`, which is the one that named the setting.
+    pub(crate) fn read(self, word: Word, words: &Words) -> Result<(), Wrong> {
+        match self {
+            Self::Framing(place, value) => *place = value,
+            Self::Side(place, value) => *place = value,
+            Self::Driver(place, value) => *place = value,
+            Self::Stream(place, value) => *place = value,
+            Self::Flag(place, value) => *place = value,
+            Self::Baud(place, range) => *place = number(word, "a baud rate", range.clone())?,
+            Self::Format(line) => (line.data_bits, line.parity, line.stop_bits) = format(word)?,
+            value => value.read_value(words.take(), words)?,
+        }
+        Ok(())
+    }
+
+    /// Takes the value from `word`, and if it is a list from `words` behind it.
+    fn read_value(self, word: Word, words: &Words) -> Result<(), Wrong> {
+        match self {
+            Self::Time(place, range) => *place = time(word, range)?,
+            Self::AutoTime(place, _) if word.is("auto") => *place = None,
+            Self::AutoTime(place, range) => *place = Some(time(word, range)?),
+            Self::Idle(place, _) if word.text == "0" => *place = Duration::from_ticks(0),
+            Self::Idle(place, range) => *place = time(word, range)?,
+            // Limits keep these numbers as small as their places.
+            Self::Small(place, count) => *place = count.read(word)? as u8,
+            Self::Medium(place, count) => *place = count.read(word)? as u16,
+            Self::Unit(place, _) if word.is("auto") => *place = None,
+            Self::Unit(place, count) => *place = Some(count.read(word)? as u8),
+            Self::Id(place, _) if word.is("alias") => *place = None,
+            Self::Id(place, count) => *place = Some(count.read(word)? as u16),
+            Self::Device(place) => *place = device(word)?,
+            Self::Listen(place) => *place = listen(word)?,
+            Self::Server(place) => *place = Some(server_address(word)?),
+            Self::Full(place) => *place = word.keyword(FULL, "displace or refuse")?,
+            Self::Reserve(places, peers, count) => {
+                *places = count.read(word)? as u16;
+                *peers = if *places > 0 { reserved_for(words)? } else { Vec::new() };
+            }
+            Self::Allow(place) if word.is("*") => *place = Allowed::everybody(),
+            Self::Allow(place) => place.0 = prefixes(word, words)?,
+            Self::Special(place, broadcast) => *place = meaning(word, words, broadcast)?,
+            Self::Interface(place) => *place = Some(interface(word)?),
+            Self::Line(place) if word.is("none") => *place = None,
+            Self::Line(place) => *place = Some(name(word)?),
+            Self::OnLoss(place) => *place = word.keyword(ON_LOSS, "hold, clear or stop")?,
+            Self::Proofs(place) => *place = Proofs::read(word, words)?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Whether the word without a value is what the setting says. Others always have something to say.
+    fn holds(&self) -> bool {
+        match self {
+            Self::Framing(place, value) => *place == value,
+            Self::Side(place, value) => *place == value,
+            Self::Driver(place, value) => *place == value,
+            Self::Stream(place, value) => *place == value,
+            Self::Flag(place, value) => *place == value,
+            _ => true,
+        }
+    }
+
+    /// Writes ` KEYWORD VALUE`, unless that is so by `default`.
+    pub(crate) fn write(&self, default: &Self, keyword: &str, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self == default || !self.holds() {
+            return Ok(());
+        }
+        write!(f, " {keyword}")?;
+        let value: &dyn Display = match self {
+            Self::Time(time, _) | Self::Idle(time, _) => &Time(**time),
+            Self::AutoTime(Some(time), _) => &Time(*time),
+            Self::Small(number, _) => number,
+            Self::Unit(Some(number), _) => number,
+            Self::Medium(number, _) => number,
+            Self::Id(Some(id), _) => id,
+            Self::Special(meaning, _) => meaning,
+            Self::Interface(Some(name)) | Self::Line(Some(name)) => name,
+            Self::OnLoss(on_loss) => on_loss,
+            Self::Proofs(proofs) => proofs,
+            Self::Full(refuses) => &FULL[usize::from(**refuses)].0,
+            Self::Reserve(places, peers, _) => {
+                write!(f, " {places}")?;
+                return list(f, " for ", peers);
+            }
+            Self::Allow(allowed) => return list(f, " ", &allowed.0),
+            _ => return Ok(()),
+        };
+        write!(f, " {value}")
+    }
+}
+
+impl Count {
+    fn read(&self, word: Word) -> Result<u32, Wrong> {
+        number(word, self.0, self.1.clone())
+    }
+}

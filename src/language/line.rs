@@ -1,0 +1,48 @@
+//! Bytes gathered into lines of bounded length.
+
+use heapless::Vec;
+
+use super::problem::{LineError, Problem};
+use crate::settings::LINE_BYTES_MAX;
+
+/// The line that is being gathered.
+#[derive(Debug, Default)]
+pub(crate) struct LineBuffer {
+    bytes: Vec<u8, LINE_BYTES_MAX>,
+    /// Bytes had no room.
+    cut: bool,
+}
+
+impl LineBuffer {
+    /// Takes a byte; true when it ends the line. The CR of a CR LF stays: it is a blank to the line language.
+    pub(crate) fn feed(&mut self, byte: u8) -> bool {
+        if byte == b'\n' {
+            return true;
+        }
+        self.cut |= self.bytes.push(byte).is_err();
+        false
+    }
+
+    /// The line, if all of it is here and it is text.
+    pub(crate) fn text(&self) -> Result<&str, LineError> {
+        if self.cut {
+            return Err(LineError::too_long());
+        }
+        core::str::from_utf8(&self.bytes).map_err(|error| {
+            let good = self.bytes.get(..error.valid_up_to()).unwrap_or_default();
+            let column = core::str::from_utf8(good).map_or(0, |good| good.chars().count()) + 1;
+            LineError::new(column, "", Problem::NotText)
+        })
+    }
+
+    /// Whether the line so far is `bytes`.
+    pub(crate) fn is(&self, bytes: &[u8]) -> bool {
+        self.bytes == bytes
+    }
+
+    /// Starts the next line.
+    pub(crate) fn clear(&mut self) {
+        self.bytes.clear();
+        self.cut = false;
+    }
+}

@@ -1,0 +1,82 @@
+//! Reads a whole configuration text, piece by piece as a store gives it.
+
+use core::fmt;
+
+use super::apply::apply;
+use super::line::LineBuffer;
+use super::problem::LineError;
+use crate::settings::Settings;
+
+/// The first bad line of a configuration text.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LoadError {
+    /// The line's number, from 1.
+    pub line: u32,
+    /// What is wrong in it.
+    pub error: LineError,
+}
+
+impl fmt::Display for LoadError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}, {}", self.line, self.error)
+    }
+}
+
+impl core::error::Error for LoadError {}
+
+/// The byte-order mark that some editors put before a text.
+const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
+
+/// Sees a line with its number, and the settings behind it.
+pub type Look<'l> = dyn FnMut(u32, &str, &Settings) + 'l;
+
+/// Takes a text in pieces of any size and applies its lines to settings that start empty.
+///
+/// After an error the settings are half of what was meant: the caller throws them away.
+pub struct Loader<'s> {
+    settings: &'s mut Settings,
+    line: LineBuffer,
+    number: u32,
+    look: Option<&'s mut Look<'s>>,
+}
+
+impl<'s> Loader<'s> {
+    /// Empties `settings` and starts to fill them.
+    pub fn new(settings: &'s mut Settings) -> Self {
+        settings.clear();
+        Self { settings, line: LineBuffer::default(), number: 1, look: None }
+    }
+
+    /// Lets `look` see every line.
+    pub(crate) fn with_look(self, look: &'s mut Look<'s>) -> Self {
+        Self { look: Some(look), ..self }
+    }
+
+    /// Takes the next piece and applies every line that it ends.
+    pub fn feed(&mut self, piece: &[u8]) -> Result<(), LoadError> {
+        for &byte in piece {
+            if self.line.feed(byte) {
+                self.end_line()?;
+            } else if self.number == 1 && self.line.is(BYTE_ORDER_MARK) {
+                self.line.clear();
+            }
+        }
+        Ok(())
+    }
+
+    /// Applies the last line, which may lack its end.
+    pub fn finish(mut self) -> Result<(), LoadError> {
+        self.end_line()
+    }
+
+    fn end_line(&mut self) -> Result<(), LoadError> {
+        let applied = self.line.text().and_then(|line| apply(self.settings, line));
+        applied.map_err(|error| LoadError { line: self.number, error })?;
+        if let (Some(look), Ok(line)) = (&mut self.look, self.line.text()) {
+            look(self.number, line, self.settings);
+        }
+        self.line.clear();
+        self.number = self.number.saturating_add(1);
+        Ok(())
+    }
+}

@@ -1,0 +1,125 @@
+//! Data points, printed: `device meter unit 2`, `point power meter holding 0 count 3`.
+
+use core::fmt::{self, Display};
+
+use embassy_time::Duration;
+
+use super::option::option;
+use crate::scanner::{ByteOrder, Kind, Reading, ValueType, Writing};
+use crate::settings::{DeviceSettings, Label, PointAt, PointSettings, Settings, Time};
+
+/// What the values of a point are that does not say it.
+pub(crate) const fn usual_type(kind: Kind) -> ValueType {
+    if kind.is_bits() { ValueType::Bit } else { ValueType::U16 }
+}
+
+/// When a point is read that says no more than when it is written. The source's rows are neither read nor written if they do not
+/// say so; one that is written only is not read here either.
+pub(crate) fn usual_reading(write: Writing) -> Reading {
+    match write {
+        Writing::Auto | Writing::OnChange => Reading::Manual,
+        Writing::Manual | Writing::Never => Reading::Normal,
+    }
+}
+
+/// A line that makes the device.
+impl Display for DeviceSettings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, device, label } = self;
+        write!(f, "device {name} unit {}", device.unit)?;
+        option(f, "order", device.order, device.order != ByteOrder::default())?;
+        if device.check {
+            f.write_str(" check")?;
+        }
+        option(f, "label", Quoted(label), !label.is_empty())
+    }
+}
+
+/// Words behind a point's name, which need to know other names.
+pub(crate) struct PointWords<'s> {
+    pub(crate) settings: &'s Settings,
+    pub(crate) point: &'s PointSettings,
+}
+
+impl Display for PointWords<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let PointSettings { at, kind, first, count, value, label, .. } = self.point;
+        let of = match at {
+            PointAt::Device { device, .. } => {
+                f.write_str(self.settings.device_name(*device))?;
+                None
+            }
+            PointAt::Local { of, .. } => {
+                f.write_str("local")?;
+                of.map(|of| self.settings.points.get(usize::from(of)).map_or("?", |point| &point.name))
+            }
+        };
+        write!(f, " {kind} {first}")?;
+        if let Some(of) = of {
+            option(f, "of", of, true)?;
+        } else {
+            let count = if kind.is_bits() { self.point.cells() } else { *count };
+            option(f, "count", count, count != 1)?;
+            option(f, "as", value.name(), ![usual_type(*kind), ValueType::Bit].contains(value))?;
+        }
+        match *at {
+            PointAt::Device { read, write, multiple, bit, .. } => {
+                option(f, "bit", bit.map_or(0, |bit| bit as u8), bit.is_some())?;
+                option(f, "read", read, read != usual_reading(write))?;
+                option(f, "write", "auto", write == Writing::Auto)?;
+                option(f, "write", "change", write == Writing::OnChange)?;
+                if multiple {
+                    f.write_str(" multiple")?;
+                }
+            }
+            PointAt::Local { quality, .. } => {
+                if let Some(quality) = quality {
+                    option(f, "quality", quality, true)?;
+                }
+            }
+        }
+        option(f, "label", Quoted(label), !label.is_empty())
+    }
+}
+
+struct Quoted<'l>(&'l Label);
+
+impl Display for Quoted<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "\"{}\"", self.0)
+    }
+}
+
+impl Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Coil => "coil",
+            Self::Discrete => "discrete",
+            Self::Input => "input",
+            Self::Holding => "holding",
+        })
+    }
+}
+
+impl Display for ByteOrder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Order0123 => "0123",
+            Self::Order2301 => "2301",
+            Self::Order1032 => "1032",
+            Self::Order3210 => "3210",
+        })
+    }
+}
+
+impl Display for Reading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Low => f.pad("low"),
+            Self::Normal => f.pad("normal"),
+            Self::High => f.pad("high"),
+            Self::Manual => f.pad("manual"),
+            Self::Every(ms) => Time(Duration::from_millis((*ms).into())).fmt(f),
+        }
+    }
+}

@@ -1,0 +1,319 @@
+//! The words of a port: `serial uart1 rtu client 19200 8E1 timeout 300ms`, `tcp server 502 clients 16`.
+//!
+//! A [`Draft`] starts from the defaults or from the port as it is, takes word by word in any order, and is checked
+//! as a whole at the end of the line. What a port cannot use is refused, so that no setting is taken and ignored.
+
+use super::field::Field;
+use super::point_problem::PointProblem;
+use super::port_keys::{Key, UNIT_KEYS, is_of_tcp_client};
+use super::port_values::{device, server_address};
+use super::problem::Problem;
+use super::values::{listen, parse_number};
+use super::words::{Word, Words, Wrong};
+use crate::scanner::POINTS;
+use crate::settings::{
+    Driver, EthercatSettings, Framing, LineSettings, Port, PortKind, Proofs, SERVERS, SerialClientSettings,
+    SerialServerSettings, SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings,
+    UdpServerSettings, UnitPolicy,
+};
+
+/// A port's settings while a line is read.
+pub(crate) struct Draft<'a> {
+    pub(crate) kind: PortKind,
+    /// What special unit ids mean.
+    pub(crate) units: UnitPolicy,
+    /// The word that names the device or the listening address, or else the line's first: blamed when that is taken.
+    pub(crate) place: Word<'a>,
+    /// Bits of [`Key`].
+    seen: u64,
+    blamed: Blamed<'a>,
+}
+
+/// The last word of each sort, for checks over the whole line to blame.
+#[derive(Default)]
+struct Blamed<'a>([Option<Word<'a>>; SORTS]);
+
+/// What settings have in common that only mean something beside others.
+#[derive(Clone, Copy)]
+enum Sort {
+    Format,
+    OfClient,
+    OfServer,
+    OfDriver,
+    Places,
+    OfRequests,
+    Several,
+    OfOneServer,
+    OfServers,
+    Units,
+    OfRtu,
+}
+
+const SORTS: usize = Sort::OfRtu as usize + 1;
+
+impl Sort {
+    const fn of(key: Key) -> Option<Self> {
+        Some(match key {
+            Key::Format | Key::Framing(_) => Self::Format,
+            Key::Timeout | Key::Retries | Key::Turnaround => Self::OfClient,
+            Key::StartDelay | Key::LateWindow | Key::DownAfter => Self::OfClient,
+            Key::Proof => Self::OfRtu,
+            Key::AnswerWithin | Key::ReplyDelay => Self::OfServer,
+            Key::DriverBefore | Key::DriverAfter => Self::OfDriver,
+            Key::Reserve | Key::Clients => Self::Places,
+            Key::Idle | Key::Lifetime => Self::OfRequests,
+            Key::InFlight | Key::Pipeline => Self::Several,
+            Key::Unit => Self::OfOneServer,
+            Key::Sockets => Self::OfServers,
+            Key::Broadcast | Key::Confirm(_) | Key::Unit255 | Key::ReservedUnits => Self::Units,
+            _ => return None,
+        })
+    }
+}
+
+impl<'a> Blamed<'a> {
+    fn get(&self, sort: Sort) -> Option<Word<'a>> {
+        self.0.get(sort as usize).copied().flatten()
+    }
+
+    /// An error if the line has a word of this sort.
+    fn refuse(&self, sort: Sort, problem: Problem) -> Result<(), Wrong> {
+        self.get(sort).map_or(Ok(()), |word| Err(word.error(problem)))
+    }
+}
+
+/// What a port's bytes travel on.
+#[derive(Clone, Copy)]
+enum Medium {
+    Serial,
+    Tcp,
+    Udp,
+    Scanner,
+    Ethercat,
+}
+
+const MEDIA: [(&str, Medium); 5] = [
+    ("serial", Medium::Serial),
+    ("tcp", Medium::Tcp),
+    ("udp", Medium::Udp),
+    ("scanner", Medium::Scanner),
+    ("ethercat", Medium::Ethercat),
+];
+
+const SIDES: &[(&str, Side)] =
+    &[("server", Side::Server), ("slave", Side::Server), ("client", Side::Client), ("master", Side::Client)];
+
+/// Gives `each` the words that begin a port.
+pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
+    MEDIA.iter().for_each(|&(keyword, _)| each(keyword));
+}
+
+impl<'a> Draft<'a> {
+    /// Reads a new port up to the end of the line.
+    pub(crate) fn create(words: &'a Words) -> Result<Self, Wrong> {
+        let (kind, place) = new_port(words)?;
+        let mut seen = Key::Device.bit() | Key::Listen.bit() | Key::Server.bit();
+        if let PortKind::TcpClient(TcpClientSettings { server: None, .. }) = kind {
+            seen &= !Key::Server.bit();
+        }
+        let mut draft = Self::read(kind, UnitPolicy::default(), place, seen, words)?;
+        let end = words.take();
+        let (has_clients, has_format) = (draft.has(Key::Clients), draft.has(Key::Format));
+        let (has_framing, has_side) =
+            (draft.has(Key::Framing(Framing::Rtu)), draft.has(Key::Side(Side::Client)));
+        match &mut draft.kind {
+            PortKind::Serial(_) if !has_framing => return Err(end.expected("rtu or ascii")),
+            PortKind::Serial(_) if !has_side => return Err(end.expected("client or server")),
+            // Serial Line 2.5.2: ASCII characters have 7 data bits.
+            PortKind::Serial(settings) if settings.framing == Framing::Ascii && !has_format => {
+                settings.line.data_bits = 7;
+            }
+            PortKind::TcpServer(settings) if !has_clients => {
+                settings.clients = settings.clients_of(settings.framing);
+            }
+            _ => {}
+        }
+        draft.check()?;
+        Ok(draft)
+    }
+
+    /// Reads changes of a port as it is, up to the end of the line.
+    pub(crate) fn edit(port: &Port, words: &'a Words) -> Result<Self, Wrong> {
+        let mut draft = Self::read(port.kind.clone(), port.units, words.peek(), 0, words)?;
+        draft.check()?;
+        Ok(draft)
+    }
+
+    /// Reads the rest of the line on top of what there is. A line that has set nothing so far is not finished.
+    fn read(
+        kind: PortKind,
+        units: UnitPolicy,
+        place: Word<'a>,
+        seen: u64,
+        words: &'a Words,
+    ) -> Result<Self, Wrong> {
+        let mut draft = Self { kind, units, place, seen, blamed: Blamed::default() };
+        while draft.seen == 0 || !words.peek().is_end() {
+            draft.word(words)?;
+        }
+        Ok(draft)
+    }
+
+    fn has(&self, key: Key) -> bool {
+        self.seen & key.bit() != 0
+    }
+
+    /// Takes one word, with its value if it has one.
+    fn word(&mut self, words: &'a Words) -> Result<(), Wrong> {
+        let word = words.take();
+        let key = self.key(word)?;
+        if self.has(key) {
+            return Err(word.error(Problem::Twice));
+        }
+        self.seen |= key.bit();
+        if matches!(key, Key::Device | Key::Listen | Key::Server) {
+            self.place = words.peek();
+        }
+        if let Some(sort) = Sort::of(key)
+            && let Some(blamed) = self.blamed.0.get_mut(sort as usize)
+        {
+            *blamed = Some(if matches!(sort, Sort::Places) { words.peek() } else { word });
+        }
+        let field = self.kind.field(key).or_else(|| self.units.field(key));
+        field.map_or(Ok(()), |field: Field| field.read(word, words))
+    }
+
+    fn key(&self, word: Word) -> Result<Key, Wrong> {
+        match &self.kind {
+            PortKind::Scanner => return Err(word.error(Problem::Points(PointProblem::NothingToSet))),
+            PortKind::Serial(_) if word.begins_with_digit() => {
+                return Ok(if parse_number(word.text).is_some() { Key::Baud } else { Key::Format });
+            }
+            _ => {}
+        }
+        let (keys, expected) = self.kind.words();
+        word.lookup(UNIT_KEYS).map_or_else(|| word.keyword(keys, expected), Ok)
+    }
+
+    /// Checks, behind the last word, what words say about each other: what the port as it is now cannot use is refused, and
+    /// what it no longer can use is forgotten.
+    fn check(&mut self) -> Result<(), Wrong> {
+        let Self { kind, units, blamed, .. } = self;
+        if kind.side() == Side::Client {
+            blamed.refuse(Sort::Units, Problem::ServerOnly)?;
+            *units = UnitPolicy::default();
+        }
+        match kind {
+            PortKind::Serial(settings) => {
+                if settings.framing == Framing::Rtu && settings.line.data_bits != 8 {
+                    return Err(blamed.get(Sort::Format).unwrap_or(self.place).error(Problem::RtuDataBits));
+                }
+                check_serial(settings, blamed)
+            }
+            PortKind::TcpServer(settings) => {
+                if settings.reserved > settings.clients {
+                    let word = blamed.get(Sort::Places).unwrap_or(self.place);
+                    return Err(word.error(Problem::ReservedTooMany(settings.clients)));
+                }
+                let TcpServerSettings { idle, pipeline, lifetime, .. } = TcpServerSettings::new(1);
+                if settings.framing == StreamFraming::Capture {
+                    for sort in [Sort::OfRequests, Sort::Several, Sort::Units] {
+                        blamed.refuse(sort, Problem::NoRequests)?;
+                    }
+                    (settings.idle, settings.pipeline, settings.lifetime) = (idle, pipeline, lifetime);
+                    *units = UnitPolicy::default();
+                }
+                one_at_a_time(settings.framing, blamed, &mut settings.pipeline, pipeline)
+            }
+            PortKind::TcpClient(settings) => {
+                if settings.framing != StreamFraming::Rtu {
+                    blamed.refuse(Sort::OfRtu, Problem::RtuOnly)?;
+                    settings.proofs = Proofs::default();
+                }
+                let TcpClientSettings { sockets, .. } = TcpClientSettings::new(None);
+                match settings.server {
+                    Some(_) => {
+                        blamed.refuse(Sort::OfServers, Problem::HasOneServer)?;
+                        settings.sockets = sockets;
+                    }
+                    None => {
+                        blamed.refuse(Sort::OfOneServer, Problem::HasManyServers)?;
+                        settings.unit = None;
+                    }
+                }
+                one_at_a_time(settings.framing, blamed, &mut settings.in_flight, 1)
+            }
+            PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_) => Ok(()),
+        }
+    }
+}
+
+/// Reads what a new port is, up to the word that names its place.
+fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
+    let word = words.take();
+    let medium = word.keyword(&MEDIA, "serial, tcp, udp, scanner or ethercat")?;
+    let side = match medium {
+        Medium::Tcp => words.take().keyword(SIDES, "server or client")?,
+        Medium::Udp => words.take().keyword(SIDES.get(..2).unwrap_or(SIDES), "server")?,
+        Medium::Scanner | Medium::Ethercat if !POINTS => return Err(word.error(Problem::NoPoints)),
+        Medium::Scanner => {
+            words.end()?;
+            return Ok((PortKind::Scanner, word));
+        }
+        Medium::Ethercat => return Ok((PortKind::Ethercat(EthercatSettings::default()), word)),
+        Medium::Serial => Side::Client,
+    };
+    if SERVERS && matches!((medium, side), (Medium::Tcp, Side::Client)) {
+        let next = words.peek();
+        if next.is_end() || is_of_tcp_client(next) {
+            return Ok((PortKind::TcpClient(TcpClientSettings::new(None)), word));
+        }
+    }
+    let place = words.take();
+    let kind = match (medium, side) {
+        (Medium::Tcp, Side::Server) => {
+            let listen = listen(place)?;
+            PortKind::TcpServer(TcpServerSettings { listen, ..TcpServerSettings::new(listen.port) })
+        }
+        (Medium::Tcp, Side::Client) => {
+            PortKind::TcpClient(TcpClientSettings::new(Some(server_address(place)?)))
+        }
+        (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(place)?)),
+        _ => PortKind::Serial(SerialSettings::new(device(place)?)),
+    };
+    Ok((kind, place))
+}
+
+fn check_serial(settings: &mut SerialSettings, blamed: &Blamed) -> Result<(), Wrong> {
+    match settings.side {
+        Side::Server => {
+            blamed.refuse(Sort::OfClient, Problem::ClientOnly)?;
+            blamed.refuse(Sort::OfRtu, Problem::ClientOnly)?;
+            settings.client = SerialClientSettings::DEFAULT;
+        }
+        Side::Client => {
+            blamed.refuse(Sort::OfServer, Problem::ServerOnly)?;
+            settings.server = SerialServerSettings::DEFAULT;
+        }
+    }
+    if settings.line.driver == Driver::Automatic {
+        blamed.refuse(Sort::OfDriver, Problem::DriverOnly)?;
+        let LineSettings { driver_before, driver_after, .. } = LineSettings::DEFAULT;
+        settings.line = LineSettings { driver_before, driver_after, ..settings.line };
+    }
+    Ok(())
+}
+
+/// RTU over TCP has no transaction ids: how many requests may be open is no setting there, and stays as it is by `default`.
+fn one_at_a_time(
+    framing: StreamFraming,
+    blamed: &Blamed,
+    several: &mut u8,
+    default: u8,
+) -> Result<(), Wrong> {
+    if framing == StreamFraming::Rtu {
+        blamed.refuse(Sort::Several, Problem::OneAtATime)?;
+        *several = default;
+    }
+    Ok(())
+}

@@ -1,0 +1,314 @@
+//! Settings as lines that recreate them: the board's network and how it is found there, then ports, their servers, rules in their
+//! order, devices, points and slaves.
+
+use core::fmt::{self, Display, Write};
+
+use heapless::String;
+
+use super::option::option;
+use super::points::PointWords;
+use super::port_keys::UNIT_KEYS;
+use super::route_words::IDENTIFICATION;
+use crate::scanner::POINTS;
+use crate::settings::{
+    AddressRange, Cut, EthercatSettings, Forbidden, Framing, Functions, LineSettings, Mdns, Merge, Parity,
+    Policy, Port, PortKind, Priority, Route, SERVERS, SerialSettings, Settings, Side, Special, StreamFraming,
+    Tag, TcpClientSettings, TcpServerSettings, Time, UdpServerSettings, UnitPolicy, UnitRange,
+};
+
+/// Longest baud rate and character format.
+pub const SPEED_BYTES_MAX: usize = 16;
+
+/// Writes line `n` (from 0) of the settings without its line end; `None` behind the last line.
+///
+/// A line has every value that differs from the default, and always the baud rate and format.
+pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
+    let n = match &settings.network {
+        Some(network) if n == 0 => return Some(write!(out, "network {network}")),
+        Some(_) => n - 1,
+        None => n,
+    };
+    let n = match &settings.mdns {
+        mdns if *mdns == Mdns::DEFAULT => n,
+        mdns if n == 0 => return Some(write!(out, "mdns {mdns}")),
+        _ => n - 1,
+    };
+    let ports = || settings.ports.iter().flatten();
+    let width = ports().map(|port| port.name.len()).max().unwrap_or(0);
+    match ports().nth(n) {
+        Some(port) => Some(write_port(port, width, out)),
+        None => {
+            let n = n.checked_sub(ports().count())?;
+            if let Some(server) = settings.servers.get(n).filter(|_| SERVERS) {
+                return Some(write!(out, "server {:width$} {server}", settings.name(server.port)));
+            }
+            let n = n.checked_sub(settings.servers.len())?;
+            match settings.routes.get(n) {
+                Some(route) => Some(write_route(settings, route, width, out)),
+                None => write_points(settings, n - settings.routes.len(), out),
+            }
+        }
+    }
+}
+
+/// Devices, then points, then slaves.
+fn write_points(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
+    if !POINTS {
+        return None;
+    }
+    if let Some(device) = settings.devices.get(n) {
+        return Some(write!(out, "{device}"));
+    }
+    let width = settings.points.iter().map(|point| point.name.len()).max().unwrap_or(0);
+    let n = n.checked_sub(settings.devices.len())?;
+    if let Some(point) = settings.points.get(n) {
+        return Some(write!(out, "point {:width$} {}", point.name, PointWords { settings, point }));
+    }
+    let n = n.checked_sub(settings.points.len())?;
+    Some(write!(out, "slave {n} {}", settings.slaves.get(n)?))
+}
+
+fn write_port(port: &Port, width: usize, out: &mut dyn Write) -> fmt::Result {
+    write!(out, "port {:width$} {}", port.name, Behind(port))
+}
+
+impl Display for Special {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Rules => f.write_str("rules"),
+            Self::Off => f.write_str("off"),
+            Self::Local => f.write_str("local"),
+            Self::Replace(unit) => write!(f, "replace {unit}"),
+            Self::AllLines => f.write_str("all"),
+        }
+    }
+}
+
+fn write_route(settings: &Settings, route: &Route, width: usize, out: &mut dyn Write) -> fmt::Result {
+    write!(out, "route {:width$} {:7} ", settings.name(route.source), route.units)?;
+    match route.peer {
+        Some(peer) => write!(out, "{peer} ")?,
+        None => write!(out, "* ")?,
+    }
+    write!(out, "{} {}", route.tag, settings.destination(route.destination))?;
+    write!(out, "{}", route.policy)
+}
+
+/// The words behind a rule's columns, each with a blank before it; nothing for what is the default.
+impl Display for Policy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let default = Self::default();
+        match self.functions {
+            Functions::ALL => {}
+            Functions::READ_ONLY => f.write_str(" readonly")?,
+            functions => write!(f, " functions {functions}")?,
+        }
+        option(f, "addresses", self.addresses, self.addresses != default.addresses)?;
+        option(f, "writes", self.writes, self.writes != default.writes)?;
+        option(f, "forbidden", self.forbidden, self.forbidden != default.forbidden)?;
+        option(f, "priority", self.priority, self.priority != default.priority)?;
+        option(f, "urgent", self.urgent, self.urgent != default.urgent)?;
+        option(f, "merge", self.sharing.merge, self.sharing.merge != default.sharing.merge)?;
+        option(f, "cache", Time(self.sharing.cache()), self.sharing.cache_ms != default.sharing.cache_ms)?;
+        option(f, "cut", self.cut, self.cut != default.cut)
+    }
+}
+
+impl Display for Forbidden {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Refuse => "refuse",
+            Self::Ignore => "ignore",
+        })
+    }
+}
+
+impl Display for Merge {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("off"),
+            Self::Identical => f.write_str("on"),
+            Self::Near(0) => f.write_str("adjacent"),
+            Self::Near(gap) => write!(f, "near {gap}"),
+        }
+    }
+}
+
+impl Display for Cut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Auto => "auto",
+            Self::On => "on",
+            Self::Off => "off",
+        })
+    }
+}
+
+impl Display for AddressRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.first == self.last {
+            write!(f, "{}", self.first)
+        } else {
+            write!(f, "{}-{}", self.first, self.last)
+        }
+    }
+}
+
+/// The words behind a port's name: what it is and where, then what is not so by default.
+struct Behind<'p>(&'p Port);
+
+impl Display for Behind<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Port { kind, units, .. } = self.0;
+        match kind {
+            PortKind::Serial(SerialSettings { device, framing, side, line, .. }) => {
+                write!(f, "serial {device} {framing} {side} {}", line.speed())
+            }
+            PortKind::TcpServer(settings) => write!(f, "tcp server {}", settings.listen),
+            PortKind::TcpClient(settings) => match &settings.server {
+                Some(server) => write!(f, "tcp client {server}"),
+                None => f.write_str("tcp client"),
+            },
+            PortKind::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
+            PortKind::Scanner => f.write_str("scanner"),
+            PortKind::Ethercat(_) => f.write_str("ethercat"),
+        }?;
+        let (mut own, mut default) = (kind.clone(), kind.plain());
+        let (mut own_units, mut default_units) = (*units, UnitPolicy::default());
+        let (keys, _) = kind.words();
+        for &(keyword, key) in keys.iter().chain(UNIT_KEYS) {
+            let own = own.field(key).or_else(|| own_units.field(key));
+            let default = default.field(key).or_else(|| default_units.field(key));
+            if let (Some(own), Some(default)) = (own, default) {
+                own.write(&default, keyword, f)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl PortKind {
+    /// Such a port at the same place with nothing else set; of a serial line also with the same framing and side.
+    fn plain(&self) -> Self {
+        match self {
+            Self::Serial(SerialSettings { device, framing, side, .. }) => {
+                let plain = SerialSettings::new(device.clone());
+                Self::Serial(SerialSettings { framing: *framing, side: *side, ..plain })
+            }
+            Self::TcpServer(settings) => {
+                let mut plain = TcpServerSettings::new(settings.listen.port);
+                plain.listen = settings.listen;
+                plain.clients = plain.clients_of(settings.framing);
+                Self::TcpServer(plain)
+            }
+            Self::TcpClient(settings) => Self::TcpClient(TcpClientSettings::new(settings.server.clone())),
+            Self::UdpServer(settings) => Self::UdpServer(UdpServerSettings::new(settings.listen)),
+            Self::Scanner => Self::Scanner,
+            Self::Ethercat(_) => Self::Ethercat(EthercatSettings::default()),
+        }
+    }
+}
+
+impl LineSettings {
+    /// Baud rate and character format: `19200 8E1`.
+    pub fn speed(&self) -> String<SPEED_BYTES_MAX> {
+        let Self { baud, data_bits, parity, stop_bits, .. } = *self;
+        let parity = match parity {
+            Parity::None => 'N',
+            Parity::Even => 'E',
+            Parity::Odd => 'O',
+        };
+        let mut speed = String::new();
+        // It has room for the highest baud rate there is.
+        let _ = write!(speed, "{baud} {data_bits}{parity}{stop_bits}");
+        speed
+    }
+}
+
+impl Display for Framing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Rtu => "rtu",
+            Self::Ascii => "ascii",
+        })
+    }
+}
+
+/// What stands behind the address.
+impl Display for StreamFraming {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Mbap => "",
+            Self::Rtu => " rtu",
+            Self::Capture => " capture",
+        })
+    }
+}
+
+impl Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Client => "client",
+            Self::Server => "server",
+        })
+    }
+}
+
+impl Display for UnitRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut text = String::<7>::new();
+        match *self {
+            Self::ALL => text.write_str("*"),
+            Self { first, last } if first == last => write!(text, "{first}"),
+            Self { first, last } => write!(text, "{first}-{last}"),
+        }?;
+        f.pad(&text)
+    }
+}
+
+impl Display for Tag {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut text = String::<6>::new();
+        match *self {
+            Self::Keep => text.write_str("*"),
+            Self::Add(by) => write!(text, "+{by}"),
+            Self::Subtract(by) => write!(text, "-{by}"),
+            Self::Set(unit) => write!(text, "={unit}"),
+        }?;
+        f.pad(&text)
+    }
+}
+
+/// `3,4,16` with ranges for three codes and more in a row: `1-6,15`; `43/14` is last.
+impl Display for Functions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (mut code, mut separator) = (1, "");
+        while code <= 127 {
+            let first = code;
+            while code <= 127 && self.contains(code) {
+                code += 1;
+            }
+            match code - first {
+                0 => {
+                    code += 1;
+                    continue;
+                }
+                1 => write!(f, "{separator}{first}")?,
+                2 => write!(f, "{separator}{first},{}", code - 1)?,
+                _ => write!(f, "{separator}{first}-{}", code - 1)?,
+            }
+            separator = ",";
+        }
+        if self.contains_identification() { write!(f, "{separator}{IDENTIFICATION}") } else { Ok(()) }
+    }
+}
+
+impl Display for Priority {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::High => "high",
+            Self::Normal => "normal",
+            Self::Low => "low",
+        })
+    }
+}

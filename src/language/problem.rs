@@ -1,0 +1,285 @@
+//! What can be wrong with a line, and what is worth a warning.
+
+use core::fmt;
+use core::num::NonZeroU16;
+
+use embassy_time::Duration;
+use heapless::String;
+use thiserror::Error;
+
+use super::point_problem::PointProblem;
+use crate::scanner::POINTS;
+use crate::settings::{LINE_BYTES_MAX, Name, PORTS_MAX, ROUTES_MAX, Rules, Time, UnitRange};
+
+/// Bytes of a wrong word that an error keeps.
+pub const WORD_BYTES_MAX: usize = 32;
+
+/// A line that changed nothing, and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LineError {
+    /// Where the wrong word starts, in characters from 1.
+    pub column: usize,
+    /// The wrong word, cut at [`WORD_BYTES_MAX`]; empty at the end of the line.
+    pub word: String<WORD_BYTES_MAX>,
+    /// What is wrong with it.
+    pub problem: Problem,
+}
+
+impl LineError {
+    pub(crate) fn new(column: usize, text: &str, problem: Problem) -> Self {
+        Self { column, word: cut(text), problem }
+    }
+
+    /// The line has more than [`LINE_BYTES_MAX`] bytes.
+    pub(crate) fn too_long() -> Self {
+        Self::new(LINE_BYTES_MAX + 1, "", Problem::LineTooLong)
+    }
+}
+
+impl fmt::Display for LineError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "column {}: ", self.column)?;
+        if self.word.is_empty() { f.write_str("end of line") } else { write!(f, "\"{}\"", self.word) }?;
+        write!(f, ": {}", self.problem)
+    }
+}
+
+impl core::error::Error for LineError {}
+
+/// As much of a word as an error keeps: the column finds a longer one all the same.
+pub(crate) fn cut(text: &str) -> String<WORD_BYTES_MAX> {
+    let mut word = String::new();
+    for character in text.chars() {
+        if word.push(character).is_err() {
+            break;
+        }
+    }
+    word
+}
+
+/// Why a word is wrong.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum Problem {
+    /// Something else belongs here.
+    #[error("expected {expected}{}", Suggestion(*near))]
+    Expected {
+        /// What belongs here.
+        expected: &'static str,
+        /// A keyword that differs by one letter.
+        near: Option<&'static str>,
+    },
+    /// A number that is none, or out of its range.
+    #[error("expected {what} from {low} to {high}")]
+    Number {
+        /// What is counted.
+        what: &'static str,
+        /// Least value.
+        low: u32,
+        /// Greatest value.
+        high: u32,
+    },
+    /// A time that is none, or lacks its unit.
+    #[error("expected a time with its unit, such as 300ms, 1.75ms, 750us, 1s or 2m")]
+    TimeUnit,
+    /// A time out of its range.
+    #[error("expected a time from {} to {}", Time(*low), Time(*high))]
+    TimeRange {
+        /// Shortest.
+        low: Duration,
+        /// Longest.
+        high: Duration,
+    },
+    /// The line sets the same thing again.
+    #[error("is set twice in this line")]
+    Twice,
+    /// The whole line is too long.
+    #[error("the line is longer than {LINE_BYTES_MAX} bytes")]
+    LineTooLong,
+    /// Bytes that are no UTF-8 text.
+    #[error("the line is not text (UTF-8)")]
+    NotText,
+    /// No port has this name.
+    #[error("there is no port of this name")]
+    NoSuchPort,
+    /// No rule has this number.
+    #[error("there is no rule of this number (there are {0})")]
+    NoSuchRoute(usize),
+    /// [`PORTS_MAX`] ports exist.
+    #[error("there are {PORTS_MAX} ports already, the most there can be")]
+    PortsFull,
+    /// [`ROUTES_MAX`] rules exist.
+    #[error("there are {ROUTES_MAX} rules already, the most there can be")]
+    RoutesFull,
+    /// The gateway asks nothing by itself.
+    #[error("this board has no data points")]
+    NoPoints,
+    /// Something about points, their devices, or slaves.
+    #[error(fmt = fmt_points)]
+    Points(PointProblem),
+    /// The port has no servers in lines of their own.
+    #[error("is no tcp client without an address: only that has server lines")]
+    NotManyServers,
+    /// A setting for several servers.
+    #[error("is for a tcp client without an address, which has several servers")]
+    HasOneServer,
+    /// A setting for one server.
+    #[error("is for a tcp client with an address: server lines have tags")]
+    HasManyServers,
+    /// Lines say which servers the port has.
+    #[error("{0} server lines name this port: delete them first")]
+    ServersInUse(usize),
+    /// Two servers would be asked for one unit.
+    #[error("unit {unit} is in the line server ... unit {units} already")]
+    UnitTaken {
+        /// The unit.
+        unit: u8,
+        /// Those of the other line.
+        units: UnitRange,
+    },
+    /// As many servers as there can be.
+    #[error("there are {0} servers already, the most there can be")]
+    ServersFull(usize),
+    /// No server has these units.
+    #[error("no server line of this port has these units")]
+    NoSuchServer,
+    /// The feature `servers` is not in the image.
+    #[error("on this board a tcp client has one server, at an address")]
+    NoServers,
+    /// RTU characters have 8 data bits (Serial Line 2.5.1).
+    #[error("RTU needs 8 data bits, such as 8E1")]
+    RtuDataBits,
+    /// A setting that only means something when requests are sent.
+    #[error("is for the client side only")]
+    ClientOnly,
+    /// A number of open requests where there can be one.
+    #[error("cannot be set with rtu, which carries one request at a time")]
+    OneAtATime,
+    /// Transaction ids tell responses apart.
+    #[error("only used with rtu: by Modbus TCP, transaction ids tell responses apart")]
+    RtuOnly,
+    /// A setting for requests where there are none.
+    #[error("cannot be set with capture, which takes no requests")]
+    NoRequests,
+    /// A setting that only means something when requests are answered.
+    #[error("is for the server side only")]
+    ServerOnly,
+    /// A setting that only means something when somebody switches the transceiver's driver.
+    #[error("needs rs485 or rts")]
+    DriverOnly,
+    /// More reserved places than there are.
+    #[error("more places are reserved than the {0} that there are")]
+    ReservedTooMany(u16),
+    /// The port of this name has this serial line.
+    #[error("port {0} has this device")]
+    DeviceTaken(Name),
+    /// Another port listens there.
+    #[error("another port listens there")]
+    ListenTaken,
+    /// The port is named by rules.
+    #[error("{0} {verb} this port: delete or edit first", verb = .0.verb("names", "name"))]
+    PortInUse(Rules),
+    /// Rules name IP addresses for askers that would have none.
+    #[error("{0} {verb} it with an IP address, which askers on a serial line have not", verb = .0.verb("names", "name"))]
+    RulesNeedTcp(Rules),
+    /// An IP address for askers that have none.
+    #[error("askers of this source have no IP address: expected *")]
+    PeerOfSerial,
+    /// A way to other networks that is not in the own one.
+    #[error("is not another host of the same network")]
+    GatewayOutside,
+    /// The last unit is before the first.
+    #[error("the range ends before it starts")]
+    UnitsReversed,
+    /// The tag makes a broadcast of a request to one unit, or a unit id that no unit has.
+    #[error("unit {unit} would become {target}, {}", TARGETS[usize::from(*target != 0)])]
+    TagOutside {
+        /// A unit of the rule.
+        unit: u8,
+        /// What would become of it.
+        target: i16,
+    },
+    /// A rule from a port to itself.
+    #[error("source and destination are the same port")]
+    ToItself,
+    /// Another rule says the same.
+    #[error("rule {0} is the same")]
+    SameRoute(NonZeroU16),
+}
+
+const TARGETS: [&str; 2] = ["a broadcast to all units", "but units are 1 to 247, or 255"];
+
+/// Where there are no points, no problem with them arises: their texts need not be in the image.
+fn fmt_points(problem: &PointProblem, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    if POINTS { fmt::Display::fmt(problem, f) } else { fmt::Display::fmt(&Problem::NoPoints, f) }
+}
+
+struct Suggestion(Option<&'static str>);
+
+impl fmt::Display for Suggestion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.map_or(Ok(()), |near| write!(f, "; did you mean {near}?"))
+    }
+}
+
+/// A setting that is taken as it is, but is unlikely to be meant.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Warning {
+    /// A gap below the specification's t3.5: a frame may be cut in two, and devices may take two for one.
+    GapBelowSpecification {
+        /// The port.
+        port: Name,
+        /// Its gap.
+        gap: Duration,
+        /// What the specification asks for at this speed.
+        t3_5: Duration,
+    },
+    /// Rules that no request comes to.
+    NeverMatch {
+        /// The rules.
+        rules: Rules,
+        /// Those above that take all their requests. None: their units mean something else at their port.
+        takers: Rules,
+    },
+    /// Units that a rule sends to a port none of whose servers is asked for them.
+    NoServer {
+        /// The rule.
+        rule: Rules,
+        /// The first of the units, as the port calls it.
+        unit: u8,
+        /// The port.
+        port: Name,
+    },
+    /// A request that a rule sends to a server of the gateway itself, and that comes to the same rule again, for ever.
+    Circle {
+        /// The rule.
+        rule: Rules,
+        /// A unit for which that is so.
+        unit: u8,
+        /// The server.
+        port: Name,
+    },
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::GapBelowSpecification { port, gap, t3_5 } => {
+                write!(f, "port {port}: gap {} is below the specification's {}", Time(*gap), Time(*t3_5))
+            }
+            Self::NeverMatch { rules, takers } => {
+                write!(f, "{rules} never {}: ", rules.verb("matches", "match"))?;
+                let its = rules.verb("its", "their");
+                if *takers == Rules::default() {
+                    return write!(f, "{its} units mean something else at {its} port");
+                }
+                write!(f, "{takers} {} all {its} requests", takers.verb("takes", "take"))
+            }
+            Self::NoServer { rule, unit, port } => {
+                write!(f, "{rule} leads to unit {unit} of port {port}, for which no server line is: 0A")
+            }
+            Self::Circle { rule, unit, port } => {
+                write!(f, "{rule} leads unit {unit} in a circle: its requests come back by port {port}")
+            }
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! What is set, but unlikely to be meant: short gaps, rules that never match or lead to units without a server, requests that
+//! come back to their rule.
+
+use core::net::{IpAddr, Ipv4Addr};
+
+use super::problem::Warning;
+use crate::routing::{is_implied, meaning, takers};
+use crate::settings::{
+    Destination, Framing, Host, OwnNetwork, Port, PortId, PortKind, Route, Rules, SERVERS, SerialSettings,
+    ServerAddress, Settings, Special, StreamFraming, TcpClientSettings, UnitRange,
+};
+
+/// Hops along which a request is followed, a bound for circles with a shift in them.
+const HOPS_MAX: usize = 16;
+
+impl Settings {
+    /// What is set, but unlikely to be meant.
+    pub fn warnings(&self) -> impl Iterator<Item = Warning> {
+        let rules = (0..self.routes.len()).filter_map(|n| self.rule_warning(n));
+        self.ports.iter().flatten().filter_map(gap_warning).chain(rules)
+    }
+
+    /// What is unlikely to be meant about the rule at place `n`, from 0.
+    pub(crate) fn rule_warning(&self, n: usize) -> Option<Warning> {
+        let rules = Rules::one(n);
+        if let Some(takers) = never_matches(self, n) {
+            return Some(Warning::NeverMatch { rules, takers });
+        }
+        if let Some((unit, port)) = no_server(self, n) {
+            return Some(Warning::NoServer { rule: rules, unit, port: self.port(port)?.name.clone() });
+        }
+        let (server, unit) = comes_back(self, n)?;
+        Some(Warning::Circle { rule: rules, unit, port: self.port(server)?.name.clone() })
+    }
+
+    /// A warning when rules below the one at place `n` never match because of that one.
+    pub(crate) fn shadow_warning(&self, n: usize) -> Option<Warning> {
+        let (mut rules, mut takers) = (Rules::default(), Rules::default());
+        for below in n + 1..self.routes.len() {
+            if let Some(above) = never_matches(self, below).filter(|above| above.contains(n)) {
+                rules.add(below);
+                takers = takers.with(above);
+            }
+        }
+        (rules != Rules::default()).then_some(Warning::NeverMatch { rules, takers })
+    }
+
+    /// What is unlikely to be meant about the port at `id`, or a rule that names it.
+    pub(crate) fn port_warning(&self, id: PortId) -> Option<Warning> {
+        let names =
+            |(_, route): &(usize, &Route)| route.source == id || route.destination == Destination::Port(id);
+        let rules = self.routes.iter().enumerate().filter(names);
+        let of_rules = || rules.map(|(n, _)| n).find_map(|n| self.rule_warning(n));
+        self.port(id).and_then(gap_warning).or_else(of_rules)
+    }
+}
+
+/// A warning when `port` keeps less silence between RTU frames than the specification asks for.
+fn gap_warning(port: &Port) -> Option<Warning> {
+    let PortKind::Serial(SerialSettings { framing: Framing::Rtu, line, .. }) = &port.kind else {
+        return None;
+    };
+    let (gap, t3_5) = (line.gap(), line.t3_5());
+    (gap < t3_5).then(|| Warning::GapBelowSpecification { port: port.name.clone(), gap, t3_5 })
+}
+
+/// The rules above rule `n` (from 0) that take all requests which it would match; no rules when the units that it names mean
+/// something else at its port. None when there are requests for it, or it is the way back of another rule.
+fn never_matches(settings: &Settings, n: usize) -> Option<Rules> {
+    let rule = settings.routes.get(n).filter(|rule| !is_implied(settings, rule))?;
+    takers(settings, n, |above| match (above.peer, rule.peer) {
+        (None, _) => true,
+        (Some(above), Some(own)) => above.covers(&own),
+        (Some(_), None) => false,
+    })
+}
+
+/// A unit that rule `n` (from 0) sends to a port with several servers, none of which is asked for it. A rule for all units means
+/// those that there are.
+fn no_server(settings: &Settings, n: usize) -> Option<(u8, PortId)> {
+    let rule = settings.routes.get(n).filter(|rule| SERVERS && !is_implied(settings, rule))?;
+    let Destination::Port(client) = rule.destination else { return None };
+    let PortKind::TcpClient(TcpClientSettings { server: None, .. }) = settings.port(client)?.kind else {
+        return None;
+    };
+    let mut targets = (rule.units.first..=rule.units.last).filter_map(|unit| rule.tag.apply(unit));
+    let has_server = |unit: &u8| settings.server(client, *unit).is_some();
+    if rule.units == UnitRange::ALL && targets.clone().any(|unit| has_server(&unit)) {
+        return None;
+    }
+    targets.find(|unit| !has_server(unit)).map(|unit| (unit, client))
+}
+
+/// The TCP server of the gateway by which what rule `n` (from 0) sends out comes back, and the unit for which it comes to that
+/// rule again, for ever, if there is one.
+fn comes_back(settings: &Settings, n: usize) -> Option<(PortId, u8)> {
+    let rule = settings.routes.get(n)?;
+    let Destination::Port(client) = rule.destination else { return None };
+    // Mostly that is all there is to do.
+    leads_back(settings, client).then_some(())?;
+    let returns = |unit: &u8| {
+        let start = (n, *unit);
+        let hops = core::iter::successors(Some(start), |&(n, unit)| next(settings, n, unit));
+        hops.skip(1).take(HOPS_MAX).any(|hop| hop == start)
+    };
+    let unit = (rule.units.first..=rule.units.last).find(returns)?;
+    let (_, server, _) = hop(settings, client, rule.tag.apply(unit)?)?;
+    Some((server, unit))
+}
+
+/// The rule that a request comes to, and for which unit, when rule `n` has sent it on for `unit`.
+fn next(settings: &Settings, n: usize, unit: u8) -> Option<(usize, u8)> {
+    let rule = settings.routes.get(n)?;
+    let Destination::Port(client) = rule.destination else { return None };
+    let (target, server, peer) = hop(settings, client, rule.tag.apply(unit)?)?;
+    let unit = match meaning(settings, server, target) {
+        Special::Rules => target,
+        Special::Replace(unit) => unit,
+        Special::Off | Special::Local | Special::AllLines => return None,
+    };
+    let takes = |route: &Route| route.matches(server, unit, Some(peer)) && !is_implied(settings, route);
+    settings.routes.iter().position(takes).map(|n| (n, unit))
+}
+
+/// Whether a server of the port `client` is one of the gateway itself.
+fn leads_back(settings: &Settings, client: PortId) -> bool {
+    let Some(PortKind::TcpClient(TcpClientSettings { server, framing, .. })) =
+        settings.port(client).map(|port| &port.kind)
+    else {
+        return false;
+    };
+    let others = settings.servers_of(client).map(|(_, server)| &server.at);
+    server.iter().chain(others).any(|at| own_server(settings, at, *framing).is_some())
+}
+
+/// What becomes of a request to `unit` that the port `client` sends to the gateway itself: the unit's number there, the server,
+/// and the address from which it comes, as far as the settings tell: the host may have other addresses.
+fn hop(settings: &Settings, client: PortId, unit: u8) -> Option<(u8, PortId, IpAddr)> {
+    let Some(PortKind::TcpClient(settings_of_client)) = settings.port(client).map(|port| &port.kind) else {
+        return None;
+    };
+    let (at, target) = settings.server(client, unit)?;
+    let (server, from) = own_server(settings, at, settings_of_client.framing)?;
+    Some((target, server, from))
+}
+
+/// The gateway's own TCP server `at` this address, and from which one a client of the gateway comes to it.
+fn own_server(settings: &Settings, at: &ServerAddress, framing: StreamFraming) -> Option<(PortId, IpAddr)> {
+    let Host::Address(address) = at.host else { return None };
+    let listens = |kind: &PortKind| match kind {
+        PortKind::TcpServer(server) => server.listen.address == Some(address),
+        PortKind::UdpServer(server) => server.listen.address == Some(address),
+        _ => false,
+    };
+    let is_own = address.is_loopback()
+        || matches!(settings.network, Some(OwnNetwork::Static(own)) if IpAddr::V4(own.address) == address)
+        || settings.ports.iter().flatten().any(|port| listens(&port.kind));
+    let from = match address {
+        IpAddr::V4(address) if address.is_loopback() => IpAddr::V4(Ipv4Addr::LOCALHOST),
+        address => address,
+    };
+    let is_reached = |kind: &PortKind| match kind {
+        PortKind::TcpServer(server) => {
+            let any = |own: IpAddr| own.is_unspecified() || own == address;
+            server.listen.port == at.port
+                && server.listen.address.is_none_or(any)
+                && server.framing == framing
+                && server.allowed.admits(from)
+        }
+        _ => false,
+    };
+    let reached =
+        settings.ports.iter().position(|port| port.as_ref().is_some_and(|port| is_reached(&port.kind)))?;
+    is_own.then_some((PortId(reached as u8), from))
+}

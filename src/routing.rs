@@ -1,0 +1,183 @@
+//! Routing rules and their matching: which port a request goes to, and under which unit id.
+//!
+//! A rule has the five columns of the MobGate paper (Source, Slave ID, IP, TAG, Destination) and, behind them, a
+//! policy: functions and addresses that pass, and a priority. Rules are tried in table order; the first that matches decides.
+
+mod onward;
+
+pub use self::onward::{Onward, onward};
+
+use core::net::IpAddr;
+
+use crate::modbus::{Exception, pdu};
+use crate::settings::{
+    AddressRange, Destination, Policy, PortId, PortKind, Priority, Route, Rules, Settings, Sharing, Side,
+    Special,
+};
+
+/// Whether `route` only says that answers return: it leads to a side that asks, or comes from one that answers.
+///
+/// The paper's tables list these ways back. Answers always return to their asker, so such a rule never matches.
+pub fn is_implied(settings: &Settings, route: &Route) -> bool {
+    let asks = |id: PortId| settings.port(id).is_some_and(|port| port.kind.side() == Side::Server);
+    !asks(route.source) || matches!(route.destination, Destination::Port(id) if asks(id))
+}
+
+/// What the routing table says of a request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Decision {
+    /// To the port, for the unit as it is called there.
+    Forward {
+        /// The destination.
+        port: PortId,
+        /// The translated unit id.
+        unit: u8,
+        /// Rank in the destination's queue.
+        priority: Priority,
+        /// Whose answers will do for it.
+        sharing: Sharing,
+        /// What may be read along with it.
+        addresses: AddressRange,
+    },
+    /// To the gateway's own unit.
+    Local,
+    /// No answer.
+    Discard,
+    /// An exception of the gateway.
+    Refuse(Exception),
+    /// The answer of a write that was carried out, though nothing is.
+    Ignore {
+        /// It would have gone to all units of a line: they do not answer.
+        broadcast: bool,
+    },
+    /// A broadcast to every line that [`leads_to`] says.
+    AllLines,
+    /// No rule matches, or the unit means nothing here: 0Ah to a TCP client, silence on a shared serial line.
+    NoRule,
+}
+
+/// Whether a rule leads requests from `source` for `unit` anywhere, whatever comes of them: on a serial line, whether the
+/// unit is ours.
+pub fn is_routed(settings: &Settings, source: PortId, unit: u8) -> bool {
+    match meaning(settings, source, unit) {
+        Special::Rules => rule(settings, source, unit, None).is_some(),
+        Special::Replace(unit) => rule(settings, source, unit, None).is_some(),
+        Special::Local | Special::AllLines => true,
+        Special::Off => false,
+    }
+}
+
+/// What the rules of `source` take `unit` for.
+pub(crate) fn meaning(settings: &Settings, source: PortId, unit: u8) -> Special {
+    settings.port(source).map_or(Special::Rules, |port| port.units.of(unit))
+}
+
+/// The first rule that matches. A way back never does: it would swallow what a rule behind it is for.
+fn rule(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr>) -> Option<&Route> {
+    let mut matching = settings.routes.iter().filter(|route| route.matches(source, unit, peer));
+    matching.find(|route| !is_implied(settings, route))
+}
+
+/// The decision of the first rule of `settings` that matches.
+pub fn decide(
+    settings: &Settings,
+    source: PortId,
+    unit: u8,
+    peer: Option<IpAddr>,
+    request: &[u8],
+) -> Decision {
+    let unit = match meaning(settings, source, unit) {
+        Special::Rules => unit,
+        Special::Replace(unit) => unit,
+        Special::Off => return Decision::NoRule,
+        Special::Local => return Decision::Local,
+        Special::AllLines if pdu::is_broadcastable(request) => return Decision::AllLines,
+        Special::AllLines => return Decision::Refuse(Exception::ILLEGAL_FUNCTION),
+    };
+    let Some(route) = rule(settings, source, unit, peer) else {
+        return Decision::NoRule;
+    };
+    let priority = match route.policy.admit(request) {
+        Ok(priority) => priority,
+        Err(_) if route.policy.ignores(request) => {
+            let to_line = matches!(route.destination, Destination::Port(port) if is_line(settings, port));
+            return Decision::Ignore { broadcast: to_line && route.tag.apply(unit) == Some(0) };
+        }
+        Err(exception) => return Decision::Refuse(exception),
+    };
+    match route.destination {
+        Destination::Local => Decision::Local,
+        Destination::Discard => Decision::Discard,
+        Destination::NoPath => Decision::Refuse(Exception::GATEWAY_NO_PATH),
+        Destination::Port(port) => match route.tag.apply(unit) {
+            // Nobody would answer, and nothing would have been done.
+            Some(0) if is_line(settings, port) && !pdu::is_broadcastable(request) => {
+                Decision::Refuse(Exception::ILLEGAL_FUNCTION)
+            }
+            Some(unit) if settings.port(port).is_some_and(|port| port.kind.side() == Side::Client) => {
+                let Policy { sharing, addresses, .. } = route.policy;
+                Decision::Forward { port, unit, priority, sharing, addresses }
+            }
+            // There is no such port.
+            _ => Decision::Refuse(Exception::GATEWAY_NO_PATH),
+        },
+    }
+}
+
+/// Whether a broadcast from `source` by `peer` goes out on the serial line `port`, and with which rank: when rules lead there
+/// for any units, and all of them let `request` pass, since it reaches the units of all.
+pub fn leads_to(
+    settings: &Settings,
+    source: PortId,
+    peer: Option<IpAddr>,
+    request: &[u8],
+    port: PortId,
+) -> Option<Priority> {
+    let leads = |(n, route): &(usize, &Route)| {
+        route.source == source
+            && route.is_for(peer)
+            && route.destination == Destination::Port(port)
+            && takers(settings, *n, |above| above.is_for(peer)).is_none()
+    };
+    let rules = settings.routes.iter().enumerate().filter(leads);
+    let mut ranks = rules.map(|(_, route)| route.policy.admit(request).ok());
+    let first = ranks.next().flatten().filter(|_| is_line(settings, port))?;
+    ranks.all(|rank| rank.is_some()).then_some(first)
+}
+
+/// The rules above rule `n` that take all units which it names, of those that are `for_the_same` peers.
+pub(crate) fn takers(settings: &Settings, n: usize, for_the_same: impl Fn(&Route) -> bool) -> Option<Rules> {
+    let rule = settings.routes.get(n)?;
+    let above = settings.routes.get(..n)?;
+    let mut takers = Rules::default();
+    let mut unit = rule.units.first;
+    loop {
+        let takes = |other: &Route| {
+            other.source == rule.source
+                && other.units.contains(unit)
+                && for_the_same(other)
+                && !is_implied(settings, other)
+        };
+        if is_asked(settings, rule.source, unit) {
+            let at = above.iter().position(takes)?;
+            takers.add(at);
+            unit = above.get(at)?.units.last;
+        }
+        if unit >= rule.units.last {
+            return Some(takers);
+        }
+        unit += 1;
+    }
+}
+
+/// Whether the rules of `port` are ever asked for `unit`.
+fn is_asked(settings: &Settings, port: PortId, unit: u8) -> bool {
+    // What a special unit may be replaced by is none itself.
+    meaning(settings, port, unit) == Special::Rules
+}
+
+/// Whether `port` is a serial line that the gateway asks on.
+fn is_line(settings: &Settings, port: PortId) -> bool {
+    let kind = settings.port(port).map(|port| &port.kind);
+    matches!(kind, Some(PortKind::Serial(serial)) if serial.side == Side::Client)
+}

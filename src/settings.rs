@@ -1,0 +1,59 @@
+//! The settings as plain values: ports, rules, points, slaves, the network; their limits and defaults.
+
+mod address;
+mod ethercat;
+mod functions;
+mod lane;
+mod limits;
+mod lookup;
+mod mdns;
+mod network;
+mod own_network;
+mod points;
+mod policy;
+mod port;
+mod proof;
+mod rule;
+mod rules;
+mod serial;
+mod servers;
+mod side;
+mod slaves;
+mod time;
+mod whole;
+
+pub use self::address::{Allowed, IpPrefix, Prefixes};
+pub(crate) use self::address::{Endpoint, IPV6, canonical};
+pub use self::ethercat::{EthercatSettings, INTERFACE_BYTES_MAX, InterfaceName, OnLoss};
+pub use self::functions::Functions;
+pub use self::lane::Lane;
+pub use self::limits::{
+    DEVICE_BYTES_MAX, LINE_BYTES_MAX, NAME_BYTES_MAX, Name, PORTS_MAX, PortId, RESERVED_MAX, ROUTES_MAX,
+};
+pub use self::mdns::Mdns;
+pub use self::network::{
+    MODBUS_TCP_PORT, StreamFraming, TcpClientSettings, TcpListen, TcpServerSettings, UDP_REQUESTS_MAX,
+    UdpServerSettings,
+};
+pub use self::own_network::{HOST_NAME_BYTES_MAX, HostName, OwnNetwork, StaticAddress};
+pub use self::points::{
+    DeviceSettings, LABEL_BYTES_MAX, Label, POINTS_MAX, PointAt, PointName, PointSettings,
+};
+pub use self::policy::{AddressRange, Cut, Forbidden, Merge, Policy, Priority, Sharing};
+pub use self::port::{Port, PortKind, Special, UnitPolicy};
+pub use self::proof::{PROOFS_MAX, Proof, Proofs};
+pub use self::rule::{Destination, Route, Tag, UnitRange};
+pub use self::rules::Rules;
+pub use self::serial::{
+    Driver, Framing, LineSettings, Parity, SerialClientSettings, SerialServerSettings, SerialSettings,
+};
+pub(crate) use self::servers::SERVERS;
+pub use self::servers::{
+    Host, PORT_SERVERS_MAX, SERVER_NAME_BYTES_MAX, SERVERS_MAX, SOCKETS_MAX, ServerAddress, ServerName,
+    ServerSettings,
+};
+pub use self::side::Side;
+pub(crate) use self::slaves::POLLING_MS;
+pub use self::slaves::{Cells, OnSilence, SLAVES_MAX, SlaveSettings};
+pub use self::time::Time;
+pub use self::whole::Settings;

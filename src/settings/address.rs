@@ -1,0 +1,92 @@
+//! Addresses of peers: prefixes, lists of those who may ask, and how addresses are printed.
+
+use core::fmt::{self, Display};
+use core::net::{IpAddr, SocketAddr};
+
+use heapless::Vec;
+
+use crate::settings::RESERVED_MAX;
+
+/// Such a list. Each port's settings have two, in several copies: its length is a byte.
+pub type Prefixes = Vec<IpPrefix, RESERVED_MAX, u8>;
+
+/// Whether there are addresses of IPv6. Without the feature `ipv6` settings have none, and no peer comes from one: their
+/// code need not be in an image.
+pub(crate) const IPV6: bool = cfg!(feature = "ipv6");
+
+/// Peers that may ask; empty: everybody may.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Allowed(pub Prefixes);
+
+impl Allowed {
+    /// Everybody.
+    pub const fn everybody() -> Self {
+        Self(Vec::new())
+    }
+
+    /// Whether `peer` may ask.
+    pub fn admits(&self, peer: IpAddr) -> bool {
+        self.0.is_empty() || self.0.iter().any(|prefix| prefix.contains(peer))
+    }
+}
+
+/// An IP address with a prefix length; a full length names one address.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct IpPrefix {
+    /// The address; bits behind the prefix are zero.
+    pub address: IpAddr,
+    /// Leading bits that must agree: up to 32 for IPv4, up to 128 for IPv6.
+    pub length: u8,
+}
+
+impl IpPrefix {
+    /// Whether all that lies in `other` lies in this prefix.
+    pub(crate) fn covers(&self, other: &Self) -> bool {
+        self.length <= other.length && self.contains(other.address)
+    }
+
+    /// Whether `peer` lies in the prefix. An IPv4 peer written as IPv6 (`::ffff:a.b.c.d`) counts as IPv4.
+    pub fn contains(&self, peer: IpAddr) -> bool {
+        let length = u32::from(self.length);
+        match (canonical(self.address), canonical(peer)) {
+            (IpAddr::V4(own), IpAddr::V4(peer)) => {
+                (own.to_bits() ^ peer.to_bits()).leading_zeros() >= length.min(32)
+            }
+            (IpAddr::V6(own), IpAddr::V6(peer)) if IPV6 => {
+                (own.to_bits() ^ peer.to_bits()).leading_zeros() >= length.min(128)
+            }
+            _ => false,
+        }
+    }
+}
+
+/// `::ffff:a.b.c.d` is how some systems write an IPv4 peer.
+pub(crate) fn canonical(address: IpAddr) -> IpAddr {
+    if IPV6 { address.to_canonical() } else { address }
+}
+
+/// `192.168.1.7` for a whole address, `192.168.1.0/24` for a prefix.
+impl Display for IpPrefix {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bits = if self.address.is_ipv4() { 32 } else { 128 };
+        match self.address {
+            IpAddr::V6(address) if IPV6 => write!(f, "{address}"),
+            IpAddr::V6(_) => Ok(()),
+            IpAddr::V4(address) => write!(f, "{address}"),
+        }?;
+        if self.length == bits { Ok(()) } else { write!(f, "/{}", self.length) }
+    }
+}
+
+/// An address with its port number as it is printed: `192.168.1.7:502`, `[::1]:502`.
+pub(crate) struct Endpoint(pub(crate) SocketAddr);
+
+impl Display for Endpoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            SocketAddr::V6(endpoint) if IPV6 => write!(f, "{endpoint}"),
+            SocketAddr::V6(_) => Ok(()),
+            SocketAddr::V4(endpoint) => write!(f, "{}:{}", endpoint.ip(), endpoint.port()),
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! What settings say about a port, a server, a point or the board, looked up in them.
+
+use core::net::Ipv4Addr;
+
+use crate::settings::{
+    EthercatSettings, Framing, LineSettings, Mdns, OwnNetwork, PortId, PortKind, SERVERS, SerialSettings,
+    ServerAddress, ServerSettings, Settings, Side, StreamFraming,
+};
+
+impl Settings {
+    /// How the EtherCAT port is set, if there is one.
+    pub fn ethercat(&self) -> Option<&EthercatSettings> {
+        self.ports.iter().flatten().find_map(|port| match &port.kind {
+            PortKind::Ethercat(settings) => Some(settings),
+            _ => None,
+        })
+    }
+
+    /// The line whose speed and format the MainDevice sets, if it is there.
+    pub fn ethercat_line(&self) -> Option<PortId> {
+        let id = self.find(self.ethercat()?.line.as_ref()?)?;
+        let is_rtu_client = matches!(
+            self.port(id)?.kind,
+            PortKind::Serial(SerialSettings { framing: Framing::Rtu, side: Side::Client, .. })
+        );
+        is_rtu_client.then_some(id)
+    }
+
+    /// How that line is set.
+    pub(crate) fn ethercat_speed(&self) -> Option<&LineSettings> {
+        match &self.port(self.ethercat_line()?)?.kind {
+            PortKind::Serial(serial) => Some(&serial.line),
+            _ => None,
+        }
+    }
+
+    /// The servers of the port at `id` that have lines of their own, each with its place among all such lines.
+    pub fn servers_of(&self, id: PortId) -> impl Iterator<Item = (usize, &ServerSettings)> + Clone {
+        // Where there are none, neither is the code for them.
+        let all: &[ServerSettings] = if SERVERS { &self.servers } else { &[] };
+        all.iter().enumerate().filter(move |(_, server)| server.port == id)
+    }
+
+    /// Where the server `number` (from 0) of the TCP client at `id` is.
+    pub(crate) fn address(&self, id: PortId, number: usize) -> Option<&ServerAddress> {
+        let PortKind::TcpClient(client) = &self.port(id)?.kind else { return None };
+        client.server.as_ref().or_else(|| Some(&self.servers_of(id).nth(number)?.1.at))
+    }
+
+    /// The server that is asked for `unit` by the TCP client at `id`, and what the unit is called there.
+    pub(crate) fn server(&self, id: PortId, unit: u8) -> Option<(&ServerAddress, u8)> {
+        let PortKind::TcpClient(client) = &self.port(id)?.kind else { return None };
+        if let Some(server) = &client.server {
+            return Some((server, client.unit.unwrap_or(unit)));
+        }
+        let (_, server) = self.servers_of(id).find(|(_, server)| server.units.contains(unit))?;
+        Some((&server.at, server.tag.apply(unit)?))
+    }
+
+    /// The name under which the gateway is found, which is `own` unless the settings say another; `None` when it is not to be
+    /// found.
+    pub fn mdns_name<'s>(&'s self, own: &'s str) -> Option<&'s str> {
+        let Mdns::On { name } = &self.mdns else { return None };
+        let told = match &self.network {
+            Some(OwnNetwork::Dhcp { name }) => name.as_str(),
+            _ => "",
+        };
+        [name, told, own].into_iter().find(|name| !name.is_empty())
+    }
+
+    /// The TCP ports of the Modbus TCP servers that can be reached at `own`, with the names of their ports.
+    pub fn modbus_servers(&self, own: Ipv4Addr) -> impl Iterator<Item = (&str, u16)> {
+        self.ports.iter().flatten().filter_map(move |port| match &port.kind {
+            PortKind::TcpServer(server) if server.framing == StreamFraming::Mbap => {
+                let at = server.listen.address.unwrap_or(own.into());
+                (at.is_unspecified() || at.to_canonical() == own)
+                    .then_some((port.name.as_str(), server.listen.port))
+            }
+            _ => None,
+        })
+    }
+
+    /// The place of the point called `name`.
+    pub fn find_point(&self, name: &str) -> Option<u8> {
+        let place = self.points.iter().position(|point| point.name.eq_ignore_ascii_case(name))?;
+        u8::try_from(place).ok()
+    }
+
+    /// The place of the device called `name`.
+    pub fn find_device(&self, name: &str) -> Option<u8> {
+        let place = self.devices.iter().position(|device| device.name.eq_ignore_ascii_case(name))?;
+        u8::try_from(place).ok()
+    }
+
+    /// The name of the device at `place`; `?` when there is none.
+    pub fn device_name(&self, place: u8) -> &str {
+        self.devices.get(usize::from(place)).map_or("?", |device| &device.name)
+    }
+}

@@ -1,0 +1,135 @@
+//! Data points in the settings: devices that the gateway asks by itself, and points that tie their cells to variables.
+
+use heapless::String;
+
+use crate::scanner::{
+    Device, DeviceId, Form, Kind, POINTS, ROWS_MAX, Reading, RegisterBit, Row, RowId, ValueType, Writing,
+};
+use crate::settings::NAME_BYTES_MAX;
+
+/// Points that settings can hold.
+pub const POINTS_MAX: usize = if POINTS { POINTS_MOST } else { 0 };
+
+const POINTS_MOST: usize = if cfg!(feature = "small") { 64 } else { 128 };
+
+/// Longest label of a device or a point in bytes.
+pub const LABEL_BYTES_MAX: usize = 23;
+
+const _: () = assert!(POINTS_MOST <= ROWS_MAX);
+
+/// The name of a device or a point. Settings have many of them, and there is a draft besides: they must be small.
+pub type PointName = String<NAME_BYTES_MAX, u8>;
+
+/// What people call it; may be empty.
+pub type Label = String<LABEL_BYTES_MAX, u8>;
+
+/// A device that the scanner asks.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DeviceSettings {
+    /// Unique among devices, without regard to case.
+    pub name: PointName,
+    /// What it is for the scanner.
+    pub device: Device,
+    /// What people call it.
+    pub label: Label,
+}
+
+/// A point: a variable, and the cells that it is tied to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PointSettings {
+    /// Unique among points, without regard to case.
+    pub name: PointName,
+    /// Where it is.
+    pub at: PointAt,
+    /// The table.
+    pub kind: Kind,
+    /// The first cell's address, as it is on the wire.
+    pub first: u16,
+    /// How many values.
+    pub count: u16,
+    /// What the values are; bits in a table of bits, if it does not say another type.
+    pub value: ValueType,
+    /// What people call it.
+    pub label: Label,
+}
+
+/// Where the cells of a point are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PointAt {
+    /// In a device, which is asked.
+    Device {
+        /// Its place among the devices.
+        device: u8,
+        /// When they are read.
+        read: Reading,
+        /// When they are written.
+        write: Writing,
+        /// One cell is written by function 15 or 16 as well.
+        multiple: bool,
+        /// The bit of a register that it is.
+        bit: Option<RegisterBit>,
+    },
+    /// In the gateway's own unit, where outside clients find them.
+    Local {
+        /// The point whose variable this is; none: its own.
+        of: Option<u8>,
+        /// Input registers with its status word and age.
+        quality: Option<u16>,
+    },
+}
+
+impl PointSettings {
+    /// How many cells it has.
+    pub fn cells(&self) -> u16 {
+        let each = if self.kind.is_bits() { self.value.bits() } else { self.value.registers() };
+        self.count.saturating_mul(each)
+    }
+
+    /// Bytes of memory that its own variable takes.
+    pub(crate) fn bytes(&self) -> usize {
+        match self.at {
+            PointAt::Local { of: Some(_), .. } => 0,
+            _ if self.value == ValueType::Bit => Kind::Coil.bytes(self.count).into(),
+            _ => Kind::Holding.bytes(self.count.saturating_mul(self.value.registers())).into(),
+        }
+    }
+
+    /// What its cells are in its variable.
+    fn form(&self) -> Form {
+        match (self.at, self.kind.is_bits(), self.value.bits()) {
+            (PointAt::Device { bit: Some(bit), .. }, ..) => Form::Bit(bit),
+            (_, true, 16) => Form::Words,
+            (_, true, 32) => Form::Longs,
+            (_, false, 32) => Form::Wide,
+            _ => Form::Cells,
+        }
+    }
+
+    /// The row that it is in a scanner, with its values from the place `values` on.
+    pub(crate) fn row(&self, values: u16) -> Row {
+        let row = Row {
+            device: None,
+            kind: self.kind,
+            first: self.first,
+            count: self.cells(),
+            input: values,
+            output: values,
+            read: Reading::Manual,
+            write: Writing::Never,
+            multiple: false,
+            form: self.form(),
+            of: None,
+            quality: None,
+        };
+        match self.at {
+            PointAt::Device { device, read, write, multiple, .. } => {
+                Row { device: Some(DeviceId(device)), read, write, multiple, ..row }
+            }
+            PointAt::Local { of, quality } => Row { of: of.map(RowId), quality, ..row },
+        }
+    }
+}
+
+const _: () = assert!(POINTS_MAX <= u8::MAX as usize, "a place is a byte");
+
+const _: () = assert!(size_of::<PointSettings>() <= 60, "there are many points, twice");

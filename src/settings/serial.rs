@@ -1,0 +1,205 @@
+//! Settings of serial lines: speed, format, gaps, who switches the driver, and how each side asks or answers.
+
+use embassy_time::{Duration, TICK_HZ};
+use heapless::String;
+
+use crate::settings::{DEVICE_BYTES_MAX, PROOFS_MAX, Proof, Proofs, Side};
+
+/// How frames look on a serial line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Framing {
+    /// Binary frames ended by silence.
+    Rtu,
+    /// Hexadecimal frames between `:` and CR LF.
+    Ascii,
+}
+
+/// A serial port.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SerialSettings {
+    /// The board's name for the line: `uart1`, `/dev/ttyUSB0`.
+    pub device: String<DEVICE_BYTES_MAX>,
+    /// RTU or ASCII.
+    pub framing: Framing,
+    /// Client or server.
+    pub side: Side,
+    /// Speed, format and gaps.
+    pub line: LineSettings,
+    /// How requests are sent; used when `side` is [`Side::Client`].
+    pub client: SerialClientSettings,
+    /// How requests are answered; used when `side` is [`Side::Server`].
+    pub server: SerialServerSettings,
+}
+
+impl SerialSettings {
+    /// An RTU client on `device` with the defaults.
+    pub(crate) const fn new(device: String<DEVICE_BYTES_MAX>) -> Self {
+        Self {
+            device,
+            framing: Framing::Rtu,
+            side: Side::Client,
+            line: LineSettings::DEFAULT,
+            client: SerialClientSettings::DEFAULT,
+            server: SerialServerSettings::DEFAULT,
+        }
+    }
+}
+
+/// Speed, character format and silent intervals of a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LineSettings {
+    /// Bits per second, 1 to 10 000 000.
+    pub baud: u32,
+    /// 7 or 8.
+    pub data_bits: u8,
+    /// Parity bit.
+    pub parity: Parity,
+    /// 1 or 2.
+    pub stop_bits: u8,
+    /// Silence between frames; `None` is the specification's t3.5.
+    pub gap: Option<Duration>,
+    /// Longest silence inside a frame; `None` is the general rule (a frame ends after the gap).
+    pub char_timeout: Option<Duration>,
+    /// Who switches the transceiver's driver.
+    pub driver: Driver,
+    /// From switching the driver on to the first start bit.
+    pub driver_before: Duration,
+    /// From the last stop bit to switching the driver off.
+    pub driver_after: Duration,
+    /// The adapter hears itself: what comes back is compared with what was sent, and dropped.
+    pub echo: bool,
+}
+
+/// Who switches the transceiver of a two-wire line from hearing to speaking and back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Driver {
+    /// Nobody needs to: RS-232, four wires, or an adapter that does it by itself.
+    Automatic,
+    /// The hardware or its driver (Linux: TIOCSRS485); refused where it cannot.
+    Rs485,
+    /// The gateway, by RTS.
+    Rts,
+}
+
+/// Parity of a character.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Parity {
+    /// No parity bit.
+    None,
+    /// Even number of ones.
+    Even,
+    /// Odd number of ones.
+    Odd,
+}
+
+impl LineSettings {
+    /// Modbus over Serial Line 2.5.1: 19200 baud, even parity.
+    pub const DEFAULT: Self = Self {
+        baud: 19_200,
+        data_bits: 8,
+        parity: Parity::Even,
+        stop_bits: 1,
+        gap: None,
+        char_timeout: None,
+        driver: Driver::Automatic,
+        driver_before: Duration::from_ticks(0),
+        driver_after: Duration::from_ticks(0),
+        echo: false,
+    };
+
+    /// Bits of one character on the wire: start, data, parity, stop.
+    pub const fn bits_per_char(&self) -> u32 {
+        1 + self.data_bits as u32 + !matches!(self.parity, Parity::None) as u32 + self.stop_bits as u32
+    }
+
+    /// Time of `chars` characters on the wire, rounded up to the clock's tick.
+    pub fn chars(&self, chars: usize) -> Duration {
+        self.bits(chars as u64 * u64::from(self.bits_per_char()), self.baud)
+    }
+
+    /// Time of `bits` at `baud`, rounded up to the clock's tick.
+    fn bits(&self, bits: u64, baud: u32) -> Duration {
+        let parts = bits * TICK_HZ;
+        Duration::from_ticks(match u32::try_from(parts) {
+            // A small processor does this in one instruction, and it is as much as a frame needs.
+            Ok(parts) => parts.div_ceil(baud).into(),
+            Err(_) => parts.div_ceil(baud.into()),
+        })
+    }
+
+    /// The specification's t3.5: 3.5 characters, fixed at 1.750 ms above 19200 baud (Serial Line 2.5.1.1).
+    pub fn t3_5(&self) -> Duration {
+        if self.baud > 19_200 {
+            return Duration::from_micros(1_750);
+        }
+        self.half_chars(7)
+    }
+
+    /// The specification's t1.5, the longest silence inside an RTU frame: 1.5 characters, fixed at 750 us above 19200 baud.
+    pub fn t1_5(&self) -> Duration {
+        if self.baud > 19_200 { Duration::from_micros(750) } else { self.half_chars(3) }
+    }
+
+    fn half_chars(&self, count: u64) -> Duration {
+        self.bits(count * u64::from(self.bits_per_char()), 2 * self.baud)
+    }
+
+    /// The silence that ends a frame and must precede one.
+    pub fn gap(&self) -> Duration {
+        self.gap.unwrap_or_else(|| self.t3_5())
+    }
+}
+
+/// How a client-side port sends requests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SerialClientSettings {
+    /// From the last bit of the request to the first character of the response.
+    pub timeout: Duration,
+    /// Repeats of a read that got no or a damaged response. Writes are never repeated.
+    pub retries: u8,
+    /// Pause after a broadcast.
+    pub turnaround: Duration,
+    /// Silence after the port is opened, for devices that are still starting.
+    pub start_delay: Duration,
+    /// How long input is discarded after the line was opened, and how long a unit gets no request that could be given an
+    /// earlier response, where nothing proves that it is in step; `None`: `timeout`.
+    pub late_window: Option<Duration>,
+    /// Time-outs in a row after which a unit counts as down and fails at once; 0 never.
+    pub down_after: u8,
+    /// What proves that a unit is in step.
+    pub proofs: Proofs,
+}
+
+impl SerialClientSettings {
+    /// How long something that was not asked for may still come.
+    pub fn late_window(&self) -> Duration {
+        self.late_window.unwrap_or(self.timeout)
+    }
+
+    /// One second, no repeats, 100 ms after a broadcast, down after three.
+    pub const DEFAULT: Self = Self {
+        timeout: Duration::from_secs(1),
+        retries: 0,
+        turnaround: Duration::from_millis(100),
+        start_delay: Duration::from_ticks(0),
+        late_window: None,
+        down_after: 3,
+        proofs: Proofs { all: Proof::Auto, of_units: [None; PROOFS_MAX] },
+    };
+}
+
+/// How a server-side serial port answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SerialServerSettings {
+    /// From the request to the answer. After this time the master has given up: there is no answer, and a request not
+    /// yet on its destination's wire is not sent any more.
+    pub answer_within: Duration,
+    /// Least time from the end of the request to the answer, for masters that are slow to listen; never below the gap.
+    pub reply_delay: Duration,
+}
+
+impl SerialServerSettings {
+    /// An answer within 3 s, as soon as there is one.
+    pub const DEFAULT: Self =
+        Self { answer_within: Duration::from_secs(3), reply_delay: Duration::from_ticks(0) };
+}

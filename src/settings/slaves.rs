@@ -1,0 +1,102 @@
+//! The Modbus devices behind the EtherCAT process image, in the order of their values there.
+
+use crate::scanner::{ByteOrder, Form, Kind, POINTS, ValueType};
+
+/// Devices behind the process image.
+pub const SLAVES_MAX: usize = if POINTS { 32 } else { 0 };
+
+/// How often a device is read if nothing else is said.
+pub(crate) const POLLING_MS: u32 = 1_000;
+
+/// Neighbouring cells of one table of a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Cells {
+    /// How many.
+    pub count: u16,
+    /// The first one's address on the wire.
+    pub address: u16,
+}
+
+/// What the inputs of a device become when it does not answer any more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(u8)]
+pub enum OnSilence {
+    /// They stay as they were read last.
+    #[default]
+    Hold = 0,
+    /// All become 0.
+    Clear = 1,
+    /// Each register becomes [`SlaveSettings::substitute`], and each bit its lowest one.
+    Substitute = 2,
+}
+
+impl OnSilence {
+    /// What then stands in the inputs, behind a comma.
+    pub const fn of_inputs(self) -> &'static str {
+        match self {
+            Self::Hold => ", inputs held",
+            Self::Clear => ", inputs cleared",
+            Self::Substitute => ", inputs substituted",
+        }
+    }
+}
+
+/// One device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SlaveSettings {
+    /// Its unit id.
+    pub unit: u8,
+    /// It is asked for a sign of life before each poll.
+    pub check: bool,
+    /// What its inputs become when it does not answer any more.
+    pub on_silence: OnSilence,
+    /// What they become when they are substituted.
+    pub substitute: u16,
+    /// How often it is read.
+    pub polling_ms: u32,
+    /// Its cells, in the order of [`Kind::ALL`].
+    pub cells: [Cells; 4],
+    /// What its input registers and its holding registers are.
+    pub types: [ValueType; 2],
+    /// In which order it has the bytes of values of 32 bits.
+    pub order: ByteOrder,
+}
+
+impl SlaveSettings {
+    /// The device `unit` without cells.
+    pub const fn new(unit: u8) -> Self {
+        let cells = [Cells { count: 0, address: 0 }; 4];
+        let on_silence = OnSilence::Hold;
+        let (types, order) = ([ValueType::U16; 2], ByteOrder::Order0123);
+        Self { unit, check: false, on_silence, substitute: 0, polling_ms: POLLING_MS, cells, types, order }
+    }
+
+    /// What the cells of a table are.
+    pub const fn value_type(&self, kind: Kind) -> ValueType {
+        let [input, holding] = self.types;
+        match kind {
+            Kind::Coil | Kind::Discrete => ValueType::Bit,
+            Kind::Input => input,
+            Kind::Holding => holding,
+        }
+    }
+
+    /// How they are kept: values of 32 bits with the high byte first.
+    pub const fn form(&self, kind: Kind) -> Form {
+        if self.value_type(kind).registers() == 2 { Form::Wide } else { Form::Cells }
+    }
+
+    /// The tables with what is configured of them.
+    pub fn tables(&self) -> impl Iterator<Item = (Kind, Cells)> {
+        Kind::ALL.into_iter().zip(self.cells)
+    }
+
+    /// What its inputs are filled with when it does not answer any more.
+    pub const fn filling(&self) -> Option<u16> {
+        match self.on_silence {
+            OnSilence::Hold => None,
+            OnSilence::Clear => Some(0),
+            OnSilence::Substitute => Some(self.substitute),
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! All settings together, as the gateway has them in force.
+
+use heapless::Vec;
+
+use crate::scanner::{DEVICES_MAX, POINTS};
+use crate::settings::{
+    Destination, DeviceSettings, Mdns, OwnNetwork, POINTS_MAX, PORTS_MAX, PointSettings, Port, PortId,
+    PortKind, ROUTES_MAX, Route, SERVERS, SERVERS_MAX, SLAVES_MAX, ServerSettings, SlaveSettings,
+    TcpServerSettings,
+};
+
+/// Everything that `save` keeps and `show config` prints.
+#[derive(Debug, PartialEq, Eq, Default)]
+pub struct Settings {
+    /// How the board comes by its own address, where that is the gateway's business; `None`: as it does by default.
+    pub network: Option<OwnNetwork>,
+    /// How it is found on the network.
+    pub mdns: Mdns,
+    /// The ports; a place keeps its index while other ports come and go.
+    pub ports: [Option<Port>; PORTS_MAX],
+    /// The servers of TCP clients that have several.
+    pub servers: Vec<ServerSettings, SERVERS_MAX>,
+    /// The routing rules in the order in which they are tried.
+    pub routes: Vec<Route, ROUTES_MAX>,
+    /// The devices that the scanner asks.
+    pub devices: Vec<DeviceSettings, DEVICES_MAX>,
+    /// The points, in devices and in the gateway's own unit.
+    pub points: Vec<PointSettings, POINTS_MAX>,
+    /// The devices behind the EtherCAT process image, in the order of their values.
+    pub slaves: Vec<SlaveSettings, SLAVES_MAX>,
+}
+
+impl Settings {
+    /// No ports, no rules.
+    pub const fn new() -> Self {
+        Self {
+            network: None,
+            mdns: Mdns::DEFAULT,
+            ports: [const { None }; PORTS_MAX],
+            servers: Vec::new(),
+            routes: Vec::new(),
+            devices: Vec::new(),
+            points: Vec::new(),
+            slaves: Vec::new(),
+        }
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.network = None;
+        self.mdns = Mdns::DEFAULT;
+        self.ports.iter_mut().for_each(|port| *port = None);
+        self.servers.clear();
+        self.routes.clear();
+        self.devices.clear();
+        self.points.clear();
+        self.slaves.clear();
+    }
+
+    /// How the board comes by its own address.
+    pub fn own_network(&self) -> OwnNetwork {
+        self.network.clone().unwrap_or_default()
+    }
+
+    /// The port at `id`.
+    pub fn port(&self, id: PortId) -> Option<&Port> {
+        self.ports.get(id.index())?.as_ref()
+    }
+
+    /// The port called `name`; a bare TCP port number also finds the port called `P` and that number, because
+    /// the source paper prints `502` for P502.
+    pub fn find(&self, name: &str) -> Option<PortId> {
+        let named = |wanted: &dyn Fn(&str) -> bool| {
+            self.ports.iter().position(|port| port.as_ref().is_some_and(|port| wanted(&port.name)))
+        };
+        let found = named(&|other| other.eq_ignore_ascii_case(name)).or_else(|| {
+            let digits = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_digit());
+            if !digits {
+                return None;
+            }
+            named(&|other| other.strip_prefix(['P', 'p']) == Some(name))
+        })?;
+        Some(PortId(found as u8))
+    }
+
+    /// The TCP server at `id`, if the port is one.
+    pub fn tcp_server(&self, id: PortId) -> Option<&TcpServerSettings> {
+        match &self.port(id)?.kind {
+            PortKind::TcpServer(settings) => Some(settings),
+            _ => None,
+        }
+    }
+
+    /// The name of the port at `id`; `?` when there is none any more.
+    pub fn name(&self, id: PortId) -> &str {
+        self.port(id).map_or("?", |port| &port.name)
+    }
+
+    /// A destination as rules name it.
+    pub fn destination(&self, destination: Destination) -> &str {
+        match destination {
+            Destination::Port(id) => self.name(id),
+            Destination::Local => "local",
+            Destination::Discard => "discard",
+            Destination::NoPath => "nopath",
+        }
+    }
+}
+
+impl Clone for Settings {
+    fn clone(&self) -> Self {
+        let mut clone = Self::new();
+        clone.clone_from(self);
+        clone
+    }
+
+    /// Copies part by part: the whole is too big for the stack of a small board.
+    fn clone_from(&mut self, source: &Self) {
+        let Self { network, mdns, ports, servers, routes, devices, points, slaves } = source;
+        self.network.clone_from(network);
+        self.mdns.clone_from(mdns);
+        self.ports.clone_from_slice(ports);
+        if SERVERS {
+            copy_list(&mut self.servers, servers);
+        }
+        copy_list(&mut self.routes, routes);
+        if POINTS {
+            copy_list(&mut self.devices, devices);
+            copy_list(&mut self.points, points);
+            copy_list(&mut self.slaves, slaves);
+        }
+    }
+}
+
+fn copy_list<T: Clone, const N: usize>(list: &mut Vec<T, N>, source: &Vec<T, N>) {
+    list.clear();
+    // The same number fits.
+    let _ = list.extend_from_slice(source);
+}

@@ -17,7 +17,9 @@ mod history;
 mod input;
 mod job;
 mod keys;
+mod mode;
 mod output;
+mod point_command;
 // One of two: what belongs to data points is a job of its own.
 #[cfg_attr(not(feature = "points"), path = "console/no_points.rs")]
 mod points;
@@ -26,10 +28,13 @@ mod registers;
 mod rows;
 mod scan;
 mod session;
+mod shell;
 mod show;
+mod table;
 #[cfg(test)]
 mod tests;
 mod tune;
+mod wait;
 
 use core::future::pending;
 use core::pin::pin;
@@ -39,53 +44,17 @@ use embassy_time::Timer;
 use embedded_io_async::{Read, Write};
 
 pub use self::guard::Foreign;
-use self::job::{Came, Wait};
-use self::session::Console;
+pub use self::mode::{Ended, Mode};
+use self::shell::Shell;
+use self::wait::{Came, Wait};
 use crate::gateway::Gateway;
 use crate::gateway::reconfigure;
 use crate::hal::{Store, System};
 
-const PROMPT: &str = "mobgate> ";
-/// The prompt while the settings in force are not saved.
-const PROMPT_UNSAVED: &str = "mobgate*> ";
 /// Bytes taken from the stream at a time.
 const CHUNK_BYTES_MAX: usize = 64;
 /// Bytes that may stop a command; what is behind them, or behind the line that they begin, is the next command.
 const STOP_BYTES_MAX: usize = 16;
-
-/// Who is at the other end.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mode {
-    /// A terminal that sends every key: lines are edited here and echoed.
-    Echo,
-    /// The same, the program's own terminal: Ctrl-C, on an empty line and once more, ends the session with [`Ended::Stopped`].
-    Foreground,
-    /// A program, a file, or a terminal that edits lines itself.
-    Plain,
-    /// The same over a network, where anything may come: what is not [`Foreign`] is a session.
-    Network,
-}
-
-impl Mode {
-    /// Whether keys come, and not lines.
-    fn edits(self) -> bool {
-        matches!(self, Self::Echo | Self::Foreground)
-    }
-}
-
-/// How a session has ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ended {
-    /// By `exit`, or by the end of input.
-    Left {
-        /// Some line was answered by an error.
-        refused: bool,
-    },
-    /// By Ctrl-C: the program shall end.
-    Stopped,
-    /// It was none.
-    Foreign(Foreign),
-}
 
 /// Runs a session until `exit`, the end of input, or an error of the stream; says which of the first two, or what it was instead.
 ///
@@ -103,14 +72,14 @@ where
     S: Store,
     Y: System,
 {
-    let mut console = Console::new(gateway, system, mode);
-    let mut wait = console.start();
+    let mut shell = Shell::new(gateway, system, mode);
+    let mut wait = shell.start();
     let (mut chunk, mut keys, mut stop) = ([0; CHUNK_BYTES_MAX], 0..0, [0; STOP_BYTES_MAX]);
     // Whether the line that has stopped a command goes on.
     let mut skips = false;
     loop {
-        stream.write_all(console.session.out.text.as_bytes()).await?;
-        console.session.out.text.clear();
+        stream.write_all(shell.session.out.text.as_bytes()).await?;
+        shell.session.out.text.clear();
         let is_idle = matches!(wait, Wait::Key);
         let came = if matches!(wait, Wait::Sent) {
             Came::Nothing
@@ -119,7 +88,7 @@ where
         } else {
             stream.flush().await?;
             // Not in a function: it would keep a second place for what it is given.
-            let mut work = pin!(work(&mut console, store, wait));
+            let mut work = pin!(work(&mut shell, store, wait));
             let into = if is_idle { &mut chunk[..] } else { &mut stop[..] };
             let mut listens = wait.listens();
             loop {
@@ -133,7 +102,7 @@ where
             }
         };
         match (wait, came) {
-            (Wait::Exit, _) => return Ok(console.session.ended),
+            (Wait::Exit, _) => return Ok(shell.session.ended),
             (Wait::Key, Came::Typed(count @ 1..)) => {
                 let end = if skips { line_end(&chunk, count) } else { Some(0) };
                 skips = end.is_none();
@@ -143,7 +112,7 @@ where
                 if let Came::Typed(count @ 1..) = came {
                     skips = !mode.edits() && line_end(&stop, count).is_none();
                 }
-                wait = console.step(came);
+                wait = shell.step(came);
             }
         }
     }
@@ -155,8 +124,8 @@ fn line_end(bytes: &[u8], count: usize) -> Option<usize> {
 }
 
 /// Does what a step waits for.
-async fn work<S: Store>(console: &mut Console<'_, '_>, store: &mut S, wait: Wait) -> Came {
-    let Console { input, session, .. } = console;
+async fn work<S: Store>(shell: &mut Shell<'_, '_>, store: &mut S, wait: Wait) -> Came {
+    let Shell { input, session, .. } = shell;
     match wait {
         Wait::Sent | Wait::Exit | Wait::End => {}
         Wait::Key => pending().await,

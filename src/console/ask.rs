@@ -2,10 +2,10 @@
 
 use embassy_time::Duration;
 
-use super::job::{Came, Job, Wait};
 use super::probe::harmless;
 use super::rows::{LINE_VALUES_MAX, Values};
-use super::session::{Begun, Session};
+use super::session::Session;
+use super::wait::{Begun, Came, Wait};
 use crate::language::{
     KINDS, ORDERS, ORDERS_EXPECTED, Problem, TYPES, TYPES_EXPECTED, Word, Words, Wrong, medium, parse_number,
     small,
@@ -43,15 +43,14 @@ pub(super) struct Question {
 
 impl Session<'_, '_> {
     /// Asks what the words say.
-    pub(super) fn ask(&mut self, ask: Ask, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
+    pub(super) fn ask(&mut self, ask: Ask, words: &Words<'_>) -> Begun<Question> {
         let (question, port) =
             self.gateway.settings(|settings| parse(settings, ask, words, &mut self.pdu))?;
         if let Err(error) = self.take_turn(port) {
-            return Ok(self.fail(&error));
+            return Ok((None, self.fail(&error)));
         }
         self.unit = question.unit;
-        *job = Job::Ask(question);
-        Ok(Wait::Answer { typed_ends: false })
+        Ok((Some(question), Wait::Answer { typed_ends: false }))
     }
 }
 

@@ -5,9 +5,11 @@ use embassy_time::Instant;
 use super::ask::Ask;
 use super::frames::Frames;
 use super::help::Help;
-use super::job::{Job, Wait};
-use super::session::{Begun, Session};
+use super::job::Job;
+use super::point_command::PointCommand;
+use super::session::Session;
 use super::show::{Show, Table};
+use super::wait::{Begun, Wait};
 use crate::language::{Words, Wrong};
 
 /// What a command's first word asks for.
@@ -28,16 +30,6 @@ pub(super) enum Command {
     Save,
     /// A command that has no words of its own.
     Alone(Wait),
-}
-
-/// What is done with a point at once.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum PointCommand {
-    Read,
-    Write,
-    Mark,
-    Begin,
-    Finish,
 }
 
 /// Every command, in the order of `help`.
@@ -108,7 +100,7 @@ pub(super) const TOPICS_WATCH: &[(&str, Watch)] = &[("points", Watch::Points)];
 
 impl<'g> Session<'_, 'g> {
     /// Begins what the words of a line say: a command that takes more than this step becomes the `job`.
-    pub(super) fn begin(&mut self, words: &Words<'_>, job: &mut Job<'g>) -> Begun {
+    pub(super) fn begin(&mut self, words: &Words<'_>, job: &mut Job<'g>) -> Result<Wait, Wrong> {
         let verb = words.take();
         if verb.is_end() {
             return Ok(Wait::End);
@@ -127,24 +119,24 @@ impl<'g> Session<'_, 'g> {
                 *job = Job::Help(Help::parse(words)?);
                 Wait::Sent
             }
-            Command::Ask(ask) => return self.ask(ask, words, job),
-            Command::Scan => return self.scan(words, job),
-            Command::Tune => return self.tune(words, job),
+            Command::Ask(ask) => return begun(self.ask(ask, words), job, Job::Ask),
+            Command::Scan => return begun(self.scan(words), job, Job::Scan),
+            Command::Tune => return begun(self.tune(words), job, Job::Tune),
             Command::Capture => return self.capture(words),
             // Names begin with a letter.
             Command::Point(PointCommand::Read) if begins_with_digit => {
-                return self.ask(Ask::Read, words, job);
+                return begun(self.ask(Ask::Read, words), job, Job::Ask);
             }
             Command::Point(PointCommand::Write) if begins_with_digit => {
-                return self.ask(Ask::Write, words, job);
+                return begun(self.ask(Ask::Write, words), job, Job::Ask);
             }
-            Command::Point(command) => return self.point(command, words, job),
+            Command::Point(command) => return begun(self.point(command, words), job, Job::Point),
             Command::Clear => {
                 self.clear(topic(words, TOPICS_CLEAR, "stats or log")?);
                 Wait::End
             }
             Command::Watch if !words.peek().is_end() => match topic(words, TOPICS_WATCH, "points")? {
-                Watch::Points => self.watch_points(job),
+                Watch::Points => return begun(self.watch_points(), job, Job::Point),
             },
             Command::Watch => {
                 *job = Job::Frames(Frames::to_come(self.gateway));
@@ -174,8 +166,17 @@ impl<'g> Session<'_, 'g> {
     }
 }
 
+/// Lets what a command has begun be the `job`.
+fn begun<'g, J>(begun: Begun<J>, job: &mut Job<'g>, make: fn(J) -> Job<'g>) -> Result<Wait, Wrong> {
+    let (begun, wait) = begun?;
+    if let Some(begun) = begun {
+        *job = make(begun);
+    }
+    Ok(wait)
+}
+
 /// `save`, or `save force`.
-fn save(words: &Words<'_>) -> Begun {
+fn save(words: &Words<'_>) -> Result<Wait, Wrong> {
     let whatever = !words.peek().is_end();
     if whatever {
         words.take().keyword(&[("force", ())], "force")?;

@@ -2,12 +2,12 @@
 
 use embassy_time::Duration;
 
-use super::job::{Came, Wait};
 use super::rows::{Bytes, port_name, text};
-use super::session::{Begun, Session};
+use super::session::Session;
+use super::wait::{Came, Wait};
 use crate::capture::{Capture, Captured, Following, Head};
 use crate::gateway::{ApplyError, Gateway};
-use crate::language::Words;
+use crate::language::{Words, Wrong};
 
 /// How often a watcher looks.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -88,7 +88,7 @@ fn head(session: &mut Session<'_, '_>, frame: &Captured, follows: bool) {
 
 impl Session<'_, '_> {
     /// Writes the frames that come into the file that is named, or no more.
-    pub(super) fn capture(&mut self, words: &Words<'_>) -> Begun {
+    pub(super) fn capture(&mut self, words: &Words<'_>) -> Result<Wait, Wrong> {
         let word = words.take();
         if word.is_end() {
             return Err(word.expected("a file, or off"));

@@ -2,8 +2,8 @@
 
 use super::editor::{Editor, Event};
 use super::guard::{Foreign, Guard};
+use super::mode::{Mode, PROMPT};
 use super::output::Output;
-use super::{Mode, PROMPT};
 use crate::language::{LineBuffer, LineError};
 
 /// Where lines are put together.

@@ -1,6 +1,4 @@
-//! The commands that take more than one step, and what they wait for in between.
-
-use embassy_time::Duration;
+//! The commands that take more than one step.
 
 use super::ask::Question;
 use super::frames::Frames;
@@ -10,65 +8,7 @@ use super::scan::Scan;
 use super::session::Session;
 use super::show::Table;
 use super::tune::Tune;
-use crate::gateway::direct_request::NotAsked;
-use crate::hal::OpenError;
-use crate::settings::LineSettings;
-
-/// What is waited for behind a step, when what it has written is sent.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Wait {
-    /// Nothing more.
-    Sent,
-    /// A key, or text.
-    Key,
-    /// So long, or that something is typed.
-    Pause(Duration),
-    /// So long, whatever is typed.
-    // Only points want that.
-    #[cfg_attr(not(feature = "points"), expect(dead_code))]
-    Rest(Duration),
-    /// The answer to the session's question, or that something is typed if that ends it.
-    Answer {
-        typed_ends: bool,
-    },
-    /// That the port of the session's turn is open with other settings.
-    Open {
-        line: LineSettings,
-        timeout: Duration,
-        alone: bool,
-    },
-    /// That the line has changed the settings, that they are saved, or taken over.
-    Change,
-    Save {
-        /// What somebody else has written there meanwhile is written over.
-        whatever: bool,
-    },
-    Load,
-    Reboot,
-    /// The command is done.
-    End,
-    /// The session is done.
-    Exit,
-}
-
-impl Wait {
-    /// Whether it matters what is typed meanwhile.
-    pub(super) fn listens(self) -> bool {
-        matches!(self, Self::Key | Self::Pause(_) | Self::Answer { typed_ends: true })
-    }
-}
-
-/// What came of waiting.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Came {
-    /// The time is over, or there was nothing to wait for.
-    Nothing,
-    Key(u8),
-    /// So many bytes; 0: the input has ended.
-    Typed(usize),
-    Answer(Result<Duration, NotAsked>),
-    Opened(Result<(), OpenError>),
-}
+use super::wait::{Came, Wait};
 
 /// A command that runs.
 // There is one in a session.
@@ -82,8 +22,6 @@ pub(super) enum Job<'g> {
     Ask(Question),
     Scan(Scan),
     Tune(Tune),
-    // Without points there is no such command.
-    #[cfg_attr(not(feature = "points"), expect(dead_code))]
     Point(PointJob),
 }
 

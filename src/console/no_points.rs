@@ -2,11 +2,11 @@
 
 use core::fmt;
 
-use super::command::PointCommand;
-use super::job::{Came, Job, Wait};
 use super::output::Written;
-use super::session::{Begun, Session};
-use super::show::Source;
+use super::point_command::PointCommand;
+use super::session::Session;
+use super::table::Source;
+use super::wait::{Begun, Came, Wait};
 use crate::language::{Problem, Words};
 
 /// There is none.
@@ -20,13 +20,13 @@ impl PointJob {
 
 impl Session<'_, '_> {
     /// Says that there are none.
-    pub(super) fn point(&mut self, _: PointCommand, words: &Words<'_>, _: &mut Job<'_>) -> Begun {
+    pub(super) fn point(&mut self, _: PointCommand, words: &Words<'_>) -> Begun<PointJob> {
         Err(words.take().error(Problem::NoPoints))
     }
 
     /// `watch points`
-    pub(super) fn watch_points(&mut self, _: &mut Job<'_>) -> Wait {
-        self.fail(&Problem::NoPoints)
+    pub(super) fn watch_points(&mut self) -> Begun<PointJob> {
+        Ok((None, self.fail(&Problem::NoPoints)))
     }
 }
 

@@ -4,7 +4,7 @@ use core::fmt::{self, Write as _};
 
 use heapless::String;
 
-use super::job::Wait;
+use super::wait::Wait;
 use crate::settings::LINE_BYTES_MAX;
 
 /// Room for the longest line of output: a line of settings, or a rule's row in a table, and some more.

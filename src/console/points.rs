@@ -5,12 +5,12 @@ use core::fmt;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
-use super::command::PointCommand;
-use super::job::{Came, Job, Wait};
 use super::output::{NO_ROW, Written};
+use super::point_command::PointCommand;
 use super::rows::{LINE_VALUES_MAX, Values, age, text};
-use super::session::{Begun, Session};
-use super::show::{Source, titled};
+use super::session::Session;
+use super::table::{Source, titled};
+use super::wait::{Begun, Came, Wait};
 use crate::gateway::ApplyError;
 use crate::language::{PointProblem, Problem, Words, Wrong, parse_number};
 use crate::modbus::crc::crc16;
@@ -62,27 +62,27 @@ pub(super) enum PointJob {
 
 impl Session<'_, '_> {
     /// Does what `command` and the words behind it say.
-    pub(super) fn point(&mut self, command: PointCommand, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
-        let Some(place) = self.gateway.scanner() else { return Ok(self.fail(&ApplyError::NoPoints)) };
+    pub(super) fn point(&mut self, command: PointCommand, words: &Words<'_>) -> Begun<PointJob> {
+        let Some(place) = self.gateway.scanner() else {
+            return Ok((None, self.fail(&ApplyError::NoPoints)));
+        };
         let mut cells = Cells::new();
         let ask = self.gateway.settings(|settings| parse(settings, command, words, &mut cells))?;
         let now = Instant::now();
         if let Err(refused) = place.change(|scanner| order(scanner, command, &ask, &cells, now)) {
-            return Ok(self.fail(&refused));
+            return Ok((None, self.fail(&refused)));
         }
         Ok(match (ask, command) {
-            (Ask::Range { .. }, _) | (_, PointCommand::Begin | PointCommand::Mark) => Wait::End,
+            (Ask::Range { .. }, _) | (_, PointCommand::Begin | PointCommand::Mark) => (None, Wait::End),
             (Ask::Row(row) | Ask::Put { row, .. }, _) => {
-                *job = Job::Point(PointJob::One { row, until: Some(now + PATIENCE), line: 0 });
-                Wait::Sent
+                (Some(PointJob::One { row, until: Some(now + PATIENCE), line: 0 }), Wait::Sent)
             }
         })
     }
 
     /// `watch points`: the points, and from then on those whose status or values change, until something is typed.
-    pub(super) fn watch_points(&mut self, job: &mut Job<'_>) -> Wait {
-        *job = Job::Point(PointJob::Changing { shown: [None; POINTS_MAX], at: 0, line: 0 });
-        Wait::Sent
+    pub(super) fn watch_points(&mut self) -> Begun<PointJob> {
+        Ok((Some(PointJob::Changing { shown: [None; POINTS_MAX], at: 0, line: 0 }), Wait::Sent))
     }
 }
 

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::output::{NO_ROW, Written};
-use super::show::{Source, titled};
+use super::table::{Source, titled};
 use crate::port::local::{image, points, table};
 use crate::scanner::POINTS;
 use crate::settings::PORTS_MAX;

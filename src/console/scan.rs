@@ -10,10 +10,10 @@ use embassy_time::Instant;
 
 use self::identity::Identity;
 use self::plan::Plan;
-use super::job::{Came, Job, Wait};
 use super::output::{NO_ROW, Written};
 use super::probe::{About, Told, harmless, to_first_char};
-use super::session::{Begun, Session};
+use super::session::Session;
+use super::wait::{Begun, Came, Wait};
 use crate::gateway::direct_request::Turn;
 use crate::hal::OpenErrorKind;
 use crate::language::Words;
@@ -70,16 +70,16 @@ enum Stage {
 
 impl Session<'_, '_> {
     /// Looks for units as the words say.
-    pub(super) fn scan(&mut self, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
+    pub(super) fn scan(&mut self, words: &Words<'_>) -> Begun<Scan> {
         let plan = self.gateway.settings(|settings| Plan::parse(settings, words))?;
         if let Err(error) = self.take_turn(plan.port) {
-            return Ok(self.fail(&error));
+            return Ok((None, self.fail(&error)));
         }
         let about = About(plan.time_from(0));
         self.out.line(format_args!(
             "about {about}; a key stops it. Others who ask by this port get 0A meanwhile."
         ));
-        *job = Job::Scan(Scan {
+        let scan = Scan {
             line: plan.own,
             plan,
             at: [0; 256],
@@ -90,8 +90,8 @@ impl Session<'_, '_> {
             unit: 0,
             strange: 0,
             flaws: 0,
-        });
-        Ok(Wait::Sent)
+        };
+        Ok((Some(scan), Wait::Sent))
     }
 
     /// How often `events` were counted at `port`, all together.

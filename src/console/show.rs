@@ -4,18 +4,18 @@ use core::fmt;
 
 use embassy_time::Instant;
 
-use super::job::Wait;
 use super::output::{NO_ROW, Written};
 use super::points;
 use super::registers;
 use super::rows::{LogRow, Row, StatusText, Troubles, age, cell, describe, describe_unit, text, took};
 use super::session::Session;
+use super::table::{Source, titled};
+use super::wait::Wait;
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
-use crate::gateway::{Gateway, PortAt};
 use crate::hal::{NetworkState, System};
 use crate::language::write_line;
 use crate::port::ethercat::{Controller, EthercatPlace, LineWriter};
-use crate::settings::{Endpoint, Port, PortId, PortKind, SERVERS, ServerSettings, Settings, Side};
+use crate::settings::{Endpoint, PortKind, SERVERS, ServerSettings, Settings, Side};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
 /// What can be shown.
@@ -63,22 +63,6 @@ impl Table {
     }
 }
 
-/// What the tables are made of.
-#[derive(Clone, Copy)]
-pub(super) struct Source<'t, 'g> {
-    pub(super) gateway: &'t Gateway<'g>,
-    pub(super) settings: &'t Settings,
-    pub(super) now: Instant,
-}
-
-impl<'t> Source<'t, '_> {
-    /// The port number `at` and what is known of it: none behind the last place, and perhaps none there.
-    fn port(&self, at: usize) -> Option<Option<(&'t Port, PortAt<'t>)>> {
-        let place = self.gateway.place(PortId(u8::try_from(at).ok()?))?;
-        Some(self.settings.ports.get(at)?.as_ref().map(|port| (port, place)))
-    }
-}
-
 /// Writes what stands at `place`, from 0, of a table.
 fn write(
     source: &Source<'_, '_>,
@@ -106,19 +90,6 @@ fn write(
         Show::Log => event(source, system, place, out),
         Show::Version => version(source, system, place, out),
         Show::Frames => None,
-    }
-}
-
-/// Writes the `heading` at the first place, and at each one behind it the row that `row` has for it, from 0.
-pub(super) fn titled(
-    heading: &str,
-    place: usize,
-    out: &mut dyn fmt::Write,
-    row: impl FnOnce(usize, &mut dyn fmt::Write) -> Written,
-) -> Written {
-    match place.checked_sub(1) {
-        None => Some(out.write_str(heading)),
-        Some(nth) => row(nth, out),
     }
 }
 

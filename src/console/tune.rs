@@ -6,10 +6,10 @@
 
 use embassy_time::{Duration, Instant};
 
-use super::job::{Came, Job, Wait};
 use super::probe::{About, Told, harmless, serial_client, to_first_char};
 use super::rows::{port_name, took};
-use super::session::{Begun, Session};
+use super::session::Session;
+use super::wait::{Begun, Came, Wait};
 use crate::gateway::direct_request::Turn;
 use crate::gateway::unit_health::Units;
 use crate::language::{Words, Wrong, number, parse_units};
@@ -95,13 +95,12 @@ impl Series {
 
 impl Session<'_, '_> {
     /// Measures what the words say.
-    pub(super) fn tune(&mut self, words: &Words<'_>, job: &mut Job<'_>) -> Begun {
+    pub(super) fn tune(&mut self, words: &Words<'_>) -> Begun<Tune> {
         let tune = self.gateway.settings(|settings| Tune::parse(settings, words))?;
         if let Err(error) = self.take_turn(tune.port) {
-            return Ok(self.fail(&error));
+            return Ok((None, self.fail(&error)));
         }
-        *job = Job::Tune(tune);
-        Ok(Wait::Sent)
+        Ok((Some(tune), Wait::Sent))
     }
 }
 

@@ -1,0 +1,113 @@
+//! A session: what is typed, and the command that runs.
+
+use super::complete::{Completion, candidates, complete};
+use super::input::{Input, Typed};
+use super::job::Job;
+use super::mode::{Ended, Mode, PROMPT, PROMPT_UNSAVED};
+use super::session::Session;
+use super::wait::{Came, Wait};
+use crate::gateway::Gateway;
+use crate::hal::System;
+use crate::language::{Words, Wrong};
+
+/// All of it.
+pub(super) struct Shell<'s, 'g> {
+    pub(super) input: Input,
+    pub(super) session: Session<'s, 'g>,
+    job: Job<'g>,
+    /// No more input comes.
+    ended: bool,
+}
+
+impl<'s, 'g> Shell<'s, 'g> {
+    pub(super) fn new(gateway: &'s Gateway<'g>, system: &'s dyn System, mode: Mode) -> Self {
+        let (line_end, line_number) = if mode.edits() { ("\r\n", None) } else { ("\n", Some(0)) };
+        let session = Session::new(gateway, system, line_end, line_number);
+        Self { input: Input::new(mode), session, job: Job::Idle, ended: false }
+    }
+
+    /// Waits for the first key of a line.
+    pub(super) fn start(&mut self) -> Wait {
+        if self.ended {
+            return Wait::Exit;
+        }
+        let prompt = if self.session.gateway.has_unsaved() { PROMPT_UNSAVED } else { PROMPT };
+        self.input.start(prompt, &mut self.session.out);
+        Wait::Key
+    }
+
+    /// Goes on behind what `came`.
+    pub(super) fn step(&mut self, came: Came) -> Wait {
+        let Self { input, session, job, ended } = self;
+        let wait = match (&job, came) {
+            (Job::Idle, Came::Key(byte)) => {
+                let typed = input.feed(byte, &mut session.out);
+                self.typed(typed)
+            }
+            (Job::Idle, Came::Typed(_)) => {
+                *ended = true;
+                let typed = input.end(&mut session.out);
+                self.typed(typed)
+            }
+            _ => job.step(session, came),
+        };
+        if !matches!(wait, Wait::End) {
+            return wait;
+        }
+        self.job = Job::Idle;
+        self.session.turn = None;
+        self.start()
+    }
+
+    fn typed(&mut self, typed: Typed) -> Wait {
+        let Self { input, session, job, .. } = self;
+        if let (Typed::Line | Typed::Wrong(_), Some(number)) = (&typed, &mut session.line_number) {
+            *number = number.saturating_add(1);
+        }
+        match typed {
+            Typed::More => Wait::Key,
+            Typed::Line => {
+                let words = Words::new(input.line());
+                session.begin(&words, job).unwrap_or_else(|Wrong| session.fail(&words.wrong()))
+            }
+            Typed::Wrong(error) => session.fail(&error),
+            Typed::Complete => {
+                self.complete();
+                Wait::Key
+            }
+            Typed::Leave => {
+                if !self.ended {
+                    session.out.line(format_args!("exit"));
+                }
+                Wait::Exit
+            }
+            Typed::Stop => {
+                session.ended = Ended::Stopped;
+                Wait::Exit
+            }
+            Typed::Foreign(foreign) => {
+                session.ended = Ended::Foreign(foreign);
+                Wait::Exit
+            }
+        }
+    }
+
+    /// Completes the word at the cursor, or shows how it could go on.
+    fn complete(&mut self) {
+        let Self { input: Input::Keys(editor), session, .. } = self else { return };
+        let before = editor.before_cursor();
+        match session.gateway.settings(|settings| complete(before, settings)) {
+            Completion::None => editor.bell(),
+            Completion::Append(text) => editor.insert_text(&text),
+            Completion::Several => {
+                session.out.end();
+                session.gateway.settings(|settings| {
+                    candidates(before, settings, &mut |word| session.out.put(format_args!("{word}  ")));
+                });
+                session.out.end();
+                editor.redraw();
+            }
+        }
+        editor.echo_to(&mut session.out);
+    }
+}

@@ -1,0 +1,38 @@
+//! What tables are made of, and their headings.
+
+use core::fmt;
+
+use embassy_time::Instant;
+
+use super::output::Written;
+use crate::gateway::{Gateway, PortAt};
+use crate::settings::{Port, PortId, Settings};
+
+/// What the tables are made of.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'t, 'g> {
+    pub(super) gateway: &'t Gateway<'g>,
+    pub(super) settings: &'t Settings,
+    pub(super) now: Instant,
+}
+
+impl<'t> Source<'t, '_> {
+    /// The port number `at` and what is known of it: none behind the last place, and perhaps none there.
+    pub(super) fn port(&self, at: usize) -> Option<Option<(&'t Port, PortAt<'t>)>> {
+        let place = self.gateway.place(PortId(u8::try_from(at).ok()?))?;
+        Some(self.settings.ports.get(at)?.as_ref().map(|port| (port, place)))
+    }
+}
+
+/// Writes the `heading` at the first place, and at each one behind it the row that `row` has for it, from 0.
+pub(super) fn titled(
+    heading: &str,
+    place: usize,
+    out: &mut dyn fmt::Write,
+    row: impl FnOnce(usize, &mut dyn fmt::Write) -> Written,
+) -> Written {
+    match place.checked_sub(1) {
+        None => Some(out.write_str(heading)),
+        Some(nth) => row(nth, out),
+    }
+}

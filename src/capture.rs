@@ -12,7 +12,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Instant;
 use heapless::{Deque, Vec};
 
-use crate::port::framing::FRAME_CHARS_MAX;
+use crate::modbus::ascii::FRAME_CHARS_MAX;
 use crate::settings::{Framing, PortId, StreamFraming};
 use crate::stats::Event;
 

@@ -9,8 +9,11 @@ use core::net::SocketAddr;
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 
-use crate::port::relay::Relay;
 use crate::settings::{LineSettings, ServerAddress, StaticAddress, TcpListen};
+
+mod relay;
+
+pub use self::relay::Relay;
 
 /// Why something could not be opened, with what the user can do about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

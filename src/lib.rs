@@ -3,21 +3,21 @@
 //! # The path of one request
 //!
 //! 1. A server-side port ([`port`]) receives a request, from a TCP client or from a master on a serial line, where
-//!    [`port::shared_bus`] tells it from what others say: it strips the framing ([`modbus`]), takes a frame from the pool
+//!    [`port::line::sniffer`] tells it from what others say: it strips the framing ([`modbus`]), takes a frame from the pool
 //!    ([`frame`]), writes the PDU and an envelope into it (who asked, for which unit, until when), and sends it to the
 //!    router's inbox.
 //! 2. The routing task (`tasks/router.rs`) looks the first matching rule up ([`routing`]), translates the unit id, and sends the frame
 //!    to the channel of the destination port.
-//! 3. The client-side port takes it into its queue ([`port::queue`]: who is served next; [`gateway::unit_health`]: which units are
+//! 3. The client-side port takes it into its queue ([`port::client::queue`]: who is served next; [`gateway::unit_health`]: which units are
 //!    alive), sends the request as soon as its line has been silent for long enough, and checks the response strictly.
 //!    Identical reads that wait at that moment are one transaction; each asker gets its own copy of the answer.
 //! 4. The response, or an exception that says what went wrong, replaces the request in the frame, which takes the
 //!    same road back: to the inbox, through the router, to whoever asked.
 //!
-//! Between two serial lines the frame takes this road while its characters still arrive ([`port::cut`] says when it may): the
+//! Between two serial lines the frame takes this road while its characters still arrive ([`port::cut_through::timing`] says when it may): the
 //! other line sends what is there, in its own framing. From RTU to RTU the CRC that came goes with it ([`modbus::delta`]); an
 //! ASCII line gets its LRC when the CRC has proved good, and the other way round, so that what is damaged stays damaged. What
-//! turns out not to fit is broken off. A board that can moves the characters in between by itself ([`port::relay`]), and the tasks
+//! turns out not to fit is broken off. A board that can moves the characters in between by itself ([`hal::Relay`]), and the tasks
 //! wake when the frame's end has come.
 //!
 //! The gateway also asks by itself: the scanner ([`scanner`]) turns data points into requests, which its port sends on the same
@@ -59,12 +59,12 @@
 //! | [`settings::DEVICE_BYTES_MAX`] | 255, without `paths`: 15 | a file's name: adapters under `/dev/serial/by-id` have more than 100 |
 //! | [`settings::LINE_BYTES_MAX`] | 800, without `paths`: 640 | the longest line that settings print |
 //! | [`settings::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
-//! | [`port::queue::WAITING_MAX`] | 64, small: 24 | orders that wait at a port; one more is answered 06h |
-//! | [`port::cache::ANSWERS_MAX`] | 16, small: 8 | answers that a port keeps where a rule says `cache`, in [`port::cache::ANSWER_BYTES_MAX`] bytes |
+//! | [`port::client::queue::WAITING_MAX`] | 64, small: 24 | orders that wait at a port; one more is answered 06h |
+//! | [`port::client::cache::ANSWERS_MAX`] | 16, small: 8 | answers that a port keeps where a rule says `cache`, in [`port::client::cache::ANSWER_BYTES_MAX`] bytes |
 //! | [`gateway::unit_health::UNITS_MAX`] | 64, small: 16 | servers of a port, or loads of an RS-485 segment; the quietest healthy unit is forgotten first |
 //! | [`gateway::unit_health::ALL_UNITS_MAX`] | 256, small: 64 | units of all ports together: few ports have as many as they may |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
-//! | [`port::flights::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
+//! | [`port::client::pending::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
 //! | [`settings::PORT_SERVERS_MAX`], [`settings::SERVERS_MAX`] | 64 and 128, small: 8 and 16 | servers of one TCP client, and of all: the stations that one scanner asks on time |
 //! | [`settings::SOCKETS_MAX`] | 16, small: 2 | connections that one port has at a time; each takes a future's memory |
 //! | [`settings::SERVER_NAME_BYTES_MAX`] | 63, small: 31 | a server's name, one of which each line has |

@@ -13,6 +13,8 @@ use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::settings::PortId;
 
+pub mod response_tail;
+
 /// What a port counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {

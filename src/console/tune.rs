@@ -14,8 +14,8 @@ use crate::gateway::direct_request::Turn;
 use crate::gateway::unit_health::Units;
 use crate::language::{Words, Wrong, number, parse_units};
 use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS};
-use crate::port::answer_tail::AnswerTail;
 use crate::settings::{Framing, LineSettings, PortId, SerialClientSettings, Settings, Time, UnitRange};
+use crate::stats::response_tail::AnswerTail;
 
 /// Requests to each unit unless the words say another number: one standard deviation of what is told is at most 8 %.
 const COUNT: u32 = 2_000;

@@ -8,14 +8,16 @@ use core::pin::pin;
 
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline, with_timeout};
 
+use crate::hal::Relay;
 use crate::hal::{Flaws, SerialLine};
 use crate::modbus::rtu;
-use crate::port::moment::within;
-use crate::port::relay::Relay;
+use crate::port::timer::within;
 use crate::settings::{Driver, LineSettings};
 use crate::stats::{Counters, Event};
 
+pub(crate) mod framing;
 mod opening;
+pub mod sniffer;
 
 pub(crate) use opening::Opening;
 

@@ -4,7 +4,7 @@ use embassy_futures::select::select;
 
 use crate::gateway::Gateway;
 use crate::hal::TcpHost;
-use crate::port::tcp_server::{self, Terms};
+use crate::port::server::tcp::{self, Terms};
 
 impl Gateway<'_> {
     /// The task of the seat `index`: serves one TCP client after the other, for ever. An `async fn` would keep what it is given
@@ -23,7 +23,7 @@ impl Gateway<'_> {
                     continue;
                 };
                 let (id, settings) = (*id, terms);
-                let server = tcp_server::Server { gateway: self, id, place, settings, seat, index };
+                let server = tcp::Server { gateway: self, id, place, settings, seat, index };
                 select(seat.changed.wait(), server.run(host)).await;
                 server.left();
             }

@@ -6,10 +6,10 @@ use embassy_futures::select::select;
 
 use crate::gateway::Gateway;
 use crate::hal::{SerialHost, TcpConnect, UdpHost};
-use crate::port::desk::{Desk, Part};
-use crate::port::moment::apart;
-use crate::port::servers::{LINKS_MAX, Servers};
-use crate::port::{scanner, serial_client, serial_server, tcp_client, udp_server};
+use crate::port::client::dispatcher::{Desk, Part};
+use crate::port::client::servers::{LINKS_MAX, Servers};
+use crate::port::timer::apart;
+use crate::port::{client, scanner, server};
 use crate::settings::{PortId, PortKind, Side, StreamFraming};
 
 impl Gateway<'_> {
@@ -37,12 +37,12 @@ impl Gateway<'_> {
                     Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
                         let never_underruns = lines.never_underruns();
                         let server =
-                            serial_server::Server { gateway: self, place, id, settings, never_underruns };
+                            server::serial::Server { gateway: self, place, id, settings, never_underruns };
                         select(place.changed.wait(), server.run(lines)).await;
                         server.close();
                     }
                     Some(PortKind::UdpServer(settings)) => {
-                        let server = udp_server::Server::new(self, place, id, settings);
+                        let server = server::udp::Server::new(self, place, id, settings);
                         select(place.changed.wait(), apart(pin!(server.run(datagrams)))).await;
                         server.close();
                     }
@@ -90,10 +90,10 @@ async fn play<H: SerialHost, C: TcpConnect>(
 ) {
     match kind {
         Some(PortKind::Serial(settings)) => {
-            serial_client::run(desk, settings, lines).await;
+            client::serial::run(desk, settings, lines).await;
         }
         Some(PortKind::TcpClient(settings)) => {
-            apart(pin!(tcp_client::run(desk, settings, connector))).await;
+            apart(pin!(client::tcp::run(desk, settings, connector))).await;
         }
         Some(PortKind::TcpServer(_) | PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_))
         | None => {

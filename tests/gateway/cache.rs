@@ -1,7 +1,7 @@
 //! Answers that are kept: a pure part.
 
 use embassy_time::{Duration, Instant};
-use mobgate::port::cache::{ANSWER_BYTES_MAX, ANSWERS_MAX, Cache, Question};
+use mobgate::port::client::cache::{ANSWER_BYTES_MAX, ANSWERS_MAX, Cache, Question};
 use proptest::prelude::*;
 
 const NOW: Instant = Instant::from_secs(10);

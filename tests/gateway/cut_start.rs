@@ -3,7 +3,7 @@
 use embassy_time::Instant;
 use mobgate::modbus::delta::CrcDelta;
 use mobgate::modbus::pdu::{End, request_end, response_end};
-use mobgate::port::cut::start;
+use mobgate::port::cut_through::timing::start;
 use mobgate::settings::Lane;
 use mobgate::settings::{Framing, LineSettings};
 use mobgate_simulator::device::rtu;

@@ -1,7 +1,7 @@
 //! Open requests of a connection and their transaction ids.
 
 use embassy_time::{Duration, Instant};
-use mobgate::port::flights::{FLIGHTS_MAX, Flights};
+use mobgate::port::client::pending::{FLIGHTS_MAX, Flights};
 use proptest::prelude::*;
 
 const TIMEOUT: Duration = Duration::from_millis(100);

@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::rc::Rc;
 
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::port::queue::WAITING_MAX;
+use mobgate::port::client::queue::WAITING_MAX;
 use mobgate::stats::Event;
 use mobgate_simulator::Device;
 use mobgate_simulator::client::load::ClosedLoop;

@@ -4,7 +4,7 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use embassy_time::Instant;
 use mobgate::gateway::unit_health::Ready;
-use mobgate::port::queue::{Access, Asker, Next, PASSED_OVER_MAX, PortQueue, Ticket, WAITING_MAX};
+use mobgate::port::client::queue::{Access, Asker, Next, PASSED_OVER_MAX, PortQueue, Ticket, WAITING_MAX};
 use mobgate::settings::Priority;
 use proptest::prelude::*;
 

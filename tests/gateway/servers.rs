@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 use embassy_time::{Duration, Instant};
-use mobgate::port::servers::{Choice, RETRY_FIRST, Servers};
+use mobgate::port::client::servers::{Choice, RETRY_FIRST, Servers};
 use mobgate::settings::{Tag, UnitRange};
 use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;

@@ -1,7 +1,7 @@
 //! What a frame is that was heard on a shared bus, by value.
 
 use mobgate::modbus::rtu;
-use mobgate::port::shared_bus::{AsciiEar, Heard, RtuEar};
+use mobgate::port::line::sniffer::{AsciiEar, Heard, RtuEar};
 use mobgate::stats::LastError;
 use mobgate_simulator::device::ascii;
 

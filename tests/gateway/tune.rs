@@ -1,7 +1,7 @@
 //! Time-outs and gaps that are proposed from answers that were measured.
 
 use embassy_time::Duration;
-use mobgate::port::answer_tail::AnswerTail;
+use mobgate::stats::response_tail::AnswerTail;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::console::{typed, typed_slowly};
 use mobgate_simulator::fault::When;

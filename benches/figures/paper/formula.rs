@@ -85,7 +85,7 @@ fn ticked(time: f64) -> f64 {
 }
 
 /// From the first bit of a frame of `bytes` bytes without its check to the last bit of its copy, which begins as soon as its
-/// unit is there, or so late that it never waits: `max(r ti + Lo to, Li ti + h to)` of `mobgate::port::cut`, from the next tick on.
+/// unit is there, or so late that it never waits: `max(r ti + Lo to, Li ti + h to)` of `mobgate::port::cut_through::timing`, from the next tick on.
 fn leg(bytes: f64, input: Line, output: Line) -> f64 {
     let until_unit = if input.framing == Framing::Rtu { 1.0 } else { 3.0 };
     let held_back = match (input.framing, output.framing) {

@@ -5,7 +5,7 @@ use core::cell::Cell;
 use core::sync::atomic::{AtomicUsize, Ordering};
 
 use critical_section::{CriticalSection, Mutex};
-use mobgate::port::relay::Relay;
+use mobgate::hal::Relay;
 
 /// No UART.
 const NONE: usize = usize::MAX;

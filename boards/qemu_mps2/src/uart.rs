@@ -14,7 +14,7 @@ use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::{Duration, TICK_HZ};
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::hal::{Flaws, SerialLine};
-use mobgate::port::relay::Relay;
+use mobgate::hal::Relay;
 
 use crate::interrupts::{self, Interrupt};
 use crate::lines;

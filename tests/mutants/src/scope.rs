@@ -11,20 +11,17 @@ pub(crate) const PATHS: &[&str] = &[
     "src/settings/policy.rs",
     "src/settings/rule.rs",
     "src/language/review.rs",
-    // What is asked next, and what an answer proves.
-    "src/port/queue.rs",
+    // What is asked next, and what a response proves.
+    "src/port/client/queue.rs",
+    "src/port/client/dispatcher.rs",
+    "src/port/client/dispatcher",
     "src/gateway/unit_health.rs",
     "src/gateway/unit_health",
-    "src/port/desk.rs",
-    "src/port/desk",
     "src/gateway/outstanding.rs",
     // Cut-through.
+    "src/port/cut_through",
     "src/settings/lane.rs",
-    "src/port/cut.rs",
-    "src/port/copy.rs",
-    "src/port/arriving.rs",
-    "src/port/relay.rs",
-    "src/port/reply.rs",
+    "src/hal/relay.rs",
     // Scanner.
     "src/scanner.rs",
     "src/scanner",

@@ -2,8 +2,8 @@
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+use mobgate::hal::Relay;
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
-use mobgate::port::relay::Relay;
 use mobgate::settings::LineSettings;
 
 use crate::wire::LineEnd;

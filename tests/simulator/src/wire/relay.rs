@@ -6,7 +6,7 @@ use std::task::{Context, Poll, Waker};
 
 use embassy_time::Duration;
 use embassy_time_driver::schedule_wake;
-use mobgate::port::relay::Relay;
+use mobgate::hal::Relay;
 
 use super::{LineEnd, Silence, now_ns, tick_after};
 

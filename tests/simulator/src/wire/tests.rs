@@ -2,7 +2,7 @@
 
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
-use mobgate::port::relay::Relay;
+use mobgate::hal::Relay;
 use mobgate::settings::{Framing, LineSettings, Parity};
 
 use super::{Heard, LineEnd, Silence, Wire};

@@ -1,0 +1,716 @@
+//! The desk of a client-side port: takes orders in from the port's channel, keeps them queued, and sees that every one
+//! of them goes home with an answer, also when the port is closed or set anew.
+//!
+//! Orders are taken in at once, also while another one is on the wire, so that refusals do not wait: a full queue is
+//! answered 06h, a unit that is down 0Bh, a line that is not open 0Ah.
+//!
+//! An order that is carried out carries the identical reads that waited with it: their frames ride on its frame, and each gets
+//! a copy of the answer, or is repeated or refused by itself. Where rules allow it, reads of neighbouring addresses ride along
+//! as well: the frame asks for all of them then, and each gets its part of the answer. A unit that refuses that is asked
+//! for each by itself, and so for a while.
+//!
+//! Where a rule allows it, a read is answered from memory ([`cache`](crate::port::client::cache)), unless a write to its unit waits
+//! or is on its way.
+
+mod dispatch;
+mod join;
+mod order;
+
+use core::cell::{Cell, RefCell, RefMut};
+
+use embassy_futures::select::{Either, select};
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::signal::Signal;
+use embassy_time::Instant;
+use heapless::Vec;
+
+use crate::frame::{Cause, Envelope, Errand, Fill, Frame, Stage, Way};
+use crate::gateway::outstanding::Purpose;
+use crate::gateway::unit_health::{Care, Gate, Ready, Step};
+use crate::gateway::{Gateway, PortAt};
+use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
+use crate::modbus::{Exception, PDU_BYTES_MAX, Pdu};
+use crate::port::client::cache::{Cache, Question};
+use crate::port::client::dispatcher::join::Joint;
+use crate::port::client::dispatcher::order::{asker, block, ticket};
+use crate::port::client::pending::FLIGHTS_MAX;
+use crate::port::client::queue::{Access, BROADCAST, Next, PortQueue, Ticket, WAITING_MAX};
+use crate::port::client::servers::{LINKS_MAX, Servers};
+use crate::port::timer::until;
+use crate::settings::{PortId, PortKind, SerialSettings};
+use crate::stats::Event;
+
+/// How often a full queue is looked through for orders that are nobody's any more. That takes longer than serving a request, and to refuse
+/// one must take less.
+const SWEEP_PAUSE_MS: u16 = 10;
+
+/// Orders that one port carries out at a time: on each link as many as may be open there, with the feature `small` on all of
+/// them together.
+const CURRENT_MAX: usize = if cfg!(feature = "small") { FLIGHTS_MAX } else { FLIGHTS_MAX * LINKS_MAX };
+
+/// Orders of one client-side port, shared by the future that takes them in and the one that carries them out.
+pub(crate) struct Desk<'g> {
+    gateway: &'g Gateway<'g>,
+    place: PortAt<'g>,
+    id: PortId,
+    queue: RefCell<PortQueue<Frame<'g>>>,
+    servers: RefCell<Servers>,
+    /// Links that have servers, at most as many as there are servers.
+    links: u8,
+    /// The unit that is asked whatever the rule says.
+    unit: Option<u8>,
+    /// A console has the port for itself: all others are refused.
+    alone: bool,
+    /// The orders that are being carried out.
+    current: RefCell<Vec<Frame<'g>, CURRENT_MAX>>,
+    cache: RefCell<Cache>,
+    /// Far fewer end while one order is carried out than make it the same again.
+    writes_ended: Cell<u16>,
+    /// When it was last looked which orders are unwanted: the milliseconds of the clock, cut off.
+    swept: Cell<u16>,
+    /// For each link: something changed, an order came or a unit's gate moved.
+    news: [Signal<NoopRawMutex, ()>; LINKS_MAX],
+    /// Responses say which request they belong to.
+    transaction_ids: bool,
+    /// For each link: what is sent before the order that was given out last.
+    proofs: [Cell<Option<Proving>>; LINKS_MAX],
+}
+
+/// What a client-side port is besides its line.
+pub(crate) struct Part {
+    pub(crate) servers: Servers,
+    /// Connections at a time.
+    pub(crate) links: u8,
+    /// The unit that is asked whatever the rule says.
+    pub(crate) unit: Option<u8>,
+    /// Responses say which request they belong to.
+    pub(crate) transaction_ids: bool,
+}
+
+/// The request that an order waits for.
+#[derive(Debug, Clone, Copy)]
+struct Proving {
+    request: [u8; 5],
+    purpose: Purpose,
+}
+
+impl<'g> Desk<'g> {
+    /// An empty desk. It takes orders in while its line is being opened for the first time; they wait for that.
+    pub(crate) fn new(
+        gateway: &'g Gateway<'g>,
+        place: PortAt<'g>,
+        id: PortId,
+        part: Part,
+        alone: bool,
+    ) -> Self {
+        let Part { servers, links, unit, transaction_ids } = part;
+        Self {
+            gateway,
+            place,
+            id,
+            queue: RefCell::new(PortQueue::new()),
+            servers: RefCell::new(servers),
+            links,
+            unit,
+            alone,
+            current: RefCell::new(Vec::new()),
+            cache: RefCell::new(Cache::new()),
+            writes_ended: Cell::new(0),
+            swept: Cell::new(0),
+            news: [const { Signal::new() }; LINKS_MAX],
+            transaction_ids,
+            proofs: [const { Cell::new(None) }; LINKS_MAX],
+        }
+    }
+
+    /// The gateway that the port is one of.
+    pub(crate) fn gateway(&self) -> &'g Gateway<'g> {
+        self.gateway
+    }
+
+    /// The port's place in the settings.
+    pub(crate) fn id(&self) -> PortId {
+        self.id
+    }
+
+    /// The port's counters, units and channel.
+    pub(crate) fn place(&self) -> &PortAt<'g> {
+        &self.place
+    }
+
+    // One place for each cell that would panic if it were lent twice.
+
+    fn queue(&self) -> RefMut<'_, PortQueue<Frame<'g>>> {
+        self.queue.borrow_mut()
+    }
+
+    fn current(&self) -> RefMut<'_, Vec<Frame<'g>, CURRENT_MAX>> {
+        self.current.borrow_mut()
+    }
+
+    fn cache(&self) -> RefMut<'_, Cache> {
+        self.cache.borrow_mut()
+    }
+
+    fn servers(&self) -> RefMut<'_, Servers> {
+        self.servers.borrow_mut()
+    }
+
+    /// Takes orders in for ever, and drops those whose time is over or whose asker is gone.
+    pub(crate) async fn take_in(&self) {
+        loop {
+            let deadline = self.queue().first_deadline().unwrap_or(Instant::MAX);
+            let due = deadline.min(self.make_room());
+            match select(self.place.queue.receive(self.gateway.pool()), until(due)).await {
+                Either::First(frame) => self.admit(frame),
+                Either::Second(()) => self.sweep(),
+            }
+        }
+    }
+
+    fn admit(&self, frame: Frame<'g>) {
+        let mut envelope = frame.envelope();
+        if let Some(target) = self.unit {
+            envelope.target = target;
+            frame.address(envelope);
+        }
+        let is_others = self.alone && envelope.origin.way != Way::Console;
+        if is_others || !self.servers().takes(envelope.target, envelope.paced) {
+            return self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
+        }
+        let Some(frame) = self.answer_from_memory(frame, &envelope) else { return };
+        if !envelope.paced && self.gate(envelope.target) == Gate::Down {
+            return self.fail(frame, Event::UnitDown, Exception::GATEWAY_NO_RESPONSE);
+        }
+        let elapsed = || milliseconds(Instant::now()).wrapping_sub(self.swept.get());
+        if self.queue().len() >= WAITING_MAX && elapsed() >= SWEEP_PAUSE_MS {
+            // Some of them may be nobody's.
+            self.sweep();
+        }
+        self.enqueue(frame, &envelope, PortQueue::push);
+        self.count_waiting();
+        self.tell(envelope.target);
+    }
+
+    /// Puts an order in the queue, and refuses the one for which there is no room then.
+    fn enqueue(
+        &self,
+        frame: Frame<'g>,
+        envelope: &Envelope,
+        put: fn(&mut PortQueue<Frame<'g>>, Frame<'g>, Ticket) -> Option<Frame<'g>>,
+    ) {
+        let ticket = ticket(envelope, frame.pdu(pdu::is_read));
+        let refused = put(&mut self.queue(), frame, ticket);
+        if let Some(refused) = refused {
+            self.fail(refused, Event::QueueFull, Exception::BUSY);
+        }
+    }
+
+    /// Tells how many orders wait.
+    fn count_waiting(&self) {
+        self.place.set_waiting(self.queue().len());
+    }
+
+    /// Sends home what must not be sent any more.
+    fn sweep(&self) {
+        let now = Instant::now();
+        self.swept.set(milliseconds(now));
+        let gate = self.gates(self.all_well(now));
+        loop {
+            let unwanted = self.queue().take_if(|frame, ticket| {
+                if self.gateway.is_gone(frame.origin()) {
+                    Some(Event::AskerGone)
+                } else if ticket.deadline <= now {
+                    Some(Event::Expired)
+                } else if gate(ticket.unit) == Gate::Down && !frame.envelope().paced {
+                    Some(Event::UnitDown)
+                } else {
+                    None
+                }
+            });
+            match unwanted {
+                Some((frame, event)) => self.fail(frame, event, Exception::GATEWAY_NO_RESPONSE),
+                None => return self.count_waiting(),
+            }
+        }
+    }
+
+    /// The next order for `link`, which is being carried out from now on.
+    pub(crate) fn next(&self, link: u8) -> Next<Frame<'g>> {
+        let now = Instant::now();
+        self.sweep_if_due(now);
+        if LINKS_MAX > 1 && self.current().is_full() {
+            return Next::Empty;
+        }
+        loop {
+            // An order that was postponed has closed its unit's gate.
+            let ready = self.readiness(now);
+            let is_only = LINKS_MAX == 1 || self.servers().len() == 1;
+            let is_here = |unit| is_only || self.servers().link(unit) == Some(link);
+            let ready = |unit| if is_here(unit) { ready(unit) } else { Ready::Elsewhere };
+            let next = self.queue().next(now, ready);
+            let Next::Serve(frame, ticket) = next else {
+                self.count_waiting();
+                return next;
+            };
+            // Others whose askers have gone are found out when their turn comes, or the queue is full.
+            if self.gateway.is_gone(frame.origin()) {
+                self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
+                continue;
+            }
+            let in_step = match self.step(&frame, &ticket, now) {
+                Some(in_step) => in_step,
+                None => {
+                    self.postpone(frame);
+                    continue;
+                }
+            };
+            let current = frame.share_for(self.start(&frame, &ticket, in_step, now));
+            // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
+            let _ = self.current().push(current);
+            self.count_waiting();
+            return Next::Serve(frame, ticket);
+        }
+    }
+
+    /// Sends home what must not be sent any more, if there may be something.
+    fn sweep_if_due(&self, now: Instant) {
+        if !self.all_well(now) || self.queue().first_deadline().is_some_and(|deadline| deadline <= now) {
+            self.sweep();
+        }
+    }
+
+    /// Says of each unit when it may be asked.
+    fn readiness(&self, now: Instant) -> impl Fn(u8) -> Ready {
+        let gate = self.gates(self.all_well(now));
+        move |unit| match gate(unit) {
+            Gate::Open(ready) => ready,
+            // Only an asker who is not kept from it has an order here.
+            Gate::Down => self.place.units(|units| units.attempt(unit, now)),
+        }
+    }
+
+    /// Whether the unit that `frame` is for is in step, so that it may share its transaction and be passed on while it arrives. None
+    /// when it must not be sent now. Notes what is to be sent before it.
+    fn step(&self, frame: &Frame<'g>, ticket: &Ticket, now: Instant) -> Option<bool> {
+        let unit = ticket.unit;
+        self.set_proof(unit, None);
+        if self.transaction_ids || unit == BROADCAST {
+            return Some(true);
+        }
+        self.place.units(|units| {
+            if units.is_in_step(unit, false) {
+                return Some(true);
+            }
+            if frame.filled().1 == Fill::Filling {
+                return None;
+            }
+            let care = self.gateway.settings(|settings| care(&settings.port(self.id)?.kind, unit))?;
+            let step = frame.pdu(|request| Some(units.step(unit, request, &care, now)))?;
+            match step {
+                Step::Direct => {}
+                Step::Prove(request, purpose) => self.set_proof(unit, Some(Proving { request, purpose })),
+                Step::Wait => return None,
+            }
+            Some(false)
+        })
+    }
+
+    /// `frame` waits on. One that still arrives comes again when it is whole.
+    fn postpone(&self, frame: Frame<'g>) {
+        if !frame.abandon() {
+            let envelope = frame.envelope();
+            self.enqueue(frame, &envelope, PortQueue::put_back);
+        }
+    }
+
+    /// What is to be sent for `order`: its request, or what has to be proved before.
+    pub(crate) fn request(&self, order: &Frame<'g>) -> Pdu {
+        let mut pdu = Pdu::new();
+        // There is room: it is no longer than a PDU may be.
+        self.with_request(order, |request| pdu.extend_from_slice(request).unwrap_or_default());
+        pdu
+    }
+
+    /// Calls `look` with the [`Desk::request`] for `order`, where it lies.
+    pub(crate) fn with_request<R: Default>(&self, order: &Frame<'g>, look: impl FnOnce(&[u8]) -> R) -> R {
+        match self.proof(order) {
+            Some(proof) => look(&proof.request),
+            None => order.pdu(look),
+        }
+    }
+
+    /// Whether the [`Desk::request`] for `order` is a proof.
+    pub(crate) fn is_proving(&self, order: &Frame<'g>) -> bool {
+        self.proof(order).is_some()
+    }
+
+    /// What is sent before `order`.
+    fn proof(&self, order: &Frame<'g>) -> Option<Proving> {
+        self.proof_place(order.target())?.get()
+    }
+
+    fn set_proof(&self, unit: u8, proof: Option<Proving>) {
+        self.proof_place(unit).into_iter().for_each(|place| place.set(proof));
+    }
+
+    /// That of the link that has the server of `unit`.
+    fn proof_place(&self, unit: u8) -> Option<&Cell<Option<Proving>>> {
+        let link = if self.has_one_link() { 0 } else { self.servers().link(unit)? };
+        self.proofs.get(usize::from(link))
+    }
+
+    /// The [`Desk::request`] for `order` is sent to `unit` now.
+    pub(crate) fn sent(&self, order: &Frame<'g>, unit: u8) {
+        let purpose = self.proof(order).map_or(Purpose::Request, |proof| proof.purpose);
+        let event = if purpose == Purpose::Request { Event::Request } else { Event::Proof };
+        self.place.stats.count(event);
+        if unit != BROADCAST {
+            self.place.units(|units| {
+                if purpose == Purpose::Request {
+                    units.asked(unit);
+                }
+                if !self.transaction_ids {
+                    self.with_request(order, |request| units.sent(unit, request, purpose));
+                }
+            });
+        }
+    }
+
+    /// `unit` has answered the proof that `order` waited for, which waits for its turn again: by then others may share its transaction.
+    pub(crate) fn proved(&self, order: &Frame<'g>, unit: u8) {
+        self.place.units(|units| units.proved(unit));
+        self.take_back(order);
+    }
+
+    /// The proof got no answer, and so `order` gets none, unless the unit has answered something else.
+    pub(crate) fn not_proved(&self, order: &Frame<'g>, unit: u8, down_after: u8, retries: u8) {
+        // Who spares servers by himself is not held back.
+        let down_after = if order.envelope().paced { 0 } else { down_after };
+        if self.place.units(|units| units.not_proved(unit, Instant::now(), down_after)) {
+            self.failed(order, retries);
+        } else {
+            self.take_back(order);
+        }
+    }
+
+    /// `order` waits for its turn again, and so do those that ride on it, each by itself.
+    pub(crate) fn take_back(&self, order: &Frame<'g>) {
+        let Some((frame, errand)) = self.take(order) else { return };
+        errand.part(&frame);
+        self.postpone_each(frame);
+    }
+
+    /// `order` and those that ride on it wait on, each by itself.
+    fn postpone_each(&self, order: Frame<'g>) {
+        while let Some(rider) = order.unload() {
+            self.postpone(rider);
+        }
+        self.postpone(order);
+    }
+
+    /// Lets the orders that can share the transaction of `leader` ride on it if its unit is `in_step`, and notes what its answer is
+    /// good for.
+    fn start(&self, leader: &Frame<'g>, ticket: &Ticket, in_step: bool, now: Instant) -> Errand {
+        let asked = block(leader);
+        let joint = if in_step { self.join(leader, ticket, now) } else { None };
+        if let Some(joint) = joint.filter(|joint| Some(joint.block) != asked) {
+            // A read is as long as another.
+            let _ = leader.replace(&joint.block.request());
+            // What comes is not the answer yet.
+            leader.address(Envelope { cut: false, ..leader.envelope() });
+        }
+        let serves = |frame: &Frame<'g>| Some(joint?.serves(&Joint::of(frame)?));
+        let joins = |frame: &Frame<'g>| {
+            in_step
+                && (frame.same_pdu(leader) || serves(frame) == Some(true))
+                && !self.gateway.is_gone(frame.origin())
+        };
+        let mut joined = None;
+        let mut queue = self.queue();
+        // From the last one on, each in front of the others: they ride in the order of arrival.
+        while let Some(rider) = queue.companion(ticket, joins) {
+            let theirs = block(&rider);
+            if theirs != asked {
+                joined = joint.map(|joint| joint.block);
+            }
+            if asked.zip(theirs).and_then(|(own, theirs)| own.hull(&theirs)) != asked {
+                queue.charge(asker(&rider.envelope()));
+            }
+            leader.carry(rider);
+        }
+        Errand {
+            writes: ticket.access == Access::Write,
+            asked,
+            joined,
+            since: now,
+            writes_ended: self.writes_ended.get(),
+        }
+    }
+
+    /// What is best asked for in place of `leader`, if its rule lets others join it.
+    fn join(&self, leader: &Frame<'g>, ticket: &Ticket, now: Instant) -> Option<Joint> {
+        let joint = Joint::of(leader)?;
+        let queue = self.queue();
+        let is_there = |frame: &&Frame<'g>| !self.gateway.is_gone(frame.origin());
+        let others = || queue.companions(ticket).filter(is_there).filter_map(Joint::of);
+        let joins = self.place.units(|units| units.joins(ticket.unit, now));
+        if joins { Some(joint.join_all(others)) } else { None }
+    }
+
+    /// Sends `order` home with what it holds by now as its answer.
+    pub(crate) fn done(&self, order: &Frame<'g>) {
+        let Some((frame, errand)) = self.take(order) else { return };
+        if order.function() & EXCEPTION_BIT != 0 && errand.part(order) {
+            return self.part(frame);
+        }
+        if order.sharing().cache_ms == 0 && !order.is_laden() {
+            return self.give(frame);
+        }
+        let answer = &order.content();
+        let give = |frame: Frame<'g>, asked| {
+            let mut part = [0; PDU_BYTES_MAX];
+            let answer = errand.answer_to(asked, answer, &mut part);
+            self.keep(&errand, &frame, asked, answer);
+            if !is_answering(&frame) {
+                // It fitted into a frame of the same size.
+                let _ = frame.replace(answer);
+            }
+            self.give(frame);
+        };
+        give(frame, errand.asked);
+        while let Some(rider) = order.unload() {
+            self.place.stats.count(Event::Merged);
+            let asked = block(&rider);
+            give(rider, asked);
+        }
+    }
+
+    /// Sends home `frame`, which holds its answer, unless whoever asked has it already.
+    fn give(&self, frame: Frame<'g>) {
+        if is_answering(&frame) {
+            self.gateway.note(&frame, &frame.envelope());
+        } else {
+            self.gateway.answered(frame);
+        }
+    }
+
+    /// Keeps the `answer` to a request for `asked` if it may be used again.
+    fn keep(&self, errand: &Errand, frame: &Frame<'g>, asked: Option<Block>, answer: &[u8]) {
+        let is_exception = answer.first().is_some_and(|function| function & EXCEPTION_BIT != 0);
+        // The device may have read before a write that has ended meanwhile.
+        let is_old = errand.writes_ended != self.writes_ended.get();
+        let Some(block) = asked.filter(|_| !is_exception && !is_old) else { return };
+        if frame.sharing().cache_ms > 0 {
+            let unit = frame.target();
+            self.cache().keep(Question { unit, block }, answer, errand.since);
+        }
+    }
+
+    /// The unit refused what several reads had joined: each is sent by itself, before anything that came after it.
+    fn part(&self, order: Frame<'g>) {
+        let unit = order.target();
+        self.place.stats.count(Event::Parted);
+        self.place.units(|units| units.refused_join(unit, Instant::now()));
+        self.postpone_each(order);
+    }
+
+    /// Answers a read from memory if its rule allows that and a new enough answer is there; else gives it back.
+    fn answer_from_memory(&self, frame: Frame<'g>, envelope: &Envelope) -> Option<Frame<'g>> {
+        let Envelope { target, sharing, .. } = *envelope;
+        if sharing.cache_ms == 0 {
+            return Some(frame);
+        }
+        let Some(block) = block(&frame) else { return Some(frame) };
+        let question = Question { unit: target, block };
+        let cache = self.cache();
+        let Some(answer) = cache.answer(question, Instant::now(), sharing.cache()) else {
+            return Some(frame);
+        };
+        if self.is_writing(target) {
+            return Some(frame);
+        }
+        // It fitted into a frame of the same size.
+        let _ = frame.replace(answer);
+        self.place.stats.count(Event::Cached);
+        self.gateway.answered(frame);
+        None
+    }
+
+    /// Whether a write to `unit` waits or is being carried out.
+    fn is_writing(&self, unit: u8) -> bool {
+        let writes = |order: &Frame<'g>| order.errand().writes && [unit, BROADCAST].contains(&order.target());
+        self.queue().writes_to(unit) || self.current().iter().any(writes)
+    }
+
+    /// `order`, which was sent while it arrived, is whole: what it does is known by now.
+    pub(crate) fn arrived(&self, order: &Frame<'g>) {
+        let writes = !order.pdu(pdu::is_read);
+        let asked = block(order);
+        order.amend_errand(|errand| (errand.writes, errand.asked) = (writes, asked));
+    }
+
+    /// Gives whoever asked `order` while its answer is still written into it.
+    pub(crate) fn answering(&self, order: &Frame<'g>) {
+        order.set_stage(Stage::Answering);
+        self.gateway.inbox.send(order.share());
+    }
+
+    /// Drops `order`, which was broken off while it arrived: whoever sent it knows.
+    pub(crate) fn forget(&self, order: &Frame<'g>) {
+        drop(self.take(order));
+    }
+
+    /// Sends `order` home without an answer: a broadcast.
+    pub(crate) fn done_silently(&self, order: &Frame<'g>) {
+        if let Some((frame, _)) = self.take(order) {
+            self.gateway.finish_broadcast(frame);
+        }
+    }
+
+    /// `order` got no answer: it and those that ride on it are repeated up to `retries` times if it is a read, else
+    /// answered 0Bh.
+    ///
+    /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until the
+    /// late answer can no longer come.
+    pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
+        let Some((frame, errand)) = self.take(order) else { return };
+        errand.part(&frame);
+        let mut repeated = self.again(frame, retries);
+        let Envelope { cause, .. } = order.envelope();
+        while let Some(rider) = order.unload() {
+            rider.blame(cause);
+            repeated |= self.again(rider, retries);
+        }
+        if repeated {
+            self.place.stats.count(Event::Retry);
+        }
+    }
+
+    /// Ends the carrying out of `order`, and tells what was noted of it.
+    fn take(&self, order: &Frame<'g>) -> Option<(Frame<'g>, Errand)> {
+        let mut current = self.current();
+        let at = current.iter().position(|current| current.is(order))?;
+        if LINKS_MAX > 1 && current.is_full() {
+            // Others may have waited for that.
+            self.news.iter().for_each(|news| news.signal(()));
+        }
+        let ended = current.swap_remove(at);
+        let errand = ended.errand();
+        if errand.writes {
+            self.writes_ended.set(self.writes_ended.get().wrapping_add(1));
+            self.cache().written(order.target());
+        }
+        Some((ended, errand))
+    }
+
+    /// Puts an order that got no answer back in the queue, or answers it 0Bh; says which.
+    fn again(&self, frame: Frame<'g>, retries: u8) -> bool {
+        let mut envelope = frame.envelope();
+        let is_last = envelope.paced || envelope.repeats >= retries;
+        if is_last || is_answering(&frame) || !frame.pdu(pdu::is_read) {
+            self.give_up(frame);
+            return false;
+        }
+        envelope.repeats += 1;
+        frame.address(envelope);
+        self.enqueue(frame, &envelope, PortQueue::push);
+        true
+    }
+
+    /// Answers an order 0Bh, unless its answer has begun: then nothing can follow it.
+    fn give_up(&self, frame: Frame<'g>) {
+        if is_answering(&frame) {
+            self.gateway.note(&frame, &frame.envelope());
+        } else {
+            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
+        }
+    }
+
+    /// Opens the desk: orders are queued.
+    pub(crate) fn open(&self) {
+        self.servers().open();
+    }
+
+    /// Closes the desk: whatever was on the wire is answered 0Bh, whatever waits or comes 0Ah.
+    pub(crate) fn close(&self) {
+        self.servers().close();
+        self.close_orders(None);
+        while let Some(frame) = self.place.queue.try_receive(self.gateway.pool()) {
+            self.fail(frame, Event::NoPath, Exception::GATEWAY_NO_PATH);
+        }
+    }
+
+    /// What is on the wire for `server`, or for all, is answered 0Bh, what waits 0Ah.
+    fn close_orders(&self, server: Option<usize>) {
+        let which = |unit| server.is_none_or(|server| self.is_of(server, unit));
+        self.cache().forget(which);
+        loop {
+            let mut current = self.current();
+            let Some(at) = current.iter().position(|order| which(order.target())) else { break };
+            let frame = current.swap_remove(at);
+            drop(current);
+            while let Some(rider) = frame.unload() {
+                self.give_up(rider);
+            }
+            self.give_up(frame);
+        }
+        let of_these = |_: &Frame<'g>, ticket: &Ticket| which(ticket.unit).then_some(Event::NoPath);
+        while let Some((frame, event)) = self.queue().take_if(of_these) {
+            self.fail(frame, event, Exception::GATEWAY_NO_PATH);
+        }
+        self.count_waiting();
+    }
+
+    /// Whether no unit has to be looked at by itself.
+    fn all_well(&self, now: Instant) -> bool {
+        self.place.units(|units| units.all_well(now))
+    }
+
+    /// Says of each unit whether it may be asked. Mostly all are well.
+    fn gates(&self, all_well: bool) -> impl Fn(u8) -> Gate {
+        move |unit| if all_well { Gate::Open(Ready::Now) } else { self.gate(unit) }
+    }
+
+    fn gate(&self, unit: u8) -> Gate {
+        let gate = self.place.units(|units| {
+            if !units.troubled() {
+                return Some(Gate::Open(Ready::Now));
+            }
+            match units.gate(unit, Instant::now()) {
+                Gate::Open(_) if units.is_down(unit) => None,
+                gate => Some(gate),
+            }
+        });
+        // A unit that is down gets one probe at a time.
+        let probed = || self.current().iter().any(|order| order.target() == unit);
+        gate.unwrap_or_else(|| if probed() { Gate::Down } else { Gate::Open(Ready::Now) })
+    }
+
+    fn fail(&self, frame: Frame<'g>, event: Event, exception: Exception) {
+        self.place.stats.count(event);
+        log_debug!("port {}: {} for unit {}", self.id.0, event.name(), frame.target());
+        frame.blame(Cause::Unsent);
+        self.gateway.refuse(frame, exception);
+    }
+}
+
+/// The milliseconds of the clock, cut off.
+fn milliseconds(now: Instant) -> u16 {
+    now.as_millis() as u16
+}
+
+/// How a port of this `kind` treats `unit`, where responses have no transaction ids.
+fn care(kind: &PortKind, unit: u8) -> Option<Care> {
+    let (proofs, late_window) = match kind {
+        PortKind::Serial(SerialSettings { client, .. }) => (&client.proofs, client.late_window()),
+        PortKind::TcpClient(client) => (&client.proofs, client.late_window()),
+        _ => return None,
+    };
+    Some(Care { proof: proofs.of(unit), late_window })
+}
+
+/// Whether whoever asked `order` has been given it while its answer was still being written: it must not be sent home again.
+pub(crate) fn is_answering(order: &Frame<'_>) -> bool {
+    order.stage() == Stage::Answering
+}

@@ -1,0 +1,117 @@
+//! Where the response to an order goes: into the order's frame when it is whole, or while it arrives.
+
+use embassy_time::Instant;
+
+use crate::frame::{Envelope, Frame};
+use crate::modbus::pdu::{self, End};
+use crate::port::client::dispatcher::{Desk, is_answering};
+use crate::port::cut_through::ingress::{Arriving, Passing, is_whole};
+use crate::settings::Lane;
+
+/// The response that is awaited.
+pub(crate) struct Reply<'r, 'g> {
+    desk: &'r Desk<'g>,
+    order: &'r Frame<'g>,
+    unit: u8,
+    request: &'r [u8],
+    /// The order waits for this response, but wants another.
+    is_proof: bool,
+    /// The line of whoever asked, if the response may be passed on while it arrives.
+    asker: Option<Lane>,
+    passing: Passing<'g>,
+}
+
+impl<'r, 'g> Reply<'r, 'g> {
+    pub(crate) fn new(desk: &'r Desk<'g>, order: &'r Frame<'g>, unit: u8, request: &'r [u8]) -> Self {
+        let Envelope { cut, origin, .. } = order.envelope();
+        // Once begun, an answer cannot be stored any more: its end must be sure to be told.
+        let has_end = || pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
+        let lane = || desk.gateway().settings(|settings| Lane::at(settings, origin.port));
+        let in_step = || desk.place().units(|units| units.is_in_step(unit, true));
+        let is_proof = desk.is_proving(order);
+        let asker = if cut && !is_proof && has_end() && in_step() { lane() } else { None };
+        Self { desk, order, unit, request, is_proof, asker, passing: Passing::Open }
+    }
+
+    /// The unit asked.
+    pub(crate) fn unit(&self) -> u8 {
+        self.unit
+    }
+
+    /// The request's PDU.
+    pub(crate) fn request(&self) -> &'r [u8] {
+        self.request
+    }
+
+    /// Whether the response may be passed on while it arrives.
+    pub(crate) fn is_passed_on(&self) -> bool {
+        self.asker.is_some()
+    }
+
+    /// When there is something to do though nothing comes.
+    pub(crate) fn due(&self) -> Instant {
+        self.passing.due()
+    }
+
+    /// An ASCII frame begins, wherever the one before was; `may_pass`: it may be passed on while it arrives.
+    pub(crate) fn begin(&mut self, may_pass: bool) {
+        self.passing = if may_pass { Passing::Open } else { Passing::Whole };
+    }
+
+    /// Looks at what was `heard` of a frame that began at `begun` on `line`, and passes it on if its time has come.
+    pub(crate) fn hear(&mut self, heard: &[u8], begun: Instant, line: &Lane) {
+        let (Some(asker), Some((&unit, so_far))) = (self.asker, heard.split_first()) else { return };
+        let end = pdu::response_end(self.request, so_far);
+        match &mut self.passing {
+            Passing::Whole => return,
+            Passing::Begun(arriving) => {
+                if !arriving.take(heard, end) {
+                    self.passing = Passing::Whole;
+                }
+                return;
+            }
+            Passing::Open | Passing::At(_) if unit != self.unit || is_answering(self.order) => {
+                self.passing = Passing::Whole;
+            }
+            Passing::Open | Passing::At(_) => self.passing = Passing::plan(begun, line, &asker, end),
+        }
+        if self.passing.is_due() {
+            let mut arriving = Arriving::new(self.order.rewrite(), line.framing);
+            arriving.take(heard, end);
+            self.passing = Passing::Begun(arriving);
+            self.desk.answering(self.order);
+        }
+    }
+
+    /// The response is `pdu`, which was `heard` right behind the unit if it has been passed on so far.
+    pub(crate) fn whole(&mut self, heard: &[u8], pdu: &[u8]) {
+        match core::mem::replace(&mut self.passing, Passing::Whole) {
+            // Its frame may have been given up meanwhile.
+            Passing::Begun(arriving)
+                if heard.get(1..=pdu.len()).is_some_and(|begin| core::ptr::eq(begin, pdu)) =>
+            {
+                arriving.finish(pdu);
+            }
+            Passing::Begun(_) => {}
+            // A response fits into the frame: it is no longer than a PDU may be.
+            _ if !self.is_proof && !is_answering(self.order) => {
+                let _ = self.order.replace(pdu);
+            }
+            _ => {}
+        }
+    }
+
+    /// What was `heard` is not the response, as far as can be told; `silent`: nothing more comes of it.
+    pub(crate) fn not_yet(&mut self, heard: &[u8], silent: bool) {
+        let end = heard.split_first().map(|(_, so_far)| (so_far, pdu::response_end(self.request, so_far)));
+        match core::mem::replace(&mut self.passing, Passing::Whole) {
+            Passing::Begun(arriving) => match end {
+                Some((so_far, end)) if is_whole(so_far, end) => {}
+                _ if silent => {}
+                _ => self.passing = Passing::Begun(arriving),
+            },
+            _ if silent => self.passing = Passing::Open,
+            passing => self.passing = passing,
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! How an answer goes out: whole, or while it still arrives from the line where it was given.
+
+use super::{Answered, Ear, Session};
+use crate::frame::{Envelope, Fill, Frame};
+use crate::hal::SerialLine;
+use crate::modbus::ascii::LINE_FEED;
+use crate::modbus::{pdu, rtu};
+use crate::port::cut_through::egress::{Copied, Form, copy};
+use crate::port::line::LineLost;
+use crate::port::line::framing::FRAME_CHARS_MAX;
+use crate::settings::{Framing, Lane};
+use crate::stats::Event;
+
+impl<'g, L: SerialLine> Session<'_, 'g, L> {
+    /// Sends `answer`, whole or while it arrives.
+    pub(super) async fn answer(&mut self, answer: Frame<'g>) -> Result<(), LineLost> {
+        let envelope = answer.envelope();
+        let fill = answer.filled().1;
+        if fill == Fill::Broken {
+            // Nothing of it has been sent; what the device was asked can only be asked again by the master.
+            return Ok(());
+        }
+        let arriving = fill == Fill::Filling;
+        if arriving {
+            let form = self.form(&envelope);
+            if copy(self.server.gateway, &mut self.line, &answer, form).await? != Copied::Whole {
+                return Ok(());
+            }
+        }
+        let crc = answer.own_crc().filter(|_| arriving);
+        if !arriving {
+            self.send(&envelope, &answer).await?;
+        }
+        answer.pdu(|pdu| {
+            if arriving {
+                let end = (crc, self.delimiter());
+                let framing = self.server.settings.framing;
+                self.tap.copied(self.line.active, Event::Answer, framing, (envelope.unit, pdu), end);
+            }
+            self.answered(&envelope, pdu, crc.unwrap_or_else(|| rtu::check(envelope.unit, pdu)));
+        });
+        Ok(())
+    }
+
+    /// Sends an answer that is whole.
+    async fn send(&mut self, envelope: &Envelope, answer: &Frame<'g>) -> Result<(), LineLost> {
+        let mut frame = [0; FRAME_CHARS_MAX];
+        let (framing, delimiter) = (self.server.settings.framing, self.delimiter());
+        let encode =
+            |pdu: &[u8]| framing.encode(envelope.unit, pdu, delimiter, &mut frame).map(<[u8]>::len).ok();
+        let Some(length) = answer.pdu(encode) else { return Ok(()) };
+        let frame = frame.get(..length).unwrap_or(&[]);
+        // After a collision the master has heard no good answer, and asks again.
+        let _ = self.line.send(frame).await?;
+        self.tap.sent(self.line.active, Event::Answer, frame);
+        if envelope.destination.is_some() {
+            self.server.place.stats.count(Event::Stored);
+        }
+        Ok(())
+    }
+
+    /// The character that ends ASCII frames.
+    fn delimiter(&self) -> u8 {
+        match &self.ear {
+            Ear::Ascii(ear) => ear.delimiter(),
+            Ear::Rtu(_) => LINE_FEED,
+        }
+    }
+
+    /// How an answer looks that is sent while it arrives.
+    fn form(&self, envelope: &Envelope) -> Form {
+        let framing = self.server.settings.framing;
+        let lane = self.server.gateway.settings(|settings| Lane::at(settings, envelope.destination?));
+        // Nobody else waits for this line, and what has begun cannot be sent again.
+        let may_wait = framing == Framing::Ascii || lane.is_some_and(|lane| lane.framing == Framing::Rtu);
+        Form {
+            framing,
+            may_wait,
+            delimiter: self.delimiter(),
+            source: envelope.destination,
+            from: envelope.target,
+            to: envelope.unit,
+        }
+    }
+
+    /// Notes what has been answered, with its CRC.
+    fn answered(&mut self, envelope: &Envelope, pdu: &[u8], crc: u16) {
+        // No frame that begins behind the answer can have ended by then.
+        let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);
+        let until = self.line.active + shortest + self.line.jitter;
+        self.answered = Some(Answered { unit: envelope.unit, crc, until });
+        self.server.place.stats.answered(pdu, envelope.cause);
+        // The gateway's own unit has changed the character that ends frames; this answer still had the old one.
+        if let (Ear::Ascii(ear), [pdu::function::DIAGNOSTICS, 0, 3, delimiter, 0], None) =
+            (&mut self.ear, pdu, envelope.destination)
+        {
+            ear.set_delimiter(*delimiter);
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! What is heard on the line: passed on as it comes, judged, and taken for a request or not.
+
+use embassy_time::Instant;
+use heapless::Vec;
+
+use super::{Ear, Open, Session};
+use crate::hal::SerialLine;
+use crate::modbus::ascii::COLON;
+use crate::modbus::{PDU_BYTES_MAX, rtu};
+use crate::port::cut_through::ingress::Passing;
+use crate::port::line::sniffer::Heard;
+use crate::stats::{Event, LastError};
+
+/// What was judged, copied so that the line can go on.
+enum Judged {
+    Nothing,
+    /// A request.
+    Request(u8),
+    /// A request that has been passed on.
+    Passed,
+    /// What the gateway itself has just sent.
+    Echo,
+    Foreign,
+    Garbage(LastError),
+}
+
+/// A request's PDU.
+type Request = Vec<u8, PDU_BYTES_MAX>;
+
+/// Garbage shorter than any frame: stray bits, as drivers make them that switch the line.
+const STRAY_BYTES_MAX: usize = rtu::FRAME_BYTES_MIN - 1;
+
+impl<L: SerialLine> Session<'_, '_, L> {
+    /// Passes on and judges what has just been read; `begins`: nothing else had been heard.
+    pub(super) fn hear(&mut self, begins: bool) {
+        if !self.is_stray() {
+            self.interrupted();
+        }
+        if let Ear::Ascii(_) = self.ear {
+            self.watch_pauses();
+            self.listen(false);
+            return self.proceed();
+        }
+        if begins {
+            self.begin();
+        }
+        self.proceed();
+        // Where reads keep up with the wire, only silence ends a frame that has not been passed on.
+        if self.line.jitter.as_ticks() > 0 {
+            self.listen(false);
+        }
+    }
+
+    /// Passes on what has been heard, and judges it if it has been passed on to its end.
+    pub(super) fn proceed(&mut self) {
+        if self.pass_on() {
+            self.listen(false);
+            // What is whole and has not been judged a request is none.
+            self.passing = Passing::Whole;
+        }
+    }
+
+    /// Whether what has been heard may be stray bits right behind a request that was over at its last character.
+    fn is_stray(&self) -> bool {
+        let few = self.line.heard().len() <= STRAY_BYTES_MAX;
+        few && matches!(self.open, Open::Asked { received, .. } if !self.is_apart(received))
+    }
+
+    /// Whether what is being heard began after a silence since `active`, or nearly so.
+    fn is_apart(&self, active: Instant) -> bool {
+        self.line.begun() >= active + self.line.settings.gap() / 2
+    }
+
+    /// Something was heard while a request was open: the master does not wait for its answer any more.
+    fn interrupted(&mut self) {
+        if let Open::Ready { .. } = self.open {
+            self.server.place.stats.count(Event::AskerGone);
+        }
+        if !matches!(self.open, Open::None) {
+            self.server.place.renew();
+            self.open = Open::None;
+        }
+    }
+
+    /// Judges what has been heard so far.
+    pub(super) fn listen(&mut self, silent: bool) {
+        loop {
+            if let (Ear::Ascii(_), Some(&COLON)) = (&self.ear, self.line.heard().first()) {
+                self.begin();
+            }
+            let mut request = Request::new();
+            let (judged, count) = self.judge(silent, &mut request);
+            // What comes behind a request overtakes it, also when both were heard at once.
+            if count > STRAY_BYTES_MAX {
+                self.interrupted();
+            }
+            let event = match judged {
+                Judged::Nothing if count > 0 && !self.line.heard().is_empty() => continue,
+                Judged::Nothing => break,
+                Judged::Echo => Event::Noise,
+                Judged::Passed | Judged::Request(_) => {
+                    let received = self.line.active;
+                    let asked = match judged {
+                        Judged::Request(unit) => self.server.ask(unit, &request, received),
+                        _ => true,
+                    };
+                    if asked {
+                        let until = received + self.server.settings.server.answer_within;
+                        self.open = Open::Asked { received, until };
+                    }
+                    continue;
+                }
+                Judged::Foreign => Event::Foreign,
+                Judged::Garbage(error) => {
+                    self.server.place.stats.note(error);
+                    if error == LastError::Checksum { Event::Damaged } else { Event::Noise }
+                }
+            };
+            self.server.place.stats.count(event);
+            self.passing = Passing::Whole;
+        }
+        // The beginning of the next frame.
+        if !self.line.heard().is_empty() && !self.is_stray() {
+            self.interrupted();
+        }
+    }
+
+    /// The next thing that was heard, and how many bytes that were. If it is a request for us which has not been passed on, its
+    /// PDU goes to `request`.
+    fn judge(&mut self, silent: bool, request: &mut Request) -> (Judged, usize) {
+        let Self { server, line, tap, ear, passing, answered, .. } = self;
+        let is_ours = |unit| server.is_ours(unit);
+        let (heard, count) = match ear {
+            Ear::Rtu(ear) => ear.hear(line.heard(), silent, is_ours),
+            Ear::Ascii(ear) if silent && ear.in_frame() => (ear.overdue(), 0),
+            Ear::Ascii(ear) => ear.hear(line.heard(), is_ours),
+        };
+        let judged = match heard {
+            Heard::Request { unit, pdu }
+                if answered.take().is_some_and(|own| own.is(unit, pdu, line.active)) =>
+            {
+                Judged::Echo
+            }
+            Heard::Request { pdu, .. } if server.finish(passing, pdu, line.active) => Judged::Passed,
+            Heard::Request { unit, pdu } => {
+                // It fits: it is no longer than a PDU may be.
+                let _ = request.extend_from_slice(pdu);
+                Judged::Request(unit)
+            }
+            Heard::ForeignRequest | Heard::ForeignAnswer => Judged::Foreign,
+            Heard::Garbage(error) => Judged::Garbage(error),
+            Heard::Nothing => Judged::Nothing,
+        };
+        let verdict = match judged {
+            Judged::Nothing => None,
+            Judged::Request(_) | Judged::Passed | Judged::Echo => Some(Event::Request),
+            Judged::Foreign => Some(Event::Foreign),
+            Judged::Garbage(LastError::Checksum) => Some(Event::Damaged),
+            Judged::Garbage(_) => Some(Event::Noise),
+        };
+        if let Some(verdict) = verdict {
+            tap.heard(line.active, verdict, line.heard().get(..count).unwrap_or(&[]));
+        }
+        line.consume(count);
+        (judged, count)
+    }
+}

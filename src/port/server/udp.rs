@@ -1,0 +1,201 @@
+//! A Modbus UDP server: each datagram is one Modbus TCP frame, and its answer goes back to where it came from.
+//!
+//! There are no connections, so what is open is kept in a table, bounded for each peer and in all; one more is answered
+//! 06h. A datagram that the network has doubled, or that a client repeats out of impatience, is not carried out again
+//! while the first one is open. One that is no whole frame is dropped.
+
+use core::cell::RefCell;
+use core::net::SocketAddr;
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Duration, Instant, Timer};
+use heapless::Vec;
+
+use crate::capture::{FrameKind, Tap};
+use crate::frame::{Envelope, Frame, Origin, Stage, Way};
+use crate::gateway::{Gateway, PortPlace, Status};
+use crate::hal::{SocketLost, UdpHost, UdpSocket};
+use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
+use crate::modbus::{Exception, pdu};
+use crate::port::server::listening;
+use crate::settings::{PortId, UDP_REQUESTS_MAX, UdpServerSettings};
+use crate::stats::Event;
+
+/// Pause after the socket failed.
+const BIND_PAUSE: Duration = Duration::from_secs(1);
+/// A datagram that is longer than a frame is seen to be.
+const DATAGRAM_BYTES_MAX: usize = ADU_BYTES_MAX + 1;
+
+/// Where the datagram of an answer is written.
+type Out = [u8; ADU_BYTES_MAX];
+/// Where it goes, and how long it is.
+type Reply = (SocketAddr, usize);
+
+/// A UDP server.
+pub(crate) struct Server<'s, 'g> {
+    gateway: &'s Gateway<'g>,
+    place: &'s PortPlace,
+    id: PortId,
+    settings: &'s UdpServerSettings,
+    open: RefCell<Vec<Open, UDP_REQUESTS_MAX>>,
+}
+
+/// A request that is not answered yet.
+#[derive(Clone, Copy)]
+struct Open {
+    peer: SocketAddr,
+    header: Header,
+    /// What its frame carries for a transaction id: ids of several peers may be the same.
+    number: u16,
+}
+
+impl<'s, 'g> Server<'s, 'g> {
+    /// A server without requests.
+    pub(crate) fn new(
+        gateway: &'s Gateway<'g>,
+        place: &'s PortPlace,
+        id: PortId,
+        settings: &'s UdpServerSettings,
+    ) -> Self {
+        Self { gateway, place, id, settings, open: RefCell::new(Vec::new()) }
+    }
+
+    /// Keeps the socket open and answers, for ever.
+    pub(crate) async fn run<H: UdpHost>(&self, host: &mut H) {
+        loop {
+            let port = self.settings.listen.port;
+            match host.bind(&self.settings.listen).await {
+                Ok(mut socket) => {
+                    listening::listens(self.place, "UDP", port);
+                    let SocketLost = self.serve(&mut socket).await;
+                    self.place.stats.count(Event::LineLost);
+                    self.place.set_status(Status::Lost);
+                }
+                Err(error) => listening::fails(self.place, "UDP", port, error),
+            }
+            Timer::after(BIND_PAUSE).await;
+        }
+    }
+
+    /// Nobody waits any more: answers that are there or still come are dropped.
+    pub(crate) fn close(&self) {
+        self.place.renew();
+        self.place.queue.clear(self.gateway.pool());
+    }
+
+    async fn serve<S: UdpSocket>(&self, socket: &mut S) -> SocketLost {
+        let mut datagram = [0; DATAGRAM_BYTES_MAX];
+        let mut out = [0; ADU_BYTES_MAX];
+        let mut number = 0_u16;
+        loop {
+            let answers = self.place.queue.receive(self.gateway.pool());
+            let reply = match select(answers, socket.receive(&mut datagram)).await {
+                Either::First(frame) => self.answer(&frame, &mut out),
+                Either::Second(Ok((length, peer))) => {
+                    number = number.wrapping_add(1);
+                    let received = datagram.get(..length).unwrap_or(&[]);
+                    self.take(received, peer, number, &mut out)
+                }
+                Either::Second(Err(lost)) => return lost,
+            };
+            let Some((peer, length)) = reply else { continue };
+            if let Err(lost) = socket.send(out.get(..length).unwrap_or(&[]), peer).await {
+                return lost;
+            }
+        }
+    }
+
+    /// Takes a datagram in: sends its request to the router, or writes the exception that it is answered with into `out`.
+    fn take(&self, datagram: &[u8], peer: SocketAddr, number: u16, out: &mut Out) -> Option<Reply> {
+        let stats = &self.place.stats;
+        if !self.settings.allowed.admits(peer.ip()) {
+            stats.count(Event::Unwelcome);
+            return None;
+        }
+        let (header, request) = match tcp::parse(datagram) {
+            Ok(Parsed::Frame { header, pdu, consumed }) if consumed == datagram.len() => (header, pdu),
+            _ => {
+                stats.count(Event::Malformed);
+                return None;
+            }
+        };
+        self.tap(peer, false, Event::Request, datagram);
+        let (event, exception) = match self.ask(header, request, peer, number) {
+            Ok(()) => return None,
+            Err(refusal) => refusal,
+        };
+        stats.count(event);
+        let answer = exception?.response(request.first().copied().unwrap_or(0));
+        self.reply(peer, header, &answer, out)
+    }
+
+    /// Sends a request to the router; else says what is counted, and by which exception it is answered, if it is.
+    fn ask(
+        &self,
+        header: Header,
+        request: &[u8],
+        peer: SocketAddr,
+        number: u16,
+    ) -> Result<(), (Event, Option<Exception>)> {
+        let mut open = self.open.borrow_mut();
+        let of_peer = || open.iter().filter(|open| open.peer == peer);
+        if of_peer().any(|open| open.header == header) {
+            return Err((Event::Duplicate, None));
+        }
+        if let Err(exception) = pdu::check_request(request) {
+            self.place.stats.note_refused(request, exception);
+            return Err((Event::Refused, Some(exception)));
+        }
+        let own = usize::from(self.settings.pipeline);
+        if of_peer().count() >= own || open.len() >= usize::from(self.settings.requests) {
+            return Err((Event::QueueFull, Some(Exception::BUSY)));
+        }
+        let envelope = self.envelope(header.unit, peer, number);
+        // The parser gives no longer PDU than fits.
+        let Some(frame) = self.gateway.fill_for_port(self.id, request, envelope) else {
+            return Err((Event::BackPressure, Some(Exception::BUSY)));
+        };
+        self.place.stats.count(Event::Request);
+        // There is room: `requests` is at most what the table holds.
+        let _ = open.push(Open { peer, header, number });
+        self.gateway.inbox.send(frame);
+        Ok(())
+    }
+
+    /// Shows a frame from or to `peer` to whoever follows.
+    fn tap(&self, peer: SocketAddr, sent: bool, verdict: Event, bytes: &[u8]) {
+        let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: FrameKind::Udp };
+        tap.passed(|| peer.port(), sent, verdict, bytes);
+    }
+
+    fn envelope(&self, unit: u8, peer: SocketAddr, number: u16) -> Envelope {
+        let received = Instant::now();
+        let origin = Origin { port: self.id, way: Way::Port, generation: self.place.generation() };
+        Envelope {
+            transaction: number,
+            peer: Some(peer.ip().to_canonical()),
+            ..Envelope::request(origin, unit, received, received + self.settings.lifetime)
+        }
+    }
+
+    /// Writes the answer in `frame` into `out`, for whoever asked; none when the frame came home without one.
+    fn answer(&self, frame: &Frame<'_>, out: &mut Out) -> Option<Reply> {
+        let envelope = frame.envelope();
+        let mut open = self.open.borrow_mut();
+        let at = open.iter().position(|open| open.number == envelope.transaction)?;
+        let Open { peer, header, .. } = open.swap_remove(at);
+        if envelope.stage == Stage::Silence {
+            return None;
+        }
+        let answer = frame.content();
+        self.place.stats.answered(&answer, envelope.cause);
+        self.reply(peer, header, &answer, out)
+    }
+
+    /// Writes `answer` into `out`.
+    fn reply(&self, peer: SocketAddr, header: Header, answer: &[u8], out: &mut Out) -> Option<Reply> {
+        let datagram = tcp::encode(header, answer, out).ok()?;
+        self.tap(peer, true, Event::Answer, datagram);
+        Some((peer, datagram.len()))
+    }
+}

@@ -4,8 +4,7 @@
 mod echo;
 mod faulty;
 mod paced;
-#[cfg(feature = "masters")]
-// The master that tests run; see the feature.
+#[cfg(feature = "ethercrab")] // It is a crate of its own.
 mod start;
 
 use std::cell::RefCell;
@@ -20,15 +19,14 @@ use ethercat_subdevice::esc::Esc;
 use ethercat_subdevice::sii;
 use ethercat_subdevice::sub_device::SubDevice;
 
-use crate::World;
-use crate::esc::cable::SharedSegment;
-use crate::esc::{Chip, DirectPdi, Interrupt, Kind, Segment, SharedChip};
+use crate::cable::SharedSegment;
+use crate::{Chip, DirectPdi, Interrupt, Kind, Segment, SharedChip};
+use mobgate_world::World;
 
 pub use echo::{Echo, SharedEcho, image, sequence};
 pub use faulty::{BusFaults, Counted, Counts, Faulty};
 pub use paced::Paced;
-#[cfg(feature = "masters")]
-// As above.
+#[cfg(feature = "ethercrab")] // As above.
 pub use start::{
     AtPace, Desk, Exchanged, Group, SpiCost, StartUp, at_cable, cable, exchange_at_pace, exchange_images,
     spi_traffic, start_up, with_master,

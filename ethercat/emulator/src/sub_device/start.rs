@@ -18,11 +18,12 @@ use ethercrab::subdevice_group::{Op, PreOp, SubDeviceGroup};
 use ethercrab::{MainDevice, PduLoop};
 
 use super::{Counted, Paced, SharedEcho, direct, image, line_of, sequence, spawn};
-use crate::esc::cable::{Cable, SharedSegment};
-use crate::esc::master::{Storage, main_device, pump};
-use crate::esc::{Interrupt, SharedChip};
+use crate::Lan9252;
+use crate::cable::{Cable, SharedSegment};
 use crate::lan9252::{Timing, Traffic};
-use crate::{Lan9252, Random, World};
+use crate::master::{Storage, main_device, pump};
+use crate::{Interrupt, SharedChip};
+use mobgate_world::{Random, World};
 
 /// On its way, there and back.
 const FRAME_TIME: Duration = Duration::from_micros(50);

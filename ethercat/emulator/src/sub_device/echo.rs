@@ -6,7 +6,7 @@ use std::rc::Rc;
 use ethercat_subdevice::application::{Address, Application};
 use ethercat_subdevice::coe::abort::Abort;
 
-use crate::random;
+use mobgate_world::random;
 
 /// An image of `bytes`, a multiple of eight, that carries `sequence`; none of its bytes fits into another image.
 pub fn image(sequence: u64, bytes: usize) -> Vec<u8> {

@@ -21,6 +21,8 @@ const PAUSE: Duration = Duration::from_micros(100);
 const WATCHDOG: u16 = 60_000;
 /// Acknowledges an error, in AL control; one stands, in AL status.
 const ERROR: u8 = 1 << 4;
+/// Data that a frame holds in one datagram.
+const DATAGRAM_BYTES_MAX: usize = 1_486;
 /// Where outputs lie in the logical address space; inputs lie behind them.
 const LOGICAL: u32 = 0;
 
@@ -93,11 +95,16 @@ impl<'d> MainDevice<'d> {
         Ok(())
     }
 
-    /// Sends outputs and takes inputs by one frame; so the inputs are of a time before the SubDevice has seen these outputs.
+    /// Sends outputs and takes inputs, by one frame if that holds both; so the inputs are of a time before the SubDevice has seen these
+    /// outputs.
     pub async fn exchange(&mut self, outputs: &[u8]) -> Result<Vec<u8>, Refusal> {
         let mut data = outputs.to_vec();
         data.resize(outputs.len() + self.bytes(Channel::Inputs), 0);
-        let mut data = self.send(Builder::default().logical(Command::Lrw, LOGICAL, &data)).await?;
+        for (nth, part) in data.chunks_mut(DATAGRAM_BYTES_MAX).enumerate() {
+            let address = LOGICAL + (nth * DATAGRAM_BYTES_MAX) as u32;
+            let back = self.send(Builder::default().logical(Command::Lrw, address, part)).await?;
+            part.copy_from_slice(&back);
+        }
         Ok(data.split_off(outputs.len()))
     }
 

@@ -15,6 +15,8 @@ pub struct Assignment {
     channel: Channel,
     count: u8,
     pdos: [u16; PDOS_ASSIGNED_MAX],
+    /// The most bytes that they may have.
+    pub(crate) room: u16,
 }
 
 impl Assignment {
@@ -22,7 +24,8 @@ impl Assignment {
         let initial = device.default_pdos(channel);
         let mut pdos = [0; PDOS_ASSIGNED_MAX];
         pdos.iter_mut().zip(initial).for_each(|(pdo, &index)| *pdo = index);
-        Self { channel, count: initial.len().min(PDOS_ASSIGNED_MAX) as u8, pdos }
+        let room = device.bytes_max(channel);
+        Self { channel, count: initial.len().min(PDOS_ASSIGNED_MAX) as u8, pdos, room }
     }
 
     /// The SyncManager that carries them.
@@ -97,7 +100,7 @@ impl Assignment {
                 }
             }
         }
-        if self.bytes(device) > device.bytes_max(self.channel) {
+        if self.bytes(device) > self.room {
             return Err(Abort::PdoLength);
         }
         Ok(self)

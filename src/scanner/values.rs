@@ -3,7 +3,7 @@
 use super::row::Row;
 
 /// Bytes of values that a scanner keeps, inputs and outputs together.
-pub const VALUE_BYTES_MAX: usize = 2048;
+pub const VALUE_BYTES_MAX: usize = if cfg!(feature = "long-images") { 4096 } else { 2048 };
 
 /// The memory.
 pub(super) struct Values {

@@ -44,7 +44,7 @@ pub struct EthercatPlace {
 #[derive(Clone, Copy)]
 pub(super) struct State {
     /// Whether a port asks the devices.
-    has_port: bool,
+    pub(super) has_port: bool,
     /// Whether the line is there that the port is to set.
     has_line: bool,
     pub(super) on_loss: OnLoss,

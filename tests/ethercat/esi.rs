@@ -185,5 +185,6 @@ fn statement_58_the_gateways_image_fits_into_2048_bytes_and_255_strings() {
     assert_eq!(used(&own), built.image.len(), "its own has the same size");
     println!("{} bytes, {} strings", built.image.len(), built.strings.len());
     let long = build(&Document::parse(&file_of(&LONG_GATEWAY)).unwrap());
+    assert!(long.image.len() <= sii::SII_BYTES && long.strings.len() <= 255);
     println!("long images: {} bytes, {} strings", long.image.len(), long.strings.len());
 }

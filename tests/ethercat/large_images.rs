@@ -85,7 +85,7 @@ static LARGEST: Device = device(MemoryPlan::new(128, OUTPUTS as u16, INPUTS as u
 static FOR_8_KIB: Device = device(MemoryPlan::new(128, 1_152, INPUTS as u16, 8 * 1024), LESS_OUTPUTS);
 
 #[test]
-fn images_of_1486_and_1500_bytes_are_whole_on_a_chip_with_the_memory() {
+fn statement_62_images_of_1486_and_1500_bytes_are_whole_on_a_chip_with_the_memory() {
     for (kind, device) in [(Kind::IP_CORE, &LARGEST), (Kind::ET1100, &FOR_8_KIB)] {
         let exchanged = exchange_images_on::<OUTPUTS, INPUTS>(kind, device, CYCLES, PAUSE_US).unwrap();
         println!("{} KiB: {exchanged:?}", kind.ram_kib);
@@ -106,7 +106,7 @@ fn to_safe_op<const OUT: usize, const IN: usize>(kind: Kind) -> Result<(), Refus
 }
 
 #[test]
-fn an_image_that_the_memory_or_a_buffer_does_not_hold_is_refused_on_the_way_to_safe_op() {
+fn statement_62_an_image_that_the_memory_or_a_buffer_does_not_hold_is_refused_on_the_way_to_safe_op() {
     let (outputs, inputs) = (Err(Refusal::Error(0x0025)), Err(Refusal::Error(0x0024)));
     assert_eq!(to_safe_op::<OUTPUTS, INPUTS>(Kind::IP_CORE), Ok(()));
     assert_eq!(to_safe_op::<OUTPUTS, INPUTS>(Kind { ram_kib: 10, ..Kind::IP_CORE }), Ok(()));
@@ -118,7 +118,7 @@ fn an_image_that_the_memory_or_a_buffer_does_not_hold_is_refused_on_the_way_to_s
 }
 
 #[test]
-fn pdos_that_the_memory_does_not_hold_cannot_be_assigned() {
+fn statement_62_pdos_that_the_memory_does_not_hold_cannot_be_assigned() {
     let start = Start { kind: Kind::ET1100, pause: Duration::from_micros(50), edges: false };
     let mut rig = Rig::start(&LARGEST, SharedEcho::default(), start, direct);
     rig.bring_to(PRE_OP);

@@ -71,9 +71,9 @@
 //! | [`settings::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |
 //! | [`scanner::DEVICES_MAX`] | 32 | devices that a scanner asks: the loads of an RS-485 segment |
 //! | [`settings::SLAVES_MAX`] | 32 | devices behind the EtherCAT process image: all that a scanner asks |
-//! | [`port::ethercat::Room::MOST`] | 512 | bytes of the process image each way: with three buffers of each, what a controller of 4 KiB holds |
+//! | [`port::ethercat::Room::MOST`], [`port::ethercat::Room::LONG`] | 512; with `long-images` 1486 in and 1500 out | bytes of the process image each way: with three buffers of each, what a controller of 4 KiB holds, and one of 10 |
 //! | [`scanner::ROWS_MAX`] | 136 | the four tables of each device, and some ranges that take two frames |
-//! | [`scanner::VALUE_BYTES_MAX`] | 2048 | values of all rows: an image of 512 bytes each way, and as much again |
+//! | [`scanner::VALUE_BYTES_MAX`] | 4096, without `long-images` 2048 | values of all rows: the longest image each way, and as much again as 1 KiB |
 //! | [`settings::POINTS_MAX`] | 128, small: 64 | data points in the settings, of which there is one draft for all consoles |
 //! | [`capture::FRAMES_MAX`], [`capture::BYTES_MAX`] | 64, 2048, small: half | frames that `show frames` remembers |
 //! | frames, TCP connections | the board's | memory; a connection always has one frame of its own |

@@ -26,10 +26,12 @@ mod status;
 pub use application::GatewayObjects;
 pub use configuration::{ConfigError, Configuration};
 pub use controller::{Controller, serve};
+#[cfg(feature = "long-images")] // What they need is a feature.
+pub use controller::{LongSubDevice, serve_long};
 pub use image::Room;
 pub use keeping::Keep;
 pub use layout::DeviceLayout;
 pub use line::{LineWriter, Speed};
-pub use objects::{DEVICE, REASON_BYTES};
+pub use objects::{DEVICE, LONG_DEVICE, REASON_BYTES};
 pub use place::EthercatPlace;
 pub use request::{REQUEST_BYTES_MAX, RequestState, Requests};

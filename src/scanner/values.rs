@@ -1,7 +1,7 @@
 //! Where the rows' values are: bytes of a bounded memory, bits packed from the lowest on, registers with the high byte first.
 
 /// Bytes of values that a scanner keeps, inputs and outputs together.
-pub const VALUE_BYTES_MAX: usize = 2048;
+pub const VALUE_BYTES_MAX: usize = if cfg!(feature = "long-images") { 4096 } else { 2048 };
 
 /// The memory.
 pub(super) struct Values {

@@ -34,10 +34,10 @@ fn each_statement_that_is_passed_has_a_test_and_each_such_test_is_in_the_table()
 }
 
 #[test]
-fn the_sub_device_knows_nothing_of_modbus() {
-    let files = sources(&root("ethercat/subdevice/src"));
-    assert!(files.len() > 20, "{}", files.len());
-    for (path, text) in files {
+fn the_sub_device_and_its_controllers_know_nothing_of_modbus() {
+    let crates = ["ethercat/subdevice/src", "ethercat/emulator/src"].map(|path| sources(&root(path)));
+    assert!(crates.iter().all(|files| files.len() > 20));
+    for (path, text) in crates.into_iter().flatten() {
         assert!(!text.contains("odbus"), "{}", path.display());
     }
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::{esi, sii};
-use mobgate::port::ethercat::DEVICE;
+use mobgate::port::ethercat::{DEVICE, LONG_DEVICE};
 use roxmltree::{Document, Node};
 
 use crate::bench::MAILBOX_128;
@@ -15,6 +15,7 @@ use crate::sdo::category;
 use builder::{build, number, text};
 
 static GATEWAY: Device = DEVICE;
+static LONG_GATEWAY: Device = LONG_DEVICE;
 /// The smallest EEPROM that is common.
 const EEPROM_BYTES_MAX: usize = 2_048;
 
@@ -26,7 +27,7 @@ fn file_of(device: &Device) -> String {
 
 #[test]
 fn statement_58_the_esi_file_follows_the_schema() {
-    for device in [&GATEWAY, &MAILBOX_128] {
+    for device in [&GATEWAY, &LONG_GATEWAY, &MAILBOX_128] {
         let file = file_of(device);
         assert_eq!(schema::faults(&Document::parse(&file).unwrap()), [""; 0]);
     }
@@ -54,7 +55,7 @@ fn the_schema_notices_order_missing_and_unknown_elements_and_wrong_content() {
 
 #[test]
 fn statement_41_each_type_is_declared_once_and_has_the_size_that_is_said_where_it_is_used() {
-    for device in [&GATEWAY, &MAILBOX_128] {
+    for device in [&GATEWAY, &LONG_GATEWAY, &MAILBOX_128] {
         let file = file_of(device);
         let document = Document::parse(&file).unwrap();
         let mut sizes = BTreeMap::new();
@@ -83,6 +84,32 @@ fn statement_41_each_type_is_declared_once_and_has_the_size_that_is_said_where_i
             }
         }
         assert!(used > 30, "{used}");
+    }
+}
+
+#[test]
+fn the_file_says_how_long_images_may_be_and_where_they_lie() {
+    let mut file = String::new();
+    esi::write_all(&GATEWAY, &[&LONG_GATEWAY], &mut file).unwrap();
+    let document = Document::parse(&file).unwrap();
+    assert_eq!(schema::faults(&document), [""; 0]);
+    let devices: Vec<_> = document.descendants().filter(|node| node.has_tag_name("Device")).collect();
+    let sizes = |device: Node<'_, '_>| -> Vec<_> {
+        let managers = device.children().filter(|node| node.has_tag_name("Sm")).skip(2);
+        let field = |node: Node<'_, '_>, name| number(node.attribute(name).unwrap());
+        managers
+            .map(|node| ["StartAddress", "DefaultSize", "MaxSize"].map(|name| field(node, name)))
+            .collect()
+    };
+    // Beside the image, inputs may have 69 bytes that tell how good they are.
+    assert_eq!(sizes(devices[0]), [[0x1100, 120, 512], [0x1700, 120, 584]]);
+    assert_eq!(sizes(devices[1]), [[0x1100, 120, 1_500], [0x2298, 120, 1_555]]);
+    let types: Vec<_> = devices.iter().map(|device| text(*device, "Type")).collect();
+    assert_eq!(types, ["mobgate", "mobgate-long"]);
+    for (index, bytes) in [("#x1605", 476), ("#x1A08", 462)] {
+        let pdo = devices[1].children().find(|node| text(*node, "Index") == index).unwrap();
+        let entries = pdo.children().filter(|node| node.has_tag_name("Entry"));
+        assert_eq!(entries.map(|entry| number(text(entry, "BitLen"))).sum::<u32>(), 8 * bytes, "{index}");
     }
 }
 
@@ -132,7 +159,7 @@ fn used(image: &[u8]) -> usize {
 
 #[test]
 fn statement_41_an_eeprom_image_that_others_make_from_the_file_is_the_devices_own() {
-    for device in [&GATEWAY, &MAILBOX_128] {
+    for device in [&GATEWAY, &LONG_GATEWAY, &MAILBOX_128] {
         let mut own = [0; sii::SII_BYTES];
         sii::write(device, &mut own).unwrap();
         let file = file_of(device);
@@ -157,4 +184,7 @@ fn statement_58_the_gateways_image_fits_into_2048_bytes_and_255_strings() {
     sii::write(&GATEWAY, &mut own).unwrap();
     assert_eq!(used(&own), built.image.len(), "its own has the same size");
     println!("{} bytes, {} strings", built.image.len(), built.strings.len());
+    let long = build(&Document::parse(&file_of(&LONG_GATEWAY)).unwrap());
+    assert!(long.image.len() <= sii::SII_BYTES && long.strings.len() <= 255);
+    println!("long images: {} bytes, {} strings", long.image.len(), long.strings.len());
 }

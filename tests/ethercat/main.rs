@@ -26,6 +26,7 @@ mod lan9252_bench;
 mod lan9252_events;
 mod lan9252_faults;
 mod lan9252_model;
+mod large_images;
 mod lost_answers;
 mod mad_writes;
 mod mailbox;

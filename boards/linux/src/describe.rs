@@ -3,7 +3,7 @@
 use std::fs;
 
 use ethercat_subdevice::{esi, sii};
-use mobgate::port::ethercat::DEVICE;
+use mobgate::port::ethercat::{DEVICE, LONG_DEVICE};
 
 use crate::cli::Make;
 
@@ -17,7 +17,7 @@ pub fn write(make: &Make) -> Result<(), String> {
         }
         Make::Esi { file } => {
             let mut xml = String::new();
-            esi::write(&DEVICE, &mut xml).map_err(|error| error.to_string())?;
+            esi::write_all(&DEVICE, &[&LONG_DEVICE], &mut xml).map_err(|error| error.to_string())?;
             (file, xml.into_bytes())
         }
     };

@@ -17,9 +17,8 @@ use ethercat_esc::frame::{FRAME_BYTES_MAX, is_whole};
 use ethercat_esc::interface::{Interface, InterfaceError};
 use ethercat_esc::{Chip, DirectPdi, Interrupt, Kind, SharedChip, now};
 use ethercat_subdevice::esc::{Esc, EscError};
-use ethercat_subdevice::sii;
 use mobgate::gateway::Gateway;
-use mobgate::port::ethercat::{DEVICE, EthercatPlace, serve};
+use mobgate::port::ethercat::{EthercatPlace, LONG_DEVICE, serve_long};
 use mobgate::settings::{InterfaceName, PortId, PortKind};
 use mobgate::stats::Event;
 use rustix::io::Errno;
@@ -29,7 +28,8 @@ use crate::hint;
 
 /// Runs the SubDevice whenever the settings of `gateway` name a network interface for it, for ever.
 pub async fn run(gateway: &Gateway<'_>, place: &EthercatPlace) -> ! {
-    let chip = Rc::new(Chip::new(Kind::LAN9252, eeprom()).into());
+    // The description is the same for ever, and a test reads it back.
+    let chip = Rc::new(Chip::with_sii(Kind::IP_CORE, &LONG_DEVICE).into());
     let link =
         Link { gateway, chip, fault: Cell::new(Some(NOT_OPEN)), opened: Signal::new(), lost: Signal::new() };
     let mut interrupt = Interrupt::new(link.chip.clone());
@@ -38,21 +38,13 @@ pub async fn run(gateway: &Gateway<'_>, place: &EthercatPlace) -> ! {
         let _ = select(interrupt.wait_for_high(), link.lost.wait()).await;
     };
     let controller = Controller { link: &link, pdi: DirectPdi::new(link.chip.clone()) };
-    let (never, _) = join(serve(place, gateway.scanner(), controller, attention), link.carry()).await;
+    let (never, _) = join(serve_long(place, gateway.scanner(), controller, attention), link.carry()).await;
     never
 }
 
 /// Whether a SubDevice can be at the interface called `name` now; or why not, and what to do about it.
 pub fn check(name: &str) -> Result<(), &'static str> {
     Interface::open(name).map(|_| ()).map_err(|error| reason(name, &error))
-}
-
-/// What the controller's EEPROM says the gateway is.
-fn eeprom() -> Vec<u8> {
-    let mut image = [0; sii::SII_BYTES];
-    // The description is the same for ever, and a test reads it back.
-    sii::write(&DEVICE, &mut image).expect("the description fits");
-    image.to_vec()
 }
 
 /// Before the first look.

@@ -44,7 +44,7 @@ static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
 static POINTS: ScannerPlace = ScannerPlace::new();
 static CAPTURE: Capture = Capture::new();
 /// The gateway as an EtherCAT SubDevice.
-static ETHERCAT: EthercatPlace = EthercatPlace::new();
+static ETHERCAT: EthercatPlace = EthercatPlace::long();
 static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES)
     .with_scanner(&POINTS)
     .with_ethercat_interfaces(&ETHERCAT)

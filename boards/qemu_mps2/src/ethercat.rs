@@ -1,15 +1,19 @@
-//! Data points, and EtherCAT as soon as a LAN9252 answers.
+//! Data points, and EtherCAT as soon as a LAN9252 answers, with its RUN and ERR lights on the board's two LEDs.
 
 mod pipes;
 mod spi;
 
 use embassy_executor::Spawner;
+use embassy_futures::join::join;
+use embassy_time::Duration;
+use ethercat_subdevice::indicators::Lamps;
 use ethercat_subdevice::lan9252::{Lan9252, Wiring};
 use mobgate::gateway::Gateway;
 use mobgate::port::ethercat::{EthercatPlace, serve};
 use mobgate::scanner::ScannerPlace;
 
 use self::spi::{Spi, Wires};
+use crate::register::Register;
 
 static SCANNER: ScannerPlace = ScannerPlace::new();
 static PLACE: EthercatPlace = EthercatPlace::new();
@@ -29,5 +33,26 @@ pub(crate) fn start(spawner: Spawner) {
 async fn run() {
     let wires = Wires::open();
     let controller = Lan9252::new(Spi(&wires), Wiring::default());
-    serve(&PLACE, Some(&SCANNER), controller, async || wires.interrupt().await).await
+    join(serve(&PLACE, Some(&SCANNER), controller, async || wires.interrupt().await), light()).await;
+}
+
+/// Of the FPGA's I/O (AN386): bit 0 is LED0, bit 1 is LED1.
+const LEDS: Register = Register::at(0x4002_8000, 0);
+/// How often it is looked whether there is anything to show.
+const LIGHTS_LOOK: Duration = Duration::from_millis(500);
+
+/// LED0 is the RUN light, LED1 the ERR light.
+struct Leds;
+
+impl Lamps for Leds {
+    fn shine(&mut self, run: bool, error: bool) {
+        LEDS.write(u32::from(run) | u32::from(error) << 1);
+    }
+}
+
+/// Shows what there is to show, for ever.
+async fn light() -> ! {
+    loop {
+        PLACE.light_for(&mut Leds, LIGHTS_LOOK).await;
+    }
 }

@@ -3,6 +3,7 @@
 //! * Green: blinks once a second while every task is well; it stands still when one is not.
 //! * Blue (yellow on the H743ZI2): the network has an address.
 //! * Red: a port is lost or failed to open.
+//! * With EtherCAT, as soon as a controller answers or a port is set for one: green is the RUN light, red the ERR light (ETG.1300).
 //! * All three blink fast: the user button is being held at the start; all three on: the settings are forgotten.
 
 use embassy_stm32::Peri;
@@ -39,12 +40,34 @@ impl Lights {
         }
     }
 
-    /// Shows how the gateway does.
-    pub(crate) fn show(&mut self, gateway: &Gateway<'_>, has_address: bool) {
-        let broken = |status| matches!(status, Status::Lost | Status::Failed(_));
-        self.green.toggle();
+    /// Lets `time` pass, and shows meanwhile how EtherCAT does; says whether there was anything to show.
+    pub(crate) async fn show_ethercat(&mut self, time: Duration) -> bool {
+        // Images without it are smaller, see Cargo.toml.
+        #[cfg(feature = "ethercat")]
+        return crate::ethercat::light_for(self, time).await;
+        #[cfg(not(feature = "ethercat"))] // As above.
+        {
+            Timer::after(time).await;
+            false
+        }
+    }
+
+    /// Shows how the gateway does; green and red unless they are EtherCAT's.
+    pub(crate) fn show(&mut self, gateway: &Gateway<'_>, has_address: bool, ethercat: bool) {
         self.blue.set_level(has_address.into());
-        self.red.set_level(gateway.ports().iter().any(|place| broken(place.status())).into());
+        if !ethercat {
+            let broken = |status| matches!(status, Status::Lost | Status::Failed(_));
+            self.green.toggle();
+            self.red.set_level(gateway.ports().iter().any(|place| broken(place.status())).into());
+        }
+    }
+
+    /// Lets EtherCAT's two lights shine, or not.
+    // Images without it are smaller, see Cargo.toml.
+    #[cfg(feature = "ethercat")]
+    pub(crate) fn set_ethercat(&mut self, run: bool, error: bool) {
+        self.green.set_level(run.into());
+        self.red.set_level(error.into());
     }
 
     /// Whether the button is held down from now on for 5 s, which the lights show. It connects the pin to 3.3 V.

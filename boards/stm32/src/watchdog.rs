@@ -1,7 +1,7 @@
 //! The watchdog is fed as long as every task answers.
 
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_time::{Duration, Timer};
+use embassy_time::Duration;
 
 use crate::gateway::{LIVENESS, TaskName, gateway};
 use crate::lights::Lights;
@@ -23,11 +23,11 @@ pub async fn watch<T: embassy_stm32::wdg::Instance>(
     let mut noted = false;
     loop {
         LIVENESS.ask();
-        Timer::after(PERIOD).await;
+        let ethercat = lights.show_ethercat(PERIOD).await;
         match LIVENESS.silent() {
             None => {
                 watchdog.pet();
-                lights.show(gateway(), network.stack().is_config_up());
+                lights.show(gateway(), network.stack().is_config_up(), ethercat);
             }
             Some(task) if !noted => {
                 noted = true;

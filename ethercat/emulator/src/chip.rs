@@ -45,6 +45,15 @@ impl Kind {
         features: 0x01CC,
         eeprom_reads_eight: true,
     };
+    /// An IP core with all the memory that an ESC can have.
+    pub const IP_CORE: Self = Self {
+        identity: [0x04, 0x03, 0, 0],
+        fmmus: 8,
+        sync_managers: 8,
+        ram_kib: 60,
+        features: 0x01CC,
+        eeprom_reads_eight: false,
+    };
     /// Beckhoff's ASIC.
     pub const ET1100: Self = Self {
         identity: [0x11, 0, 0x02, 0],
@@ -106,9 +115,17 @@ impl Chip {
     /// # Panics
     /// When the device's description does not fit into the EEPROM.
     pub fn of(device: &Device) -> SharedChip {
+        Rc::new(RefCell::new(Self::with_sii(Kind::LAN9252, device)))
+    }
+
+    /// A chip whose EEPROM says what `device` is.
+    ///
+    /// # Panics
+    /// When the device's description does not fit into the EEPROM.
+    pub fn with_sii(kind: Kind, device: &Device) -> Self {
         let mut eeprom = [0; sii::SII_BYTES];
         sii::write(device, &mut eeprom).expect("the description fits");
-        Rc::new(RefCell::new(Self::new(Kind::LAN9252, eeprom.to_vec())))
+        Self::new(kind, eeprom.to_vec())
     }
 
     /// Lets the chip's clock (I, Distributed Clocks) show `start` at the beginning of the world, and run faster than the

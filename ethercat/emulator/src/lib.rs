@@ -20,7 +20,15 @@
 //! The processor's side is [`pdi`]: [`Chip::read`] and [`Chip::write`] as [`DirectPdi`], which is an
 //! [`Esc`](ethercat_subdevice::esc::Esc), and the [`Interrupt`]. Both sides may be in one thread only; nothing blocks.
 //!
-//! [`MainDevice`] is a small one for tests and examples: the example `digital_io` of `ethercat-subdevice` runs it beside a SubDevice.
+//! # Testing a SubDevice
+//!
+//! * [`lan9252`]: the chip as firmware sees it, an SPI device and an interrupt pin, with faults and resets.
+//! * [`MainDevice`] brings a SubDevice to a state and exchanges process data; the example `digital_io` of `ethercat-subdevice` runs it.
+//!   With the feature `ethercrab`, `master` and [`sub_device`] run that crate's MainDevice instead.
+//! * [`bench`](mod@bench): a SubDevice in a rig, for tests that ask for states, messages and process data one by one.
+//! * [`segment`], [`cable`]: lines and rings of chips, with lost and damaged frames; [`pcap`] writes them down. With the feature
+//!   `interface`, `packet` puts them to a network interface, for MainDevices in other programs.
+//! * [`World`]: virtual time. Its driver of embassy-time is linked with this crate; a program has no other.
 //!
 //! The chip itself knows no clock: every access carries the time, in nanoseconds since any one moment. [`now`] is that of
 //! embassy-time, which [`DirectPdi`] and [`Interrupt`] go by.
@@ -54,6 +62,8 @@
 #![forbid(unsafe_code)]
 
 mod access;
+pub mod bench;
+pub mod cable;
 pub mod chip;
 pub mod command;
 mod dc;
@@ -64,20 +74,39 @@ pub mod fmmu;
 pub mod frame;
 #[cfg(feature = "interface")] // It is one of Linux, and takes crates for that.
 pub mod interface;
+pub mod lan9252;
 pub mod main_device;
+#[cfg(feature = "ethercrab")] // It is a crate of its own.
+pub mod master;
 mod memory;
+#[cfg(feature = "interface")] // As above.
+pub mod packet;
 mod passing;
+pub mod pcap;
 pub mod pdi;
 mod ports;
+pub mod probe;
 pub mod registers;
 mod reset;
+pub mod segment;
+pub mod sub_device;
 pub mod sync_manager;
 mod watchdog;
 
+pub use cable::{Cable, FrameFaults, SharedSegment};
 pub use chip::{Chip, Kind};
 pub use command::Command;
+pub use lan9252::Lan9252;
 pub use main_device::MainDevice;
+pub use mobgate_world::{self as world, Random, World};
 pub use pdi::{DirectPdi, Interrupt, SharedChip};
+pub use probe::Answer;
+pub use segment::{Fate, Segment};
+
+// The README's example is a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 /// A time in nanoseconds since any one moment, the same for all accesses of a chip.
 pub type Nanos = u64;

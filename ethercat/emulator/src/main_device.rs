@@ -10,7 +10,7 @@ use ethercat_subdevice::sii::default_length;
 use ethercat_subdevice::sync_manager::Channel;
 
 use crate::frame::{Builder, datagrams};
-use crate::registers::{AL_CONTROL, AL_STATUS, FMMU, SYNC_MANAGER, WATCHDOG_DATA};
+use crate::registers::{AL_CONTROL, AL_STATUS, FMMU, WATCHDOG_DATA};
 use crate::{Command, SharedChip, now};
 
 /// How long a state may take.
@@ -21,8 +21,36 @@ const PAUSE: Duration = Duration::from_micros(100);
 const WATCHDOG: u16 = 60_000;
 /// Acknowledges an error, in AL control; one stands, in AL status.
 const ERROR: u8 = 1 << 4;
+/// Data that a frame holds in one datagram.
+const DATAGRAM_BYTES_MAX: usize = 1_486;
 /// Where outputs lie in the logical address space; inputs lie behind them.
 const LOGICAL: u32 = 0;
+
+/// The block of registers that sets a SyncManager up as `device` wants it after power-on.
+pub fn sync_manager(device: &Device, channel: Channel) -> [u8; 8] {
+    let [start_low, start_high] = device.memory.start(channel).to_le_bytes();
+    let length = default_length(device, channel);
+    let [length_low, length_high] = length.to_le_bytes();
+    [start_low, start_high, length_low, length_high, channel.control(), 0, u8::from(length > 0), 0]
+}
+
+/// The FMMU in front of process data, its address and its block of registers: with outputs at `logical`, and inputs behind them.
+pub fn fmmu(device: &Device, channel: Channel, logical: u32) -> Option<(u16, [u8; 16])> {
+    let (nth, logical, way) = match channel {
+        Channel::Outputs => (0, logical, 2),
+        Channel::Inputs => (1, logical + u32::from(default_length(device, Channel::Outputs)), 1),
+        Channel::MailboxOut | Channel::MailboxIn => return None,
+    };
+    let length = default_length(device, channel);
+    let mut block = [0; 16];
+    block[0..4].copy_from_slice(&logical.to_le_bytes());
+    block[4..6].copy_from_slice(&length.to_le_bytes());
+    // From the first bit of the first byte to the last bit of the last.
+    block[7] = 7;
+    block[8..10].copy_from_slice(&device.memory.start(channel).to_le_bytes());
+    (block[11], block[12]) = (way, u8::from(length > 0));
+    Some((FMMU + 16 * nth, block))
+}
 
 /// Why a MainDevice could not do what was asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,11 +95,16 @@ impl<'d> MainDevice<'d> {
         Ok(())
     }
 
-    /// Sends outputs and takes inputs by one frame; so the inputs are of a time before the SubDevice has seen these outputs.
+    /// Sends outputs and takes inputs, by one frame if that holds both; so the inputs are of a time before the SubDevice has seen these
+    /// outputs.
     pub async fn exchange(&mut self, outputs: &[u8]) -> Result<Vec<u8>, Refusal> {
         let mut data = outputs.to_vec();
         data.resize(outputs.len() + self.bytes(Channel::Inputs), 0);
-        let mut data = self.send(Builder::default().logical(Command::Lrw, LOGICAL, &data)).await?;
+        for (nth, part) in data.chunks_mut(DATAGRAM_BYTES_MAX).enumerate() {
+            let address = LOGICAL + (nth * DATAGRAM_BYTES_MAX) as u32;
+            let back = self.send(Builder::default().logical(Command::Lrw, address, part)).await?;
+            part.copy_from_slice(&back);
+        }
         Ok(data.split_off(outputs.len()))
     }
 
@@ -104,22 +137,10 @@ impl<'d> MainDevice<'d> {
     /// Sets up SyncManagers, and for process data the FMMUs before them.
     async fn set_up(&mut self, channels: &[Channel]) -> Result<(), Refusal> {
         for &channel in channels {
-            let start = self.device.memory.start(channel).to_le_bytes();
-            let length = default_length(self.device, channel).to_le_bytes();
-            let on = u8::from(length != [0; 2]);
-            let (fmmu, logical, writes) = match channel {
-                Channel::Outputs => (Some(0), LOGICAL, true),
-                Channel::Inputs => (Some(1), LOGICAL + self.bytes(Channel::Outputs) as u32, false),
-                _ => (None, 0, false),
-            };
-            if let Some(nth) = fmmu {
-                let [way, last_bit] = [if writes { 2 } else { 1 }, 7];
-                let block =
-                    [&logical.to_le_bytes()[..], &length, &[0, last_bit], &start, &[0, way, on, 0, 0, 0]];
-                self.write(FMMU + 16 * nth, &block.concat()).await?;
+            if let Some((register, block)) = fmmu(self.device, channel, LOGICAL) {
+                self.write(register, &block).await?;
             }
-            let block = [&start[..], &length, &[channel.control(), 0, on, 0]].concat();
-            self.write(SYNC_MANAGER + 8 * channel as u16, &block).await?;
+            self.write(channel.registers(), &sync_manager(self.device, channel)).await?;
         }
         Ok(())
     }

@@ -4,11 +4,9 @@ use embassy_futures::block_on;
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embedded_hal_async::digital::Wait;
-use ethercat_subdevice::prelude::*;
-// Linked for the clock and the locks of a host.
 use ethercat_esc::main_device::Refusal;
 use ethercat_esc::{Chip, DirectPdi, Interrupt, MainDevice, SharedChip};
-use mobgate_clock as _;
+use ethercat_subdevice::prelude::*;
 
 const IDENTITY: Identity = Identity { vendor: 1, product: 2, revision: 3, serial: 4 };
 static DEVICE: Device = Device {

@@ -1,8 +1,5 @@
 //! Frames of any content, one after the other: the chip takes each of them without a panic, and what it gives back fits.
 
-// Linked for the clock and the locks of a host.
-use mobgate_clock as _;
-
 use ethercat_esc::frame::{Builder, FRAME_BYTES_MAX, datagrams, is_ethercat, is_whole};
 use ethercat_esc::{Chip, Command, Kind};
 use proptest::collection::vec;

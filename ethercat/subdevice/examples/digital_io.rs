@@ -3,7 +3,6 @@ use embassy_futures::{block_on, select::select};
 use embedded_hal_async::digital::Wait;
 use ethercat_esc::{Chip, DirectPdi, Interrupt, MainDevice};
 use ethercat_subdevice::prelude::*;
-use mobgate_clock as _; // As firmware links the clock of its chip.
 const IDENTITY: Identity = Identity { vendor: 0xe000_0000, product: 1, revision: 1, serial: 0 };
 static DEVICE: Device = Device {
     identity: IDENTITY,

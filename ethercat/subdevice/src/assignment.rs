@@ -15,6 +15,8 @@ pub struct Assignment {
     channel: Channel,
     count: u8,
     pdos: [u16; PDOS_ASSIGNED_MAX],
+    /// The most bytes that they may have.
+    pub(crate) room: u16,
 }
 
 impl Assignment {
@@ -22,7 +24,8 @@ impl Assignment {
         let initial = device.default_pdos(channel);
         let mut pdos = [0; PDOS_ASSIGNED_MAX];
         pdos.iter_mut().zip(initial).for_each(|(pdo, &index)| *pdo = index);
-        Self { channel, count: initial.len().min(PDOS_ASSIGNED_MAX) as u8, pdos }
+        let room = device.bytes_max(channel);
+        Self { channel, count: initial.len().min(PDOS_ASSIGNED_MAX) as u8, pdos, room }
     }
 
     /// The SyncManager that carries them.
@@ -97,7 +100,7 @@ impl Assignment {
                 }
             }
         }
-        if self.bytes(device) > device.bytes_max(self.channel) {
+        if self.bytes(device) > self.room {
             return Err(Abort::PdoLength);
         }
         Ok(self)
@@ -118,20 +121,17 @@ pub enum Synchronisation {
     SyncManager,
 }
 
-/// The shortest cycle that is promised as long as nothing else is known.
-pub const CYCLE_NS_MIN: u32 = 100_000;
-
 /// How the exchange of images keeps up with the MainDevice: 1C32h and 1C33h from entry 05 on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Timing {
-    /// 05: the shortest cycle in which no image is left out, in nanoseconds.
+    /// 05: the shortest cycle in which no image is left out, in nanoseconds; computed before each request of the mailbox.
     pub minimum_cycle_ns: u32,
     /// 0B: images that came before the one in front of them was taken.
     pub missed_events: u16,
 }
 
 impl Timing {
-    const NEW: Self = Self { minimum_cycle_ns: CYCLE_NS_MIN, missed_events: 0 };
+    const NEW: Self = Self { minimum_cycle_ns: 0, missed_events: 0 };
 
     fn value(&self, sub: u8) -> Option<u32> {
         Some(match sub {

@@ -119,7 +119,7 @@ impl<A: Application> Dictionary<'_, A> {
                 place.copy_from_slice(text.as_bytes());
                 place.len()
             }
-            Value::Stack(_) => {
+            Value::Stack(_) | Value::Computed => {
                 let number = self.communication.value(at.index, sub).ok_or(Abort::General)?;
                 put(number.into(), place)
             }
@@ -184,7 +184,7 @@ impl<A: Application> Dictionary<'_, A> {
                 self.application.write(at, bytes);
                 Ok(())
             }
-            Value::Number(_) | Value::Text(_) => Err(Abort::ReadOnly),
+            Value::Number(_) | Value::Text(_) | Value::Computed => Err(Abort::ReadOnly),
         }
     }
 }

@@ -18,24 +18,32 @@ const PROFILE: u16 = 5001;
 
 /// Writes the description of `device`.
 pub fn write(device: &Device, into: &mut impl Write) -> Result<(), EsiError> {
+    write_all(device, &[], into)
+}
+
+/// Writes one description of `first` and `others`, which have its vendor and its group.
+pub fn write_all(first: &Device, others: &[&Device], into: &mut impl Write) -> Result<(), EsiError> {
+    let devices = || core::iter::once(first).chain(others.iter().copied());
     let mut sii = [0; SII_BYTES];
-    write_sii(device, &mut sii)?;
+    devices().try_for_each(|device| write_sii(device, &mut sii))?;
     into.write_str("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n")?;
     let mut xml = Xml::new(into);
     xml.within("EtherCATInfo", format_args!(""), |xml| {
         xml.within("Vendor", format_args!(""), |xml| {
-            xml.text("Id", format_args!("#x{:08X}", device.identity.vendor))?;
-            xml.text("Name", format_args!("{}", device.vendor_name))
+            xml.text("Id", format_args!("#x{:08X}", first.identity.vendor))?;
+            xml.text("Name", format_args!("{}", first.vendor_name))
         })?;
         xml.within("Descriptions", format_args!(""), |xml| {
             xml.within("Groups", format_args!(""), |xml| {
                 xml.within("Group", format_args!(""), |xml| {
-                    xml.text("Type", format_args!("{}", device.group))?;
-                    xml.text("Name", format_args!("{}", device.group))
+                    xml.text("Type", format_args!("{}", first.group))?;
+                    xml.text("Name", format_args!("{}", first.group))
                 })
             })?;
             xml.within("Devices", format_args!(""), |xml| {
-                xml.within("Device", format_args!(" Physics=\"YY\""), |xml| write_device(xml, device, &sii))
+                devices().try_for_each(|device| {
+                    xml.within("Device", format_args!(" Physics=\"YY\""), |xml| write_device(xml, device))
+                })
             })
         })
     })?;
@@ -59,7 +67,7 @@ impl From<Error> for EsiError {
     }
 }
 
-fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, sii: &[u8; SII_BYTES]) -> Result<(), Error> {
+fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(), Error> {
     let identity = device.identity;
     let codes = format_args!(
         " ProductCode=\"#x{:08X}\" RevisionNo=\"#x{:08X}\"",
@@ -88,7 +96,7 @@ fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, sii: &[u8; SII_
     xml.within("Eeprom", format_args!(""), |xml| {
         xml.text("ByteSize", format_args!("{SII_BYTES}"))?;
         // The part that the check covers, without the alias; the tool makes the rest from this file.
-        xml.text("ConfigData", format_args!("{}", xml::Hex(sii.get(..8).unwrap_or_default())))
+        xml.text("ConfigData", format_args!("{}", xml::Hex(&device.controller)))
     })
 }
 

@@ -87,6 +87,8 @@ pub enum Value {
     Text(&'static str),
     /// From the stack; the number is its value after power-on.
     Stack(u64),
+    /// From the stack, as hardware and settings make it: there is no value that it has after power-on.
+    Computed,
     /// From the application; the number is its value after power-on.
     Application(u64),
 }

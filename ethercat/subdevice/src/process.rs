@@ -6,38 +6,38 @@ use crate::application::Application;
 use crate::assignment::Communication;
 use crate::device::Device;
 
-/// Bytes of outputs at most.
-pub const OUTPUTS_BYTES_MAX: usize = 512;
-/// Bytes of inputs at most: as many, and some that tell how good they are.
-pub const INPUTS_BYTES_MAX: usize = 584;
+/// Bytes of outputs that a SubDevice has a buffer for, unless it is made with another: both images fit into 4 KiB.
+pub const OUTPUTS_BYTES: usize = 512;
+/// Bytes of inputs, likewise: as many, and some that tell how good they are.
+pub const INPUTS_BYTES: usize = 584;
 
-/// The images of both directions.
+/// The images of both directions, in buffers of so many bytes.
 #[derive(Debug)]
-pub struct Images {
+pub struct Images<const OUTPUTS: usize = OUTPUTS_BYTES, const INPUTS: usize = INPUTS_BYTES> {
     /// The last outputs; good only if they are valid.
-    pub outputs: [u8; OUTPUTS_BYTES_MAX],
+    pub outputs: [u8; OUTPUTS],
     /// Whether outputs have come since SafeOp was entered and the watchdog ran out.
     pub outputs_valid: bool,
     /// Outputs have come that were not handed out.
     pub outputs_due: bool,
     /// When inputs are due in free run.
     pub inputs_due: Instant,
-    inputs: [u8; INPUTS_BYTES_MAX],
+    inputs: [u8; INPUTS],
 }
 
-impl Default for Images {
+impl<const OUTPUTS: usize, const INPUTS: usize> Default for Images<OUTPUTS, INPUTS> {
     fn default() -> Self {
         Self {
-            outputs: [0; OUTPUTS_BYTES_MAX],
+            outputs: [0; OUTPUTS],
             outputs_valid: false,
             outputs_due: false,
             inputs_due: Instant::MIN,
-            inputs: [0; INPUTS_BYTES_MAX],
+            inputs: [0; INPUTS],
         }
     }
 }
 
-impl Images {
+impl<const OUTPUTS: usize, const INPUTS: usize> Images<OUTPUTS, INPUTS> {
     /// Hands the last outputs to the application.
     pub fn hand_out(
         &self,
@@ -47,7 +47,7 @@ impl Images {
     ) {
         let mut rest = &self.outputs[..];
         for pdo in communication.outputs.pdos(device) {
-            // The assignment is no longer than the plan, and the plan no longer than the buffer.
+            // SafeOp is not entered with an assignment that is longer than the buffer.
             let Some((bytes, behind)) = rest.split_at_checked(pdo.pdo_bytes()) else { return };
             application.outputs(pdo.index, bytes);
             rest = behind;

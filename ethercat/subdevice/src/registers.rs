@@ -1,6 +1,6 @@
 //! The controller's registers that this stack touches, and the bits in them (ET1100 data sheet, section II).
 
-/// How many SyncManagers the controller has, one byte.
+/// How many SyncManagers the controller has, one byte; behind it stands how many KiB of process memory.
 pub const SYNC_MANAGERS_PRESENT: u16 = 0x0005;
 /// Configured station address, two bytes.
 pub const STATION_ADDRESS: u16 = 0x0010;

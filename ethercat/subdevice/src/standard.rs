@@ -1,9 +1,8 @@
 //! The objects that every device with a mailbox has (ETG.1000.6, clause 5.6.7; ETG.1020).
 
-use crate::assignment::CYCLE_NS_MIN;
 use crate::device::Identity;
 use crate::diagnosis::{FIRST_MESSAGE, MESSAGE_BYTES, MESSAGES};
-use crate::object::{Access, DataType, Entries, Entry, Object};
+use crate::object::{Access, DataType, Entries, Entry, Object, Value};
 
 /// 1000h, device type: the profile's number.
 pub const fn device_type(profile: u32) -> Object {
@@ -104,20 +103,16 @@ const fn synchronisation(default: u64) -> [Entry; 32] {
     entries[0x01] = Entry::number("Cycle time", DataType::U32, 0);
     entries[0x02] = Entry::number("Shift time", DataType::U32, 0);
     entries[0x03] = Entry::number("Synchronisation types supported", DataType::U16, SYNC_TYPES);
-    entries[0x04] = measured("Minimum cycle time", DataType::U32, CYCLE_NS_MIN as u64);
+    // What the bus to the controller makes it.
+    entries[0x04] = Entry { value: Value::Computed, ..Entry::number("Minimum cycle time", DataType::U32, 0) };
     entries[0x05] = Entry::number("Calc and copy time", DataType::U32, 0);
     entries[0x07] = Entry::of_stack("Get cycle time", DataType::U16, 0, RESET);
     entries[0x08] = Entry::number("Delay time", DataType::U32, 0);
     entries[0x09] = Entry::number("SYNC0 cycle time", DataType::U32, 0);
-    entries[0x0a] = measured("SyncManager event missed", DataType::U16, 0);
+    entries[0x0a] = Entry::of_stack("SyncManager event missed", DataType::U16, 0, Access::READ);
     entries[0x0b] = Entry::number("Cycle time too small", DataType::U16, 0);
     entries[0x1f] = Entry::number("Synchronisation error", DataType::Bool, 0);
     entries
-}
-
-/// What the stack tells about its timing.
-const fn measured(name: &'static str, data_type: DataType, default: u64) -> Entry {
-    Entry::of_stack(name, data_type, default, Access::READ)
 }
 
 /// 1C32h, how outputs are synchronised.

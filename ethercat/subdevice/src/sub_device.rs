@@ -19,7 +19,7 @@ use crate::coe::Coe;
 use crate::device::Device;
 use crate::esc::{CycleCost, Esc, EscError};
 use crate::mailbox::Mailbox;
-use crate::process::Images;
+use crate::process::{INPUTS_BYTES, Images, OUTPUTS_BYTES};
 use crate::registers::{AL_EVENT_MASK, Events};
 use crate::sync_manager::Channel;
 use data::Seen;
@@ -45,17 +45,22 @@ const PDI_CONTROL_OFF: u8 = 1 << 0;
 const PDI_CONTROL_REPEAT: u8 = 1 << 1;
 
 /// A SubDevice on a controller, for an application.
-pub struct SubDevice<E, A> {
+///
+/// It has buffers for `OUTPUTS` and `INPUTS` bytes of process data. An image that is longer than they are, or than the controller's
+/// memory holds, is refused: when PDOs are assigned by the abort code 06040042h, on the way to SafeOp by 0025h and 0024h.
+pub struct SubDevice<E, A, const OUTPUTS: usize = OUTPUTS_BYTES, const INPUTS: usize = INPUTS_BYTES> {
     device: &'static Device,
     esc: E,
     application: A,
     /// How many SyncManagers the controller has.
     sync_managers: u8,
+    /// How many KiB of process memory.
+    memory_kib: u8,
     al: AlMachine,
     communication: Communication,
     mailbox: Mailbox,
     coe: Coe,
-    images: Images,
+    images: Images<OUTPUTS, INPUTS>,
     /// The events that raise the interrupt, as far as the controller was told.
     mask: Option<Events>,
     /// When the controller last proved that it is the one that was started.
@@ -65,13 +70,21 @@ pub struct SubDevice<E, A> {
 }
 
 impl<E: Esc, A: Application> SubDevice<E, A> {
-    /// A SubDevice that is what `device` says.
+    /// A SubDevice that is what `device` says, with buffers as images in a controller of 4 KiB need.
     pub fn new(device: &'static Device, esc: E, application: A) -> Self {
+        Self::with_buffers(device, esc, application)
+    }
+}
+
+impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
+    /// The same with other buffers: `SubDevice::<_, _, 1500, 1486>::with_buffers(...)`.
+    pub fn with_buffers(device: &'static Device, esc: E, application: A) -> Self {
         Self {
             device,
             esc,
             application,
             sync_managers: 0,
+            memory_kib: 0,
             al: AlMachine::new(None),
             communication: Communication::new(device),
             mailbox: Mailbox::default(),

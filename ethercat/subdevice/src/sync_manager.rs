@@ -147,7 +147,7 @@ pub struct MemoryPlan {
 }
 
 impl MemoryPlan {
-    /// A plan for `memory_bytes` of process memory.
+    /// A plan for `memory_bytes` of process memory. A [`SubDevice`](crate::sub_device::SubDevice) needs buffers for its images as well.
     ///
     /// # Panics
     /// At build time, where it is meant to be called: when the plan does not fit.
@@ -160,14 +160,23 @@ impl MemoryPlan {
         let plan = Self { mailbox_bytes, outputs_bytes_max, inputs_bytes_max };
         assert!(mailbox_bytes >= MAILBOX_BYTES_MIN, "a mailbox has 34 bytes at least");
         assert!(mailbox_bytes as usize <= crate::mailbox::MAILBOX_BYTES_MAX, "messages are kept in buffers");
-        assert!(
-            outputs_bytes_max as usize <= crate::process::OUTPUTS_BYTES_MAX,
-            "outputs are kept in a buffer"
-        );
-        assert!(inputs_bytes_max as usize <= crate::process::INPUTS_BYTES_MAX, "inputs are kept in a buffer");
-        let end = plan.start(Channel::Inputs) + 3 * inputs_bytes_max;
-        assert!(end <= MEMORY_START + memory_bytes, "three buffers of inputs and outputs must fit");
+        let end = plan.start(Channel::Inputs) as u32 + 3 * inputs_bytes_max as u32;
+        let fits = end <= MEMORY_START as u32 + memory_bytes as u32;
+        assert!(fits, "three buffers of inputs and outputs must fit");
         plan
+    }
+
+    /// The most bytes of a channel in a controller with `kib` KiB of process memory: as planned, or as many as there are three buffers
+    /// of.
+    pub fn room(&self, channel: Channel, kib: u8) -> u16 {
+        let planned = match channel {
+            Channel::MailboxOut | Channel::MailboxIn => return self.mailbox_bytes,
+            Channel::Outputs => self.outputs_bytes_max,
+            Channel::Inputs => self.inputs_bytes_max,
+        };
+        let end = u32::from(MEMORY_START) + u32::from(kib) * 1024;
+        let fit = end.saturating_sub(self.start(channel).into()) / 3;
+        u16::try_from(fit).map_or(planned, |fit| fit.min(planned))
     }
 
     /// Where a channel's buffer begins, at a multiple of 8. Process data take three buffers, one behind the other.
@@ -196,6 +205,15 @@ mod tests {
     #[test]
     fn the_plan_puts_mailboxes_first_and_three_buffers_each_behind() {
         assert_eq!(Channel::ALL.map(|channel| PLAN.start(channel)), [0x1000, 0x1080, 0x1100, 0x1268]);
+    }
+
+    #[test]
+    fn a_smaller_memory_leaves_as_much_room_as_three_buffers_take() {
+        let plan = MemoryPlan::new(128, 1_500, 1_486, 10 * 1024);
+        let room = |kib| [Channel::Outputs, Channel::Inputs].map(|channel| plan.room(channel, kib));
+        assert_eq!([room(64), room(60), room(10)], [[1_500, 1_486]; 3]);
+        // Inputs begin at 2298h: 3432 bytes are left in 8 KiB, none in 4.
+        assert_eq!([room(8), room(4), room(0)], [[1_500, 1_144], [1_280, 0], [0, 0]]);
     }
 
     #[test]

@@ -15,7 +15,7 @@ use ethercat_subdevice::sync_manager::Channel;
 use heapless::String;
 
 use super::configuration::ConfigError;
-use super::image::{Room, span};
+use super::image::{Room, first_of, span};
 use super::keeping::{Keep, Kept};
 use super::line::LineWriter;
 use super::objects::REASON_BYTES;
@@ -131,9 +131,9 @@ impl<'p> GatewayObjects<'p> {
     }
 }
 
-/// Copies the entry `sub` of `buffer` into `into`.
-fn copy_entry(buffer: &[u8], sub: u8, into: &mut [u8]) -> Result<(), Abort> {
-    let start = usize::from(sub).saturating_sub(1) * into.len();
+/// Copies the entry `sub` of an object into `into`, whose bytes are those of `buffer` from `first` on.
+fn copy_entry(buffer: &[u8], first: u16, sub: u8, into: &mut [u8]) -> Result<(), Abort> {
+    let start = usize::from(first) + usize::from(sub).saturating_sub(1) * into.len();
     into.copy_from_slice(buffer.get(start..start + into.len()).ok_or(Abort::General)?);
     Ok(())
 }
@@ -161,8 +161,14 @@ impl Application for GatewayObjects<'_> {
 
     fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort> {
         match (at.index, at.sub) {
-            (0x2021 | 0x2023, sub) => self.place.inputs(|buffer| copy_entry(buffer, sub, into))?,
-            (0x2022 | 0x2024, sub) => self.place.outputs(|buffer| copy_entry(buffer, sub, into))?,
+            (0x2021 | 0x2023, sub) => self.place.inputs(|buffer| copy_entry(buffer, 0, sub, into))?,
+            (0x2022 | 0x2024, sub) => self.place.outputs(|buffer| copy_entry(buffer, 0, sub, into))?,
+            (index @ (0x2025 | 0x2027 | 0x2029), sub) => {
+                self.place.inputs(|buffer| copy_entry(buffer, first_of(index), sub, into))?;
+            }
+            (index @ (0x2026 | 0x2028 | 0x202a), sub) => {
+                self.place.outputs(|buffer| copy_entry(buffer, first_of(index), sub, into))?;
+            }
             (0x10f3, sub) => self.place.history(|history| history.read(sub, into))?,
             (0x10f8, _) => into.copy_from_slice(&(Instant::now().as_micros() * 1_000).to_le_bytes()),
             (0x2033, 3) => return Ok(self.place.requests().copy_answer(into)),

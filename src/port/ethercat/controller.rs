@@ -3,12 +3,15 @@
 use core::fmt;
 
 use embassy_time::{Duration, Timer};
+use ethercat_subdevice::application::Application;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::esc::{Esc, EscError};
 use ethercat_subdevice::sub_device::{RESTART_PAUSE, SubDevice};
 
 use super::application::GatewayObjects;
 use super::objects::DEVICE;
+#[cfg(feature = "long-images")] // As what serves it.
+use super::objects::LONG_DEVICE;
 use super::place::EthercatPlace;
 use crate::gateway::Status;
 use crate::hal::{OpenError, OpenErrorKind};
@@ -20,6 +23,17 @@ const LOOK_INTERVAL: Duration = Duration::from_secs(1);
 const LOST_LOOK_INTERVAL: Duration = Duration::from_millis(100);
 
 static GATEWAY: Device = DEVICE;
+#[cfg(feature = "long-images")] // As what serves it.
+static LONG_GATEWAY: Device = LONG_DEVICE;
+
+/// The gateway as a SubDevice with buffers for long images.
+#[cfg(feature = "long-images")] // As above.
+pub type LongSubDevice<E, A> = SubDevice<
+    E,
+    A,
+    { LONG_DEVICE.memory.outputs_bytes_max as usize },
+    { LONG_DEVICE.memory.inputs_bytes_max as usize },
+>;
 
 /// Whether the board's controller answers.
 // `Present` is the 0: a place is all zeros at start. It is also what holds where nobody looks.
@@ -75,10 +89,29 @@ pub async fn serve(
     place: &EthercatPlace,
     points: Option<&ScannerPlace>,
     esc: impl Esc,
-    mut attention: impl AsyncFnMut(),
+    attention: impl AsyncFnMut(),
 ) -> ! {
     let objects = GatewayObjects::new(place).with_points(points);
-    let mut sub_device = SubDevice::new(&GATEWAY, esc, objects);
+    run(place, SubDevice::new(&GATEWAY, esc, objects), attention).await
+}
+
+/// The same for a controller that has memory for longer images, and a `place` for them ([`EthercatPlace::long`]).
+#[cfg(feature = "long-images")] // As that place.
+pub async fn serve_long(
+    place: &EthercatPlace,
+    points: Option<&ScannerPlace>,
+    esc: impl Esc,
+    attention: impl AsyncFnMut(),
+) -> ! {
+    let objects = GatewayObjects::new(place).with_points(points);
+    run(place, LongSubDevice::with_buffers(&LONG_GATEWAY, esc, objects), attention).await
+}
+
+async fn run<const OUTPUTS: usize, const INPUTS: usize>(
+    place: &EthercatPlace,
+    mut sub_device: SubDevice<impl Esc, impl Application, OUTPUTS, INPUTS>,
+    mut attention: impl AsyncFnMut(),
+) -> ! {
     let mut known = None;
     loop {
         let controller = match (sub_device.esc().look().await, known) {

@@ -1,13 +1,28 @@
-//! Which bytes of the buffers each PDO carries, and so how long an image the assigned ones hold.
+//! The buffers of inputs and outputs, which bytes of them each PDO carries, and so how long an image the assigned ones hold.
+
+use core::cell::Cell;
 
 use ethercat_subdevice::sync_manager::Channel;
 
-/// Bytes of the input buffer and of the output buffer.
+use super::place::EthercatPlace;
+use super::ranges::INPUTS;
+use crate::settings::OnLoss;
+
+/// Bytes of the input buffer and of the output buffer behind a controller of 4 KiB.
 pub(super) const IMAGE_BYTES: u16 = 512;
+/// Bytes of the input buffer behind a larger one: as many as a frame has.
+pub(super) const LONG_INPUTS: u16 = 1_486;
+/// Bytes of the output buffer behind a larger one.
+pub(super) const LONG_OUTPUTS: u16 = 1_500;
 /// Bytes that can be had one by one: those of the PDOs that are assigned after power-on.
 pub(super) const FIRST_BYTES: u16 = 120;
 /// Where the second of the PDOs behind those ends, and the third begins.
 pub(super) const SECOND_END: u16 = 256;
+/// Where the one ends that is behind the first 512 bytes of a long image, and the last one begins.
+pub(super) const FOURTH_END: u16 = 1_024;
+
+/// Bytes that an entry has behind the first 512; before, it has one or eight.
+pub(super) const LONG_ENTRY: u16 = 16;
 
 /// Bytes that there are for images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +36,8 @@ pub struct Room {
 impl Room {
     /// With all PDOs assigned.
     pub const MOST: Self = Self { inputs: IMAGE_BYTES, outputs: IMAGE_BYTES };
+    /// With all PDOs of long images assigned.
+    pub const LONG: Self = Self { inputs: LONG_INPUTS, outputs: LONG_OUTPUTS };
     /// With the PDOs of after power-on.
     pub const FIRST: Self = Self { inputs: FIRST_BYTES, outputs: FIRST_BYTES };
 
@@ -40,7 +57,20 @@ pub(super) const fn span(pdo: u16) -> Option<(u16, u16)> {
         0x1600 | 0x1601 | 0x1a00 | 0x1a01 => Some((0, FIRST_BYTES)),
         0x1602 | 0x1a04 => Some((FIRST_BYTES, SECOND_END)),
         0x1603 | 0x1a05 => Some((SECOND_END, IMAGE_BYTES)),
+        0x1604 | 0x1a07 => Some((IMAGE_BYTES, FOURTH_END)),
+        0x1605 => Some((FOURTH_END, LONG_OUTPUTS)),
+        0x1a08 => Some((FOURTH_END, LONG_INPUTS)),
         _ => None,
+    }
+}
+
+/// The first byte that an object has of the buffers behind byte 511.
+pub(super) const fn first_of(index: u16) -> u16 {
+    match index {
+        0x2025 | 0x2026 => IMAGE_BYTES,
+        0x2027 | 0x2028 => FOURTH_END,
+        0x2029 => LONG_INPUTS / LONG_ENTRY * LONG_ENTRY,
+        _ => LONG_OUTPUTS / LONG_ENTRY * LONG_ENTRY,
     }
 }
 
@@ -54,6 +84,47 @@ fn covered(pdos: &[u16]) -> u16 {
     end
 }
 
+impl EthercatPlace {
+    /// Bytes of the buffers.
+    pub fn most(&self) -> Room {
+        if self.long { Room::LONG } else { Room::MOST }
+    }
+
+    /// Calls `f` with what was read last.
+    pub fn inputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
+        self.scanner.with(|scanner| f(scanner.image(INPUTS, self.most().inputs)))
+    }
+
+    /// Calls `f` with what is to be written.
+    pub fn outputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
+        let Room { inputs, outputs } = self.most();
+        self.scanner.with(|scanner| f(scanner.image(inputs, outputs)))
+    }
+
+    /// Takes outputs of a MainDevice in Op, from the byte `first` on.
+    pub(super) fn put_outputs(&self, first: u16, bytes: &[u8]) {
+        self.scanner.with(|scanner| {
+            let Room { inputs, outputs } = self.most();
+            let place = scanner.image_mut(inputs, outputs).get_mut(first.into()..).unwrap_or_default();
+            place.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
+            scanner.set_outputs(true);
+        });
+    }
+
+    /// No outputs come any more.
+    pub(super) fn outputs_stopped(&self) {
+        let on_loss = self.state.lock(Cell::get).on_loss;
+        self.scanner.with(|scanner| match on_loss {
+            OnLoss::Hold => {}
+            OnLoss::Clear => {
+                let Room { inputs, outputs } = self.most();
+                scanner.image_mut(inputs, outputs).fill(0);
+            }
+            OnLoss::Stop => scanner.set_outputs(false),
+        });
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::covered;
@@ -65,6 +136,8 @@ mod tests {
         assert_eq!(covered(&[0x1601, 0x1602]), 256);
         assert_eq!(covered(&[0x1603, 0x1600, 0x1602]), 512, "in any order");
         assert_eq!(covered(&[0x1600, 0x1603]), 120);
+        assert_eq!(covered(&[0x1601, 0x1602, 0x1603, 0x1604, 0x1605]), 1_500);
+        assert_eq!(covered(&[0x1a01, 0x1a04, 0x1a05, 0x1a07, 0x1a08, 0x1a06]), 1_486);
         assert_eq!(covered(&[0x1a04, 0x1a05]), 0, "without the first ones the others are no image");
     }
 }

@@ -2,6 +2,8 @@
 
 use core::cell::Cell;
 
+use embassy_futures::select::select;
+use embassy_time::{Duration, Timer};
 use ethercat_subdevice::indicators::{Indicators, Lamps, Pattern, show};
 
 use super::controller::Controller;
@@ -36,5 +38,17 @@ impl EthercatPlace {
     /// Lets the lamps of a board show that, for ever.
     pub async fn light(&self, lamps: &mut impl Lamps) -> ! {
         show(lamps, || self.lights()).await
+    }
+
+    /// Lets `time` pass, in which lamps that are not for EtherCAT alone show that if there is something to show: a controller answers,
+    /// or a port waits for one. Says whether they did.
+    pub async fn light_for(&self, lamps: &mut impl Lamps, time: Duration) -> bool {
+        let end = Timer::after(time);
+        if !self.state.lock(Cell::get).has_port && self.indicators().is_none() {
+            end.await;
+            return false;
+        }
+        select(self.light(lamps), end).await;
+        true
     }
 }

@@ -10,7 +10,7 @@ use ethercat_subdevice::standard;
 use ethercat_subdevice::sync_manager::MemoryPlan;
 
 use super::diagnosis::TEXTS;
-use super::image::{FIRST_BYTES, IMAGE_BYTES, SECOND_END};
+use super::image::{FIRST_BYTES, FOURTH_END, IMAGE_BYTES, LONG_ENTRY, LONG_INPUTS, LONG_OUTPUTS, SECOND_END};
 use super::request::REQUEST_BYTES_MAX;
 use super::slaves::{CONFIGURATIONS, LAYOUTS, SLAVES, SLAVES_FIRST, STATUSES, first_four};
 use crate::modbus::PDU_BYTES_MAX;
@@ -18,8 +18,8 @@ use crate::scanner::REQUESTERS;
 
 /// Bytes of the reason for which a configuration is refused (2006h).
 pub const REASON_BYTES: u16 = 48;
-/// Bytes of inputs at most: the image, a counter, the health of four slaves, and the state of all of them.
-const INPUTS_BYTES: u16 = IMAGE_BYTES + 1 + SLAVES_FIRST as u16 + 2 * SLAVES as u16;
+/// Bytes of inputs beside the image: a counter, the health of four slaves, and the state of all of them.
+const STATUS_BYTES: u16 = 1 + SLAVES_FIRST as u16 + 2 * SLAVES as u16;
 
 /// Data points that have entries: as many as there are on any board.
 const POINTS: u8 = 128;
@@ -43,13 +43,24 @@ pub const DEVICE: Device = Device {
     group: "Gateways",
     // A LAN9252 has 4 KiB of process memory: mailboxes of 128 bytes leave 1280 bytes for both images, of each of which there
     // are three. Where they begin is the same however many PDOs are assigned.
-    memory: MemoryPlan::new(128, IMAGE_BYTES, INPUTS_BYTES.next_multiple_of(8), 4096),
+    memory: MemoryPlan::new(128, IMAGE_BYTES, (IMAGE_BYTES + STATUS_BYTES).next_multiple_of(8), 4096),
     // LAN9252: SPI, no synchronisation signals.
     controller: [0x80, 0, 0, 0, 0, 0, 0, 0],
     // Some MainDevices (ethercrab 0.7) end with the first one that they get: 10F3h:05 and the port's settings say who takes them.
     emergencies: false,
     texts: TEXTS,
     objects: OBJECTS,
+};
+
+/// The gateway behind a controller with memory for longer images: the same objects, and more PDOs.
+pub const LONG_DEVICE: Device = Device {
+    identity: LONG_IDENTITY,
+    name: "mobgate EtherCAT to Modbus gateway, long images",
+    order: "mobgate-long",
+    // Images that are as long as they can be take 9426 bytes; a controller with less takes shorter ones.
+    memory: MemoryPlan::new(128, LONG_OUTPUTS, LONG_INPUTS + STATUS_BYTES, 10 * 1024),
+    objects: LONG_OBJECTS,
+    ..DEVICE
 };
 
 const MODBUS: &[Entry] =
@@ -68,8 +79,7 @@ const UART: &[Entry] = &[
     Entry::setting("StopBitCount", DataType::U16, 0, (0, 1)),
 ];
 
-const STATUS: &[Entry] =
-    &[Entry::reading("InputCounter", DataType::U8).with_access(Access::READ.and(Access::TX_PDO))];
+const STATUS: &[Entry] = &[Entry::input("InputCounter", DataType::U8)];
 
 const CHECK: Entry = Entry::setting("CheckBeforePoll", DataType::U8, 0, (0, 1));
 
@@ -79,12 +89,11 @@ const ON_SILENCE: Entry = Entry::setting("OnSilence", DataType::U8, 0, (0, 2));
 const SUBSTITUTE: Entry = Entry::setting("Substitute", DataType::U16, 0, (0, u16::MAX as u64));
 
 /// 0: not asked yet; 1: well; 2: not normal.
-pub(super) const HEALTH: Entry =
-    Entry::reading("Health", DataType::U8).with_access(Access::READ.and(Access::TX_PDO));
+pub(super) const HEALTH: Entry = Entry::input("Health", DataType::U8);
 
 /// Health in bits 0 and 1, its inputs in bits 2 and 3 (see 2180h), a bit that turns with every answer (7), and the exception of
 /// its last negative answer (8 to 15).
-const STATE: Entry = Entry::reading("State", DataType::U16).with_access(Access::READ.and(Access::TX_PDO));
+const STATE: Entry = Entry::input("State", DataType::U16);
 
 /// The state reads as in 1023h of CiA 301: 0: ended, nothing to fetch; 1: answered; 2: ended in an error; 3: answered by an
 /// exception; 255: under way.
@@ -122,14 +131,6 @@ const fn on_command(name: &'static str) -> Entry {
     Entry::setting(name, DataType::U32, 1, (0, u32::MAX as u64)).with_access(Access::READ.and(Access::WRITE))
 }
 
-const fn inputs(name: &'static str, data_type: DataType) -> Entry {
-    Entry::reading(name, data_type).with_access(Access::READ.and(Access::TX_PDO))
-}
-
-const fn outputs(name: &'static str, data_type: DataType) -> Entry {
-    Entry::reading(name, data_type).with_access(Access::READ.and(Access::RX_PDO))
-}
-
 /// All entries of an object, one behind the other from the first on.
 const fn all_of(index: u16, count: u8, bits: u8) -> Mapped {
     Mapped { index, sub: 1, count, bits }
@@ -142,14 +143,20 @@ const fn by_eight(index: u16, first: u16, end: u16) -> Mapped {
 
 const IDENTITY_ENTRIES: &[Entry] = &standard::identity_entries(IDENTITY);
 
-const BEFORE_SLAVES: &[Object] = &[
+/// Where the memory is shared out otherwise it is another product, the next but one.
+const LONG_IDENTITY: Identity = Identity { product: IDENTITY.product.wrapping_add(2), ..IDENTITY };
+const LONG_IDENTITY_ENTRIES: &[Entry] = &standard::identity_entries(LONG_IDENTITY);
+
+const BEFORE_IDENTITY: &[Object] = &[
     standard::device_type(0x0000_1389),
     standard::device_name("mobgate EtherCAT to Modbus gateway"),
     standard::hardware_version("1"),
     standard::software_version(env!("CARGO_PKG_VERSION")),
     Object::array(0x1010, "Store parameters", 1, on_command("Save all parameters")),
     Object::array(0x1011, "Restore default parameters", 1, on_command("Restore all default parameters")),
-    standard::identity(IDENTITY_ENTRIES),
+];
+
+const BEFORE_INPUT_PDOS: &[Object] = &[
     standard::ERROR_SETTINGS,
     standard::DIAGNOSIS_HISTORY,
     standard::TIME_STAMP,
@@ -159,6 +166,9 @@ const BEFORE_SLAVES: &[Object] = &[
     Object::mapping(0x1601, "Outputs 0 to 119", &[by_eight(0x2024, 0, FIRST_BYTES)]),
     Object::mapping(0x1602, "Outputs 120 to 255", &[by_eight(0x2024, FIRST_BYTES, SECOND_END)]),
     Object::mapping(0x1603, "Outputs 256 to 511", &[by_eight(0x2024, SECOND_END, IMAGE_BYTES)]),
+];
+
+const INPUT_PDOS: &[Object] = &[
     Object::mapping(0x1a00, "Inputs by byte", &[all_of(0x2021, FIRST_BYTES as u8, 8)])
         .excluding(&[0x1a01])
         .undescribed(),
@@ -168,6 +178,9 @@ const BEFORE_SLAVES: &[Object] = &[
     Object::mapping(0x1a04, "Inputs 120 to 255", &[by_eight(0x2023, FIRST_BYTES, SECOND_END)]),
     Object::mapping(0x1a05, "Inputs 256 to 511", &[by_eight(0x2023, SECOND_END, IMAGE_BYTES)]),
     Object::mapping(0x1a06, "State of all slaves", &[all_of(0x2032, SLAVES, 16)]),
+];
+
+const BEHIND_PDOS: &[Object] = &[
     standard::SYNC_MANAGER_TYPES,
     standard::rx_assignment(&[0x1601], standard::SELECTABLE),
     standard::tx_assignment(&[0x1a01], standard::SELECTABLE),
@@ -186,22 +199,25 @@ const BEFORE_LAYOUTS: &[Object] = &[
     Object::variable(0x200a, Entry::reading("UartSetBy", DataType::U8)),
 ];
 
-const BEHIND_LAYOUTS: &[Object] = &[
+const BUFFERS: &[Object] = &[
     Object::record(0x2020, "UartConfigUart1", UART),
-    Object::array(0x2021, "InputBuffer", FIRST_BYTES as u8, inputs("Input byte", DataType::U8)),
-    Object::array(0x2022, "OutputBuffer", FIRST_BYTES as u8, outputs("Output byte", DataType::U8)),
+    Object::array(0x2021, "InputBuffer", FIRST_BYTES as u8, Entry::input("Input byte", DataType::U8)),
+    Object::array(0x2022, "OutputBuffer", FIRST_BYTES as u8, Entry::output("Output byte", DataType::U8)),
     Object::array(
         0x2023,
         "InputBufferByEight",
         (IMAGE_BYTES / 8) as u8,
-        inputs("Input bytes", DataType::Octets(8)),
+        Entry::input("Input bytes", DataType::Octets(8)),
     ),
     Object::array(
         0x2024,
         "OutputBufferByEight",
         (IMAGE_BYTES / 8) as u8,
-        outputs("Output bytes", DataType::Octets(8)),
+        Entry::output("Output bytes", DataType::Octets(8)),
     ),
+];
+
+const BEHIND_BUFFERS: &[Object] = &[
     Object::record(0x2030, "Status", STATUS),
     Object::array(0x2031, "HealthOfSlaves", SLAVES, HEALTH),
     Object::array(0x2032, "StateOfSlaves", SLAVES, STATE),
@@ -216,19 +232,117 @@ const BEHIND_LAYOUTS: &[Object] = &[
 const FIRST_CONFIGURATIONS: &[Object] = &first_four(&CONFIGURATIONS, 0x2001);
 const FIRST_LAYOUTS: &[Object] = &first_four(&LAYOUTS, 0x2011);
 
+/// What a device with long images has beside the others: their PDOs, and the bytes behind the first 512.
+const LONG_OUTPUT_PDOS: &[Object] = &[
+    Object::mapping(
+        0x1604,
+        "Outputs 512 to 1023",
+        &[all_of(0x2026, long_entries(IMAGE_BYTES, FOURTH_END), LONG_ENTRY_BITS)],
+    ),
+    Object::mapping(
+        0x1605,
+        "Outputs 1024 to 1499",
+        &[
+            all_of(0x2028, long_entries(FOURTH_END, LONG_OUTPUTS), LONG_ENTRY_BITS),
+            rest(0x202a, LONG_OUTPUTS),
+        ],
+    ),
+];
+
+const LONG_INPUT_PDOS: &[Object] = &[
+    Object::mapping(
+        0x1a07,
+        "Inputs 512 to 1023",
+        &[all_of(0x2025, long_entries(IMAGE_BYTES, FOURTH_END), LONG_ENTRY_BITS)],
+    ),
+    Object::mapping(
+        0x1a08,
+        "Inputs 1024 to 1485",
+        &[all_of(0x2027, long_entries(FOURTH_END, LONG_INPUTS), LONG_ENTRY_BITS), rest(0x2029, LONG_INPUTS)],
+    ),
+];
+
+const LONG_BUFFERS: &[Object] = &[
+    Object::array(
+        0x2025,
+        "InputBufferFrom512",
+        long_entries(IMAGE_BYTES, FOURTH_END),
+        Entry::input("Input bytes, from 512:", DataType::Octets(LONG_ENTRY)),
+    ),
+    Object::array(
+        0x2026,
+        "OutputBufferFrom512",
+        long_entries(IMAGE_BYTES, FOURTH_END),
+        Entry::output("Output bytes, from 512:", DataType::Octets(LONG_ENTRY)),
+    ),
+    Object::array(
+        0x2027,
+        "InputBufferFrom1024",
+        long_entries(FOURTH_END, LONG_INPUTS),
+        Entry::input("Input bytes, from 1024:", DataType::Octets(LONG_ENTRY)),
+    ),
+    Object::array(
+        0x2028,
+        "OutputBufferFrom1024",
+        long_entries(FOURTH_END, LONG_OUTPUTS),
+        Entry::output("Output bytes, from 1024:", DataType::Octets(LONG_ENTRY)),
+    ),
+    Object::variable(0x2029, Entry::input("Last input bytes", DataType::Octets(LONG_INPUTS % LONG_ENTRY))),
+    Object::variable(0x202a, Entry::output("Last output bytes", DataType::Octets(LONG_OUTPUTS % LONG_ENTRY))),
+];
+
+/// Bits of an entry behind the first 512 bytes: an EEPROM has no room for as many as of eight bytes.
+const LONG_ENTRY_BITS: u8 = 8 * LONG_ENTRY as u8;
+
+/// Such entries from `first` up to `end` of a buffer.
+const fn long_entries(first: u16, end: u16) -> u8 {
+    ((end - first) / LONG_ENTRY) as u8
+}
+
+/// The last bytes of a buffer that ends at `end`: less than such an entry.
+const fn rest(index: u16, end: u16) -> Mapped {
+    Mapped { index, sub: 0, count: 1, bits: (end % LONG_ENTRY * 8) as u8 }
+}
+
 /// The parts of the table, in the order of their indices.
 const PARTS: &[&[Object]] = &[
-    BEFORE_SLAVES,
+    BEFORE_IDENTITY,
+    &[standard::identity(IDENTITY_ENTRIES)],
+    BEFORE_INPUT_PDOS,
+    INPUT_PDOS,
+    BEHIND_PDOS,
     FIRST_CONFIGURATIONS,
     BEFORE_LAYOUTS,
     FIRST_LAYOUTS,
-    BEHIND_LAYOUTS,
+    BUFFERS,
+    BEHIND_BUFFERS,
+    &CONFIGURATIONS,
+    &LAYOUTS,
+    &STATUSES,
+];
+
+/// Those of a device with long images.
+const LONG_PARTS: &[&[Object]] = &[
+    BEFORE_IDENTITY,
+    &[standard::identity(LONG_IDENTITY_ENTRIES)],
+    BEFORE_INPUT_PDOS,
+    LONG_OUTPUT_PDOS,
+    INPUT_PDOS,
+    LONG_INPUT_PDOS,
+    BEHIND_PDOS,
+    FIRST_CONFIGURATIONS,
+    BEFORE_LAYOUTS,
+    FIRST_LAYOUTS,
+    BUFFERS,
+    LONG_BUFFERS,
+    BEHIND_BUFFERS,
     &CONFIGURATIONS,
     &LAYOUTS,
     &STATUSES,
 ];
 
 const OBJECTS: &[Object] = &joined::<{ count(PARTS) }>(PARTS);
+const LONG_OBJECTS: &[Object] = &joined::<{ count(LONG_PARTS) }>(LONG_PARTS);
 
 const fn count(parts: &[&[Object]]) -> usize {
     let (mut part, mut count) = (0, 0);

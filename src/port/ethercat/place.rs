@@ -17,18 +17,20 @@ use ethercat_subdevice::diagnosis::History;
 use super::configuration::{ConfigError, Configuration};
 use super::controller::Controller;
 use super::diagnosis::SharedHistory;
-use super::image::{IMAGE_BYTES, Room};
+use super::image::Room;
 use super::keeping::Keeping;
 use super::layout::{DeviceLayout, layouts};
 use super::line::{LineWriter, Speed};
-use super::ranges::{INPUTS, OUTPUTS, add};
+use super::ranges::add;
 use super::request::Requests;
 use crate::scanner::{DeviceId, DeviceStatus, Scanner, ScannerPlace};
 use crate::settings::{OnLoss, Settings};
 
 /// A gateway's EtherCAT side. Boards keep it in a static; it is all zeros at start.
 pub struct EthercatPlace {
-    scanner: ScannerPlace,
+    /// Its images are longer than a controller of 4 KiB holds.
+    pub(super) long: bool,
+    pub(super) scanner: ScannerPlace,
     /// As it was written last; while one is in use, this is the one.
     configuration: Mutex<CriticalSectionRawMutex, RefCell<Configuration>>,
     pub(super) state: Mutex<CriticalSectionRawMutex, Cell<State>>,
@@ -42,10 +44,10 @@ pub struct EthercatPlace {
 #[derive(Clone, Copy)]
 pub(super) struct State {
     /// Whether a port asks the devices.
-    has_port: bool,
+    pub(super) has_port: bool,
     /// Whether the line is there that the port is to set.
     has_line: bool,
-    on_loss: OnLoss,
+    pub(super) on_loss: OnLoss,
     proves_outputs: bool,
     /// What the gateway says it is when it is asked.
     id: Option<u16>,
@@ -98,7 +100,18 @@ impl State {
 impl EthercatPlace {
     /// Without a configuration.
     pub const fn new() -> Self {
+        Self::with(false)
+    }
+
+    /// The same with buffers for images of up to [`Room::LONG`].
+    #[cfg(feature = "long-images")] // Elsewhere the scanner has not the memory.
+    pub const fn long() -> Self {
+        Self::with(true)
+    }
+
+    const fn with(long: bool) -> Self {
         Self {
+            long,
             scanner: ScannerPlace::new(),
             configuration: Mutex::new(RefCell::new(Configuration::EMPTY)),
             state: Mutex::new(Cell::new(State::NEW)),
@@ -152,18 +165,8 @@ impl EthercatPlace {
         if !self.is_running() {
             return DeviceLayout::default();
         }
-        let of = |configuration: &mut Configuration| layouts(configuration.slaves(), Room::MOST).nth(nth);
+        let of = |configuration: &mut Configuration| layouts(configuration.slaves(), self.most()).nth(nth);
         self.configuration(of).and_then(Result::ok).unwrap_or_default()
-    }
-
-    /// Calls `f` with what was read last.
-    pub fn inputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
-        self.scanner.with(|scanner| f(scanner.image(INPUTS, IMAGE_BYTES)))
-    }
-
-    /// Calls `f` with what is to be written.
-    pub fn outputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
-        self.scanner.with(|scanner| f(scanner.image(OUTPUTS, IMAGE_BYTES)))
     }
 
     /// Whether the configuration can be used now; how the line is to be set for it.
@@ -189,17 +192,17 @@ impl EthercatPlace {
 
     /// Asks the devices of the configuration, which was checked.
     fn start(&self) {
-        let now = Instant::now();
+        let (now, most) = (Instant::now(), self.most());
         self.configuration(|configuration| {
             let slaves = configuration.slaves();
-            let slaves = slaves.iter().zip(layouts(slaves, Room::MOST).map_while(Result::ok));
+            let slaves = slaves.iter().zip(layouts(slaves, most).map_while(Result::ok));
             self.scanner.change(|scanner| {
                 scanner.restart(now);
                 // Both buffers, and as many slaves with one range in each table, are within every limit.
-                let fits = scanner.allocate(2 * IMAGE_BYTES).map(|_| ());
+                let fits = scanner.allocate(most.inputs + most.outputs).map(|_| ());
                 let fits = fits.and_then(|()| {
                     let mut slaves = slaves;
-                    slaves.try_for_each(|(slave, layout)| add(scanner, slave, &layout, now))
+                    slaves.try_for_each(|(slave, layout)| add(scanner, slave, &layout, most.inputs, now))
                 });
                 debug_assert_eq!(fits, Ok(()));
             });
@@ -233,6 +236,8 @@ impl EthercatPlace {
 
     /// Other PDOs are assigned.
     pub(super) fn set_room(&self, room: Room) {
+        let most = self.most();
+        let room = Room { inputs: room.inputs.min(most.inputs), outputs: room.outputs.min(most.outputs) };
         self.update(|state| state.room = room);
     }
 
@@ -244,25 +249,6 @@ impl EthercatPlace {
     /// Notes whether process data are exchanged.
     pub(super) fn set_exchanging(&self, exchanging: bool) {
         self.update(|state| state.exchanging = exchanging);
-    }
-
-    /// Takes outputs of a MainDevice in Op, from the byte `first` on.
-    pub(super) fn put_outputs(&self, first: u16, bytes: &[u8]) {
-        self.scanner.with(|scanner| {
-            let place = scanner.image_mut(OUTPUTS, IMAGE_BYTES).get_mut(first.into()..).unwrap_or_default();
-            place.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
-            scanner.set_outputs(true);
-        });
-    }
-
-    /// No outputs come any more.
-    pub(super) fn outputs_stopped(&self) {
-        let on_loss = self.state.lock(Cell::get).on_loss;
-        self.scanner.with(|scanner| match on_loss {
-            OnLoss::Hold => {}
-            OnLoss::Clear => scanner.image_mut(OUTPUTS, IMAGE_BYTES).fill(0),
-            OnLoss::Stop => scanner.set_outputs(false),
-        });
     }
 
     /// The scanner, for the port.
@@ -329,7 +315,7 @@ impl EthercatPlace {
     /// Whether the slaves of `settings` can be asked with the PDOs that are in use.
     pub(crate) fn check_settings(&self, settings: &Settings) -> Result<(), ConfigError> {
         let State { exchanging, room, .. } = self.state.lock(Cell::get);
-        let room = if exchanging { room } else { Room::MOST };
+        let room = if exchanging { room } else { self.most() };
         layouts(&settings.slaves, room).try_for_each(|layout| layout.map(|_| ()))
     }
 

@@ -2,20 +2,20 @@
 
 use embassy_time::Instant;
 
-use super::image::IMAGE_BYTES;
 use super::layout::DeviceLayout;
 use crate::scanner::{Device, Full, Reading, Row, Scanner, Writing};
 use crate::settings::{Cells, SlaveSettings};
 
-/// Where the buffers lie in the scanner's memory.
+/// Where the input buffer lies in the scanner's memory; the output buffer lies behind it.
 pub(super) const INPUTS: u16 = 0;
-pub(super) const OUTPUTS: u16 = IMAGE_BYTES;
 
-/// Lets `scanner` read `slave` into its part of the input buffer, and write from its part of the output buffer.
+/// Lets `scanner` read `slave` into its part of the input buffer, and write from its part of the output buffer, which begins at
+/// `outputs`.
 pub(super) fn add(
     scanner: &mut Scanner,
     slave: &SlaveSettings,
     layout: &DeviceLayout,
+    outputs: u16,
     now: Instant,
 ) -> Result<(), Full> {
     let device =
@@ -30,7 +30,7 @@ pub(super) fn add(
             first: address,
             count,
             input,
-            output: output.map_or(input, |output| OUTPUTS + output),
+            output: output.map_or(input, |output| outputs + output),
             read: Reading::Every(slave.polling_ms),
             write: if output.is_some() { Writing::OnChange } else { Writing::Never },
             multiple: false,

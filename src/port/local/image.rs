@@ -3,7 +3,7 @@
 
 use embassy_time::Instant;
 
-use crate::port::ethercat::{EthercatPlace, Room};
+use crate::port::ethercat::EthercatPlace;
 use crate::scanner::{DEVICES_MAX, age_register};
 
 /// The first register of the inputs; each has two bytes, the first one high.
@@ -12,9 +12,9 @@ pub const INPUTS: u16 = 0xe000;
 pub const OUTPUTS: u16 = 0xe200;
 /// The first register of slave 0, of two for each: its state as in 2032h, and how old its last answer is.
 pub const SLAVES: u16 = 0xe400;
-const IMAGE_REGISTERS: u16 = Room::MOST.inputs / 2;
-const INPUTS_END: u16 = INPUTS + IMAGE_REGISTERS;
-const OUTPUTS_END: u16 = OUTPUTS + IMAGE_REGISTERS;
+/// Of images longer than 1024 bytes the rest has no place here.
+const INPUTS_END: u16 = OUTPUTS;
+const OUTPUTS_END: u16 = SLAVES;
 const SLAVES_END: u16 = 0xe440;
 
 const _: () = assert!(SLAVES + 2 * DEVICES_MAX as u16 <= SLAVES_END);

@@ -5,18 +5,19 @@ use ethercat_subdevice::device::Device as Description;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
 use mobgate::gateway::Gateway;
-use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate::port::ethercat::{DEVICE, EthercatPlace, GatewayObjects, LONG_DEVICE, LongSubDevice};
 use mobgate::settings::LineSettings;
 use mobgate_simulator::device::serve;
-use mobgate_simulator::esc::SharedSegment;
+use mobgate_simulator::esc::{Kind, SharedSegment};
 use mobgate_simulator::rig::{Rig, Size, with_gateway_on};
-use mobgate_simulator::sub_device::{Desk, Group, cable, direct, line_of, spawn, with_master};
+use mobgate_simulator::sub_device::{Desk, Group, cable, direct, line_of, line_of_kind, spawn, with_master};
 use mobgate_simulator::world::Clock;
 use mobgate_simulator::{Device, World};
 
 use super::virtual_devices::{Virtual, virtual_devices};
 
 static GATEWAY: Description = DEVICE;
+static LONG_GATEWAY: Description = LONG_DEVICE;
 
 /// What is set at the gateway and at the MainDevice.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +34,11 @@ const LATE_WINDOW: Duration = Duration::from_secs(1);
 /// Of the simulated devices.
 pub(crate) const TURNAROUND: Duration = MS;
 pub(crate) const SETUP: Setup = Setup { baud: 115_200, polling_ms: 100, cycle_ms: 2, on_loss: "stop" };
+
+/// Of the gateway, in every test here.
+fn size() -> Size {
+    Size { rests: Duration::from_millis(1), ..Size::default() }
+}
 
 /// What a script works with.
 pub(crate) struct Bench<'m> {
@@ -94,6 +100,32 @@ pub(crate) fn with_rig(
     });
 }
 
+/// [`with_wire`] with long images, behind a controller of this kind.
+pub(crate) fn with_long_wire(
+    kind: Kind,
+    baud: u32,
+    settings: &str,
+    devices: Vec<Device>,
+    script: impl AsyncFnOnce(Desk<'_>, &Gateway<'_>),
+) {
+    let segment = line_of_kind(kind, &LONG_GATEWAY);
+    let size = Size { ethercat: EthercatPlace::long, ..size() };
+    with_gateway_on(Clock::Virtual, size, 1, settings, |world, rig| {
+        serve_devices(world, rig, baud, devices);
+        let (esc, interrupt) = direct(segment.borrow().chip(0));
+        let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
+        spawn(world, LongSubDevice::with_buffers(&LONG_GATEWAY, esc, objects), interrupt);
+        with_master(world, cable(segment.clone()), async |desk| script(desk, rig.gateway).await);
+    });
+}
+
+/// The devices answer on the wire.
+fn serve_devices(world: &World<'_>, rig: &Rig<'_>, baud: u32, devices: Vec<Device>) {
+    // The line may have another speed and format until the MainDevice sets it.
+    let line = LineSettings { baud, ..LineSettings::DEFAULT };
+    world.spawn(serve(rig.wire("uart1").tap(line), devices));
+}
+
 /// `devices` on the wire `uart1` of a gateway with `settings`, the SubDevice of `segment`.
 fn with_gateway_of(
     clock: Clock,
@@ -103,22 +135,14 @@ fn with_gateway_of(
     segment: &SharedSegment,
     scenario: impl FnOnce(&mut World<'_>, &Rig<'_>),
 ) {
-    with_gateway_on(
-        clock,
-        Size { rests: Duration::from_millis(1), ..Size::default() },
-        1,
-        settings,
-        |world, rig| {
-            // The line may have another speed and format until the MainDevice sets it.
-            let line = LineSettings { baud, ..LineSettings::DEFAULT };
-            world.spawn(serve(rig.wire("uart1").tap(line), devices));
-            let (esc, interrupt) = direct(segment.borrow().chip(0));
-            let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
-            let objects = objects.with_points(rig.gateway.scanner());
-            spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
-            scenario(world, rig);
-        },
-    );
+    with_gateway_on(clock, size(), 1, settings, |world, rig| {
+        serve_devices(world, rig, baud, devices);
+        let (esc, interrupt) = direct(segment.borrow().chip(0));
+        let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
+        let objects = objects.with_points(rig.gateway.scanner());
+        spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
+        scenario(world, rig);
+    });
 }
 
 impl Bench<'_> {

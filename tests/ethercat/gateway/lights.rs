@@ -54,6 +54,35 @@ fn statement_61_the_lights_show_each_state_and_why_it_was_left() {
 }
 
 #[test]
+fn statement_61_lamps_that_have_other_uses_are_left_to_them_until_there_is_a_controller_or_a_port() {
+    // For the second time the port is there, and nobody serves a controller.
+    for (settings, has_port) in [("", false), (SETTINGS, true)] {
+        with_gateway(1, settings, |world, rig| {
+            let place = rig.gateway.ethercat().unwrap();
+            let seen = Seen::default();
+            let mut lamps = seen.clone();
+            let half_a_second = Duration::from_millis(500);
+            assert_eq!(world.run_until(place.light_for(&mut lamps, half_a_second)), has_port);
+            assert_eq!(seen.0.borrow().is_empty(), !has_port);
+            let line = line_of(&GATEWAY);
+            let (esc, interrupt) = direct(line.borrow().chip(0));
+            spawn(world, SubDevice::new(&GATEWAY, esc, GatewayObjects::new(place)), interrupt);
+            with_master(world, cable(line), async |desk| {
+                desk.to_pre_op().await.unwrap();
+            });
+            seen.0.borrow_mut().clear();
+            let begin = Instant::now();
+            assert!(world.run_until(place.light_for(&mut lamps, half_a_second)));
+            assert_eq!(begin.elapsed(), half_a_second);
+            assert!(
+                seen.0.borrow().iter().filter(|(_, run, error)| *run && !error).count() >= 1,
+                "RUN blinks"
+            );
+        });
+    }
+}
+
+#[test]
 fn statement_61_lamps_follow_in_the_times_of_etg_1300_and_the_console_says_the_same() {
     with_gateway(1, SETTINGS, |world, rig| {
         let place = rig.gateway.ethercat().unwrap();

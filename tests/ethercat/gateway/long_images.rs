@@ -1,11 +1,13 @@
 //! More slaves than four, and images longer than 120 bytes, by PDOs that are assigned.
 
 use embassy_time::{Instant, Timer};
+use ethercrab::error::{Error, MailboxError};
 use ethercrab::subdevice_group::PreOp;
 use mobgate_simulator::Device;
+use mobgate_simulator::esc::Kind;
 use mobgate_simulator::sub_device::{Desk, Group};
 
-use super::bench::{MS, with_wire};
+use super::bench::{MS, with_long_wire, with_wire};
 
 const SETTINGS: &str = "port bus serial uart1 rtu client 115200 8E1
     port ecat ethercat
@@ -88,6 +90,96 @@ fn an_image_longer_than_the_assigned_pdos_is_refused_where_it_is_found() {
         assign(&desk, &group, &[0x1600, 0x1602, 0x1603], &[0x1a00, 0x1a04]).await;
         assert!(group.into_safe_op(desk.master).await.is_err());
         assert!(place.is_running(), "which is the state's fault, not the configuration's");
+    });
+}
+
+/// All PDOs of outputs, and of inputs, of long images.
+const LONG_OUTPUTS: [u16; 5] = [0x1601, 0x1602, 0x1603, 0x1604, 0x1605];
+const LONG_INPUTS: [u16; 5] = [0x1a01, 0x1a04, 0x1a05, 0x1a07, 0x1a08];
+
+/// Each slave has 24 holding registers, the last one 23: 1486 bytes each way.
+async fn configure_long<const BYTES: usize>(
+    desk: &Desk<'_>,
+    group: &Group<PreOp, BYTES>,
+) -> Result<(), ethercrab::error::Error> {
+    let gateway = group.subdevice(desk.master, 0).unwrap();
+    gateway.sdo_write(0x2000, 1, 31_u16).await?;
+    for nth in 0..31_u16 {
+        let registers = if nth == 30 { 23_u16 } else { 24 };
+        for (sub, value) in [(1, nth + 1), (8, registers)] {
+            gateway.sdo_write(0x2100 + nth, sub, value).await?;
+        }
+        gateway.sdo_write(0x2100 + nth, 10, 500_u32).await?;
+    }
+    gateway.sdo_write(0x2005, 1, 1_u16).await
+}
+
+/// What the MainDevice is told that a write was aborted with.
+fn abort_code(outcome: Result<(), ethercrab::error::Error>) -> Option<u32> {
+    match outcome {
+        Err(Error::Mailbox(MailboxError::Aborted { code, .. })) => Some(code.into()),
+        _ => None,
+    }
+}
+
+#[test]
+fn what_the_controllers_memory_does_not_hold_is_refused_with_its_reason() {
+    // 8 KiB hold 1500 bytes of outputs three times, and 1144 of inputs behind them; 4 KiB hold no inputs there.
+    for (kind, taken, reason) in [
+        (Kind::ET1100, 4, "slave 21 ends past the 1024 input bytes"),
+        (Kind::LAN9252, 0, "slave 0 ends past the 0 input bytes"),
+    ] {
+        with_long_wire(kind, BAUD, SETTINGS, devices(), async |desk, gateway| {
+            let group = desk.to_pre_op_with::<3072>().await.unwrap();
+            let device = group.subdevice(desk.master, 0).unwrap();
+            // 4 KiB hold 1280 bytes of outputs.
+            let outputs = if taken > 0 { LONG_OUTPUTS.len() } else { 4 };
+            device.sdo_write_array(0x1c12, &LONG_OUTPUTS[..outputs]).await.unwrap();
+            for more in taken + 1..=LONG_INPUTS.len() {
+                let outcome = device.sdo_write_array(0x1c13, &LONG_INPUTS[..more]).await;
+                assert_eq!(abort_code(outcome), Some(0x0604_0042), "{more} PDOs of inputs");
+            }
+            if taken > 0 {
+                device.sdo_write_array(0x1c13, &LONG_INPUTS[..taken]).await.unwrap();
+            }
+            assert!(configure_long(&desk, &group).await.is_err());
+            assert!(!gateway.ethercat().unwrap().is_running());
+            let told = device.sdo_read::<[u8; 48]>(0x2006, 0).await.unwrap();
+            assert!(told.starts_with(reason.as_bytes()), "{}", told.escape_ascii());
+        });
+    }
+}
+
+#[test]
+fn thirty_one_slaves_exchange_1486_bytes_behind_a_controller_with_the_memory() {
+    with_long_wire(Kind::IP_CORE, BAUD, SETTINGS, devices(), async |desk, _| {
+        let group = desk.to_pre_op_with::<3072>().await.unwrap();
+        let device = group.subdevice(desk.master, 0).unwrap();
+        device.sdo_write_array(0x1c12, LONG_OUTPUTS).await.unwrap();
+        device.sdo_write_array(0x1c13, LONG_INPUTS).await.unwrap();
+        configure_long(&desk, &group).await.unwrap();
+        let group = group.into_safe_op(desk.master).await.unwrap();
+        let image: Vec<u8> = (0..1_500_usize).map(|byte| (byte * 7 % 251) as u8).collect();
+        let device = group.subdevice(desk.master, 0).unwrap();
+        assert_eq!((device.outputs_raw().len(), device.inputs_raw().len()), (1_500, 1_486));
+        device.outputs_raw_mut().copy_from_slice(&image);
+        group.tx_rx(desk.master).await.unwrap();
+        let group = group.request_into_op(desk.master).await.unwrap();
+        let begin = Instant::now();
+        while begin.elapsed() < 4_000 * MS {
+            group.tx_rx(desk.master).await.unwrap();
+            Timer::after_millis(4).await;
+        }
+        let device = group.subdevice(desk.master, 0).unwrap();
+        assert_eq!(device.inputs_raw()[..], image[..1_486], "every byte is read back");
+        // The same by SDO, where an object has only a part of it.
+        assert_eq!(device.sdo_read::<[u8; 8]>(0x2023, 64).await.unwrap(), image[504..512]);
+        for (index, sub, first) in [(0x2025, 1, 512), (0x2026, 32, 1_008), (0x2027, 28, 1_456)] {
+            let bytes = device.sdo_read::<[u8; 16]>(index, sub).await.unwrap();
+            assert_eq!(bytes, image[first..first + 16], "{index:x}:{sub}");
+        }
+        assert_eq!(device.sdo_read::<[u8; 14]>(0x2029, 0).await.unwrap(), image[1_472..1_486]);
+        assert_eq!(device.sdo_read::<[u8; 12]>(0x202a, 0).await.unwrap(), image[1_488..]);
     });
 }
 

@@ -16,9 +16,10 @@ def slow_watchdog(device):
     device._fpwr(WATCHDOG_REGISTER, WATCHDOG, PATIENCE)
 
 
-def start(master, size):
-    """The one device, in SafeOp with at least `size` bytes of process data."""
+def start(master, size, configure=None):
+    """The one device, in SafeOp with at least `size` bytes of process data; in PreOp it was set up by `configure`."""
     assert master.config_init() == 1, "one device"
+    master.slaves[0].config_func = configure and (lambda _: configure(master.slaves[0]))
     assert master.config_map() >= size
     assert master.state_check(pysoem.SAFEOP_STATE, PATIENCE) == pysoem.SAFEOP_STATE
     return master.slaves[0]

@@ -127,15 +127,23 @@ impl Machine {
 
     /// Lets the emulator's monitor do `command`.
     pub fn monitor(&self, command: &str) {
+        self.monitor_line(command, 1);
+    }
+
+    /// What stands in the board's register at `address`.
+    pub fn register(&self, address: u32) -> u32 {
+        let line = self.monitor_line(&format!("xp /1xw {address:#x}"), 2);
+        let value =
+            line.trim().rsplit_once("0x").and_then(|(_, digits)| u32::from_str_radix(digits, 16).ok());
+        value.unwrap_or_else(|| panic!("a register: {line:?}"))
+    }
+
+    /// Lets the monitor do `command`; its line `nth`, behind its greeting (0) and the command itself (1).
+    fn monitor_line(&self, command: &str, nth: usize) -> String {
         let mut monitor = UnixStream::connect(self.folder.join("monitor")).unwrap();
         writeln!(monitor, "{command}").unwrap();
         // It closes a session whose other end goes, and may not have read it then.
-        wait_for("the monitor", || {
-            let mut answer = String::new();
-            let mut lines = BufReader::new(&monitor);
-            lines.read_line(&mut answer).ok()?;
-            lines.read_line(&mut answer).ok()
-        });
+        wait_for("the monitor", || BufReader::new(&monitor).lines().nth(nth)?.ok())
     }
 
     /// Switches the board off.

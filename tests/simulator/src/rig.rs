@@ -38,13 +38,22 @@ pub struct Size {
     pub rests: Duration,
     /// How long it takes to open a serial line.
     pub opening: Duration,
+    /// Makes its EtherCAT side.
+    pub ethercat: fn() -> EthercatPlace,
 }
 
 impl Default for Size {
-    /// 80 seats, 128 frames, every character read as it comes, lines opened at once.
+    /// 80 seats, 128 frames, every character read as it comes, lines opened at once, images of 512 bytes.
     fn default() -> Self {
         let none = Duration::from_ticks(0);
-        Self { frames: 128, seats: 80, late_reads: none, rests: none, opening: none }
+        Self {
+            frames: 128,
+            seats: 80,
+            late_reads: none,
+            rests: none,
+            opening: none,
+            ethercat: EthercatPlace::new,
+        }
     }
 }
 
@@ -109,7 +118,7 @@ pub fn with_gateway_on<T>(
     let pool = FramePool::new(&slots, size.seats + PORTS_MAX);
     let scanner = ScannerPlace::new();
     let capture = Capture::new();
-    let ethercat = EthercatPlace::new();
+    let ethercat = (size.ethercat)();
     let gateway = Gateway::new(&pool, &places, &seats);
     let gateway = gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat);
     let mut world = World::on(clock, seed);

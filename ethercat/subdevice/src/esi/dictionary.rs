@@ -150,6 +150,7 @@ fn write_default<W: Write>(xml: &mut Xml<'_, W>, entry: Entry) -> Result<(), Err
             let used = bytes.get(..entry.data_type.bytes()).unwrap_or_default();
             xml.text("DefaultData", format_args!("{}", Hex(used)))
         }
+        (None, Value::Computed) => Ok(()),
         (None, Value::Text(text)) => xml.text("DefaultData", format_args!("{}", Hex(text.as_bytes()))),
         // Nothing, or all zeros.
         (None, _) if matches!(entry.data_type, DataType::OctetsUpTo(_)) => {

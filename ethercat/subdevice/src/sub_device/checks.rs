@@ -11,7 +11,7 @@ use crate::sync_manager::{Channel, SYNC_MANAGERS_USED, SyncManager};
 /// The SyncManagers' registers.
 pub(super) type SyncManagers = [SyncManager; SYNC_MANAGERS_USED];
 
-impl<E: Esc, A: Application> SubDevice<E, A> {
+impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
     /// Falls back to `state`, and says why.
     async fn fall(&mut self, state: AlState, code: AlStatusCode) -> Result<(), EscError> {
         self.op_deadline = None;

@@ -20,7 +20,7 @@ pub(super) enum Seen {
     Asking,
 }
 
-impl<E: Esc, A: Application> SubDevice<E, A> {
+impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
     /// The events, and new outputs with them.
     pub(super) async fn read_outputs_ahead(&mut self) -> Result<Events, EscError> {
         let bytes = usize::from(self.data_bytes(Channel::Outputs));
@@ -55,6 +55,13 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             Channel::Inputs => self.communication.inputs.bytes(self.device),
             _ => self.communication.outputs.bytes(self.device),
         }
+    }
+
+    /// The most bytes of process data: as planned, as the controller's memory holds them three times, and as there is a buffer for.
+    pub(super) fn room(&self, channel: Channel) -> u16 {
+        let buffer = if channel == Channel::Inputs { INPUTS } else { OUTPUTS };
+        let room = self.device.memory.room(channel, self.memory_kib);
+        u16::try_from(buffer).map_or(room, |buffer| room.min(buffer))
     }
 
     async fn read_outputs(&mut self, ahead: bool) -> Result<(), EscError> {

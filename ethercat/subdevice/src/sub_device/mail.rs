@@ -15,7 +15,7 @@ use crate::sync_manager::Channel;
 const SWITCH_PAUSE: Duration = Duration::from_micros(20);
 const SWITCH_LOOKS_MAX: usize = 50;
 
-impl<E: Esc, A: Application> SubDevice<E, A> {
+impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
     /// Takes and gives messages; true if there were any.
     pub(super) async fn exchange_mail(&mut self, events: Events) -> Result<bool, EscError> {
         if !self.al.state().has_mailbox() {

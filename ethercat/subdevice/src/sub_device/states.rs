@@ -33,13 +33,16 @@ impl From<AlStatusCode> for Failure {
     }
 }
 
-impl<E: Esc, A: Application> SubDevice<E, A> {
+impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
     /// Takes the controller over: in Init, all SyncManagers off, with an error if there was another state before, in the
     /// controller or here.
     pub async fn start(&mut self) -> Result<(), EscError> {
-        let mut present = [0];
+        let mut present = [0; 2];
         self.esc.read(SYNC_MANAGERS_PRESENT, &mut present).await?;
-        self.sync_managers = present[0].min(SYNC_MANAGERS_MAX);
+        let [sync_managers, memory_kib] = present;
+        (self.sync_managers, self.memory_kib) = (sync_managers.min(SYNC_MANAGERS_MAX), memory_kib);
+        self.communication.outputs.room = self.room(Channel::Outputs);
+        self.communication.inputs.room = self.room(Channel::Inputs);
         let before = self.read_word(AL_STATUS).await? & 0x0f;
         let fell = before != AlState::Init as u16 || self.al.state() != AlState::Init;
         let fault = fell.then_some(AlStatusCode::RestartedLocally).or(self.al.fault());
@@ -132,6 +135,14 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             return Err(AlStatusCode::InvalidDcConfiguration.into());
         }
         self.communication.synchronisation().ok_or(AlStatusCode::SynchronisationNotSupported)?;
+        for (channel, code) in [
+            (Channel::Outputs, AlStatusCode::InvalidOutputMapping),
+            (Channel::Inputs, AlStatusCode::InvalidInputMapping),
+        ] {
+            if self.data_bytes(channel) > self.room(channel) {
+                return Err(code.into());
+            }
+        }
         let found = self.read_sync_managers().await?;
         self.check_process_data(&found)?;
         self.application.may_enter(AlState::SafeOp)?;

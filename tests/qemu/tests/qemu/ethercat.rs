@@ -182,6 +182,31 @@ fn a_controller_that_goes_is_missed_and_works_when_it_is_back() {
     controller.run(async |desk| drop(start(&desk).await));
 }
 
+/// The board's LEDs: bit 0 is the RUN light, bit 1 the ERR light.
+const LEDS: u32 = 0x4002_8000;
+
+#[test]
+fn the_boards_leds_are_the_run_and_err_lights() {
+    let (bench, controller, mut console) = with_controller();
+    shows(&mut console, "show version", "EtherCAT controller present");
+    let leds = || bench.machine.register(LEDS) & 3;
+    wait_for("both dark in Init", || (leds() == 0).then_some(()));
+    // In Op RUN is on for longer than in any other state. Without outputs Op lasts until the watchdog runs out.
+    wait_for("RUN to stay on", || {
+        controller.run(async |desk| drop(start(&desk).await));
+        wait_for("RUN to be on", || (leds() == 1).then_some(()));
+        let since = Instant::now();
+        while leds() == 1 {
+            if since.elapsed() > Duration::from_millis(1_500) {
+                return Some(());
+            }
+        }
+        None
+    });
+    drop(controller);
+    wait_for("ERR alone, without a controller", || (leds() == 2).then_some(()));
+}
+
 #[test]
 fn without_a_controller_the_board_says_so_and_works() {
     let bench = Bench::new();

@@ -7,7 +7,7 @@ use std::rc::Rc;
 use embassy_time::Timer;
 use ethercat_subdevice::esc::{Esc, EscError};
 
-use crate::random::Random;
+use mobgate_world::random::Random;
 
 /// How probable it is that something happens to an access.
 #[derive(Debug, Clone)]

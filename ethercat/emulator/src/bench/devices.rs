@@ -6,11 +6,14 @@ use ethercat_subdevice::standard;
 use ethercat_subdevice::sync_manager::MemoryPlan;
 
 /// Bytes of object 2100h.
-pub(crate) const LARGE_BYTES: usize = 300;
+pub const LARGE_BYTES: usize = 300;
 
-pub(crate) static MAILBOX_34: Device = device(34);
-pub(crate) static MAILBOX_64: Device = device(64);
-pub(crate) static MAILBOX_128: Device = device(128);
+/// With the shortest mailboxes that there are.
+pub static MAILBOX_34: Device = device(34);
+/// With mailboxes of 64 bytes.
+pub static MAILBOX_64: Device = device(64);
+/// With mailboxes of 128 bytes.
+pub static MAILBOX_128: Device = device(128);
 
 const IDENTITY: Identity =
     Identity { vendor: 0x1234_5678, product: 0x9abc_def0, revision: 0x11, serial: 0x22 };

@@ -4,13 +4,13 @@ use std::future::Future;
 use std::io::{self, ErrorKind};
 use std::os::fd::AsFd;
 
+use crate::frame::FRAME_BYTES_MAX;
+use crate::interface::{Interface, InterfaceError};
 use embassy_time::Instant;
-use ethercat_esc::frame::FRAME_BYTES_MAX;
-use ethercat_esc::interface::{Interface, InterfaceError};
 
 use super::cable::SharedSegment;
 use super::{Fate, now};
-use crate::wall_clock::{run_beside, wait};
+use mobgate_world::wall_clock::{run_beside, wait};
 
 /// A raw socket on one network interface.
 pub struct PacketSocket(Interface);

@@ -8,7 +8,7 @@ use embedded_hal::spi::{ErrorKind, ErrorType, Operation};
 use embedded_hal_async::spi::SpiDevice;
 
 use super::device::Device;
-use crate::esc::{Nanos, now};
+use crate::{Nanos, now};
 
 const WRITE: u8 = 0x02;
 const READ: u8 = 0x03;

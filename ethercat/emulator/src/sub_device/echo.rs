@@ -6,12 +6,12 @@ use std::rc::Rc;
 use ethercat_subdevice::application::{Address, Application};
 use ethercat_subdevice::coe::abort::Abort;
 
-use crate::random;
+use mobgate_world::random;
 
-/// An image of `bytes`, a multiple of eight, that carries `sequence`; none of its bytes fits into another image.
+/// An image of `bytes`, eight at least, that carries `sequence`; none of its bytes fits into another image.
 pub fn image(sequence: u64, bytes: usize) -> Vec<u8> {
-    let words = (1..bytes as u64 / 8).map(|word| random::mix(sequence.wrapping_mul(31).wrapping_add(word)));
-    std::iter::once(sequence).chain(words).flat_map(u64::to_le_bytes).collect()
+    let words = (1..).map(|word| random::mix(sequence.wrapping_mul(31).wrapping_add(word)));
+    std::iter::once(sequence).chain(words).flat_map(u64::to_le_bytes).take(bytes).collect()
 }
 
 /// The number of an image, if it is whole.
@@ -93,11 +93,13 @@ mod tests {
 
     #[test]
     fn an_image_is_known_again_and_a_torn_one_is_not() {
-        let (one, other) = (image(7, 120), image(8, 120));
-        assert_eq!(sequence(&one), Some(7));
-        for cut in 1..120 {
-            let torn = [&one[..cut], &other[cut..]].concat();
-            assert_eq!(sequence(&torn), None, "torn at {cut}");
+        for bytes in [120, 123] {
+            let (one, other) = (image(7, bytes), image(8, bytes));
+            assert_eq!((one.len(), sequence(&one)), (bytes, Some(7)));
+            for cut in 1..bytes {
+                let torn = [&one[..cut], &other[cut..]].concat();
+                assert_eq!(sequence(&torn), None, "torn at {cut}");
+            }
         }
     }
 }

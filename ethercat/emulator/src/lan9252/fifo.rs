@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use crate::esc::registers::PROCESS_RAM;
-use crate::esc::{Chip, Nanos};
+use crate::registers::PROCESS_RAM;
+use crate::{Chip, Nanos};
 
 const BUSY: u32 = 1 << 31;
 const ABORT: u32 = 1 << 30;

@@ -10,7 +10,8 @@ use ethercrab::{MainDevice, MainDeviceConfig, PduLoop, PduRx, PduStorage, PduTx,
 use super::cable::Cable;
 
 const FRAMES: usize = 16;
-const DATA_BYTES: usize = 1100;
+/// Bytes of data in a frame.
+pub const DATA_BYTES: usize = 1100;
 /// A start-up synchronises clocks with so many frames; a single device has nothing to synchronise.
 const CLOCK_FRAMES: u32 = 10;
 

@@ -15,9 +15,9 @@ use std::rc::Rc;
 
 use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 
-use crate::esc::{Interrupt, Nanos, SharedChip, now};
-use crate::random::Random;
+use crate::{Interrupt, Nanos, SharedChip, now};
 use device::Device;
+use mobgate_world::random::Random;
 pub use spi::Spi;
 
 /// How fast everything is.

@@ -11,27 +11,15 @@ use ethercat_subdevice::coe::emergency::Emergency;
 use ethercat_subdevice::esc::EscError;
 use ethercat_subdevice::indicators::Indicators;
 use ethercat_subdevice::sync_manager::Channel;
-use mobgate::language::apply;
-use mobgate::port::ethercat::{EthercatPlace, GatewayObjects};
-use mobgate::settings::Settings;
 
 /// An application that a test looks into while the SubDevice has it.
-pub(crate) struct Shared<A>(pub(crate) Rc<RefCell<A>>);
+pub struct Shared<A>(pub Rc<RefCell<A>>);
 
 impl<A> Shared<A> {
-    pub(crate) fn new(application: A) -> Self {
+    /// Shares `application`.
+    pub fn new(application: A) -> Self {
         Self(Rc::new(RefCell::new(application)))
     }
-}
-
-/// The gateway's objects, with a port that never asks.
-pub(crate) fn gateway_objects() -> GatewayObjects<'static> {
-    // A place is there for as long as the gateway runs: here, as long as the test.
-    let place = Box::leak(Box::new(EthercatPlace::new()));
-    let mut settings = Settings::new();
-    apply(&mut settings, "port ecat ethercat").unwrap();
-    place.follow(&settings, false);
-    GatewayObjects::new(place)
 }
 
 impl<A> Clone for Shared<A> {
@@ -104,26 +92,27 @@ impl<A: Application> Application for Shared<A> {
 
 /// What the bench's devices do.
 #[derive(Default)]
-pub(crate) struct Bench {
+pub struct Bench {
     /// What was written, by index and sub-index.
-    pub(crate) values: HashMap<(u16, u8), Vec<u8>>,
+    pub values: HashMap<(u16, u8), Vec<u8>>,
     /// How often anything was written.
-    pub(crate) writes: usize,
+    pub writes: usize,
     /// The outputs that came last.
-    pub(crate) outputs: Vec<u8>,
+    pub outputs: Vec<u8>,
     /// How often outputs came.
-    pub(crate) images: usize,
+    pub images: usize,
     /// How often outputs became invalid.
-    pub(crate) stops: usize,
+    pub stops: usize,
     /// How the controller failed.
-    pub(crate) faults: Vec<EscError>,
+    pub faults: Vec<EscError>,
     /// With what inputs are filled; it counts up.
-    pub(crate) fill: u8,
+    pub fill: u8,
     /// Writes go on as long as this is set, and end in an error if there is one.
-    pub(crate) writing: bool,
-    pub(crate) write_error: Option<Abort>,
+    pub writing: bool,
+    /// That error.
+    pub write_error: Option<Abort>,
     /// A state that the application refuses, and why.
-    pub(crate) refuses: Option<(AlState, AlStatusCode)>,
+    pub refuses: Option<(AlState, AlStatusCode)>,
 }
 
 impl Application for Bench {

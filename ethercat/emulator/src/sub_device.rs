@@ -4,8 +4,7 @@
 mod echo;
 mod faulty;
 mod paced;
-#[cfg(feature = "masters")]
-// The master that tests run; see the feature.
+#[cfg(feature = "ethercrab")] // It is a crate of its own.
 mod start;
 
 use std::cell::RefCell;
@@ -17,21 +16,19 @@ use embedded_hal_async::digital::Wait;
 use ethercat_subdevice::application::Application;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::esc::Esc;
-use ethercat_subdevice::sii;
 use ethercat_subdevice::sub_device::SubDevice;
 
-use crate::World;
-use crate::esc::cable::SharedSegment;
-use crate::esc::{Chip, DirectPdi, Interrupt, Kind, Segment, SharedChip};
+use crate::cable::SharedSegment;
+use crate::{Chip, DirectPdi, Interrupt, Kind, Segment, SharedChip};
+use mobgate_world::World;
 
 pub use echo::{Echo, SharedEcho, image, sequence};
 pub use faulty::{BusFaults, Counted, Counts, Faulty};
 pub use paced::Paced;
-#[cfg(feature = "masters")]
-// As above.
+#[cfg(feature = "ethercrab")] // As above.
 pub use start::{
     AtPace, Desk, Exchanged, Group, SpiCost, StartUp, at_cable, cable, exchange_at_pace, exchange_images,
-    spi_traffic, start_up, with_master,
+    exchange_images_on, spi_traffic, start_up, with_master,
 };
 
 /// A line with one LAN9252 whose EEPROM says what `device` is.
@@ -47,9 +44,7 @@ pub fn line_of(device: &Device) -> SharedSegment {
 /// # Panics
 /// As [`line_of`].
 pub fn line_of_kind(kind: Kind, device: &Device) -> SharedSegment {
-    let mut image = [0; sii::SII_BYTES];
-    sii::write(device, &mut image).expect("the description fits");
-    Rc::new(RefCell::new(Segment::new([Chip::new(kind, image.to_vec())])))
+    Rc::new(RefCell::new(Segment::new([Chip::with_sii(kind, device)])))
 }
 
 /// A chip that is reached directly, and its interrupt.
@@ -58,9 +53,9 @@ pub fn direct(chip: SharedChip) -> (DirectPdi, Interrupt) {
 }
 
 /// Runs a SubDevice that is woken by `interrupt`.
-pub fn spawn<'w>(
+pub fn spawn<'w, const OUTPUTS: usize, const INPUTS: usize>(
     world: &World<'w>,
-    mut sub_device: SubDevice<impl Esc + 'w, impl Application + 'w>,
+    mut sub_device: SubDevice<impl Esc + 'w, impl Application + 'w, OUTPUTS, INPUTS>,
     mut interrupt: Interrupt,
 ) {
     world.spawn(async move {
@@ -71,9 +66,9 @@ pub fn spawn<'w>(
 }
 
 /// The same with a processor that notes a rising edge of `interrupt` until it is asked for it, and never looks at the level.
-pub fn spawn_by_edges<'w>(
+pub fn spawn_by_edges<'w, const OUTPUTS: usize, const INPUTS: usize>(
     world: &World<'w>,
-    mut sub_device: SubDevice<impl Esc + 'w, impl Application + 'w>,
+    mut sub_device: SubDevice<impl Esc + 'w, impl Application + 'w, OUTPUTS, INPUTS>,
     mut interrupt: Interrupt,
 ) {
     let noted = Rc::new(Signal::<NoopRawMutex, ()>::new());

@@ -3,8 +3,8 @@
 use super::csr::Csr;
 use super::fifo::{Fifo, or_nothing};
 use super::{SpiFaults, Timing, Traffic};
-use crate::esc::{Nanos, SharedChip};
-use crate::random::Random;
+use crate::{Nanos, SharedChip};
+use mobgate_world::random::Random;
 
 const TEST_PATTERN: u32 = 0x8765_4321;
 const IDENTITY: u32 = 0x9252_0001;

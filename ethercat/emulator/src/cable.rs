@@ -9,7 +9,7 @@ use embassy_time::{Duration, Timer};
 
 use super::pcap::Pcap;
 use super::{Fate, Segment, now};
-use crate::random::Random;
+use mobgate_world::random::Random;
 
 /// A segment that a test and the cable share.
 pub type SharedSegment = Rc<RefCell<Segment>>;

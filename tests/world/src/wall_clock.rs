@@ -1,4 +1,4 @@
-//! The simulator on the wall clock, in one thread: a future that runs beside file descriptors.
+//! The wall clock, in one thread: a future that runs beside file descriptors.
 
 use std::future::Future;
 use std::io;
@@ -57,7 +57,10 @@ pub fn host_milliseconds() -> u64 {
 }
 
 /// Waits until something comes at one of `sources`, or until that time.
-pub(crate) fn wait(sources: &[BorrowedFd<'_>], until: Option<Instant>) -> io::Result<()> {
+///
+/// # Errors
+/// What the system says.
+pub fn wait(sources: &[BorrowedFd<'_>], until: Option<Instant>) -> io::Result<()> {
     let timeout = until.map(|until| {
         let left = until.saturating_duration_since(Instant::now());
         TimeSpec::from(std::time::Duration::from_micros(left.as_micros()))

@@ -1,18 +1,18 @@
 //! The controllers that the suite runs on: by default one that is reached directly, and by the tests in `controllers` each of them.
 
+use crate::Lan9252;
+use crate::lan9252::{Spi, Timing};
+use crate::sub_device::direct;
+use crate::{Interrupt, Kind, SharedChip};
 use embassy_time::Duration;
 use ethercat_subdevice::application::Application;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::lan9252::{InterruptPin, Lan9252 as Driver, Wiring};
-use mobgate_simulator::Lan9252;
-use mobgate_simulator::esc::{Interrupt, Kind, SharedChip};
-use mobgate_simulator::lan9252::{Spi, Timing};
-use mobgate_simulator::sub_device::direct;
 
 use super::{Rig, Start};
 
 /// Says on which controller the suite runs.
-pub(crate) const CHOICE: &str = "MOBGATE_CONTROLLER";
+pub const CHOICE: &str = "MOBGATE_CONTROLLER";
 /// Between two frames, where an access takes no time, and on an SPI.
 const PAUSE: Duration = Duration::from_micros(50);
 const SPI_PAUSE: Duration = Duration::from_millis(2);
@@ -21,8 +21,9 @@ const POWER_ON: Duration = Duration::from_millis(50);
 
 /// A controller, and how the processor reaches it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Controller {
-    pub(crate) name: &'static str,
+pub struct Controller {
+    /// As it is asked for.
+    pub name: &'static str,
     kind: Kind,
     /// It is a LAN9252 on an SPI, with this pin; else it is reached directly.
     spi: Option<InterruptPin>,
@@ -31,7 +32,7 @@ pub(crate) struct Controller {
 }
 
 /// All of them; the first is the one by default.
-pub(crate) const CONTROLLERS: [Controller; 7] = [
+pub const CONTROLLERS: [Controller; 7] = [
     Controller { name: "4-level", kind: Kind::LAN9252, spi: None, edges: false },
     Controller { name: "8-level", kind: Kind::ET1100, spi: None, edges: false },
     Controller { name: "8-edge", kind: Kind::ET1100, spi: None, edges: true },
@@ -46,7 +47,7 @@ const fn lan9252(name: &'static str, pin: InterruptPin, edges: bool) -> Controll
 }
 
 /// The driver of a LAN9252 with this pin, the line that it makes on a board, and the chip.
-pub(crate) fn lan9252_with(
+pub fn lan9252_with(
     chip: SharedChip,
     interrupt: InterruptPin,
     timing: Timing,
@@ -64,8 +65,11 @@ pub(crate) fn lan9252_with(
 }
 
 impl Controller {
-    /// The one that is asked for.
-    pub(crate) fn chosen() -> Self {
+    /// The one that the environment asks for by [`CHOICE`].
+    ///
+    /// # Panics
+    /// When none is called so.
+    pub fn chosen() -> Self {
         let [usual, ..] = CONTROLLERS;
         let Ok(name) = std::env::var(CHOICE) else { return usual };
         let chosen = CONTROLLERS.into_iter().find(|controller| controller.name == name);
@@ -73,7 +77,7 @@ impl Controller {
     }
 
     /// A device on it, with this application, switched on.
-    pub(crate) fn rig<A: Application + 'static>(self, device: &'static Device, application: A) -> Rig<A> {
+    pub fn rig<A: Application + 'static>(self, device: &'static Device, application: A) -> Rig<A> {
         let start = Start { kind: self.kind, pause: PAUSE, edges: self.edges };
         match self.spi {
             None => Rig::start(device, application, start, direct),

@@ -11,18 +11,20 @@ use embedded_hal_async::digital::Wait;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::esc::{CycleCost, Esc};
 use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
+use ethercat_subdevice::process::{INPUTS_BYTES, OUTPUTS_BYTES};
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercat_subdevice::sync_manager::Channel;
 use ethercrab::error::Error;
 use ethercrab::subdevice_group::{Op, PreOp, SubDeviceGroup};
 use ethercrab::{MainDevice, PduLoop};
 
-use super::{Counted, Paced, SharedEcho, direct, image, line_of, sequence, spawn};
-use crate::esc::cable::{Cable, SharedSegment};
-use crate::esc::master::{Storage, main_device, pump};
-use crate::esc::{Interrupt, SharedChip};
+use super::{Counted, Paced, SharedEcho, direct, image, line_of, line_of_kind, sequence, spawn};
+use crate::Lan9252;
+use crate::cable::{Cable, SharedSegment};
 use crate::lan9252::{Timing, Traffic};
-use crate::{Lan9252, Random, World};
+use crate::master::{DATA_BYTES, Storage, main_device, pump};
+use crate::{Interrupt, Kind, SharedChip};
+use mobgate_world::{Random, World};
 
 /// On its way, there and back.
 const FRAME_TIME: Duration = Duration::from_micros(50);
@@ -30,9 +32,11 @@ const FRAME_TIME: Duration = Duration::from_micros(50);
 const POWER_ON: Duration = Duration::from_millis(100);
 /// Between two exchanges of process data while Op is waited for.
 const CYCLE: Duration = Duration::from_millis(1);
+/// Room for the longest images in both directions.
+const GROUP_BYTES: usize = 3072;
 
-/// One device and 2048 bytes of process data; ethercrab wants a power of two of devices, and more than one.
-pub type Group<S> = SubDeviceGroup<2, 2048, ethercrab::DefaultLock, S>;
+/// One device and so many bytes of process data; ethercrab wants a power of two of devices, and more than one.
+pub type Group<S, const BYTES: usize = 2048> = SubDeviceGroup<2, BYTES, ethercrab::DefaultLock, S>;
 
 /// A MainDevice in front of one SubDevice.
 pub struct Desk<'m> {
@@ -48,6 +52,14 @@ impl Desk<'_> {
     /// # Errors
     /// What the MainDevice says.
     pub async fn to_pre_op(&self) -> Result<Group<PreOp>, Error> {
+        self.to_pre_op_with().await
+    }
+
+    /// The same with room for so many bytes of process data.
+    ///
+    /// # Errors
+    /// What the MainDevice says.
+    pub async fn to_pre_op_with<const BYTES: usize>(&self) -> Result<Group<PreOp, BYTES>, Error> {
         self.master.init_single_group(|| Instant::now().as_micros() * 1_000).await
     }
 
@@ -55,7 +67,11 @@ impl Desk<'_> {
     ///
     /// # Errors
     /// What the MainDevice says.
-    pub async fn to_op(&self, group: Group<PreOp>, number: u64) -> Result<Group<Op>, Error> {
+    pub async fn to_op<const BYTES: usize>(
+        &self,
+        group: Group<PreOp, BYTES>,
+        number: u64,
+    ) -> Result<Group<Op, BYTES>, Error> {
         let group = group.into_safe_op(self.master).await?;
         let outputs = group.subdevice(self.master, 0)?.outputs_raw().len();
         group.subdevice(self.master, 0)?.outputs_raw_mut().copy_from_slice(&image(number, outputs));
@@ -71,7 +87,11 @@ impl Desk<'_> {
     ///
     /// # Errors
     /// What the MainDevice says.
-    pub async fn exchange(&self, group: &Group<Op>, number: u64) -> Result<(Option<u64>, u16), Error> {
+    pub async fn exchange<const BYTES: usize>(
+        &self,
+        group: &Group<Op, BYTES>,
+        number: u64,
+    ) -> Result<(Option<u64>, u16), Error> {
         let device = group.subdevice(self.master, 0)?;
         let length = device.outputs_raw().len();
         device.outputs_raw_mut().copy_from_slice(&image(number, length));
@@ -282,19 +302,34 @@ pub fn exchange_at_pace(
 /// # Errors
 /// What the MainDevice says.
 pub fn exchange_images(device: &'static Device, cycles: u64, pause_us: u64) -> Result<Exchanged, Error> {
+    exchange_images_on::<OUTPUTS_BYTES, INPUTS_BYTES>(Kind::LAN9252, device, cycles, pause_us)
+}
+
+/// The same on another chip, and with a SubDevice that has buffers for so many bytes of outputs and of inputs.
+///
+/// # Errors
+/// As above.
+pub fn exchange_images_on<const OUTPUTS: usize, const INPUTS: usize>(
+    kind: Kind,
+    device: &'static Device,
+    cycles: u64,
+    pause_us: u64,
+) -> Result<Exchanged, Error> {
     let mut world = World::new(1);
-    let line = line_of(device);
+    let line = line_of_kind(kind, device);
     let echo = SharedEcho::default();
     let (esc, interrupt) = direct(line.borrow().chip(0));
     let esc = Paced::new(esc, Random::new(cycles), 0..=pause_us);
-    spawn(&world, SubDevice::new(device, esc, echo.clone()), interrupt);
+    let sub_device = SubDevice::<_, _, OUTPUTS, INPUTS>::with_buffers(device, esc, echo.clone());
+    spawn(&world, sub_device, interrupt);
     let mut exchanged = with_master(&mut world, cable(line), async |desk| {
-        let group = desk.to_pre_op().await?;
+        let group = desk.to_pre_op_with::<GROUP_BYTES>().await?;
         let group = desk.to_op(group, 1).await?;
+        let expected = working_counter(device);
         let (mut exchanged, mut last) = (Exchanged::default(), 0);
         for number in 2..cycles + 2 {
             let (inputs, counter) = desk.exchange(&group, number).await?;
-            exchanged.short += u64::from(counter != 3);
+            exchanged.short += u64::from(counter != expected);
             exchanged.wrong += u64::from(inputs.is_none_or(|inputs| inputs < last));
             last = inputs.unwrap_or(last);
             Timer::after(CYCLE).await;
@@ -306,4 +341,14 @@ pub fn exchange_images(device: &'static Device, cycles: u64, pause_us: u64) -> R
     exchanged.lost = echo.lost + cycles + 1 - echo.last.unwrap_or(0);
     exchanged.wrong += echo.torn;
     Ok(exchanged)
+}
+
+/// What the counters of the frames add up to in which ethercrab exchanges process data, inputs first.
+fn working_counter(device: &Device) -> u16 {
+    let inputs = device.default_bytes(Channel::Inputs);
+    let bytes = inputs + device.default_bytes(Channel::Outputs);
+    let frames = (0..bytes).step_by(DATA_BYTES);
+    frames
+        .map(|first| u16::from(first < inputs) + 2 * u16::from((first + DATA_BYTES).min(bytes) > inputs))
+        .sum()
 }

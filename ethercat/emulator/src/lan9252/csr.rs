@@ -1,7 +1,7 @@
 //! The engine that accesses single registers of the ESC.
 
-use crate::esc::registers::PROCESS_RAM;
-use crate::esc::{Chip, Nanos};
+use crate::registers::PROCESS_RAM;
+use crate::{Chip, Nanos};
 
 const BUSY: u32 = 1 << 31;
 const READ: u32 = 1 << 30;

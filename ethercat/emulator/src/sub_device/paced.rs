@@ -5,8 +5,8 @@ use std::ops::RangeInclusive;
 use embassy_time::Timer;
 use ethercat_subdevice::esc::{Esc, EscError};
 
-use crate::esc::registers::PROCESS_RAM;
-use crate::random::Random;
+use crate::registers::PROCESS_RAM;
+use mobgate_world::random::Random;
 
 /// Access by `E` with a random pause before every access. Process data memory is accessed in pieces of random length, with a
 /// pause before each.

@@ -98,7 +98,7 @@ fn the_suite_passes_on_every_controller() {
 #[test]
 fn in_the_shortest_cycle_that_is_promised_no_image_is_lost_and_in_a_shorter_one_that_is_counted() {
     for spi_hz in [20_000_000, 30_000_000] {
-        // `cargo bench -- ethercat` exchanges a hundred times as many.
+        // `cargo xtask bench ethercat` exchanges a hundred times as many.
         let paced = exchange_at_pace(&GATEWAY, spi_hz, 100, 1_000).unwrap();
         println!("{paced:?}");
         assert_eq!((paced.cost.bytes, paced.cost.selects), (316, 8), "what the SPI counts");

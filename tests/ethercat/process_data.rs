@@ -14,7 +14,7 @@ use crate::bench::{ERROR, INIT, LOGICAL, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, 
 
 static GATEWAY: Device = DEVICE;
 
-/// Images in statement 42; `cargo bench -- ethercat` exchanges ten times as many.
+/// Images in statement 42; `cargo xtask bench ethercat` exchanges ten times as many.
 const IMAGES: u64 = 10_000;
 /// Enough for a processor that works in pieces to answer.
 const SLOW: Duration = Duration::from_millis(3);

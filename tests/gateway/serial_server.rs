@@ -136,7 +136,7 @@ fn a_board_that_rests_answers_at_the_same_moments_and_is_woken_less() {
     }
 }
 
-/// The full count is among the figures of `cargo bench`.
+/// The full count is among the figures of `cargo xtask bench`.
 #[test]
 fn on_a_shared_bus_nobody_elses_questions_are_answered_and_none_of_ours_is_missed() {
     let punctual = Duration::from_ticks(0);

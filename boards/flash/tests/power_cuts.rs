@@ -1,4 +1,4 @@
-//! Saves whose power is cut at every step. `cargo bench -- power_cuts` does more of them.
+//! Saves whose power is cut at every step. `cargo xtask bench power_cuts` does more of them.
 
 use mobgate_clock as _;
 use mobgate_flash::FlashStore;

@@ -35,7 +35,7 @@ impl Browser {
     }
 
     fn next(&self) -> String {
-        self.seen.recv_timeout(PATIENCE).expect("something is found: tests/peers/setup brings zeroconf")
+        self.seen.recv_timeout(PATIENCE).expect("something is found: cargo xtask install peers brings zeroconf")
     }
 }
 

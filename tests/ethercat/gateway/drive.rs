@@ -1,7 +1,7 @@
 //! The drive test: values that a MainDevice writes to a drive again and again come back in time, hour after hour, and under all
 //! conditions that there are in the industry.
 //!
-//! `MOBGATE_SEED=17 cargo test drive` runs the hours of seed 17 alone; `cargo bench -- drive` runs thirty days.
+//! `MOBGATE_SEED=17 cargo test drive` runs the hours of seed 17 alone; `cargo xtask bench drive` runs thirty days.
 
 use embassy_time::Duration;
 use mobgate_simulator::drive::{Conditions, drive};

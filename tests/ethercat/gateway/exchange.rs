@@ -41,7 +41,7 @@ fn a_round_takes_the_time_that_the_source_measured() {
 
 #[test]
 fn changes_are_seen_within_the_polling_time_or_a_round_and_read_back_a_round_later() {
-    // `MOBGATE_SEEDS=120` is every combination; `cargo bench -- ethercat` prints their figures.
+    // `MOBGATE_SEEDS=120` is every combination; `cargo xtask bench ethercat` prints their figures.
     each_seed(8, |seed| {
         exchange(combination(seed));
     });

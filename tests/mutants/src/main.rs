@@ -1,4 +1,4 @@
-//! Mutation testing: `cargo mutation` changes the code in small ways and names the changes that no test notices.
+//! Mutation testing: `cargo xtask mutation` changes the code in small ways and names the changes that no test notices.
 //!
 //! All mutants are in one build, each behind a switch that the environment turns (`find`, `weave`, `tree`). Each test runs
 //! once to see which mutants it comes by; then a mutant costs only the tests that come by it, the quick ones first, until

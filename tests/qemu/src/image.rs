@@ -21,11 +21,12 @@ pub fn build() -> PathBuf {
             let name = name.to_string_lossy();
             name.starts_with("CARGO_") && name != "CARGO_HOME"
         });
-        let mut command = Command::new(root().join("boards/cargo"));
+        let mut command = Command::new("cargo");
         own.for_each(|name| {
             command.env_remove(name);
         });
-        let built = command.args(["qemu_mps2", "build"]).status().expect("bash");
+        command.current_dir(root()).args(["xtask", "board", "qemu_mps2", "build"]);
+        let built = command.status().expect("cargo");
         assert!(built.success(), "the image cannot be built");
     });
     root().join("target/thumb/thumbv7em-none-eabihf/release/mobgate-qemu-mps2")

@@ -1,5 +1,5 @@
-//! `cargo qemu` runs the gateway on an emulated board with devices on its lines; `cargo qemu figures` measures it,
-//! `cargo qemu soak N` runs N transactions mixed with resets.
+//! `cargo xtask qemu` runs the gateway on an emulated board with devices on its lines; `cargo xtask qemu figures` measures it,
+//! `cargo xtask qemu soak N` runs N transactions mixed with resets.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -22,7 +22,7 @@ fn main() -> ExitCode {
             soak::run(folder.path(), count.parse().unwrap_or_default());
         }
         _ => {
-            eprintln!("usage: cargo qemu [figures | soak TRANSACTIONS]");
+            eprintln!("usage: cargo xtask qemu [figures | soak TRANSACTIONS]");
             return ExitCode::FAILURE;
         }
     }

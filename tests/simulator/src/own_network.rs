@@ -104,7 +104,7 @@ pub fn python(module: &str) -> OsString {
     let python = std::env::var_os("MOBGATE_PYTHON").unwrap_or(prepared.into());
     let found = Command::new(&python).args(["-c", &format!("import {module}")]).output();
     let good = found.is_ok_and(|output| output.status.success());
-    assert!(good, "{module} is missing: apt-get install python3-venv && tests/peers/setup");
+    assert!(good, "{module} is missing: cargo xtask install peers");
     python
 }
 

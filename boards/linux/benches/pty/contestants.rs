@@ -1,6 +1,6 @@
 //! The gateways that are measured, and how each is told what stands behind it.
 //!
-//! `MOBGATE_PEERS` names the folder into which `benches/peers/run` has installed what the package registries have, `MBUSD` an
+//! `MOBGATE_PEERS` names the folder into which `cargo xtask peers` has installed what the package registries have, `MBUSD` an
 //! mbusd. Every one listens on the loopback address only, and gets the same line settings and time-out as mobgate; pauses and
 //! the like stay as they come, but for mbusd, which runs a second time with the shortest pause that it takes.
 

@@ -2,7 +2,7 @@
 //! modbus-serial also by RTU; pymodbus, rmodbus and tokio-modbus answer by RTU on PTYs that `socat` joins, modbus-serial by TCP.
 //!
 //! A missing outside program fails a test, with the command that installs it. Python is the virtual environment's that
-//! `tests/peers/setup` makes, or the one that the variable `MOBGATE_PYTHON` names; modbus-serial is what it installs for Node.js.
+//! `cargo xtask install peers` makes, or the one that the variable `MOBGATE_PYTHON` names; modbus-serial is what it installs for Node.js.
 
 #[path = "../common/mod.rs"]
 mod common;

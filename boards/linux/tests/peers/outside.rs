@@ -26,18 +26,18 @@ impl Tool {
         let prepared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/python/bin/python3");
         let python = Self {
             program: env::var_os("MOBGATE_PYTHON").unwrap_or(prepared.into()),
-            install: "apt-get install python3-venv && tests/peers/setup".into(),
+            install: "cargo xtask install peers".into(),
         };
         let (good, said) = python.run(&["-c", "import pymodbus.simulator, serial"]);
         assert!(good, "pymodbus or pyserial is missing: {}\n{said}", python.install);
         python
     }
 
-    /// A Node.js; its packages are those that `tests/peers/setup` has installed.
+    /// A Node.js; its packages are those that `cargo xtask install peers` has installed.
     pub(crate) fn node() -> Self {
         let installed =
             Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/node/node_modules/modbus-serial");
-        let install = "apt-get install npm && tests/peers/setup";
+        let install = "cargo xtask install peers";
         assert!(installed.exists(), "modbus-serial is missing: {install}");
         Self { program: "node".into(), install: install.into() }
     }

@@ -1,0 +1,256 @@
+//! What the commands need beside Rust, how one sees whether it is there, and who brings it: apt-get, pip, npm, cargo.
+
+use std::path::Path;
+
+use clap::ValueEnum;
+
+use crate::board;
+use crate::tools::{self, Outcome, command, program, read, root, run, succeeds};
+
+/// What needs something.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Group {
+    /// The workspace's tests: Modbus and EtherCAT programs by others
+    Peers,
+    /// A compiler for a Cortex-M
+    Thumb,
+    /// The emulated board
+    Qemu,
+    /// A compiler for ARM Linux
+    Arm,
+    /// The Debian package and its test
+    Package,
+    /// Instructions and system calls
+    Counts,
+    /// The fuzzer
+    Fuzz,
+}
+
+/// Who brings it.
+enum By {
+    Apt(&'static [&'static str]),
+    /// A crate, built from source.
+    Cargo(&'static str),
+    /// The packages of a lock file, into target/.
+    Own(fn() -> Outcome),
+}
+
+struct Need {
+    group: Group,
+    name: &'static str,
+    by: By,
+    found: fn(&str) -> bool,
+}
+
+const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
+
+const NEEDS: [Need; 19] = [
+    by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
+    by_apt(Group::Peers, "socat", &["socat"]),
+    by_apt(Group::Peers, "tshark", &["tshark"]),
+    by_apt(Group::Peers, "ip", &["iproute2"]),
+    // soemx is built from source, with libpcap.
+    by_apt(Group::Peers, "gcc", &["gcc", "libc6-dev"]),
+    Need {
+        group: Group::Peers,
+        name: "pcap.h",
+        by: By::Apt(&["libpcap-dev"]),
+        found: |_| Path::new("/usr/include/pcap/pcap.h").exists(),
+    },
+    Need {
+        group: Group::Peers,
+        name: "python3 with venv",
+        by: By::Apt(&["python3-venv"]),
+        found: |_| succeeds(&mut command("python3", &["-c", "import ensurepip, venv"])),
+    },
+    by_apt(Group::Peers, "npm", &["npm"]),
+    Need {
+        group: Group::Peers,
+        name: "pymodbus, zeroconf, pysoem, soemx, KickCAT in target/python",
+        by: By::Own(python),
+        found: |_| is_installed(REQUIREMENTS, "target/python"),
+    },
+    Need {
+        group: Group::Peers,
+        name: "modbus-serial in target/node",
+        by: By::Own(node),
+        found: |_| is_installed(PACKAGES, "target/node"),
+    },
+    Need {
+        group: Group::Thumb,
+        name: "a compiler for a Cortex-M",
+        by: DEBIAN_RUST,
+        found: |_| board::has_toolchain(),
+    },
+    // Debian 12 has 7.2, which the tests do not want.
+    Need {
+        group: Group::Qemu,
+        name: "qemu-system-arm of version 8 or later",
+        by: By::Own(qemu),
+        found: |_| qemu_version().is_some_and(|version| version >= 8),
+    },
+    Need {
+        group: Group::Arm,
+        name: "Debian's Rust with sources",
+        by: DEBIAN_RUST,
+        found: |_| board::has_sources(),
+    },
+    by_apt(Group::Package, "mmdebstrap", &["mmdebstrap"]),
+    by_cargo(Group::Package, "cargo-deb"),
+    by_apt(Group::Counts, "valgrind", &["valgrind"]),
+    by_apt(Group::Counts, "strace", &["strace"]),
+    by_apt(Group::Fuzz, "c++", &["g++"]),
+    by_cargo(Group::Fuzz, "cargo-fuzz"),
+];
+
+const fn by_apt(group: Group, name: &'static str, packages: &'static [&'static str]) -> Need {
+    Need { group, name, by: By::Apt(packages), found: |name| program(name).is_some() }
+}
+
+const fn by_cargo(group: Group, name: &'static str) -> Need {
+    Need { group, name, by: By::Cargo(name), found: |name| program(name).is_some() }
+}
+
+/// What these groups need and is not here.
+fn missing(groups: &[Group]) -> Vec<&'static Need> {
+    let needs = NEEDS.iter().filter(|need| groups.is_empty() || groups.contains(&need.group));
+    needs.filter(|need| !(need.found)(need.name)).collect()
+}
+
+/// Names what is missing for these groups; without groups, for all.
+pub(crate) fn check(groups: &[Group]) -> Outcome {
+    all(groups, false)
+}
+
+/// Installs what these groups need (without groups, what all need) and says what it installs; or only names it.
+pub(crate) fn all(groups: &[Group], install: bool) -> Outcome {
+    let missing = missing(groups);
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let mut packages: Vec<&str> = Vec::new();
+    for need in &missing {
+        if let By::Apt(of) = need.by {
+            packages.extend(of.iter().filter(|package| !packages.contains(package)).collect::<Vec<_>>());
+        }
+    }
+    if !install {
+        let names: Vec<&str> = missing.iter().map(|need| need.name).collect();
+        let mut how = "cargo xtask install".to_owned();
+        if !packages.is_empty() {
+            how = format!("apt-get install {}, then {how}", packages.join(" "));
+        }
+        return Err(format!("missing: {}\n  {how}", names.join(", ")));
+    }
+    if !packages.is_empty() {
+        apt(&packages)?;
+    }
+    for need in &missing {
+        match need.by {
+            By::Apt(_) => {}
+            By::Cargo(name) => {
+                println!("installing by cargo: {name}");
+                run(&mut command("cargo", &["install", "--quiet", "--locked", name]))?;
+            }
+            By::Own(install) => {
+                println!("installing: {}", need.name);
+                install()?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// As root, or by sudo.
+fn as_root(arguments: &[&str]) -> std::process::Command {
+    let root = tools::output(&mut command("id", &["-u"])).is_ok_and(|id| id.trim() == "0");
+    let mut command = if root { command("env", &[""; 0]) } else { command("sudo", &["env"]) };
+    command.arg("DEBIAN_FRONTEND=noninteractive").args(arguments);
+    command
+}
+
+fn apt(packages: &[&str]) -> Outcome {
+    if program("apt-get").is_none() {
+        return Err(format!("no apt-get here; on Debian these packages are needed: {}", packages.join(" ")));
+    }
+    println!("installing by apt-get: {}", packages.join(" "));
+    run(&mut as_root(&["apt-get", "update", "-qq"]))?;
+    run(as_root(&["apt-get", "install", "-y", "-qq"]).args(packages).stdout(std::process::Stdio::null()))
+}
+
+fn qemu_version() -> Option<u32> {
+    let printed = command("qemu-system-arm", &["--version"]).output().ok()?;
+    let text = String::from_utf8(printed.stdout).ok()?;
+    text.split_once("version ")?.1.split('.').next()?.parse().ok()
+}
+
+/// Debian 12 has the newer one in its backports, from where the machine has the rest.
+fn qemu() -> Outcome {
+    let release = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
+    if !release.contains("VERSION_CODENAME=bookworm") {
+        return apt(&["qemu-system-arm"]);
+    }
+    let lists =
+        std::fs::read_dir("/etc/apt/sources.list.d").into_iter().flatten().flatten().map(|file| file.path());
+    let lists = lists.chain(["/etc/apt/sources.list".into()]);
+    let text: String = lists.filter_map(|list| std::fs::read_to_string(list).ok()).collect();
+    let words = text.lines().filter_map(|line| {
+        let mut words = line.split_whitespace();
+        matches!(words.next()?, "URIs:" | "deb").then(|| words.find(|word| word.contains("://"))).flatten()
+    });
+    let mut archives = words.filter(|word| word.trim_end_matches('/').ends_with("debian"));
+    let archive = archives.next().ok_or("apt's lists name no archive of Debian")?;
+    let line = format!(
+        "echo 'deb {archive} bookworm-backports main' >/etc/apt/sources.list.d/bookworm-backports.list"
+    );
+    run(&mut as_root(&["sh", "-c", &line]))?;
+    apt(&["qemu-system-arm", "qemu-system-common", "qemu-system-data"]
+        .map(|name| format!("{name}/bookworm-backports"))
+        .each_ref()
+        .map(String::as_str))
+}
+
+const REQUIREMENTS: &str = "boards/linux/tests/peers/requirements.txt";
+const PACKAGES: &str = "boards/linux/tests/peers/node/package-lock.json";
+
+/// Whether what this list says is in the folder.
+fn is_installed(list: &str, folder: &str) -> bool {
+    read(list).is_ok_and(|list| read(format!("{folder}/installed")).is_ok_and(|installed| installed == list))
+}
+
+/// From now on it is.
+fn note_installed(list: &str, folder: &str) -> Outcome {
+    let file = root().join(folder).join("installed");
+    std::fs::write(&file, read(list)?).map_err(|error| format!("{}: {error}", file.display()))
+}
+
+fn python() -> Outcome {
+    run(&mut command("python3", &["-m", "venv", "target/python"]))?;
+    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r", REQUIREMENTS];
+    run(&mut command("target/python/bin/python3", &pip))?;
+    note_installed(REQUIREMENTS, "target/python")
+}
+
+/// As the lock file says, without running what packages would run when they are installed: serialport brings its binaries
+/// along.
+fn node() -> Outcome {
+    let folder = root().join("target/node");
+    std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    for file in [PACKAGES, "boards/linux/tests/peers/node/package.json"] {
+        let from = root().join(file);
+        let to = folder.join(from.file_name().unwrap_or_default());
+        std::fs::copy(&from, to).map_err(|error| format!("{file}: {error}"))?;
+    }
+    let npm = [
+        "ci",
+        "--prefix",
+        "target/node",
+        "--ignore-scripts",
+        "--no-audit",
+        "--no-fund",
+        "--loglevel",
+        "error",
+    ];
+    run(command("npm", &npm).stdout(std::process::Stdio::null()))?;
+    note_installed(PACKAGES, "target/node")
+}

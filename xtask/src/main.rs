@@ -1,0 +1,145 @@
+//! The developers' commands: `cargo xtask help` lists them. What they run is elsewhere; they know how, and what it needs.
+
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+use install::Group;
+use test::Suite;
+use tools::{Outcome, cargo, command, run};
+
+mod board;
+mod figures;
+mod fuzz;
+mod install;
+mod peers;
+mod sizes;
+mod test;
+mod tools;
+mod under_load;
+
+/// Builds, tests and measures mobgate.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Installs what the tests need, and passes them
+    Test {
+        /// Name what is missing instead of installing it
+        #[arg(long)]
+        no_install: bool,
+        /// Some of the tests only
+        #[arg(default_values = ["workspace", "qemu", "package"])]
+        suites: Vec<Suite>,
+    },
+    /// Installs what all commands need, or some of them: by apt-get, pip, npm and cargo
+    Install {
+        /// Name what is missing instead
+        #[arg(long)]
+        no_install: bool,
+        groups: Vec<Group>,
+    },
+    /// Checks formats, clippy's lints and the documentation
+    Lint,
+    /// Runs cargo for a board: `board nucleo_h743zi build`, `board core build` for the gateway's core alone
+    Board {
+        /// A folder of boards/, or `core`
+        board: String,
+        /// build, clippy, run, ...
+        command: String,
+        #[command(flatten)]
+        words: Words,
+    },
+    /// Builds the STM32 images and prints their sections, largest symbols and budgets
+    Sizes { boards: Vec<String> },
+    /// Checks the Linux program for 64-bit and 32-bit ARM
+    Arm,
+    /// Builds the Debian package
+    Deb,
+    /// Runs the emulated board among devices: `qemu figures` measures it, `qemu soak N` loads it
+    #[command(disable_help_flag = true)]
+    Qemu(Words),
+    /// Measures the gateway in virtual time
+    #[command(disable_help_flag = true)]
+    Bench(Words),
+    /// Measures the Linux program at pseudo-terminals, with real time
+    #[command(disable_help_flag = true)]
+    Pty(Words),
+    /// Counts instructions and system calls of the Linux program
+    #[command(disable_help_flag = true)]
+    Counts(Words),
+    /// Measures gateways by others beside mobgate, in one run
+    Peers(peers::Choice),
+    /// Runs libmodbus's own test suite through the gateway
+    Libmodbus,
+    /// Fuzzes each framing so many seconds
+    Fuzz {
+        #[arg(value_parser = clap::value_parser!(u64).range(1..))]
+        seconds: u64,
+        #[arg(default_values = ["rtu", "ascii", "tcp"])]
+        targets: Vec<String>,
+    },
+    /// Changes the code in small ways and names the changes that no test notices
+    #[command(disable_help_flag = true)]
+    Mutation(Words),
+    /// Runs the tests that depend on the machine's clock many times beside busy threads
+    UnderLoad(under_load::Choice),
+    /// Holds the figures that commands printed into a file against tests/figures
+    Figures { file: std::path::PathBuf },
+}
+
+/// What is handed on as it is.
+#[derive(Args)]
+struct Words {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGUMENT")]
+    words: Vec<String>,
+}
+
+fn main() -> ExitCode {
+    match carry_out(Arguments::parse().task) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("cargo xtask: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn carry_out(task: Task) -> Outcome {
+    match task {
+        Task::Test { no_install, suites } => test::run_all(&suites, !no_install),
+        Task::Install { no_install, groups } => install::all(&groups, !no_install),
+        Task::Lint => test::lint(),
+        Task::Board { board, command, words } => board::run(&board, &command, &words.words),
+        Task::Sizes { boards } => sizes::print(&boards),
+        Task::Arm => board::arm(),
+        Task::Deb => test::deb(),
+        Task::Qemu(Words { words }) => {
+            run(cargo("run", &["--quiet", "--package", "mobgate-qemu", "--"]).args(words))
+        }
+        Task::Bench(Words { words }) => run(cargo("bench", &["--package", "mobgate", "--"]).args(words)),
+        Task::Pty(Words { words }) => {
+            run(cargo("bench", &["--package", "mobgate-linux", "--bench", "pty", "--"]).args(words))
+        }
+        Task::Counts(Words { words }) => {
+            install::check(&[Group::Counts])?;
+            // Without epoll_pwait2, which many a valgrind does not know.
+            let program =
+                ["--quiet", "--package", "mobgate-linux", "--no-default-features", "--bench", "pty"];
+            run(cargo("bench", &program).args(["--", "counts", "refusals"]).args(words))
+        }
+        Task::Peers(choice) => peers::measure(&choice),
+        Task::Libmodbus => run(&mut command("tests/peers/libmodbus", &[""; 0])),
+        Task::Fuzz { seconds, targets } => fuzz::all(seconds, &targets),
+        Task::Mutation(Words { words }) => {
+            run(cargo("run", &["--quiet", "--package", "mobgate-mutants", "--"]).args(words))
+        }
+        Task::UnderLoad(choice) => under_load::run_all(&choice),
+        Task::Figures { file } => figures::hold(&file),
+    }
+}

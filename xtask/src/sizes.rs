@@ -1,0 +1,172 @@
+//! Sizes of the STM32 images, each without and with EtherCAT and data points: sections, largest symbols, budgets.
+//!
+//! Flash is what is programmed: code, constants, and the start values of variables. RAM is what is taken before the first
+//! instruction; what is left of the memory is the stack. The router's core is what lies between the ports: router, rules,
+//! frames, queues, counters. It is measured by the sizes of the symbols whose name begins there, in the linked image, after
+//! inlining; its RAM is one port's place among the gateway's statics.
+
+use std::path::Path;
+
+use crate::board;
+use crate::tools::{Outcome, command, figure, output, read};
+
+const BOARDS: [&str; 3] = ["nucleo_h743zi", "nucleo_f767zi", "nucleo_f429zi"];
+
+/// Modules of the router's core.
+const CORE: [&str; 10] = [
+    "router",
+    "route",
+    "frame",
+    "stats",
+    "gateway",
+    "tasks::router",
+    "port::queue",
+    "port::units",
+    "port::desk",
+    "port::cache",
+];
+/// Tasks of the ports themselves: framing, timing, sockets.
+const NOT_CORE: [&str; 3] = ["run_port", "run_seat", "play<"];
+
+/// The gateway's statics with the futures of its tasks.
+const PARTS: [(&str, &str); 7] = [
+    ("port_futures", "gateway::port::POOL"),
+    ("connection_futures", "gateway::seat::POOL"),
+    ("settings", "gateway::GATEWAY"),
+    ("frames", "gateway::SLOTS"),
+    ("port_places", "gateway::PORT_PLACES"),
+    ("connections", "gateway::SEAT_PLACES"),
+    ("router", "gateway::router::POOL"),
+];
+
+const CODE: &str = "tTrR";
+const VARIABLES: &str = "dDbB";
+const LARGEST: usize = 8;
+
+/// Prints the sizes of these boards' images, or of all.
+pub(crate) fn print(boards: &[String]) -> Outcome {
+    let all = BOARDS.map(str::to_owned);
+    for board in if boards.is_empty() { &all } else { boards } {
+        let name = board.strip_prefix("nucleo_").unwrap_or(board);
+        let lines = read(format!("boards/{board}/src/main.rs"))?.lines().count();
+        figure(&format!("{name}_main"), lines as f64, "lines", Some(99.0));
+        let image = Image::build(board, &[])?;
+        // Eight ports, 64 rules, 16 clients.
+        let budget = board == "nucleo_h743zi";
+        image.totals(name, budget.then_some((256.0, 128.0)));
+        if budget {
+            figure("router_core_flash", kib(image.core_flash()), "KiB", Some(24.0));
+            image.gateway_ram()?;
+            figure("router_core_ram_per_port", kib(image.core_ram()?), "KiB", Some(1.0));
+        }
+        // Router, scanner and EtherCAT together.
+        let image = Image::build(board, &["--features", "ethercat"])?;
+        image.totals(&format!("{name}_ethercat"), Some((512.0, 192.0)));
+    }
+    Ok(())
+}
+
+fn kib(bytes: u64) -> f64 {
+    bytes as f64 / 1024.0
+}
+
+struct Symbol {
+    bytes: u64,
+    kind: char,
+    name: String,
+}
+
+struct Image {
+    symbols: Vec<Symbol>,
+    sections: Vec<(String, u64)>,
+}
+
+impl Image {
+    /// Builds it, and shows what it consists of.
+    fn build(board: &str, features: &[&str]) -> Outcome<Self> {
+        let arguments: Vec<String> =
+            ["--no-default-features"].iter().chain(features).map(|&word| word.into()).collect();
+        board::run(board, "build", &arguments)?;
+        let image = Self::read(&board::image(board))?;
+        println!("{board}{}:", features.last().map_or(String::new(), |feature| format!(" with {feature}")));
+        for (name, bytes) in &image.sections {
+            if [".vector_table", ".text", ".rodata", ".data", ".bss", ".uninit"].contains(&name.as_str()) {
+                println!("  {name:<14} {bytes:7}");
+            }
+        }
+        for (kinds, what) in [(CODE, "code or constant"), (VARIABLES, "variable")] {
+            let of_kind: Vec<_> = image.of_kind(kinds).collect();
+            for symbol in &of_kind[of_kind.len().saturating_sub(LARGEST)..] {
+                println!("  {:7} {what} {:.100}", symbol.bytes, symbol.name);
+            }
+        }
+        Ok(image)
+    }
+
+    fn read(file: &Path) -> Outcome<Self> {
+        let mut nm = command("nm", &["--print-size", "--size-sort", "--radix=d", "--demangle"]);
+        let symbols = output(nm.arg(file))?;
+        let symbols = symbols.lines().filter_map(|line| {
+            let mut words = line.splitn(4, ' ').skip(1);
+            let (bytes, kind, name) = (words.next()?, words.next()?, words.next()?);
+            Some(Symbol { bytes: bytes.parse().ok()?, kind: kind.chars().next()?, name: name.into() })
+        });
+        let sections = output(command("size", &["-A", "-d"]).arg(file))?;
+        let sections = sections.lines().filter_map(|line| {
+            let mut words = line.split_whitespace();
+            Some((words.next()?.to_owned(), words.next()?.parse().ok()?))
+        });
+        Ok(Self { symbols: symbols.collect(), sections: sections.collect() })
+    }
+
+    fn of_kind(&self, kinds: &str) -> impl Iterator<Item = &Symbol> {
+        self.symbols.iter().filter(move |symbol| kinds.contains(symbol.kind))
+    }
+
+    fn totals(&self, name: &str, most: Option<(f64, f64)>) {
+        let sum = |of: &[&str]| {
+            let sections = self.sections.iter().filter(|(name, _)| of.contains(&name.as_str()));
+            kib(sections.map(|(_, bytes)| bytes).sum())
+        };
+        let flash = sum(&[".vector_table", ".text", ".rodata", ".data", ".gnu.sgstubs"]);
+        figure(&format!("{name}_flash"), flash, "KiB", most.map(|(flash, _)| flash));
+        let ram = sum(&[".data", ".bss", ".uninit"]);
+        figure(&format!("{name}_ram"), ram, "KiB", most.map(|(_, ram)| ram));
+    }
+
+    fn core_flash(&self) -> u64 {
+        let core = self.of_kind(CODE).filter(|symbol| {
+            let module = symbol.name.split_once("mobgate::").map(|(_, rest)| rest);
+            module.is_some_and(|module| CORE.iter().any(|of| module.starts_with(of)))
+                && !NOT_CORE.iter().any(|of| symbol.name.contains(of))
+        });
+        core.map(|symbol| symbol.bytes).sum()
+    }
+
+    /// Of one port.
+    fn core_ram(&self) -> Outcome<u64> {
+        let source = read("boards/stm32/src/gateway.rs")?;
+        let ports = source.lines().find(|line| line.starts_with("pub const PORTS: usize = if "));
+        let ports =
+            ports.and_then(|line| line.rsplit_once("else { ")?.1.strip_suffix(" };")?.parse::<u64>().ok());
+        let ports = ports.ok_or("boards/stm32/src/gateway.rs does not say how many ports there are")?;
+        Ok(self.named("gateway::PORT_PLACES")? / ports)
+    }
+
+    fn named(&self, end: &str) -> Outcome<u64> {
+        let symbol = self.symbols.iter().find(|symbol| symbol.name.ends_with(end));
+        symbol.map(|symbol| symbol.bytes).ok_or(format!("no {end} in the image"))
+    }
+
+    /// Part by part, and together.
+    fn gateway_ram(&self) -> Outcome {
+        for (part, name) in PARTS {
+            figure(&format!("gateway_ram_{part}"), kib(self.named(name)?), "KiB", None);
+        }
+        let statics =
+            self.of_kind(VARIABLES).filter(|symbol| symbol.name.contains("mobgate_stm32::gateway::"));
+        // Eight ports, 64 rules, 16 clients.
+        figure("gateway_ram", kib(statics.map(|symbol| symbol.bytes).sum()), "KiB", Some(82.5));
+        Ok(())
+    }
+}

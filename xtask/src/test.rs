@@ -1,0 +1,102 @@
+//! The tests, in the order in which they are quick, and the lints.
+
+use clap::ValueEnum;
+
+use crate::install::{self, Group};
+use crate::tools::{Outcome, built, cargo, command, output, root, run};
+
+/// Tests that need the same things.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Suite {
+    /// All packages of the workspace, and the core without its features
+    Workspace,
+    /// The emulated board
+    Qemu,
+    /// The Debian package, installed, used and removed (needs root)
+    Package,
+    /// Random worlds, many times as many as in `workspace`
+    Torture,
+    /// EtherCAT MainDevices by others: thousands of cycles and starts
+    Maindevices,
+}
+
+impl Suite {
+    fn needs(self) -> &'static [Group] {
+        match self {
+            Self::Workspace | Self::Maindevices => &[Group::Peers],
+            Self::Qemu => &[Group::Qemu, Group::Thumb, Group::Peers],
+            Self::Package => &[Group::Package, Group::Peers],
+            Self::Torture => &[],
+        }
+    }
+}
+
+/// Runs these, after what they need has been installed or named.
+pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
+    let mut groups: Vec<Group> = suites.iter().flat_map(|suite| suite.needs()).copied().collect();
+    groups.dedup();
+    // No groups would mean all of them.
+    if !groups.is_empty() {
+        install::all(&groups, install)?;
+    }
+    suites.iter().try_for_each(|suite| match suite {
+        Suite::Workspace => {
+            run(&mut cargo("test", &["--workspace"]))?;
+            // As the boards without EtherCAT are built, but for IPv6: without data points and captures.
+            let core = ["--package", "mobgate", "--lib", "--no-default-features", "--features", "ipv6"];
+            run(&mut cargo("test", &core))
+        }
+        Suite::Qemu => run(&mut cargo("test", &["--package", "mobgate-qemu", "--test", "qemu"])),
+        Suite::Package => {
+            deb()?;
+            run(&mut command("tests/package/run", &[""; 0]))
+        }
+        // Optimised, since a debug build takes a quarter of an hour for them.
+        Suite::Torture => {
+            let tests = ["--profile", "torture", "--test", "gateway", "--test", "ethercat", "torture"];
+            run(cargo("test", &tests)
+                .args(["--", "--nocapture", "--test-threads=2"])
+                .env("MOBGATE_SEEDS", "4000"))
+        }
+        Suite::Maindevices => {
+            main_devices("500", &["foreign::pysoem", "foreign::soemx", "foreign::in_process"])?;
+            // It takes more than a second for each start.
+            main_devices("50", &["foreign::kickcat"])
+        }
+    })
+}
+
+/// Each exchanges process data 100 000 times and starts so many times, without failing once.
+fn main_devices(starts: &str, tests: &[&str]) -> Outcome {
+    let mut cargo = cargo("test", &["--test", "ethercat", "--", "--nocapture", "--test-threads=1"]);
+    run(cargo.args(tests).env("MOBGATE_CYCLES", "100000").env("MOBGATE_RESTARTS", starts))
+}
+
+/// Builds the Debian package.
+pub(crate) fn deb() -> Outcome {
+    install::check(&[Group::Package])?;
+    let printed = output(&mut command(
+        "cargo",
+        &["deb", "--quiet", "--locked", "--strip", "--package", "mobgate-linux"],
+    ))?;
+    built(printed.lines().last().unwrap_or_default())
+}
+
+/// Formats of all packages; lints and documentation of those of the workspace.
+pub(crate) fn lint() -> Outcome {
+    run(&mut command("cargo", &["fmt", "--all", "--check"]))?;
+    let boards = root()
+        .join("boards")
+        .read_dir()
+        .map_err(|error| error.to_string())?
+        .flatten()
+        .map(|entry| entry.path());
+    for package in
+        boards.chain([root().join("tests/fuzz")]).filter(|folder| folder.join("Cargo.toml").exists())
+    {
+        run(command("cargo", &["fmt", "--check"]).current_dir(package))?;
+    }
+    run(&mut cargo("clippy", &["--workspace", "--all-targets", "--", "-D", "warnings"]))?;
+    run(cargo("doc", &["--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings"))?;
+    built("target/doc/mobgate/index.html")
+}

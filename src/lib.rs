@@ -79,6 +79,7 @@
 //! | frames, TCP connections | the board's | memory; a connection always has one frame of its own |
 #![no_std]
 #![forbid(unsafe_code)]
+#![deny(clippy::unwrap_used, clippy::indexing_slicing)]
 
 #[macro_use]
 mod fmt;

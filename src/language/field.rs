@@ -142,7 +142,10 @@ impl Field<'_> {
             Self::Interface(Some(name)) | Self::Line(Some(name)) => name,
             Self::OnLoss(on_loss) => on_loss,
             Self::Proofs(proofs) => proofs,
-            Self::Full(refuses) => &FULL[usize::from(**refuses)].0,
+            Self::Full(refuses) => {
+                let [(displace, _), (refuse, _)] = FULL;
+                if **refuses { refuse } else { displace }
+            }
             Self::Reserve(places, peers, _) => {
                 write!(f, " {places}")?;
                 return list(f, " for ", peers);

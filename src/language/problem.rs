@@ -191,7 +191,7 @@ pub enum Problem {
     #[error("the range ends before it starts")]
     UnitsReversed,
     /// The tag makes a broadcast of a request to one unit, or a unit id that no unit has.
-    #[error("unit {unit} would become {target}, {}", TARGETS[usize::from(*target != 0)])]
+    #[error("unit {unit} would become {target}, {}", outside(*target))]
     TagOutside {
         /// A unit of the rule.
         unit: u8,
@@ -206,7 +206,10 @@ pub enum Problem {
     SameRoute(NonZeroU16),
 }
 
-const TARGETS: [&str; 2] = ["a broadcast to all units", "but units are 1 to 247, or 255"];
+/// What is wrong with this unit as a target.
+const fn outside(target: i16) -> &'static str {
+    if target == 0 { "a broadcast to all units" } else { "but units are 1 to 247, or 255" }
+}
 
 /// Where there are no points, no problem with them arises: their texts need not be in the image.
 fn fmt_points(problem: &PointProblem, f: &mut fmt::Formatter<'_>) -> fmt::Result {

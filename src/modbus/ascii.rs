@@ -69,7 +69,7 @@ pub fn encode<'a>(
     }
     put(CARRIAGE_RETURN);
     put(end);
-    Ok(&out[..length])
+    Ok(out.get(..length).unwrap_or_default())
 }
 
 /// The two digits of a byte.

@@ -42,12 +42,14 @@ pub enum RtuError {
 /// Writes the frame of `unit` and `pdu` into `out` and gives the part that it takes.
 pub fn encode<'a>(unit: u8, pdu: &[u8], out: &'a mut [u8; FRAME_BYTES_MAX]) -> Result<&'a [u8], PduLength> {
     let pdu = PduLength::check(pdu)?;
-    let end = 1 + pdu.len();
-    out[0] = unit;
-    out[1..end].copy_from_slice(pdu);
-    let crc = crc16(&out[..end]).to_le_bytes();
-    out[end..end + 2].copy_from_slice(&crc);
-    Ok(&out[..end + 2])
+    let no_room = PduLength(pdu.len());
+    let frame = out.get_mut(..pdu.len() + OVERHEAD_BYTES).ok_or(no_room)?;
+    let (content, crc) = frame.split_last_chunk_mut().ok_or(no_room)?;
+    let (first, body) = content.split_first_mut().ok_or(no_room)?;
+    *first = unit;
+    body.copy_from_slice(pdu);
+    *crc = crc16(content).to_le_bytes();
+    Ok(frame)
 }
 
 /// The CRC of a frame of `unit` and `pdu`.
@@ -63,14 +65,14 @@ pub fn decode(frame: &[u8]) -> Result<(u8, &[u8]), RtuError> {
     if frame.len() > FRAME_BYTES_MAX {
         return Err(RtuError::Long(frame.len()));
     }
-    let [unit, pdu @ .., low, high] = frame else {
-        return Err(RtuError::Short(frame.len()));
-    };
+    let short = RtuError::Short(frame.len());
+    let Some((content, received)) = frame.split_last_chunk() else { return Err(short) };
+    let [unit, pdu @ ..] = content else { return Err(short) };
     if pdu.is_empty() {
-        return Err(RtuError::Short(frame.len()));
+        return Err(short);
     }
-    let received = u16::from_le_bytes([*low, *high]);
-    let computed = crc16(&frame[..frame.len() - 2]);
+    let received = u16::from_le_bytes(*received);
+    let computed = crc16(content);
     if received != computed {
         return Err(RtuError::Crc { received, computed });
     }

@@ -86,8 +86,10 @@ pub fn encode<'a>(
     let pdu = PduLength::check(pdu)?;
     let [transaction_high, transaction_low] = header.transaction.to_be_bytes();
     let [length_high, length_low] = (pdu.len() as u16 + 1).to_be_bytes();
-    let (head, body) = out.split_at_mut(HEADER_BYTES);
-    head.copy_from_slice(&[transaction_high, transaction_low, 0, 0, length_high, length_low, header.unit]);
-    body[..pdu.len()].copy_from_slice(pdu);
-    Ok(&out[..HEADER_BYTES + pdu.len()])
+    let no_room = PduLength(pdu.len());
+    let frame = out.get_mut(..HEADER_BYTES + pdu.len()).ok_or(no_room)?;
+    let (head, body) = frame.split_first_chunk_mut().ok_or(no_room)?;
+    *head = [transaction_high, transaction_low, 0, 0, length_high, length_low, header.unit];
+    body.copy_from_slice(pdu);
+    Ok(frame)
 }

@@ -68,12 +68,17 @@ impl Functions {
 
     const fn with_bit(self, bit: u8) -> Self {
         let mut words = self.0;
-        words[word(bit)] |= 1 << (bit % 16);
+        if let Some((_, [word, ..])) = words.split_at_mut_checked(word(bit)) {
+            *word |= 1 << (bit % 16);
+        }
         Self(words)
     }
 
     const fn has_bit(&self, bit: u8) -> bool {
-        self.0[word(bit)] >> (bit % 16) & 1 == 1
+        match self.0.split_at_checked(word(bit)) {
+            Some((_, [word, ..])) => *word >> (bit % 16) & 1 == 1,
+            _ => false,
+        }
     }
 }
 

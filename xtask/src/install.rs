@@ -24,6 +24,10 @@ pub(crate) enum Group {
     Counts,
     /// The fuzzer
     Fuzz,
+    /// Licences, sources and advisories of crates
+    Deny,
+    /// The SBOM of a release
+    Release,
 }
 
 /// Who brings it.
@@ -44,7 +48,7 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 19] = [
+const NEEDS: [Need; 21] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Peers, "socat", &["socat"]),
     by_apt(Group::Peers, "tshark", &["tshark"]),
@@ -101,6 +105,8 @@ const NEEDS: [Need; 19] = [
     by_apt(Group::Counts, "strace", &["strace"]),
     by_apt(Group::Fuzz, "c++", &["g++"]),
     by_cargo(Group::Fuzz, "cargo-fuzz"),
+    by_cargo(Group::Deny, "cargo-deny"),
+    by_cargo(Group::Release, "cargo-cyclonedx"),
 ];
 
 const fn by_apt(group: Group, name: &'static str, packages: &'static [&'static str]) -> Need {

@@ -8,9 +8,11 @@ use install::Group;
 use test::Suite;
 use tools::{Outcome, cargo, command, run};
 
+mod api;
 mod board;
 mod figures;
 mod fuzz;
+mod habits;
 mod install;
 mod peers;
 mod sizes;
@@ -44,7 +46,7 @@ enum Task {
         no_install: bool,
         groups: Vec<Group>,
     },
-    /// Checks formats, clippy's lints and the documentation
+    /// Checks formats, clippy's lints, the documentation and the rust-version
     Lint,
     /// Runs cargo for a board: `board nucleo_h743zi build`, `board core build` for the gateway's core alone
     Board {
@@ -89,6 +91,16 @@ enum Task {
     Mutation(Words),
     /// Runs the tests that depend on the machine's clock many times beside busy threads
     UnderLoad(under_load::Choice),
+    /// Checks licences, bans and sources of all crates
+    Deny,
+    /// Checks that the public items of the library crates are those of xtask/api
+    Api {
+        /// Writes the lists instead
+        #[arg(long)]
+        write: bool,
+    },
+    /// Builds what a release consists of: package, images, SBOMs; looks all crates up in the database of advisories
+    Release,
     /// Holds the figures that commands printed into a file against tests/figures
     Figures { file: std::path::PathBuf },
 }
@@ -114,7 +126,7 @@ fn carry_out(task: Task) -> Outcome {
     match task {
         Task::Test { no_install, suites } => test::run_all(&suites, !no_install),
         Task::Install { no_install, groups } => install::all(&groups, !no_install),
-        Task::Lint => test::lint(),
+        Task::Lint => habits::lint(),
         Task::Board { board, command, words } => board::run(&board, &command, &words.words),
         Task::Sizes { boards } => sizes::print(&boards),
         Task::Arm => board::arm(),
@@ -140,6 +152,9 @@ fn carry_out(task: Task) -> Outcome {
             run(cargo("run", &["--quiet", "--package", "mobgate-mutants", "--"]).args(words))
         }
         Task::UnderLoad(choice) => under_load::run_all(&choice),
+        Task::Deny => habits::deny(),
+        Task::Api { write } => api::check(write),
+        Task::Release => habits::release(),
         Task::Figures { file } => figures::hold(&file),
     }
 }

@@ -13,15 +13,16 @@ use crate::tools::{Outcome, command, figure, output, read};
 const BOARDS: [&str; 3] = ["nucleo_h743zi", "nucleo_f767zi", "nucleo_f429zi"];
 
 /// Modules of the router's core.
-const CORE: [&str; 10] = [
-    "router",
-    "route",
+const CORE: [&str; 11] = [
+    "tasks::router",
+    "routing",
+    "settings::functions",
+    "settings::policy",
+    "settings::rule",
     "frame",
     "stats",
     "gateway",
-    "tasks::router",
     "port::queue",
-    "port::units",
     "port::desk",
     "port::cache",
 ];
@@ -36,7 +37,7 @@ const PARTS: [(&str, &str); 7] = [
     ("frames", "gateway::SLOTS"),
     ("port_places", "gateway::PORT_PLACES"),
     ("connections", "gateway::SEAT_PLACES"),
-    ("router", "gateway::router::POOL"),
+    ("tasks::router", "gateway::router::POOL"),
 ];
 
 const CODE: &str = "tTrR";

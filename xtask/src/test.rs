@@ -1,9 +1,9 @@
-//! The tests, in the order in which they are quick, and the lints.
+//! The tests, in the order in which they are quick.
 
 use clap::ValueEnum;
 
 use crate::install::{self, Group};
-use crate::tools::{Outcome, built, cargo, command, output, root, run};
+use crate::tools::{Outcome, built, cargo, command, output, run};
 
 /// Tests that need the same things.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -80,23 +80,4 @@ pub(crate) fn deb() -> Outcome {
         &["deb", "--quiet", "--locked", "--strip", "--package", "mobgate-linux"],
     ))?;
     built(printed.lines().last().unwrap_or_default())
-}
-
-/// Formats of all packages; lints and documentation of those of the workspace.
-pub(crate) fn lint() -> Outcome {
-    run(&mut command("cargo", &["fmt", "--all", "--check"]))?;
-    let boards = root()
-        .join("boards")
-        .read_dir()
-        .map_err(|error| error.to_string())?
-        .flatten()
-        .map(|entry| entry.path());
-    for package in
-        boards.chain([root().join("tests/fuzz")]).filter(|folder| folder.join("Cargo.toml").exists())
-    {
-        run(command("cargo", &["fmt", "--check"]).current_dir(package))?;
-    }
-    run(&mut cargo("clippy", &["--workspace", "--all-targets", "--", "-D", "warnings"]))?;
-    run(cargo("doc", &["--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings"))?;
-    built("target/doc/mobgate/index.html")
 }

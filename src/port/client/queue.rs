@@ -216,9 +216,10 @@ impl<T> PortQueue<T> {
                 Ready::At(at) if at > now => earliest = Some(earliest.map_or(at, |other| other.min(at))),
                 Ready::At(_) | Ready::Now => {
                     let rank = self.rank(waiting);
-                    let first = &mut first[waiting.priority as usize];
                     // Of equals the one that came first.
-                    if first.is_none_or(|(other, _)| rank < other) {
+                    if let Some(first) = first.get_mut(waiting.priority as usize)
+                        && first.is_none_or(|(other, _)| rank < other)
+                    {
                         *first = Some((rank, index));
                     }
                 }
@@ -226,7 +227,7 @@ impl<T> PortQueue<T> {
         }
         let present = first.map(|first| first.is_some());
         let class = self.class(present).ok_or(earliest)?;
-        let (_, index) = first[class].ok_or(None)?;
+        let (_, index) = first.get(class).copied().flatten().ok_or(None)?;
         Ok(Turn { class, present, index })
     }
 
@@ -317,12 +318,13 @@ impl<T> PortQueue<T> {
         const NORMAL: usize = Priority::Normal as usize;
         const LOW: usize = Priority::Low as usize;
         let highest = present.iter().position(|present| *present)?;
-        let overdue = |class: usize, bound: u8| present[class] && self.passed[class] >= bound;
+        let [_, normal, low] = present;
+        let [_, normal_passed, low_passed] = self.passed;
         // A sparse high class is not held up by an overdue low one: only normal orders are, or a high flood.
         let low_bound = if highest == NORMAL { PASSED_OVER_MAX } else { 2 * PASSED_OVER_MAX };
-        if overdue(LOW, low_bound) {
+        if low && low_passed >= low_bound {
             Some(LOW)
-        } else if overdue(NORMAL, PASSED_OVER_MAX) {
+        } else if normal && normal_passed >= PASSED_OVER_MAX {
             Some(NORMAL)
         } else {
             Some(highest)

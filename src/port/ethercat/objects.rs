@@ -344,26 +344,24 @@ const LONG_PARTS: &[&[Object]] = &[
 const OBJECTS: &[Object] = &joined::<{ count(PARTS) }>(PARTS);
 const LONG_OBJECTS: &[Object] = &joined::<{ count(LONG_PARTS) }>(LONG_PARTS);
 
-const fn count(parts: &[&[Object]]) -> usize {
-    let (mut part, mut count) = (0, 0);
-    while part < parts.len() {
-        count += parts[part].len();
-        part += 1;
+const fn count(mut parts: &[&[Object]]) -> usize {
+    let mut count = 0;
+    while let [part, behind @ ..] = parts {
+        count += part.len();
+        parts = behind;
     }
     count
 }
 
 /// All of `parts` in one table.
-const fn joined<const N: usize>(parts: &[&[Object]]) -> [Object; N] {
+const fn joined<const N: usize>(mut parts: &[&[Object]]) -> [Object; N] {
     let mut all = [standard::SYNC_MANAGER_TYPES; N];
-    let (mut part, mut nth, mut filled) = (0, 0, 0);
-    while filled < N {
-        if nth < parts[part].len() {
-            all[filled] = parts[part][nth];
-            (nth, filled) = (nth + 1, filled + 1);
-        } else {
-            (part, nth) = (part + 1, 0);
-        }
+    let mut free = all.as_mut_slice();
+    while let [part, behind @ ..] = parts {
+        // There is room for all: `count` is of the same parts.
+        let Some((places, others)) = free.split_at_mut_checked(part.len()) else { break };
+        places.copy_from_slice(part);
+        (parts, free) = (behind, others);
     }
     all
 }

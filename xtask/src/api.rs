@@ -1,0 +1,143 @@
+//! The public items of the library crates, as they are declared: `xtask/api` has a list of each, so that a change of them is seen.
+//!
+//! rustdoc says what is public and where it is declared; the declaration is taken from there. No other toolchain is needed.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::tools::{Outcome, command, read, root, run};
+
+/// Packages that others build upon.
+const PACKAGES: [&str; 2] = ["mobgate", "ethercat-subdevice"];
+
+/// Compares the lists with what is public now, or writes them.
+pub(crate) fn check(write: bool) -> Outcome {
+    let mut changed = Vec::new();
+    for package in PACKAGES {
+        let now = list(package)?;
+        let file = format!("xtask/api/{package}.txt");
+        let text: String = now.iter().flat_map(|line| [line, "\n"]).collect();
+        println!("{package}: {} public items", now.len());
+        if write {
+            let file = root().join(file);
+            std::fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
+            continue;
+        }
+        let listed = read(&file)?;
+        let listed: BTreeSet<&str> = listed.lines().collect();
+        let now: BTreeSet<&str> = now.iter().map(String::as_str).collect();
+        changed.extend(listed.difference(&now).map(|line| format!("- {line}")));
+        changed.extend(now.difference(&listed).map(|line| format!("+ {line}")));
+    }
+    changed.iter().for_each(|line| eprintln!("{line}"));
+    match changed.len() {
+        0 => Ok(()),
+        count => Err(format!("{count} public items are not as listed: cargo xtask api --write")),
+    }
+}
+
+fn list(package: &str) -> Outcome<BTreeSet<String>> {
+    // Another folder than that of builds: some crates look at the variable, and would be built anew.
+    let words =
+        ["rustdoc", "--quiet", "--locked", "--lib", "--target-dir", "target/api", "--package", package];
+    let mut cargo = command("cargo", &words);
+    // JSON is an unstable format, which a stable compiler has under lock.
+    run(cargo.args(["--", "-Zunstable-options", "--output-format", "json"]).env("RUSTC_BOOTSTRAP", "1"))?;
+    let name = package.replace('-', "_");
+    let text = read(format!("target/api/doc/{name}.json"))?;
+    let json: Value = serde_json::from_str(&text).map_err(|error| format!("{name}.json: {error}"))?;
+    let mut api = Api { index: &json["index"], lines: BTreeSet::new() };
+    api.item(&json["root"], "");
+    Ok(api.lines)
+}
+
+struct Api<'j> {
+    index: &'j Value,
+    lines: BTreeSet<String>,
+}
+
+impl Api<'_> {
+    /// Notes an item that is seen from `path`, and what is seen through it.
+    fn item(&mut self, id: &Value, path: &str) {
+        let item = &self.index[id.to_string()];
+        let Some((kind, inner)) = item["inner"].as_object().and_then(|inner| inner.iter().next()) else {
+            return;
+        };
+        let visible = matches!(item["visibility"].as_str(), Some("public" | "default"));
+        if !visible {
+            return;
+        }
+        if kind == "use" {
+            self.import(inner, path);
+            return;
+        }
+        let name = item["name"].as_str().unwrap_or_default();
+        let own = if path.is_empty() { name.to_owned() } else { format!("{path}::{name}") };
+        if kind != "impl" && kind != "module" {
+            self.lines.insert(format!("{own}: {}", declaration(&item["span"])));
+        }
+        let inside = if kind == "impl" { path } else { &own };
+        let parts = ["items", "impls", "variants"].map(|part| &inner[part]);
+        let fields =
+            [&inner["kind"]["plain"]["fields"], &inner["kind"]["tuple"], &inner["kind"]["struct"]["fields"]];
+        for part in parts.into_iter().chain(fields).filter_map(Value::as_array).flatten() {
+            // Implementations of traits are seen through the trait.
+            if self.index[part.to_string()]["inner"]["impl"]["trait"].is_null() {
+                self.item(part, inside);
+            }
+        }
+    }
+
+    /// What is imported is seen here under its new name.
+    fn import(&mut self, import: &Value, path: &str) {
+        if import["is_glob"] == true {
+            for id in self.index[import["id"].to_string()]["inner"]["module"]["items"]
+                .as_array()
+                .into_iter()
+                .flatten()
+            {
+                self.item(id, path);
+            }
+            return;
+        }
+        let name = import["name"].as_str().unwrap_or_default();
+        if self.index[import["id"].to_string()].is_null() {
+            // Of another crate.
+            let source = import["source"].as_str().unwrap_or_default();
+            self.lines.insert(format!("{path}::{name}: use {source}"));
+        }
+        self.item(&import["id"], path);
+    }
+}
+
+/// An item's head in its file: up to its body or its end, in one line.
+fn declaration(span: &Value) -> String {
+    let file = Path::new(span["filename"].as_str().unwrap_or_default());
+    let number = |of: &Value, nth: usize| of[nth].as_u64().unwrap_or(1) as usize;
+    let (begin, end) = (&span["begin"], &span["end"]);
+    let text = read(file).unwrap_or_default();
+    let lines = text.lines().take(number(end, 0)).skip(number(begin, 0).saturating_sub(1));
+    let text: Vec<&str> = lines.collect();
+    let text = text.join("\n");
+    let head = text.get(number(begin, 1).saturating_sub(1)..).unwrap_or(&text);
+    let (mut depth, mut before) = (0_i32, ' ');
+    let end = head.find(|character| {
+        match character {
+            '(' | '[' | '<' => depth += 1,
+            '>' if before == '-' => {}
+            ')' | ']' | '>' => depth -= 1,
+            _ => {}
+        }
+        before = character;
+        // The value of a constant is no part of what callers write.
+        depth == 0 && matches!(character, '{' | ';' | '=')
+    });
+    head[..end.unwrap_or(head.len())]
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
+        .trim_end_matches(',')
+        .to_owned()
+}

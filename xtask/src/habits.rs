@@ -1,0 +1,120 @@
+//! What keeps the repository as it is: licences and sources of crates, the Rust version, the editor's projects, a release.
+
+use std::path::PathBuf;
+
+use crate::board;
+use crate::install::{self, Group};
+use crate::test;
+use crate::tools::{Outcome, built, cargo, command, output, program, read, root, run};
+
+/// Folders of boards/ and tests/ that are workspaces of their own.
+fn workspaces() -> Outcome<Vec<PathBuf>> {
+    let boards = root().join("boards").read_dir().map_err(|error| format!("boards/: {error}"))?;
+    let folders = boards.flatten().map(|entry| entry.path()).chain([root().join("tests/fuzz")]);
+    let mut own: Vec<PathBuf> = folders.filter(|folder| folder.join("Cargo.lock").exists()).collect();
+    own.sort();
+    Ok(own)
+}
+
+/// Checks licences, bans and sources of all crates, of the workspace and of each board: see deny.toml.
+pub(crate) fn deny() -> Outcome {
+    install::check(&[Group::Deny])?;
+    cargo_deny(&["bans", "licenses", "sources"])
+}
+
+fn cargo_deny(checks: &[&str]) -> Outcome {
+    for folder in std::iter::once(root().to_owned()).chain(workspaces()?) {
+        let mut deny =
+            command("cargo-deny", &["--locked", "--workspace", "--config", "deny.toml", "--manifest-path"]);
+        run(deny.arg(folder.join("Cargo.toml")).arg("check").args(checks))?;
+    }
+    Ok(())
+}
+
+/// Builds what a release consists of, after its crates were looked up in the database of advisories: fails without it.
+pub(crate) fn release() -> Outcome {
+    install::check(&[Group::Release, Group::Deny, Group::Package, Group::Thumb])?;
+    cargo_deny(&["advisories"])?;
+    test::deb()?;
+    for board in ["nucleo_h743zi", "nucleo_f767zi", "nucleo_f429zi"] {
+        board::run(board, "build", &[])?;
+    }
+    // What the program and each image are made of, in CycloneDX.
+    let linux = root().join("boards/linux");
+    for folder in std::iter::once(linux).chain(workspaces()?.into_iter().filter(|of| !of.ends_with("fuzz"))) {
+        let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let mut sbom = command(
+            "cargo-cyclonedx",
+            &["cyclonedx", "--quiet", "--format", "json", "--override-filename", "sbom"],
+        );
+        run(sbom.arg("--manifest-path").arg(folder.join("Cargo.toml")))?;
+        let to = root().join("target").join(format!("mobgate-{name}.cdx.json"));
+        std::fs::rename(folder.join("sbom.json"), &to)
+            .map_err(|error| format!("{}: {error}", to.display()))?;
+        built(to)?;
+    }
+    Ok(())
+}
+
+/// Builds the workspace with the oldest Rust that it says it needs, unless that is the one in use.
+pub(crate) fn rust_version() -> Outcome {
+    let manifest = read("Cargo.toml")?;
+    let line = manifest.lines().find(|line| line.starts_with("rust-version = "));
+    let wanted = line.and_then(|line| line.split('"').nth(1)).ok_or("Cargo.toml has no rust-version")?;
+    for folder in workspaces()? {
+        let own = read(folder.join("Cargo.toml"))?;
+        if own.contains("rust-version = \"") && !own.contains(&format!("rust-version = \"{wanted}\"")) {
+            return Err(format!("{} has another rust-version than {wanted}", folder.display()));
+        }
+    }
+    let used = output(&mut command("rustc", &["--version"]))?;
+    if used.split(' ').nth(1).is_some_and(|version| version.starts_with(&format!("{wanted}."))) {
+        println!("rust-version {wanted} is the Rust in use: {}", used.trim());
+        return Ok(());
+    }
+    if program("rustup").is_none() {
+        return Err(format!(
+            "rust-version {wanted} is not built by {}, and there is no rustup for another",
+            used.trim()
+        ));
+    }
+    let mut check =
+        command("rustup", &["run", wanted, "cargo", "check", "--locked", "--workspace", "--all-targets"]);
+    run(check
+        .args(["--target-dir", "target/rust-version"])
+        .env_remove("RUSTUP_TOOLCHAIN")
+        .env_remove("RUSTC"))
+    .map_err(|error| format!("{error} (rustup toolchain install {wanted})"))
+}
+
+/// Formats of all packages; lints and documentation of those of the workspace; what editors, crates and callers see.
+pub(crate) fn lint() -> Outcome {
+    run(&mut command("cargo", &["fmt", "--all", "--check"]))?;
+    let boards =
+        root().join("boards").read_dir().map_err(|error| error.to_string())?.flatten().map(|of| of.path());
+    for package in
+        boards.chain([root().join("tests/fuzz")]).filter(|folder| folder.join("Cargo.toml").exists())
+    {
+        run(command("cargo", &["fmt", "--check"]).current_dir(package))?;
+    }
+    linked_projects()?;
+    rust_version()?;
+    run(&mut cargo("clippy", &["--workspace", "--all-targets", "--", "-D", "warnings"]))?;
+    run(cargo("doc", &["--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings"))?;
+    built("target/doc/mobgate/index.html")
+}
+
+/// Whether rust-analyzer knows the packages that are not in the workspace.
+fn linked_projects() -> Outcome {
+    let settings = read(".vscode/settings.json")?;
+    for folder in workspaces()? {
+        let manifest = folder.strip_prefix(root()).unwrap_or(&folder).join("Cargo.toml");
+        if !settings.contains(&format!("\"{}\"", manifest.display())) {
+            return Err(format!(
+                "rust-analyzer.linkedProjects in .vscode/settings.json lacks {}",
+                manifest.display()
+            ));
+        }
+    }
+    Ok(())
+}

@@ -16,6 +16,7 @@ mod cut_start;
 mod cut_through;
 mod cut_torture;
 mod decisions;
+mod documents;
 mod flights;
 mod floods;
 mod frames;

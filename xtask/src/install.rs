@@ -24,6 +24,8 @@ pub(crate) enum Group {
     Counts,
     /// The fuzzer
     Fuzz,
+    /// The documents as a book
+    Book,
     /// Licences, sources and advisories of crates
     Deny,
     /// The SBOM of a release
@@ -48,7 +50,7 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 21] = [
+const NEEDS: [Need; 22] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
     by_apt(Group::Peers, "socat", &["socat"]),
     by_apt(Group::Peers, "tshark", &["tshark"]),
@@ -105,6 +107,7 @@ const NEEDS: [Need; 21] = [
     by_apt(Group::Counts, "strace", &["strace"]),
     by_apt(Group::Fuzz, "c++", &["g++"]),
     by_cargo(Group::Fuzz, "cargo-fuzz"),
+    by_cargo(Group::Book, "mdbook"),
     by_cargo(Group::Deny, "cargo-deny"),
     by_cargo(Group::Release, "cargo-cyclonedx"),
 ];

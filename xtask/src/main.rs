@@ -10,6 +10,7 @@ use tools::{Outcome, cargo, command, run};
 
 mod api;
 mod board;
+mod book;
 mod figures;
 mod fuzz;
 mod habits;
@@ -91,6 +92,12 @@ enum Task {
     Mutation(Words),
     /// Runs the tests that depend on the machine's clock many times beside busy threads
     UnderLoad(under_load::Choice),
+    /// Builds the documents as a book, after their links, tables and blocks were checked
+    Book {
+        /// Builds nothing
+        #[arg(long)]
+        check: bool,
+    },
     /// Checks licences, bans and sources of all crates
     Deny,
     /// Checks that the public items of the library crates are those of xtask/api
@@ -152,6 +159,7 @@ fn carry_out(task: Task) -> Outcome {
             run(cargo("run", &["--quiet", "--package", "mobgate-mutants", "--"]).args(words))
         }
         Task::UnderLoad(choice) => under_load::run_all(&choice),
+        Task::Book { check } => book::make(check),
         Task::Deny => habits::deny(),
         Task::Api { write } => api::check(write),
         Task::Release => habits::release(),

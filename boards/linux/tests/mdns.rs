@@ -35,7 +35,9 @@ impl Browser {
     }
 
     fn next(&self) -> String {
-        self.seen.recv_timeout(PATIENCE).expect("something is found: cargo xtask install peers brings zeroconf")
+        self.seen
+            .recv_timeout(PATIENCE)
+            .expect("something is found: cargo xtask install peers brings zeroconf")
     }
 }
 

@@ -1,0 +1,91 @@
+//! The documents' console sessions are played at a simulated gateway, and their settings for boards are read by it.
+//!
+//! What a session prints is compared line by line; `...` stands for any lines.
+
+use std::path::Path;
+
+use embassy_time::Duration;
+use mobgate::settings::{Framing, LineSettings, Parity};
+use mobgate_simulator::console::typed;
+use mobgate_simulator::fault::When;
+use mobgate_simulator::{Device, Fault, Faults, Rig, World, device, rig};
+
+use blocks::{Block, blocks};
+
+mod blocks;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn sessions_print_what_the_documents_say() {
+    let wrong: Vec<String> =
+        blocks(root(), "console").iter().filter_map(|block| played(block).err()).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn settings_of_boards_are_good() {
+    for Block { place, with, lines, .. } in blocks(root(), "settings board") {
+        let settings = [with, lines].concat().join("\n");
+        println!("{place}");
+        rig::with_gateway(1, &settings, |_, _| ());
+    }
+}
+
+/// Plays a session; an error shows what was printed.
+fn played(block: &Block) -> Result<(), String> {
+    let (units, settings): (Vec<&String>, _) = block.with.iter().partition(|line| line.starts_with("units "));
+    let settings: String = settings.iter().flat_map(|line| [line, "\n"]).collect();
+    rig::with_gateway(1, &settings, |world, rig| {
+        units.iter().for_each(|line| attach(world, rig, line));
+        let mut lines = block.lines.iter().map(String::as_str).peekable();
+        while let Some(line) = lines.next() {
+            let (_, command) =
+                line.split_once("> ").unwrap_or_else(|| panic!("{}: no prompt: {line}", block.place));
+            let mut expected = Vec::new();
+            while let Some(line) =
+                lines.next_if(|line| !line.starts_with("mobgate> ") && !line.starts_with("mobgate*> "))
+            {
+                expected.push(line);
+            }
+            let printed = world.run_until(typed(rig.gateway, command));
+            let printed: Vec<&str> = printed.lines().map(str::trim_end).collect();
+            if !fits(&expected, &printed) {
+                return Err(format!("{}: {command}\n{}", block.place, printed.join("\n")));
+            }
+        }
+        Ok(())
+    })
+}
+
+/// `units 3 7 on /dev/ttyUSB0 9600 8N1`, and perhaps `late about 8ms`: exponentially, with this mean.
+fn attach<'g>(world: &World<'g>, rig: &Rig<'g>, line: &str) {
+    let (line, late) =
+        line.split_once(" late about ").map_or((line, None), |(line, late)| (line, Some(late)));
+    let mut faults = Faults::new(1);
+    if let Some(ms) = late.and_then(|late| late.strip_suffix("ms")) {
+        faults = faults.with(When::Always, Fault::Lingers(Duration::from_millis(ms.parse().unwrap())));
+    }
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let ["units", ids @ .., "on", wire, baud, format] = &words[..] else { panic!("{line}") };
+    let parity = match format.as_bytes() {
+        b"8E1" => Parity::Even,
+        b"8N1" => Parity::None,
+        _ => panic!("{line}"),
+    };
+    let line = LineSettings { baud: baud.parse().unwrap(), parity, ..LineSettings::DEFAULT };
+    let devices = ids.iter().map(|id| Device::new(id.parse().unwrap()).with_faults(faults.clone())).collect();
+    world.spawn(device::serve(rig.wire(wire).tap(line), devices));
+}
+
+fn fits(expected: &[&str], printed: &[&str]) -> bool {
+    match expected {
+        [] => printed.is_empty(),
+        ["...", rest @ ..] => (0..=printed.len()).any(|skipped| fits(rest, &printed[skipped..])),
+        [line, rest @ ..] => {
+            printed.split_first().is_some_and(|(first, others)| first == line && fits(rest, others))
+        }
+    }
+}

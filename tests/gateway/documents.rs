@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use embassy_time::Duration;
-use mobgate::settings::{Framing, LineSettings, Parity};
+use mobgate::settings::{LineSettings, Parity};
 use mobgate_simulator::console::typed;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::{Device, Fault, Faults, Rig, World, device, rig};

@@ -22,9 +22,9 @@ const CORE: [&str; 11] = [
     "frame",
     "stats",
     "gateway",
-    "port::queue",
-    "port::desk",
-    "port::cache",
+    "port::client::queue",
+    "port::client::dispatcher",
+    "port::client::cache",
 ];
 /// Tasks of the ports themselves: framing, timing, sockets.
 const NOT_CORE: [&str; 3] = ["run_port", "run_seat", "play<"];

@@ -16,7 +16,6 @@ use core::task::Poll;
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::waitqueue::WakerRegistration;
 
 use crate::modbus::{PDU_BYTES_MAX, Pdu};
 use crate::settings::Sharing;
@@ -24,96 +23,14 @@ use crate::settings::Sharing;
 mod channel;
 mod envelope;
 mod errand;
+mod merged;
+mod slot;
 
 pub use self::channel::Channel;
 pub use self::envelope::{Cause, Envelope, Origin, Stage, Way};
 pub(crate) use self::errand::Errand;
-
-/// How far a frame's PDU is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fill {
-    /// More bytes come.
-    Filling,
-    /// All bytes are there.
-    Complete,
-    /// The writer gave up: what is there must not be used.
-    Broken,
-}
-
-/// Storage of one frame. Boards keep an array of them in a static; it is all zeros at start.
-pub struct Slot(Mutex<CriticalSectionRawMutex, RefCell<SlotState>>);
-
-struct SlotState {
-    envelope: Option<Envelope>,
-    errand: Errand,
-    pdu: [u8; PDU_BYTES_MAX],
-    length: u8,
-    /// How long the PDU will be, once that is known; else 0.
-    expected: u8,
-    /// The CRC of unit and PDU, as long as nobody knows whether it is good: as it came, or, of an ASCII frame, one that is as
-    /// right or wrong as its LRC; and how much of it is there.
-    crc: [u8; 2],
-    crc_bytes: u8,
-    /// Handles to this slot, the writer's included; 0: free.
-    handles: u8,
-    fill: Fill,
-    /// The next slot in the list or channel that this one is in: its index + 1; 0: the last one.
-    next: u16,
-    /// The first of the frames that ride on this one: its index + 1; 0: none.
-    rider: u16,
-    waiting: WakerRegistration,
-}
-
-impl Slot {
-    /// A free slot.
-    pub const fn new() -> Self {
-        Self(Mutex::new(RefCell::new(SlotState {
-            envelope: None,
-            errand: Errand::NONE,
-            pdu: [0; PDU_BYTES_MAX],
-            length: 0,
-            expected: 0,
-            crc: [0; 2],
-            crc_bytes: 0,
-            handles: 0,
-            fill: Fill::Filling,
-            next: 0,
-            rider: 0,
-            waiting: WakerRegistration::new(),
-        })))
-    }
-}
-
-impl SlotState {
-    fn restart(&mut self) {
-        self.length = 0;
-        self.expected = 0;
-        self.crc_bytes = 0;
-        self.fill = Fill::Filling;
-    }
-
-    /// Puts all of `pdu` here, of which what is longer than a PDU may be is left out.
-    fn put(&mut self, pdu: &[u8]) {
-        let length = pdu.len().min(PDU_BYTES_MAX);
-        if let (Some(place), Some(pdu)) = (self.pdu.get_mut(..length), pdu.get(..length)) {
-            place.copy_from_slice(pdu);
-        }
-        self.length = length as u8;
-        self.fill = Fill::Complete;
-    }
-
-    /// What is there.
-    fn arrived(&self) -> usize {
-        let check = if self.fill == Fill::Complete { 0 } else { self.crc_bytes };
-        usize::from(self.length) + usize::from(check)
-    }
-}
-
-impl Default for Slot {
-    fn default() -> Self {
-        Self::new()
-    }
-}
+use self::slot::SlotState;
+pub use self::slot::{Fill, FrameFull, Slot};
 
 /// The pool over a board's slots.
 pub struct FramePool<'p> {
@@ -389,29 +306,6 @@ impl<'p> Frame<'p> {
         complete(self) && complete(other) && self.pdu(|pdu| other.pdu(|twin| pdu == twin))
     }
 
-    /// Lets `rider`, which rides on no frame and is in no channel, ride on this one, in front of those that do so already.
-    pub fn carry(&self, rider: Frame<'p>) {
-        let link = rider.index + 1;
-        let behind = self.with(|slot| mem::replace(&mut slot.rider, link));
-        rider.with(|slot| slot.next = behind.unwrap_or(0));
-        // This frame holds the handle from here on, as an index.
-        mem::forget(rider);
-    }
-
-    /// Whether others ride on this frame.
-    pub fn is_laden(&self) -> bool {
-        self.with(|slot| slot.rider != 0) == Some(true)
-    }
-
-    /// Takes the first of the frames that ride on this one.
-    pub fn unload(&self) -> Option<Frame<'p>> {
-        let index = self.with(|slot| slot.rider)?.checked_sub(1)?;
-        let rider = Self { pool: self.pool, index };
-        let next = rider.with(|slot| mem::take(&mut slot.next));
-        self.with(|slot| slot.rider = next.unwrap_or(0));
-        Some(rider)
-    }
-
     /// A second handle to the same frame.
     pub fn share(&self) -> Self {
         self.with(|slot| slot.handles += 1);
@@ -449,11 +343,6 @@ impl Drop for Frame<'_> {
 pub struct FrameWriter<'p> {
     frame: Frame<'p>,
 }
-
-/// The PDU would be longer than [`PDU_BYTES_MAX`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("longer than a PDU may be")]
-pub struct FrameFull;
 
 impl<'p> FrameWriter<'p> {
     /// The frame that is being filled.

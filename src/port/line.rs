@@ -8,8 +8,7 @@ use core::pin::pin;
 
 use embassy_time::{Duration, Instant, TimeoutError, Timer, with_deadline, with_timeout};
 
-use crate::hal::Relay;
-use crate::hal::{Flaws, SerialLine};
+use crate::hal::{Flaws, Relay, SerialLine};
 use crate::modbus::rtu;
 use crate::port::timer::within;
 use crate::settings::{Driver, LineSettings};

@@ -14,7 +14,10 @@
 
 mod dispatch;
 mod join;
+mod next;
 mod order;
+mod outcome;
+mod proof;
 
 use core::cell::{Cell, RefCell, RefMut};
 
@@ -24,17 +27,17 @@ use embassy_sync::signal::Signal;
 use embassy_time::Instant;
 use heapless::Vec;
 
-use crate::frame::{Cause, Envelope, Errand, Fill, Frame, Stage, Way};
+use crate::frame::{Cause, Envelope, Errand, Frame, Stage, Way};
 use crate::gateway::outstanding::Purpose;
-use crate::gateway::unit_health::{Care, Gate, Ready, Step};
+use crate::gateway::unit_health::{Care, Gate};
 use crate::gateway::{Gateway, PortAt};
-use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
-use crate::modbus::{Exception, PDU_BYTES_MAX, Pdu};
+use crate::modbus::pdu::{self};
+use crate::modbus::{Exception, Pdu};
 use crate::port::client::cache::{Cache, Question};
 use crate::port::client::dispatcher::join::Joint;
 use crate::port::client::dispatcher::order::{asker, block, ticket};
 use crate::port::client::pending::FLIGHTS_MAX;
-use crate::port::client::queue::{Access, BROADCAST, Next, PortQueue, Ticket, WAITING_MAX};
+use crate::port::client::queue::{Access, BROADCAST, PortQueue, Ticket, WAITING_MAX};
 use crate::port::client::servers::{LINKS_MAX, Servers};
 use crate::port::timer::until;
 use crate::settings::{PortId, PortKind, SerialSettings};
@@ -211,119 +214,6 @@ impl<'g> Desk<'g> {
         self.place.set_waiting(self.queue().len());
     }
 
-    /// Sends home what must not be sent any more.
-    fn sweep(&self) {
-        let now = Instant::now();
-        self.swept.set(milliseconds(now));
-        let gate = self.gates(self.all_well(now));
-        loop {
-            let unwanted = self.queue().take_if(|frame, ticket| {
-                if self.gateway.is_gone(frame.origin()) {
-                    Some(Event::AskerGone)
-                } else if ticket.deadline <= now {
-                    Some(Event::Expired)
-                } else if gate(ticket.unit) == Gate::Down && !frame.envelope().paced {
-                    Some(Event::UnitDown)
-                } else {
-                    None
-                }
-            });
-            match unwanted {
-                Some((frame, event)) => self.fail(frame, event, Exception::GATEWAY_NO_RESPONSE),
-                None => return self.count_waiting(),
-            }
-        }
-    }
-
-    /// The next order for `link`, which is being carried out from now on.
-    pub(crate) fn next(&self, link: u8) -> Next<Frame<'g>> {
-        let now = Instant::now();
-        self.sweep_if_due(now);
-        if LINKS_MAX > 1 && self.current().is_full() {
-            return Next::Empty;
-        }
-        loop {
-            // An order that was postponed has closed its unit's gate.
-            let ready = self.readiness(now);
-            let is_only = LINKS_MAX == 1 || self.servers().len() == 1;
-            let is_here = |unit| is_only || self.servers().link(unit) == Some(link);
-            let ready = |unit| if is_here(unit) { ready(unit) } else { Ready::Elsewhere };
-            let next = self.queue().next(now, ready);
-            let Next::Serve(frame, ticket) = next else {
-                self.count_waiting();
-                return next;
-            };
-            // Others whose askers have gone are found out when their turn comes, or the queue is full.
-            if self.gateway.is_gone(frame.origin()) {
-                self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
-                continue;
-            }
-            let in_step = match self.step(&frame, &ticket, now) {
-                Some(in_step) => in_step,
-                None => {
-                    self.postpone(frame);
-                    continue;
-                }
-            };
-            let current = frame.share_for(self.start(&frame, &ticket, in_step, now));
-            // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
-            let _ = self.current().push(current);
-            self.count_waiting();
-            return Next::Serve(frame, ticket);
-        }
-    }
-
-    /// Sends home what must not be sent any more, if there may be something.
-    fn sweep_if_due(&self, now: Instant) {
-        if !self.all_well(now) || self.queue().first_deadline().is_some_and(|deadline| deadline <= now) {
-            self.sweep();
-        }
-    }
-
-    /// Says of each unit when it may be asked.
-    fn readiness(&self, now: Instant) -> impl Fn(u8) -> Ready {
-        let gate = self.gates(self.all_well(now));
-        move |unit| match gate(unit) {
-            Gate::Open(ready) => ready,
-            // Only an asker who is not kept from it has an order here.
-            Gate::Down => self.place.units(|units| units.attempt(unit, now)),
-        }
-    }
-
-    /// Whether the unit that `frame` is for is in step, so that it may share its transaction and be passed on while it arrives. None
-    /// when it must not be sent now. Notes what is to be sent before it.
-    fn step(&self, frame: &Frame<'g>, ticket: &Ticket, now: Instant) -> Option<bool> {
-        let unit = ticket.unit;
-        self.set_proof(unit, None);
-        if self.transaction_ids || unit == BROADCAST {
-            return Some(true);
-        }
-        self.place.units(|units| {
-            if units.is_in_step(unit, false) {
-                return Some(true);
-            }
-            if frame.filled().1 == Fill::Filling {
-                return None;
-            }
-            let care = self.gateway.settings(|settings| care(&settings.port(self.id)?.kind, unit))?;
-            let step = frame.pdu(|request| Some(units.step(unit, request, &care, now)))?;
-            match step {
-                Step::Direct => {}
-                Step::Prove(request, purpose) => self.set_proof(unit, Some(Proving { request, purpose })),
-                Step::Wait => return None,
-            }
-            Some(false)
-        })
-    }
-
-    /// `frame` waits on. One that still arrives comes again when it is whole.
-    fn postpone(&self, frame: Frame<'g>) {
-        if !frame.abandon() {
-            let envelope = frame.envelope();
-            self.enqueue(frame, &envelope, PortQueue::put_back);
-        }
-    }
-
     /// What is to be sent for `order`: its request, or what has to be proved before.
     pub(crate) fn request(&self, order: &Frame<'g>) -> Pdu {
         let mut pdu = Pdu::new();
@@ -338,26 +228,6 @@ impl<'g> Desk<'g> {
             Some(proof) => look(&proof.request),
             None => order.pdu(look),
         }
-    }
-
-    /// Whether the [`Desk::request`] for `order` is a proof.
-    pub(crate) fn is_proving(&self, order: &Frame<'g>) -> bool {
-        self.proof(order).is_some()
-    }
-
-    /// What is sent before `order`.
-    fn proof(&self, order: &Frame<'g>) -> Option<Proving> {
-        self.proof_place(order.target())?.get()
-    }
-
-    fn set_proof(&self, unit: u8, proof: Option<Proving>) {
-        self.proof_place(unit).into_iter().for_each(|place| place.set(proof));
-    }
-
-    /// That of the link that has the server of `unit`.
-    fn proof_place(&self, unit: u8) -> Option<&Cell<Option<Proving>>> {
-        let link = if self.has_one_link() { 0 } else { self.servers().link(unit)? };
-        self.proofs.get(usize::from(link))
     }
 
     /// The [`Desk::request`] for `order` is sent to `unit` now.
@@ -375,38 +245,6 @@ impl<'g> Desk<'g> {
                 }
             });
         }
-    }
-
-    /// `unit` has answered the proof that `order` waited for, which waits for its turn again: by then others may share its transaction.
-    pub(crate) fn proved(&self, order: &Frame<'g>, unit: u8) {
-        self.place.units(|units| units.proved(unit));
-        self.take_back(order);
-    }
-
-    /// The proof got no answer, and so `order` gets none, unless the unit has answered something else.
-    pub(crate) fn not_proved(&self, order: &Frame<'g>, unit: u8, down_after: u8, retries: u8) {
-        // Who spares servers by himself is not held back.
-        let down_after = if order.envelope().paced { 0 } else { down_after };
-        if self.place.units(|units| units.not_proved(unit, Instant::now(), down_after)) {
-            self.failed(order, retries);
-        } else {
-            self.take_back(order);
-        }
-    }
-
-    /// `order` waits for its turn again, and so do those that ride on it, each by itself.
-    pub(crate) fn take_back(&self, order: &Frame<'g>) {
-        let Some((frame, errand)) = self.take(order) else { return };
-        errand.part(&frame);
-        self.postpone_each(frame);
-    }
-
-    /// `order` and those that ride on it wait on, each by itself.
-    fn postpone_each(&self, order: Frame<'g>) {
-        while let Some(rider) = order.unload() {
-            self.postpone(rider);
-        }
-        self.postpone(order);
     }
 
     /// Lets the orders that can share the transaction of `leader` ride on it if its unit is `in_step`, and notes what its answer is
@@ -458,63 +296,6 @@ impl<'g> Desk<'g> {
         if joins { Some(joint.join_all(others)) } else { None }
     }
 
-    /// Sends `order` home with what it holds by now as its answer.
-    pub(crate) fn done(&self, order: &Frame<'g>) {
-        let Some((frame, errand)) = self.take(order) else { return };
-        if order.function() & EXCEPTION_BIT != 0 && errand.part(order) {
-            return self.part(frame);
-        }
-        if order.sharing().cache_ms == 0 && !order.is_laden() {
-            return self.give(frame);
-        }
-        let answer = &order.content();
-        let give = |frame: Frame<'g>, asked| {
-            let mut part = [0; PDU_BYTES_MAX];
-            let answer = errand.answer_to(asked, answer, &mut part);
-            self.keep(&errand, &frame, asked, answer);
-            if !is_answering(&frame) {
-                // It fitted into a frame of the same size.
-                let _ = frame.replace(answer);
-            }
-            self.give(frame);
-        };
-        give(frame, errand.asked);
-        while let Some(rider) = order.unload() {
-            self.place.stats.count(Event::Merged);
-            let asked = block(&rider);
-            give(rider, asked);
-        }
-    }
-
-    /// Sends home `frame`, which holds its answer, unless whoever asked has it already.
-    fn give(&self, frame: Frame<'g>) {
-        if is_answering(&frame) {
-            self.gateway.note(&frame, &frame.envelope());
-        } else {
-            self.gateway.answered(frame);
-        }
-    }
-
-    /// Keeps the `answer` to a request for `asked` if it may be used again.
-    fn keep(&self, errand: &Errand, frame: &Frame<'g>, asked: Option<Block>, answer: &[u8]) {
-        let is_exception = answer.first().is_some_and(|function| function & EXCEPTION_BIT != 0);
-        // The device may have read before a write that has ended meanwhile.
-        let is_old = errand.writes_ended != self.writes_ended.get();
-        let Some(block) = asked.filter(|_| !is_exception && !is_old) else { return };
-        if frame.sharing().cache_ms > 0 {
-            let unit = frame.target();
-            self.cache().keep(Question { unit, block }, answer, errand.since);
-        }
-    }
-
-    /// The unit refused what several reads had joined: each is sent by itself, before anything that came after it.
-    fn part(&self, order: Frame<'g>) {
-        let unit = order.target();
-        self.place.stats.count(Event::Parted);
-        self.place.units(|units| units.refused_join(unit, Instant::now()));
-        self.postpone_each(order);
-    }
-
     /// Answers a read from memory if its rule allows that and a new enough answer is there; else gives it back.
     fn answer_from_memory(&self, frame: Frame<'g>, envelope: &Envelope) -> Option<Frame<'g>> {
         let Envelope { target, sharing, .. } = *envelope;
@@ -541,90 +322,6 @@ impl<'g> Desk<'g> {
     fn is_writing(&self, unit: u8) -> bool {
         let writes = |order: &Frame<'g>| order.errand().writes && [unit, BROADCAST].contains(&order.target());
         self.queue().writes_to(unit) || self.current().iter().any(writes)
-    }
-
-    /// `order`, which was sent while it arrived, is whole: what it does is known by now.
-    pub(crate) fn arrived(&self, order: &Frame<'g>) {
-        let writes = !order.pdu(pdu::is_read);
-        let asked = block(order);
-        order.amend_errand(|errand| (errand.writes, errand.asked) = (writes, asked));
-    }
-
-    /// Gives whoever asked `order` while its answer is still written into it.
-    pub(crate) fn answering(&self, order: &Frame<'g>) {
-        order.set_stage(Stage::Answering);
-        self.gateway.inbox.send(order.share());
-    }
-
-    /// Drops `order`, which was broken off while it arrived: whoever sent it knows.
-    pub(crate) fn forget(&self, order: &Frame<'g>) {
-        drop(self.take(order));
-    }
-
-    /// Sends `order` home without an answer: a broadcast.
-    pub(crate) fn done_silently(&self, order: &Frame<'g>) {
-        if let Some((frame, _)) = self.take(order) {
-            self.gateway.finish_broadcast(frame);
-        }
-    }
-
-    /// `order` got no answer: it and those that ride on it are repeated up to `retries` times if it is a read, else
-    /// answered 0Bh.
-    ///
-    /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other order, and until the
-    /// late answer can no longer come.
-    pub(crate) fn failed(&self, order: &Frame<'g>, retries: u8) {
-        let Some((frame, errand)) = self.take(order) else { return };
-        errand.part(&frame);
-        let mut repeated = self.again(frame, retries);
-        let Envelope { cause, .. } = order.envelope();
-        while let Some(rider) = order.unload() {
-            rider.blame(cause);
-            repeated |= self.again(rider, retries);
-        }
-        if repeated {
-            self.place.stats.count(Event::Retry);
-        }
-    }
-
-    /// Ends the carrying out of `order`, and tells what was noted of it.
-    fn take(&self, order: &Frame<'g>) -> Option<(Frame<'g>, Errand)> {
-        let mut current = self.current();
-        let at = current.iter().position(|current| current.is(order))?;
-        if LINKS_MAX > 1 && current.is_full() {
-            // Others may have waited for that.
-            self.news.iter().for_each(|news| news.signal(()));
-        }
-        let ended = current.swap_remove(at);
-        let errand = ended.errand();
-        if errand.writes {
-            self.writes_ended.set(self.writes_ended.get().wrapping_add(1));
-            self.cache().written(order.target());
-        }
-        Some((ended, errand))
-    }
-
-    /// Puts an order that got no answer back in the queue, or answers it 0Bh; says which.
-    fn again(&self, frame: Frame<'g>, retries: u8) -> bool {
-        let mut envelope = frame.envelope();
-        let is_last = envelope.paced || envelope.repeats >= retries;
-        if is_last || is_answering(&frame) || !frame.pdu(pdu::is_read) {
-            self.give_up(frame);
-            return false;
-        }
-        envelope.repeats += 1;
-        frame.address(envelope);
-        self.enqueue(frame, &envelope, PortQueue::push);
-        true
-    }
-
-    /// Answers an order 0Bh, unless its answer has begun: then nothing can follow it.
-    fn give_up(&self, frame: Frame<'g>) {
-        if is_answering(&frame) {
-            self.gateway.note(&frame, &frame.envelope());
-        } else {
-            self.gateway.refuse(frame, Exception::GATEWAY_NO_RESPONSE);
-        }
     }
 
     /// Opens the desk: orders are queued.
@@ -660,31 +357,6 @@ impl<'g> Desk<'g> {
             self.fail(frame, event, Exception::GATEWAY_NO_PATH);
         }
         self.count_waiting();
-    }
-
-    /// Whether no unit has to be looked at by itself.
-    fn all_well(&self, now: Instant) -> bool {
-        self.place.units(|units| units.all_well(now))
-    }
-
-    /// Says of each unit whether it may be asked. Mostly all are well.
-    fn gates(&self, all_well: bool) -> impl Fn(u8) -> Gate {
-        move |unit| if all_well { Gate::Open(Ready::Now) } else { self.gate(unit) }
-    }
-
-    fn gate(&self, unit: u8) -> Gate {
-        let gate = self.place.units(|units| {
-            if !units.troubled() {
-                return Some(Gate::Open(Ready::Now));
-            }
-            match units.gate(unit, Instant::now()) {
-                Gate::Open(_) if units.is_down(unit) => None,
-                gate => Some(gate),
-            }
-        });
-        // A unit that is down gets one probe at a time.
-        let probed = || self.current().iter().any(|order| order.target() == unit);
-        gate.unwrap_or_else(|| if probed() { Gate::Down } else { Gate::Open(Ready::Now) })
     }
 
     fn fail(&self, frame: Frame<'g>, event: Event, exception: Exception) {

@@ -23,6 +23,10 @@ use heapless::Vec;
 use crate::gateway::unit_health::Ready;
 use crate::settings::Priority;
 
+mod fairness;
+#[cfg(test)]
+mod tests;
+
 /// Orders that may wait at one port. With the feature `small` a port does not hold more than a small board has frames.
 pub const WAITING_MAX: usize = if cfg!(feature = "small") { 24 } else { 64 };
 /// Askers whose last turn is remembered; those of all that wait are among them.
@@ -336,81 +340,6 @@ impl<T> PortQueue<T> {
             *passed = if class > served && present { passed.saturating_add(1) } else { 0 };
         }
     }
-
-    /// The place of `asker` in the table, made if there is none.
-    fn place_of(&mut self, asker: Asker) -> u8 {
-        if let Some(place) = self.askers.iter().position(|known| known.asker == asker) {
-            return place as u8;
-        }
-        let of_address = self.askers.iter().find(|known| known.asker.address == asker.address);
-        let known = Known { asker, turn: 0, by_address: of_address.map_or(0, |known| known.by_address) };
-        let Err(known) = self.askers.push(known) else { return (self.askers.len() - 1) as u8 };
-        // The one served longest ago ranks like one never served, so it may be forgotten. Not all wait: there is room.
-        let waits = |place: usize| self.waiting.iter().any(|waiting| usize::from(waiting.asker) == place);
-        let idle = self.askers.iter().enumerate().filter(|(place, _)| !waits(*place));
-        let oldest = idle.min_by_key(|(_, known)| known.turn).map_or(0, |(place, _)| place);
-        if let Some(place) = self.askers.get_mut(oldest) {
-            *place = known;
-        }
-        oldest as u8
-    }
-
-    fn note_turn(&mut self, place: u8) {
-        let turn = self.turns.checked_add(1).unwrap_or_else(|| {
-            // Once in four thousand million turns everybody starts afresh.
-            self.askers.iter_mut().for_each(|known| (known.turn, known.by_address) = (0, 0));
-            1
-        });
-        self.turns = turn;
-        let Some(served) = self.askers.get_mut(usize::from(place)) else { return };
-        served.turn = turn;
-        let address = served.asker.address;
-        let of_address = self.askers.iter_mut().filter(|known| known.asker.address == address);
-        of_address.for_each(|known| known.by_address = turn);
-    }
-
-    /// The newest order of the address that has most of them, if that is more than `newcomer`'s would have; within that
-    /// address the same holds of its connections. Each order is counted once, as a refusal must take less than serving.
-    fn crowder(&self, newcomer: Asker) -> Option<usize> {
-        let mut own = [0_u8; ASKERS_MAX];
-        let (mut of_address, mut of_newcomer, mut most) = (0, 0, 0);
-        for waiting in &self.waiting {
-            let count = add(&mut own, usize::from(waiting.asker), 1);
-            let Some(Known { asker, .. }) = self.asker(waiting.asker) else { continue };
-            if asker.is_beside(&newcomer) {
-                of_address += 1;
-                of_newcomer += u8::from(*asker == newcomer);
-                most = most.max(count);
-            }
-        }
-        let address = self.crowded_address(&own, of_address + 1);
-        if address.is_none() && most <= of_newcomer + 1 {
-            return None;
-        }
-        self.waiting.iter().rposition(|waiting| {
-            let has_most = own.get(usize::from(waiting.asker)) == Some(&most);
-            self.asker(waiting.asker).is_some_and(|Known { asker, .. }| match &address {
-                Some(addresses) => addresses.iter().any(|other| asker.is_beside(other)),
-                None => has_most && asker.is_beside(&newcomer),
-            })
-        })
-    }
-
-    /// The addresses with most orders, if those are more than `more_than`; `own` has those of each asker.
-    fn crowded_address(&self, own: &[u8; ASKERS_MAX], more_than: u8) -> Option<Vec<Asker, ASKERS_MAX>> {
-        // Mostly it is the newcomer's own address that has nearly all.
-        if self.waiting.len() < 2 * usize::from(more_than) {
-            return None;
-        }
-        let mut of_address = [0_u8; ASKERS_MAX];
-        let mut most = 0;
-        for (known, &count) in self.askers.iter().zip(own) {
-            let first = self.askers.iter().position(|first| first.asker.is_beside(&known.asker)).unwrap_or(0);
-            most = most.max(add(&mut of_address, first, count));
-        }
-        let largest = self.askers.iter().zip(of_address).filter(|(_, count)| *count == most);
-        (most > more_than).then(|| largest.map(|(known, _)| known.asker).collect())
-    }
 }
 
 /// Adds to a count in a table, and gives it.
@@ -424,54 +353,5 @@ fn add(counts: &mut [u8; ASKERS_MAX], place: usize, more: u8) -> u8 {
 impl<T> Default for PortQueue<T> {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use core::net::IpAddr;
-
-    use embassy_time::Instant;
-
-    use super::{Access, Asker, Next, PortQueue, Ready, Ticket};
-    use crate::settings::Priority;
-
-    /// A read by `connection` from `address`, or from a serial line; the order is the connection.
-    fn ask(queue: &mut PortQueue<u16>, connection: u16, address: Option<IpAddr>) {
-        let asker = Asker::new((0, connection), address);
-        let (priority, deadline, access) = (Priority::Normal, Instant::MAX, Access::Read);
-        assert_eq!(queue.push(connection, Ticket { asker, priority, unit: 1, deadline, access }), None);
-    }
-
-    fn serve(queue: &mut PortQueue<u16>) -> u16 {
-        match queue.next(Instant::MIN, |_| Ready::Now) {
-            Next::Serve(order, _) => order,
-            other => panic!("{other:?}"),
-        }
-    }
-
-    #[test]
-    fn when_the_turns_have_been_counted_to_their_end_everybody_starts_afresh() {
-        let mut queue = PortQueue::new();
-        (1..=3).for_each(|connection| ask(&mut queue, connection, None));
-        queue.turns = u32::MAX - 1;
-        // The last turn there is, and the first one.
-        assert_eq!((serve(&mut queue), queue.turns), (1, u32::MAX));
-        assert_eq!((serve(&mut queue), queue.turns), (2, 1));
-        ask(&mut queue, 2, None);
-        ask(&mut queue, 1, None);
-        assert_eq!([serve(&mut queue), serve(&mut queue), serve(&mut queue)], [3, 1, 2], "2 had its turn");
-    }
-
-    #[test]
-    fn so_do_all_addresses() {
-        let mut queue = PortQueue::new();
-        let [one, other] = [1, 2].map(|host| Some([10, 0, 0, host].into()));
-        for (connection, address) in [(1, one), (2, one), (3, other)] {
-            ask(&mut queue, connection, address);
-        }
-        queue.turns = u32::MAX;
-        assert_eq!([serve(&mut queue), serve(&mut queue)], [1, 3], "the other address has had no turn");
-        assert_eq!(serve(&mut queue), 2);
     }
 }

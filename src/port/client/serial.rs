@@ -69,6 +69,7 @@ async fn serve<L: SerialLine>(desk: &Desk<'_>, bus: &mut Bus<'_, L>, client: &Se
     }
 }
 
+/// Sends the request in `frame` to `unit`, and sees to what comes of it.
 async fn carry_out<'g, L: SerialLine>(
     desk: &Desk<'g>,
     bus: &mut Bus<'_, L>,
@@ -99,14 +100,11 @@ async fn carry_out<'g, L: SerialLine>(
             return Ok(());
         }
         desk.arrived(&frame);
-    }
-    if arriving {
         let crc = frame.own_crc();
         frame.pdu(|request| bus.note_copied(unit, request, crc));
     }
-    let way = frame.origin().way;
     let proving = desk.is_proving(&frame);
-    if unit != BROADCAST && !arriving && !proving && way == Way::Line {
+    if unit != BROADCAST && !arriving && !proving && frame.origin().way == Way::Line {
         place.stats.count(Event::Stored);
     }
     desk.sent(&frame, unit);
@@ -127,9 +125,23 @@ async fn carry_out<'g, L: SerialLine>(
         proved(desk, client, &frame, unit, outcome);
         return Ok(());
     }
-    if way == Way::Console {
+    answered(desk, client, &frame, unit, request, outcome);
+    Ok(())
+}
+
+/// What came of the request in `frame`.
+fn answered<'g>(
+    desk: &Desk<'g>,
+    client: &SerialClientSettings,
+    frame: &Frame<'g>,
+    unit: u8,
+    request: &[u8],
+    outcome: Result<Duration, Failure>,
+) {
+    if frame.origin().way == Way::Console {
         desk.gateway().asking.note(outcome);
     }
+    let place = desk.place();
     match outcome {
         Ok(took) => {
             let exception = frame.function() & EXCEPTION_BIT != 0;
@@ -139,8 +151,7 @@ async fn carry_out<'g, L: SerialLine>(
             }
             // Where another answer had begun before, that is in the frame: who shares it has to ask again.
             if frame.filled().1 == Fill::Complete {
-                desk.done(&frame);
-                return Ok(());
+                return desk.done(frame);
             }
         }
         Err(Failure::Damaged(trouble)) => {
@@ -151,8 +162,7 @@ async fn carry_out<'g, L: SerialLine>(
         Err(Failure::Collision) => {}
         Err(Failure::Timeout) => place.timed_out(unit, client.down_after),
     }
-    desk.failed(&frame, client.retries);
-    Ok(())
+    desk.failed(frame, client.retries);
 }
 
 /// What came of the proof that the request in `frame` waited for.

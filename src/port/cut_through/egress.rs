@@ -11,8 +11,7 @@ use heapless::Vec;
 
 use crate::frame::{Fill, Frame};
 use crate::gateway::Gateway;
-use crate::hal::Relay;
-use crate::hal::SerialLine;
+use crate::hal::{Relay, SerialLine};
 use crate::modbus::ascii::{CARRIAGE_RETURN, COLON, digits};
 use crate::modbus::crc::MODBUS;
 use crate::modbus::delta::CrcDelta;

@@ -10,6 +10,7 @@ use ethercat_subdevice::sub_device::{RESTART_PAUSE, SubDevice};
 
 use super::application::GatewayObjects;
 use super::objects::DEVICE;
+
 #[cfg(feature = "long-images")] // As what serves it.
 use super::objects::LONG_DEVICE;
 use super::place::EthercatPlace;

@@ -15,7 +15,7 @@ use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::capture::Tap;
-use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
+use crate::frame::{Envelope, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Seat, SeatState};
 use crate::hal::{OpenError, TcpHost, TcpStream};
 use crate::modbus::tcp::{Header, Parsed};
@@ -26,11 +26,13 @@ use crate::port::timer::{apart, until, within};
 use crate::settings::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::stats::Event;
 
+mod reply;
 // One of two: what an `async` function awaits stays in it, also behind a constant.
 #[cfg_attr(not(feature = "capture"), path = "tcp/no_export.rs")]
 mod export;
 mod window;
 
+use self::reply::{Reply, Taken, Waits, Worth};
 use self::window::Window;
 
 /// A client that does not take an answer for so long is closed.
@@ -359,56 +361,4 @@ impl Server<'_, '_> {
     fn open_requests(&self) -> u8 {
         self.seat.update(|seat| seat.open_requests)
     }
-}
-
-/// What the next request of a connection has to wait for.
-enum Waits {
-    /// Nothing: it can be taken as soon as it has come.
-    No,
-    /// This moment, or, if that never comes, the answers to those before it.
-    ForTurn(Instant),
-    /// There is no frame for it now.
-    ForFrame,
-    /// The one before it is refused: this is the answer.
-    ForReply(Header, [u8; 2]),
-}
-
-/// What a client gets.
-enum Reply<'g> {
-    /// A refusal.
-    Refusal(Header, [u8; 2]),
-    /// What came home.
-    Answer(Frame<'g>),
-}
-
-impl Reply<'_> {
-    fn worth(&self) -> Worth {
-        let Self::Answer(frame) = self else { return Worth::Refused };
-        match frame.envelope().cause {
-            Cause::Unsent if frame.pdu(|pdu| pdu.get(1) == Some(&Exception::BUSY.0)) => Worth::Crowded,
-            Cause::Unsent => Worth::Refused,
-            _ if frame.stage() == Stage::Silence => Worth::Refused,
-            _ => Worth::Answered,
-        }
-    }
-}
-
-/// What a reply says of the requests that follow it.
-enum Worth {
-    /// Somebody was asked.
-    Answered,
-    /// Nobody was asked, or nobody is to answer.
-    Refused,
-    /// Too many wait.
-    Crowded,
-}
-
-/// What became of a request.
-enum Taken {
-    /// The router has it.
-    Sent,
-    /// It is answered here.
-    Refused(Exception),
-    /// There is no frame for it now.
-    Starved,
 }

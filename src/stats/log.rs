@@ -1,0 +1,86 @@
+//! The last transactions.
+
+use core::cell::RefCell;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_time::Instant;
+use heapless::Deque;
+
+use crate::modbus::Exception;
+use crate::settings::PortId;
+
+/// Transactions that the log remembers.
+pub const LOG_ENTRIES_MAX: usize = 64;
+
+/// One finished transaction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LogEntry {
+    /// When its answer passed the router.
+    pub at: Instant,
+    /// The port that was asked.
+    pub source: PortId,
+    /// The port that was to answer, if a rule named one.
+    pub destination: Option<PortId>,
+    /// The unit as the asker wrote it.
+    pub unit: u8,
+    /// The unit on the destination's side.
+    pub target: u8,
+    /// Function code of the request.
+    pub function: u8,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// From the complete request to the answer, in microseconds.
+    pub took_us: u32,
+}
+
+/// How a transaction ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// With an answer.
+    Answer,
+    /// With an exception, of the device or of the gateway.
+    Exception(Exception),
+    /// Without an answer, as the request wanted or a rule said.
+    Silence,
+    /// The asker was gone.
+    AskerGone,
+}
+
+/// The last transactions, oldest first.
+pub struct Log(Mutex<CriticalSectionRawMutex, RefCell<Deque<LogEntry, LOG_ENTRIES_MAX>>>);
+
+impl Log {
+    /// An empty log.
+    pub const fn new() -> Self {
+        Self(Mutex::new(RefCell::new(Deque::new())))
+    }
+
+    /// Appends `entry`; the oldest one goes when the log is full.
+    pub fn push(&self, entry: LogEntry) {
+        self.0.lock(|log| {
+            let mut log = log.borrow_mut();
+            if log.is_full() {
+                log.pop_front();
+            }
+            // There is room now.
+            let _ = log.push_back(entry);
+        });
+    }
+
+    /// The entry `back` places before the newest one.
+    pub fn newest(&self, back: usize) -> Option<LogEntry> {
+        self.0.lock(|log| log.borrow().iter().rev().nth(back).copied())
+    }
+
+    /// Forgets all.
+    pub fn clear(&self) {
+        self.0.lock(|log| log.borrow_mut().clear());
+    }
+}
+
+impl Default for Log {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -7,14 +7,17 @@
 //! no answer, is asked for less at a time for a while.
 
 mod in_step;
+mod unit;
 
 use core::ops::Range;
 
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
+use self::unit::{IGNORED_MAX, IGNORED_RETRY, NO_READ, Read, TRIED_MAX};
+
+pub use self::unit::{PROBE_FIRST, PROBE_LONGEST, TROUBLES, Unit};
 use crate::gateway::outstanding::{Match, Outstanding, Purpose, Settled, Shape};
-use crate::gateway::response_times::AnswerTimes;
 use crate::modbus::pdu::function::{READ_COILS, READ_INPUT_REGISTERS};
 use crate::settings::{PORTS_MAX, PortId, Proof};
 use crate::stats::Event;
@@ -35,46 +38,9 @@ pub enum Ready {
 pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 64 };
 /// Units remembered at all ports together, since few ports have as many as they may: see [`AllUnits`].
 pub const ALL_UNITS_MAX: usize = if cfg!(feature = "small") { 48 } else { 256 };
-/// First and longest pause between probes of a unit that is down.
-pub const PROBE_FIRST: Duration = Duration::from_secs(1);
-/// See [`PROBE_FIRST`].
-pub const PROBE_LONGEST: Duration = Duration::from_secs(30);
 
 /// How long reads are not joined that ask a unit which did not take that.
 pub const JOIN_PAUSE: Duration = Duration::from_secs(60);
-
-/// Proofs by function 8 without an answer behind which other requests were answered, until the unit is known to ignore them. Answers
-/// get lost, and late ones often several in a row: they meet the requests that are sent meanwhile.
-const IGNORED_MAX: u8 = 8;
-/// Proofs of any kind without an answer, until a unit that has never answered a read is not asked by them any more.
-const TRIED_MAX: u8 = 3;
-/// So many if it has answered one before; and after so many it is tried again all the same, where nothing else proves anything.
-const IGNORED_RETRY: u8 = 21;
-/// How long a unit has at least to send what is to come behind a late answer.
-const LATE_PAUSE: Duration = Duration::from_millis(100);
-/// Late answers in a row after which a unit is slower than its time-out.
-const LATE_MAX: u8 = 3;
-/// Reads that a unit is known to answer, of different shapes: a proof is one of them.
-const READS_MAX: usize = 2;
-/// A read of functions 1 to 4.
-type Read = [u8; 5];
-const NO_READ: Read = [0; 5];
-
-/// What is counted of the troubles with one unit, under the names that the port's counters have. A character's parity and framing
-/// count once for each answer that they spoiled.
-pub const TROUBLES: [Event; 11] = [
-    Event::Silent,
-    Event::BadCheck,
-    Event::Short,
-    Event::Parity,
-    Event::Framing,
-    Event::WrongUnit,
-    Event::Misfit,
-    Event::Late,
-    Event::Echo,
-    Event::Noise,
-    Event::Unsolicited,
-];
 
 /// Whether a unit may be asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -116,89 +82,6 @@ pub enum State {
     Held,
     /// Its requests fail at once.
     Down,
-}
-
-/// What is known of one unit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Unit {
-    /// Its id on this port's side.
-    pub id: u8,
-    /// Requests sent, repeats included.
-    pub requests: u32,
-    /// Answers, exceptions included.
-    pub answers: u32,
-    /// Of the answers, the exceptions.
-    pub exceptions: u32,
-    /// Requests without an answer in time.
-    pub timeouts: u32,
-    /// How long answers take.
-    pub times: AnswerTimes,
-    /// By the places in [`TROUBLES`]; a counter that is full stays so.
-    troubles: [u16; TROUBLES.len()],
-    /// A response is awaited.
-    open: bool,
-    /// Since the last request something was heard that is no answer to it.
-    disturbed: bool,
-    /// From the end of the last request to its answer, in microseconds.
-    pub took_us: u32,
-    /// Time-outs since the last sign of life.
-    pub silent: u8,
-    /// Probes and proofs without an answer since it is down or out of step.
-    tried: u8,
-    is_down: bool,
-    /// Something whole has been heard of it since the last request or proof.
-    heard: bool,
-    /// Something was late since it answered in time: then it need not wait for the next probe.
-    hurried: bool,
-    /// Late answers since the last one in time.
-    late: u8,
-    /// Proofs by function 8 in a row that it has left unanswered while it answered what came behind them.
-    ignored: u8,
-    /// It has answered a proof by function 8, one way or another.
-    answers_diagnostics: bool,
-    /// The next proof is another one than by function 8, if there is one.
-    by_read: bool,
-    /// The late window of what is outstanding has been waited for, or is.
-    waited: bool,
-    /// Nothing proved that it was in step when it was asked last, only time.
-    pub unproven: bool,
-    /// Reads that it has answered; zeros: none.
-    reads: [Read; READS_MAX],
-    /// No request before this time: the next probe is not due, or a late answer may come.
-    pub held_until: Instant,
-    /// Reads are not joined before this time.
-    join_after: Instant,
-}
-
-impl Unit {
-    const fn new(id: u8) -> Self {
-        Self {
-            id,
-            requests: 0,
-            answers: 0,
-            exceptions: 0,
-            timeouts: 0,
-            times: AnswerTimes::new(),
-            troubles: [0; TROUBLES.len()],
-            open: false,
-            disturbed: false,
-            took_us: 0,
-            silent: 0,
-            tried: 0,
-            is_down: false,
-            heard: false,
-            hurried: false,
-            late: 0,
-            ignored: 0,
-            answers_diagnostics: false,
-            by_read: false,
-            waited: false,
-            unproven: false,
-            reads: [NO_READ; READS_MAX],
-            held_until: Instant::MIN,
-            join_after: Instant::MIN,
-        }
-    }
 }
 
 /// The units of all ports, in one memory, in which those of one port stand together.
@@ -460,88 +343,5 @@ impl Units<'_> {
             self.all.forget_one(most.unwrap_or(self.port));
         }
         self.all.insert(self.port, id)
-    }
-}
-
-impl Unit {
-    /// The troubles that there were, and how often.
-    pub fn troubles(&self) -> impl Iterator<Item = (Event, u16)> {
-        let counts = TROUBLES.iter().zip(&self.troubles);
-        counts.map(|(trouble, count)| (*trouble, *count)).filter(|(_, count)| *count > 0)
-    }
-
-    /// How often there was `trouble`.
-    pub fn trouble(&self, trouble: Event) -> u16 {
-        self.troubles().find(|(known, _)| *known == trouble).map_or(0, |(_, count)| count)
-    }
-
-    fn count(&mut self, trouble: Event) {
-        self.disturbed = true;
-        let place = TROUBLES.iter().position(|known| *known == trouble);
-        if let Some(count) = place.and_then(|place| self.troubles.get_mut(place)) {
-            *count = count.saturating_add(1);
-        }
-    }
-
-    /// Whether requests fail at once.
-    pub fn is_down(&self) -> bool {
-        self.is_down
-    }
-
-    /// Whether its answers come, but only when their time is over.
-    pub fn is_slow(&self) -> bool {
-        self.late >= LATE_MAX
-    }
-
-    /// Nobody got an answer of it who asked.
-    fn unanswered(&mut self, now: Instant, down_after: u8) {
-        self.silent = self.silent.saturating_add(1);
-        if self.is_down && self.held_until > now {
-            // It was asked several things at a time, and the first time-out of them has said so already.
-            return;
-        }
-        if down_after != 0 && self.silent >= down_after {
-            self.is_down = true;
-            self.back_off(now);
-        }
-    }
-
-    /// The next probe or proof waits, each time for longer.
-    fn back_off(&mut self, now: Instant) {
-        let doubled = self.tried.min(8);
-        self.tried = self.tried.saturating_add(1);
-        // Where one answer was lost, another may have been: that is no reason to leave it alone for long.
-        let first = if self.is_down { PROBE_FIRST } else { LATE_PAUSE };
-        self.held_until = now + (first * (1 << doubled)).min(PROBE_LONGEST);
-    }
-
-    fn alive(&mut self) {
-        self.silent = 0;
-        self.tried = 0;
-        self.is_down = false;
-        // It need not wait for a probe any more.
-        if !self.waited {
-            self.held_until = Instant::MIN;
-        }
-    }
-
-    /// Something came late: the unit lives, and can be probed, after a pause unless it is `in_step`: what else is to come may be
-    /// on its way. One that is always late is not hurried each time.
-    fn was_late(&mut self, purpose: Purpose, in_step: bool, now: Instant) {
-        self.late = self.late.saturating_add(u8::from(purpose == Purpose::Request));
-        if self.waited || self.hurried {
-            return;
-        }
-        self.hurried = self.is_slow();
-        let pause = LATE_PAUSE.max(Duration::from_micros(self.took_us.into()) * 2);
-        self.held_until = if in_step { now } else { now + pause };
-    }
-
-    /// Remembers that it answers `read`, beside one of another shape.
-    fn remember(&mut self, read: Read) {
-        let [first, second] = &mut self.reads;
-        let is_like =
-            |known: &Read| *known == NO_READ || Shape::of_request(known) == Shape::of_request(&read);
-        *(if is_like(first) { first } else { second }) = read;
     }
 }

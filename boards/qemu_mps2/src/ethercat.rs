@@ -4,7 +4,6 @@ mod pipes;
 mod spi;
 
 use embassy_executor::Spawner;
-use embassy_futures::join::join;
 use embassy_time::Duration;
 use ethercat_subdevice::indicators::Lamps;
 use ethercat_subdevice::lan9252::{Lan9252, Wiring};
@@ -25,15 +24,16 @@ pub(crate) const fn join(gateway: Gateway<'static>) -> Gateway<'static> {
 
 /// Starts looking for the controller.
 pub(crate) fn start(spawner: Spawner) {
-    // Spawned once: its place is free.
+    // Spawned once: their places are free.
     spawner.spawn(run().unwrap());
+    spawner.spawn(light().unwrap());
 }
 
 #[embassy_executor::task]
 async fn run() {
     let wires = Wires::open();
     let controller = Lan9252::new(Spi(&wires), Wiring::default());
-    join(serve(&PLACE, Some(&SCANNER), controller, async || wires.interrupt().await), light()).await;
+    serve(&PLACE, Some(&SCANNER), controller, async || wires.interrupt().await).await
 }
 
 /// Of the FPGA's I/O (AN386): bit 0 is LED0, bit 1 is LED1.
@@ -50,8 +50,8 @@ impl Lamps for Leds {
     }
 }
 
-/// Shows what there is to show, for ever.
-async fn light() -> ! {
+#[embassy_executor::task]
+async fn light() {
     loop {
         PLACE.light_for(&mut Leds, LIGHTS_LOOK).await;
     }

@@ -93,7 +93,7 @@ pub async fn serve(
     attention: impl AsyncFnMut(),
 ) -> ! {
     let objects = GatewayObjects::new(place).with_points(points);
-    run(place, SubDevice::new(&GATEWAY, esc, objects), attention).await
+    run(place, &mut SubDevice::new(&GATEWAY, esc, objects), attention).await
 }
 
 /// The same for a controller that has memory for longer images, and a `place` for them ([`EthercatPlace::long`]).
@@ -105,12 +105,13 @@ pub async fn serve_long(
     attention: impl AsyncFnMut(),
 ) -> ! {
     let objects = GatewayObjects::new(place).with_points(points);
-    run(place, LongSubDevice::with_buffers(&LONG_GATEWAY, esc, objects), attention).await
+    run(place, &mut LongSubDevice::with_buffers(&LONG_GATEWAY, esc, objects), attention).await
 }
 
+/// By reference: a future has room for what it is given and for what it makes of that.
 async fn run<const OUTPUTS: usize, const INPUTS: usize>(
     place: &EthercatPlace,
-    mut sub_device: SubDevice<impl Esc, impl Application, OUTPUTS, INPUTS>,
+    sub_device: &mut SubDevice<impl Esc, impl Application, OUTPUTS, INPUTS>,
     mut attention: impl AsyncFnMut(),
 ) -> ! {
     let mut known = None;

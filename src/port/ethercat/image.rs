@@ -87,7 +87,8 @@ fn covered(pdos: &[u16]) -> u16 {
 impl EthercatPlace {
     /// Bytes of the buffers.
     pub fn most(&self) -> Room {
-        if self.long { Room::LONG } else { Room::MOST }
+        // On boards it is a constant.
+        if cfg!(feature = "long-images") && self.long { Room::LONG } else { Room::MOST }
     }
 
     /// Calls `f` with what was read last.

@@ -258,11 +258,11 @@ fn devices_points_and_values_are_bounded() {
     }
     let full = apply(&mut settings, "point more d1 holding 0").unwrap_err().to_string();
     assert_eq!(full, "column 7: \"more\": there are 128 points already, the most there can be");
-    for point in 0..8 {
+    for point in 0..16 {
         let _ = apply(&mut settings, &format!("point p{point} d1 holding 0 count 123"));
     }
-    let full = apply(&mut settings, "point p9 d1 holding 0 count 123").unwrap_err().to_string();
-    assert_eq!(full, "column 13: \"holding\": the values of all points would take more than 2048 bytes");
+    let full = apply(&mut settings, "point p17 d1 holding 0 count 123").unwrap_err().to_string();
+    assert_eq!(full, "column 14: \"holding\": the values of all points would take more than 4096 bytes");
     assert_eq!(load(&print(&settings)), settings);
 }
 

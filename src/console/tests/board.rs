@@ -1,0 +1,92 @@
+//! What the board has, what it cannot run, and what it reports.
+
+use super::*;
+
+#[test]
+fn what_the_board_cannot_run_is_refused() {
+    with_gateway(|gateway| {
+        let printed = pipe(gateway, "port P502 tcp server 502 clients 40\nshow config\n");
+        assert!(printed.starts_with("error: line 1, the TCP servers want 41 connections"), "{printed}");
+        assert_eq!(printed.lines().count(), 1);
+    });
+}
+
+#[test]
+fn an_address_of_its_own_is_refused_where_the_system_has_the_network() {
+    with_gateway(|gateway| {
+        let refused = pipe(gateway, "network address 10.0.0.5/24\nshow network\nshow config\n");
+        assert_eq!(
+            refused,
+            "error: line 1, network lines are for boards with a network of their own; here the operating system sets it\n\
+             the operating system has the network\n"
+        );
+    });
+}
+
+#[test]
+fn a_board_with_a_network_of_its_own_follows_the_settings_and_shows_its_address() {
+    let slots = [const { Slot::new() }; 2];
+    let gateway = FramePool::new(&slots, 0);
+    let ports = Ports::<0>::new();
+    let gateway = Gateway::new(&gateway, &ports, &[]).with_own_network();
+    assert_eq!(pipe(&gateway, "network address 10.0.0.5/24 gateway 10.0.0.1\n"), "");
+    let address = StaticAddress {
+        address: [10, 0, 0, 5].into(),
+        prefix: 24,
+        gateway: Some([10, 0, 0, 1].into()),
+        dns: None,
+    };
+    assert_eq!(block_on(gateway.new_network()), OwnNetwork::Static(address));
+
+    let show = |network| {
+        let board = Bench { network: Some(network), ..Bench::default() };
+        let mut stream = Stream { typed: b"show network", piece: 50, printed: Vec::new() };
+        block_on(run(&gateway, &mut stream, &mut Memory::default(), &board, Mode::Plain)).unwrap();
+        String::from_utf8(stream.printed).unwrap()
+    };
+    let hardware = [2, 0, 0, 0xab, 0, 1];
+    assert_eq!(
+        show(NetworkState { link: true, address: Some(address), hardware }),
+        "LINK ADDRESS            GATEWAY         ETHERNET          SETTING\n\
+         up   10.0.0.5/24        10.0.0.1        02:00:00:ab:00:01 address 10.0.0.5/24 gateway 10.0.0.1\n"
+    );
+    pipe(&gateway, "network dhcp");
+    assert!(
+        show(NetworkState { link: false, address: None, hardware })
+            .ends_with("down -                  -               02:00:00:ab:00:01 dhcp\n")
+    );
+}
+
+#[test]
+fn what_the_board_has_to_report_stands_above_the_transactions() {
+    with_gateway(|gateway| {
+        let mut stream = Stream { typed: b"show log", piece: 50, printed: Vec::new() };
+        let board =
+            Bench { events: &["reset by the watchdog", "before: it stood still"], ..Bench::default() };
+        block_on(run(gateway, &mut stream, &mut Memory::default(), &board, Mode::Plain)).unwrap();
+        let printed = String::from_utf8(stream.printed).unwrap();
+        assert!(printed.starts_with("reset by the watchdog\nbefore: it stood still\n      AGE"), "{printed}");
+    });
+}
+
+#[test]
+fn reboot_asks_the_board() {
+    with_gateway(|gateway| {
+        let system = Bench::default();
+        let mut stream = Stream { typed: b"reboot\n", piece: 64, printed: Vec::new() };
+        block_on(run(gateway, &mut stream, &mut Memory::default(), &system, Mode::Plain)).unwrap();
+        assert_eq!((stream.printed.as_slice(), system.reboots.get()), (&b"starting again\n"[..], 1));
+    });
+}
+
+#[test]
+fn nobody_is_connected_to_a_gateway_that_nobody_runs() {
+    with_gateway(|gateway| {
+        assert_eq!(
+            pipe(gateway, "port P502 tcp server 502\nshow clients\n"),
+            "PORT            PEER                      SINCE     QUIET OPEN   REQUESTS PLACE\n"
+        );
+        let version = pipe(gateway, "show version");
+        assert!(version.starts_with("mobgate 0.") && version.contains(" on bench, up "), "{version}");
+    });
+}

@@ -1,0 +1,282 @@
+//! Any port.
+
+use core::net::IpAddr;
+use std::format;
+
+use embassy_time::Duration;
+use proptest::prelude::*;
+
+use super::super::std;
+use crate::scanner::{Kind, POINTS};
+use crate::settings::UnitRange;
+use crate::settings::*;
+
+pub(super) fn duration(us: core::ops::RangeInclusive<u64>) -> impl Strategy<Value = Duration> {
+    let (low, high) = (*us.start(), *us.end());
+    let any = us.prop_map(Duration::from_micros);
+    let round = (low.div_ceil(1_000)..=high / 1_000).prop_map(Duration::from_millis);
+    prop_oneof![any, round]
+}
+
+pub(super) fn any_prefix() -> impl Strategy<Value = IpPrefix> {
+    let v4 = (any::<u32>(), 0..=32_u8).prop_map(|(bits, length)| {
+        let mask = u32::MAX.checked_shl(32 - u32::from(length)).unwrap_or(0);
+        IpPrefix { address: IpAddr::V4((bits & mask).into()), length }
+    });
+    let v6 = (any::<u128>(), 0..=128_u8).prop_map(|(bits, length)| {
+        let mask = u128::MAX.checked_shl(128 - u32::from(length)).unwrap_or(0);
+        IpPrefix { address: IpAddr::V6((bits & mask).into()), length }
+    });
+    prop_oneof![v4, v6]
+}
+
+pub(super) fn any_line(framing: Framing) -> impl Strategy<Value = LineSettings> {
+    let data_bits = if framing == Framing::Rtu { 8..=8_u8 } else { 7..=8_u8 };
+    let parity = prop_oneof![Just(Parity::None), Just(Parity::Even), Just(Parity::Odd)];
+    let gap = prop::option::of(duration(0..=1_000_000));
+    let char_timeout = prop::option::of(duration(100..=60_000_000));
+    let line =
+        (1..=10_000_000_u32, data_bits, parity, 1..=2_u8, gap, char_timeout, any_driver(), any::<bool>());
+    line.prop_map(|(baud, data_bits, parity, stop_bits, gap, char_timeout, driver, echo)| {
+        let (driver, driver_before, driver_after) = driver;
+        LineSettings {
+            baud,
+            data_bits,
+            parity,
+            stop_bits,
+            gap,
+            char_timeout,
+            driver,
+            driver_before,
+            driver_after,
+            echo,
+        }
+    })
+}
+
+pub(super) fn any_driver() -> impl Strategy<Value = (Driver, Duration, Duration)> {
+    let none = Duration::from_ticks(0);
+    let switched = (any::<bool>(), duration(0..=1_000_000), duration(0..=1_000_000))
+        .prop_map(|(rts, before, after)| (if rts { Driver::Rts } else { Driver::Rs485 }, before, after));
+    prop_oneof![Just((Driver::Automatic, none, none)), switched]
+}
+
+pub(super) fn any_server() -> impl Strategy<Value = SerialServerSettings> {
+    (duration(10_000..=3_600_000_000), duration(0..=10_000_000))
+        .prop_map(|(answer_within, reply_delay)| SerialServerSettings { answer_within, reply_delay })
+}
+
+pub(super) fn any_proofs() -> impl Strategy<Value = Proofs> {
+    let kinds = prop::sample::select(Kind::ALL.to_vec());
+    let read = (kinds, any::<u16>(), 1..=125_u16);
+    let proof = || {
+        let read = read.clone().prop_map(|(kind, address, count)| Proof::Read { kind, address, count });
+        prop_oneof![Just(Proof::Auto), Just(Proof::Diagnostic), read, Just(Proof::None)]
+    };
+    let units = (any::<u8>(), any::<u8>()).prop_map(|(a, b)| UnitRange { first: a.min(b), last: a.max(b) });
+    (proof(), prop::collection::vec((units, proof()), 0..=PROOFS_MAX)).prop_map(|(all, some)| {
+        let mut of_units = [None; PROOFS_MAX];
+        of_units.iter_mut().zip(some).for_each(|(place, proof)| *place = Some(proof));
+        Proofs { all, of_units }
+    })
+}
+
+pub(super) fn any_client() -> impl Strategy<Value = SerialClientSettings> {
+    let hour = 3_600_000_000;
+    let late_window = prop::option::of(duration(0..=hour));
+    (
+        duration(1_000..=hour),
+        0..=10_u8,
+        duration(0..=60_000_000),
+        duration(0..=hour),
+        late_window,
+        (any::<u8>(), any_proofs()),
+    )
+        .prop_map(|(timeout, retries, turnaround, start_delay, late_window, (down_after, proofs))| {
+            SerialClientSettings {
+                timeout,
+                retries,
+                turnaround,
+                start_delay,
+                late_window,
+                down_after,
+                proofs,
+            }
+        })
+}
+
+pub(super) fn any_serial(n: usize) -> impl Strategy<Value = PortKind> {
+    (prop_oneof![Just(Framing::Rtu), Just(Framing::Ascii)], any::<bool>())
+        .prop_flat_map(|(framing, is_server)| {
+            (Just(framing), Just(is_server), any_line(framing), any_client(), any_server())
+        })
+        .prop_map(move |(framing, is_server, line, client, server)| {
+            let device = heapless::String::try_from(format!("/dev/tty#{n}").as_str()).unwrap();
+            let (side, client, server) = match is_server {
+                true => (Side::Server, SerialClientSettings::DEFAULT, server),
+                false => (Side::Client, client, SerialServerSettings::DEFAULT),
+            };
+            PortKind::Serial(SerialSettings { device, framing, side, line, client, server })
+        })
+}
+
+pub(super) fn any_tcp_server(n: usize) -> impl Strategy<Value = PortKind> {
+    let address = prop::option::of(prop_oneof![
+        any::<u32>().prop_map(|bits| IpAddr::V4(bits.into())),
+        any::<u128>().prop_map(|bits| IpAddr::V6(bits.into())),
+    ]);
+    let idle = prop_oneof![Just(Duration::from_ticks(0)), duration(1_000_000..=86_400_000_000)];
+    let reserved_for = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
+    let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
+    (
+        (address, prop_oneof![any_stream(), Just(StreamFraming::Capture)]),
+        (1..=1_000_u16, any::<bool>()),
+        idle,
+        1..=16_u8,
+        duration(10_000..=3_600_000_000),
+        1..=1_000_u16,
+        (reserved_for, allowed),
+    )
+        .prop_map(
+            move |(
+                (address, framing),
+                (clients, refuses),
+                idle,
+                pipeline,
+                lifetime,
+                reserved,
+                (reserved_for, allowed),
+            )| {
+                let allowed = Allowed(allowed.into_iter().collect());
+                let reserved = if reserved_for.is_empty() { 0 } else { reserved.min(clients) };
+                let reserved_for = reserved_for.into_iter().collect();
+                let listen = TcpListen { address, port: 502 + n as u16 };
+                let pipeline = if framing == StreamFraming::Mbap { pipeline } else { 16 };
+                let (idle, lifetime) = match framing {
+                    StreamFraming::Capture => (Duration::from_secs(60), Duration::from_secs(5)),
+                    StreamFraming::Mbap | StreamFraming::Rtu => (idle, lifetime),
+                };
+                PortKind::TcpServer(TcpServerSettings {
+                    listen,
+                    framing,
+                    clients,
+                    idle,
+                    pipeline,
+                    lifetime,
+                    reserved,
+                    refuses,
+                    reserved_for,
+                    allowed,
+                })
+            },
+        )
+}
+
+pub(super) fn any_address() -> impl Strategy<Value = ServerAddress> {
+    let host = prop_oneof![
+        4 => (1..=u32::MAX).prop_map(|bits| Host::Address(IpAddr::V4(bits.into()))),
+        4 => (1..=u128::MAX).prop_map(|bits| Host::Address(IpAddr::V6(bits.into()))),
+        u32::from(SERVERS) => "([a-z0-9]([a-z0-9_-]{0,9}[a-z0-9])?[.]){0,3}meter[a-z0-9]{0,5}"
+            .prop_map(|name| Host::Name(name.as_str().try_into().unwrap())),
+    ];
+    (host, 1..=u16::MAX).prop_map(|(host, port)| ServerAddress { host, port })
+}
+
+/// With an address of its own, or for several servers.
+pub(super) fn any_tcp_client() -> impl Strategy<Value = PortKind> {
+    let zero = Just(Duration::from_ticks(0));
+    let address = prop_oneof![
+        3 => any_address().prop_map(|address| (Some(address), TcpClientSettings::new(None).sockets)),
+        u32::from(SERVERS) => (1..=SOCKETS_MAX as u8).prop_map(|sockets| (None, sockets)),
+    ];
+    let hour = 3_600_000_000;
+    let place = (address, any_stream(), prop::option::of(any::<u8>()), 1..=16_u8);
+    let delays = (duration(0..=60_000_000), duration(0..=60_000_000));
+    let idle = prop_oneof![zero, duration(1_000_000..=86_400_000_000)];
+    let late_window = prop::option::of(duration(0..=hour));
+    let health = (late_window, any::<u8>(), any_proofs());
+    (place, duration(1_000..=hour), duration(1_000..=hour), delays, idle, 0..=10_u8, health).prop_map(
+        |(place, timeout, connect_timeout, delays, idle, retries, health)| {
+            let ((server, sockets), framing, unit, in_flight) = place;
+            let (late_window, down_after, proofs) = health;
+            let (connect_delay, request_delay) = delays;
+            PortKind::TcpClient(TcpClientSettings {
+                unit: unit.filter(|_| server.is_some()),
+                server,
+                sockets,
+                framing,
+                in_flight: if framing == StreamFraming::Rtu { 1 } else { in_flight },
+                timeout,
+                connect_timeout,
+                connect_delay,
+                request_delay,
+                idle,
+                retries,
+                late_window,
+                down_after,
+                proofs: if framing == StreamFraming::Rtu { proofs } else { Proofs::default() },
+            })
+        },
+    )
+}
+
+pub(super) fn any_units() -> impl Strategy<Value = UnitPolicy> {
+    let meaning = prop_oneof![
+        Just(Special::Rules),
+        Just(Special::Off),
+        Just(Special::Local),
+        (1..=247_u8).prop_map(Special::Replace),
+    ];
+    let broadcast = prop_oneof![meaning.clone(), Just(Special::AllLines)];
+    (broadcast, any::<bool>(), meaning.clone(), meaning).prop_map(
+        |(broadcast, confirm, unit_255, reserved)| UnitPolicy { broadcast, confirm, unit_255, reserved },
+    )
+}
+
+pub(super) fn any_udp_server(n: usize) -> impl Strategy<Value = PortKind> {
+    let allowed = prop::collection::vec(any_prefix(), 0..=RESERVED_MAX);
+    (1..=16_u8, 1..=32_u8, duration(10_000..=3_600_000_000), allowed).prop_map(
+        move |(pipeline, requests, lifetime, allowed)| {
+            let listen = TcpListen { address: None, port: 502 + n as u16 };
+            let allowed = Allowed(allowed.into_iter().collect());
+            PortKind::UdpServer(UdpServerSettings { listen, pipeline, requests, lifetime, allowed })
+        },
+    )
+}
+
+pub(super) fn any_stream() -> impl Strategy<Value = StreamFraming> {
+    prop_oneof![Just(StreamFraming::Mbap), Just(StreamFraming::Rtu)]
+}
+
+/// There can be one.
+pub(super) fn any_ethercat() -> impl Strategy<Value = PortKind> {
+    let on_loss = prop_oneof![Just(OnLoss::Hold), Just(OnLoss::Clear), Just(OnLoss::Stop)];
+    let line = prop::option::of("[A-Za-z][A-Za-z0-9.-]{0,9}_1");
+    let interface = prop::option::of("[A-Za-z0-9_.:@-]{1,15}");
+    let id = prop::option::of(1..=u16::MAX);
+    (interface, on_loss, line, any::<bool>(), id, any::<bool>()).prop_map(
+        |(interface, on_loss, line, prove_outputs, id, emergencies)| {
+            let interface = interface.map(|name| name.as_str().try_into().unwrap());
+            let line = line.map(|name| Name::try_from(name.as_str()).unwrap());
+            PortKind::Ethercat(EthercatSettings { interface, on_loss, line, prove_outputs, id, emergencies })
+        },
+    )
+}
+
+pub(super) fn any_port(n: usize) -> impl Strategy<Value = Port> {
+    let kind = prop_oneof![
+        any_serial(n).boxed(),
+        any_tcp_server(n).boxed(),
+        any_tcp_client().boxed(),
+        any_udp_server(n).boxed(),
+        if n == 0 && POINTS { any_ethercat().boxed() } else { any_udp_server(n).boxed() }
+    ];
+    ("[A-Za-z][A-Za-z0-9.-]{0,11}", kind, any_units()).prop_map(move |(name, kind, units)| {
+        // The number keeps names apart, also from the reserved ones.
+        let captures =
+            matches!(&kind, PortKind::TcpServer(server) if server.framing == StreamFraming::Capture);
+        let asked = kind.side() == Side::Server && !captures;
+        let units = if asked { units } else { UnitPolicy::default() };
+        Port { name: Name::try_from(format!("{name}_{n}").as_str()).unwrap(), kind, units }
+    })
+}

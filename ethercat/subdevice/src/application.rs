@@ -1,10 +1,12 @@
 //! What an application adds to the stack: values of objects, process data, and its word on changes of state.
 
 use crate::al_state::{AlState, AlStatusCode};
+use crate::assignment::Assignment;
 use crate::coe::abort::Abort;
 use crate::coe::emergency::Emergency;
 use crate::esc::EscError;
 use crate::indicators::Indicators;
+use crate::object::Object;
 use crate::sync_manager::Channel;
 
 /// An entry of an object.
@@ -33,6 +35,22 @@ pub trait Application {
     /// served before.
     fn written(&mut self) -> Option<Result<(), Abort>> {
         Some(Ok(()))
+    }
+
+    /// An object that is not in the device's table, such as a module's. It may be another one after a write, and stays while a state with
+    /// process data is kept.
+    fn object(&self, _index: u16) -> Option<Object> {
+        None
+    }
+
+    /// The first of those objects from `index` on.
+    fn next_object(&self, _index: u16) -> Option<u16> {
+        None
+    }
+
+    /// Which PDOs a SyncManager carries, where the application decides that and no MainDevice: those of its modules.
+    fn assignment(&self, _channel: Channel) -> Option<Assignment> {
+        None
     }
 
     /// Which PDOs a SyncManager carries, in their order; before the first call they are those of the device's table.

@@ -1,13 +1,17 @@
 //! What the stack itself keeps behind objects: which PDOs are assigned, and how the application is synchronised.
 
+use crate::application::Application;
+use crate::catalogue::Catalogue;
 use crate::coe::abort::Abort;
 use crate::device::Device;
 use crate::object::Object;
 use crate::standard::RESET_COUNTERS;
 use crate::sync_manager::Channel;
 
-/// PDOs that a SyncManager carries at most.
-pub const PDOS_ASSIGNED_MAX: usize = 8;
+/// PDOs that a SyncManager carries at most: one for each of 32 modules, and one for the device.
+pub const PDOS_ASSIGNED_MAX: usize = 33;
+/// PDOs that a MainDevice can assign to a SyncManager.
+pub const PDOS_SELECTED_MAX: usize = 8;
 
 /// The PDOs of one SyncManager, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,11 +22,17 @@ pub struct Assignment {
 }
 
 impl Assignment {
+    /// A SyncManager that carries `indices`, as many as there can be.
+    pub fn of(channel: Channel, indices: impl Iterator<Item = u16>) -> Self {
+        let mut assignment = Self { channel, count: 0, pdos: [0; PDOS_ASSIGNED_MAX] };
+        for (pdo, index) in assignment.pdos.iter_mut().zip(indices) {
+            (*pdo, assignment.count) = (index, assignment.count + 1);
+        }
+        assignment
+    }
+
     fn of_device(device: &Device, channel: Channel) -> Self {
-        let initial = device.default_pdos(channel);
-        let mut pdos = [0; PDOS_ASSIGNED_MAX];
-        pdos.iter_mut().zip(initial).for_each(|(pdo, &index)| *pdo = index);
-        Self { channel, count: initial.len().min(PDOS_ASSIGNED_MAX) as u8, pdos }
+        Self::of(channel, device.default_pdos(channel).iter().copied())
     }
 
     /// The SyncManager that carries them.
@@ -36,13 +46,13 @@ impl Assignment {
     }
 
     /// The assigned PDOs.
-    pub fn pdos(&self, device: &Device) -> impl Iterator<Item = &'static Object> {
-        self.indices().iter().filter_map(|&index| device.object(index))
+    pub fn pdos<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> impl Iterator<Item = Object> {
+        self.indices().iter().filter_map(|&index| catalogue.object(index))
     }
 
     /// Bytes of all assigned PDOs.
-    pub fn bytes(&self, device: &Device) -> u16 {
-        self.pdos(device).map(Object::pdo_bytes).sum::<usize>() as u16
+    pub fn bytes<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> u16 {
+        self.pdos(catalogue).map(|pdo| pdo.pdo_bytes()).sum::<usize>() as u16
     }
 
     /// The value at a sub-index.
@@ -54,19 +64,24 @@ impl Assignment {
     }
 
     /// What the list is after a write at a sub-index: sub-index 0 last, and 0 before the others are written (ETG.1020).
-    pub fn with(mut self, device: &Device, sub: u8, value: u16) -> Result<Self, Abort> {
+    pub fn with<A: Application>(
+        mut self,
+        catalogue: &Catalogue<'_, A>,
+        sub: u8,
+        value: u16,
+    ) -> Result<Self, Abort> {
         match sub.checked_sub(1) {
             None => {
-                if usize::from(value) > PDOS_ASSIGNED_MAX {
+                if usize::from(value) > PDOS_SELECTED_MAX {
                     return Err(Abort::PdoLength);
                 }
                 self.count = value as u8;
-                self.checked(device)
+                self.checked(catalogue)
             }
             Some(_) if self.count != 0 => Err(Abort::CountNotZero),
             Some(at) => {
                 if value != 0 {
-                    self.pdo(device, value)?;
+                    self.pdo(catalogue, value)?;
                 }
                 *self.pdos.get_mut(usize::from(at)).ok_or(Abort::NoEntry)? = value;
                 Ok(self)
@@ -75,36 +90,36 @@ impl Assignment {
     }
 
     /// The list with all of `pdos`.
-    pub fn replaced(
+    pub fn replaced<A: Application>(
         mut self,
-        device: &Device,
+        catalogue: &Catalogue<'_, A>,
         pdos: impl ExactSizeIterator<Item = u16>,
     ) -> Result<Self, Abort> {
-        if pdos.len() > PDOS_ASSIGNED_MAX {
+        if pdos.len() > PDOS_SELECTED_MAX {
             return Err(Abort::PdoLength);
         }
         self.count = pdos.len() as u8;
         self.pdos.iter_mut().zip(pdos).for_each(|(kept, pdo)| *kept = pdo);
-        self.checked(device)
+        self.checked(catalogue)
     }
 
-    fn checked(self, device: &Device) -> Result<Self, Abort> {
+    fn checked<A: Application>(self, catalogue: &Catalogue<'_, A>) -> Result<Self, Abort> {
         for (at, &index) in self.indices().iter().enumerate() {
-            let pdo = self.pdo(device, index)?;
+            let pdo = self.pdo(catalogue, index)?;
             for &other in self.indices().iter().skip(at + 1) {
-                if other == index || pdo.excludes(self.pdo(device, other)?) {
+                if other == index || pdo.excludes(&self.pdo(catalogue, other)?) {
                     return Err(Abort::Incompatible);
                 }
             }
         }
-        if self.bytes(device) > device.bytes_max(self.channel) {
+        if self.bytes(catalogue) > catalogue.device.bytes_max(self.channel) {
             return Err(Abort::PdoLength);
         }
         Ok(self)
     }
 
-    fn pdo(&self, device: &Device, index: u16) -> Result<&'static Object, Abort> {
-        let object = device.object(index).filter(|object| object.pdo() == Some(self.channel));
+    fn pdo<A: Application>(&self, catalogue: &Catalogue<'_, A>, index: u16) -> Result<Object, Abort> {
+        let object = catalogue.object(index).filter(|object| object.pdo() == Some(self.channel));
         object.ok_or(Abort::NotMappable)
     }
 }
@@ -181,8 +196,14 @@ impl Communication {
     }
 
     /// Whether inputs are renewed with the outputs alone (1C33h:01 = 22h), and there are any.
-    pub fn inputs_follow_outputs(&self, device: &Device) -> bool {
-        self.inputs_synchronised == Self::OUTPUTS_EVENT && self.outputs.bytes(device) > 0
+    pub fn inputs_follow_outputs<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> bool {
+        self.inputs_synchronised == Self::OUTPUTS_EVENT && self.outputs.bytes(catalogue) > 0
+    }
+
+    /// Carries the PDOs that the application says, where it says so.
+    pub fn follow(&mut self, application: &impl Application) {
+        self.outputs = application.assignment(Channel::Outputs).unwrap_or(self.outputs);
+        self.inputs = application.assignment(Channel::Inputs).unwrap_or(self.inputs);
     }
 
     /// Synchronisation of both directions, if they fit each other.
@@ -214,7 +235,13 @@ impl Communication {
     }
 
     /// Writes a value of the stack's.
-    pub fn set(&mut self, device: &Device, index: u16, sub: u8, value: u16) -> Result<(), Abort> {
+    pub fn set<A: Application>(
+        &mut self,
+        catalogue: &Catalogue<'_, A>,
+        index: u16,
+        sub: u8,
+        value: u16,
+    ) -> Result<(), Abort> {
         match (index, sub, value) {
             (0x1c32, 1, Self::FREE_RUN | Self::OWN_EVENT) => self.outputs_synchronised = value,
             (0x1c33, 1, Self::FREE_RUN | Self::OWN_EVENT | Self::OUTPUTS_EVENT) => {
@@ -225,7 +252,7 @@ impl Communication {
             (0x1c32 | 0x1c33, ..) => return Err(Abort::Range),
             _ => {
                 let assignment = self.assignment(index).ok_or(Abort::General)?;
-                *assignment = assignment.with(device, sub, value)?;
+                *assignment = assignment.with(catalogue, sub, value)?;
             }
         }
         Ok(())

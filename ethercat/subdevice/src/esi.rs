@@ -201,6 +201,9 @@ impl core::fmt::Display for TypeName {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self.0 {
             DataType::Bool => f.write_str("BOOL"),
+            DataType::I16 => f.write_str("INT"),
+            DataType::I32 => f.write_str("DINT"),
+            DataType::F32 => f.write_str("REAL"),
             DataType::U8 => f.write_str("USINT"),
             DataType::U16 => f.write_str("UINT"),
             DataType::U32 => f.write_str("UDINT"),

@@ -5,6 +5,7 @@
 
 mod types;
 
+use crate::assignment::{PDOS_ASSIGNED_MAX, PDOS_SELECTED_MAX};
 use crate::sync_manager::Channel;
 
 pub use types::{Access, DataType};
@@ -31,10 +32,11 @@ pub enum Entries {
     Constants(&'static [u32], Entry),
     /// Values of different kinds; an [absent](Entry::ABSENT) one leaves its sub-index out.
     Record(&'static [Entry]),
-    /// Which PDOs a SyncManager carries: the list after power-on; sub-index 0 may be written.
+    /// Which PDOs a SyncManager carries: the list after power-on, which a MainDevice may change where it may be written. One that is
+    /// fixed and empty is the application's.
     Assignment(&'static [u16], Access),
     /// What a PDO carries, and how it goes with others.
-    Mapping(&'static [Mapped], PdoRules),
+    Mapping(Runs, PdoRules),
 }
 
 /// How a PDO goes with others.
@@ -47,7 +49,49 @@ pub struct PdoRules {
 }
 
 impl PdoRules {
-    const NONE: Self = Self { excluded: &[], described: true };
+    /// It goes with all others, and is described.
+    pub const NONE: Self = Self { excluded: &[], described: true };
+}
+
+/// Runs of entries that a PDO carries at most.
+pub const RUNS_MAX: usize = 8;
+
+/// What a PDO carries, in order.
+#[derive(Debug, Clone, Copy)]
+pub struct Runs {
+    runs: [Mapped; RUNS_MAX],
+    used: u8,
+}
+
+impl Runs {
+    /// None.
+    pub const NONE: Self = Self { runs: [Mapped { index: 0, sub: 0, count: 0, bits: 0 }; RUNS_MAX], used: 0 };
+
+    /// The same and `run`.
+    ///
+    /// # Panics
+    /// When there are [`RUNS_MAX`] already; in a `const`, that is at build time.
+    #[must_use]
+    pub const fn and(mut self, run: Mapped) -> Self {
+        self.runs[self.used as usize] = run;
+        self.used += 1;
+        self
+    }
+
+    /// All of `runs`, as [`and`](Self::and) adds them.
+    const fn of(runs: &[Mapped]) -> Self {
+        let (mut all, mut nth) = (Self::NONE, 0);
+        while nth < runs.len() {
+            all = all.and(runs[nth]);
+            nth += 1;
+        }
+        all
+    }
+
+    /// The runs.
+    pub fn iter(&self) -> impl Iterator<Item = &Mapped> {
+        self.runs.iter().take(self.used.into())
+    }
 }
 
 /// A run of entries of one object that a PDO carries.
@@ -180,8 +224,8 @@ impl Object {
     }
 
     /// A PDO.
-    pub const fn mapping(index: u16, name: &'static str, mapped: &'static [Mapped]) -> Self {
-        Self { index, name, entries: Entries::Mapping(mapped, PdoRules::NONE) }
+    pub const fn mapping(index: u16, name: &'static str, mapped: &[Mapped]) -> Self {
+        Self { index, name, entries: Entries::Mapping(Runs::of(mapped), PdoRules::NONE) }
     }
 
     /// The same PDO, which cannot be assigned together with the PDOs `excluded`.
@@ -214,8 +258,11 @@ impl Object {
             Entries::Array(count, _) => count,
             Entries::Constants(values, _) => values.len() as u8,
             Entries::Record(entries) => entries.len() as u8,
-            Entries::Assignment(..) => crate::assignment::PDOS_ASSIGNED_MAX as u8,
-            Entries::Mapping(mapped, _) => mapped.iter().map(|run| run.count).sum(),
+            Entries::Assignment(_, access) if access.any(Access::WRITE) => PDOS_SELECTED_MAX as u8,
+            // The application's, of which there are more or fewer.
+            Entries::Assignment([], _) => PDOS_ASSIGNED_MAX as u8,
+            Entries::Assignment(fixed, _) => fixed.len() as u8,
+            Entries::Mapping(mapped, _) => mapped.iter().fold(0, |sum, run| sum.saturating_add(run.count)),
         }
     }
 
@@ -295,13 +342,13 @@ impl Object {
 
     /// The mapped entries of a PDO, in the form of its values: index, sub-index, bits.
     pub fn mapped(&self) -> impl Iterator<Item = u32> + use<> {
-        let mapped = match self.entries {
-            Entries::Mapping(mapped, _) => mapped,
-            _ => &[],
+        let runs = match self.entries {
+            Entries::Mapping(runs, _) => runs,
+            _ => Runs::NONE,
         };
-        mapped.iter().flat_map(|run| {
+        runs.runs.into_iter().take(runs.used.into()).flat_map(|run| {
             let subs = u32::from(run.sub)..u32::from(run.sub) + u32::from(run.count);
-            subs.map(|sub| u32::from(run.index) << 16 | sub << 8 | u32::from(run.bits))
+            subs.map(move |sub| u32::from(run.index) << 16 | sub << 8 | u32::from(run.bits))
         })
     }
 
@@ -316,7 +363,8 @@ impl Object {
 
     /// Bytes of a PDO.
     pub fn pdo_bytes(&self) -> usize {
-        let bits: u32 = self.mapped().map(|entry| entry & 0xff).sum();
-        bits as usize / 8
+        let Entries::Mapping(runs, _) = self.entries else { return 0 };
+        let bits: usize = runs.iter().map(|run| usize::from(run.count) * usize::from(run.bits)).sum();
+        bits.div_ceil(8)
     }
 }

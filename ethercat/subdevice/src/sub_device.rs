@@ -15,6 +15,7 @@ use embassy_time::{Duration, Instant, Timer};
 use crate::al_state::{AlMachine, AlState};
 use crate::application::Application;
 use crate::assignment::{Communication, Synchronisation};
+use crate::catalogue::Catalogue;
 use crate::coe::Coe;
 use crate::device::Device;
 use crate::esc::{CycleCost, Esc, EscError};
@@ -108,6 +109,10 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     /// The controller.
     pub fn esc(&mut self) -> &mut E {
         &mut self.esc
+    }
+
+    fn catalogue(&self) -> Catalogue<'_, A> {
+        Catalogue { device: self.device, application: &self.application }
     }
 
     /// The application.
@@ -232,7 +237,8 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
     fn wanted(&self) -> Events {
         let data = self.al.state().has_process_data();
         // In Op inputs follow the outputs, as far as that was asked for.
-        let follow = self.al.state() == AlState::Op && self.communication.inputs_follow_outputs(self.device);
+        let follow =
+            self.al.state() == AlState::Op && self.communication.inputs_follow_outputs(&self.catalogue());
         Events(Events::AL_CONTROL.0 | Events::SYNC_MANAGER_CHANGED.0)
             .with_if(self.takes_requests(), Events::MAILBOX_WRITTEN)
             .with_if(self.waits_for_mailbox(), Events::MAILBOX_FETCHED)

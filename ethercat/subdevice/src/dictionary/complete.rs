@@ -2,13 +2,19 @@
 
 use super::Dictionary;
 use crate::application::{Address, Application};
+use crate::catalogue::Catalogue;
 use crate::coe::abort::Abort;
-use crate::object::Object;
+use crate::object::{DataType, Object};
 
 impl<A: Application> Dictionary<'_, A> {
     /// Writes all entries from `first` on: every value is checked before the first is written. A count that is sent along must
     /// be the object's. (No object has both entries of the stack's, which can still refuse, and others that can be written.)
     pub(super) fn write_complete(&mut self, object: &Object, first: u8, bytes: &[u8]) -> Result<(), Abort> {
+        // Bits are packed; nobody needs to write them so.
+        let is_bit = |sub| object.entry(sub).is_some_and(|entry| entry.data_type == DataType::Bool);
+        if (1..=object.sub_max()).any(is_bit) {
+            return Err(Abort::NoCompleteAccess);
+        }
         let mut values = bytes;
         if first == 0 {
             let (count, rest) = bytes.split_first_chunk::<2>().ok_or(Abort::TooShort)?;
@@ -49,8 +55,9 @@ impl<A: Application> Dictionary<'_, A> {
             values = rest.get(..listed).ok_or(Abort::TooShort)?;
         }
         let (pdos, []) = values.as_chunks::<2>() else { return Err(Abort::LengthMismatch) };
+        let catalogue = Catalogue { device: self.device, application: &*self.application };
         let assignment = self.communication.assignment(at.index).ok_or(Abort::General)?;
-        *assignment = assignment.replaced(self.device, pdos.iter().map(|pdo| u16::from_le_bytes(*pdo)))?;
+        *assignment = assignment.replaced(&catalogue, pdos.iter().map(|pdo| u16::from_le_bytes(*pdo)))?;
         self.tell_assignment(at.index);
         Ok(())
     }

@@ -116,6 +116,7 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         let found = self.read_sync_managers().await?;
         self.check_mailboxes(&found)?;
         self.application.may_enter(AlState::PreOp)?;
+        self.communication.follow(&self.application);
         let repeat = found[Channel::MailboxIn as usize].repeat();
         self.mailbox.start(self.device.memory.mailbox_bytes, repeat);
         self.coe = Coe::default();
@@ -132,9 +133,10 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
             return Err(AlStatusCode::InvalidDcConfiguration.into());
         }
         self.communication.synchronisation().ok_or(AlStatusCode::SynchronisationNotSupported)?;
+        self.application.may_enter(AlState::SafeOp)?;
+        self.communication.follow(&self.application);
         let found = self.read_sync_managers().await?;
         self.check_process_data(&found)?;
-        self.application.may_enter(AlState::SafeOp)?;
         (self.images.outputs_valid, self.images.outputs_due) = (false, false);
         self.communication.timing.missed_events = 0;
         for channel in [Channel::Outputs, Channel::Inputs] {

@@ -48,6 +48,7 @@ pub(crate) use self::serve::age_register;
 pub use self::station::{BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, REPEATS};
 pub use self::status::{ErrorCode, Status};
 pub use self::typed::{TypedValue, ValueType};
+pub(crate) use self::values::copy_bits;
 pub use self::values::{ByteOrder, VALUE_BYTES_MAX};
 
 /// Whether the gateway can ask devices by itself, for data points or as an EtherCAT SubDevice: the feature `points`. An image

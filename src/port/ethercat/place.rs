@@ -59,6 +59,8 @@ pub(super) struct State {
     taken_over: bool,
     /// Bytes of the image that the assigned PDOs hold.
     room: Room,
+    /// Whether devices are modules, whose PDOs are as long as their values.
+    modular: bool,
     /// Whether they are being exchanged, and cannot become others.
     exchanging: bool,
     /// How the MainDevice has set the serial line, once it has.
@@ -85,6 +87,7 @@ impl State {
         wanted: false,
         taken_over: false,
         room: Room { inputs: 0, outputs: 0 },
+        modular: false,
         exchanging: false,
         speed: Speed::NONE,
         line: Speed::NONE,
@@ -236,6 +239,11 @@ impl EthercatPlace {
         self.update(|state| state.room = room);
     }
 
+    /// Devices are modules.
+    pub(super) fn set_modular(&self) {
+        self.update(|state| (state.modular, state.room) = (true, Room::MOST));
+    }
+
     /// Whether process data are exchanged.
     pub(super) fn is_exchanging(&self) -> bool {
         self.state.lock(Cell::get).exchanging
@@ -246,11 +254,10 @@ impl EthercatPlace {
         self.update(|state| state.exchanging = exchanging);
     }
 
-    /// Takes outputs of a MainDevice in Op, from the byte `first` on.
-    pub(super) fn put_outputs(&self, first: u16, bytes: &[u8]) {
+    /// Takes outputs of a MainDevice in Op, which `put` writes.
+    pub(super) fn put_outputs(&self, put: impl FnOnce(&mut [u8])) {
         self.scanner.with(|scanner| {
-            let place = scanner.image_mut(OUTPUTS, IMAGE_BYTES).get_mut(first.into()..).unwrap_or_default();
-            place.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
+            put(scanner.image_mut(OUTPUTS, IMAGE_BYTES));
             scanner.set_outputs(true);
         });
     }
@@ -328,7 +335,10 @@ impl EthercatPlace {
 
     /// Whether the slaves of `settings` can be asked with the PDOs that are in use.
     pub(crate) fn check_settings(&self, settings: &Settings) -> Result<(), ConfigError> {
-        let State { exchanging, room, .. } = self.state.lock(Cell::get);
+        let State { exchanging, room, modular, .. } = self.state.lock(Cell::get);
+        if exchanging && modular && !self.is_told(settings) {
+            return Err(ConfigError::ModulesInUse);
+        }
         let room = if exchanging { room } else { Room::MOST };
         layouts(&settings.slaves, room).try_for_each(|layout| layout.map(|_| ()))
     }

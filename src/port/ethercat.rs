@@ -28,7 +28,7 @@ mod status;
 
 pub use application::GatewayObjects;
 pub use configuration::{ConfigError, Configuration};
-pub use controller::{Controller, serve};
+pub use controller::{Controller, device, serve};
 pub use image::Room;
 pub use keeping::Keep;
 pub use layout::DeviceLayout;

@@ -82,10 +82,15 @@ impl Application for Modular {
         let padding = Mapped { index: 0, sub: 0, count: 1, bits: 5 };
         let pdo = |runs| Entries::Mapping(runs, PdoRules::NONE);
         let (name, entries) = match index {
-            0x1600..=0x1603 => ("Outputs", pdo(Runs::NONE.and(run(0x7000 + 0x10 * nth, 1, 16)))),
+            0x1600..=0x1603 => ("Outputs", pdo(Runs::NONE.and(run(0x7000 + 0x10 * nth, 1, 16)).unwrap())),
             0x1a00..=0x1a03 => {
                 let switches = run(0x6000 + 0x10 * nth, SWITCHES, 1);
-                ("Inputs", pdo(Runs::NONE.and(switches).and(padding).and(run(0x6001 + 0x10 * nth, 1, 32))))
+                (
+                    "Inputs",
+                    pdo([switches, padding, run(0x6001 + 0x10 * nth, 1, 32)]
+                        .into_iter()
+                        .fold(Runs::NONE, |runs, run| runs.and(run).unwrap())),
+                )
             }
             0x6000..=0x603f if index & 0xf == 0 => ("Switches", Entries::Array(SWITCHES, SWITCH)),
             0x6000..=0x603f if index & 0xf == 1 => ("Heat", Entries::Array(1, HEAT)),
@@ -103,7 +108,9 @@ impl Application for Modular {
 
     fn assignment(&self, channel: Channel) -> Option<Assignment> {
         let first = if channel == Channel::Outputs { 0x1600 } else { 0x1a00 };
-        Some(Assignment::of(channel, self.indices(first, 1)))
+        let bytes = if channel == Channel::Outputs { 2 } else { 6 };
+        let present = (1 << self.modules) - 1;
+        Some(Assignment::of_modules(channel, first, present, bytes * u16::from(self.modules)))
     }
 
     fn outputs(&mut self, pdo: u16, bytes: &[u8]) {
@@ -254,7 +261,8 @@ fn process_data_are_handed_out_module_by_module() {
 #[test]
 fn a_pdo_of_more_entries_than_a_sub_index_can_count_is_not_miscounted() {
     let run = Mapped { index: 0x6000, sub: 1, count: 255, bits: 1 };
-    let full = (0..RUNS_MAX).fold(Runs::NONE, |runs, _| runs.and(run));
+    let full = (0..RUNS_MAX).fold(Runs::NONE, |runs, _| runs.and(run).unwrap());
+    assert!(full.and(run).is_none(), "no room");
     let pdo = Object { index: 0x1a00, name: "Full", entries: Entries::Mapping(full, PdoRules::NONE) };
     assert_eq!((pdo.sub_max(), pdo.pdo_bytes()), (255, 255));
     assert!(pdo.entry(255).is_some());

@@ -105,6 +105,9 @@ pub struct Join {
 pub enum Make {
     /// Write the image for the EEPROM of the EtherCAT controller (SII) into FILE
     Sii {
+        /// Of the gateway as a modular device, which it is by the setting `port NAME ethercat modules`
+        #[arg(long)]
+        modules: bool,
         /// Where to
         file: PathBuf,
     },

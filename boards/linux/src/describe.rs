@@ -3,16 +3,16 @@
 use std::fs;
 
 use ethercat_subdevice::{esi, sii};
-use mobgate::port::ethercat::DEVICE;
+use mobgate::port::ethercat::{DEVICE, device};
 
 use crate::cli::Make;
 
 /// Writes the file that was asked for.
 pub fn write(make: &Make) -> Result<(), String> {
     let (file, content) = match make {
-        Make::Sii { file } => {
+        Make::Sii { modules, file } => {
             let mut image = [0; sii::SII_BYTES];
-            sii::write(&DEVICE, &mut image).map_err(|error| error.to_string())?;
+            sii::write(device(*modules), &mut image).map_err(|error| error.to_string())?;
             (file, image.to_vec())
         }
         Make::Esi { file } => {

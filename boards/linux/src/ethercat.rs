@@ -20,7 +20,7 @@ use ethercat_subdevice::esc::{Esc, EscError};
 use ethercat_subdevice::sii;
 use mobgate::config::{InterfaceName, PortId, PortKind};
 use mobgate::gateway::Gateway;
-use mobgate::port::ethercat::{DEVICE, EthercatPlace, serve};
+use mobgate::port::ethercat::{EthercatPlace, device, serve};
 use mobgate::stats::Event;
 use rustix::io::Errno;
 
@@ -29,9 +29,15 @@ use crate::hint;
 
 /// Runs the SubDevice whenever the settings of `gateway` name a network interface for it, for ever.
 pub async fn run(gateway: &Gateway<'_>, place: &EthercatPlace) -> ! {
-    let chip = Rc::new(Chip::new(Kind::LAN9252, eeprom()).into());
-    let link =
-        Link { gateway, chip, fault: Cell::new(Some(NOT_OPEN)), opened: Signal::new(), lost: Signal::new() };
+    let chip = Rc::new(Chip::new(Kind::LAN9252, eeprom(false)).into());
+    let link = Link {
+        gateway,
+        chip,
+        modules: Cell::new(false),
+        fault: Cell::new(Some(NOT_OPEN)),
+        opened: Signal::new(),
+        lost: Signal::new(),
+    };
     let mut interrupt = Interrupt::new(link.chip.clone());
     let attention = async || {
         // Of an infallible line.
@@ -48,10 +54,10 @@ pub fn check(name: &str) -> Result<(), &'static str> {
 }
 
 /// What the controller's EEPROM says the gateway is.
-fn eeprom() -> Vec<u8> {
+fn eeprom(modules: bool) -> Vec<u8> {
     let mut image = [0; sii::SII_BYTES];
     // The description is the same for ever, and a test reads it back.
-    sii::write(&DEVICE, &mut image).expect("the description fits");
+    sii::write(device(modules), &mut image).expect("the description fits");
     image.to_vec()
 }
 
@@ -62,6 +68,8 @@ const NOT_OPEN: EscError = EscError::Unreachable("not opened yet");
 struct Link<'g> {
     gateway: &'g Gateway<'g>,
     chip: SharedChip,
+    /// Whether its EEPROM says that the gateway is a modular device.
+    modules: Cell<bool>,
     /// Why no frame can come; none while the interface is open.
     fault: Cell<Option<EscError>>,
     opened: Signal<NoopRawMutex, (InterfaceName, Descriptor<Interface>)>,
@@ -86,7 +94,12 @@ impl Link<'_> {
         let fault = opened.as_ref().err().map(|error| unreachable(&name, error));
         self.fault.set(fault);
         if let Ok(interface) = opened {
-            self.chip.borrow_mut().reset();
+            let modules = self.gateway.ethercat_modules();
+            let mut chip = self.chip.borrow_mut();
+            if self.modules.replace(modules) != modules {
+                chip.eeprom = Chip::new(Kind::LAN9252, eeprom(modules)).eeprom;
+            }
+            chip.reset();
             self.opened.signal((name, interface));
         }
         fault.map_or(Ok(()), Err)
@@ -98,16 +111,18 @@ impl Link<'_> {
             let (name, interface) = self.opened.wait().await;
             let fault = match select(self.pass_frames(interface), self.renamed(&name)).await {
                 Either::First(error) => unreachable(&name, &fault_of(error)),
-                Either::Second(()) => EscError::Unreachable("the settings name another interface"),
+                Either::Second(()) => EscError::Unreachable("the settings name another interface, or device"),
             };
             self.fault.set(Some(fault));
             self.lost.signal(());
         }
     }
 
-    /// Waits until the settings name another interface than `name`, or none.
+    /// Waits until the settings name another interface than `name`, or none, or another device at it.
     async fn renamed(&self, name: &InterfaceName) {
-        while self.gateway.ethercat_interface().as_ref() == Some(name) {
+        while self.gateway.ethercat_interface().as_ref() == Some(name)
+            && self.gateway.ethercat_modules() == self.modules.get()
+        {
             self.gateway.new_ethercat_interface().await;
         }
     }

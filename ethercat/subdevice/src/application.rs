@@ -53,7 +53,7 @@ pub trait Application {
         None
     }
 
-    /// Which PDOs a SyncManager carries, in their order; before the first call they are those of the device's table.
+    /// Which PDOs a MainDevice has assigned to a SyncManager, in their order; before the first call they are those of the device's table.
     fn assigned(&mut self, _channel: Channel, _pdos: &[u16]) {}
 
     /// Whether outputs are taken only when two readings in a row agree, on a bus that may turn bits in process data. That doubles
@@ -92,6 +92,12 @@ pub trait Application {
 
     /// The outputs are not valid any more: Op was left, on request, or since no outputs came.
     fn outputs_stopped(&mut self);
+
+    /// Whether it is the application of another device now: the controller is left then, see
+    /// [`SubDevice::run_until_fault`](crate::sub_device::SubDevice::run_until_fault).
+    fn is_another_device(&self) -> bool {
+        false
+    }
 
     /// The controller failed: it is started anew.
     fn failed(&mut self, _fault: EscError) {}

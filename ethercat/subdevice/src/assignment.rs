@@ -17,22 +17,49 @@ pub const PDOS_SELECTED_MAX: usize = 8;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Assignment {
     channel: Channel,
-    count: u8,
-    pdos: [u16; PDOS_ASSIGNED_MAX],
+    pdos: Pdos,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pdos {
+    /// As they were listed, the first `count` of them.
+    Listed { count: u8, pdos: [u16; PDOS_SELECTED_MAX] },
+    /// The application's: `first` and those behind it whose bit is set, which have so many `bytes`.
+    Modules { first: u16, present: u64, bytes: u16 },
+}
+
+impl Pdos {
+    /// The one at a place, if there is one.
+    fn at(&self, place: u16) -> Option<u16> {
+        match *self {
+            Self::Listed { count, pdos } => {
+                pdos.get(usize::from(place)).copied().filter(|_| place < count.into())
+            }
+            Self::Modules { first, present, .. } => {
+                (present.unbounded_shr(place.into()) & 1 == 1).then(|| first.wrapping_add(place))
+            }
+        }
+    }
 }
 
 impl Assignment {
-    /// A SyncManager that carries `indices`, as many as there can be.
-    pub fn of(channel: Channel, indices: impl Iterator<Item = u16>) -> Self {
-        let mut assignment = Self { channel, count: 0, pdos: [0; PDOS_ASSIGNED_MAX] };
-        for (pdo, index) in assignment.pdos.iter_mut().zip(indices) {
-            (*pdo, assignment.count) = (index, assignment.count + 1);
+    /// A SyncManager that carries the PDOs of modules, in the order of their indices: `first + n` for each bit n of `present`, the first
+    /// [`PDOS_ASSIGNED_MAX`] of them, which have `bytes` together.
+    pub fn of_modules(channel: Channel, first: u16, present: u64, bytes: u16) -> Self {
+        let present = present & ((1 << PDOS_ASSIGNED_MAX) - 1);
+        Self { channel, pdos: Pdos::Modules { first, present, bytes } }
+    }
+
+    fn listed(channel: Channel, indices: impl Iterator<Item = u16>) -> Self {
+        let (mut pdos, mut count) = ([0; PDOS_SELECTED_MAX], 0);
+        for (pdo, index) in pdos.iter_mut().zip(indices) {
+            (*pdo, count) = (index, count + 1);
         }
-        assignment
+        Self { channel, pdos: Pdos::Listed { count, pdos } }
     }
 
     fn of_device(device: &Device, channel: Channel) -> Self {
-        Self::of(channel, device.default_pdos(channel).iter().copied())
+        Self::listed(channel, device.default_pdos(channel).iter().copied())
     }
 
     /// The SyncManager that carries them.
@@ -41,25 +68,31 @@ impl Assignment {
     }
 
     /// The indices of the assigned PDOs.
-    pub fn indices(&self) -> &[u16] {
-        self.pdos.get(..usize::from(self.count)).unwrap_or_default()
+    pub fn indices(&self) -> impl Iterator<Item = u16> + use<> {
+        let pdos = self.pdos;
+        (0..PDOS_ASSIGNED_MAX as u16).filter_map(move |place| pdos.at(place))
     }
 
     /// The assigned PDOs.
     pub fn pdos<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> impl Iterator<Item = Object> {
-        self.indices().iter().filter_map(|&index| catalogue.object(index))
+        self.indices().filter_map(|index| catalogue.object(index))
     }
 
     /// Bytes of all assigned PDOs.
     pub fn bytes<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> u16 {
-        self.pdos(catalogue).map(|pdo| pdo.pdo_bytes()).sum::<usize>() as u16
+        match self.pdos {
+            Pdos::Listed { .. } => self.pdos(catalogue).map(|pdo| pdo.pdo_bytes()).sum::<usize>() as u16,
+            Pdos::Modules { bytes, .. } => bytes,
+        }
     }
 
     /// The value at a sub-index.
     pub fn value(&self, sub: u8) -> u16 {
-        match sub.checked_sub(1) {
-            None => self.count.into(),
-            Some(at) => self.pdos.get(usize::from(at)).copied().unwrap_or_default(),
+        match (sub.checked_sub(1), &self.pdos) {
+            (None, _) => self.indices().count() as u16,
+            // Also one behind the count, which is being written.
+            (Some(at), Pdos::Listed { pdos, .. }) => pdos.get(usize::from(at)).copied().unwrap_or_default(),
+            (Some(at), _) => self.indices().nth(at.into()).unwrap_or_default(),
         }
     }
 
@@ -70,20 +103,21 @@ impl Assignment {
         sub: u8,
         value: u16,
     ) -> Result<Self, Abort> {
+        let Pdos::Listed { count, pdos } = &mut self.pdos else { return Err(Abort::ReadOnly) };
         match sub.checked_sub(1) {
             None => {
                 if usize::from(value) > PDOS_SELECTED_MAX {
                     return Err(Abort::PdoLength);
                 }
-                self.count = value as u8;
+                *count = value as u8;
                 self.checked(catalogue)
             }
-            Some(_) if self.count != 0 => Err(Abort::CountNotZero),
+            Some(_) if *count != 0 => Err(Abort::CountNotZero),
             Some(at) => {
+                *pdos.get_mut(usize::from(at)).ok_or(Abort::NoEntry)? = value;
                 if value != 0 {
                     self.pdo(catalogue, value)?;
                 }
-                *self.pdos.get_mut(usize::from(at)).ok_or(Abort::NoEntry)? = value;
                 Ok(self)
             }
         }
@@ -91,22 +125,20 @@ impl Assignment {
 
     /// The list with all of `pdos`.
     pub fn replaced<A: Application>(
-        mut self,
+        self,
         catalogue: &Catalogue<'_, A>,
         pdos: impl ExactSizeIterator<Item = u16>,
     ) -> Result<Self, Abort> {
         if pdos.len() > PDOS_SELECTED_MAX {
             return Err(Abort::PdoLength);
         }
-        self.count = pdos.len() as u8;
-        self.pdos.iter_mut().zip(pdos).for_each(|(kept, pdo)| *kept = pdo);
-        self.checked(catalogue)
+        Self::listed(self.channel, pdos).checked(catalogue)
     }
 
     fn checked<A: Application>(self, catalogue: &Catalogue<'_, A>) -> Result<Self, Abort> {
-        for (at, &index) in self.indices().iter().enumerate() {
+        for (at, index) in self.indices().enumerate() {
             let pdo = self.pdo(catalogue, index)?;
-            for &other in self.indices().iter().skip(at + 1) {
+            for other in self.indices().skip(at + 1) {
                 if other == index || pdo.excludes(&self.pdo(catalogue, other)?) {
                     return Err(Abort::Incompatible);
                 }

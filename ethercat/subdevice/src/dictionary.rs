@@ -6,7 +6,7 @@ use heapless::Vec;
 
 use crate::al_state::AlState;
 use crate::application::{Address, Application};
-use crate::assignment::Communication;
+use crate::assignment::{Communication, PDOS_SELECTED_MAX};
 use crate::catalogue::Catalogue;
 use crate::coe::abort::Abort;
 use crate::device::Device;
@@ -181,7 +181,8 @@ impl<A: Application> Dictionary<'_, A> {
     /// Tells the application which PDOs are assigned, if that stands behind the object `index`.
     fn tell_assignment(&mut self, index: u16) {
         if let Some(assignment) = self.communication.assignment(index) {
-            self.application.assigned(assignment.channel(), assignment.indices());
+            let pdos: Vec<u16, PDOS_SELECTED_MAX> = assignment.indices().take(PDOS_SELECTED_MAX).collect();
+            self.application.assigned(assignment.channel(), &pdos);
         }
     }
 

@@ -8,7 +8,7 @@ mod xml;
 use core::fmt::{Error, Write};
 
 use crate::device::Device;
-use crate::object::{DataType, Entries, Entry, Object};
+use crate::object::{DataType, Entries, Entry, Object, PADDING};
 use crate::sii::{COE_DETAILS, SII_BYTES, SiiFull, default_length, write as write_sii};
 use crate::sync_manager::{Channel, MAILBOX_BYTES_MIN};
 use xml::Xml;
@@ -153,6 +153,12 @@ fn write_pdo<W: Write>(
         pdo.mapped().try_for_each(|mapped| {
             let [bits, sub, index @ ..] = mapped.to_le_bytes();
             let index = u16::from_le_bytes(index);
+            if index == PADDING {
+                return xml.within("Entry", format_args!(""), |xml| {
+                    xml.text("Index", format_args!("#x{index:04X}"))?;
+                    xml.text("BitLen", format_args!("{bits}"))
+                });
+            }
             let object = device.object(index).ok_or(Error)?;
             let entry = object.entry(sub).ok_or(Error)?;
             xml.within("Entry", format_args!(""), |xml| {

@@ -5,6 +5,8 @@
 
 mod types;
 
+use core::fmt;
+
 use crate::assignment::{PDOS_ASSIGNED_MAX, PDOS_SELECTED_MAX};
 use crate::sync_manager::Channel;
 
@@ -67,23 +69,26 @@ impl Runs {
     /// None.
     pub const NONE: Self = Self { runs: [Mapped { index: 0, sub: 0, count: 0, bits: 0 }; RUNS_MAX], used: 0 };
 
-    /// The same and `run`.
-    ///
-    /// # Panics
-    /// When there are [`RUNS_MAX`] already; in a `const`, that is at build time.
+    /// The same and `run`; none when there are [`RUNS_MAX`] already.
     #[must_use]
-    pub const fn and(mut self, run: Mapped) -> Self {
+    pub const fn and(mut self, run: Mapped) -> Option<Self> {
+        if self.used as usize >= RUNS_MAX {
+            return None;
+        }
         self.runs[self.used as usize] = run;
         self.used += 1;
-        self
+        Some(self)
     }
 
-    /// All of `runs`, as [`and`](Self::and) adds them.
+    /// All of `runs`.
+    ///
+    /// # Panics
+    /// At build time, when they are too many.
     const fn of(runs: &[Mapped]) -> Self {
         let (mut all, mut nth) = (Self::NONE, 0);
         while nth < runs.len() {
-            all = all.and(runs[nth]);
-            nth += 1;
+            let Some(more) = all.and(runs[nth]) else { panic!("a PDO has too many runs") };
+            (all, nth) = (more, nth + 1);
         }
         all
     }
@@ -93,6 +98,9 @@ impl Runs {
         self.runs.iter().take(self.used.into())
     }
 }
+
+/// The index of what fills a PDO up, and is no entry.
+pub const PADDING: u16 = 0;
 
 /// A run of entries of one object that a PDO carries.
 #[derive(Debug, Clone, Copy)]
@@ -112,6 +120,8 @@ pub struct Mapped {
 pub struct Entry {
     /// Its name.
     pub name: &'static str,
+    /// What follows its name, if it is one of many alike.
+    pub number: Option<u8>,
     /// Its type.
     pub data_type: DataType,
     /// Who may read and write it in which state.
@@ -120,6 +130,20 @@ pub struct Entry {
     pub value: Value,
     /// The least and the greatest number that may be written.
     pub range: (u64, u64),
+}
+
+/// The name of an entry, with what tells it from others alike.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Label {
+    name: &'static str,
+    number: Option<u8>,
+}
+
+impl fmt::Display for Label {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)?;
+        self.number.map_or(Ok(()), |number| write!(f, " {number}"))
+    }
 }
 
 /// Where an entry's value comes from.
@@ -141,13 +165,14 @@ impl Entry {
 
     /// A number that never changes.
     pub const fn number(name: &'static str, data_type: DataType, value: u64) -> Self {
-        Self { name, data_type, access: Access::READ, value: Value::Number(value), range: (0, u64::MAX) }
+        let value = Value::Number(value);
+        Self { name, number: None, data_type, access: Access::READ, value, range: (0, u64::MAX) }
     }
 
     /// A text that never changes.
     pub const fn text(name: &'static str, text: &'static str) -> Self {
         let data_type = DataType::Text(text.len() as u16);
-        Self { name, data_type, access: Access::READ, value: Value::Text(text), range: (0, u64::MAX) }
+        Self { value: Value::Text(text), ..Self::number(name, data_type, 0) }
     }
 
     /// A value of the application that is read only.
@@ -180,6 +205,17 @@ impl Entry {
     #[must_use]
     pub const fn with_access(self, access: Access) -> Self {
         Self { access, ..self }
+    }
+
+    /// The same in an array whose entries are told apart: their sub-index ends their name.
+    #[must_use]
+    pub const fn numbered(self) -> Self {
+        Self { number: Some(0), ..self }
+    }
+
+    /// The name as MainDevices and people see it: `Coil 3`.
+    pub const fn label(&self) -> Label {
+        Label { name: self.name, number: self.number }
     }
 
     /// A value of the application that is another number than 0 after power-on.
@@ -275,7 +311,9 @@ impl Object {
             return Some(self.count_entry());
         }
         match self.entries {
-            Entries::Array(count, entry) => (sub <= count).then_some(entry),
+            Entries::Array(count, entry) => {
+                (sub <= count).then_some(Entry { number: entry.number.map(|_| sub), ..entry })
+            }
             Entries::Constants(values, entry) => {
                 let &value = values.get(usize::from(sub) - 1)?;
                 Some(Entry { value: Value::Number(value.into()), ..entry })

@@ -47,7 +47,7 @@ impl Images {
         application: &mut impl Application,
     ) {
         let mut rest = &self.outputs[..];
-        for &pdo in communication.outputs.indices() {
+        for pdo in communication.outputs.indices() {
             // The assignment is no longer than the plan, and the plan no longer than the buffer.
             let Some((bytes, behind)) = rest.split_at_checked(pdo_bytes(device, application, pdo)) else {
                 return;
@@ -66,7 +66,7 @@ impl Images {
     ) -> &[u8] {
         let mut rest = &mut self.inputs[..];
         let mut gathered = 0;
-        for &pdo in communication.inputs.indices() {
+        for pdo in communication.inputs.indices() {
             let bytes = pdo_bytes(device, application, pdo);
             let Some((bytes, behind)) = rest.split_at_mut_checked(bytes) else { break };
             application.inputs(pdo, bytes);

@@ -129,22 +129,26 @@ impl<E: Esc, A: Application> SubDevice<E, A> {
         }
     }
 
-    /// [`run`](Self::run) until the controller fails.
-    pub async fn run_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> EscError {
-        let fault = match self.start().await {
-            Ok(()) => self.serve_until_fault(attention).await,
-            Err(fault) => fault,
-        };
-        self.application.failed(fault);
+    /// [`run`](Self::run) until the controller fails, or the application is another device's.
+    pub async fn run_until_fault(&mut self, attention: &mut impl AsyncFnMut()) {
+        if let Err(fault) = self.serve_until_fault(attention).await {
+            self.application.failed(fault);
+        }
         self.application.outputs_stopped();
-        fault
     }
 
-    async fn serve_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> EscError {
+    /// Is what `device` says from its next start on.
+    pub fn become_device(&mut self, device: &'static Device) {
+        (self.device, self.communication) = (device, Communication::new(device));
+    }
+
+    async fn serve_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> Result<(), EscError> {
+        self.start().await?;
         let mut asked = false;
         loop {
-            if let Err(fault) = self.serve_asked(asked).await {
-                return fault;
+            self.serve_asked(asked).await?;
+            if self.application.is_another_device() {
+                return Ok(());
             }
             let look = Instant::now() + LOOK_INTERVAL;
             let due = self.due().map_or(look, |due| due.min(look));

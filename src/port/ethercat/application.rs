@@ -8,6 +8,7 @@ use ethercat_subdevice::application::{Address, Application};
 use ethercat_subdevice::assignment::Assignment;
 use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::coe::emergency::Emergency;
+use ethercat_subdevice::device::Device;
 use ethercat_subdevice::diagnosis::History;
 use ethercat_subdevice::dictionary::number;
 use ethercat_subdevice::esc::EscError;
@@ -17,6 +18,7 @@ use ethercat_subdevice::sync_manager::Channel;
 use heapless::String;
 
 use super::configuration::ConfigError;
+use super::controller::device;
 use super::image::{Room, span};
 use super::keeping::{Keep, Kept};
 use super::line::LineWriter;
@@ -26,6 +28,10 @@ use super::points::PointObjects;
 use super::slaves::ModbusSlave;
 use super::slots::Slots;
 use crate::scanner::ScannerPlace;
+
+/// What a cycle of process data takes beside the bus to the controller: for the interrupt and what comes with it, and for each module.
+const FIXED_NS: u32 = 25_000;
+const MODULE_NS: u32 = 4_000;
 
 /// Reads and writes of configuration, layout and buffers.
 pub struct GatewayObjects<'p> {
@@ -51,8 +57,21 @@ impl<'p> GatewayObjects<'p> {
 
     /// Those of a [modular](super::MODULAR) gateway.
     pub fn modular(place: &'p EthercatPlace) -> Self {
-        let objects = Self::new(place);
-        Self { slots: Some(Slots::new(place)), ..objects }
+        let mut objects = Self::new(place);
+        objects.become_modular(true);
+        objects
+    }
+
+    /// Makes them those of the device that the settings want.
+    pub(super) fn follow_settings(&mut self) -> &'static Device {
+        let modular = self.place.wants_modules();
+        self.become_modular(modular);
+        device(modular)
+    }
+
+    fn become_modular(&mut self, modular: bool) {
+        self.slots = modular.then(|| Slots::new(self.place));
+        self.place.set_modular(modular);
     }
 
     /// Those of a gateway that has data points, too.
@@ -103,8 +122,8 @@ impl<'p> GatewayObjects<'p> {
     /// Whether the configuration can be used; notes why not.
     fn check_configuration(&mut self) -> Result<(), Abort> {
         let checked = self.place.check().map(|_| ());
-        if checked.is_err() {
-            self.place.configuration_refused();
+        if let Err(why) = checked {
+            self.place.configuration_refused(why);
         }
         self.note(checked)
     }
@@ -125,14 +144,14 @@ impl<'p> GatewayObjects<'p> {
 
     /// Takes the modules over as they were written, on the way to SafeOp.
     fn take_modules_over(&mut self) -> Result<(), AlStatusCode> {
-        let Some(slots) = &self.slots else { return Ok(()) };
+        let Some(slots) = &mut self.slots else { return Ok(()) };
         let mut checked = slots.check();
         if checked.is_ok() && slots.has_modules() {
             checked = self.place.take_over();
         }
         self.refused = checked.err();
         let Some(error) = self.refused else { return Ok(()) };
-        self.place.configuration_refused();
+        self.place.configuration_refused(error);
         Err(match error {
             ConfigError::InputsFull { .. } => AlStatusCode::InvalidInputMapping,
             ConfigError::OutputsFull { .. } => AlStatusCode::InvalidOutputMapping,
@@ -301,7 +320,7 @@ impl Application for GatewayObjects<'_> {
     }
 
     fn outputs(&mut self, pdo: u16, bytes: &[u8]) {
-        if let Some(slots) = &self.slots {
+        if let Some(slots) = &mut self.slots {
             self.outputs_valid |= slots.outputs(pdo, bytes).is_some();
         } else if let Some((first, _)) = span(pdo) {
             self.place.put_outputs(|image| {
@@ -313,7 +332,7 @@ impl Application for GatewayObjects<'_> {
     }
 
     fn inputs(&mut self, pdo: u16, into: &mut [u8]) {
-        if self.slots.as_ref().and_then(|slots| slots.inputs(pdo, into)).is_some() {
+        if self.slots.as_mut().and_then(|slots| slots.inputs(pdo, into)).is_some() {
             return;
         }
         match (pdo, span(pdo).filter(|_| self.slots.is_none())) {
@@ -334,6 +353,14 @@ impl Application for GatewayObjects<'_> {
                 into.iter_mut().take(1).for_each(|byte| *byte = self.input_counter);
             }
         }
+    }
+
+    fn cycle_fixed_ns(&self) -> u32 {
+        FIXED_NS + self.slots.as_ref().map_or(0, |slots| slots.count() * MODULE_NS)
+    }
+
+    fn is_another_device(&self) -> bool {
+        self.place.wants_modules() != self.slots.is_some()
     }
 
     fn failed(&mut self, fault: EscError) {

@@ -3,11 +3,13 @@
 use core::fmt;
 
 use embassy_time::{Duration, Timer};
+use ethercat_subdevice::application::Application;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::esc::{Esc, EscError};
 use ethercat_subdevice::sub_device::{RESTART_PAUSE, SubDevice};
 
 use super::application::GatewayObjects;
+use super::modular::MODULAR;
 use super::objects::DEVICE;
 use super::place::EthercatPlace;
 use crate::gateway::Status;
@@ -19,7 +21,13 @@ const LOOK_INTERVAL: Duration = Duration::from_secs(1);
 /// The same for one that did answer: a MainDevice waits for it.
 const LOST_LOOK_INTERVAL: Duration = Duration::from_millis(100);
 
-static GATEWAY: Device = DEVICE;
+static FIXED: Device = DEVICE;
+static WITH_MODULES: Device = MODULAR;
+
+/// What the gateway is as a SubDevice: with process data of a fixed form, or with modules.
+pub fn device(modules: bool) -> &'static Device {
+    if modules { &WITH_MODULES } else { &FIXED }
+}
 
 /// Whether the board's controller answers.
 // `Present` is the 0: a place is all zeros at start. It is also what holds where nobody looks.
@@ -78,7 +86,7 @@ pub async fn serve(
     mut attention: impl AsyncFnMut(),
 ) -> ! {
     let objects = GatewayObjects::new(place).with_points(points);
-    let mut sub_device = SubDevice::new(&GATEWAY, esc, objects);
+    let mut sub_device = SubDevice::new(device(false), esc, objects);
     let mut known = None;
     loop {
         let controller = match (sub_device.esc().look().await, known) {
@@ -96,6 +104,11 @@ pub async fn serve(
         }
         let pause = match controller {
             Controller::Present => {
+                if sub_device.application().is_another_device() {
+                    let device = sub_device.application().follow_settings();
+                    log_info!("EtherCAT: {}", device.name);
+                    sub_device.become_device(device);
+                }
                 sub_device.run_until_fault(&mut attention).await;
                 RESTART_PAUSE
             }

@@ -4,12 +4,12 @@
 //! Slot n has its settings at 8nn0h, its values at 6nn0h to 6nn3h and 7nn0h to 7nn1h, and its PDOs at 1600h + n and 1A00h + n.
 
 use ethercat_subdevice::device::{Device, Identity};
-use ethercat_subdevice::object::{Access, DataType, Entries, Entry, Mapped, Object, PdoRules, Runs};
+use ethercat_subdevice::object::{Access, DataType, Entries, Entry, Mapped, Object, PADDING, PdoRules, Runs};
 use ethercat_subdevice::standard;
 use ethercat_subdevice::sync_manager::Channel;
 
 use super::configuration::{ORDERS, TYPES};
-use super::modules::{SLOT_STEP, Table, tables};
+use super::modules::{SLOT_STEP, Table, pdo_bytes, tables};
 use super::objects::{self, BEHIND_BUFFERS, DEVICE, FLAGS, MODBUS, UART, count, joined};
 use super::slaves::{self, ANY_U16, SLAVES};
 use crate::config::SlaveSettings;
@@ -17,6 +17,8 @@ use crate::scanner::ValueType;
 
 /// The PDO of the device itself, behind those of the modules.
 pub(super) const STATUS_PDO: u16 = 0x1a20;
+/// Its bytes.
+pub(super) const OWN_BYTES: u32 = 2;
 /// Entries of a PDO at most: its sub-indices 1 to 254.
 pub(super) const PDO_ENTRIES_MAX: usize = 254;
 
@@ -28,7 +30,7 @@ const NAME: &str = "mobgate EtherCAT to Modbus gateway, modular";
 pub const MODULAR: Device =
     Device { identity: IDENTITY, name: NAME, order: "mobgate-modular", objects: OBJECTS, ..DEVICE };
 
-const PADDING: Mapped = Mapped { index: 0, sub: 0, count: 1, bits: 0 };
+const FILLED_UP: Mapped = Mapped { index: PADDING, sub: 0, count: 1, bits: 0 };
 
 const COMMON: &[Object] = &[
     standard::device_type(0x0000_1389),
@@ -48,10 +50,8 @@ const PROCESS_DATA: &[Object] = &[
     Object::mapping(
         STATUS_PDO,
         "Status",
-        &[Mapped { index: 0x2030, sub: 1, count: 1, bits: 8 }, Mapped { bits: 8, ..PADDING }],
-    )
-    // PDOs are the dictionary's matter: those of modules cannot stand in an EEPROM.
-    .undescribed(),
+        &[Mapped { index: 0x2030, sub: 1, count: 1, bits: 8 }, Mapped { bits: 8, ..FILLED_UP }],
+    ),
     standard::SYNC_MANAGER_TYPES,
     standard::rx_assignment(&[], standard::FIXED),
     standard::tx_assignment(&[], standard::FIXED),
@@ -73,20 +73,26 @@ const MODULES: &[Object] = &[
             Entry::number("Maximum number of modules", DataType::U16, SLAVES as u64),
         ],
     ),
-    Object::array(0xf010, "Module profile list", SLAVES, Entry::number("Profile", DataType::U32, 0x1389)),
+    Object::array(
+        0xf010,
+        "Module profile list",
+        SLAVES,
+        Entry::number("Profile", DataType::U32, 0x1389).numbered(),
+    ),
     // 0 everywhere: the MainDevice does not say which modules it expects.
     Object::array(
         0xf030,
         "Configured module ident list",
         SLAVES,
         Entry::setting("Module ident", DataType::U32, 0, (0, u32::MAX as u64))
-            .with_access(standard::SELECTABLE),
+            .with_access(standard::SELECTABLE.and(Access::SETTING))
+            .numbered(),
     ),
     Object::array(
         0xf050,
         "Detected module ident list",
         SLAVES,
-        Entry::reading("Module ident", DataType::U32),
+        Entry::reading("Module ident", DataType::U32).numbered(),
     ),
 ];
 
@@ -161,6 +167,16 @@ pub(super) fn indices() -> impl Iterator<Item = u16> {
     })
 }
 
+/// Whether the module `slave` has the object that stands at `first` in slot 0.
+pub(super) fn has(slave: &SlaveSettings, first: u16) -> bool {
+    match first {
+        0x1600 => pdo_bytes(slave, Channel::Outputs) > 0,
+        0x6000..=0x6fff => tables(slave, Channel::Inputs).any(|table| table.index == first),
+        0x7000..=0x7fff => tables(slave, Channel::Outputs).any(|table| table.index == first),
+        _ => true,
+    }
+}
+
 /// The object of the module `slave` in `slot` that stands at `first` in slot 0.
 pub(super) fn object(slave: &SlaveSettings, slot: usize, first: u16) -> Option<Object> {
     let channel = if matches!(first, 0x1600 | 0x7000..=0x7fff) { Channel::Outputs } else { Channel::Inputs };
@@ -192,14 +208,15 @@ fn named(table: &Table) -> (&'static str, Entry) {
         ValueType::I32 => DataType::I32,
         ValueType::F32 => DataType::F32,
     };
-    match table.index {
+    let (name, entry) = match table.index {
         0x6000 => ("Discrete inputs", Entry::input("Discrete input", data_type)),
         0x6001 => ("Coils read", Entry::input("Coil", data_type)),
         0x6002 => ("Input registers", Entry::input("Input register", data_type)),
         0x6003 => ("Holding registers read", Entry::input("Holding register", data_type)),
         0x7000 => ("Coils", Entry::output("Coil", data_type)),
         _ => ("Holding registers", Entry::output("Holding register", data_type)),
-    }
+    };
+    (name, entry.numbered())
 }
 
 /// What the PDO of a module carries; none if it has too many entries.
@@ -207,21 +224,21 @@ fn runs(slave: &SlaveSettings, slot: usize, channel: Channel) -> Option<Runs> {
     let (mut runs, mut entries, mut end) = (Runs::NONE, 0, 0);
     // Bits and registers: padding comes in front of the first register, and at the end. That makes six runs at most.
     let mut pad = |runs: Runs, from: u32, to: u32| match to - from {
-        0 => runs,
+        0 => Some(runs),
         bits => {
             entries += 1;
-            runs.and(Mapped { bits: bits as u8, ..PADDING })
+            runs.and(Mapped { bits: bits as u8, ..FILLED_UP })
         }
     };
     let mut values = 0;
     for table in tables(slave, channel) {
-        runs = pad(runs, end, table.at);
+        runs = pad(runs, end, table.at)?;
         let count = u8::try_from(table.values).ok()?;
         let bits = table.value_type.bits() as u8;
-        runs = runs.and(Mapped { index: in_slot(table.index, slot), sub: 1, count, bits });
+        runs = runs.and(Mapped { index: in_slot(table.index, slot), sub: 1, count, bits })?;
         (values, end) = (values + usize::from(count), table.end());
     }
-    runs = pad(runs, end, end.next_multiple_of(u16::BITS));
+    runs = pad(runs, end, end.next_multiple_of(u16::BITS))?;
     (values + entries <= PDO_ENTRIES_MAX).then_some(runs)
 }
 

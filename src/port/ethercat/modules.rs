@@ -61,6 +61,14 @@ pub(super) fn pdo_bytes(slave: &SlaveSettings, channel: Channel) -> u32 {
     end.next_multiple_of(u16::BITS) / u8::BITS
 }
 
+/// Whether it is a module: one without process data is none.
+pub(super) fn is_module(slave: &SlaveSettings) -> bool {
+    pdo_bytes(slave, Channel::Inputs) > 0
+}
+
+/// The bits of an ident that tell modules with the same process data apart in an ESI file. A MainDevice may expect any of those.
+pub(super) const VARIANTS: u32 = 0xff;
+
 /// Tells modules with other process data apart: a check sum of how many values of which type each table has. 0 is no module.
 pub(super) fn ident(slave: &SlaveSettings) -> u32 {
     const CHECKSUM: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
@@ -69,7 +77,12 @@ pub(super) fn ident(slave: &SlaveSettings) -> u32 {
         digest.update(&[table.kind as u8, table.value_type as u8]);
         digest.update(&table.values.to_le_bytes());
     }
-    if pdo_bytes(slave, Channel::Inputs) == 0 { 0 } else { digest.finalize() }
+    match digest.finalize() & !VARIANTS {
+        _ if !is_module(slave) => 0,
+        // Of one in 16 million.
+        0 => VARIANTS + 1,
+        ident => ident,
+    }
 }
 
 /// Writes the inputs of `slave`, which lie in `image` as `layout` says, as its PDO.

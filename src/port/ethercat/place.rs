@@ -61,6 +61,8 @@ pub(super) struct State {
     room: Room,
     /// Whether devices are modules, whose PDOs are as long as their values.
     modular: bool,
+    /// Whether the settings say so. The SubDevice has to start anew for that.
+    wants_modules: bool,
     /// Whether they are being exchanged, and cannot become others.
     exchanging: bool,
     /// How the MainDevice has set the serial line, once it has.
@@ -88,6 +90,7 @@ impl State {
         taken_over: false,
         room: Room { inputs: 0, outputs: 0 },
         modular: false,
+        wants_modules: false,
         exchanging: false,
         speed: Speed::NONE,
         line: Speed::NONE,
@@ -239,9 +242,15 @@ impl EthercatPlace {
         self.update(|state| state.room = room);
     }
 
-    /// Devices are modules.
-    pub(super) fn set_modular(&self) {
-        self.update(|state| (state.modular, state.room) = (true, Room::MOST));
+    /// Whether devices are modules, in the SubDevice as it is now. Its PDOs are those of after power-on.
+    pub(super) fn set_modular(&self, modular: bool) {
+        let room = if modular { Room::MOST } else { Room::FIRST };
+        self.update(|state| (state.modular, state.room) = (modular, room));
+    }
+
+    /// Whether the settings want a modular SubDevice.
+    pub(super) fn wants_modules(&self) -> bool {
+        self.state.lock(Cell::get).wants_modules
     }
 
     /// Whether process data are exchanged.
@@ -336,6 +345,8 @@ impl EthercatPlace {
     /// Whether the slaves of `settings` can be asked with the PDOs that are in use.
     pub(crate) fn check_settings(&self, settings: &Settings) -> Result<(), ConfigError> {
         let State { exchanging, room, modular, .. } = self.state.lock(Cell::get);
+        // Another device starts anew, with nothing assigned.
+        let exchanging = exchanging && settings.ethercat().is_none_or(|port| port.modules == modular);
         if exchanging && modular && !self.is_told(settings) {
             return Err(ConfigError::ModulesInUse);
         }
@@ -357,6 +368,7 @@ impl EthercatPlace {
             state.proves_outputs = port.is_some_and(|port| port.prove_outputs);
             state.id = port.and_then(|port| port.id);
             state.emergencies = port.is_some_and(|port| port.emergencies);
+            state.wants_modules = port.is_some_and(|port| port.modules);
             state.line = line;
             state.wanted |= other_slaves && !settings.slaves.is_empty();
         });

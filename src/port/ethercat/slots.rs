@@ -6,36 +6,46 @@ use ethercat_subdevice::object::Object;
 use ethercat_subdevice::sync_manager::Channel;
 
 use super::configuration::ConfigError;
-use super::image::IMAGE_BYTES;
-use super::modular::{STATUS_PDO, fits, in_slot, indices, object, slot_of};
-use super::modules::{ident, pdo_bytes, put_inputs, put_value, tables, take_outputs};
+use super::image::{IMAGE_BYTES, Room};
+use super::layout::{DeviceLayout, Start};
+use super::modular::{OWN_BYTES, STATUS_PDO, fits, has, indices, object, slot_of};
+use super::modules::{VARIANTS, ident, is_module, pdo_bytes, put_inputs, put_value, tables, take_outputs};
 use super::place::EthercatPlace;
 use super::slaves::SLAVES_MAX;
 use crate::config::SlaveSettings;
+
+/// The settings of a module, in slot 0.
+const SETTINGS: u16 = 0x8000;
 
 /// The slots.
 pub(super) struct Slots<'p> {
     place: &'p EthercatPlace,
     /// The modules that the MainDevice expects (F030h).
     expected: [u32; SLAVES_MAX],
+    /// Where the module behind the one whose process data were exchanged last has its values. PDOs are exchanged slot by slot.
+    next: Start,
+}
+
+/// The module in `slot` of `slaves`, if there is one whose PDOs can list its values.
+fn module_of(slaves: &[SlaveSettings], slot: usize) -> Option<&SlaveSettings> {
+    slaves.get(slot).filter(|slave| is_module(slave) && fits(slave))
 }
 
 impl<'p> Slots<'p> {
     pub(super) fn new(place: &'p EthercatPlace) -> Self {
-        place.set_modular();
-        Self { place, expected: [0; SLAVES_MAX] }
+        Self { place, expected: [0; SLAVES_MAX], next: Start::default() }
     }
 
     /// The module in a slot, if there is one.
     fn module(&self, slot: usize) -> Option<SlaveSettings> {
         let slave = self.place.configuration(|configuration| configuration.slaves().get(slot).copied())?;
-        (ident(&slave) != 0).then_some(slave)
+        is_module(&slave).then_some(slave)
     }
 
     /// An object of a module's; settings are also there for modules to come.
     pub(super) fn object(&self, index: u16) -> Option<Object> {
         let (slot, first) = slot_of(index)?;
-        if first == 0x8000 {
+        if first == SETTINGS {
             return object(&SlaveSettings::new(1), slot, first);
         }
         object(&self.module(slot).filter(fits)?, slot, first)
@@ -43,21 +53,59 @@ impl<'p> Slots<'p> {
 
     /// The first object from `index` on.
     pub(super) fn next_object(&self, index: u16) -> Option<u16> {
-        indices().find(|found| *found >= index && self.object(*found).is_some())
+        self.place.configuration(|configuration| {
+            let slaves = configuration.slaves();
+            indices().filter(|found| *found >= index).find(|&found| {
+                let Some((slot, first)) = slot_of(found) else { return false };
+                first == SETTINGS || module_of(slaves, slot).is_some_and(|slave| has(slave, first))
+            })
+        })
     }
 
     /// The PDOs of all modules, and that of the device.
     pub(super) fn assignment(&self, channel: Channel) -> Assignment {
-        let (first, status) =
-            if channel == Channel::Outputs { (0x1600, None) } else { (0x1a00, Some(STATUS_PDO)) };
-        let pdos = (0..SLAVES_MAX).map(|slot| in_slot(first, slot));
-        Assignment::of(channel, pdos.filter(|pdo| self.object(*pdo).is_some()).chain(status))
+        let (first, own, own_bytes) = match channel {
+            Channel::Outputs => (0x1600, 0, 0),
+            _ => (0x1a00, 1 << (STATUS_PDO - 0x1a00), OWN_BYTES),
+        };
+        let (mut present, mut bytes) = (own, own_bytes);
+        self.place.configuration(|configuration| {
+            let slaves = configuration.slaves();
+            for slot in 0..slaves.len() {
+                let of_module = module_of(slaves, slot).map_or(0, |slave| pdo_bytes(slave, channel));
+                present |= u64::from(of_module > 0) << slot;
+                bytes += of_module;
+            }
+        });
+        // What is longer than the process data is refused before they are exchanged.
+        Assignment::of_modules(channel, first, present, u16::try_from(bytes).unwrap_or(u16::MAX))
+    }
+
+    /// The module in a slot, and where its values lie.
+    fn placed(&mut self, slot: usize) -> Option<(SlaveSettings, DeviceLayout)> {
+        if usize::from(self.next.nth) > slot {
+            self.next = Start::default();
+        }
+        let next = &mut self.next;
+        self.place.configuration(|configuration| {
+            let mut placed = None;
+            for slave in configuration.slaves().get(usize::from(next.nth)..=slot)? {
+                placed = Some((*slave, next.lay_out(slave, Room::MOST).ok()?));
+            }
+            placed
+        })
+    }
+
+    /// How many modules there are.
+    pub(super) fn count(&self) -> u32 {
+        self.assignment(Channel::Inputs).indices().count() as u32 - 1
     }
 
     /// Whether the modules are what the MainDevice expects, and have room in the process data.
-    pub(super) fn check(&self) -> Result<(), ConfigError> {
-        // The device's own PDO has a word.
-        let (mut inputs, mut outputs) = (2, 0);
+    pub(super) fn check(&mut self) -> Result<(), ConfigError> {
+        // They may be others than those whose process data were exchanged last.
+        self.next = Start::default();
+        let (mut inputs, mut outputs) = (OWN_BYTES, 0);
         for (slot, &expected) in self.expected.iter().enumerate() {
             let slave = slot as u8;
             let module = self.module(slot);
@@ -74,6 +122,7 @@ impl<'p> Slots<'p> {
                     return Err(ConfigError::OutputsFull { slave, room: IMAGE_BYTES });
                 }
             }
+            let expected = if expected == 0 { 0 } else { expected & !VARIANTS };
             if self.expects_any() && expected != module.map_or(0, |module| ident(&module)) {
                 return Err(ConfigError::OtherModule { slave });
             }
@@ -87,7 +136,7 @@ impl<'p> Slots<'p> {
 
     /// Whether there is any module.
     pub(super) fn has_modules(&self) -> bool {
-        (0..SLAVES_MAX).any(|slot| self.module(slot).is_some())
+        self.place.configuration(|configuration| configuration.slaves().iter().any(is_module))
     }
 
     /// The number at `at`, if it is one of these.
@@ -137,23 +186,21 @@ impl<'p> Slots<'p> {
     }
 
     /// Writes the inputs of a module, if `pdo` is one's.
-    pub(super) fn inputs(&self, pdo: u16, into: &mut [u8]) -> Option<()> {
+    pub(super) fn inputs(&mut self, pdo: u16, into: &mut [u8]) -> Option<()> {
         let (slot, 0x1a00) = slot_of(pdo)? else { return None };
-        let module = self.module(slot)?;
         into.fill(0);
         if self.place.is_running() {
-            let layout = self.place.layout(slot);
+            let (module, layout) = self.placed(slot)?;
             self.place.inputs(|image| put_inputs(&module, &layout, image, into));
         }
         Some(())
     }
 
     /// Takes the outputs of a module.
-    pub(super) fn outputs(&self, pdo: u16, bytes: &[u8]) -> Option<()> {
+    pub(super) fn outputs(&mut self, pdo: u16, bytes: &[u8]) -> Option<()> {
         let (slot, 0x1600) = slot_of(pdo)? else { return None };
-        let module = self.module(slot)?;
         if self.place.is_running() {
-            let layout = self.place.layout(slot);
+            let (module, layout) = self.placed(slot)?;
             self.place.put_outputs(|image| take_outputs(&module, &layout, bytes, image));
         }
         Some(())

@@ -24,7 +24,7 @@ fn rig() -> Rig<Objects> {
     // A place is there for as long as the gateway runs: here, as long as the test.
     let place = Box::leak(Box::new(EthercatPlace::new()));
     let mut settings = Settings::new();
-    apply(&mut settings, "port ecat ethercat").unwrap();
+    apply(&mut settings, "port ecat ethercat modules").unwrap();
     place.follow(&settings, false);
     let mut rig = Rig::with_application(&GATEWAY, GatewayObjects::modular(place));
     rig.set_up_mailboxes();

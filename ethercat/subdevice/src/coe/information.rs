@@ -3,6 +3,8 @@
 //! An answer that is longer than the mailbox goes out in fragments, each built when there is room for it. A list is not kept: its
 //! rest is found in the table when the next fragment is built, so it may have any length.
 
+use core::fmt::Write;
+
 use heapless::Vec;
 
 use super::Service;
@@ -175,7 +177,7 @@ impl Information {
         for value in values.into_iter().filter_map(|(_, value)| value) {
             self.put(value.to_le_bytes().get(..entry.data_type.bytes()).unwrap_or_default())?;
         }
-        self.put(entry.name.as_bytes())
+        write!(self.answer, "{}", entry.label()).map_err(|_| Refusal::Abort(Abort::OutOfMemory))
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<(), Refusal> {

@@ -8,6 +8,7 @@
 mod application;
 mod configuration;
 mod controller;
+mod description;
 mod diagnosis;
 mod image;
 mod keeping;
@@ -29,6 +30,7 @@ mod status;
 pub use application::GatewayObjects;
 pub use configuration::{ConfigError, Configuration};
 pub use controller::{Controller, device, serve};
+pub use description::write_esi;
 pub use image::Room;
 pub use keeping::Keep;
 pub use layout::DeviceLayout;

@@ -113,6 +113,9 @@ pub enum Make {
     },
     /// Write the description for EtherCAT configuration tools (ESI) into FILE
     Esi {
+        /// Describe each slave of the settings in FILE as a module too
+        #[arg(long, value_name = "FILE")]
+        config: Option<PathBuf>,
         /// Where to
         file: PathBuf,
     },

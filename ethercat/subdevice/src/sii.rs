@@ -33,13 +33,15 @@ const PROTOCOLS: u16 = 0x0004;
 /// CoE: SDO.
 const COE_SDO: u8 = 0x01;
 /// What else CoE offers: the attribute of the ESI file, the bit here, and whether it does.
-pub(crate) const COE_DETAILS: [(&str, u8, bool); 5] = [
-    ("SdoInfo", 0x02, true),
-    ("PdoAssign", 0x04, true),
-    ("PdoConfig", 0x08, false),
-    ("PdoUpload", 0x10, true),
-    ("CompleteAccess", 0x20, true),
-];
+pub(crate) fn coe_details(device: &Device) -> [(&'static str, u8, bool); 5] {
+    [
+        ("SdoInfo", 0x02, true),
+        ("PdoAssign", 0x04, device.takes_assignments()),
+        ("PdoConfig", 0x08, false),
+        ("PdoUpload", 0x10, true),
+        ("CompleteAccess", 0x20, true),
+    ]
+}
 /// The mailbox repeats messages; the identification is shown in AL status code.
 const GENERAL_FLAGS: u8 = 0x0c;
 /// Both ports are MII, one nibble each.
@@ -127,7 +129,7 @@ fn head_of(device: &Device) -> [u8; CATEGORIES_START] {
 fn general(device: &Device, strings: &Strings) -> [u8; 32] {
     let mut general = [0; 32];
     let [ports_low, ports_high] = PORTS.to_le_bytes();
-    let details = COE_DETAILS.iter().filter(|(_, _, offered)| *offered);
+    let details = coe_details(device).into_iter().filter(|(_, _, offered)| *offered);
     let details = details.fold(COE_SDO, |details, (_, bit, _)| details | bit);
     let fields = [
         (0x00, strings.index(Text::Fixed(device.group))),
@@ -169,7 +171,7 @@ fn write_pdo(
     channel: Channel,
     pdo: &Object,
 ) -> Result<(), SiiFull> {
-    let assigned = device.default_pdos(channel).contains(&pdo.index);
+    let assigned = device.is_assigned(channel, pdo.index);
     let sync_manager = if assigned { channel as u8 } else { NOT_ASSIGNED };
     writer.put(&pdo.index.to_le_bytes())?;
     writer.put(&[pdo.sub_max(), sync_manager, 0, strings.index(Text::Fixed(pdo.name))])?;

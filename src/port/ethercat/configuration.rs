@@ -100,6 +100,23 @@ const fn on_silence(number: u32) -> OnSilence {
     }
 }
 
+/// The entry of a slave's configuration behind `place` others.
+pub(super) fn setting(slave: &SlaveSettings, place: usize) -> Option<u32> {
+    Some(match place {
+        0 => slave.unit.into(),
+        9 => slave.polling_ms,
+        10 => slave.on_silence as u32,
+        11 => slave.substitute.into(),
+        12 => slave.check.into(),
+        13 | 14 => TYPES.iter().position(|one| slave.types.get(place - 13) == Some(one))? as u32,
+        15 => ORDERS.iter().position(|one| *one == slave.order)? as u32,
+        _ => {
+            let cells = slave.cells.get((place - 1) / 2)?;
+            u32::from(if place % 2 == 1 { cells.count } else { cells.address })
+        }
+    })
+}
+
 /// The configuration as it was written last; whether it can be used is another question.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Configuration {
@@ -171,19 +188,7 @@ impl Configuration {
             index => {
                 let ModbusSlave::Configuration(nth) = ModbusSlave::of(index)? else { return None };
                 let slave = self.slaves.get(nth)?;
-                match sub {
-                    0 => slave.unit.into(),
-                    9 => slave.polling_ms,
-                    10 => slave.on_silence as u32,
-                    11 => slave.substitute.into(),
-                    12 => slave.check.into(),
-                    13 | 14 => TYPES.iter().position(|one| slave.types.get(sub - 13) == Some(one))? as u32,
-                    15 => ORDERS.iter().position(|one| *one == slave.order)? as u32,
-                    _ => {
-                        let cells = slave.cells.get((sub - 1) / 2)?;
-                        u32::from(if sub % 2 == 1 { cells.count } else { cells.address })
-                    }
-                }
+                setting(slave, sub)?
             }
         })
     }

@@ -131,6 +131,9 @@ const SETTINGS: &[Entry] = &{
     in_pre_op
 };
 
+/// How many those are.
+pub(super) const SETTINGS_ENTRIES: u8 = SETTINGS.len() as u8;
+
 const INFORMATION: &[Entry] = &[
     Entry::reading("Module ident", DataType::U32),
     Entry::reading("Bytes of inputs", DataType::U16),

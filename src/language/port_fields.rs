@@ -75,6 +75,7 @@ impl PortKind {
                 Key::OnLoss => Some(Field::OnLoss(&mut settings.on_loss)),
                 Key::ProveOutputs(prove) => Some(Field::Flag(&mut settings.prove_outputs, prove)),
                 Key::Emergencies(sent) => Some(Field::Flag(&mut settings.emergencies, sent)),
+                Key::Modules(modules) => Some(Field::Flag(&mut settings.modules, modules)),
                 Key::Id => Some(Field::Id(&mut settings.id, &ID)),
                 _ => None,
             },

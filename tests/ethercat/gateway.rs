@@ -13,6 +13,7 @@ mod lights;
 mod line;
 mod long_images;
 pub(crate) mod matrix;
+mod modules;
 mod objects;
 mod points;
 mod random;

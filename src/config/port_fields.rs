@@ -10,6 +10,7 @@ use super::{
     PortKind, SOCKETS_MAX, SerialSettings, TcpClientSettings, TcpServerSettings, UDP_REQUESTS_MAX,
     UdpServerSettings, UnitPolicy,
 };
+use crate::scanner::POINTS;
 
 /// A time of at most so many seconds.
 const fn up_to(seconds: u64) -> RangeInclusive<Duration> {
@@ -52,6 +53,7 @@ impl PortKind {
             Self::TcpClient(settings) => settings.field(key),
             Self::UdpServer(settings) => settings.field(key),
             Self::Scanner => None,
+            Self::Ethercat(_) if !POINTS => None,
             Self::Ethercat(settings) => match key {
                 Key::Interface => Some(Field::Interface(&mut settings.interface)),
                 Key::Line => Some(Field::Line(&mut settings.line)),

@@ -2,6 +2,7 @@
 
 use super::words::Word;
 use super::{Driver, Framing, PortKind, Side, StreamFraming};
+use crate::scanner::POINTS;
 
 /// What a word of a port line sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -191,7 +192,8 @@ const UDP_SERVER_KEYS: Keys = &[
     ("allow", Key::Allow),
 ];
 
-const ETHERCAT_KEYS: Keys = &[
+const ETHERCAT_KEYS: Keys = if POINTS { WITH_CONTROLLER_KEYS } else { &[] };
+const WITH_CONTROLLER_KEYS: Keys = &[
     ("interface", Key::Interface),
     ("line", Key::Line),
     ("on-loss", Key::OnLoss),

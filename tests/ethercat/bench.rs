@@ -16,7 +16,7 @@ use ethercat_subdevice::sync_manager::Channel;
 use mobgate_simulator::esc::{Command, Interrupt, Kind, Segment, SharedChip};
 use mobgate_simulator::{World, sub_device};
 
-pub(crate) use application::{Bench, Shared, gateway_objects};
+pub(crate) use application::{Bench, Shared, gateway_objects, place_with};
 pub(crate) use controllers::{CHOICE, CONTROLLERS, Controller, lan9252_with};
 pub(crate) use devices::{LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128};
 

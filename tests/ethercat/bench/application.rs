@@ -27,12 +27,19 @@ impl<A> Shared<A> {
 
 /// The gateway's objects, with a port that never asks.
 pub(crate) fn gateway_objects() -> GatewayObjects<'static> {
+    GatewayObjects::new(place_with("port ecat ethercat"))
+}
+
+/// What a gateway with such settings shares with its SubDevice.
+pub(crate) fn place_with(lines: &str) -> &'static EthercatPlace {
     // A place is there for as long as the gateway runs: here, as long as the test.
     let place = Box::leak(Box::new(EthercatPlace::new()));
     let mut settings = Settings::new();
-    apply(&mut settings, "port ecat ethercat").unwrap();
-    place.follow(&settings, false);
-    GatewayObjects::new(place)
+    for line in lines.lines() {
+        apply(&mut settings, line).unwrap();
+    }
+    place.follow(&settings, !settings.slaves.is_empty());
+    place
 }
 
 impl<A> Clone for Shared<A> {
@@ -100,6 +107,14 @@ impl<A: Application> Application for Shared<A> {
 
     fn outputs_stopped(&mut self) {
         self.0.borrow_mut().outputs_stopped();
+    }
+
+    fn cycle_fixed_ns(&self) -> u32 {
+        self.0.borrow().cycle_fixed_ns()
+    }
+
+    fn is_another_device(&self) -> bool {
+        self.0.borrow().is_another_device()
     }
 
     fn failed(&mut self, fault: EscError) {

@@ -6,7 +6,7 @@ use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
 use mobgate::config::LineSettings;
 use mobgate::gateway::Gateway;
-use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate::port::ethercat::{DEVICE, GatewayObjects, device};
 use mobgate_simulator::device::serve;
 use mobgate_simulator::esc::SharedSegment;
 use mobgate_simulator::rig::{Rig, Size, with_gateway_on};
@@ -17,6 +17,8 @@ use mobgate_simulator::{Device, World};
 use super::virtual_devices::{Virtual, virtual_devices};
 
 static GATEWAY: Description = DEVICE;
+/// What makes the gateway a modular device.
+const MODULES: &str = " modules";
 
 /// What is set at the gateway and at the MainDevice.
 #[derive(Debug, Clone, Copy)]
@@ -88,7 +90,7 @@ pub(crate) fn with_rig(
     devices: Vec<Device>,
     script: impl AsyncFnOnce(Desk<'_>, &Rig<'_>),
 ) {
-    let segment = line_of(&GATEWAY);
+    let segment = line_of(device(settings.contains(MODULES)));
     with_gateway_of(Clock::Virtual, baud, settings, devices, &segment, |world, rig| {
         with_master(world, cable(segment.clone()), async |desk| script(desk, rig).await);
     });
@@ -113,9 +115,11 @@ fn with_gateway_of(
             let line = LineSettings { baud, ..LineSettings::DEFAULT };
             world.spawn(serve(rig.wire("uart1").tap(line), devices));
             let (esc, interrupt) = direct(segment.borrow().chip(0));
-            let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
+            let place = rig.gateway.ethercat().unwrap();
+            let modules = rig.gateway.ethercat_modules();
+            let objects = if modules { GatewayObjects::modular(place) } else { GatewayObjects::new(place) };
             let objects = objects.with_points(rig.gateway.scanner());
-            spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
+            spawn(world, SubDevice::new(device(modules), esc, objects), interrupt);
             scenario(world, rig);
         },
     );

@@ -177,8 +177,7 @@ fn thirty_two_devices_of_mixed_types_are_modules_by_their_start_up_list_alone_tw
             }
             assert_eq!(read.len(), at + 2, "and the counter");
             check_entries(&desk, &group, &modules).await;
-            let group = group.into_safe_op(desk.master).await.unwrap();
-            group.into_pre_op(desk.master).await.unwrap();
+            // Without cycles its outputs have stopped meanwhile: the next start begins from SafeOp with that error.
         }
     });
 }

@@ -22,7 +22,7 @@ const PROFILE: u16 = 5001;
 
 /// Writes the description of `device`.
 pub fn write(device: &Device, into: &mut impl Write) -> Result<(), EsiError> {
-    write_file(&[(device, None)], || core::iter::empty::<NoModule>(), into)
+    write_file(&[(device, None)], core::iter::empty::<NoModule>, into)
 }
 
 /// Writes the description of devices of one vendor and group, some of which have slots, and of the `modules` that can be in those.

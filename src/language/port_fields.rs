@@ -6,6 +6,7 @@ use embassy_time::Duration;
 
 use super::field::{Count, Field};
 use super::port_keys::Key;
+use crate::scanner::POINTS;
 use crate::settings::{
     PortKind, SOCKETS_MAX, SerialSettings, TcpClientSettings, TcpServerSettings, UDP_REQUESTS_MAX,
     UdpServerSettings, UnitPolicy,
@@ -69,6 +70,7 @@ impl PortKind {
             Self::TcpClient(settings) => settings.field(key),
             Self::UdpServer(settings) => settings.field(key),
             Self::Scanner => None,
+            Self::Ethercat(_) if !POINTS => None,
             Self::Ethercat(settings) => match key {
                 Key::Interface => Some(Field::Interface(&mut settings.interface)),
                 Key::Line => Some(Field::Line(&mut settings.line)),

@@ -1,6 +1,7 @@
 //! The words that set something in a port.
 
 use super::words::Word;
+use crate::scanner::POINTS;
 use crate::settings::{Driver, Framing, PortKind, Side, StreamFraming};
 
 /// What a word of a port line sets.
@@ -191,7 +192,8 @@ const UDP_SERVER_KEYS: Keys = &[
     ("allow", Key::Allow),
 ];
 
-const ETHERCAT_KEYS: Keys = &[
+const ETHERCAT_KEYS: Keys = if POINTS { WITH_CONTROLLER_KEYS } else { &[] };
+const WITH_CONTROLLER_KEYS: Keys = &[
     ("interface", Key::Interface),
     ("line", Key::Line),
     ("on-loss", Key::OnLoss),

@@ -14,6 +14,7 @@ mod line;
 mod long_images;
 pub(crate) mod matrix;
 mod modules;
+mod modules_on_a_wire;
 mod objects;
 mod points;
 mod random;

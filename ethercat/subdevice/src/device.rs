@@ -66,10 +66,20 @@ impl Device {
 
     /// Whether a SyncManager carries the PDO `index` after power-on: one that is listed, or its own beside those of modules.
     pub fn is_assigned(&self, channel: Channel, index: u16) -> bool {
-        match self.assignment(channel) {
-            Some(Entries::Assignment([], access)) if !access.any(Access::WRITE) => true,
-            _ => self.default_pdos(channel).contains(&index),
-        }
+        self.is_modular(channel) || self.default_pdos(channel).contains(&index)
+    }
+
+    /// Whether modules (F000h) say which PDOs a SyncManager carries.
+    pub fn is_modular(&self, channel: Channel) -> bool {
+        let open = matches!(self.assignment(channel), Some(Entries::Assignment([], access)) if !access.any(Access::WRITE));
+        open && self.object(0xf000).is_some()
+    }
+
+    /// Whether a SyncManager is used, as the EEPROM and the ESI file say it: some MainDevices never switch on one that is not.
+    pub fn is_enabled(&self, channel: Channel) -> bool {
+        self.is_modular(channel)
+            || matches!(channel, Channel::MailboxOut | Channel::MailboxIn)
+            || self.default_bytes(channel) > 0
     }
 
     /// Whether a MainDevice can say which PDOs a SyncManager carries.

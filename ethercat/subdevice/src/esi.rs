@@ -162,7 +162,7 @@ fn write_sync_manager<W: Write>(
         bounds.1,
         device.memory.start(channel),
         channel.control(),
-        u8::from(length > 0),
+        u8::from(device.is_enabled(channel)),
     );
     xml.element("Sm", attributes, format_args!("{usage}"))
 }

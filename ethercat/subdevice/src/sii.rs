@@ -152,7 +152,7 @@ fn sync_manager(device: &Device, channel: Channel) -> [u8; 8] {
     let length = default_length(device, channel);
     let [start_low, start_high] = device.memory.start(channel).to_le_bytes();
     let [length_low, length_high] = length.to_le_bytes();
-    let enable = u8::from(length > 0);
+    let enable = u8::from(device.is_enabled(channel));
     [start_low, start_high, length_low, length_high, channel.control(), 0, enable, channel.purpose()]
 }
 

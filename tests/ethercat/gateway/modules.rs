@@ -2,31 +2,25 @@
 
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::sync_manager::Channel;
-use mobgate::language::apply;
-use mobgate::port::ethercat::{EthercatPlace, GatewayObjects, MODULAR};
-use mobgate::settings::Settings;
+use mobgate::port::ethercat::{GatewayObjects, MODULAR};
 use mobgate_simulator::Random;
 use mobgate_simulator::esc::Command;
 
-use crate::bench::{ERROR, LOGICAL, OP, PRE_OP, Rig, SAFE_OP};
-use crate::information::list;
+use crate::bench::{ERROR, LOGICAL, OP, PRE_OP, Rig, SAFE_OP, place_with};
+use crate::information::{ask, list};
 
 static GATEWAY: Device = MODULAR;
-const SLAVES: u16 = 32;
+pub(super) const SLAVES: u16 = 32;
 
 type Objects = GatewayObjects<'static>;
 /// Index, sub-index and value of each SDO.
-type List = Vec<(u16, u8, Vec<u8>)>;
+pub(super) type List = Vec<(u16, u8, Vec<u8>)>;
 
 /// Types of registers by number, in bytes: u16, i16, u32, i32, f32.
-const TYPE_BYTES: [usize; 5] = [2, 2, 4, 4, 4];
+pub(super) const TYPE_BYTES: [usize; 5] = [2, 2, 4, 4, 4];
 
 fn rig() -> Rig<Objects> {
-    // A place is there for as long as the gateway runs: here, as long as the test.
-    let place = Box::leak(Box::new(EthercatPlace::new()));
-    let mut settings = Settings::new();
-    apply(&mut settings, "port ecat ethercat modules").unwrap();
-    place.follow(&settings, false);
+    let place = place_with("port ecat ethercat modules");
     let mut rig = Rig::with_application(&GATEWAY, GatewayObjects::modular(place));
     rig.set_up_mailboxes();
     assert_eq!(rig.request(PRE_OP), (PRE_OP, 0));
@@ -35,12 +29,12 @@ fn rig() -> Rig<Objects> {
 
 /// What stands in a slot.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-struct Module {
-    coils: u16,
-    discrete: u16,
+pub(super) struct Module {
+    pub(super) coils: u16,
+    pub(super) discrete: u16,
     /// How many values, and of which type.
-    inputs: (u16, usize),
-    holding: (u16, usize),
+    pub(super) inputs: (u16, usize),
+    pub(super) holding: (u16, usize),
 }
 
 impl Module {
@@ -78,7 +72,7 @@ impl Module {
             + bytes(self.holding)
     }
 
-    fn pdo_bytes(&self, channel: Channel) -> usize {
+    pub(super) fn pdo_bytes(&self, channel: Channel) -> usize {
         let bytes = |(values, kind): (u16, usize)| usize::from(values) * TYPE_BYTES[kind];
         match channel {
             Channel::Outputs => 2 * usize::from(self.coils.div_ceil(16)) + bytes(self.holding),
@@ -90,11 +84,11 @@ impl Module {
     }
 }
 
-fn modules(random: &mut Random) -> Vec<Module> {
+pub(super) fn modules(random: &mut Random) -> Vec<Module> {
     (0..SLAVES).map(|_| Module::drawn(random)).collect()
 }
 
-fn start_up_list(modules: &[Module]) -> List {
+pub(super) fn start_up_list(modules: &[Module]) -> List {
     let count = (modules.len() as u16).to_le_bytes().to_vec();
     let of_modules = modules.iter().zip(0..).flat_map(|(module, slot)| module.list(slot));
     [(0x2000, 1, count)].into_iter().chain(of_modules).collect()
@@ -246,6 +240,9 @@ fn modules_that_the_main_device_does_not_expect_keep_it_from_safe_op() {
         assert_eq!(rig.request(SAFE_OP), (PRE_OP | ERROR, 0x0070));
         let reason = rig.upload(0x2006, 0).unwrap();
         assert!(reason.starts_with(b"slot 4: not the module that is expected"), "{reason:?}");
+        let newest = rig.upload(0x10f3, 2).unwrap()[0];
+        let message = rig.upload(0x10f3, newest).unwrap();
+        assert_eq!((message[6], message[18]), (7, 4), "its own text, and which slot: {message:?}");
         assert_eq!(rig.request(PRE_OP | ERROR), (PRE_OP, 0));
     }
     rig.download(0xf030, 5, &ident).unwrap();
@@ -297,4 +294,52 @@ fn a_start_up_list_that_is_cut_anywhere_can_be_followed_by_the_whole() {
         check_values(&mut rig, &modules);
         assert_eq!(rig.request(PRE_OP), (PRE_OP, 0));
     }
+}
+
+#[test]
+fn a_list_of_expected_modules_may_be_shorter_than_there_are_slots() {
+    let modules = vec![Module { discrete: 8, ..Module::default() }, Module { coils: 8, ..Module::default() }];
+    let mut rig = rig();
+    send(&mut rig, &start_up_list(&modules));
+    let idents = [1, 2].map(|slot| rig.upload(0xf050, slot).unwrap());
+    rig.download(0xf030, 3, &[1, 2, 3, 4]).unwrap();
+    // A count of 16 bits, and as many idents: what is behind them is expected to be empty. Any variant of an ident is the same module.
+    let [[_, rest @ ..], _] = &idents.each_ref().map(|ident| <[u8; 4]>::try_from(&ident[..]).unwrap());
+    let list = [&[2, 0, 9][..], rest, &idents[1]].concat();
+    rig.download_complete(0xf030, 0, &list).unwrap();
+    assert_eq!(rig.upload(0xf030, 3), Ok(vec![0; 4]));
+    set_up(&mut rig);
+    assert_eq!(rig.request(SAFE_OP), (SAFE_OP, 0));
+    assert_eq!(rig.request(PRE_OP), (PRE_OP, 0));
+    rig.download_complete(0xf030, 0, &list[..6]).expect_err("half a list");
+    rig.download_complete(0xf030, 0, &[&[1, 0][..], &list[2..6]].concat()).unwrap();
+    assert_eq!(rig.request(SAFE_OP), (PRE_OP | ERROR, 0x0070), "the second one is not expected");
+}
+
+#[test]
+fn entries_of_a_table_are_numbered_in_sdo_information() {
+    let modules = vec![Module { coils: 9, holding: (1, 4), ..Module::default() }; 2];
+    let mut rig = rig();
+    send(&mut rig, &start_up_list(&modules));
+    let mut name = |index: u16, sub: u8| {
+        let [low, high] = index.to_le_bytes();
+        String::from_utf8(ask(&mut rig, 5, &[low, high, sub, 0]).unwrap()[10..].to_vec()).unwrap()
+    };
+    assert_eq!(name(0x7010, 9), "Coil 9");
+    assert_eq!(name(0x6013, 1), "Holding register 1");
+    assert_eq!(name(0xf030, 32), "Module ident 32");
+    assert_eq!(name(0x8010, 1), "Id", "a record's have names of their own");
+}
+
+#[test]
+fn the_promised_cycle_grows_with_the_modules() {
+    let mut rig = rig();
+    let cycle =
+        |rig: &mut Rig<Objects>| u32::from_le_bytes(rig.upload(0x1c32, 5).unwrap().try_into().unwrap());
+    let none = cycle(&mut rig);
+    let module = Module { discrete: 1, ..Module::default() };
+    send(&mut rig, &start_up_list(&[module; 10]));
+    let ten = cycle(&mut rig);
+    send(&mut rig, &start_up_list(&[module; 20]));
+    assert!(ten > none && cycle(&mut rig) - ten == ten - none, "{none}, then {ten}");
 }

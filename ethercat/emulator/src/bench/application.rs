@@ -91,6 +91,14 @@ impl<A: Application> Application for Shared<A> {
         self.0.borrow_mut().outputs_stopped();
     }
 
+    fn cycle_fixed_ns(&self) -> u32 {
+        self.0.borrow().cycle_fixed_ns()
+    }
+
+    fn is_another_device(&self) -> bool {
+        self.0.borrow().is_another_device()
+    }
+
     fn failed(&mut self, fault: EscError) {
         self.0.borrow_mut().failed(fault);
     }

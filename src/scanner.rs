@@ -40,6 +40,7 @@ use self::values::Values;
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 
+pub(crate) use self::bits::copy_bits;
 pub use self::byte_order::ByteOrder;
 pub use self::commands::Refused;
 pub use self::form::{Form, RegisterBit};

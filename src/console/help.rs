@@ -27,7 +27,7 @@ port NAME serial DEVICE rtu|ascii client|server [BAUD] [FORMAT] [OPTION VALUE]..
 port NAME tcp|udp server [ADDRESS:]PORT [OPTION VALUE]...
 port NAME tcp client ADDRESS[:PORT] [OPTION VALUE]...\tof one server; without an address server lines say which
 port NAME scanner\tasks the devices of data points, by the rules for its name
-port NAME ethercat [interface NAME] [line PORT] [on-loss hold|clear|stop] [id N|alias] [emergencies|no-emergencies] [prove-outputs|no-prove-outputs]
+port NAME ethercat [interface NAME] [line PORT] [on-loss hold|clear|stop] [id N|alias] [modules|no-modules] [emergencies|no-emergencies] [prove-outputs|no-prove-outputs]
 \tasks the devices of the EtherCAT process image; interface: on Linux, the network interface where a
 \tMainDevice finds the gateway
   serial: 19200 8E1 (ascii 7E1), gap T|auto, char-timeout T|auto, echo|no-echo, rs232|rs485|rts;

@@ -30,7 +30,12 @@ impl<'g> Gateway<'g> {
         self.settings(|settings| settings.ethercat()?.interface.clone())
     }
 
-    /// Waits until settings have been taken over that may name another one; one task may wait.
+    /// Whether they want a modular SubDevice there.
+    pub fn ethercat_modules(&self) -> bool {
+        self.settings(|settings| settings.ethercat().is_some_and(|port| port.modules))
+    }
+
+    /// Waits until settings have been taken over that may say otherwise; one task may wait.
     pub async fn new_ethercat_interface(&self) {
         self.ethercat_changed.wait().await;
     }

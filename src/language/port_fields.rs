@@ -6,6 +6,7 @@ use embassy_time::Duration;
 
 use super::field::{Count, Field};
 use super::port_keys::Key;
+use crate::scanner::POINTS;
 use crate::settings::{
     PortKind, SOCKETS_MAX, SerialSettings, TcpClientSettings, TcpServerSettings, UDP_REQUESTS_MAX,
     UdpServerSettings, UnitPolicy,
@@ -69,12 +70,14 @@ impl PortKind {
             Self::TcpClient(settings) => settings.field(key),
             Self::UdpServer(settings) => settings.field(key),
             Self::Scanner => None,
+            Self::Ethercat(_) if !POINTS => None,
             Self::Ethercat(settings) => match key {
                 Key::Interface => Some(Field::Interface(&mut settings.interface)),
                 Key::Line => Some(Field::Line(&mut settings.line)),
                 Key::OnLoss => Some(Field::OnLoss(&mut settings.on_loss)),
                 Key::ProveOutputs(prove) => Some(Field::Flag(&mut settings.prove_outputs, prove)),
                 Key::Emergencies(sent) => Some(Field::Flag(&mut settings.emergencies, sent)),
+                Key::Modules(modules) => Some(Field::Flag(&mut settings.modules, modules)),
                 Key::Id => Some(Field::Id(&mut settings.id, &ID)),
                 _ => None,
             },

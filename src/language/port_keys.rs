@@ -1,6 +1,7 @@
 //! The words that set something in a port.
 
 use super::words::Word;
+use crate::scanner::POINTS;
 use crate::settings::{Driver, Framing, PortKind, Side, StreamFraming};
 
 /// What a word of a port line sets.
@@ -53,6 +54,7 @@ pub(crate) enum Key {
     Interface,
     Id,
     Emergencies(bool),
+    Modules(bool),
 }
 
 impl Key {
@@ -106,6 +108,7 @@ impl Key {
             Self::Sockets => 44,
             Self::Id => 45,
             Self::Emergencies(_) => 46,
+            Self::Modules(_) => 47,
         }
     }
 }
@@ -189,11 +192,15 @@ const UDP_SERVER_KEYS: Keys = &[
     ("allow", Key::Allow),
 ];
 
-const ETHERCAT_KEYS: Keys = &[
+const ETHERCAT_KEYS: Keys = if POINTS { WITH_CONTROLLER_KEYS } else { &[] };
+const WITH_CONTROLLER_KEYS: Keys = &[
     ("interface", Key::Interface),
     ("line", Key::Line),
     ("on-loss", Key::OnLoss),
     ("id", Key::Id),
+    ("modules", Key::Modules(true)),
+    // For `edit`: a flag has no value that could say so.
+    ("no-modules", Key::Modules(false)),
     ("emergencies", Key::Emergencies(true)),
     // For `edit`: a flag has no value that could say so.
     ("no-emergencies", Key::Emergencies(false)),
@@ -238,7 +245,7 @@ const TCP_CLIENT_EXPECTED: &str = "address, rtu, sockets, unit, in-flight, timeo
 
 const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow";
 
-const ETHERCAT_EXPECTED: &str = "interface, line, on-loss, id, emergencies or prove-outputs";
+const ETHERCAT_EXPECTED: &str = "interface, line, on-loss, id, modules, emergencies or prove-outputs";
 
 /// Gives `each` the words that set something.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {

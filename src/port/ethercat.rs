@@ -8,12 +8,15 @@
 mod application;
 mod configuration;
 mod controller;
+mod description;
 mod diagnosis;
 mod image;
 mod keeping;
 mod layout;
 mod lights;
 mod line;
+mod modular;
+mod modules;
 mod objects;
 mod place;
 mod points;
@@ -21,17 +24,20 @@ mod ranges;
 mod request;
 mod settings;
 mod slaves;
+mod slots;
 mod status;
 
 pub use application::GatewayObjects;
 pub use configuration::{ConfigError, Configuration};
-pub use controller::{Controller, serve};
+pub use controller::{Controller, device, serve};
 #[cfg(feature = "long-images")] // What they need is a feature.
-pub use controller::{LongSubDevice, serve_long};
+pub use controller::{LongSubDevice, long_device, serve_long};
+pub use description::write_esi;
 pub use image::Room;
 pub use keeping::Keep;
 pub use layout::DeviceLayout;
 pub use line::{LineWriter, Speed};
+pub use modular::MODULAR;
 pub use objects::{DEVICE, LONG_DEVICE, REASON_BYTES};
 pub use place::EthercatPlace;
 pub use request::{REQUEST_BYTES_MAX, RequestState, Requests};

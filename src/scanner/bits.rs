@@ -6,7 +6,7 @@ pub(super) fn bit(bytes: &[u8], at: usize) -> bool {
 }
 
 /// Copies `count` bits between places in bytes.
-pub(super) fn copy_bits(from: &[u8], from_at: usize, to: &mut [u8], to_at: usize, count: usize) {
+pub(crate) fn copy_bits(from: &[u8], from_at: usize, to: &mut [u8], to_at: usize, count: usize) {
     for nth in 0..count {
         let value = bit(from, from_at + nth);
         let at = to_at + nth;

@@ -25,6 +25,8 @@ pub struct EthercatSettings {
     pub id: Option<u16>,
     /// Errors are reported by emergencies, too; a MainDevice can change that (10F3h:05). Some end with the first one they get.
     pub emergencies: bool,
+    /// The SubDevice is a modular one (ETG.5001): each slave is a module in a slot, with typed values.
+    pub modules: bool,
 }
 
 /// What becomes of the devices' outputs when the MainDevice leaves Op, or its watchdog runs out.

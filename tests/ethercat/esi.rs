@@ -7,17 +7,41 @@ use std::collections::BTreeMap;
 
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::{esi, sii};
-use mobgate::port::ethercat::{DEVICE, LONG_DEVICE};
+use mobgate::language::apply;
+use mobgate::port::ethercat::{DEVICE, LONG_DEVICE, MODULAR, write_esi};
+use mobgate::settings::{Settings, SlaveSettings};
 use roxmltree::{Document, Node};
 
 use crate::bench::MAILBOX_128;
 use crate::sdo::category;
-use builder::{build, number, text};
+use builder::{build, child, number, text};
 
 static GATEWAY: Device = DEVICE;
 static LONG_GATEWAY: Device = LONG_DEVICE;
 /// The smallest EEPROM that is common.
 const EEPROM_BYTES_MAX: usize = 2_048;
+
+/// The slaves of some settings: two of one form, one of many tables, and one that asks for nothing.
+const SLAVES: &str = "port ecat ethercat modules
+slave 0 unit 17 coil 10 count 3 discrete 0 count 10 input 100 count 4 as f32 holding 7 count 3 as i16 order 2301
+slave 1 unit 18 coil 0 count 8
+slave 2 unit 19 coil 32 count 8 read 50ms
+slave 3 unit 20";
+
+fn slaves() -> Vec<SlaveSettings> {
+    let mut settings = Settings::new();
+    for line in SLAVES.lines() {
+        apply(&mut settings, line).unwrap();
+    }
+    settings.slaves.to_vec()
+}
+
+/// The gateway's file: its devices, and the modules.
+fn file_of_gateway() -> String {
+    let mut file = String::new();
+    write_esi(&slaves(), &mut file).unwrap();
+    file
+}
 
 fn file_of(device: &Device) -> String {
     let mut file = String::new();
@@ -27,15 +51,14 @@ fn file_of(device: &Device) -> String {
 
 #[test]
 fn statement_58_the_esi_file_follows_the_schema() {
-    for device in [&GATEWAY, &LONG_GATEWAY, &MAILBOX_128] {
-        let file = file_of(device);
+    for file in [file_of_gateway(), file_of(&MAILBOX_128)] {
         assert_eq!(schema::faults(&Document::parse(&file).unwrap()), [""; 0]);
     }
 }
 
 #[test]
 fn the_schema_notices_order_missing_and_unknown_elements_and_wrong_content() {
-    let file = file_of(&GATEWAY);
+    let file = file_of_gateway();
     for (good, bad) in [
         ("<Vendor>", "<Vendor><Name>first</Name>"),
         ("<GroupType>Gateways</GroupType>", ""),
@@ -46,6 +69,10 @@ fn the_schema_notices_order_missing_and_unknown_elements_and_wrong_content() {
         (" SdoInfo=", " Sdoinfo="),
         ("<Access>ro<", "<Access>r<"),
         ("<DefaultData>00<", "<DefaultData>0<"),
+        ("<Transition>PS<", "<Transition>PX<"),
+        (" DependOnSlot=\"true\"", " DependOnSlot=\"slot\""),
+        ("<ModuleClass>", "<ModuleClass><Name>first</Name>"),
+        (" ModuleIdent=\"#x", " ModuleIdent=\""),
     ] {
         let spoilt = file.replacen(good, bad, 1);
         assert_ne!(spoilt, file, "{good} is there");
@@ -55,9 +82,10 @@ fn the_schema_notices_order_missing_and_unknown_elements_and_wrong_content() {
 
 #[test]
 fn statement_41_each_type_is_declared_once_and_has_the_size_that_is_said_where_it_is_used() {
-    for device in [&GATEWAY, &LONG_GATEWAY, &MAILBOX_128] {
-        let file = file_of(device);
-        let document = Document::parse(&file).unwrap();
+    let gateway = file_of_gateway();
+    for (file, nth) in [(&gateway, 0), (&gateway, 1), (&gateway, 2), (&file_of(&MAILBOX_128), 0)] {
+        let document = Document::parse(file).unwrap();
+        let document = document.descendants().filter(|node| node.has_tag_name("Device")).nth(nth).unwrap();
         let mut sizes = BTreeMap::new();
         let declared = document.descendants().filter(|node| node.has_tag_name("DataType"));
         for node in declared.filter(|node| node.parent().unwrap().has_tag_name("DataTypes")) {
@@ -78,6 +106,7 @@ fn statement_41_each_type_is_declared_once_and_has_the_size_that_is_said_where_i
                 "SubItem" if !text(node, "Type").is_empty() => {
                     check(node, text(node, "Type"), size("BitSize"))
                 }
+                "Entry" if text(node, "Index") == "#x0000" => {}
                 "Entry" => check(node, text(node, "DataType"), size("BitLen")),
                 "DataType" if !text(node, "BaseType").is_empty() => check(node, text(node, "BaseType"), None),
                 _ => {}
@@ -89,8 +118,7 @@ fn statement_41_each_type_is_declared_once_and_has_the_size_that_is_said_where_i
 
 #[test]
 fn the_file_says_how_long_images_may_be_and_where_they_lie() {
-    let mut file = String::new();
-    esi::write_all(&GATEWAY, &[&LONG_GATEWAY], &mut file).unwrap();
+    let file = file_of_gateway();
     let document = Document::parse(&file).unwrap();
     assert_eq!(schema::faults(&document), [""; 0]);
     let devices: Vec<_> = document.descendants().filter(|node| node.has_tag_name("Device")).collect();
@@ -105,7 +133,7 @@ fn the_file_says_how_long_images_may_be_and_where_they_lie() {
     assert_eq!(sizes(devices[0]), [[0x1100, 120, 512], [0x1700, 120, 584]]);
     assert_eq!(sizes(devices[1]), [[0x1100, 120, 1_500], [0x2298, 120, 1_555]]);
     let types: Vec<_> = devices.iter().map(|device| text(*device, "Type")).collect();
-    assert_eq!(types, ["mobgate", "mobgate-long"]);
+    assert_eq!(types, ["mobgate", "mobgate-long", "mobgate-modular"]);
     for (index, bytes) in [("#x1605", 476), ("#x1A08", 462)] {
         let pdo = devices[1].children().find(|node| text(*node, "Index") == index).unwrap();
         let entries = pdo.children().filter(|node| node.has_tag_name("Entry"));
@@ -159,11 +187,16 @@ fn used(image: &[u8]) -> usize {
 
 #[test]
 fn statement_41_an_eeprom_image_that_others_make_from_the_file_is_the_devices_own() {
-    for device in [&GATEWAY, &LONG_GATEWAY, &MAILBOX_128] {
+    let (gateway, small) = (file_of_gateway(), file_of(&MAILBOX_128));
+    for (device, file, nth) in [
+        (&GATEWAY, &gateway, 0),
+        (&LONG_GATEWAY, &gateway, 1),
+        (&MODULAR, &gateway, 2),
+        (&MAILBOX_128, &small, 0),
+    ] {
         let mut own = [0; sii::SII_BYTES];
         sii::write(device, &mut own).unwrap();
-        let file = file_of(device);
-        let built = build(&Document::parse(&file).unwrap());
+        let built = build(&Document::parse(file).unwrap(), nth);
         // The serial number is each device's own, and no file has it.
         let head = |image: &[u8]| [&image[..0x1c], &image[0x20..0x80]].concat();
         assert_eq!(head(&built.image), head(&own));
@@ -176,15 +209,83 @@ fn statement_41_an_eeprom_image_that_others_make_from_the_file_is_the_devices_ow
 
 #[test]
 fn statement_58_the_gateways_image_fits_into_2048_bytes_and_255_strings() {
-    let file = file_of(&GATEWAY);
-    let built = build(&Document::parse(&file).unwrap());
-    assert!(built.image.len() <= EEPROM_BYTES_MAX, "{} bytes", built.image.len());
-    assert!(built.strings.len() <= 255, "{} strings", built.strings.len());
-    let mut own = [0; sii::SII_BYTES];
-    sii::write(&GATEWAY, &mut own).unwrap();
-    assert_eq!(used(&own), built.image.len(), "its own has the same size");
-    println!("{} bytes, {} strings", built.image.len(), built.strings.len());
-    let long = build(&Document::parse(&file_of(&LONG_GATEWAY)).unwrap());
-    assert!(long.image.len() <= sii::SII_BYTES && long.strings.len() <= 255);
-    println!("long images: {} bytes, {} strings", long.image.len(), long.strings.len());
+    let file = file_of_gateway();
+    for (device, nth, bytes_max) in
+        [(&GATEWAY, 0, EEPROM_BYTES_MAX), (&LONG_GATEWAY, 1, sii::SII_BYTES), (&MODULAR, 2, EEPROM_BYTES_MAX)]
+    {
+        let built = build(&Document::parse(&file).unwrap(), nth);
+        assert!(built.image.len() <= bytes_max, "{} bytes", built.image.len());
+        assert!(built.strings.len() <= 255, "{} strings", built.strings.len());
+        let mut own = [0; sii::SII_BYTES];
+        sii::write(device, &mut own).unwrap();
+        assert_eq!(used(&own), built.image.len(), "its own has the same size");
+        println!("{}: {} bytes, {} strings", device.order, built.image.len(), built.strings.len());
+    }
+}
+
+/// The modules of the file, each with its name.
+fn modules<'a>(document: &'a Document<'a>) -> Vec<(&'a str, Node<'a, 'a>)> {
+    let modules = document.descendants().filter(|node| node.has_tag_name("Module"));
+    modules.map(|module| (text(module, "Name"), module)).collect()
+}
+
+fn ident(module: Node<'_, '_>) -> u32 {
+    number(child(module, "Type").unwrap().attribute("ModuleIdent").unwrap())
+}
+
+#[test]
+fn each_slave_of_the_settings_is_a_module_beside_common_ones_with_its_start_up_list() {
+    let file = file_of_gateway();
+    let document = Document::parse(&file).unwrap();
+    let modules = modules(&document);
+    let names: Vec<_> = modules.iter().map(|(name, _)| *name).collect();
+    assert_eq!(
+        names[..3],
+        [
+            "Slave 0, unit 17: 10 discrete inputs, 3 coils, 4 REAL in input registers, 3 INT in holding registers",
+            "Slave 1, unit 18: 8 coils",
+            "Slave 2, unit 19: 8 coils"
+        ]
+    );
+    for common in
+        ["8 coils", "16 discrete inputs", "4 REAL in input registers", "2 UINT in holding registers"]
+    {
+        assert!(names.contains(&common), "{common}");
+    }
+    let mut idents: Vec<_> = modules.iter().map(|(_, module)| ident(*module)).collect();
+    let variants = [1, 2].map(|at| idents[at]);
+    assert_eq!((variants[0] & 0xff, variants[1]), (0, variants[0] + 1), "of one form");
+    idents.sort_unstable();
+    idents.dedup();
+    assert_eq!(idents.len(), modules.len(), "a tool tells all apart");
+
+    let (_, first) = modules[0];
+    let commands = first.descendants().filter(|node| node.has_tag_name("InitCmd"));
+    let commands: Vec<_> = commands
+        .map(|command| {
+            let index = child(command, "Index").unwrap();
+            assert_eq!((index.text(), index.attribute("DependOnSlot")), (Some("#x8000"), Some("true")));
+            (number(text(command, "SubIndex")), text(command, "Data"), text(command, "Comment"))
+        })
+        .collect();
+    assert_eq!(commands.len(), 16);
+    assert_eq!(commands[0], (1, "1100", "Id"));
+    assert_eq!(commands[1], (2, "0300", "NumCoils"));
+    assert_eq!(commands[5], (6, "0800", "NumInRegisters"));
+    assert_eq!(commands[13], (14, "04", "TypeOfInRegisters"));
+    assert_eq!(commands[15], (16, "01", "Order"));
+
+    let entries = first.descendants().filter(|node| node.has_tag_name("Entry"));
+    let entries: Vec<_> = entries.map(|entry| (text(entry, "Name"), text(entry, "DataType"))).collect();
+    assert_eq!(entries[..2], [("Coil 1", "BOOL"), ("Coil 2", "BOOL")]);
+    assert!(entries.contains(&("Input register 4", "REAL")), "{entries:?}");
+    assert!(entries.contains(&("Holding register 3", "INT")));
+
+    let slots = document.descendants().filter(|node| node.has_tag_name("Slots")).collect::<Vec<_>>();
+    assert_eq!(slots.len(), 1, "of the modular device");
+    let device = slots[0].parent().unwrap();
+    assert_eq!(text(device, "Name"), MODULAR.name);
+    let coe = child(child(device, "Mailbox").unwrap(), "CoE").unwrap();
+    assert_eq!(coe.attribute("PdoAssign"), Some("false"), "modules say which PDOs there are");
+    assert_eq!(text(child(coe, "InitCmd").unwrap(), "Index"), "#x2000", "so many slots are there");
 }

@@ -13,6 +13,8 @@ mod lights;
 mod line;
 mod long_images;
 pub(crate) mod matrix;
+mod modules;
+mod modules_on_a_wire;
 mod objects;
 mod points;
 mod random;

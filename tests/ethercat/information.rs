@@ -17,7 +17,7 @@ const INPUT: Access = Access::READ.and(Access::TX_PDO);
 const OUTPUT: Access = Access::READ.and(Access::RX_PDO);
 
 /// Asks, and puts the fragments of the answer together; or the abort code.
-fn ask<A: ethercat_subdevice::application::Application + 'static>(
+pub(crate) fn ask<A: ethercat_subdevice::application::Application + 'static>(
     rig: &mut Rig<A>,
     operation: u8,
     data: &[u8],

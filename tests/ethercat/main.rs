@@ -32,6 +32,7 @@ mod mad_writes;
 mod mailbox;
 mod masters;
 mod outside;
+mod own_objects;
 mod process_data;
 mod pysoem;
 mod sdo;

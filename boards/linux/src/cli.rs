@@ -105,11 +105,17 @@ pub struct Join {
 pub enum Make {
     /// Write the image for the EEPROM of the EtherCAT controller (SII) into FILE
     Sii {
+        /// Of the gateway as a modular device, which it is by the setting `port NAME ethercat modules`
+        #[arg(long)]
+        modules: bool,
         /// Where to
         file: PathBuf,
     },
     /// Write the description for EtherCAT configuration tools (ESI) into FILE
     Esi {
+        /// Describe each slave of the settings in FILE as a module too
+        #[arg(long, value_name = "FILE")]
+        config: Option<PathBuf>,
         /// Where to
         file: PathBuf,
     },

@@ -1,25 +1,36 @@
 //! `mobgate sii` and `mobgate esi`: the gateway's description as an EtherCAT SubDevice, into a file.
 
 use std::fs;
+use std::path::Path;
 
-use ethercat_subdevice::{esi, sii};
-use mobgate::port::ethercat::{DEVICE, LONG_DEVICE};
+use ethercat_subdevice::sii;
+use mobgate::port::ethercat::{device, write_esi};
+use mobgate::settings::SlaveSettings;
 
 use crate::cli::Make;
+use crate::settings;
 
 /// Writes the file that was asked for.
 pub fn write(make: &Make) -> Result<(), String> {
     let (file, content) = match make {
-        Make::Sii { file } => {
+        Make::Sii { modules, file } => {
             let mut image = [0; sii::SII_BYTES];
-            sii::write(&DEVICE, &mut image).map_err(|error| error.to_string())?;
+            sii::write(device(*modules), &mut image).map_err(|error| error.to_string())?;
             (file, image.to_vec())
         }
-        Make::Esi { file } => {
+        Make::Esi { config, file } => {
             let mut xml = String::new();
-            esi::write_all(&DEVICE, &[&LONG_DEVICE], &mut xml).map_err(|error| error.to_string())?;
+            let slaves = config.as_ref().map_or_else(|| Ok(Vec::new()), |config| slaves(config))?;
+            write_esi(&slaves, &mut xml).map_err(|error| error.to_string())?;
             (file, xml.into_bytes())
         }
     };
     fs::write(file, content).map_err(|error| format!("{}: {error}", file.display()))
+}
+
+/// The slaves of the settings in `file`.
+fn slaves(file: &Path) -> Result<Vec<SlaveSettings>, String> {
+    let named = |error: String| format!("{}: {error}", file.display());
+    let text = fs::read_to_string(file).map_err(|error| named(error.to_string()))?;
+    Ok(settings::parse(&text).map_err(named)?.slaves.to_vec())
 }

@@ -18,7 +18,7 @@ use ethercat_esc::interface::{Interface, InterfaceError};
 use ethercat_esc::{Chip, DirectPdi, Interrupt, Kind, SharedChip, now};
 use ethercat_subdevice::esc::{Esc, EscError};
 use mobgate::gateway::Gateway;
-use mobgate::port::ethercat::{EthercatPlace, LONG_DEVICE, serve_long};
+use mobgate::port::ethercat::{EthercatPlace, long_device, serve_long};
 use mobgate::settings::{InterfaceName, PortId, PortKind};
 use mobgate::stats::Event;
 use rustix::io::Errno;
@@ -28,10 +28,14 @@ use crate::hint;
 
 /// Runs the SubDevice whenever the settings of `gateway` name a network interface for it, for ever.
 pub async fn run(gateway: &Gateway<'_>, place: &EthercatPlace) -> ! {
-    // The description is the same for ever, and a test reads it back.
-    let chip = Rc::new(Chip::with_sii(Kind::IP_CORE, &LONG_DEVICE).into());
-    let link =
-        Link { gateway, chip, fault: Cell::new(Some(NOT_OPEN)), opened: Signal::new(), lost: Signal::new() };
+    let link = Link {
+        gateway,
+        chip: Rc::new(controller_of(false).into()),
+        modules: Cell::new(false),
+        fault: Cell::new(Some(NOT_OPEN)),
+        opened: Signal::new(),
+        lost: Signal::new(),
+    };
     let mut interrupt = Interrupt::new(link.chip.clone());
     let attention = async || {
         // Of an infallible line.
@@ -47,6 +51,12 @@ pub fn check(name: &str) -> Result<(), &'static str> {
     Interface::open(name).map(|_| ()).map_err(|error| reason(name, &error))
 }
 
+/// The controller of the gateway, whose EEPROM says what it is.
+fn controller_of(modules: bool) -> Chip {
+    // The description is the same for ever, and a test reads it back.
+    Chip::with_sii(Kind::IP_CORE, long_device(modules))
+}
+
 /// Before the first look.
 const NOT_OPEN: EscError = EscError::Unreachable("not opened yet");
 
@@ -54,6 +64,8 @@ const NOT_OPEN: EscError = EscError::Unreachable("not opened yet");
 struct Link<'g> {
     gateway: &'g Gateway<'g>,
     chip: SharedChip,
+    /// Whether its EEPROM says that the gateway is a modular device.
+    modules: Cell<bool>,
     /// Why no frame can come; none while the interface is open.
     fault: Cell<Option<EscError>>,
     opened: Signal<NoopRawMutex, (InterfaceName, Descriptor<Interface>)>,
@@ -78,7 +90,12 @@ impl Link<'_> {
         let fault = opened.as_ref().err().map(|error| unreachable(&name, error));
         self.fault.set(fault);
         if let Ok(interface) = opened {
-            self.chip.borrow_mut().reset();
+            let modules = self.gateway.ethercat_modules();
+            let mut chip = self.chip.borrow_mut();
+            if self.modules.replace(modules) != modules {
+                chip.eeprom = controller_of(modules).eeprom;
+            }
+            chip.reset();
             self.opened.signal((name, interface));
         }
         fault.map_or(Ok(()), Err)
@@ -90,16 +107,18 @@ impl Link<'_> {
             let (name, interface) = self.opened.wait().await;
             let fault = match select(self.pass_frames(interface), self.renamed(&name)).await {
                 Either::First(error) => unreachable(&name, &fault_of(error)),
-                Either::Second(()) => EscError::Unreachable("the settings name another interface"),
+                Either::Second(()) => EscError::Unreachable("the settings name another interface, or device"),
             };
             self.fault.set(Some(fault));
             self.lost.signal(());
         }
     }
 
-    /// Waits until the settings name another interface than `name`, or none.
+    /// Waits until the settings name another interface than `name`, or none, or another device at it.
     async fn renamed(&self, name: &InterfaceName) {
-        while self.gateway.ethercat_interface().as_ref() == Some(name) {
+        while self.gateway.ethercat_interface().as_ref() == Some(name)
+            && self.gateway.ethercat_modules() == self.modules.get()
+        {
             self.gateway.new_ethercat_interface().await;
         }
     }

@@ -50,6 +50,23 @@ fn sii_and_esi_write_what_the_gateway_is_on_ethercat() {
         assert_eq!((made.status.code(), made.stdout.len()), (Some(0), 0));
         assert!(fs::read(&path).unwrap().starts_with(begins));
     }
+    let [fixed, modular] = [&[][..], &["--modules"]].map(|more| {
+        let path = folder.path().join("image");
+        assert!(output(&[&["sii"], more, &[path.to_str().unwrap()]].concat()).status.success());
+        let image = fs::read(&path).unwrap();
+        u32::from_le_bytes(image[0x14..0x18].try_into().unwrap())
+    });
+    assert_eq!(modular, fixed + 1, "another product");
+    let settings = file("port ecat ethercat modules\nslave 0 unit 17 input 0 count 4 as f32\n");
+    let path = folder.path().join("modules.xml");
+    let made = output(&["esi", "--config", settings.path().to_str().unwrap(), path.to_str().unwrap()]);
+    assert!(made.status.success(), "{made:?}");
+    let module = "<Name>Slave 0, unit 17: 4 REAL in input registers</Name>";
+    assert!(fs::read_to_string(&path).unwrap().contains(module));
+    let bad = file("port ecat ethercat modules\nslave 0 unit 300\n");
+    let refused = output(&["esi", "--config", bad.path().to_str().unwrap(), path.to_str().unwrap()]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(String::from_utf8(refused.stderr).unwrap().contains("line 2"), "says where");
     let nowhere = output(&["esi", "/does/not/exist"]);
     assert_eq!(nowhere.status.code(), Some(1));
     assert!(String::from_utf8(nowhere.stderr).unwrap().contains("/does/not/exist"));

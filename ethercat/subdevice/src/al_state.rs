@@ -78,6 +78,8 @@ pub enum AlStatusCode {
     HardwareNotReady = 0x0052,
     /// The processor started anew.
     RestartedLocally = 0x0060,
+    /// The modules are not those that the MainDevice expects.
+    ModulesDiffer = 0x0070,
 }
 
 /// AL control, as the MainDevice wrote it.

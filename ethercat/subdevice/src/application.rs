@@ -1,10 +1,12 @@
 //! What an application adds to the stack: values of objects, process data, and its word on changes of state.
 
 use crate::al_state::{AlState, AlStatusCode};
+use crate::assignment::Assignment;
 use crate::coe::abort::Abort;
 use crate::coe::emergency::Emergency;
 use crate::esc::EscError;
 use crate::indicators::Indicators;
+use crate::object::Object;
 use crate::sync_manager::Channel;
 
 /// An entry of an object.
@@ -35,7 +37,23 @@ pub trait Application {
         Some(Ok(()))
     }
 
-    /// Which PDOs a SyncManager carries, in their order; before the first call they are those of the device's table.
+    /// An object that is not in the device's table, such as a module's. It may be another one after a write, and stays while a state with
+    /// process data is kept.
+    fn object(&self, _index: u16) -> Option<Object> {
+        None
+    }
+
+    /// The first of those objects from `index` on.
+    fn next_object(&self, _index: u16) -> Option<u16> {
+        None
+    }
+
+    /// Which PDOs a SyncManager carries, where the application decides that and no MainDevice: those of its modules.
+    fn assignment(&self, _channel: Channel) -> Option<Assignment> {
+        None
+    }
+
+    /// Which PDOs a MainDevice has assigned to a SyncManager, in their order; before the first call they are those of the device's table.
     fn assigned(&mut self, _channel: Channel, _pdos: &[u16]) {}
 
     /// Whether outputs are taken only when two readings in a row agree, on a bus that may turn bits in process data. That doubles
@@ -74,6 +92,12 @@ pub trait Application {
 
     /// The outputs are not valid any more: Op was left, on request, or since no outputs came.
     fn outputs_stopped(&mut self);
+
+    /// Whether it is the application of another device now: the controller is left then, see
+    /// [`SubDevice::run_until_fault`](crate::sub_device::SubDevice::run_until_fault).
+    fn is_another_device(&self) -> bool {
+        false
+    }
 
     /// The controller failed: it is started anew.
     fn failed(&mut self, _fault: EscError) {}

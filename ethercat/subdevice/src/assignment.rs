@@ -1,31 +1,68 @@
 //! What the stack itself keeps behind objects: which PDOs are assigned, and how the application is synchronised.
 
+use crate::application::Application;
+use crate::catalogue::Catalogue;
 use crate::coe::abort::Abort;
 use crate::device::Device;
 use crate::object::Object;
 use crate::standard::RESET_COUNTERS;
 use crate::sync_manager::Channel;
 
-/// PDOs that a SyncManager carries at most.
-pub const PDOS_ASSIGNED_MAX: usize = 8;
+/// PDOs that a SyncManager carries at most: one for each of 32 modules, and one for the device.
+pub const PDOS_ASSIGNED_MAX: usize = 33;
+/// PDOs that a MainDevice can assign to a SyncManager.
+pub const PDOS_SELECTED_MAX: usize = 8;
 
 /// The PDOs of one SyncManager, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Assignment {
     channel: Channel,
-    count: u8,
-    pdos: [u16; PDOS_ASSIGNED_MAX],
+    pdos: Pdos,
     /// The most bytes that they may have.
     pub(crate) room: u16,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pdos {
+    /// As they were listed, the first `count` of them.
+    Listed { count: u8, pdos: [u16; PDOS_SELECTED_MAX] },
+    /// The application's: `first` and those behind it whose bit is set, which have so many `bytes`.
+    Modules { first: u16, present: u64, bytes: u16 },
+}
+
+impl Pdos {
+    fn listed(indices: impl Iterator<Item = u16>) -> Self {
+        let (mut pdos, mut count) = ([0; PDOS_SELECTED_MAX], 0);
+        for (pdo, index) in pdos.iter_mut().zip(indices) {
+            (*pdo, count) = (index, count + 1);
+        }
+        Self::Listed { count, pdos }
+    }
+
+    /// The one at a place, if there is one.
+    fn at(&self, place: u16) -> Option<u16> {
+        match *self {
+            Self::Listed { count, pdos } => {
+                pdos.get(usize::from(place)).copied().filter(|_| place < count.into())
+            }
+            Self::Modules { first, present, .. } => {
+                (present.unbounded_shr(place.into()) & 1 == 1).then(|| first.wrapping_add(place))
+            }
+        }
+    }
+}
+
 impl Assignment {
+    /// A SyncManager that carries the PDOs of modules, in the order of their indices: `first + n` for each bit n of `present`, the first
+    /// [`PDOS_ASSIGNED_MAX`] of them, which have `bytes` together.
+    pub fn of_modules(channel: Channel, first: u16, present: u64, bytes: u16) -> Self {
+        let present = present & ((1 << PDOS_ASSIGNED_MAX) - 1);
+        Self { channel, pdos: Pdos::Modules { first, present, bytes }, room: u16::MAX }
+    }
+
     fn of_device(device: &Device, channel: Channel) -> Self {
-        let initial = device.default_pdos(channel);
-        let mut pdos = [0; PDOS_ASSIGNED_MAX];
-        pdos.iter_mut().zip(initial).for_each(|(pdo, &index)| *pdo = index);
-        let room = device.bytes_max(channel);
-        Self { channel, count: initial.len().min(PDOS_ASSIGNED_MAX) as u8, pdos, room }
+        let pdos = Pdos::listed(device.default_pdos(channel).iter().copied());
+        Self { channel, pdos, room: device.bytes_max(channel) }
     }
 
     /// The SyncManager that carries them.
@@ -34,80 +71,90 @@ impl Assignment {
     }
 
     /// The indices of the assigned PDOs.
-    pub fn indices(&self) -> &[u16] {
-        self.pdos.get(..usize::from(self.count)).unwrap_or_default()
+    pub fn indices(&self) -> impl Iterator<Item = u16> + use<> {
+        let pdos = self.pdos;
+        (0..PDOS_ASSIGNED_MAX as u16).filter_map(move |place| pdos.at(place))
     }
 
     /// The assigned PDOs.
-    pub fn pdos(&self, device: &Device) -> impl Iterator<Item = &'static Object> {
-        self.indices().iter().filter_map(|&index| device.object(index))
+    pub fn pdos<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> impl Iterator<Item = Object> {
+        self.indices().filter_map(|index| catalogue.object(index))
     }
 
     /// Bytes of all assigned PDOs.
-    pub fn bytes(&self, device: &Device) -> u16 {
-        self.pdos(device).map(Object::pdo_bytes).sum::<usize>() as u16
+    pub fn bytes<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> u16 {
+        match self.pdos {
+            Pdos::Listed { .. } => self.pdos(catalogue).map(|pdo| pdo.pdo_bytes()).sum::<usize>() as u16,
+            Pdos::Modules { bytes, .. } => bytes,
+        }
     }
 
     /// The value at a sub-index.
     pub fn value(&self, sub: u8) -> u16 {
-        match sub.checked_sub(1) {
-            None => self.count.into(),
-            Some(at) => self.pdos.get(usize::from(at)).copied().unwrap_or_default(),
+        match (sub.checked_sub(1), &self.pdos) {
+            (None, _) => self.indices().count() as u16,
+            // Also one behind the count, which is being written.
+            (Some(at), Pdos::Listed { pdos, .. }) => pdos.get(usize::from(at)).copied().unwrap_or_default(),
+            (Some(at), _) => self.indices().nth(at.into()).unwrap_or_default(),
         }
     }
 
     /// What the list is after a write at a sub-index: sub-index 0 last, and 0 before the others are written (ETG.1020).
-    pub fn with(mut self, device: &Device, sub: u8, value: u16) -> Result<Self, Abort> {
+    pub fn with<A: Application>(
+        mut self,
+        catalogue: &Catalogue<'_, A>,
+        sub: u8,
+        value: u16,
+    ) -> Result<Self, Abort> {
+        let Pdos::Listed { count, pdos } = &mut self.pdos else { return Err(Abort::ReadOnly) };
         match sub.checked_sub(1) {
             None => {
-                if usize::from(value) > PDOS_ASSIGNED_MAX {
+                if usize::from(value) > PDOS_SELECTED_MAX {
                     return Err(Abort::PdoLength);
                 }
-                self.count = value as u8;
-                self.checked(device)
+                *count = value as u8;
+                self.checked(catalogue)
             }
-            Some(_) if self.count != 0 => Err(Abort::CountNotZero),
+            Some(_) if *count != 0 => Err(Abort::CountNotZero),
             Some(at) => {
+                *pdos.get_mut(usize::from(at)).ok_or(Abort::NoEntry)? = value;
                 if value != 0 {
-                    self.pdo(device, value)?;
+                    self.pdo(catalogue, value)?;
                 }
-                *self.pdos.get_mut(usize::from(at)).ok_or(Abort::NoEntry)? = value;
                 Ok(self)
             }
         }
     }
 
     /// The list with all of `pdos`.
-    pub fn replaced(
-        mut self,
-        device: &Device,
+    pub fn replaced<A: Application>(
+        self,
+        catalogue: &Catalogue<'_, A>,
         pdos: impl ExactSizeIterator<Item = u16>,
     ) -> Result<Self, Abort> {
-        if pdos.len() > PDOS_ASSIGNED_MAX {
+        if pdos.len() > PDOS_SELECTED_MAX {
             return Err(Abort::PdoLength);
         }
-        self.count = pdos.len() as u8;
-        self.pdos.iter_mut().zip(pdos).for_each(|(kept, pdo)| *kept = pdo);
-        self.checked(device)
+        Self { pdos: Pdos::listed(pdos), ..self }.checked(catalogue)
     }
 
-    fn checked(self, device: &Device) -> Result<Self, Abort> {
-        for (at, &index) in self.indices().iter().enumerate() {
-            let pdo = self.pdo(device, index)?;
-            for &other in self.indices().iter().skip(at + 1) {
-                if other == index || pdo.excludes(self.pdo(device, other)?) {
+    fn checked<A: Application>(self, catalogue: &Catalogue<'_, A>) -> Result<Self, Abort> {
+        for (at, index) in self.indices().enumerate() {
+            let pdo = self.pdo(catalogue, index)?;
+            for other in self.indices().skip(at + 1) {
+                if other == index || pdo.excludes(&self.pdo(catalogue, other)?) {
                     return Err(Abort::Incompatible);
                 }
             }
         }
-        if self.bytes(device) > self.room {
+        if self.bytes(catalogue) > self.room {
             return Err(Abort::PdoLength);
         }
         Ok(self)
     }
 
-    fn pdo(&self, device: &Device, index: u16) -> Result<&'static Object, Abort> {
-        let object = device.object(index).filter(|object| object.pdo() == Some(self.channel));
+    fn pdo<A: Application>(&self, catalogue: &Catalogue<'_, A>, index: u16) -> Result<Object, Abort> {
+        let object = catalogue.object(index).filter(|object| object.pdo() == Some(self.channel));
         object.ok_or(Abort::NotMappable)
     }
 }
@@ -181,8 +228,18 @@ impl Communication {
     }
 
     /// Whether inputs are renewed with the outputs alone (1C33h:01 = 22h), and there are any.
-    pub fn inputs_follow_outputs(&self, device: &Device) -> bool {
-        self.inputs_synchronised == Self::OUTPUTS_EVENT && self.outputs.bytes(device) > 0
+    pub fn inputs_follow_outputs<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> bool {
+        self.inputs_synchronised == Self::OUTPUTS_EVENT && self.outputs.bytes(catalogue) > 0
+    }
+
+    /// Carries the PDOs that the application says, where it says so.
+    pub fn follow(&mut self, application: &impl Application) {
+        for assignment in [&mut self.outputs, &mut self.inputs] {
+            if let Some(other) = application.assignment(assignment.channel) {
+                // There is as much room as before.
+                assignment.pdos = other.pdos;
+            }
+        }
     }
 
     /// Synchronisation of both directions, if they fit each other.
@@ -214,7 +271,13 @@ impl Communication {
     }
 
     /// Writes a value of the stack's.
-    pub fn set(&mut self, device: &Device, index: u16, sub: u8, value: u16) -> Result<(), Abort> {
+    pub fn set<A: Application>(
+        &mut self,
+        catalogue: &Catalogue<'_, A>,
+        index: u16,
+        sub: u8,
+        value: u16,
+    ) -> Result<(), Abort> {
         match (index, sub, value) {
             (0x1c32, 1, Self::FREE_RUN | Self::OWN_EVENT) => self.outputs_synchronised = value,
             (0x1c33, 1, Self::FREE_RUN | Self::OWN_EVENT | Self::OUTPUTS_EVENT) => {
@@ -225,7 +288,7 @@ impl Communication {
             (0x1c32 | 0x1c33, ..) => return Err(Abort::Range),
             _ => {
                 let assignment = self.assignment(index).ok_or(Abort::General)?;
-                *assignment = assignment.with(device, sub, value)?;
+                *assignment = assignment.with(catalogue, sub, value)?;
             }
         }
         Ok(())

@@ -6,6 +6,7 @@ pub mod information;
 pub mod sdo;
 
 use crate::application::Application;
+use crate::catalogue::Catalogue;
 use crate::dictionary::Dictionary;
 use crate::mailbox::{MailboxError, Payload};
 use emergency::Emergencies;
@@ -68,7 +69,7 @@ impl Coe {
             }
             service if service == Service::SdoInformation as u8 => {
                 self.information.request(body, dictionary)?;
-                Ok(self.information.next(room - HEADER_BYTES))
+                Ok(self.information.next(room - HEADER_BYTES, &dictionary.catalogue()))
             }
             _ => Err(MailboxError::ServiceNotSupported),
         }
@@ -95,7 +96,7 @@ impl Coe {
     }
 
     /// The next message of an answer, or an emergency.
-    pub fn next(&mut self, room: usize) -> Option<Payload> {
-        self.information.next(room - HEADER_BYTES).or_else(|| self.emergencies.next())
+    pub fn next<A: Application>(&mut self, room: usize, catalogue: &Catalogue<'_, A>) -> Option<Payload> {
+        self.information.next(room - HEADER_BYTES, catalogue).or_else(|| self.emergencies.next())
     }
 }

@@ -1,7 +1,7 @@
 //! What a device is: its identity, its memory, and its objects. Everything that a MainDevice is told comes from here.
 
 use crate::diagnosis::Text;
-use crate::object::{Entries, Object};
+use crate::object::{Access, Entries, Object};
 use crate::sync_manager::{Channel, MemoryPlan};
 
 /// A SubDevice, described.
@@ -58,16 +58,45 @@ impl Device {
 
     /// The PDOs that a SyncManager carries after power-on.
     pub fn default_pdos(&self, channel: Channel) -> &'static [u16] {
-        match self.object(0x1c10 + channel as u16).map(|object| object.entries) {
+        match self.assignment(channel) {
             Some(Entries::Assignment(initial, _)) => initial,
             _ => &[],
         }
     }
 
+    /// Whether a SyncManager carries the PDO `index` after power-on: one that is listed, or its own beside those of modules.
+    pub fn is_assigned(&self, channel: Channel, index: u16) -> bool {
+        self.is_modular(channel) || self.default_pdos(channel).contains(&index)
+    }
+
+    /// Whether modules (F000h) say which PDOs a SyncManager carries.
+    pub fn is_modular(&self, channel: Channel) -> bool {
+        let open = matches!(self.assignment(channel), Some(Entries::Assignment([], access)) if !access.any(Access::WRITE));
+        open && self.object(0xf000).is_some()
+    }
+
+    /// Whether a SyncManager is used, as the EEPROM and the ESI file say it: some MainDevices never switch on one that is not.
+    pub fn is_enabled(&self, channel: Channel) -> bool {
+        self.is_modular(channel)
+            || matches!(channel, Channel::MailboxOut | Channel::MailboxIn)
+            || self.default_bytes(channel) > 0
+    }
+
+    /// Whether a MainDevice can say which PDOs a SyncManager carries.
+    pub fn takes_assignments(&self) -> bool {
+        [Channel::Outputs, Channel::Inputs].into_iter().any(|channel| {
+            matches!(self.assignment(channel), Some(Entries::Assignment(_, access)) if access.any(Access::WRITE))
+        })
+    }
+
+    fn assignment(&self, channel: Channel) -> Option<Entries> {
+        self.object(0x1c10 + channel as u16).map(|object| object.entries)
+    }
+
     /// Bytes of a SyncManager's process data after power-on.
     pub fn default_bytes(&self, channel: Channel) -> usize {
-        let pdos = self.default_pdos(channel).iter().filter_map(|&index| self.object(index));
-        pdos.map(Object::pdo_bytes).sum()
+        let pdos = self.objects.iter().filter(|object| object.pdo() == Some(channel));
+        pdos.filter(|pdo| self.is_assigned(channel, pdo.index)).map(Object::pdo_bytes).sum()
     }
 
     /// The most bytes of a SyncManager's process data.

@@ -6,10 +6,11 @@ use heapless::Vec;
 
 use crate::al_state::AlState;
 use crate::application::{Address, Application};
-use crate::assignment::Communication;
+use crate::assignment::{Communication, PDOS_SELECTED_MAX};
+use crate::catalogue::Catalogue;
 use crate::coe::abort::Abort;
 use crate::device::Device;
-use crate::object::{Access, Entries, Entry, Object, Value};
+use crate::object::{Access, DataType, Entries, Entry, Object, Value};
 
 /// Bytes of an object at most, also when it is accessed completely: 512 bytes of a buffer, and a count.
 pub const OBJECT_BYTES_MAX: usize = 520;
@@ -45,19 +46,26 @@ impl<A: Application> Dictionary<'_, A> {
         let Target { at, complete } = target;
         let object = self.object(at.index)?;
         if !complete {
-            self.read_entry(object, at.sub, &mut bytes)?;
+            self.read_entry(&object, at.sub, &mut bytes)?;
             return Ok(bytes);
         }
         let mut last = object.sub_max();
-        check_complete(object, at.sub)?;
+        check_complete(&object, at.sub)?;
         if let Some(assignment) = self.communication.assignment(at.index) {
             last = assignment.value(0) as u8;
         }
+        let mut bits = 0;
         for sub in (at.sub..=last).filter(|sub| object.entry(*sub).is_some()) {
-            self.read_entry(object, sub, &mut bytes)?;
+            let start = bytes.len();
+            self.read_entry(&object, sub, &mut bytes)?;
             if sub == 0 {
                 // The count takes 16 bits in a complete access (ETG.1000.6, clause 5.6.2).
                 bytes.push(0).map_err(|_| Abort::OutOfMemory)?;
+            } else if object.entry(sub).is_some_and(|entry| entry.data_type == DataType::Bool) {
+                pack_bit(&mut bytes, start, bits);
+                bits += 1;
+            } else {
+                bits = 0;
             }
         }
         Ok(bytes)
@@ -68,12 +76,12 @@ impl<A: Application> Dictionary<'_, A> {
         let Target { at, complete } = target;
         let object = self.object(at.index)?;
         if !complete {
-            return self.writable(object, at.sub).map(|_| ());
+            return self.writable(&object, at.sub).map(|_| ());
         }
-        check_complete(object, at.sub)?;
+        check_complete(&object, at.sub)?;
         let counted = u8::from(!matches!(object.entries, Entries::Assignment(..)));
         let mut subs = (at.sub.max(counted)..=object.sub_max()).filter(|sub| object.entry(*sub).is_some());
-        subs.try_for_each(|sub| self.writable(object, sub).map(|_| ()))
+        subs.try_for_each(|sub| self.writable(&object, sub).map(|_| ()))
     }
 
     /// Writes all of `bytes`, or nothing.
@@ -83,22 +91,27 @@ impl<A: Application> Dictionary<'_, A> {
         let object = self.object(at.index)?;
         match object.entries {
             _ if !complete => {
-                let entry = self.check(object, at.sub, bytes)?;
+                let entry = self.check(&object, at.sub, bytes)?;
                 self.commit(entry, at, bytes)
             }
             Entries::Assignment(..) => self.assign(at, bytes),
-            _ => self.write_complete(object, at.sub, bytes),
+            _ => self.write_complete(&object, at.sub, bytes),
         }
     }
 
     /// The size of the entry at `at`, or 0.
     pub fn entry_bytes(&self, at: Address) -> usize {
-        let entry = self.device.object(at.index).and_then(|object| object.entry(at.sub));
+        let entry = self.catalogue().object(at.index).and_then(|object| object.entry(at.sub));
         entry.map_or(0, |entry| entry.data_type.bytes())
     }
 
-    fn object(&self, index: u16) -> Result<&'static Object, Abort> {
-        self.device.object(index).ok_or(Abort::NoObject)
+    /// The objects that there are.
+    pub fn catalogue(&self) -> Catalogue<'_, A> {
+        Catalogue { device: self.device, application: self.application }
+    }
+
+    fn object(&self, index: u16) -> Result<Object, Abort> {
+        self.catalogue().object(index).ok_or(Abort::NoObject)
     }
 
     fn read_entry(&mut self, object: &Object, sub: u8, into: &mut Bytes) -> Result<(), Abort> {
@@ -168,7 +181,8 @@ impl<A: Application> Dictionary<'_, A> {
     /// Tells the application which PDOs are assigned, if that stands behind the object `index`.
     fn tell_assignment(&mut self, index: u16) {
         if let Some(assignment) = self.communication.assignment(index) {
-            self.application.assigned(assignment.channel(), assignment.indices());
+            let pdos: Vec<u16, PDOS_SELECTED_MAX> = assignment.indices().take(PDOS_SELECTED_MAX).collect();
+            self.application.assigned(assignment.channel(), &pdos);
         }
     }
 
@@ -176,15 +190,27 @@ impl<A: Application> Dictionary<'_, A> {
         match entry.value {
             Value::Stack(_) => {
                 let number = u16::try_from(number(bytes)).map_err(|_| Abort::TooGreat)?;
-                self.communication.set(self.device, at.index, at.sub, number)?;
+                let catalogue = Catalogue { device: self.device, application: &*self.application };
+                self.communication.set(&catalogue, at.index, at.sub, number)?;
                 self.tell_assignment(at.index);
                 Ok(())
             }
             Value::Application(_) => {
                 self.application.write(at, bytes);
+                self.communication.follow(self.application);
                 Ok(())
             }
             Value::Number(_) | Value::Text(_) | Value::Computed => Err(Abort::ReadOnly),
+        }
+    }
+}
+
+/// Puts the bit that was read last, at `start`, behind the `bits` in front of it, eight to a byte.
+fn pack_bit(bytes: &mut Bytes, start: usize, bits: usize) {
+    if let (true, Some(bit)) = (!bits.is_multiple_of(8), bytes.get(start).copied()) {
+        bytes.truncate(start);
+        if let Some(packed) = bytes.last_mut() {
+            *packed |= (bit & 1) << (bits % 8);
         }
     }
 }

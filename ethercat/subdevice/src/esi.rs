@@ -3,29 +3,37 @@
 //! The schema enforces the order of elements, so they are written in that order.
 
 mod dictionary;
+mod modules;
 mod xml;
 
 use core::fmt::{Error, Write};
 
 use crate::device::Device;
-use crate::object::{DataType, Entries, Entry, Object};
-use crate::sii::{COE_DETAILS, SII_BYTES, SiiFull, default_length, write as write_sii};
+use crate::object::{DataType, Entries, Entry, Object, PADDING};
+use crate::sii::{SII_BYTES, SiiFull, coe_details, default_length, write as write_sii};
 use crate::sync_manager::{Channel, MAILBOX_BYTES_MIN};
+use modules::NoModule;
 use xml::Xml;
+
+pub use modules::{Command, Module, Slots};
 
 /// The profile that devices of this kind follow: the modular device profile.
 const PROFILE: u16 = 5001;
 
 /// Writes the description of `device`.
 pub fn write(device: &Device, into: &mut impl Write) -> Result<(), EsiError> {
-    write_all(device, &[], into)
+    write_file(&[(device, None)], core::iter::empty::<NoModule>, into)
 }
 
-/// Writes one description of `first` and `others`, which have its vendor and its group.
-pub fn write_all(first: &Device, others: &[&Device], into: &mut impl Write) -> Result<(), EsiError> {
-    let devices = || core::iter::once(first).chain(others.iter().copied());
+/// Writes the description of devices of one vendor and group, some of which have slots, and of the `modules` that can be in those.
+pub fn write_file<M: Module, I: Iterator<Item = M>>(
+    devices: &[(&Device, Option<Slots>)],
+    modules: impl Fn() -> I,
+    into: &mut impl Write,
+) -> Result<(), EsiError> {
+    let Some((first, _)) = devices.first() else { return Err(EsiError::Write) };
     let mut sii = [0; SII_BYTES];
-    devices().try_for_each(|device| write_sii(device, &mut sii))?;
+    devices.iter().try_for_each(|(device, _)| write_sii(device, &mut sii))?;
     into.write_str("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n")?;
     let mut xml = Xml::new(into);
     xml.within("EtherCATInfo", format_args!(""), |xml| {
@@ -41,10 +49,18 @@ pub fn write_all(first: &Device, others: &[&Device], into: &mut impl Write) -> R
                 })
             })?;
             xml.within("Devices", format_args!(""), |xml| {
-                devices().try_for_each(|device| {
-                    xml.within("Device", format_args!(" Physics=\"YY\""), |xml| write_device(xml, device))
+                devices.iter().try_for_each(|(device, slots)| {
+                    xml.within("Device", format_args!(" Physics=\"YY\""), |xml| {
+                        write_device(xml, device, slots.as_ref())
+                    })
                 })
-            })
+            })?;
+            match modules().next() {
+                None => Ok(()),
+                Some(_) => xml.within("Modules", format_args!(""), |xml| {
+                    modules().try_for_each(|module| modules::write(xml, &module))
+                }),
+            }
         })
     })?;
     Ok(())
@@ -67,7 +83,7 @@ impl From<Error> for EsiError {
     }
 }
 
-fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(), Error> {
+fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, slots: Option<&Slots>) -> Result<(), Error> {
     let identity = device.identity;
     let codes = format_args!(
         " ProductCode=\"#x{:08X}\" RevisionNo=\"#x{:08X}\"",
@@ -91,8 +107,17 @@ fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(), E
     }
     xml.within("Mailbox", format_args!(" DataLinkLayer=\"true\""), |xml| {
         let has_history = device.object(0x10f3).is_some();
-        xml.empty("CoE", format_args!("{CoeDetails} SegmentedSdo=\"true\" DiagHistory=\"{has_history}\""))
+        let coe = format_args!("{} SegmentedSdo=\"true\" DiagHistory=\"{has_history}\"", CoeDetails(device));
+        match slots.map_or(&[][..], |slots| slots.start_up) {
+            [] => xml.empty("CoE", coe),
+            start_up => xml.within("CoE", coe, |xml| {
+                start_up.iter().try_for_each(|command| {
+                    modules::write_command(xml, command, Place::Device, |index| device.object(index).copied())
+                })
+            }),
+        }
     })?;
+    slots.map_or(Ok(()), |slots| modules::write_slots(xml, slots))?;
     xml.within("Eeprom", format_args!(""), |xml| {
         xml.text("ByteSize", format_args!("{SII_BYTES}"))?;
         // The part that the check covers, without the alias; the tool makes the rest from this file.
@@ -137,7 +162,7 @@ fn write_sync_manager<W: Write>(
         bounds.1,
         device.memory.start(channel),
         channel.control(),
-        u8::from(length > 0),
+        u8::from(device.is_enabled(channel)),
     );
     xml.element("Sm", attributes, format_args!("{usage}"))
 }
@@ -158,28 +183,64 @@ fn write_pdo<W: Write>(
         {
             xml.text("Exclude", format_args!("#x{:04X}", other.index))?;
         }
-        pdo.mapped().try_for_each(|mapped| {
-            let [bits, sub, index @ ..] = mapped.to_le_bytes();
-            let index = u16::from_le_bytes(index);
-            let object = device.object(index).ok_or(Error)?;
-            let entry = object.entry(sub).ok_or(Error)?;
-            xml.within("Entry", format_args!(""), |xml| {
-                xml.text("Index", format_args!("#x{index:04X}"))?;
-                xml.text("SubIndex", format_args!("{sub}"))?;
-                xml.text("BitLen", format_args!("{bits}"))?;
-                // As the EEPROM has it, which has no room for a name of each entry; which one it is stands in the comment.
-                xml.text("Name", format_args!("{}", entry.name))?;
-                if let (Entries::Array(..), Some(place)) = (&object.entries, sub.checked_sub(1)) {
-                    write_place(xml, entry, place)?;
-                }
-                xml.text("DataType", format_args!("{}", TypeName(entry.data_type)))
-            })
-        })
+        write_entries(xml, pdo, Place::Device, |index| device.object(index).copied())
     };
-    match device.default_pdos(channel).contains(&pdo.index) {
+    match device.is_assigned(channel, pdo.index) {
         true => xml.within(name, format_args!(" Fixed=\"1\" Sm=\"{}\"", channel as u8), content),
         false => xml.within(name, format_args!(" Fixed=\"1\""), content),
     }
+}
+
+/// Whose objects an index is one of.
+#[derive(Clone, Copy)]
+enum Place {
+    /// The device's: it is as it is.
+    Device,
+    /// A module's: it is that in slot 0.
+    Slot,
+}
+
+impl core::fmt::Display for Place {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Device => Ok(()),
+            Self::Slot => f.write_str(" DependOnSlot=\"true\""),
+        }
+    }
+}
+
+/// What `pdo` carries, of the objects that `object` finds.
+fn write_entries<W: Write>(
+    xml: &mut Xml<'_, W>,
+    pdo: &Object,
+    whose: Place,
+    object: impl Fn(u16) -> Option<Object>,
+) -> Result<(), Error> {
+    pdo.mapped().try_for_each(|mapped| {
+        let [bits, sub, index @ ..] = mapped.to_le_bytes();
+        let index = u16::from_le_bytes(index);
+        if index == PADDING {
+            return xml.within("Entry", format_args!(""), |xml| {
+                xml.text("Index", format_args!("#x{index:04X}"))?;
+                xml.text("BitLen", format_args!("{bits}"))
+            });
+        }
+        let object = object(index).ok_or(Error)?;
+        let entry = object.entry(sub).ok_or(Error)?;
+        xml.within("Entry", format_args!(""), |xml| {
+            xml.element("Index", format_args!("{whose}"), format_args!("#x{index:04X}"))?;
+            xml.text("SubIndex", format_args!("{sub}"))?;
+            xml.text("BitLen", format_args!("{bits}"))?;
+            xml.text("Name", format_args!("{}", entry.label()))?;
+            // An EEPROM may have no room for a name of each entry; which one it is stands in the comment then.
+            if let (Entries::Array(_, Entry { number: None, .. }), Some(place)) =
+                (&object.entries, sub.checked_sub(1))
+            {
+                write_place(xml, entry, place)?;
+            }
+            xml.text("DataType", format_args!("{}", TypeName(entry.data_type)))
+        })
+    })
 }
 
 /// Which element of an array an entry is, counted from 0; of bytes which ones.
@@ -194,11 +255,13 @@ fn write_place<W: Write>(xml: &mut Xml<'_, W>, entry: Entry, place: u8) -> Resul
 }
 
 /// What CoE offers, as attributes.
-struct CoeDetails;
+struct CoeDetails<'d>(&'d Device);
 
-impl core::fmt::Display for CoeDetails {
+impl core::fmt::Display for CoeDetails<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        COE_DETAILS.iter().try_for_each(|(attribute, _, offered)| write!(f, " {attribute}=\"{offered}\""))
+        coe_details(self.0)
+            .iter()
+            .try_for_each(|(attribute, _, offered)| write!(f, " {attribute}=\"{offered}\""))
     }
 }
 
@@ -209,6 +272,9 @@ impl core::fmt::Display for TypeName {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self.0 {
             DataType::Bool => f.write_str("BOOL"),
+            DataType::I16 => f.write_str("INT"),
+            DataType::I32 => f.write_str("DINT"),
+            DataType::F32 => f.write_str("REAL"),
             DataType::U8 => f.write_str("USINT"),
             DataType::U16 => f.write_str("UINT"),
             DataType::U32 => f.write_str("UDINT"),

@@ -5,6 +5,9 @@
 
 mod types;
 
+use core::fmt;
+
+use crate::assignment::{PDOS_ASSIGNED_MAX, PDOS_SELECTED_MAX};
 use crate::sync_manager::Channel;
 
 pub use types::{Access, DataType};
@@ -31,10 +34,11 @@ pub enum Entries {
     Constants(&'static [u32], Entry),
     /// Values of different kinds; an [absent](Entry::ABSENT) one leaves its sub-index out.
     Record(&'static [Entry]),
-    /// Which PDOs a SyncManager carries: the list after power-on; sub-index 0 may be written.
+    /// Which PDOs a SyncManager carries: the list after power-on, which a MainDevice may change where it may be written. One that is
+    /// fixed and empty is the application's.
     Assignment(&'static [u16], Access),
     /// What a PDO carries, and how it goes with others.
-    Mapping(&'static [Mapped], PdoRules),
+    Mapping(Runs, PdoRules),
 }
 
 /// How a PDO goes with others.
@@ -47,8 +51,56 @@ pub struct PdoRules {
 }
 
 impl PdoRules {
-    const NONE: Self = Self { excluded: &[], described: true };
+    /// It goes with all others, and is described.
+    pub const NONE: Self = Self { excluded: &[], described: true };
 }
+
+/// Runs of entries that a PDO carries at most.
+pub const RUNS_MAX: usize = 8;
+
+/// What a PDO carries, in order.
+#[derive(Debug, Clone, Copy)]
+pub struct Runs {
+    runs: [Mapped; RUNS_MAX],
+    used: u8,
+}
+
+impl Runs {
+    /// None.
+    pub const NONE: Self = Self { runs: [Mapped { index: 0, sub: 0, count: 0, bits: 0 }; RUNS_MAX], used: 0 };
+
+    /// The same and `run`; none when there are [`RUNS_MAX`] already.
+    #[must_use]
+    pub const fn and(mut self, run: Mapped) -> Option<Self> {
+        if self.used as usize >= RUNS_MAX {
+            return None;
+        }
+        self.runs[self.used as usize] = run;
+        self.used += 1;
+        Some(self)
+    }
+
+    /// All of `runs`.
+    ///
+    /// # Panics
+    /// At build time, when they are too many.
+    const fn of(runs: &[Mapped]) -> Self {
+        let (mut all, mut nth) = (Self::NONE, 0);
+        while nth < runs.len() {
+            let Some(more) = all.and(runs[nth]) else { panic!("a PDO has too many runs") };
+            (all, nth) = (more, nth + 1);
+        }
+        all
+    }
+
+    /// The runs.
+    pub fn iter(&self) -> impl Iterator<Item = &Mapped> {
+        self.runs.iter().take(self.used.into())
+    }
+}
+
+/// The index of what fills a PDO up, and is no entry.
+pub const PADDING: u16 = 0;
 
 /// A run of entries of one object that a PDO carries.
 #[derive(Debug, Clone, Copy)]
@@ -68,6 +120,8 @@ pub struct Mapped {
 pub struct Entry {
     /// Its name.
     pub name: &'static str,
+    /// What follows its name, if it is one of many alike.
+    pub number: Option<u8>,
     /// Its type.
     pub data_type: DataType,
     /// Who may read and write it in which state.
@@ -76,6 +130,20 @@ pub struct Entry {
     pub value: Value,
     /// The least and the greatest number that may be written.
     pub range: (u64, u64),
+}
+
+/// The name of an entry, with what tells it from others alike.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Label {
+    name: &'static str,
+    number: Option<u8>,
+}
+
+impl fmt::Display for Label {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)?;
+        self.number.map_or(Ok(()), |number| write!(f, " {number}"))
+    }
 }
 
 /// Where an entry's value comes from.
@@ -99,13 +167,14 @@ impl Entry {
 
     /// A number that never changes.
     pub const fn number(name: &'static str, data_type: DataType, value: u64) -> Self {
-        Self { name, data_type, access: Access::READ, value: Value::Number(value), range: (0, u64::MAX) }
+        let value = Value::Number(value);
+        Self { name, number: None, data_type, access: Access::READ, value, range: (0, u64::MAX) }
     }
 
     /// A text that never changes.
     pub const fn text(name: &'static str, text: &'static str) -> Self {
         let data_type = DataType::Text(text.len() as u16);
-        Self { name, data_type, access: Access::READ, value: Value::Text(text), range: (0, u64::MAX) }
+        Self { value: Value::Text(text), ..Self::number(name, data_type, 0) }
     }
 
     /// A value of the application that is read only.
@@ -138,6 +207,17 @@ impl Entry {
     #[must_use]
     pub const fn with_access(self, access: Access) -> Self {
         Self { access, ..self }
+    }
+
+    /// The same in an array whose entries are told apart: their sub-index ends their name.
+    #[must_use]
+    pub const fn numbered(self) -> Self {
+        Self { number: Some(0), ..self }
+    }
+
+    /// The name as MainDevices and people see it: `Coil 3`.
+    pub const fn label(&self) -> Label {
+        Label { name: self.name, number: self.number }
     }
 
     /// A value of the application that is another number than 0 after power-on.
@@ -182,8 +262,8 @@ impl Object {
     }
 
     /// A PDO.
-    pub const fn mapping(index: u16, name: &'static str, mapped: &'static [Mapped]) -> Self {
-        Self { index, name, entries: Entries::Mapping(mapped, PdoRules::NONE) }
+    pub const fn mapping(index: u16, name: &'static str, mapped: &[Mapped]) -> Self {
+        Self { index, name, entries: Entries::Mapping(Runs::of(mapped), PdoRules::NONE) }
     }
 
     /// The same PDO, which cannot be assigned together with the PDOs `excluded`.
@@ -216,8 +296,11 @@ impl Object {
             Entries::Array(count, _) => count,
             Entries::Constants(values, _) => values.len() as u8,
             Entries::Record(entries) => entries.len() as u8,
-            Entries::Assignment(..) => crate::assignment::PDOS_ASSIGNED_MAX as u8,
-            Entries::Mapping(mapped, _) => mapped.iter().map(|run| run.count).sum(),
+            Entries::Assignment(_, access) if access.any(Access::WRITE) => PDOS_SELECTED_MAX as u8,
+            // The application's, of which there are more or fewer.
+            Entries::Assignment([], _) => PDOS_ASSIGNED_MAX as u8,
+            Entries::Assignment(fixed, _) => fixed.len() as u8,
+            Entries::Mapping(mapped, _) => mapped.iter().fold(0, |sum, run| sum.saturating_add(run.count)),
         }
     }
 
@@ -230,7 +313,9 @@ impl Object {
             return Some(self.count_entry());
         }
         match self.entries {
-            Entries::Array(count, entry) => (sub <= count).then_some(entry),
+            Entries::Array(count, entry) => {
+                (sub <= count).then_some(Entry { number: entry.number.map(|_| sub), ..entry })
+            }
             Entries::Constants(values, entry) => {
                 let &value = values.get(usize::from(sub) - 1)?;
                 Some(Entry { value: Value::Number(value.into()), ..entry })
@@ -297,13 +382,13 @@ impl Object {
 
     /// The mapped entries of a PDO, in the form of its values: index, sub-index, bits.
     pub fn mapped(&self) -> impl Iterator<Item = u32> + use<> {
-        let mapped = match self.entries {
-            Entries::Mapping(mapped, _) => mapped,
-            _ => &[],
+        let runs = match self.entries {
+            Entries::Mapping(runs, _) => runs,
+            _ => Runs::NONE,
         };
-        mapped.iter().flat_map(|run| {
+        runs.runs.into_iter().take(runs.used.into()).flat_map(|run| {
             let subs = u32::from(run.sub)..u32::from(run.sub) + u32::from(run.count);
-            subs.map(|sub| u32::from(run.index) << 16 | sub << 8 | u32::from(run.bits))
+            subs.map(move |sub| u32::from(run.index) << 16 | sub << 8 | u32::from(run.bits))
         })
     }
 
@@ -318,7 +403,8 @@ impl Object {
 
     /// Bytes of a PDO.
     pub fn pdo_bytes(&self) -> usize {
-        let bits: u32 = self.mapped().map(|entry| entry & 0xff).sum();
-        bits as usize / 8
+        let Entries::Mapping(runs, _) = self.entries else { return 0 };
+        let bits: usize = runs.iter().map(|run| usize::from(run.count) * usize::from(run.bits)).sum();
+        bits.div_ceil(8)
     }
 }

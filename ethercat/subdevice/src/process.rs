@@ -4,6 +4,7 @@ use embassy_time::Instant;
 
 use crate::application::Application;
 use crate::assignment::Communication;
+use crate::catalogue::Catalogue;
 use crate::device::Device;
 
 /// Bytes of outputs that a SubDevice has a buffer for, unless it is made with another: both images fit into 4 KiB.
@@ -41,15 +42,17 @@ impl<const OUTPUTS: usize, const INPUTS: usize> Images<OUTPUTS, INPUTS> {
     /// Hands the last outputs to the application.
     pub fn hand_out(
         &self,
-        device: &Device,
+        device: &'static Device,
         communication: &Communication,
         application: &mut impl Application,
     ) {
         let mut rest = &self.outputs[..];
-        for pdo in communication.outputs.pdos(device) {
+        for pdo in communication.outputs.indices() {
             // SafeOp is not entered with an assignment that is longer than the buffer.
-            let Some((bytes, behind)) = rest.split_at_checked(pdo.pdo_bytes()) else { return };
-            application.outputs(pdo.index, bytes);
+            let Some((bytes, behind)) = rest.split_at_checked(pdo_bytes(device, application, pdo)) else {
+                return;
+            };
+            application.outputs(pdo, bytes);
             rest = behind;
         }
     }
@@ -57,18 +60,23 @@ impl<const OUTPUTS: usize, const INPUTS: usize> Images<OUTPUTS, INPUTS> {
     /// Gathers the application's inputs.
     pub fn gather(
         &mut self,
-        device: &Device,
+        device: &'static Device,
         communication: &Communication,
         application: &mut impl Application,
     ) -> &[u8] {
         let mut rest = &mut self.inputs[..];
         let mut gathered = 0;
-        for pdo in communication.inputs.pdos(device) {
-            let Some((bytes, behind)) = rest.split_at_mut_checked(pdo.pdo_bytes()) else { break };
-            application.inputs(pdo.index, bytes);
+        for pdo in communication.inputs.indices() {
+            let bytes = pdo_bytes(device, application, pdo);
+            let Some((bytes, behind)) = rest.split_at_mut_checked(bytes) else { break };
+            application.inputs(pdo, bytes);
             gathered += bytes.len();
             rest = behind;
         }
         self.inputs.get(..gathered).unwrap_or_default()
     }
+}
+
+fn pdo_bytes(device: &'static Device, application: &impl Application, pdo: u16) -> usize {
+    Catalogue { device, application }.object(pdo).map_or(0, |object| object.pdo_bytes())
 }

@@ -3,9 +3,9 @@
 use crc::{Algorithm, Crc};
 
 use crate::device::Device;
-use crate::object::Object;
+use crate::object::{Object, PADDING};
 use crate::sync_manager::Channel;
-use strings::Strings;
+use strings::{Strings, Text};
 
 mod strings;
 
@@ -33,13 +33,15 @@ const PROTOCOLS: u16 = 0x0004;
 /// CoE: SDO.
 const COE_SDO: u8 = 0x01;
 /// What else CoE offers: the attribute of the ESI file, the bit here, and whether it does.
-pub(crate) const COE_DETAILS: [(&str, u8, bool); 5] = [
-    ("SdoInfo", 0x02, true),
-    ("PdoAssign", 0x04, true),
-    ("PdoConfig", 0x08, false),
-    ("PdoUpload", 0x10, true),
-    ("CompleteAccess", 0x20, true),
-];
+pub(crate) fn coe_details(device: &Device) -> [(&'static str, u8, bool); 5] {
+    [
+        ("SdoInfo", 0x02, true),
+        ("PdoAssign", 0x04, device.takes_assignments()),
+        ("PdoConfig", 0x08, false),
+        ("PdoUpload", 0x10, true),
+        ("CompleteAccess", 0x20, true),
+    ]
+}
 /// The mailbox repeats messages; the identification is shown in AL status code.
 const GENERAL_FLAGS: u8 = 0x0c;
 /// Both ports are MII, one nibble each.
@@ -76,8 +78,9 @@ pub fn write(device: &Device, into: &mut [u8; SII_BYTES]) -> Result<(), SiiFull>
     writer.category(Category::Strings, |writer| {
         writer.put(&[strings.count()])?;
         strings.iter().try_for_each(|text| {
-            writer.put(&[text.len() as u8])?;
-            writer.put(text.as_bytes())
+            let letters = text.letters().ok_or(SiiFull)?;
+            writer.put(&[letters.len() as u8])?;
+            writer.put(letters.as_bytes())
         })
     })?;
     writer.category(Category::General, |writer| writer.put(&general(device, &strings)))?;
@@ -126,16 +129,16 @@ fn head_of(device: &Device) -> [u8; CATEGORIES_START] {
 fn general(device: &Device, strings: &Strings) -> [u8; 32] {
     let mut general = [0; 32];
     let [ports_low, ports_high] = PORTS.to_le_bytes();
-    let details = COE_DETAILS.iter().filter(|(_, _, offered)| *offered);
+    let details = coe_details(device).into_iter().filter(|(_, _, offered)| *offered);
     let details = details.fold(COE_SDO, |details, (_, bit, _)| details | bit);
     let fields = [
-        (0x00, strings.index(device.group)),
-        (0x02, strings.index(device.order)),
-        (0x03, strings.index(device.name)),
+        (0x00, strings.index(Text::Fixed(device.group))),
+        (0x02, strings.index(Text::Fixed(device.order))),
+        (0x03, strings.index(Text::Fixed(device.name))),
         (0x05, details),
         (0x0b, GENERAL_FLAGS),
         // For readers of an older format.
-        (0x0e, strings.index(device.group)),
+        (0x0e, strings.index(Text::Fixed(device.group))),
         (0x10, ports_low),
         (0x11, ports_high),
     ];
@@ -149,7 +152,7 @@ fn sync_manager(device: &Device, channel: Channel) -> [u8; 8] {
     let length = default_length(device, channel);
     let [start_low, start_high] = device.memory.start(channel).to_le_bytes();
     let [length_low, length_high] = length.to_le_bytes();
-    let enable = u8::from(length > 0);
+    let enable = u8::from(device.is_enabled(channel));
     [start_low, start_high, length_low, length_high, channel.control(), 0, enable, channel.purpose()]
 }
 
@@ -168,17 +171,27 @@ fn write_pdo(
     channel: Channel,
     pdo: &Object,
 ) -> Result<(), SiiFull> {
-    let assigned = device.default_pdos(channel).contains(&pdo.index);
+    let assigned = device.is_assigned(channel, pdo.index);
     let sync_manager = if assigned { channel as u8 } else { NOT_ASSIGNED };
     writer.put(&pdo.index.to_le_bytes())?;
-    writer.put(&[pdo.sub_max(), sync_manager, 0, strings.index(pdo.name)])?;
+    writer.put(&[pdo.sub_max(), sync_manager, 0, strings.index(Text::Fixed(pdo.name))])?;
     writer.put(&PDO_FIXED.to_le_bytes())?;
     pdo.mapped().try_for_each(|mapped| {
         let [bits, sub, index @ ..] = mapped.to_le_bytes();
         let index = u16::from_le_bytes(index);
+        if index == PADDING {
+            return writer.put(&[0, 0, 0, 0, 0, bits, 0, 0]);
+        }
         let entry = device.object(index).and_then(|object| object.entry(sub)).ok_or(SiiFull)?;
         writer.put(&index.to_le_bytes())?;
-        writer.put(&[sub, strings.index(entry.name), entry.data_type.code() as u8, bits, 0, 0])
+        writer.put(&[
+            sub,
+            strings.index(Text::Entry(entry.label())),
+            entry.data_type.code() as u8,
+            bits,
+            0,
+            0,
+        ])
     })
 }
 

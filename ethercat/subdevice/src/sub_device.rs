@@ -15,6 +15,7 @@ use embassy_time::{Duration, Instant, Timer};
 use crate::al_state::{AlMachine, AlState};
 use crate::application::Application;
 use crate::assignment::{Communication, Synchronisation};
+use crate::catalogue::Catalogue;
 use crate::coe::Coe;
 use crate::device::Device;
 use crate::esc::{CycleCost, Esc, EscError};
@@ -123,6 +124,10 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         &mut self.esc
     }
 
+    fn catalogue(&self) -> Catalogue<'_, A> {
+        Catalogue { device: self.device, application: &self.application }
+    }
+
     /// The application.
     pub fn application(&mut self) -> &mut A {
         &mut self.application
@@ -137,22 +142,26 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
     }
 
-    /// [`run`](Self::run) until the controller fails.
-    pub async fn run_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> EscError {
-        let fault = match self.start().await {
-            Ok(()) => self.serve_until_fault(attention).await,
-            Err(fault) => fault,
-        };
-        self.application.failed(fault);
+    /// [`run`](Self::run) until the controller fails, or the application is another device's.
+    pub async fn run_until_fault(&mut self, attention: &mut impl AsyncFnMut()) {
+        if let Err(fault) = self.serve_until_fault(attention).await {
+            self.application.failed(fault);
+        }
         self.application.outputs_stopped();
-        fault
     }
 
-    async fn serve_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> EscError {
+    /// Is what `device` says from its next start on.
+    pub fn become_device(&mut self, device: &'static Device) {
+        (self.device, self.communication) = (device, Communication::new(device));
+    }
+
+    async fn serve_until_fault(&mut self, attention: &mut impl AsyncFnMut()) -> Result<(), EscError> {
+        self.start().await?;
         let mut asked = false;
         loop {
-            if let Err(fault) = self.serve_asked(asked).await {
-                return fault;
+            self.serve_asked(asked).await?;
+            if self.application.is_another_device() {
+                return Ok(());
             }
             let look = Instant::now() + LOOK_INTERVAL;
             let due = self.due().map_or(look, |due| due.min(look));
@@ -245,7 +254,8 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
     fn wanted(&self) -> Events {
         let data = self.al.state().has_process_data();
         // In Op inputs follow the outputs, as far as that was asked for.
-        let follow = self.al.state() == AlState::Op && self.communication.inputs_follow_outputs(self.device);
+        let follow =
+            self.al.state() == AlState::Op && self.communication.inputs_follow_outputs(&self.catalogue());
         Events(Events::AL_CONTROL.0 | Events::SYNC_MANAGER_CHANGED.0)
             .with_if(self.takes_requests(), Events::MAILBOX_WRITTEN)
             .with_if(self.waits_for_mailbox(), Events::MAILBOX_FETCHED)

@@ -124,11 +124,11 @@ impl SyncManager {
         self.status & Self::NEVER_WRITTEN != Self::NEVER_WRITTEN
     }
 
-    /// Checks that it serves `channel` with `length` bytes at `start`; without bytes it must be off.
+    /// Checks that it serves `channel` with `length` bytes at `start`; without bytes it must be off, or have none.
     pub fn check(self, channel: Channel, start: u16, length: u16) -> Result<(), AlStatusCode> {
         let kind_fits = (self.control ^ channel.control()) & Self::KIND == 0;
         let good = match length {
-            0 => !self.enabled(),
+            0 => !self.enabled() || self.length == 0,
             _ => self.enabled() && kind_fits && self.start == start && self.length == length,
         };
         if good { Ok(()) } else { Err(channel.fault()) }

@@ -5,12 +5,14 @@ use core::fmt::Write;
 use embassy_time::Instant;
 use ethercat_subdevice::al_state::{AlState, AlStatusCode};
 use ethercat_subdevice::application::{Address, Application};
+use ethercat_subdevice::assignment::Assignment;
 use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::coe::emergency::Emergency;
 use ethercat_subdevice::diagnosis::History;
 use ethercat_subdevice::dictionary::number;
 use ethercat_subdevice::esc::EscError;
 use ethercat_subdevice::indicators::Indicators;
+use ethercat_subdevice::object::Object;
 use ethercat_subdevice::sync_manager::Channel;
 use heapless::String;
 
@@ -22,7 +24,12 @@ use super::objects::REASON_BYTES;
 use super::place::EthercatPlace;
 use super::points::PointObjects;
 use super::slaves::ModbusSlave;
+use super::slots::Slots;
 use crate::scanner::ScannerPlace;
+
+/// What a cycle of process data takes beside the bus to the controller: for the interrupt and what comes with it, and for each module.
+const FIXED_NS: u32 = 25_000;
+const MODULE_NS: u32 = 4_000;
 
 /// Reads and writes of configuration, layout and buffers.
 pub struct GatewayObjects<'p> {
@@ -34,13 +41,35 @@ pub struct GatewayObjects<'p> {
     /// Advances when inputs are renewed, so that a MainDevice can tell stale ones.
     input_counter: u8,
     points: PointObjects<'p>,
+    /// Of a modular gateway.
+    slots: Option<Slots<'p>>,
 }
 
 impl<'p> GatewayObjects<'p> {
     /// The objects after power-on.
     pub fn new(place: &'p EthercatPlace) -> Self {
         place.set_room(Room::FIRST);
-        Self { place, refused: None, outputs_valid: false, input_counter: 0, points: PointObjects::default() }
+        let points = PointObjects::default();
+        Self { place, refused: None, outputs_valid: false, input_counter: 0, points, slots: None }
+    }
+
+    /// Those of a [modular](super::MODULAR) gateway.
+    pub fn modular(place: &'p EthercatPlace) -> Self {
+        let mut objects = Self::new(place);
+        objects.become_modular(true);
+        objects
+    }
+
+    /// Makes them those of the device that the settings want; whether it is the modular one.
+    pub(super) fn follow_settings(&mut self) -> bool {
+        let modular = self.place.wants_modules();
+        self.become_modular(modular);
+        modular
+    }
+
+    fn become_modular(&mut self, modular: bool) {
+        self.slots = modular.then(|| Slots::new(self.place));
+        self.place.set_modular(modular);
     }
 
     /// Those of a gateway that has data points, too.
@@ -65,6 +94,9 @@ impl<'p> GatewayObjects<'p> {
         if at.index == 0x200a {
             return Some((place.line_writer() == LineWriter::MainDevice).into());
         }
+        if let Some(number) = self.slots.as_ref().and_then(|slots| slots.number(at)) {
+            return Some(number);
+        }
         let sub = usize::from(at.sub.checked_sub(1)?);
         Some(match at.index {
             // Both are done on command.
@@ -88,8 +120,8 @@ impl<'p> GatewayObjects<'p> {
     /// Whether the configuration can be used; notes why not.
     fn check_configuration(&mut self) -> Result<(), Abort> {
         let checked = self.place.check().map(|_| ());
-        if checked.is_err() {
-            self.place.configuration_refused();
+        if let Err(why) = checked {
+            self.place.configuration_refused(why);
         }
         self.note(checked)
     }
@@ -106,6 +138,24 @@ impl<'p> GatewayObjects<'p> {
             Keep::Save | Keep::Restore => Ok(()),
         };
         self.note(checked)
+    }
+
+    /// Takes the modules over as they were written, on the way to SafeOp.
+    fn take_modules_over(&mut self) -> Result<(), AlStatusCode> {
+        let Some(slots) = &mut self.slots else { return Ok(()) };
+        let mut checked = slots.check();
+        if checked.is_ok() && slots.has_modules() {
+            checked = self.place.take_over();
+        }
+        self.refused = checked.err();
+        let Some(error) = self.refused else { return Ok(()) };
+        self.place.configuration_refused(error);
+        Err(match error {
+            ConfigError::InputsFull { .. } => AlStatusCode::InvalidInputMapping,
+            ConfigError::OutputsFull { .. } => AlStatusCode::InvalidOutputMapping,
+            ConfigError::OtherModule { .. } => AlStatusCode::ModulesDiffer,
+            _ => AlStatusCode::InconsistentSettings,
+        })
     }
 
     /// Notes why something is refused.
@@ -155,11 +205,26 @@ impl Application for GatewayObjects<'_> {
         self.place.history(History::emergency)
     }
 
+    fn object(&self, index: u16) -> Option<Object> {
+        self.slots.as_ref()?.object(index)
+    }
+
+    fn next_object(&self, index: u16) -> Option<u16> {
+        self.slots.as_ref()?.next_object(index)
+    }
+
+    fn assignment(&self, channel: Channel) -> Option<Assignment> {
+        self.slots.as_ref().map(|slots| slots.assignment(channel))
+    }
+
     fn identification(&self) -> Option<u16> {
         self.place.identification()
     }
 
     fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort> {
+        if self.slots.as_ref().and_then(|slots| slots.read(at, into)).is_some() {
+            return Ok(into.len());
+        }
         match (at.index, at.sub) {
             (0x2021 | 0x2023, sub) => self.place.inputs(|buffer| copy_entry(buffer, 0, sub, into))?,
             (0x2022 | 0x2024, sub) => self.place.outputs(|buffer| copy_entry(buffer, 0, sub, into))?,
@@ -209,7 +274,9 @@ impl Application for GatewayObjects<'_> {
             (0x2020, 3) if number == 1 => Err(Abort::Range),
             (0x2005, _) => Ok(()),
             // All others are the configuration, which changes in PreOp only.
-            _ if self.place.is_exchanging() && self.place.is_running() => Err(Abort::State),
+            _ if self.place.is_exchanging() && (self.place.is_running() || self.slots.is_some()) => {
+                Err(Abort::State)
+            }
             _ => Ok(()),
         }
     }
@@ -236,6 +303,7 @@ impl Application for GatewayObjects<'_> {
             }
             (index @ (0x2040 | 0x2042), sub) => self.points.write(index, sub, number as u16),
             // The table has no other writable entry that is not known here.
+            _ if self.slots.as_mut().is_some_and(|slots| slots.write(at, number)) => {}
             _ => self.place.configure(at, number),
         }
     }
@@ -256,14 +324,22 @@ impl Application for GatewayObjects<'_> {
     }
 
     fn outputs(&mut self, pdo: u16, bytes: &[u8]) {
-        if let Some((first, _)) = span(pdo) {
-            self.place.put_outputs(first, bytes);
+        if let Some(slots) = &mut self.slots {
+            self.outputs_valid |= slots.outputs(pdo, bytes).is_some();
+        } else if let Some((first, _)) = span(pdo) {
+            self.place.put_outputs(|image| {
+                let place = image.get_mut(first.into()..).unwrap_or_default();
+                place.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
+            });
             self.outputs_valid = true;
         }
     }
 
     fn inputs(&mut self, pdo: u16, into: &mut [u8]) {
-        match (pdo, span(pdo)) {
+        if self.slots.as_mut().and_then(|slots| slots.inputs(pdo, into)).is_some() {
+            return;
+        }
+        match (pdo, span(pdo).filter(|_| self.slots.is_none())) {
             (_, Some((first, _))) => self.place.inputs(|buffer| {
                 let bytes = buffer.get(first.into()..).unwrap_or_default();
                 into.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
@@ -277,9 +353,18 @@ impl Application for GatewayObjects<'_> {
             }
             _ => {
                 self.input_counter = self.input_counter.wrapping_add(1);
-                into.fill(self.input_counter);
+                into.fill(0);
+                into.iter_mut().take(1).for_each(|byte| *byte = self.input_counter);
             }
         }
+    }
+
+    fn cycle_fixed_ns(&self) -> u32 {
+        FIXED_NS + self.slots.as_ref().map_or(0, |slots| slots.count() * MODULE_NS)
+    }
+
+    fn is_another_device(&self) -> bool {
+        self.place.wants_modules() != self.slots.is_some()
     }
 
     fn failed(&mut self, fault: EscError) {
@@ -294,6 +379,9 @@ impl Application for GatewayObjects<'_> {
 
     /// An image that was configured before the PDOs were assigned may be longer than they are.
     fn may_enter(&mut self, state: AlState) -> Result<(), AlStatusCode> {
+        if state == AlState::SafeOp && self.slots.is_some() {
+            return self.take_modules_over();
+        }
         if state != AlState::SafeOp || !self.place.is_running() {
             return Ok(());
         }

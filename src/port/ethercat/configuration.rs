@@ -7,7 +7,7 @@ use super::image::Room;
 use super::layout::layouts;
 use super::line::Speed;
 use super::slaves::{ModbusSlave, SLAVES_FIRST, SLAVES_MAX, default_unit};
-use crate::scanner::Kind;
+use crate::scanner::{ByteOrder, Kind, ValueType};
 use crate::settings::{OnSilence, SlaveSettings};
 
 /// Why a configuration cannot be used, or not be kept. Slaves count from 0, as in the names of 2001h to 2004h.
@@ -45,6 +45,21 @@ pub enum ConfigError {
         /// Where.
         kind: Kind,
     },
+    /// More than a PDO can list.
+    #[error("slave {slave}: over 254 entries in a PDO")]
+    EntriesFull {
+        /// The slave.
+        slave: u8,
+    },
+    /// Not the module that the MainDevice expects in its slot (F030h).
+    #[error("slot {slave}: not the module that is expected")]
+    OtherModule {
+        /// The slave.
+        slave: u8,
+    },
+    /// Modules stay as long as process data are exchanged.
+    #[error("the modules are in use by the MainDevice")]
+    ModulesInUse,
     /// Bits per character and parity that are no character of Modbus RTU.
     #[error("2020h: {bits} bits with parity {parity} are not RTU")]
     Character {
@@ -68,6 +83,38 @@ pub enum ConfigError {
     /// The store for settings failed.
     #[error("the settings could not be saved")]
     NotSaved,
+}
+
+/// What registers are, by number (8nn0h:0E and 0F).
+pub(super) const TYPES: [ValueType; 5] =
+    [ValueType::U16, ValueType::I16, ValueType::U32, ValueType::I32, ValueType::F32];
+/// The order of their bytes, by number (8nn0h:10).
+pub(super) const ORDERS: [ByteOrder; 4] =
+    [ByteOrder::Order0123, ByteOrder::Order2301, ByteOrder::Order1032, ByteOrder::Order3210];
+
+const fn on_silence(number: u32) -> OnSilence {
+    match number {
+        1 => OnSilence::Clear,
+        2 => OnSilence::Substitute,
+        _ => OnSilence::Hold,
+    }
+}
+
+/// The entry of a slave's configuration behind `place` others.
+pub(super) fn setting(slave: &SlaveSettings, place: usize) -> Option<u32> {
+    Some(match place {
+        0 => slave.unit.into(),
+        9 => slave.polling_ms,
+        10 => slave.on_silence as u32,
+        11 => slave.substitute.into(),
+        12 => slave.check.into(),
+        13 | 14 => TYPES.iter().position(|one| slave.types.get(place - 13) == Some(one))? as u32,
+        15 => ORDERS.iter().position(|one| *one == slave.order)? as u32,
+        _ => {
+            let cells = slave.cells.get((place - 1) / 2)?;
+            u32::from(if place % 2 == 1 { cells.count } else { cells.address })
+        }
+    })
 }
 
 /// The configuration as it was written last; whether it can be used is another question.
@@ -141,14 +188,7 @@ impl Configuration {
             index => {
                 let ModbusSlave::Configuration(nth) = ModbusSlave::of(index)? else { return None };
                 let slave = self.slaves.get(nth)?;
-                match sub {
-                    0 => slave.unit.into(),
-                    9 => slave.polling_ms,
-                    _ => {
-                        let cells = slave.cells.get((sub - 1) / 2)?;
-                        u32::from(if sub % 2 == 1 { cells.count } else { cells.address })
-                    }
-                }
+                setting(slave, sub)?
             }
         })
     }
@@ -160,11 +200,7 @@ impl Configuration {
             0x2000 => self.count = value as u8,
             0x2007 => self.slaves.get_mut(sub)?.check = value == 1,
             0x2008 => {
-                self.slaves.get_mut(sub)?.on_silence = match value {
-                    1 => OnSilence::Clear,
-                    2 => OnSilence::Substitute,
-                    _ => OnSilence::Hold,
-                }
+                self.slaves.get_mut(sub)?.on_silence = on_silence(value);
             }
             0x2009 => self.slaves.get_mut(sub)?.substitute = value as u16,
             0x2020 => *self.uart.get_mut(sub)? = value,
@@ -174,6 +210,11 @@ impl Configuration {
                 match sub {
                     0 => slave.unit = value as u8,
                     9 => slave.polling_ms = value,
+                    10 => slave.on_silence = on_silence(value),
+                    11 => slave.substitute = value as u16,
+                    12 => slave.check = value == 1,
+                    13 | 14 => *slave.types.get_mut(sub - 13)? = *TYPES.get(value as usize)?,
+                    15 => slave.order = *ORDERS.get(value as usize)?,
                     _ => {
                         let cells = slave.cells.get_mut((sub - 1) / 2)?;
                         *(if sub % 2 == 1 { &mut cells.count } else { &mut cells.address }) = value as u16;

@@ -3,14 +3,14 @@
 use core::fmt;
 
 use embassy_time::{Duration, Timer};
-use ethercat_subdevice::application::Application;
+use ethercat_subdevice::application::Application as _;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::esc::{Esc, EscError};
 use ethercat_subdevice::sub_device::{RESTART_PAUSE, SubDevice};
 
 use super::application::GatewayObjects;
+use super::modular::MODULAR;
 use super::objects::DEVICE;
-
 #[cfg(feature = "long-images")] // As what serves it.
 use super::objects::LONG_DEVICE;
 use super::place::EthercatPlace;
@@ -23,9 +23,21 @@ const LOOK_INTERVAL: Duration = Duration::from_secs(1);
 /// The same for one that did answer: a MainDevice waits for it.
 const LOST_LOOK_INTERVAL: Duration = Duration::from_millis(100);
 
-static GATEWAY: Device = DEVICE;
+static FIXED: Device = DEVICE;
+static WITH_MODULES: Device = MODULAR;
 #[cfg(feature = "long-images")] // As what serves it.
-static LONG_GATEWAY: Device = LONG_DEVICE;
+static LONG: Device = LONG_DEVICE;
+
+/// What the gateway is as a SubDevice: with process data of a fixed form, or with modules.
+pub fn device(modules: bool) -> &'static Device {
+    if modules { &WITH_MODULES } else { &FIXED }
+}
+
+/// The same with a place for long images. A modular device has none.
+#[cfg(feature = "long-images")] // As above.
+pub fn long_device(modules: bool) -> &'static Device {
+    if modules { &WITH_MODULES } else { &LONG }
+}
 
 /// The gateway as a SubDevice with buffers for long images.
 #[cfg(feature = "long-images")] // As above.
@@ -93,7 +105,7 @@ pub async fn serve(
     attention: impl AsyncFnMut(),
 ) -> ! {
     let objects = GatewayObjects::new(place).with_points(points);
-    run(place, &mut SubDevice::new(&GATEWAY, esc, objects), attention).await
+    run(place, &mut SubDevice::new(device(false), esc, objects), device, attention).await
 }
 
 /// The same for a controller that has memory for longer images, and a `place` for them ([`EthercatPlace::long`]).
@@ -105,13 +117,16 @@ pub async fn serve_long(
     attention: impl AsyncFnMut(),
 ) -> ! {
     let objects = GatewayObjects::new(place).with_points(points);
-    run(place, &mut LongSubDevice::with_buffers(&LONG_GATEWAY, esc, objects), attention).await
+    run(place, &mut LongSubDevice::with_buffers(long_device(false), esc, objects), long_device, attention)
+        .await
 }
 
-/// By reference: a future has room for what it is given and for what it makes of that.
+/// Serves as one of the devices that `device` gives with and without modules, as the settings want it. By reference: a future has
+/// room for what it is given and for what it makes of that.
 async fn run<const OUTPUTS: usize, const INPUTS: usize>(
     place: &EthercatPlace,
-    sub_device: &mut SubDevice<impl Esc, impl Application, OUTPUTS, INPUTS>,
+    sub_device: &mut SubDevice<impl Esc, GatewayObjects<'_>, OUTPUTS, INPUTS>,
+    device: fn(bool) -> &'static Device,
     mut attention: impl AsyncFnMut(),
 ) -> ! {
     let mut known = None;
@@ -131,6 +146,11 @@ async fn run<const OUTPUTS: usize, const INPUTS: usize>(
         }
         let pause = match controller {
             Controller::Present => {
+                if sub_device.application().is_another_device() {
+                    let device = device(sub_device.application().follow_settings());
+                    log_info!("EtherCAT: {}", device.name);
+                    sub_device.become_device(device);
+                }
                 sub_device.run_until_fault(&mut attention).await;
                 RESTART_PAUSE
             }

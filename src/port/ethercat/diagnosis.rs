@@ -6,6 +6,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use ethercat_subdevice::diagnosis::{History, Severity, Text};
 
+use super::configuration::ConfigError;
 use super::place::EthercatPlace;
 use crate::scanner::{DeviceId, DeviceStatus};
 
@@ -48,8 +49,16 @@ const CONTROLLER_LOST: Text = Text {
     text: "The EtherCAT controller failed and was started anew",
 };
 
+const OTHER_MODULE: Text = Text {
+    id: 7,
+    severity: Severity::Error,
+    emergency: 0x6300,
+    text: "Slot %d holds another module than is expected",
+};
+
 /// All of them, for the ESI file. Slaves count from 0, as in the names of their objects.
-pub(super) const TEXTS: &[Text] = &[SILENT, BACK, EXCEPTION, REFUSED, NOT_KEPT, CONTROLLER_LOST];
+pub(super) const TEXTS: &[Text] =
+    &[SILENT, BACK, EXCEPTION, REFUSED, NOT_KEPT, CONTROLLER_LOST, OTHER_MODULE];
 
 impl EthercatPlace {
     /// Calls `f` with the history.
@@ -75,8 +84,11 @@ impl EthercatPlace {
         }
     }
 
-    pub(super) fn configuration_refused(&self) {
-        self.report(&REFUSED, &[]);
+    pub(super) fn configuration_refused(&self, why: ConfigError) {
+        match why {
+            ConfigError::OtherModule { slave } => self.report(&OTHER_MODULE, &[slave]),
+            _ => self.report(&REFUSED, &[]),
+        }
     }
 
     pub(super) fn configuration_not_kept(&self) {

@@ -102,12 +102,11 @@ impl EthercatPlace {
         self.scanner.with(|scanner| f(scanner.image(inputs, outputs)))
     }
 
-    /// Takes outputs of a MainDevice in Op, from the byte `first` on.
-    pub(super) fn put_outputs(&self, first: u16, bytes: &[u8]) {
+    /// Takes outputs of a MainDevice in Op, which `put` writes.
+    pub(super) fn put_outputs(&self, put: impl FnOnce(&mut [u8])) {
         self.scanner.with(|scanner| {
             let Room { inputs, outputs } = self.most();
-            let place = scanner.image_mut(inputs, outputs).get_mut(first.into()..).unwrap_or_default();
-            place.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
+            put(scanner.image_mut(inputs, outputs));
             scanner.set_outputs(true);
         });
     }

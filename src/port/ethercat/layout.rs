@@ -35,13 +35,19 @@ impl DeviceLayout {
     }
 }
 
-/// The layouts of `slaves`, one after the other, where there is `room` for images.
-pub(super) fn layouts(
-    slaves: &[SlaveSettings],
-    room: Room,
-) -> impl Iterator<Item = Result<DeviceLayout, ConfigError>> {
-    let (mut input, mut output) = (0, 0);
-    slaves.iter().zip(0..).map(move |(slave, nth)| {
+/// Where the values of the next device begin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Start {
+    /// Devices in front of it.
+    pub(super) nth: u8,
+    input: u32,
+    output: u32,
+}
+
+impl Start {
+    /// The layout of `slave`, which is the next device, where there is `room` for images.
+    pub(super) fn lay_out(&mut self, slave: &SlaveSettings, room: Room) -> Result<DeviceLayout, ConfigError> {
+        let nth = self.nth;
         for (kind, Cells { count, address }) in slave.tables() {
             if u32::from(address) + u32::from(count) > ADDRESSES {
                 return Err(ConfigError::PastLastAddress { slave: nth, kind });
@@ -54,12 +60,22 @@ pub(super) fn layouts(
         let mut entries = places.iter_mut();
         let bytes = |(kind, cells): (Kind, Cells)| u32::from(kind.bytes(cells.count));
         let outputs = slave.tables().filter(|(kind, _)| kind.is_writable());
-        input = place(&mut entries, input, slave.tables().map(bytes), room.inputs)
+        self.input = place(&mut entries, self.input, slave.tables().map(bytes), room.inputs)
             .ok_or(ConfigError::InputsFull { slave: nth, room: room.inputs })?;
-        output = place(&mut entries, output, outputs.map(bytes), room.outputs)
+        self.output = place(&mut entries, self.output, outputs.map(bytes), room.outputs)
             .ok_or(ConfigError::OutputsFull { slave: nth, room: room.outputs })?;
+        self.nth = nth.saturating_add(1);
         Ok(DeviceLayout(places))
-    })
+    }
+}
+
+/// The layouts of `slaves`, one after the other, where there is `room` for images.
+pub(super) fn layouts(
+    slaves: &[SlaveSettings],
+    room: Room,
+) -> impl Iterator<Item = Result<DeviceLayout, ConfigError>> {
+    let mut next = Start::default();
+    slaves.iter().map(move |slave| next.lay_out(slave, room))
 }
 
 /// Writes start, the place of each kind, and the last byte used; gives the byte behind it, unless there is no `room` for that.

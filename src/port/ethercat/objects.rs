@@ -63,23 +63,23 @@ pub const LONG_DEVICE: Device = Device {
     ..DEVICE
 };
 
-const MODBUS: &[Entry] =
+pub(super) const MODBUS: &[Entry] =
     &[Entry::setting("NumSlave", DataType::U16, SLAVES_FIRST as u64, (0, SLAVES as u64))];
 
-const FLAGS: &[Entry] = &[
+pub(super) const FLAGS: &[Entry] = &[
     Entry::setting("ConfigUpdateFlag", DataType::U16, 0, (0, 1)),
     // The gateway sets it, a MainDevice can only reset it.
     Entry::setting("ConfigUpdateCompletedFlag", DataType::U16, 0, (0, 0)),
 ];
 
-const UART: &[Entry] = &[
+pub(super) const UART: &[Entry] = &[
     Entry::setting("BaudRate", DataType::U32, 115_200, (1_200, 4_000_000)),
     Entry::setting("BitCountPerChar", DataType::U16, 0, (0, 1)),
     Entry::setting("ParityMode", DataType::U16, 0, (0, 3)),
     Entry::setting("StopBitCount", DataType::U16, 0, (0, 1)),
 ];
 
-const STATUS: &[Entry] = &[Entry::input("InputCounter", DataType::U8)];
+pub(super) const STATUS: &[Entry] = &[Entry::input("InputCounter", DataType::U8)];
 
 const CHECK: Entry = Entry::setting("CheckBeforePoll", DataType::U8, 0, (0, 1));
 
@@ -147,13 +147,20 @@ const IDENTITY_ENTRIES: &[Entry] = &standard::identity_entries(IDENTITY);
 const LONG_IDENTITY: Identity = Identity { product: IDENTITY.product.wrapping_add(2), ..IDENTITY };
 const LONG_IDENTITY_ENTRIES: &[Entry] = &standard::identity_entries(LONG_IDENTITY);
 
+pub(super) const STORE: Object =
+    Object::array(0x1010, "Store parameters", 1, on_command("Save all parameters"));
+pub(super) const RESTORE: Object =
+    Object::array(0x1011, "Restore default parameters", 1, on_command("Restore all default parameters"));
+pub(super) const REASON: Object =
+    Object::variable(0x2006, Entry::reading("ConfigRefusedBecause", DataType::Text(REASON_BYTES)));
+
 const BEFORE_IDENTITY: &[Object] = &[
     standard::device_type(0x0000_1389),
     standard::device_name("mobgate EtherCAT to Modbus gateway"),
     standard::hardware_version("1"),
     standard::software_version(env!("CARGO_PKG_VERSION")),
-    Object::array(0x1010, "Store parameters", 1, on_command("Save all parameters")),
-    Object::array(0x1011, "Restore default parameters", 1, on_command("Restore all default parameters")),
+    STORE,
+    RESTORE,
 ];
 
 const BEFORE_INPUT_PDOS: &[Object] = &[
@@ -191,7 +198,7 @@ const BEHIND_PDOS: &[Object] = &[
 
 const BEFORE_LAYOUTS: &[Object] = &[
     Object::record(0x2005, "ConfigUpdateAndCompletedFlag", FLAGS),
-    Object::variable(0x2006, Entry::reading("ConfigRefusedBecause", DataType::Text(REASON_BYTES))),
+    REASON,
     Object::array(0x2007, "CheckBeforePollSlaves", SLAVES, CHECK),
     Object::array(0x2008, "OnSilenceOfSlaves", SLAVES, ON_SILENCE),
     Object::array(0x2009, "SubstituteOfSlaves", SLAVES, SUBSTITUTE),
@@ -217,10 +224,13 @@ const BUFFERS: &[Object] = &[
     ),
 ];
 
-const BEHIND_BUFFERS: &[Object] = &[
+const STATES: &[Object] = &[
     Object::record(0x2030, "Status", STATUS),
     Object::array(0x2031, "HealthOfSlaves", SLAVES, HEALTH),
     Object::array(0x2032, "StateOfSlaves", SLAVES, STATE),
+];
+
+pub(super) const BEHIND_STATES: &[Object] = &[
     Object::record(0x2033, "ModbusRequest", REQUEST),
     Object::array(0x2034, "ModbusRequestByFour", REQUEST_BYTES_MAX.div_ceil(4) as u8, REQUEST_PART),
     Object::array(0x2040, "PointCommands", POINTS, POINT_COMMAND),
@@ -315,7 +325,8 @@ const PARTS: &[&[Object]] = &[
     BEFORE_LAYOUTS,
     FIRST_LAYOUTS,
     BUFFERS,
-    BEHIND_BUFFERS,
+    STATES,
+    BEHIND_STATES,
     &CONFIGURATIONS,
     &LAYOUTS,
     &STATUSES,
@@ -335,7 +346,8 @@ const LONG_PARTS: &[&[Object]] = &[
     FIRST_LAYOUTS,
     BUFFERS,
     LONG_BUFFERS,
-    BEHIND_BUFFERS,
+    STATES,
+    BEHIND_STATES,
     &CONFIGURATIONS,
     &LAYOUTS,
     &STATUSES,
@@ -344,7 +356,7 @@ const LONG_PARTS: &[&[Object]] = &[
 const OBJECTS: &[Object] = &joined::<{ count(PARTS) }>(PARTS);
 const LONG_OBJECTS: &[Object] = &joined::<{ count(LONG_PARTS) }>(LONG_PARTS);
 
-const fn count(mut parts: &[&[Object]]) -> usize {
+pub(super) const fn count(mut parts: &[&[Object]]) -> usize {
     let mut count = 0;
     while let [part, behind @ ..] = parts {
         count += part.len();
@@ -354,7 +366,7 @@ const fn count(mut parts: &[&[Object]]) -> usize {
 }
 
 /// All of `parts` in one table.
-const fn joined<const N: usize>(mut parts: &[&[Object]]) -> [Object; N] {
+pub(super) const fn joined<const N: usize>(mut parts: &[&[Object]]) -> [Object; N] {
     let mut all = [standard::SYNC_MANAGER_TYPES; N];
     let mut free = all.as_mut_slice();
     while let [part, behind @ ..] = parts {

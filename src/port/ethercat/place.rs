@@ -61,6 +61,10 @@ pub(super) struct State {
     taken_over: bool,
     /// Bytes of the image that the assigned PDOs hold.
     room: Room,
+    /// Whether devices are modules, whose PDOs are as long as their values.
+    modular: bool,
+    /// Whether the settings say so. The SubDevice has to start anew for that.
+    wants_modules: bool,
     /// Whether they are being exchanged, and cannot become others.
     exchanging: bool,
     /// How the MainDevice has set the serial line, once it has.
@@ -87,6 +91,8 @@ impl State {
         wanted: false,
         taken_over: false,
         room: Room { inputs: 0, outputs: 0 },
+        modular: false,
+        wants_modules: false,
         exchanging: false,
         speed: Speed::NONE,
         line: Speed::NONE,
@@ -241,6 +247,17 @@ impl EthercatPlace {
         self.update(|state| state.room = room);
     }
 
+    /// Whether devices are modules, in the SubDevice as it is now. Its PDOs are those of after power-on.
+    pub(super) fn set_modular(&self, modular: bool) {
+        let room = if modular { Room::MOST } else { Room::FIRST };
+        self.update(|state| (state.modular, state.room) = (modular, room));
+    }
+
+    /// Whether the settings want a modular SubDevice.
+    pub(super) fn wants_modules(&self) -> bool {
+        self.state.lock(Cell::get).wants_modules
+    }
+
     /// Whether process data are exchanged.
     pub(super) fn is_exchanging(&self) -> bool {
         self.state.lock(Cell::get).exchanging
@@ -314,8 +331,18 @@ impl EthercatPlace {
 
     /// Whether the slaves of `settings` can be asked with the PDOs that are in use.
     pub(crate) fn check_settings(&self, settings: &Settings) -> Result<(), ConfigError> {
-        let State { exchanging, room, .. } = self.state.lock(Cell::get);
-        let room = if exchanging { room } else { self.most() };
+        let State { exchanging, room, modular, .. } = self.state.lock(Cell::get);
+        let modules = settings.ethercat().map_or(modular, |port| port.modules);
+        // Another device starts anew, with nothing assigned.
+        let exchanging = exchanging && modules == modular;
+        if exchanging && modular && !self.is_told(settings) {
+            return Err(ConfigError::ModulesInUse);
+        }
+        let room = match (exchanging, modules) {
+            (true, _) => room,
+            (false, true) => Room::MOST,
+            (false, false) => self.most(),
+        };
         layouts(&settings.slaves, room).try_for_each(|layout| layout.map(|_| ()))
     }
 
@@ -333,6 +360,7 @@ impl EthercatPlace {
             state.proves_outputs = port.is_some_and(|port| port.prove_outputs);
             state.id = port.and_then(|port| port.id);
             state.emergencies = port.is_some_and(|port| port.emergencies);
+            state.wants_modules = port.is_some_and(|port| port.modules);
             state.line = line;
             state.wanted |= other_slaves && !settings.slaves.is_empty();
         });

@@ -37,6 +37,9 @@ impl ModbusSlave {
             0x2011..=0x2014 => Self::Layout(usize::from(index - 0x2011)),
             0x2140..=LAYOUTS_END => Self::Layout(usize::from(index - 0x2140)),
             0x2180..=STATUS_END => Self::Status(usize::from(index - 0x2180)),
+            // Those of modules.
+            0x8000..=0x81f0 if index & 0xf == 0 => Self::Configuration(usize::from(index - 0x8000) >> 4),
+            0xa000..=0xa1f0 if index & 0xf == 0 => Self::Status(usize::from(index - 0xa000) >> 4),
             _ => return None,
         })
     }
@@ -47,9 +50,9 @@ pub(super) const fn default_unit(nth: u16) -> u8 {
     if nth < SLAVES_FIRST as u16 { nth as u8 + 1 } else { 1 }
 }
 
-const ANY_U16: (u64, u64) = (0, u16::MAX as u64);
+pub(super) const ANY_U16: (u64, u64) = (0, u16::MAX as u64);
 
-const fn configuration(unit: u8) -> [Entry; 10] {
+pub(super) const fn configuration(unit: u8) -> [Entry; 10] {
     [
         Entry::setting("Id", DataType::U16, unit as u64, (1, 247)),
         Entry::setting("NumCoils", DataType::U16, 0, ANY_U16),
@@ -96,7 +99,7 @@ const fn layout_of(_nth: u16) -> &'static [Entry] {
     LAYOUT
 }
 
-const STATUS: &[Entry] = &[
+pub(super) const STATUS: &[Entry] = &[
     super::objects::HEALTH,
     // Never, until it does.
     Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX as u64),

@@ -69,11 +69,11 @@ fn type_code(name: &str) -> u8 {
     }
 }
 
-/// The image that the first device of `document` describes.
-pub(crate) fn build(document: &Document<'_>) -> Built {
+/// The image that a device of `document` describes, the one behind `nth` others.
+pub(crate) fn build(document: &Document<'_>, nth: usize) -> Built {
     let root = document.root_element();
     let vendor = number(text(child(root, "Vendor").unwrap(), "Id"));
-    let device = root.descendants().find(|node| node.has_tag_name("Device")).unwrap();
+    let device = root.descendants().filter(|node| node.has_tag_name("Device")).nth(nth).unwrap();
     let mut strings = Strings::default();
     let general = general(device, &mut strings);
     let fmmus: Vec<u8> = children(device, "Fmmu")
@@ -178,6 +178,11 @@ fn pdo(node: Node<'_, '_>, strings: &mut Strings) -> Vec<u8> {
     for entry in entries {
         let field = |name| number(text(entry, name));
         pdo.extend((field("Index") as u16).to_le_bytes());
+        if field("Index") == 0 {
+            // What fills up has nothing but a length.
+            pdo.extend([0, 0, 0, field("BitLen") as u8, 0, 0]);
+            continue;
+        }
         let name = strings.number(text(entry, "Name"));
         let kind = type_code(text(entry, "DataType"));
         pdo.extend([field("SubIndex") as u8, name, kind, field("BitLen") as u8, 0, 0]);

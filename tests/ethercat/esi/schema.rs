@@ -50,7 +50,42 @@ const RULES: &[Rule] = &[
         &[("Vendor", Elements("Vendor"), 1, 1), ("Descriptions", Elements("Descriptions"), 1, 1)],
     ),
     rule("Vendor", &[("Id", HexDec, 1, 1), ("Name", Text, 1, MANY)]),
-    rule("Descriptions", &[("Groups", Elements("Groups"), 1, 1), ("Devices", Elements("Devices"), 1, 1)]),
+    rule(
+        "Descriptions",
+        &[
+            ("Groups", Elements("Groups"), 1, 1),
+            ("Devices", Elements("Devices"), 1, 1),
+            ("Modules", Elements("Modules"), 0, 1),
+        ],
+    ),
+    rule("Modules", &[("Module", Elements("Module"), 1, MANY)]),
+    rule(
+        "Module",
+        &[
+            ("Type", Text, 1, 1),
+            ("Name", Text, 1, MANY),
+            ("RxPdo", Elements("Pdo"), 0, MANY),
+            ("TxPdo", Elements("Pdo"), 0, MANY),
+            ("Mailbox", Elements("Mailbox"), 0, 1),
+        ],
+    ),
+    Rule {
+        name: "Slots",
+        attributes: &[
+            ("MaxSlotCount", Integer, false),
+            ("SlotPdoIncrement", HexDec, false),
+            ("SlotIndexIncrement", HexDec, false),
+            ("IdentifyModuleBy", OneOf(&["ModuleIdent", "ModuleTypeAndRevision"]), false),
+            ("DownloadModuleIdentList", Bool, false),
+        ],
+        children: &[("Slot", Elements("Slot"), 1, MANY)],
+    },
+    Rule {
+        name: "Slot",
+        attributes: &[("MinInstances", Integer, true), ("MaxInstances", Integer, true)],
+        children: &[("Name", Text, 0, MANY), ("ModuleClass", Elements("ModuleClass"), 0, MANY)],
+    },
+    rule("ModuleClass", &[("Class", Text, 1, 1), ("Name", Text, 1, MANY)]),
     rule("Groups", &[("Group", Elements("Group"), 1, MANY)]),
     rule("Group", &[("Type", Text, 1, 1), ("Name", Text, 1, MANY)]),
     rule("Devices", &[("Device", Elements("Device"), 1, MANY)]),
@@ -68,6 +103,7 @@ const RULES: &[Rule] = &[
             ("RxPdo", Elements("Pdo"), 0, MANY),
             ("TxPdo", Elements("Pdo"), 0, MANY),
             ("Mailbox", Elements("Mailbox"), 0, 1),
+            ("Slots", Elements("Slots"), 0, 1),
             ("Eeprom", Elements("Eeprom"), 0, 1),
         ],
     },
@@ -174,8 +210,18 @@ const RULES: &[Rule] = &[
             ("SegmentedSdo", Bool, false),
             ("DiagHistory", Bool, false),
         ],
-        children: &[],
+        children: &[("InitCmd", Elements("InitCmd"), 0, MANY)],
     },
+    rule(
+        "InitCmd",
+        &[
+            ("Transition", OneOf(&["IP", "PS", "SO", "SP", "OP", "OS"]), 1, MANY),
+            ("Index", HexDec, 1, 1),
+            ("SubIndex", HexDec, 1, 1),
+            ("Data", Hex, 1, 1),
+            ("Comment", Text, 0, 1),
+        ],
+    ),
     rule("Eeprom", &[("ByteSize", Integer, 1, 1), ("ConfigData", Hex, 1, 1)]),
 ];
 
@@ -200,9 +246,12 @@ const TEXT_ATTRIBUTES: &[(&str, &[Attribute])] = &[
         ],
     ),
     ("MessageText", &[("LcId", Integer, false)]),
+    ("Index", &[("DependOnSlot", Bool, false)]),
 ];
 /// Only a device's type has numbers.
 const TYPE_ATTRIBUTES: &[Attribute] = &[("ProductCode", HexDec, true), ("RevisionNo", HexDec, true)];
+
+const MODULE_TYPE_ATTRIBUTES: &[Attribute] = &[("ModuleIdent", HexDec, true), ("ModuleClass", Text, false)];
 
 /// Whether a text is such a content.
 fn fits(content: Content, text: &str) -> bool {
@@ -237,6 +286,7 @@ fn check(node: Node<'_, '_>, content: Content, path: &str, faults: &mut Vec<Stri
     let attributes = match rule {
         Some(rule) => rule.attributes,
         None if path.ends_with("/Device/Type") => TYPE_ATTRIBUTES,
+        None if path.ends_with("/Module/Type") => MODULE_TYPE_ATTRIBUTES,
         None => TEXT_ATTRIBUTES
             .iter()
             .find(|(known, _)| *known == name)

@@ -5,7 +5,7 @@ use ethercat_subdevice::device::Device as Description;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
 use mobgate::gateway::Gateway;
-use mobgate::port::ethercat::{DEVICE, EthercatPlace, GatewayObjects, LONG_DEVICE, LongSubDevice};
+use mobgate::port::ethercat::{DEVICE, EthercatPlace, GatewayObjects, LONG_DEVICE, LongSubDevice, device};
 use mobgate::settings::LineSettings;
 use mobgate_simulator::device::serve;
 use mobgate_simulator::esc::{Kind, SharedSegment};
@@ -18,6 +18,8 @@ use super::virtual_devices::{Virtual, virtual_devices};
 
 static GATEWAY: Description = DEVICE;
 static LONG_GATEWAY: Description = LONG_DEVICE;
+/// What makes the gateway a modular device.
+const MODULES: &str = " modules";
 
 /// What is set at the gateway and at the MainDevice.
 #[derive(Debug, Clone, Copy)]
@@ -94,7 +96,7 @@ pub(crate) fn with_rig(
     devices: Vec<Device>,
     script: impl AsyncFnOnce(Desk<'_>, &Rig<'_>),
 ) {
-    let segment = line_of(&GATEWAY);
+    let segment = line_of(device(settings.contains(MODULES)));
     with_gateway_of(Clock::Virtual, baud, settings, devices, &segment, |world, rig| {
         with_master(world, cable(segment.clone()), async |desk| script(desk, rig).await);
     });
@@ -138,9 +140,11 @@ fn with_gateway_of(
     with_gateway_on(clock, size(), 1, settings, |world, rig| {
         serve_devices(world, rig, baud, devices);
         let (esc, interrupt) = direct(segment.borrow().chip(0));
-        let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
+        let place = rig.gateway.ethercat().unwrap();
+        let modules = rig.gateway.ethercat_modules();
+        let objects = if modules { GatewayObjects::modular(place) } else { GatewayObjects::new(place) };
         let objects = objects.with_points(rig.gateway.scanner());
-        spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
+        spawn(world, SubDevice::new(device(modules), esc, objects), interrupt);
         scenario(world, rig);
     });
 }

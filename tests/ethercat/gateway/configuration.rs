@@ -165,6 +165,9 @@ fn every_reason_fits_into_its_object() {
         ConfigError::NotInUse,
         ConfigError::NoStore,
         ConfigError::NotSaved,
+        ConfigError::EntriesFull { slave: 31 },
+        ConfigError::OtherModule { slave: 31 },
+        ConfigError::ModulesInUse,
     ];
     let addresses = Kind::ALL.map(|kind| ConfigError::PastLastAddress { slave: 31, kind });
     let halves = Kind::ALL.map(|kind| ConfigError::HalfValue { slave: 31, kind });

@@ -6,10 +6,11 @@ use ethercat_subdevice::device::Device;
 use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 use mobgate::gateway::Status;
 use mobgate::port::ethercat::{Controller, DEVICE, serve};
-use mobgate_simulator::Lan9252;
+use mobgate_simulator::esc::SharedSegment;
 use mobgate_simulator::lan9252::Timing;
 use mobgate_simulator::rig::with_gateway;
 use mobgate_simulator::sub_device::{cable, line_of, with_master};
+use mobgate_simulator::{Lan9252, World};
 
 static GATEWAY: Device = DEVICE;
 
@@ -55,6 +56,49 @@ fn the_port_says_that_no_controller_answers_and_works_when_one_does() {
             let device = group.subdevice(desk.master, 0).unwrap();
             assert_eq!(device.sdo_read::<u8>(0x10f3, 2).await.unwrap(), 6, "it tells of that once");
             assert_eq!(device.sdo_read::<[u8; 25]>(0x10f3, 6).await.unwrap()[6], 6, "by its text");
+        });
+    });
+}
+
+/// The product code and the objects F000h, as ethercrab reads them at `line`.
+fn product(world: &mut World<'_>, line: &SharedSegment) -> (u32, Option<u16>) {
+    with_master(world, cable(line.clone()), async |desk| {
+        let group = desk.to_pre_op().await.unwrap();
+        let device = group.subdevice(desk.master, 0).unwrap();
+        let product = device.sdo_read(0x1018, 2).await.unwrap();
+        (product, device.sdo_read(0xf000, 2).await.ok())
+    })
+}
+
+#[test]
+fn the_setting_modules_makes_it_another_device_at_once_also_in_op() {
+    with_gateway(1, SETTINGS, |world, rig| {
+        let place = rig.gateway.ethercat().unwrap();
+        let line = line_of(&GATEWAY);
+        let lan9252 = Lan9252::new(line.borrow().chip(0), Timing::USUAL);
+        let driver = Driver::new(lan9252.spi(), Wiring::default());
+        let mut interrupt = lan9252.interrupt();
+        world.spawn(async move {
+            serve(place, None, driver, async || interrupt.wait_for_high().await.unwrap()).await;
+        });
+        world.run_for(Duration::from_secs(2));
+        let fixed = GATEWAY.identity.product;
+        assert_eq!(product(world, &line), (fixed, None));
+        with_master(world, cable(line.clone()), async |desk| {
+            let group = desk.to_pre_op().await.unwrap();
+            let group = desk.to_op(group, 0).await.unwrap();
+            rig.console("edit port ecat modules").unwrap();
+            Timer::after_millis(200).await;
+            assert!(!group.tx_rx(desk.master).await.unwrap().all_op(), "it starts anew");
+        });
+        assert_eq!(product(world, &line), (fixed + 1, Some(32)));
+        assert_eq!(place.controller(), Controller::Present);
+        rig.console("edit port ecat no-modules").unwrap();
+        world.run_for(Duration::from_millis(200));
+        assert_eq!(product(world, &line), (fixed, None));
+        with_master(world, cable(line.clone()), async |desk| {
+            let group = desk.to_pre_op().await.unwrap();
+            desk.to_op(group, 0).await.unwrap();
         });
     });
 }

@@ -10,10 +10,12 @@ Each script has a MainDevice with these methods, and gives the class to `run`:
 * `listed()`: the objects that the device lists, and how many sub-indices each has; none if the MainDevice cannot ask that
 * `READ_MAX`: how many bytes it can read at once
 
-ENTRIES is a file with a line for each entry that can be read in PreOp: index, sub-index, bytes, `=` or `<` (when there may be
-fewer). It comes from the device's table, and what is read is held against it.
+ENTRIES is a file with a line for each entry that can be read in PreOp: index, sub-index, bytes, `=`, `<` (when there may be
+fewer) or `b` (a bit), and in hexadecimal digits the value if it is known. It comes from the device's table, and what is read is held
+against it.
 """
 
+import itertools
 import sys
 import time
 
@@ -29,9 +31,22 @@ def entries_of(path):
     objects = {}
     with open(path) as file:
         for line in file:
-            index, sub, size, kind = line.split()
-            objects.setdefault(int(index, 16), {})[int(sub)] = (int(size), kind)
+            index, sub, size, kind, *known = line.split()
+            known = bytes.fromhex(known[0]) if known else None
+            objects.setdefault(int(index, 16), {})[int(sub)] = (int(size), kind, known)
     return objects
+
+
+def whole_of(values, kinds):
+    """Values as they lie in a complete access: eight bits that follow each other in a byte, all others in bytes of their own."""
+    whole = b""
+    for is_bit, group in itertools.groupby(zip(values, kinds), lambda pair: pair[1] == "b"):
+        parts = [value for value, _ in group]
+        if is_bit:
+            number = sum((bit[0] & 1) << nth for nth, bit in enumerate(parts))
+            parts = [number.to_bytes((len(parts) + 7) // 8, "little")]
+        whole += b"".join(parts)
+    return whole
 
 
 def read_objects(master, objects):
@@ -39,12 +54,13 @@ def read_objects(master, objects):
     read, complete, segmented = 0, 0, 0
     for index, entries in objects.items():
         values = {}
-        for sub, (size, kind) in entries.items():
+        for sub, (size, kind, known) in entries.items():
             if size > master.READ_MAX:
                 continue
             value = values[sub] = master.read(index, sub, size)
-            fits = len(value) == size if kind == "=" else len(value) <= size
+            fits = len(value) <= size if kind == "<" else len(value) == size
             assert fits, f"{index:04x}:{sub:02x} has {len(value)} bytes of {size}"
+            assert known is None or value == known, f"{index:04x}:{sub:02x} is {value.hex()}, not {known.hex()}"
             read += 1
             segmented += len(value) > MAILBOX
         # The others cannot be read, or have no sub-indices.
@@ -52,11 +68,13 @@ def read_objects(master, objects):
             continue
         # Sub-index 0 takes two bytes of a complete access, and says how many others there are.
         count = values[0][0]
-        size = 2 + sum(entries[sub][0] for sub in range(1, count + 1))
+        entries = [entries[sub] for sub in range(1, count + 1)]
+        kinds = [kind for _, kind, _ in entries]
+        size = 2 + len(whole_of([bytes(size) for size, _, _ in entries], kinds))
         if size > master.READ_MAX:
             continue
         whole = master.complete(index, size)
-        parts = bytes([count, 0]) + b"".join(values[sub] for sub in range(1, count + 1))
+        parts = bytes([count, 0]) + whole_of([values[sub] for sub in range(1, count + 1)], kinds)
         assert len(whole) == len(parts), f"{index:04x} has {len(whole)} bytes of {len(parts)}"
         # Unless it is one of those that change by themselves.
         assert whole == parts or whole != master.complete(index, size), f"{index:04x}: {whole.hex()} is not {parts.hex()}"

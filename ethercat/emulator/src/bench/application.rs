@@ -6,10 +6,12 @@ use std::rc::Rc;
 
 use ethercat_subdevice::al_state::{AlState, AlStatusCode};
 use ethercat_subdevice::application::{Address, Application};
+use ethercat_subdevice::assignment::Assignment;
 use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::coe::emergency::Emergency;
 use ethercat_subdevice::esc::EscError;
 use ethercat_subdevice::indicators::Indicators;
+use ethercat_subdevice::object::Object;
 use ethercat_subdevice::sync_manager::Channel;
 
 /// An application that a test looks into while the SubDevice has it.
@@ -61,6 +63,18 @@ impl<A: Application> Application for Shared<A> {
         self.0.borrow().identification()
     }
 
+    fn object(&self, index: u16) -> Option<Object> {
+        self.0.borrow().object(index)
+    }
+
+    fn next_object(&self, index: u16) -> Option<u16> {
+        self.0.borrow().next_object(index)
+    }
+
+    fn assignment(&self, channel: Channel) -> Option<Assignment> {
+        self.0.borrow().assignment(channel)
+    }
+
     fn assigned(&mut self, channel: Channel, pdos: &[u16]) {
         self.0.borrow_mut().assigned(channel, pdos);
     }
@@ -75,6 +89,14 @@ impl<A: Application> Application for Shared<A> {
 
     fn outputs_stopped(&mut self) {
         self.0.borrow_mut().outputs_stopped();
+    }
+
+    fn cycle_fixed_ns(&self) -> u32 {
+        self.0.borrow().cycle_fixed_ns()
+    }
+
+    fn is_another_device(&self) -> bool {
+        self.0.borrow().is_another_device()
     }
 
     fn failed(&mut self, fault: EscError) {

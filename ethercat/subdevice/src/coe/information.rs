@@ -3,11 +3,14 @@
 //! An answer that is longer than the mailbox goes out in fragments, each built when there is room for it. A list is not kept: its
 //! rest is found in the table when the next fragment is built, so it may have any length.
 
+use core::fmt::Write;
+
 use heapless::Vec;
 
 use super::Service;
 use super::abort::Abort;
 use crate::application::Application;
+use crate::catalogue::Catalogue;
 use crate::dictionary::Dictionary;
 use crate::mailbox::{MailboxError, Payload};
 use crate::object::{Access, Entries, Entry, Object};
@@ -51,24 +54,24 @@ pub struct Information {
 struct Rest {
     list: u16,
     count: usize,
-    /// The part of the table that they are in.
-    objects: &'static [Object],
+    /// They stand from this index on.
+    from: u16,
 }
 
 impl Rest {
-    fn of(list: u16, objects: &'static [Object]) -> Self {
-        let count = objects.iter().filter(|object| is_listed(object, list)).count();
-        Self { list, count, objects }
+    fn of<A: Application>(list: u16, catalogue: &Catalogue<'_, A>) -> Self {
+        let count = catalogue.objects_from(0).filter(|object| is_listed(object, list)).count();
+        Self { list, count, from: 0 }
     }
-}
 
-impl Iterator for Rest {
-    type Item = u16;
-
-    fn next(&mut self) -> Option<u16> {
-        let at = self.objects.iter().position(|object| is_listed(object, self.list))?;
-        let (object, behind) = self.objects.get(at..)?.split_first()?;
-        (self.count, self.objects) = (self.count - 1, behind);
+    fn next<A: Application>(&mut self, catalogue: &Catalogue<'_, A>) -> Option<u16> {
+        let object = catalogue.objects_from(self.from).find(|object| is_listed(object, self.list));
+        let Some(object) = object.filter(|_| self.count > 0) else {
+            // Modules may have gone meanwhile.
+            self.count = 0;
+            return None;
+        };
+        (self.count, self.from) = (self.count - 1, object.index.saturating_add(1));
         Some(object.index)
     }
 }
@@ -122,11 +125,11 @@ impl Information {
             Some(&[low, high]) => Ok(u16::from_le_bytes([low, high])),
             _ => Err(Refusal::Malformed),
         };
-        let objects = dictionary.device.objects;
-        let object = |index| dictionary.device.object(index).ok_or(Abort::NoObject);
+        let catalogue = dictionary.catalogue();
+        let object = |index| catalogue.object(index).ok_or(Abort::NoObject);
         match operation {
-            LIST => self.list(objects, word(0)?),
-            OBJECT => self.object(object(word(0)?)?),
+            LIST => self.list(&catalogue, word(0)?),
+            OBJECT => self.object(&object(word(0)?)?),
             ENTRY => {
                 let (index, selected) = (word(0)?, word(2)?);
                 let [sub, wanted] = selected.to_le_bytes();
@@ -139,16 +142,16 @@ impl Information {
     }
 
     /// The objects of a list, or for list 0 how many each list has.
-    fn list(&mut self, objects: &'static [Object], list: u16) -> Result<(), Refusal> {
+    fn list<A: Application>(&mut self, catalogue: &Catalogue<'_, A>, list: u16) -> Result<(), Refusal> {
         if list > LISTS {
             return Err(Abort::UnsupportedAccess.into());
         }
         self.put(&list.to_le_bytes())?;
         if list == 0 {
-            let counts = (1..=LISTS).map(|list| Rest::of(list, objects).count as u16);
+            let counts = (1..=LISTS).map(|list| Rest::of(list, catalogue).count as u16);
             return counts.into_iter().try_for_each(|count| self.put(&count.to_le_bytes()));
         }
-        self.list = Rest::of(list, objects);
+        self.list = Rest::of(list, catalogue);
         Ok(())
     }
 
@@ -174,7 +177,7 @@ impl Information {
         for value in values.into_iter().filter_map(|(_, value)| value) {
             self.put(value.to_le_bytes().get(..entry.data_type.bytes()).unwrap_or_default())?;
         }
-        self.put(entry.name.as_bytes())
+        write!(self.answer, "{}", entry.label()).map_err(|_| Refusal::Abort(Abort::OutOfMemory))
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<(), Refusal> {
@@ -192,7 +195,11 @@ impl Information {
     }
 
     /// The next fragment, in `room` bytes at most.
-    pub(super) fn next(&mut self, room: usize) -> Option<Payload> {
+    pub(super) fn next<A: Application>(
+        &mut self,
+        room: usize,
+        catalogue: &Catalogue<'_, A>,
+    ) -> Option<Payload> {
         if !self.is_answering() {
             return None;
         }
@@ -202,7 +209,8 @@ impl Information {
         let described = rest.get(..data_max).unwrap_or(rest);
         let mut data = Payload::from_slice(described).unwrap_or_default();
         self.sent += described.len();
-        for index in self.list.by_ref().take((data_max - data.len()) / 2) {
+        let indices = core::iter::from_fn(|| self.list.next(catalogue));
+        for index in indices.take((data_max - data.len()) / 2) {
             // A fragment is no longer than the mailbox, which is a payload's capacity at most.
             let _ = data.extend_from_slice(&index.to_le_bytes());
         }

@@ -2,17 +2,24 @@
 
 use super::Dictionary;
 use crate::application::{Address, Application};
+use crate::catalogue::Catalogue;
 use crate::coe::abort::Abort;
-use crate::object::Object;
+use crate::object::{Access, DataType, Entries, Object};
 
 impl<A: Application> Dictionary<'_, A> {
     /// Writes all entries from `first` on: every value is checked before the first is written. A count that is sent along must
-    /// be the object's. (No object has both entries of the stack's, which can still refuse, and others that can be written.)
+    /// be the object's; a list of settings may be shorter, and those behind it are then as after power-on. (No object has both entries of the stack's, which can still refuse, and others that can be written.)
     pub(super) fn write_complete(&mut self, object: &Object, first: u8, bytes: &[u8]) -> Result<(), Abort> {
-        let mut values = bytes;
+        // Bits are packed; nobody needs to write them so.
+        let is_bit = |sub| object.entry(sub).is_some_and(|entry| entry.data_type == DataType::Bool);
+        if (1..=object.sub_max()).any(is_bit) {
+            return Err(Abort::NoCompleteAccess);
+        }
+        let (mut values, mut listed) = (bytes, object.sub_max());
         if first == 0 {
             let (count, rest) = bytes.split_first_chunk::<2>().ok_or(Abort::TooShort)?;
-            if u16::from_le_bytes(*count) != u16::from(object.sub_max()) {
+            listed = u8::try_from(u16::from_le_bytes(*count)).unwrap_or(u8::MAX);
+            if listed > object.sub_max() || listed < object.sub_max() && !may_be_shorter(object) {
                 return Err(Abort::Range);
             }
             values = rest;
@@ -22,7 +29,11 @@ impl<A: Application> Dictionary<'_, A> {
             for sub in 1..=object.sub_max() {
                 let Some(entry) = object.entry(sub) else { continue };
                 let size = entry.data_type.bytes();
-                let (value, behind) = rest.split_at_checked(size).ok_or(Abort::TooShort)?;
+                let default = entry.default_number().unwrap_or_default().to_le_bytes();
+                let (value, behind) = match sub <= listed {
+                    true => rest.split_at_checked(size).ok_or(Abort::TooShort)?,
+                    false => (default.get(..size).ok_or(Abort::General)?, rest),
+                };
                 rest = behind;
                 let entry =
                     if committing { self.writable(object, sub) } else { self.check(object, sub, value) }?;
@@ -49,9 +60,18 @@ impl<A: Application> Dictionary<'_, A> {
             values = rest.get(..listed).ok_or(Abort::TooShort)?;
         }
         let (pdos, []) = values.as_chunks::<2>() else { return Err(Abort::LengthMismatch) };
+        let catalogue = Catalogue { device: self.device, application: &*self.application };
         let assignment = self.communication.assignment(at.index).ok_or(Abort::General)?;
-        *assignment = assignment.replaced(self.device, pdos.iter().map(|pdo| u16::from_le_bytes(*pdo)))?;
+        *assignment = assignment.replaced(&catalogue, pdos.iter().map(|pdo| u16::from_le_bytes(*pdo)))?;
         self.tell_assignment(at.index);
         Ok(())
+    }
+}
+
+/// Whether an object is a list of settings, of numbers.
+fn may_be_shorter(object: &Object) -> bool {
+    match object.entries {
+        Entries::Array(_, entry) => entry.data_type.is_number() && entry.access.any(Access::SETTING),
+        _ => false,
     }
 }

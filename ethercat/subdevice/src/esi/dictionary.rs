@@ -100,7 +100,7 @@ fn write_sub_items<W: Write>(xml: &mut Xml<'_, W>, object: &Object) -> Result<()
     for (sub, entry) in (0..=subs).filter_map(|sub| Some((sub, object.entry(sub)?))) {
         xml.within("SubItem", format_args!(""), |xml| {
             xml.text("SubIdx", format_args!("{sub}"))?;
-            xml.text("Name", format_args!("{}", entry.name))?;
+            xml.text("Name", format_args!("{}", entry.label()))?;
             xml.text("Type", format_args!("{}", TypeName(entry.data_type)))?;
             xml.text("BitSize", format_args!("{}", entry.data_type.bits()))?;
             xml.text("BitOffs", format_args!("{offset}"))?;
@@ -133,7 +133,7 @@ fn write_object<W: Write>(xml: &mut Xml<'_, W>, object: &Object) -> Result<(), E
         xml.within("Info", format_args!(""), |xml| {
             (0..=object.sub_max()).filter_map(|sub| object.entry(sub)).try_for_each(|entry| {
                 xml.within("SubItem", format_args!(""), |xml| {
-                    xml.text("Name", format_args!("{}", entry.name))?;
+                    xml.text("Name", format_args!("{}", entry.label()))?;
                     xml.within("Info", format_args!(""), |xml| write_default(xml, entry))
                 })
             })

@@ -1,9 +1,9 @@
 //! Types of values, and who may access them when.
 
-/// The type of a value. All take whole bytes, so that nothing in a PDO straddles them.
+/// The type of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DataType {
-    /// 0 or 1.
+    /// One bit. By itself it takes a byte; among others of its kind, in a PDO or accessed completely, a bit.
     Bool,
     /// 8 bits.
     U8,
@@ -13,6 +13,12 @@ pub enum DataType {
     U32,
     /// 64 bits.
     U64,
+    /// 16 bits with a sign.
+    I16,
+    /// 32 bits with a sign.
+    I32,
+    /// 32 bits with a fraction (IEEE 754).
+    F32,
     /// A visible string of that many bytes.
     Text(u16),
     /// That many bytes.
@@ -26,6 +32,9 @@ impl DataType {
     pub const fn code(self) -> u16 {
         match self {
             Self::Bool => 0x0001,
+            Self::I16 => 0x0003,
+            Self::I32 => 0x0004,
+            Self::F32 => 0x0008,
             Self::U8 => 0x0005,
             Self::U16 => 0x0006,
             Self::U32 => 0x0007,
@@ -39,8 +48,8 @@ impl DataType {
     pub const fn bytes(self) -> usize {
         match self {
             Self::Bool | Self::U8 => 1,
-            Self::U16 => 2,
-            Self::U32 => 4,
+            Self::U16 | Self::I16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
             Self::U64 => 8,
             Self::Text(bytes) | Self::Octets(bytes) | Self::OctetsUpTo(bytes) => bytes as usize,
         }
@@ -68,8 +77,8 @@ impl DataType {
         match self {
             Self::Bool => 1,
             Self::U8 => u8::MAX as u64,
-            Self::U16 => u16::MAX as u64,
-            Self::U32 => u32::MAX as u64,
+            Self::U16 | Self::I16 => u16::MAX as u64,
+            Self::U32 | Self::I32 | Self::F32 => u32::MAX as u64,
             _ => u64::MAX,
         }
     }

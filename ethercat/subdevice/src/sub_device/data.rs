@@ -51,9 +51,10 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
 
     /// Bytes of process data, as they are assigned.
     pub(super) fn data_bytes(&self, channel: Channel) -> u16 {
+        let catalogue = self.catalogue();
         match channel {
-            Channel::Inputs => self.communication.inputs.bytes(self.device),
-            _ => self.communication.outputs.bytes(self.device),
+            Channel::Inputs => self.communication.inputs.bytes(&catalogue),
+            _ => self.communication.outputs.bytes(&catalogue),
         }
     }
 

@@ -4,6 +4,7 @@ use embassy_time::{Duration, Timer};
 
 use super::{PDI_CONTROL_OFF, SubDevice};
 use crate::application::Application;
+use crate::catalogue::Catalogue;
 use crate::coe::emergency::Emergency;
 use crate::dictionary::Dictionary;
 use crate::esc::{Esc, EscError};
@@ -75,7 +76,8 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
 
     /// What goes out without being asked for again: the rest of an answer, or an emergency.
     fn next_message(&mut self) -> Option<Payload> {
-        let next = self.coe.next(self.mailbox.payload_bytes());
+        let catalogue = Catalogue { device: self.device, application: &self.application };
+        let next = self.coe.next(self.mailbox.payload_bytes(), &catalogue);
         if next.is_some() || !self.application.sends_emergencies() {
             return next;
         }

@@ -119,6 +119,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         let found = self.read_sync_managers().await?;
         self.check_mailboxes(&found)?;
         self.application.may_enter(AlState::PreOp)?;
+        self.communication.follow(&self.application);
         let repeat = found[Channel::MailboxIn as usize].repeat();
         self.mailbox.start(self.device.memory.mailbox_bytes, repeat);
         self.coe = Coe::default();
@@ -135,6 +136,8 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             return Err(AlStatusCode::InvalidDcConfiguration.into());
         }
         self.communication.synchronisation().ok_or(AlStatusCode::SynchronisationNotSupported)?;
+        self.application.may_enter(AlState::SafeOp)?;
+        self.communication.follow(&self.application);
         for (channel, code) in [
             (Channel::Outputs, AlStatusCode::InvalidOutputMapping),
             (Channel::Inputs, AlStatusCode::InvalidInputMapping),
@@ -145,7 +148,6 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         }
         let found = self.read_sync_managers().await?;
         self.check_process_data(&found)?;
-        self.application.may_enter(AlState::SafeOp)?;
         (self.images.outputs_valid, self.images.outputs_due) = (false, false);
         self.communication.timing.missed_events = 0;
         for channel in [Channel::Outputs, Channel::Inputs] {

@@ -254,11 +254,19 @@ pub(super) fn any_ethercat() -> impl Strategy<Value = PortKind> {
     let line = prop::option::of("[A-Za-z][A-Za-z0-9.-]{0,9}_1");
     let interface = prop::option::of("[A-Za-z0-9_.:@-]{1,15}");
     let id = prop::option::of(1..=u16::MAX);
-    (interface, on_loss, line, any::<bool>(), id, any::<bool>()).prop_map(
-        |(interface, on_loss, line, prove_outputs, id, emergencies)| {
+    (interface, on_loss, line, any::<bool>(), id, any::<bool>(), any::<bool>()).prop_map(
+        |(interface, on_loss, line, prove_outputs, id, emergencies, modules)| {
             let interface = interface.map(|name| name.as_str().try_into().unwrap());
             let line = line.map(|name| Name::try_from(name.as_str()).unwrap());
-            PortKind::Ethercat(EthercatSettings { interface, on_loss, line, prove_outputs, id, emergencies })
+            PortKind::Ethercat(EthercatSettings {
+                interface,
+                on_loss,
+                line,
+                prove_outputs,
+                id,
+                emergencies,
+                modules,
+            })
         },
     )
 }

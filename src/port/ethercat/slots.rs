@@ -1,0 +1,208 @@
+//! What a modular gateway has besides: the modules in their slots, and those that the MainDevice expects there.
+
+use ethercat_subdevice::application::Address;
+use ethercat_subdevice::assignment::Assignment;
+use ethercat_subdevice::object::Object;
+use ethercat_subdevice::sync_manager::Channel;
+
+use super::configuration::ConfigError;
+use super::image::{IMAGE_BYTES, Room};
+use super::layout::{DeviceLayout, Start};
+use super::modular::{OWN_BYTES, STATUS_PDO, fits, has, indices, object, slot_of};
+use super::modules::{VARIANTS, ident, is_module, pdo_bytes, put_inputs, put_value, tables, take_outputs};
+use super::place::EthercatPlace;
+use super::slaves::SLAVES_MAX;
+use crate::settings::SlaveSettings;
+
+/// The settings of a module, in slot 0.
+const SETTINGS: u16 = 0x8000;
+
+/// The slots.
+pub(super) struct Slots<'p> {
+    place: &'p EthercatPlace,
+    /// The modules that the MainDevice expects (F030h).
+    expected: [u32; SLAVES_MAX],
+    /// Where the module behind the one whose process data were exchanged last has its values. PDOs are exchanged slot by slot.
+    next: Start,
+}
+
+/// The module in `slot` of `slaves`, if there is one whose PDOs can list its values.
+fn module_of(slaves: &[SlaveSettings], slot: usize) -> Option<&SlaveSettings> {
+    slaves.get(slot).filter(|slave| is_module(slave) && fits(slave))
+}
+
+impl<'p> Slots<'p> {
+    pub(super) fn new(place: &'p EthercatPlace) -> Self {
+        Self { place, expected: [0; SLAVES_MAX], next: Start::default() }
+    }
+
+    /// The module in a slot, if there is one.
+    fn module(&self, slot: usize) -> Option<SlaveSettings> {
+        let slave = self.place.configuration(|configuration| configuration.slaves().get(slot).copied())?;
+        is_module(&slave).then_some(slave)
+    }
+
+    /// An object of a module's; settings are also there for modules to come.
+    pub(super) fn object(&self, index: u16) -> Option<Object> {
+        let (slot, first) = slot_of(index)?;
+        if first == SETTINGS {
+            return object(&SlaveSettings::new(1), slot, first);
+        }
+        object(&self.module(slot).filter(fits)?, slot, first)
+    }
+
+    /// The first object from `index` on.
+    pub(super) fn next_object(&self, index: u16) -> Option<u16> {
+        self.place.configuration(|configuration| {
+            let slaves = configuration.slaves();
+            indices().filter(|found| *found >= index).find(|&found| {
+                let Some((slot, first)) = slot_of(found) else { return false };
+                first == SETTINGS || module_of(slaves, slot).is_some_and(|slave| has(slave, first))
+            })
+        })
+    }
+
+    /// The PDOs of all modules, and that of the device.
+    pub(super) fn assignment(&self, channel: Channel) -> Assignment {
+        let (first, own, own_bytes) = match channel {
+            Channel::Outputs => (0x1600, 0, 0),
+            _ => (0x1a00, 1 << (STATUS_PDO - 0x1a00), OWN_BYTES),
+        };
+        let (mut present, mut bytes) = (own, own_bytes);
+        self.place.configuration(|configuration| {
+            let slaves = configuration.slaves();
+            for slot in 0..slaves.len() {
+                let of_module = module_of(slaves, slot).map_or(0, |slave| pdo_bytes(slave, channel));
+                present |= u64::from(of_module > 0) << slot;
+                bytes += of_module;
+            }
+        });
+        // What is longer than the process data is refused before they are exchanged.
+        Assignment::of_modules(channel, first, present, u16::try_from(bytes).unwrap_or(u16::MAX))
+    }
+
+    /// The module in a slot, and where its values lie.
+    fn placed(&mut self, slot: usize) -> Option<(SlaveSettings, DeviceLayout)> {
+        if usize::from(self.next.nth) > slot {
+            self.next = Start::default();
+        }
+        let next = &mut self.next;
+        self.place.configuration(|configuration| {
+            let mut placed = None;
+            for slave in configuration.slaves().get(usize::from(next.nth)..=slot)? {
+                placed = Some((*slave, next.lay_out(slave, Room::MOST).ok()?));
+            }
+            placed
+        })
+    }
+
+    /// How many modules there are.
+    pub(super) fn count(&self) -> u32 {
+        self.assignment(Channel::Inputs).indices().count() as u32 - 1
+    }
+
+    /// Whether the modules are what the MainDevice expects, and have room in the process data.
+    pub(super) fn check(&mut self) -> Result<(), ConfigError> {
+        // They may be others than those whose process data were exchanged last.
+        self.next = Start::default();
+        let (mut inputs, mut outputs) = (OWN_BYTES, 0);
+        for (slot, &expected) in self.expected.iter().enumerate() {
+            let slave = slot as u8;
+            let module = self.module(slot);
+            if let Some(module) = module {
+                inputs += pdo_bytes(&module, Channel::Inputs);
+                outputs += pdo_bytes(&module, Channel::Outputs);
+                if !fits(&module) {
+                    return Err(ConfigError::EntriesFull { slave });
+                }
+                if inputs > IMAGE_BYTES.into() {
+                    return Err(ConfigError::InputsFull { slave, room: IMAGE_BYTES });
+                }
+                if outputs > IMAGE_BYTES.into() {
+                    return Err(ConfigError::OutputsFull { slave, room: IMAGE_BYTES });
+                }
+            }
+            let expected = if expected == 0 { 0 } else { expected & !VARIANTS };
+            if self.expects_any() && expected != module.map_or(0, |module| ident(&module)) {
+                return Err(ConfigError::OtherModule { slave });
+            }
+        }
+        Ok(())
+    }
+
+    fn expects_any(&self) -> bool {
+        self.expected.iter().any(|expected| *expected != 0)
+    }
+
+    /// Whether there is any module.
+    pub(super) fn has_modules(&self) -> bool {
+        self.place.configuration(|configuration| configuration.slaves().iter().any(is_module))
+    }
+
+    /// The number at `at`, if it is one of these.
+    pub(super) fn number(&self, at: Address) -> Option<u32> {
+        let nth = usize::from(at.sub.checked_sub(1)?);
+        Some(match at.index {
+            0xf030 => *self.expected.get(nth)?,
+            0xf050 => self.module(nth).map_or(0, |module| ident(&module)),
+            index => {
+                let (slot, 0x9000) = slot_of(index)? else { return None };
+                let module = self.module(slot)?;
+                match nth {
+                    0 => ident(&module),
+                    1 => pdo_bytes(&module, Channel::Inputs),
+                    _ => pdo_bytes(&module, Channel::Outputs),
+                }
+            }
+        })
+    }
+
+    /// Writes the module that the MainDevice expects in a slot, if `at` is one of these.
+    pub(super) fn write(&mut self, at: Address, ident: u32) -> bool {
+        let expected = self.expected.get_mut(usize::from(at.sub).saturating_sub(1));
+        let place = expected.filter(|_| at.index == 0xf030);
+        place.map(|place| *place = ident).is_some()
+    }
+
+    /// Reads a value of a module's, if `at` is one; 0 as long as nobody asks for it.
+    pub(super) fn read(&self, at: Address, into: &mut [u8]) -> Option<()> {
+        let (slot, first @ 0x6000..=0x7fff) = slot_of(at.index)? else { return None };
+        let module = self.module(slot)?;
+        let channel = if first < 0x7000 { Channel::Inputs } else { Channel::Outputs };
+        let table = tables(&module, channel).find(|table| table.index == first)?;
+        let nth = u16::from(at.sub.checked_sub(1)?);
+        into.fill(0);
+        if self.place.is_running() {
+            let layout = self.place.layout(slot);
+            match channel {
+                Channel::Outputs => {
+                    let place = layout.output(table.kind)?;
+                    self.place.outputs(|image| put_value(table, image, place, nth, into));
+                }
+                _ => self.place.inputs(|image| put_value(table, image, layout.input(table.kind), nth, into)),
+            }
+        }
+        Some(())
+    }
+
+    /// Writes the inputs of a module, if `pdo` is one's.
+    pub(super) fn inputs(&mut self, pdo: u16, into: &mut [u8]) -> Option<()> {
+        let (slot, 0x1a00) = slot_of(pdo)? else { return None };
+        into.fill(0);
+        if self.place.is_running() {
+            let (module, layout) = self.placed(slot)?;
+            self.place.inputs(|image| put_inputs(&module, &layout, image, into));
+        }
+        Some(())
+    }
+
+    /// Takes the outputs of a module.
+    pub(super) fn outputs(&mut self, pdo: u16, bytes: &[u8]) -> Option<()> {
+        let (slot, 0x1600) = slot_of(pdo)? else { return None };
+        if self.place.is_running() {
+            let (module, layout) = self.placed(slot)?;
+            self.place.put_outputs(|image| take_outputs(&module, &layout, bytes, image));
+        }
+        Some(())
+    }
+}

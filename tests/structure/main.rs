@@ -1,74 +1,72 @@
 //! The shape of the core: who imports whom in `src`, held against the floors, and how long files and functions are.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+mod floors;
 mod imports;
 mod source;
 
-fn root() -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")
+use floors::FLOORS;
+
+/// Most lines of a file, and of a function from its signature to its end.
+const FILE_LINES_MAX: usize = 400;
+const FUNCTION_LINES_MAX: usize = 60;
+
+fn sources() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
+}
+
+fn assert_none(what: &str, faults: &[String]) {
+    assert!(faults.is_empty(), "{}\n{} {what}", faults.join("\n"), faults.len());
 }
 
 #[test]
 fn no_files_import_each_other_in_a_circle() {
-    let imports = imports::imports(&source::modules(&root()));
-    let circles = imports::circles(&imports);
-    for circle in &circles {
-        println!("a circle of {} files:", circle.len());
-        for file in circle {
-            for (other, names) in imports[file].iter().filter(|(other, _)| circle.contains(*other)) {
-                println!("  {} imports {} for {names:?}", file.display(), other.display());
-            }
+    let imports = imports::imports(&source::modules(&sources().join("lib.rs")));
+    let mut faults = Vec::new();
+    for circle in imports::circles(&imports) {
+        for file in &circle {
+            let others = imports[file].iter().filter(|(other, _)| circle.contains(*other));
+            faults.extend(others.map(|(other, names)| {
+                format!("{} imports {} for {names:?}", file.display(), other.display())
+            }));
         }
     }
-    assert!(circles.is_empty(), "{} circles of files", circles.len());
+    assert_none("imports in circles", &faults);
 }
-
-#[test]
-fn functions() {
-    let modules = source::modules(&root());
-    let mut long: Vec<_> = modules
-        .values()
-        .flat_map(|m| m.functions.iter().map(move |(n, l)| (*l, n, &m.file)))
-        .filter(|(l, ..)| *l > 60)
-        .collect();
-    long.sort();
-    println!("{long:#?}");
-    assert!(long.is_empty());
-}
-
-/// Floors, from the lowest up: a file imports from its own floor and from those below.
-const FLOORS: &[&[&str]] = &[
-    &["fmt.rs", "modbus"],
-    &["scanner", "settings", "routing", "language"],
-    &["hal.rs", "frame", "stats", "capture", "gateway"],
-    &["port"],
-    &["console"],
-    &["tasks"],
-];
 
 #[test]
 fn no_file_imports_from_a_floor_above() {
-    let imports = imports::imports(&source::modules(&root()));
-    let floor = |file: &Path| {
-        let room = file.components().next().unwrap().as_os_str().to_str().unwrap();
-        let room = room.strip_suffix(".rs").unwrap_or(room);
-        FLOORS.iter().position(|rooms| rooms.iter().any(|r| r.strip_suffix(".rs").unwrap_or(r) == room))
-    };
-    let mut bad = 0;
+    let imports = imports::imports(&source::modules(&sources().join("lib.rs")));
+    let mut faults = Vec::new();
     for (file, others) in &imports {
-        for (other, names) in others {
-            if floor(other) > floor(file) {
-                println!(
-                    "{} {:?} imports {} {:?} for {names:?}",
-                    file.display(),
-                    floor(file),
-                    other.display(),
-                    floor(other)
-                );
-                bad += 1;
-            }
+        for (other, names) in others.iter().filter(|(other, _)| floor(other) > floor(file)) {
+            faults.push(format!("{} imports {} for {names:?}", file.display(), other.display()));
         }
     }
-    assert_eq!(bad, 0);
+    assert_none("imports from a floor above", &faults);
+}
+
+/// The floor on which a file is.
+fn floor(file: &Path) -> usize {
+    let room = |room: &&str| file.starts_with(room) || file == Path::new(&format!("{room}.rs"));
+    let on = |rooms: &&[&str]| rooms.iter().any(|name| room(name));
+    FLOORS.iter().position(|rooms| on(rooms)).unwrap_or_else(|| panic!("{} is on no floor", file.display()))
+}
+
+#[test]
+fn no_file_and_no_function_is_longer_than_a_reader_follows() {
+    let mut faults = Vec::new();
+    for module in source::modules(&sources().join("lib.rs")).values() {
+        let long = module.functions.iter().filter(|(_, lines)| *lines > FUNCTION_LINES_MAX);
+        faults
+            .extend(long.map(|(name, lines)| format!("{}: {name} has {lines} lines", module.file.display())));
+    }
+    for file in source::files(&sources()) {
+        let lines = std::fs::read_to_string(&file).unwrap().lines().count();
+        if lines > FILE_LINES_MAX {
+            faults.push(format!("{} has {lines} lines", file.display()));
+        }
+    }
+    assert_none("too long", &faults);
 }

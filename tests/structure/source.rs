@@ -197,3 +197,17 @@ impl<'a> Visit<'a> for Reader<'_> {
         visit::visit_macro(self, called);
     }
 }
+
+/// All Rust files below `folder`, those for tests included.
+pub(crate) fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            files.extend(self::files(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files.push(path);
+        }
+    }
+    files
+}

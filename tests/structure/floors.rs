@@ -1,0 +1,19 @@
+//! The floors of the core. A file imports from its own floor and from those below.
+
+/// The rooms of each floor, from the lowest up.
+pub(crate) const FLOORS: &[&[&str]] = &[
+    // Bytes.
+    &["fmt", "modbus"],
+    // Values, words and decisions, without time and without I/O.
+    &["scanner", "settings", "language", "routing"],
+    // The gateway as an EtherCAT device: what it shares with the gateway.
+    &["fieldbus"],
+    // What tasks share, and what a board gives.
+    &["hal", "frame", "stats", "capture", "gateway"],
+    // One role each.
+    &["port"],
+    // People.
+    &["console"],
+    // The futures that a board runs.
+    &["tasks"],
+];

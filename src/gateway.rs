@@ -13,9 +13,9 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 
 use crate::capture::{CAPTURE, Capture};
+use crate::fieldbus::EthercatPlace;
 use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Stage, Way};
 use crate::modbus::Exception;
-use crate::port::ethercat::EthercatPlace;
 use crate::scanner::{POINTS, ScannerPlace};
 use crate::settings::{OwnNetwork, PortId, Settings};
 use crate::stats::Log;
@@ -26,6 +26,7 @@ mod connection;
 pub(crate) mod direct_request;
 mod ethercat;
 pub(crate) mod events;
+mod keep_settings;
 pub mod outstanding;
 mod points;
 mod port_state;

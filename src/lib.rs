@@ -36,13 +36,13 @@
 //!
 //! # EtherCAT
 //!
-//! [`ethercat_subdevice`] is a SubDevice that knows nothing of the rest; [`port::ethercat`] says what the gateway is as one: its objects,
+//! [`ethercat_subdevice`] is a SubDevice that knows nothing of the rest; [`fieldbus`] says what the gateway is as one: its objects,
 //! its buffers and where the values of Modbus devices lie in them. The buffers are the memory of a [`scanner`] of their own,
 //! whose requests go through the router by the rules for the `ethercat` port, as do those that a MainDevice makes by itself.
 //! The devices are settings: what a MainDevice has had taken over is printed and saved with the others, by
 //! [`gateway::Gateway::keep_settings`] also when it asks for that. A board with a controller keeps an
-//! [`port::ethercat::EthercatPlace`] in a static, gives it to [`gateway::Gateway::with_ethercat`], and runs
-//! [`port::ethercat::serve`], a [`SubDevice`](ethercat_subdevice::sub_device::SubDevice) with [`port::ethercat::GatewayObjects`], over it. With
+//! [`fieldbus::EthercatPlace`] in a static, gives it to [`gateway::Gateway::with_ethercat`], and runs
+//! [`fieldbus::serve`], a [`SubDevice`](ethercat_subdevice::sub_device::SubDevice) with [`fieldbus::GatewayObjects`], over it. With
 //! [`gateway::Gateway::with_ethercat_interfaces`] the settings name the network interface that leads to a controller in software.
 //!
 //! # Limits
@@ -71,7 +71,7 @@
 //! | [`settings::UDP_REQUESTS_MAX`] | 32 | requests open at one UDP server; one more is answered 06h |
 //! | [`scanner::DEVICES_MAX`] | 32 | devices that a scanner asks: the loads of an RS-485 segment |
 //! | [`settings::SLAVES_MAX`] | 32 | devices behind the EtherCAT process image: all that a scanner asks |
-//! | [`port::ethercat::Room::MOST`], [`port::ethercat::Room::LONG`] | 512; with `long-images` 1486 in and 1500 out | bytes of the process image each way: with three buffers of each, what a controller of 4 KiB holds, and one of 10 |
+//! | [`fieldbus::Room::MOST`], [`fieldbus::Room::LONG`] | 512; with `long-images` 1486 in and 1500 out | bytes of the process image each way: with three buffers of each, what a controller of 4 KiB holds, and one of 10 |
 //! | [`scanner::ROWS_MAX`] | 136 | the four tables of each device, and some ranges that take two frames |
 //! | [`scanner::VALUE_BYTES_MAX`] | 4096, without `long-images` 2048 | values of all rows: the longest image each way, and as much again as 1 KiB |
 //! | [`settings::POINTS_MAX`] | 128, small: 64 | data points in the settings, of which there is one draft for all consoles |
@@ -86,6 +86,7 @@ mod fmt;
 
 pub mod capture;
 pub mod console;
+pub mod fieldbus;
 pub mod frame;
 pub mod gateway;
 pub mod hal;

@@ -7,7 +7,6 @@
 
 pub mod client;
 pub mod cut_through;
-pub mod ethercat;
 pub mod line;
 pub mod local;
 pub mod server;

@@ -5,12 +5,12 @@ use core::fmt;
 use super::mode::Ended;
 use super::output::Output;
 use super::wait::Wait;
+use crate::fieldbus::{EthercatPlace, LineWriter};
 use crate::gateway::Gateway;
 use crate::gateway::direct_request::{NotAsked, Turn};
 use crate::gateway::reconfigure::Unchanged;
 use crate::hal::{StoreError, System};
 use crate::language::Warning;
-use crate::port::ethercat::{EthercatPlace, LineWriter};
 use crate::scanner::Pdu;
 use crate::settings::PortId;
 

@@ -11,10 +11,10 @@ use super::rows::{LogRow, Row, StatusText, Troubles, age, cell, describe, descri
 use super::session::Session;
 use super::table::{Source, titled};
 use super::wait::Wait;
+use crate::fieldbus::{Controller, EthercatPlace, LineWriter};
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
 use crate::language::write_line;
-use crate::port::ethercat::{Controller, EthercatPlace, LineWriter};
 use crate::settings::{Endpoint, PortKind, SERVERS, ServerSettings, Settings, Side};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 

@@ -1,7 +1,7 @@
 //! Whether a board can have settings: what each of them asks for, against what there is.
 
 use super::Gateway;
-use crate::port::ethercat::ConfigError;
+use crate::fieldbus::ConfigError;
 use crate::scanner::Full;
 use crate::settings::{EthercatSettings, Name, Port, PortKind, Settings, StreamFraming};
 

@@ -1,7 +1,10 @@
 //! The gateway's EtherCAT side: what the SubDevice shares with it, and how its controller is found.
 
-use super::Gateway;
-use crate::port::ethercat::{Controller, EthercatPlace, LineWriter};
+use ethercat_subdevice::esc::EscError;
+
+use super::{Gateway, Status};
+use crate::fieldbus::{Controller, EthercatPlace, LineWriter};
+use crate::hal::{OpenError, OpenErrorKind};
 use crate::scanner::POINTS;
 use crate::settings::{InterfaceName, Settings};
 
@@ -58,5 +61,22 @@ impl<'g> Gateway<'g> {
             log_warn!("line {}: {writer}", new.name(line));
         }
         self.ethercat_changed.signal(());
+    }
+}
+
+/// The status of the port whose controller this is.
+impl From<Controller> for Status {
+    fn from(controller: Controller) -> Self {
+        match controller {
+            Controller::Present => Self::Open,
+            Controller::Missing(EscError::Unreachable(why))
+            | Controller::Lost(EscError::Unreachable(why)) => {
+                Self::Failed(OpenError::new(OpenErrorKind::Failed, why))
+            }
+            Controller::Missing(_) => {
+                Self::Failed(OpenError::new(OpenErrorKind::NotFound, "no EtherCAT controller answers"))
+            }
+            Controller::Lost(_) => Self::Lost,
+        }
     }
 }

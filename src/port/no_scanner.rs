@@ -1,7 +1,7 @@
 //! What stands for the scanner's port in a gateway that asks nothing by itself: without the feature `points`.
 
+use crate::fieldbus::EthercatPlace;
 use crate::gateway::{Gateway, PortPlace};
-use crate::port::ethercat::EthercatPlace;
 use crate::settings::PortId;
 
 /// There is nothing to ask for. Settings with such a port are refused before.
@@ -11,6 +11,6 @@ pub(crate) fn run(
     _: PortId,
     ethercat: Option<&EthercatPlace>,
 ) -> impl Future<Output = ()> {
-    ethercat.into_iter().for_each(|ethercat| _ = place.set_status(ethercat.controller().status()));
+    ethercat.into_iter().for_each(|ethercat| _ = place.set_status(ethercat.controller().into()));
     place.changed.wait()
 }

@@ -9,11 +9,11 @@ use core::future::pending;
 use embassy_futures::select::{Either4, select, select4};
 use embassy_time::{Duration, Instant, Timer};
 
+use crate::fieldbus::{EthercatPlace, Requests};
 use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
 use crate::gateway::{Gateway, PortPlace, Status};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
-use crate::port::ethercat::{EthercatPlace, Requests};
 use crate::scanner::{DEVICES_MAX, DeviceId, ErrorCode, Pdu, ScannerPlace};
 use crate::settings::PortId;
 use crate::stats::Event;
@@ -48,7 +48,7 @@ pub(crate) async fn run(
     let scanner = ethercat.map(EthercatPlace::scanner).or(gateway.scanner());
     let Some(scanner) = scanner else { return place.changed.wait().await };
     ethercat.into_iter().for_each(|ethercat| gateway.adopt(ethercat));
-    let status = ethercat.map_or(Status::Open, |ethercat| ethercat.controller().status());
+    let status = ethercat.map_or(Status::Open, |ethercat| ethercat.controller().into());
     let port = Port { gateway, place, id, scanner, status, ethercat };
     let renewed = async {
         match ethercat {

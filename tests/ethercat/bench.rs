@@ -1,7 +1,7 @@
 //! The bench for SubDevices, and the gateway's objects on it.
 
+use mobgate::fieldbus::{EthercatPlace, GatewayObjects};
 use mobgate::language::apply;
-use mobgate::port::ethercat::{EthercatPlace, GatewayObjects};
 use mobgate::settings::Settings;
 
 pub(crate) use mobgate_simulator::esc::bench::*;

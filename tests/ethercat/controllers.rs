@@ -6,7 +6,7 @@ use embassy_time::Duration;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::lan9252::InterruptPin;
 use ethercat_subdevice::sync_manager::Channel;
-use mobgate::port::ethercat::DEVICE;
+use mobgate::fieldbus::DEVICE;
 use mobgate_simulator::esc::Kind;
 use mobgate_simulator::lan9252::Timing;
 use mobgate_simulator::sub_device::{Counted, direct, exchange_at_pace, spi_traffic};

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::{esi, sii};
+use mobgate::fieldbus::{DEVICE, LONG_DEVICE, MODULAR, write_esi};
 use mobgate::language::apply;
-use mobgate::port::ethercat::{DEVICE, LONG_DEVICE, MODULAR, write_esi};
 use mobgate::settings::{Settings, SlaveSettings};
 use roxmltree::{Document, Node};
 

@@ -14,7 +14,7 @@ use ethercat_subdevice::catalogue::Catalogue;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::object::{Access, DataType, Object};
 use ethercat_subdevice::sub_device::SubDevice;
-use mobgate::port::ethercat::{DEVICE, GatewayObjects, MODULAR};
+use mobgate::fieldbus::{DEVICE, GatewayObjects, MODULAR};
 use mobgate_simulator::esc::packet::{PacketSocket, serve, serve_ring};
 use mobgate_simulator::own_network::{
     SECOND_MASTER_END, SECOND_SEGMENT_END, SEGMENT_END, in_own_network, lay_second_cable, start_master_with,

@@ -3,7 +3,7 @@
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::object::{Access, DataType, Entry, Object};
 use ethercat_subdevice::{esi, sii};
-use mobgate::port::ethercat::DEVICE;
+use mobgate::fieldbus::DEVICE;
 use mobgate_simulator::Random;
 use roxmltree::{Document, Node};
 

@@ -6,7 +6,7 @@ use ethercat_subdevice::device::Device;
 use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
-use mobgate::port::ethercat::DEVICE;
+use mobgate::fieldbus::DEVICE;
 use mobgate_simulator::lan9252::{Timing, over_spi};
 use mobgate_simulator::sub_device::{
     Desk, SharedEcho, cable, direct, exchange_images, line_of, spawn, start_up, with_master,

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use embassy_time::Duration;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::sync_manager::Channel;
-use mobgate::port::ethercat::DEVICE;
+use mobgate::fieldbus::DEVICE;
 use mobgate_simulator::Random;
 use mobgate_simulator::esc::Command;
 use mobgate_simulator::sub_device::{Echo, Paced, SharedEcho, direct, image, sequence};

@@ -8,7 +8,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_hal_async::digital::Wait;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::sub_device::SubDevice;
-use mobgate::port::ethercat::{DEVICE, EthercatPlace, GatewayObjects};
+use mobgate::fieldbus::{DEVICE, EthercatPlace, GatewayObjects};
 use mobgate_simulator::Device as ModbusDevice;
 use mobgate_simulator::esc::packet::{PacketSocket, serve};
 use mobgate_simulator::own_network::{SEGMENT_END, in_own_network, start_master};

@@ -5,7 +5,7 @@ use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::sii;
 use ethercat_subdevice::sync_manager::Channel;
-use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate::fieldbus::{DEVICE, GatewayObjects};
 
 use crate::bench::{
     Bench, ERROR, INIT, LARGE_BYTES, MAILBOX_34, MAILBOX_64, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP,

@@ -14,7 +14,7 @@ use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 use ethercat_subdevice::sii;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercat_subdevice::sync_manager::Channel;
-use mobgate::port::ethercat::DEVICE;
+use mobgate::fieldbus::DEVICE;
 use mobgate_simulator::esc::cable::{Cable, FrameFaults, SharedSegment};
 use mobgate_simulator::esc::frame::{Builder, datagrams};
 use mobgate_simulator::esc::{Command, DirectPdi, Interrupt};

@@ -50,8 +50,8 @@ fn no_file_imports_from_a_floor_above() {
 /// The floor on which a file is.
 fn floor(file: &Path) -> usize {
     let room = |room: &&str| file.starts_with(room) || file == Path::new(&format!("{room}.rs"));
-    let on = |rooms: &&[&str]| rooms.iter().any(|name| room(name));
-    FLOORS.iter().position(|rooms| on(rooms)).unwrap_or_else(|| panic!("{} is on no floor", file.display()))
+    let on = |rooms: &&[&str]| rooms.iter().any(room);
+    FLOORS.iter().position(on).unwrap_or_else(|| panic!("{} is on no floor", file.display()))
 }
 
 #[test]

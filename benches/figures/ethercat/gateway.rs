@@ -4,7 +4,7 @@ use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::device::Device as Description;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
-use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate::fieldbus::{DEVICE, GatewayObjects};
 use mobgate_simulator::rig::with_gateway;
 use mobgate_simulator::sub_device::{Desk, Group, cable, direct, line_of, spawn, with_master};
 use mobgate_simulator::{Device, Random};

@@ -7,7 +7,7 @@ use embassy_time::Instant;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::esc::Esc;
 use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
-use mobgate::port::ethercat::DEVICE;
+use mobgate::fieldbus::DEVICE;
 use mobgate_simulator::esc::{Chip, Command, Kind, Segment};
 use mobgate_simulator::lan9252::{Timing, Traffic};
 use mobgate_simulator::sub_device::{exchange_at_pace, spi_traffic};

@@ -1,7 +1,7 @@
 //! The EtherCAT SubDevice: how long ethercrab takes to start it, and how images fare.
 
 use ethercat_subdevice::device::Device;
-use mobgate::port::ethercat::DEVICE;
+use mobgate::fieldbus::DEVICE;
 use mobgate_simulator::lan9252::over_spi;
 use mobgate_simulator::sub_device::{exchange_images, start_up};
 

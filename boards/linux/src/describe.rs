@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use ethercat_subdevice::sii;
-use mobgate::port::ethercat::{device, write_esi};
+use mobgate::fieldbus::{device, write_esi};
 use mobgate::settings::SlaveSettings;
 
 use crate::cli::Make;

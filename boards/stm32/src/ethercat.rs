@@ -19,7 +19,7 @@ use embassy_time::Duration;
 use ethercat_subdevice::indicators::Lamps;
 use ethercat_subdevice::lan9252::{Lan9252, Wiring};
 use mobgate::gateway::Gateway;
-use mobgate::port::ethercat::{EthercatPlace, serve};
+use mobgate::fieldbus::{EthercatPlace, serve};
 use mobgate::scanner::ScannerPlace;
 
 use crate::gateway::{LIVENESS, Task};

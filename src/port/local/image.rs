@@ -3,7 +3,7 @@
 
 use embassy_time::Instant;
 
-use crate::port::ethercat::EthercatPlace;
+use crate::fieldbus::EthercatPlace;
 use crate::scanner::{DEVICES_MAX, age_register};
 
 /// The first register of the inputs; each has two bytes, the first one high.

@@ -5,7 +5,7 @@ use ethercat_subdevice::sub_device::SubDevice;
 use ethercat_subdevice::sync_manager::Channel;
 use ethercrab::{EtherCrabWireRead, EtherCrabWireSized, SubIndex};
 use ethercrab_wire::WireError;
-use mobgate::port::ethercat::GatewayObjects;
+use mobgate::fieldbus::GatewayObjects;
 use mobgate_simulator::World;
 use mobgate_simulator::sub_device::{Desk, SharedEcho, cable, direct, image, line_of, spawn, with_master};
 

@@ -2,8 +2,8 @@
 
 use embassy_time::Timer;
 use ethercat_subdevice::device::Device;
+use mobgate::fieldbus::DEVICE;
 use mobgate::language::apply;
-use mobgate::port::ethercat::DEVICE;
 use mobgate::settings::Settings;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::{Fault, Faults};

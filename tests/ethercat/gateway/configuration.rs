@@ -3,10 +3,8 @@
 use ethercat_subdevice::al_state::AlState;
 use ethercat_subdevice::application::Application;
 use ethercat_subdevice::coe::abort::Abort;
+use mobgate::fieldbus::{ConfigError, Configuration, EthercatPlace, GatewayObjects, REASON_BYTES, Room};
 use mobgate::language::apply;
-use mobgate::port::ethercat::{
-    ConfigError, Configuration, EthercatPlace, GatewayObjects, REASON_BYTES, Room,
-};
 use mobgate::scanner::Kind;
 use mobgate::settings::{PortKind, Settings};
 use mobgate_simulator::rig::with_gateway;

@@ -7,7 +7,7 @@ use embassy_time::{Duration, Instant};
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::indicators::{Lamps, Pattern};
 use ethercat_subdevice::sub_device::SubDevice;
-use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate::fieldbus::{DEVICE, GatewayObjects};
 use mobgate_simulator::console::typed;
 use mobgate_simulator::rig::with_gateway;
 use mobgate_simulator::sub_device::{cable, direct, line_of, spawn, with_master};

@@ -1,7 +1,7 @@
 //! The line of the port, which the MainDevice and the settings can both set: who was last, and that it can be seen.
 
 use embassy_time::Duration;
-use mobgate::port::ethercat::{GatewayObjects, LineWriter};
+use mobgate::fieldbus::{GatewayObjects, LineWriter};
 use mobgate_simulator::console::typed;
 use mobgate_simulator::rig::with_gateway;
 

@@ -2,7 +2,7 @@
 
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::sync_manager::Channel;
-use mobgate::port::ethercat::{GatewayObjects, MODULAR};
+use mobgate::fieldbus::{GatewayObjects, MODULAR};
 use mobgate_simulator::Random;
 use mobgate_simulator::esc::Command;
 

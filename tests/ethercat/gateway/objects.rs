@@ -2,7 +2,7 @@
 
 use ethercat_subdevice::application::{Address, Application};
 use ethercat_subdevice::coe::abort::Abort;
-use mobgate::port::ethercat::{EthercatPlace, GatewayObjects, REASON_BYTES};
+use mobgate::fieldbus::{EthercatPlace, GatewayObjects, REASON_BYTES};
 use mobgate_simulator::rig::with_gateway;
 
 pub(crate) const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use ethercat_subdevice::application::Application;
 use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::sync_manager::Channel;
-use mobgate::port::ethercat::GatewayObjects;
+use mobgate::fieldbus::GatewayObjects;
 use mobgate_simulator::Random;
 
 use super::objects::{configure_at, layout, read, reason, with_objects, write};

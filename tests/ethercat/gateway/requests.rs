@@ -2,7 +2,7 @@
 
 use embassy_time::{Duration, Timer};
 use ethercat_subdevice::coe::abort::Abort;
-use mobgate::port::ethercat::GatewayObjects;
+use mobgate::fieldbus::GatewayObjects;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::rig::{Rig, with_gateway};
 use mobgate_simulator::{Device, Fault, Faults, World};
@@ -166,7 +166,7 @@ fn ethercrab_asks_a_device_on_the_wire_by_parts_of_four_bytes() {
 
 #[test]
 fn a_request_passes_the_mailbox_in_segments() {
-    static GATEWAY: ethercat_subdevice::device::Device = mobgate::port::ethercat::DEVICE;
+    static GATEWAY: ethercat_subdevice::device::Device = mobgate::fieldbus::DEVICE;
     let mut rig = crate::bench::Rig::with_application(&GATEWAY, gateway_objects());
     rig.bring_to(PRE_OP);
     assert_eq!(rig.download(0x2033, 1, &[5; 255]), Err(0x0607_0012), "too long");

@@ -1,7 +1,7 @@
 //! Start-up lists as configuration tools have them: the same SDOs, sent on each way to SafeOp.
 
 use ethercat_subdevice::device::Device;
-use mobgate::port::ethercat::{DEVICE, GatewayObjects};
+use mobgate::fieldbus::{DEVICE, GatewayObjects};
 use mobgate_simulator::Random;
 
 use crate::bench::{PRE_OP, Rig, SAFE_OP, gateway_objects};

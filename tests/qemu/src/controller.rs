@@ -17,7 +17,7 @@ use embassy_time::Timer;
 use embedded_hal::spi::Operation;
 use embedded_hal_async::spi::SpiDevice;
 use ethercat_subdevice::device::Device;
-use mobgate::port::ethercat::DEVICE;
+use mobgate::fieldbus::DEVICE;
 use mobgate_simulator::Lan9252;
 use mobgate_simulator::esc::SharedSegment;
 use mobgate_simulator::esc::master::patient_main_device;

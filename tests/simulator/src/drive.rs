@@ -11,7 +11,7 @@ use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::device::Device as Description;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
-use mobgate::port::ethercat::{DEVICE, EthercatPlace, GatewayObjects};
+use mobgate::fieldbus::{DEVICE, EthercatPlace, GatewayObjects};
 
 use crate::rig::{Size, with_gateway_of};
 use crate::sub_device::{Desk, Group, cable, direct, line_of, spawn, with_master};

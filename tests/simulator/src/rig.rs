@@ -8,10 +8,10 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::Duration;
 use mobgate::capture::Capture;
+use mobgate::fieldbus::EthercatPlace;
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, Seat};
 use mobgate::language::{Loader, apply};
-use mobgate::port::ethercat::EthercatPlace;
 use mobgate::scanner::ScannerPlace;
 use mobgate::settings::{Framing, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, Side};
 use mobgate::stats::Event;

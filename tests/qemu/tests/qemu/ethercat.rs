@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use embassy_time::Timer;
 use ethercrab::ObjectDescriptionListQuery;
 use ethercrab::subdevice_group::{Op, PreOp};
-use mobgate::port::ethercat::DEVICE;
+use mobgate::fieldbus::DEVICE;
 use mobgate_qemu::{Bus, Console, Controller, wait_for};
 use mobgate_simulator::sub_device::{Desk, Group};
 

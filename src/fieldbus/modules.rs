@@ -138,7 +138,7 @@ mod tests {
     use super::{
         Channel, Kind, SlaveSettings, ValueType, ident, pdo_bytes, put_inputs, tables, take_outputs,
     };
-    use crate::port::ethercat::layout::DeviceLayout;
+    use crate::fieldbus::layout::DeviceLayout;
     use crate::settings::Cells;
 
     extern crate std;

@@ -14,15 +14,16 @@ use ethercat_subdevice::application::Address;
 use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::diagnosis::History;
 
-use super::configuration::{ConfigError, Configuration};
-use super::controller::Controller;
-use super::diagnosis::SharedHistory;
-use super::image::Room;
+use super::chip::Controller;
+use super::config_error::ConfigError;
+use super::configuration::Configuration;
 use super::keeping::Keeping;
 use super::layout::{DeviceLayout, layouts};
 use super::line::{LineWriter, Speed};
 use super::ranges::add;
 use super::request::Requests;
+use super::room::Room;
+use super::texts::SharedHistory;
 use crate::scanner::{DeviceId, DeviceStatus, Scanner, ScannerPlace};
 use crate::settings::{OnLoss, Settings};
 
@@ -292,32 +293,6 @@ impl EthercatPlace {
     /// Waits until the devices are others, or the controller is.
     pub async fn renewed(&self) {
         self.renewed.wait().await;
-    }
-
-    /// Whether a MainDevice has had a configuration taken over, and the settings do not say so yet.
-    pub(crate) fn has_news(&self) -> bool {
-        self.state.lock(Cell::get).taken_over
-    }
-
-    /// Whether the settings say the slaves of the configuration.
-    pub(crate) fn is_told(&self, settings: &Settings) -> bool {
-        self.configuration(|configuration| settings.slaves == configuration.slaves())
-    }
-
-    /// Puts the configuration that was taken over into the settings; how their line is to be set, if it is not set so.
-    pub(crate) fn tell(&self, settings: &mut Settings) -> Option<Speed> {
-        let State { speed, .. } = self.state.lock(Cell::get);
-        self.configuration(|configuration| {
-            settings.slaves.clear();
-            // As many as there can be.
-            let _ = settings.slaves.extend_from_slice(configuration.slaves());
-        });
-        let line = settings.ethercat_speed().map(Speed::of);
-        self.update(|state| {
-            state.taken_over = false;
-            state.line = if line.is_some() { speed } else { Speed::NONE };
-        });
-        line.filter(|line| *line != speed).map(|_| speed)
     }
 
     /// Who has set the port's line last.

@@ -2,7 +2,7 @@
 
 use core::fmt::{self, Display};
 
-use super::configuration::ConfigError;
+use super::config_error::ConfigError;
 use crate::settings::{LineSettings, Parity};
 
 /// How a serial line is set.

@@ -1,7 +1,7 @@
 //! Where the values of the Modbus devices lie in the buffers: device after device, kind after kind, without gaps.
 
-use super::configuration::ConfigError;
-use super::image::Room;
+use super::config_error::ConfigError;
+use super::room::Room;
 use crate::scanner::Kind;
 use crate::settings::{Cells, SlaveSettings};
 

@@ -1,23 +1,22 @@
-//! The buffers of inputs and outputs, which bytes of them each PDO carries, and so how long an image the assigned ones hold.
-
-use core::cell::Cell;
+//! Which bytes of the image each PDO carries, and so how long an image the assigned ones hold.
 
 use ethercat_subdevice::sync_manager::Channel;
 
-use super::place::EthercatPlace;
-use super::ranges::INPUTS;
-use crate::settings::OnLoss;
-
 /// Bytes of the input buffer and of the output buffer behind a controller of 4 KiB.
 pub(super) const IMAGE_BYTES: u16 = 512;
+
 /// Bytes of the input buffer behind a larger one: as many as a frame has.
 pub(super) const LONG_INPUTS: u16 = 1_486;
+
 /// Bytes of the output buffer behind a larger one.
 pub(super) const LONG_OUTPUTS: u16 = 1_500;
+
 /// Bytes that can be had one by one: those of the PDOs that are assigned after power-on.
 pub(super) const FIRST_BYTES: u16 = 120;
+
 /// Where the second of the PDOs behind those ends, and the third begins.
 pub(super) const SECOND_END: u16 = 256;
+
 /// Where the one ends that is behind the first 512 bytes of a long image, and the last one begins.
 pub(super) const FOURTH_END: u16 = 1_024;
 
@@ -82,47 +81,6 @@ fn covered(pdos: &[u16]) -> u16 {
         end = next;
     }
     end
-}
-
-impl EthercatPlace {
-    /// Bytes of the buffers.
-    pub fn most(&self) -> Room {
-        // On boards it is a constant.
-        if cfg!(feature = "long-images") && self.long { Room::LONG } else { Room::MOST }
-    }
-
-    /// Calls `f` with what was read last.
-    pub fn inputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
-        self.scanner.with(|scanner| f(scanner.image(INPUTS, self.most().inputs)))
-    }
-
-    /// Calls `f` with what is to be written.
-    pub fn outputs<R>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
-        let Room { inputs, outputs } = self.most();
-        self.scanner.with(|scanner| f(scanner.image(inputs, outputs)))
-    }
-
-    /// Takes outputs of a MainDevice in Op, which `put` writes.
-    pub(super) fn put_outputs(&self, put: impl FnOnce(&mut [u8])) {
-        self.scanner.with(|scanner| {
-            let Room { inputs, outputs } = self.most();
-            put(scanner.image_mut(inputs, outputs));
-            scanner.set_outputs(true);
-        });
-    }
-
-    /// No outputs come any more.
-    pub(super) fn outputs_stopped(&self) {
-        let on_loss = self.state.lock(Cell::get).on_loss;
-        self.scanner.with(|scanner| match on_loss {
-            OnLoss::Hold => {}
-            OnLoss::Clear => {
-                let Room { inputs, outputs } = self.most();
-                scanner.image_mut(inputs, outputs).fill(0);
-            }
-            OnLoss::Stop => scanner.set_outputs(false),
-        });
-    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,5 @@
 //! The controller chip of the gateway's SubDevice: looked for until one answers, served until it is gone, and looked for again.
 
-use core::fmt;
-
 use embassy_time::{Duration, Timer};
 use ethercat_subdevice::application::Application as _;
 use ethercat_subdevice::device::Device;
@@ -9,13 +7,13 @@ use ethercat_subdevice::esc::{Esc, EscError};
 use ethercat_subdevice::sub_device::{RESTART_PAUSE, SubDevice};
 
 use super::application::GatewayObjects;
+use super::chip::Controller;
 use super::modular::MODULAR;
 use super::objects::DEVICE;
+
 #[cfg(feature = "long-images")] // As what serves it.
 use super::objects::LONG_DEVICE;
 use super::place::EthercatPlace;
-use crate::gateway::Status;
-use crate::hal::{OpenError, OpenErrorKind};
 use crate::scanner::ScannerPlace;
 
 /// Between two looks for a controller that does not answer. A look is a few bytes on the bus.
@@ -47,54 +45,6 @@ pub type LongSubDevice<E, A> = SubDevice<
     { LONG_DEVICE.memory.outputs_bytes_max as usize },
     { LONG_DEVICE.memory.inputs_bytes_max as usize },
 >;
-
-/// Whether the board's controller answers.
-// `Present` is the 0: a place is all zeros at start. It is also what holds where nobody looks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(u8)]
-pub enum Controller {
-    /// It does.
-    #[default]
-    Present,
-    /// It has not yet.
-    Missing(EscError),
-    /// It has, and does not any more.
-    Lost(EscError),
-}
-
-impl Controller {
-    /// The status of the port whose controller this is.
-    pub(crate) fn status(self) -> Status {
-        match self {
-            Self::Present => Status::Open,
-            Self::Missing(EscError::Unreachable(why)) | Self::Lost(EscError::Unreachable(why)) => {
-                Status::Failed(OpenError::new(OpenErrorKind::Failed, why))
-            }
-            Self::Missing(_) => {
-                Status::Failed(OpenError::new(OpenErrorKind::NotFound, "no EtherCAT controller answers"))
-            }
-            Self::Lost(_) => Status::Lost,
-        }
-    }
-
-    /// What is wrong with it.
-    pub fn fault(self) -> Option<EscError> {
-        match self {
-            Self::Present => None,
-            Self::Missing(fault) | Self::Lost(fault) => Some(fault),
-        }
-    }
-}
-
-impl fmt::Display for Controller {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Present => "EtherCAT controller present",
-            Self::Missing(_) => "EtherCAT controller missing",
-            Self::Lost(_) => "EtherCAT controller lost",
-        })
-    }
-}
 
 /// The gateway's EtherCAT task: serves the controller behind `esc`, for ever, whenever there is one; `points` are those of the
 /// gateway, if it has any. `attention` as for [`SubDevice::run`].

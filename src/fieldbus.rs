@@ -6,6 +6,8 @@
 //! rules for its name. The devices are settings too: they can be typed, saved, and are in use after the next start.
 
 mod application;
+mod chip;
+mod config_error;
 mod configuration;
 mod controller;
 mod description;
@@ -22,18 +24,21 @@ mod place;
 mod points;
 mod ranges;
 mod request;
-mod settings;
+mod room;
+mod saving;
 mod slaves;
 mod slots;
 mod status;
+mod texts;
 
 pub use application::GatewayObjects;
-pub use configuration::{ConfigError, Configuration};
-pub use controller::{Controller, device, serve};
+pub use chip::Controller;
+pub use config_error::ConfigError;
+pub use configuration::Configuration;
 #[cfg(feature = "long-images")] // What they need is a feature.
 pub use controller::{LongSubDevice, long_device, serve_long};
+pub use controller::{device, serve};
 pub use description::write_esi;
-pub use image::Room;
 pub use keeping::Keep;
 pub use layout::DeviceLayout;
 pub use line::{LineWriter, Speed};
@@ -41,3 +46,4 @@ pub use modular::MODULAR;
 pub use objects::{DEVICE, LONG_DEVICE, REASON_BYTES};
 pub use place::EthercatPlace;
 pub use request::{REQUEST_BYTES_MAX, RequestState, Requests};
+pub use room::Room;

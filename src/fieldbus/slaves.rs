@@ -99,8 +99,11 @@ const fn layout_of(_nth: u16) -> &'static [Entry] {
     LAYOUT
 }
 
+/// 0: not asked yet; 1: well; 2: not normal.
+pub(super) const HEALTH: Entry = Entry::input("Health", DataType::U8);
+
 pub(super) const STATUS: &[Entry] = &[
-    super::objects::HEALTH,
+    HEALTH,
     // Never, until it does.
     Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX as u64),
     Entry::reading("ExceptionCode", DataType::U8),

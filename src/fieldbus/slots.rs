@@ -5,12 +5,12 @@ use ethercat_subdevice::assignment::Assignment;
 use ethercat_subdevice::object::Object;
 use ethercat_subdevice::sync_manager::Channel;
 
-use super::configuration::ConfigError;
-use super::image::{IMAGE_BYTES, Room};
+use super::config_error::ConfigError;
 use super::layout::{DeviceLayout, Start};
 use super::modular::{OWN_BYTES, STATUS_PDO, fits, has, indices, object, slot_of};
 use super::modules::{VARIANTS, ident, is_module, pdo_bytes, put_inputs, put_value, tables, take_outputs};
 use super::place::EthercatPlace;
+use super::room::{IMAGE_BYTES, Room};
 use super::slaves::SLAVES_MAX;
 use crate::settings::SlaveSettings;
 

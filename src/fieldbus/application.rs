@@ -16,13 +16,13 @@ use ethercat_subdevice::object::Object;
 use ethercat_subdevice::sync_manager::Channel;
 use heapless::String;
 
-use super::configuration::ConfigError;
-use super::image::{Room, first_of, span};
+use super::config_error::ConfigError;
 use super::keeping::{Keep, Kept};
 use super::line::LineWriter;
 use super::objects::REASON_BYTES;
 use super::place::EthercatPlace;
 use super::points::PointObjects;
+use super::room::{Room, first_of, span};
 use super::slaves::ModbusSlave;
 use super::slots::Slots;
 use crate::scanner::ScannerPlace;

@@ -6,7 +6,7 @@ use embassy_futures::select::select;
 use embassy_time::{Duration, Timer};
 use ethercat_subdevice::indicators::{Indicators, Lamps, Pattern, show};
 
-use super::controller::Controller;
+use super::chip::Controller;
 use super::place::{EthercatPlace, State};
 
 impl EthercatPlace {

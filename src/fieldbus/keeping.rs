@@ -9,8 +9,6 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant};
 
-use super::place::EthercatPlace;
-
 /// How long a store may take.
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -124,25 +122,5 @@ impl Keeping {
             let kept = if well { Kept::Done } else { Kept::Failed };
             self.state.lock(|cell| cell.set(State { kept, ..state }));
         }
-    }
-}
-
-impl EthercatPlace {
-    /// Waits until the settings are to be saved, as somebody who has a store; says how.
-    pub(crate) async fn keep_wanted(&self) -> Keep {
-        self.keeping.wanted().await
-    }
-
-    /// The settings have been saved, or not.
-    pub(crate) fn kept(&self, well: bool) {
-        self.keeping.done(well);
-        if !well {
-            self.configuration_not_kept();
-        }
-    }
-
-    /// The slaves are those of after power-on.
-    pub(crate) fn restore(&self) {
-        self.configuration(|configuration| configuration.replace(&[]));
     }
 }

@@ -9,10 +9,10 @@ use ethercat_subdevice::object::{Access, DataType, Entry, Mapped, Object};
 use ethercat_subdevice::standard;
 use ethercat_subdevice::sync_manager::MemoryPlan;
 
-use super::diagnosis::TEXTS;
-use super::image::{FIRST_BYTES, FOURTH_END, IMAGE_BYTES, LONG_ENTRY, LONG_INPUTS, LONG_OUTPUTS, SECOND_END};
 use super::request::REQUEST_BYTES_MAX;
-use super::slaves::{CONFIGURATIONS, LAYOUTS, SLAVES, SLAVES_FIRST, STATUSES, first_four};
+use super::room::{FIRST_BYTES, FOURTH_END, IMAGE_BYTES, LONG_ENTRY, LONG_INPUTS, LONG_OUTPUTS, SECOND_END};
+use super::slaves::{CONFIGURATIONS, HEALTH, LAYOUTS, SLAVES, SLAVES_FIRST, STATUSES, first_four};
+use super::texts::TEXTS;
 use crate::modbus::PDU_BYTES_MAX;
 use crate::scanner::REQUESTERS;
 
@@ -87,9 +87,6 @@ const CHECK: Entry = Entry::setting("CheckBeforePoll", DataType::U8, 0, (0, 1));
 const ON_SILENCE: Entry = Entry::setting("OnSilence", DataType::U8, 0, (0, 2));
 
 const SUBSTITUTE: Entry = Entry::setting("Substitute", DataType::U16, 0, (0, u16::MAX as u64));
-
-/// 0: not asked yet; 1: well; 2: not normal.
-pub(super) const HEALTH: Entry = Entry::input("Health", DataType::U8);
 
 /// Health in bits 0 and 1, its inputs in bits 2 and 3 (see 2180h), a bit that turns with every answer (7), and the exception of
 /// its last negative answer (8 to 15).

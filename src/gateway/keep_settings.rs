@@ -1,9 +1,7 @@
 //! What a MainDevice changes in the settings: slaves, the line of the port, and that they are saved.
 
-use super::keeping::Keep;
-use super::line::Speed;
-use super::place::EthercatPlace;
-use crate::gateway::{Gateway, reconfigure};
+use super::{Gateway, reconfigure};
+use crate::fieldbus::{EthercatPlace, Keep, Speed};
 use crate::hal::Store;
 use crate::settings::{LineSettings, PortKind, SerialSettings};
 

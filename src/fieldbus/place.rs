@@ -59,7 +59,7 @@ pub(super) struct State {
     /// The settings have slaves that are to be asked as soon as there are port and line.
     wanted: bool,
     /// A MainDevice has had a configuration taken over, and the settings do not say so yet.
-    taken_over: bool,
+    pub(super) taken_over: bool,
     /// Bytes of the image that the assigned PDOs hold.
     room: Room,
     /// Whether devices are modules, whose PDOs are as long as their values.
@@ -69,9 +69,9 @@ pub(super) struct State {
     /// Whether they are being exchanged, and cannot become others.
     exchanging: bool,
     /// How the MainDevice has set the serial line, once it has.
-    speed: Speed,
+    pub(super) speed: Speed,
     /// How the line was set when it was looked at last.
-    line: Speed,
+    pub(super) line: Speed,
     controller: Controller,
     /// What the SubDevice shows, once it does. Apart from each other, or nothing yet would not be all zeros.
     pub(super) shown: Option<AlState>,

@@ -1,29 +1,11 @@
 //! What a MainDevice has had taken over, on its way into the settings and into a store.
 
-use core::cell::{Cell, RefCell};
+use core::cell::Cell;
 
-use embassy_sync::blocking_mutex::Mutex;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::signal::Signal;
-use embassy_time::Instant;
-use ethercat_subdevice::al_state::{AlState, AlStatusCode};
-use ethercat_subdevice::application::Address;
-use ethercat_subdevice::coe::abort::Abort;
-use ethercat_subdevice::diagnosis::History;
-
-use super::chip::Controller;
-use super::config_error::ConfigError;
-use super::configuration::Configuration;
-use super::keeping::{Keep, Keeping};
-use super::layout::{DeviceLayout, layouts};
-use super::line::{LineWriter, Speed};
+use super::keeping::Keep;
+use super::line::Speed;
 use super::place::{EthercatPlace, State};
-use super::ranges::add;
-use super::request::Requests;
-use super::room::Room;
-use super::texts::SharedHistory;
-use crate::scanner::{DeviceId, DeviceStatus, Scanner, ScannerPlace};
-use crate::settings::{OnLoss, Settings};
+use crate::settings::Settings;
 
 impl EthercatPlace {
     /// Waits until the settings are to be saved, as somebody who has a store; says how.

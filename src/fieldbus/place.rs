@@ -61,11 +61,11 @@ pub(super) struct State {
     /// A MainDevice has had a configuration taken over, and the settings do not say so yet.
     pub(super) taken_over: bool,
     /// Bytes of the image that the assigned PDOs hold.
-    room: Room,
+    pub(super) room: Room,
     /// Whether devices are modules, whose PDOs are as long as their values.
-    modular: bool,
+    pub(super) modular: bool,
     /// Whether the settings say so. The SubDevice has to start anew for that.
-    wants_modules: bool,
+    pub(super) wants_modules: bool,
     /// Whether they are being exchanged, and cannot become others.
     exchanging: bool,
     /// How the MainDevice has set the serial line, once it has.
@@ -246,17 +246,6 @@ impl EthercatPlace {
         let most = self.most();
         let room = Room { inputs: room.inputs.min(most.inputs), outputs: room.outputs.min(most.outputs) };
         self.update(|state| state.room = room);
-    }
-
-    /// Whether devices are modules, in the SubDevice as it is now. Its PDOs are those of after power-on.
-    pub(super) fn set_modular(&self, modular: bool) {
-        let room = if modular { Room::MOST } else { Room::FIRST };
-        self.update(|state| (state.modular, state.room) = (modular, room));
-    }
-
-    /// Whether the settings want a modular SubDevice.
-    pub(super) fn wants_modules(&self) -> bool {
-        self.state.lock(Cell::get).wants_modules
     }
 
     /// Whether process data are exchanged.

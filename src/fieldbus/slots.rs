@@ -1,5 +1,7 @@
 //! What a modular gateway has besides: the modules in their slots, and those that the MainDevice expects there.
 
+use core::cell::Cell;
+
 use ethercat_subdevice::application::Address;
 use ethercat_subdevice::assignment::Assignment;
 use ethercat_subdevice::object::Object;
@@ -204,5 +206,18 @@ impl<'p> Slots<'p> {
             self.place.put_outputs(|image| take_outputs(&module, &layout, bytes, image));
         }
         Some(())
+    }
+}
+
+impl EthercatPlace {
+    /// Whether devices are modules, in the SubDevice as it is now. Its PDOs are those of after power-on.
+    pub(super) fn set_modular(&self, modular: bool) {
+        let room = if modular { Room::MOST } else { Room::FIRST };
+        self.update(|state| (state.modular, state.room) = (modular, room));
+    }
+
+    /// Whether the settings want a modular SubDevice.
+    pub(super) fn wants_modules(&self) -> bool {
+        self.state.lock(Cell::get).wants_modules
     }
 }

@@ -3,6 +3,7 @@
 //! A device's table is a `const`, sorted by index. Numbers and texts that never change stand in it; what the stack itself keeps
 //! (PDO assignment, synchronisation) is marked as such, and everything else is the application's.
 
+mod runs;
 mod types;
 
 use core::fmt;
@@ -10,6 +11,7 @@ use core::fmt;
 use crate::assignment::{PDOS_ASSIGNED_MAX, PDOS_SELECTED_MAX};
 use crate::sync_manager::Channel;
 
+pub use runs::{Mapped, PADDING, RUNS_MAX, Runs};
 pub use types::{Access, DataType};
 
 /// An object: an index with one or more entries.
@@ -53,66 +55,6 @@ pub struct PdoRules {
 impl PdoRules {
     /// It goes with all others, and is described.
     pub const NONE: Self = Self { excluded: &[], described: true };
-}
-
-/// Runs of entries that a PDO carries at most.
-pub const RUNS_MAX: usize = 8;
-
-/// What a PDO carries, in order.
-#[derive(Debug, Clone, Copy)]
-pub struct Runs {
-    runs: [Mapped; RUNS_MAX],
-    used: u8,
-}
-
-impl Runs {
-    /// None.
-    pub const NONE: Self = Self { runs: [Mapped { index: 0, sub: 0, count: 0, bits: 0 }; RUNS_MAX], used: 0 };
-
-    /// The same and `run`; none when there are [`RUNS_MAX`] already.
-    #[must_use]
-    pub const fn and(mut self, run: Mapped) -> Option<Self> {
-        if self.used as usize >= RUNS_MAX {
-            return None;
-        }
-        self.runs[self.used as usize] = run;
-        self.used += 1;
-        Some(self)
-    }
-
-    /// All of `runs`.
-    ///
-    /// # Panics
-    /// At build time, when they are too many.
-    const fn of(runs: &[Mapped]) -> Self {
-        let (mut all, mut nth) = (Self::NONE, 0);
-        while nth < runs.len() {
-            let Some(more) = all.and(runs[nth]) else { panic!("a PDO has too many runs") };
-            (all, nth) = (more, nth + 1);
-        }
-        all
-    }
-
-    /// The runs.
-    pub fn iter(&self) -> impl Iterator<Item = &Mapped> {
-        self.runs.iter().take(self.used.into())
-    }
-}
-
-/// The index of what fills a PDO up, and is no entry.
-pub const PADDING: u16 = 0;
-
-/// A run of entries of one object that a PDO carries.
-#[derive(Debug, Clone, Copy)]
-pub struct Mapped {
-    /// The object.
-    pub index: u16,
-    /// The first sub-index.
-    pub sub: u8,
-    /// How many entries.
-    pub count: u8,
-    /// Bits of each entry.
-    pub bits: u8,
 }
 
 /// One value of an object.
@@ -386,7 +328,7 @@ impl Object {
             Entries::Mapping(runs, _) => runs,
             _ => Runs::NONE,
         };
-        runs.runs.into_iter().take(runs.used.into()).flat_map(|run| {
+        runs.all().flat_map(|run| {
             let subs = u32::from(run.sub)..u32::from(run.sub) + u32::from(run.count);
             subs.map(move |sub| u32::from(run.index) << 16 | sub << 8 | u32::from(run.bits))
         })

@@ -145,7 +145,9 @@ pub(crate) fn all(groups: &[Group], install: bool) -> Outcome {
     }
     if !install {
         let names: Vec<&str> = missing.iter().map(|need| need.name).collect();
-        let mut how = "cargo xtask install".to_owned();
+        let groups = groups.iter().filter_map(ValueEnum::to_possible_value);
+        let mut how =
+            groups.fold("cargo xtask install".to_owned(), |how, group| how + " " + group.get_name());
         if !packages.is_empty() {
             how = format!("apt-get install {}, then {how}", packages.join(" "));
         }

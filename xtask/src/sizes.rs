@@ -37,7 +37,7 @@ const PARTS: [(&str, &str); 7] = [
     ("frames", "gateway::SLOTS"),
     ("port_places", "gateway::PORT_PLACES"),
     ("connections", "gateway::SEAT_PLACES"),
-    ("tasks::router", "gateway::router::POOL"),
+    ("router", "gateway::router::POOL"),
 ];
 
 const CODE: &str = "tTrR";
@@ -169,5 +169,28 @@ impl Image {
         // Eight ports, 64 rules, 16 clients.
         figure("gateway_ram", kib(statics.map(|symbol| symbol.bytes).sum()), "KiB", Some(82.5));
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{CORE, PARTS};
+    use crate::tools::{read, root};
+
+    #[test]
+    fn each_part_of_the_ram_is_a_figure_of_the_gate() {
+        let figures = read("tests/figures").unwrap();
+        for (part, _) in PARTS {
+            assert!(figures.lines().any(|line| line == format!("gateway_ram_{part}")), "{part}");
+        }
+    }
+
+    /// A module with a new name would be left out of the figure without a word.
+    #[test]
+    fn the_modules_of_the_core_are_there() {
+        for module in CORE {
+            let file = format!("src/{}.rs", module.replace("::", "/"));
+            assert!(root().join(&file).exists(), "{file}");
+        }
     }
 }

@@ -128,8 +128,13 @@ fn declaration(span: &Value, kind: &str) -> String {
 fn head(text: &str, kind: &str) -> String {
     let (mut depth, mut before) = (0_i32, ' ');
     let end = text.find(|character| {
-        // A struct's fields have lines of their own where they are public.
-        if kind == "struct" && depth == 0 && character == '(' {
+        // A struct's fields have lines of their own where they are public; a field ends before the next.
+        let stop = match kind {
+            "struct" => '(',
+            "struct_field" => ',',
+            _ => '{',
+        };
+        if depth == 0 && character == stop {
             return true;
         }
         match character {
@@ -156,6 +161,7 @@ mod tests {
             ("struct", "pub struct Slot(pub(super) Mutex<u8>);", "pub struct Slot"),
             ("struct", "pub struct Row<F: Fn(u8) -> u8> {\n    own: F,", "pub struct Row<F: Fn(u8) -> u8>"),
             ("struct_field", "pub u16);", "pub u16"),
+            ("struct_field", "Misfit, Result<u8, ()>)", "Misfit"),
             ("struct_field", "pub rows: [u8; 4],", "pub rows: [u8; 4]"),
             ("variant", "Up(AlState),", "Up(AlState)"),
             ("constant", "pub const ROWS: [u8; 2] = [1, 2];", "pub const ROWS: [u8; 2]"),

@@ -50,8 +50,9 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 22] = [
+const NEEDS: [Need; 23] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
+    by_apt(Group::Package, "mbpoll", &["mbpoll"]),
     by_apt(Group::Peers, "socat", &["socat"]),
     by_apt(Group::Peers, "tshark", &["tshark"]),
     by_apt(Group::Peers, "ip", &["iproute2"]),
@@ -123,7 +124,10 @@ const fn by_cargo(group: Group, name: &'static str) -> Need {
 /// What these groups need and is not here.
 fn missing(groups: &[Group]) -> Vec<&'static Need> {
     let needs = NEEDS.iter().filter(|need| groups.is_empty() || groups.contains(&need.group));
-    needs.filter(|need| !(need.found)(need.name)).collect()
+    let mut missing: Vec<_> = needs.filter(|need| !(need.found)(need.name)).collect();
+    // Two groups may need the same.
+    missing.dedup_by_key(|need| need.name);
+    missing
 }
 
 /// Names what is missing for these groups; without groups, for all.

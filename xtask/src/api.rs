@@ -76,7 +76,7 @@ impl Api<'_> {
         let name = item["name"].as_str().unwrap_or_default();
         let own = if path.is_empty() { name.to_owned() } else { format!("{path}::{name}") };
         if kind != "impl" && kind != "module" {
-            self.lines.insert(format!("{own}: {}", declaration(&item["span"])));
+            self.lines.insert(format!("{own}: {}", declaration(&item["span"], kind)));
         }
         let inside = if kind == "impl" { path } else { &own };
         let parts = ["items", "impls", "variants"].map(|part| &inner[part]);
@@ -112,8 +112,8 @@ impl Api<'_> {
     }
 }
 
-/// An item's head in its file: up to its body or its end, in one line.
-fn declaration(span: &Value) -> String {
+/// An item's head in its file.
+fn declaration(span: &Value, kind: &str) -> String {
     let file = Path::new(span["filename"].as_str().unwrap_or_default());
     let number = |of: &Value, nth: usize| of[nth].as_u64().unwrap_or(1) as usize;
     let (begin, end) = (&span["begin"], &span["end"]);
@@ -121,9 +121,22 @@ fn declaration(span: &Value) -> String {
     let lines = text.lines().take(number(end, 0)).skip(number(begin, 0).saturating_sub(1));
     let text: Vec<&str> = lines.collect();
     let text = text.join("\n");
-    let head = text.get(number(begin, 1).saturating_sub(1)..).unwrap_or(&text);
+    head(text.get(number(begin, 1).saturating_sub(1)..).unwrap_or(&text), kind)
+}
+
+/// Up to its body or its end, in one line.
+fn head(text: &str, kind: &str) -> String {
     let (mut depth, mut before) = (0_i32, ' ');
-    let end = head.find(|character| {
+    let end = text.find(|character| {
+        // A struct's fields have lines of their own where they are public; a field ends before the next.
+        let stop = match kind {
+            "struct" => '(',
+            "struct_field" => ',',
+            _ => '{',
+        };
+        if depth == 0 && character == stop {
+            return true;
+        }
         match character {
             '(' | '[' | '<' => depth += 1,
             '>' if before == '-' => {}
@@ -132,12 +145,29 @@ fn declaration(span: &Value) -> String {
         }
         before = character;
         // The value of a constant is no part of what callers write.
-        depth == 0 && matches!(character, '{' | ';' | '=')
+        depth < 0 || depth == 0 && matches!(character, '{' | ';' | '=')
     });
-    head[..end.unwrap_or(head.len())]
-        .split_whitespace()
-        .collect::<Vec<_>>()
-        .join(" ")
-        .trim_end_matches(',')
-        .to_owned()
+    let words = text[..end.unwrap_or(text.len())].split_whitespace().collect::<Vec<_>>();
+    words.join(" ").trim_end_matches(',').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::head;
+
+    #[test]
+    fn a_declaration_ends_before_what_callers_do_not_see() {
+        for (kind, text, shown) in [
+            ("struct", "pub struct Slot(pub(super) Mutex<u8>);", "pub struct Slot"),
+            ("struct", "pub struct Row<F: Fn(u8) -> u8> {\n    own: F,", "pub struct Row<F: Fn(u8) -> u8>"),
+            ("struct_field", "pub u16);", "pub u16"),
+            ("struct_field", "Misfit, Result<u8, ()>)", "Misfit"),
+            ("struct_field", "pub rows: [u8; 4],", "pub rows: [u8; 4]"),
+            ("variant", "Up(AlState),", "Up(AlState)"),
+            ("constant", "pub const ROWS: [u8; 2] = [1, 2];", "pub const ROWS: [u8; 2]"),
+            ("function", "pub fn of(\n    id: u8,\n) -> Option<u8> {", "pub fn of( id: u8, ) -> Option<u8>"),
+        ] {
+            assert_eq!(head(text, kind), shown);
+        }
+    }
 }

@@ -69,15 +69,15 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     if !core && !folder.join("Cargo.toml").exists() {
         return Err(format!("no board {board} in boards/"));
     }
-    let mut cargo = if has_core() {
-        command("cargo", &[subcommand])
+    let (mut cargo, rustc) = if has_core() {
+        (command("cargo", &[subcommand]), "rustc".into())
     } else if has_sources() {
         let mut cargo = debian_cargo(&[subcommand]);
         // Boards link crates that name `alloc` without using it; the core must do without.
         cargo.arg(if core { "-Zbuild-std=core" } else { "-Zbuild-std=core,alloc" });
         // rustup's compiler has a linker of its own, Debian's has not.
         cargo.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld");
-        cargo
+        (cargo, debian().join("rustc"))
     } else {
         return Err(format!(
             "no core library for {TARGET}: run 'rustup target add {TARGET}', or on Debian 'cargo xtask install thumb'"
@@ -96,6 +96,8 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
         .args(["--locked", "--release", "--target", TARGET, "--target-dir"])
         .arg(root().join("target/thumb"));
     cargo.arg("--config").arg(short_paths()).args(arguments);
+    // Sizes depend on the compiler.
+    eprintln!("{board} for {TARGET} with {}", output(&mut command(rustc, &["--version"]))?.trim());
     tools::run(&mut cargo)?;
     match subcommand {
         "build" if core => tools::built(images().join("libmobgate.rlib")),

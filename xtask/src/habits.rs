@@ -78,13 +78,10 @@ pub(crate) fn rust_version() -> Outcome {
             used.trim()
         ));
     }
-    let mut check =
-        command("rustup", &["run", wanted, "cargo", "check", "--locked", "--workspace", "--all-targets"]);
-    run(check
-        .args(["--target-dir", "target/rust-version"])
-        .env_remove("RUSTUP_TOOLCHAIN")
-        .env_remove("RUSTC"))
-    .map_err(|error| format!("{error} (rustup toolchain install {wanted})"))
+    println!("rust-version {wanted} is not the Rust in use; rustup brings it if it is not here");
+    let mut check = command("rustup", &["run", "--install", wanted, "cargo", "check", "--locked"]);
+    check.args(["--workspace", "--all-targets", "--target-dir", "target/rust-version"]);
+    run(check.env_remove("RUSTUP_TOOLCHAIN").env_remove("RUSTC"))
 }
 
 /// Formats of all packages; lints and documentation of those of the workspace; what editors, crates and callers see.
@@ -95,7 +92,8 @@ pub(crate) fn lint() -> Outcome {
     for package in
         boards.chain([root().join("tests/fuzz")]).filter(|folder| folder.join("Cargo.toml").exists())
     {
-        run(command("cargo", &["fmt", "--check"]).current_dir(package))?;
+        run(command("cargo", &["fmt", "--check"]).current_dir(&package))
+            .map_err(|error| format!("{}: {error}", package.display()))?;
     }
     linked_projects()?;
     rust_version()?;

@@ -50,8 +50,9 @@ struct Need {
 
 const DEBIAN_RUST: By = By::Apt(&["rustc-web", "cargo-web", "rust-web-src", "rust-web-clippy", "lld"]);
 
-const NEEDS: [Need; 22] = [
+const NEEDS: [Need; 23] = [
     by_apt(Group::Peers, "mbpoll", &["mbpoll"]),
+    by_apt(Group::Package, "mbpoll", &["mbpoll"]),
     by_apt(Group::Peers, "socat", &["socat"]),
     by_apt(Group::Peers, "tshark", &["tshark"]),
     by_apt(Group::Peers, "ip", &["iproute2"]),
@@ -123,7 +124,10 @@ const fn by_cargo(group: Group, name: &'static str) -> Need {
 /// What these groups need and is not here.
 fn missing(groups: &[Group]) -> Vec<&'static Need> {
     let needs = NEEDS.iter().filter(|need| groups.is_empty() || groups.contains(&need.group));
-    needs.filter(|need| !(need.found)(need.name)).collect()
+    let mut missing: Vec<_> = needs.filter(|need| !(need.found)(need.name)).collect();
+    // Two groups may need the same.
+    missing.dedup_by_key(|need| need.name);
+    missing
 }
 
 /// Names what is missing for these groups; without groups, for all.
@@ -145,7 +149,9 @@ pub(crate) fn all(groups: &[Group], install: bool) -> Outcome {
     }
     if !install {
         let names: Vec<&str> = missing.iter().map(|need| need.name).collect();
-        let mut how = "cargo xtask install".to_owned();
+        let groups = groups.iter().filter_map(ValueEnum::to_possible_value);
+        let mut how =
+            groups.fold("cargo xtask install".to_owned(), |how, group| how + " " + group.get_name());
         if !packages.is_empty() {
             how = format!("apt-get install {}, then {how}", packages.join(" "));
         }

@@ -18,7 +18,7 @@ const CORE: [&str; 11] = [
     "routing",
     "settings::functions",
     "settings::policy",
-    "settings::rule",
+    "settings::rule::",
     "frame",
     "stats",
     "gateway",
@@ -26,8 +26,21 @@ const CORE: [&str; 11] = [
     "port::client::dispatcher",
     "port::client::cache",
 ];
+/// What these hold besides: changes of settings, requests of the console, sockets, statistics of response times.
+const BESIDES: [&str; 10] = [
+    "routing::is_implied",
+    "stats::response_tail",
+    "gateway::direct_request",
+    "gateway::events",
+    "gateway::outstanding",
+    "gateway::reconfigure",
+    "gateway::response_times",
+    "gateway::saved",
+    "gateway::socket",
+    "gateway::turns",
+];
 /// Tasks of the ports themselves: framing, timing, sockets.
-const NOT_CORE: [&str; 3] = ["run_port", "run_seat", "play<"];
+const TASKS: [&str; 4] = ["run_port", "run_seat", "play<", "socket_closed"];
 
 /// The gateway's statics with the futures of its tasks.
 const PARTS: [(&str, &str); 7] = [
@@ -37,7 +50,7 @@ const PARTS: [(&str, &str); 7] = [
     ("frames", "gateway::SLOTS"),
     ("port_places", "gateway::PORT_PLACES"),
     ("connections", "gateway::SEAT_PLACES"),
-    ("tasks::router", "gateway::router::POOL"),
+    ("router", "gateway::router::POOL"),
 ];
 
 const CODE: &str = "tTrR";
@@ -69,6 +82,13 @@ pub(crate) fn print(boards: &[String]) -> Outcome {
 
 fn kib(bytes: u64) -> f64 {
     bytes as f64 / 1024.0
+}
+
+/// Whether a symbol is of the router's core.
+fn is_core(symbol: &str) -> bool {
+    let Some((_, module)) = symbol.split_once("mobgate::") else { return false };
+    let within = |modules: &[&str]| modules.iter().any(|of| module.starts_with(of));
+    within(&CORE) && !within(&BESIDES) && !TASKS.iter().any(|task| symbol.contains(task))
 }
 
 struct Symbol {
@@ -136,11 +156,7 @@ impl Image {
     }
 
     fn core_flash(&self) -> u64 {
-        let core = self.of_kind(CODE).filter(|symbol| {
-            let module = symbol.name.split_once("mobgate::").map(|(_, rest)| rest);
-            module.is_some_and(|module| CORE.iter().any(|of| module.starts_with(of)))
-                && !NOT_CORE.iter().any(|of| symbol.name.contains(of))
-        });
+        let core = self.of_kind(CODE).filter(|symbol| is_core(&symbol.name));
         core.map(|symbol| symbol.bytes).sum()
     }
 
@@ -169,5 +185,48 @@ impl Image {
         // Eight ports, 64 rules, 16 clients.
         figure("gateway_ram", kib(statics.map(|symbol| symbol.bytes).sum()), "KiB", Some(82.5));
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{BESIDES, CORE, PARTS, is_core};
+    use crate::tools::{read, root};
+
+    #[test]
+    fn each_part_of_the_ram_is_a_figure_of_the_gate() {
+        let figures = read("tests/figures").unwrap();
+        for (part, _) in PARTS {
+            assert!(figures.lines().any(|line| line == format!("gateway_ram_{part}")), "{part}");
+        }
+    }
+
+    /// A module or function with a new name would change the figure without a word.
+    #[test]
+    fn what_the_core_is_made_of_is_there() {
+        for path in CORE.iter().chain(&BESIDES) {
+            let path = path.trim_end_matches(':').replace("::", "/");
+            let module = root().join(format!("src/{path}.rs")).exists();
+            let function = || {
+                let (file, name) = path.rsplit_once('/')?;
+                Some(read(format!("src/{file}.rs")).ok()?.contains(&format!("fn {name}(")))
+            };
+            assert!(module || function() == Some(true), "{path}");
+        }
+    }
+
+    #[test]
+    fn symbols_of_the_core_are_told_from_those_beside_it() {
+        for (symbol, core) in [
+            ("<mobgate::port::client::dispatcher::Desk>::next", true),
+            ("<mobgate::gateway::Gateway>::refuse", true),
+            ("<mobgate::settings::rule::Tag>::apply", true),
+            ("<&mobgate::settings::rules::Rules as core::fmt::Display>::fmt", false),
+            ("mobgate::gateway::reconfigure::draft::{closure#0}", false),
+            ("<mobgate::gateway::Gateway>::run_port::<Lines>::{closure#0}", false),
+            ("mobgate_stm32::gateway::start", false),
+        ] {
+            assert_eq!(is_core(symbol), core, "{symbol}");
+        }
     }
 }

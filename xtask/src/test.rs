@@ -25,7 +25,7 @@ impl Suite {
         match self {
             Self::Workspace | Self::Maindevices => &[Group::Peers],
             Self::Qemu => &[Group::Qemu, Group::Thumb, Group::Peers],
-            Self::Package => &[Group::Package, Group::Peers],
+            Self::Package => &[Group::Package],
             Self::Torture => &[],
         }
     }

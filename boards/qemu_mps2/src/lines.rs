@@ -1,8 +1,8 @@
 //! The Modbus lines: `uart1` to `uart3`. UART 0 is the console, UART 4 tells figures.
 
 use embassy_time::Duration;
-use mobgate::settings::{Driver, LineSettings};
 use mobgate::hal::{OpenError, OpenErrorKind, SerialHost};
+use mobgate::settings::{Driver, LineSettings};
 
 use crate::uart::{CLOCK_HZ, DIVISOR_MIN, Line};
 

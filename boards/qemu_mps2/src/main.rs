@@ -23,7 +23,7 @@ mod transmitter;
 mod uart;
 
 use embassy_net::Runner;
-use mobgate::settings::{PortId};
+use mobgate::settings::PortId;
 use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets};
 
 use crate::board::{Board, Store};

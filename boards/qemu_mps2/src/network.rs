@@ -2,8 +2,8 @@
 
 use embassy_futures::join::join4;
 use embassy_net::{Runner, StackResources};
-use mobgate::settings::{OwnNetwork};
 use mobgate::gateway::Gateway;
+use mobgate::settings::OwnNetwork;
 use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 

@@ -13,8 +13,8 @@ use critical_section::CriticalSection;
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::{Duration, TICK_HZ};
 use embedded_io_async::{ErrorType, Read, Write};
-use mobgate::hal::{Flaws, SerialLine};
 use mobgate::hal::Relay;
+use mobgate::hal::{Flaws, SerialLine};
 
 use crate::interrupts::{self, Interrupt};
 use crate::lines;

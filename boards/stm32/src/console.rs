@@ -5,8 +5,8 @@ use core::pin::pin;
 use embassy_executor::Spawner;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use mobgate::settings::{LineSettings, Parity};
 use mobgate::console::{self, Mode};
+use mobgate::settings::{LineSettings, Parity};
 use mobgate_flash::{FlashStore, SharedStore};
 
 use crate::flash::{SETTINGS_START, SettingsFlash};

@@ -5,9 +5,9 @@ use core::pin::pin;
 
 use embassy_executor::Spawner;
 use embassy_sync::once_lock::OnceLock;
-use mobgate::settings::{PortId};
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::{Gateway, Ports, Seat};
+use mobgate::settings::PortId;
 use mobgate_board::liveness::Liveness;
 use mobgate_net::{Connector, Datagrams, TcpSockets};
 use static_cell::StaticCell;

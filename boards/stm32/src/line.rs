@@ -25,8 +25,8 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::waitqueue::AtomicWaker;
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use mobgate::settings::{Driver, LineSettings, Parity as WireParity};
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialLine};
+use mobgate::settings::{Driver, LineSettings, Parity as WireParity};
 
 use crate::registers;
 

@@ -3,8 +3,8 @@
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::{Mutex, MutexGuard};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use mobgate::settings::{LineSettings};
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
+use mobgate::settings::LineSettings;
 
 use crate::line::Line;
 

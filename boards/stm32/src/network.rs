@@ -8,7 +8,7 @@ use embassy_net::{Runner, Stack, StackResources};
 use embassy_stm32::eth::{Ethernet, GenericPhy, PacketQueue, Sma};
 use embassy_stm32::peripherals::{ETH, ETH_SMA};
 use embassy_stm32::uid::uid;
-use mobgate::settings::{OwnNetwork};
+use mobgate::settings::OwnNetwork;
 use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 

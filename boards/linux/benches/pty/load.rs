@@ -86,6 +86,11 @@ impl Client {
         Ok(Self { port, stream, transaction: 0 })
     }
 
+    /// Waits so long for each response, until it has to connect anew.
+    pub(crate) fn be_patient(&self, patience: Duration) -> io::Result<()> {
+        self.stream.set_read_timeout(Some(patience))
+    }
+
     /// Asks by `habit` while `more` of so many questions are to be asked.
     pub(crate) fn run(&mut self, habit: Habit, more: impl Fn(usize) -> bool) -> Load {
         let mut load = Load::default();

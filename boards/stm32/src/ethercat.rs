@@ -18,8 +18,8 @@ use embassy_sync::mutex::Mutex;
 use embassy_time::Duration;
 use ethercat_subdevice::indicators::Lamps;
 use ethercat_subdevice::lan9252::{Lan9252, Wiring};
-use mobgate::gateway::Gateway;
 use mobgate::fieldbus::{EthercatPlace, serve};
+use mobgate::gateway::Gateway;
 use mobgate::scanner::ScannerPlace;
 
 use crate::gateway::{LIVENESS, Task};

@@ -54,12 +54,12 @@ pub struct Head {
     pub port: PortId,
     /// How it is framed.
     pub kind: FrameKind,
-    /// The asker's TCP or UDP port, by which conversations are told apart; where the gateway asks, or a line does, the number of
+    /// The requester's TCP or UDP port, by which conversations are told apart; where the gateway asks, or a line does, the number of
     /// the port, from 1 on.
-    pub asker: u16,
+    pub requester: u16,
     /// Whether the gateway sent it.
     pub sent: bool,
-    /// A request, an answer, or what is wrong with it.
+    /// A request, a response, or what is wrong with it.
     pub verdict: Event,
     length: u16,
 }
@@ -196,11 +196,11 @@ pub(crate) struct Tap<'g> {
 impl Tap<'_> {
     /// Records a frame that the gateway has sent on a line, whose last bit leaves at `at`.
     pub(crate) fn sent(&self, at: Instant, verdict: Event, bytes: &[u8]) {
-        self.record(at, self.asker(), true, verdict, bytes);
+        self.record(at, self.requester(), true, verdict, bytes);
     }
 
     /// Records a frame that the gateway has sent on a line while it arrived: in RTU with the CRC that came, if that is known.
-    pub(crate) fn copied(
+    pub(crate) fn forwarded(
         &self,
         at: Instant,
         verdict: Event,
@@ -211,7 +211,7 @@ impl Tap<'_> {
         match (framing, crc) {
             _ if self.capture.is_none() => {}
             (Framing::Rtu, Some(crc)) => {
-                self.record_parts(at, self.asker(), true, verdict, &[&[unit], pdu, &crc.to_le_bytes()]);
+                self.record_parts(at, self.requester(), true, verdict, &[&[unit], pdu, &crc.to_le_bytes()]);
             }
             _ => {
                 let mut frame = [0; FRAME_CHARS_MAX];
@@ -223,31 +223,31 @@ impl Tap<'_> {
 
     /// Records what was heard on a line until `at`.
     pub(crate) fn heard(&self, at: Instant, verdict: Event, bytes: &[u8]) {
-        self.record(at, self.asker(), false, verdict, bytes);
+        self.record(at, self.requester(), false, verdict, bytes);
     }
 
     /// The gateway, or the line's master, as who asks.
-    pub(crate) fn asker(&self) -> u16 {
+    pub(crate) fn requester(&self) -> u16 {
         u16::from(self.port.0) + 1
     }
 
-    /// Records a frame in a network whose request came or comes from the port `asker`, if somebody wants to see it: mostly nobody
+    /// Records a frame in a network whose request came or comes from the port `requester`, if somebody wants to see it: mostly nobody
     /// does, and then it is not asked for either.
-    pub(crate) fn passed(&self, asker: impl FnOnce() -> u16, sent: bool, verdict: Event, bytes: &[u8]) {
+    pub(crate) fn passed(&self, requester: impl FnOnce() -> u16, sent: bool, verdict: Event, bytes: &[u8]) {
         if self.capture.is_some_and(|capture| capture.followers.load(Ordering::Relaxed) > 0) {
-            self.record(Instant::now(), asker(), sent, verdict, bytes);
+            self.record(Instant::now(), requester(), sent, verdict, bytes);
         }
     }
 
-    fn record(&self, at: Instant, asker: u16, sent: bool, verdict: Event, bytes: &[u8]) {
-        self.record_parts(at, asker, sent, verdict, &[bytes.get(..FRAME_CHARS_MAX).unwrap_or(bytes)]);
+    fn record(&self, at: Instant, requester: u16, sent: bool, verdict: Event, bytes: &[u8]) {
+        self.record_parts(at, requester, sent, verdict, &[bytes.get(..FRAME_CHARS_MAX).unwrap_or(bytes)]);
     }
 
-    fn record_parts(&self, at: Instant, asker: u16, sent: bool, verdict: Event, parts: &[&[u8]]) {
+    fn record_parts(&self, at: Instant, requester: u16, sent: bool, verdict: Event, parts: &[&[u8]]) {
         let length = parts.iter().map(|part| part.len()).sum::<usize>() as u16;
         let Some(capture) = self.capture.filter(|_| length > 0) else { return };
         let Self { port, kind, .. } = *self;
-        capture.record(Head { at, port, kind, asker, sent, verdict, length }, parts);
+        capture.record(Head { at, port, kind, requester, sent, verdict, length }, parts);
     }
 }
 

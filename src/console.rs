@@ -46,7 +46,7 @@ use embedded_io_async::{Read, Write};
 pub use self::guard::Foreign;
 pub use self::mode::{Ended, Mode};
 use self::shell::Shell;
-use self::wait::{Came, Wait};
+use self::wait::{Wait, WaitEvent};
 use crate::gateway::Gateway;
 use crate::gateway::reconfigure;
 use crate::hal::{Store, System};
@@ -82,9 +82,9 @@ where
         shell.session.out.text.clear();
         let is_idle = matches!(wait, Wait::Key);
         let came = if matches!(wait, Wait::Sent) {
-            Came::Nothing
+            WaitEvent::Nothing
         } else if is_idle && let Some(key) = keys.next().and_then(|at| chunk.get(at)) {
-            Came::Key(*key)
+            WaitEvent::Key(*key)
         } else {
             stream.flush().await?;
             // Not in a function: it would keep a second place for what it is given.
@@ -97,19 +97,19 @@ where
                     Either::Second(came) => break came,
                     // Nobody can stop it any more, but somebody may read what comes of it.
                     Either::First(Ok(0)) if matches!(wait, Wait::Answer { .. }) => listens = false,
-                    Either::First(read) => break Came::Typed(read?),
+                    Either::First(read) => break WaitEvent::Typed(read?),
                 }
             }
         };
         match (wait, came) {
             (Wait::Exit, _) => return Ok(shell.session.ended),
-            (Wait::Key, Came::Typed(count @ 1..)) => {
+            (Wait::Key, WaitEvent::Typed(count @ 1..)) => {
                 let end = if skips { line_end(&chunk, count) } else { Some(0) };
                 skips = end.is_none();
                 keys = end.unwrap_or(count)..count;
             }
             (_, came) => {
-                if let Came::Typed(count @ 1..) = came {
+                if let WaitEvent::Typed(count @ 1..) = came {
                     skips = !mode.edits() && line_end(&stop, count).is_none();
                 }
                 wait = shell.step(came);
@@ -124,7 +124,7 @@ fn line_end(bytes: &[u8], count: usize) -> Option<usize> {
 }
 
 /// Does what a step waits for.
-async fn work<S: Store>(shell: &mut Shell<'_, '_>, store: &mut S, wait: Wait) -> Came {
+async fn work<S: Store>(shell: &mut Shell<'_, '_>, store: &mut S, wait: Wait) -> WaitEvent {
     let Shell { input, session, .. } = shell;
     match wait {
         Wait::Sent | Wait::Exit | Wait::End => {}
@@ -132,12 +132,12 @@ async fn work<S: Store>(shell: &mut Shell<'_, '_>, store: &mut S, wait: Wait) ->
         Wait::Pause(time) | Wait::Rest(time) => Timer::after(time).await,
         Wait::Answer { .. } => {
             if let Some(turn) = &session.turn {
-                return Came::Answer(turn.ask(session.unit, &mut session.pdu).await);
+                return WaitEvent::Answer(turn.ask(session.unit, &mut session.pdu).await);
             }
         }
         Wait::Open { line, timeout, alone } => {
             if let Some(turn) = &session.turn {
-                return Came::Opened(turn.try_on(line, timeout, alone).await);
+                return WaitEvent::Opened(turn.try_on(line, timeout, alone).await);
             }
         }
         Wait::Change => {
@@ -154,5 +154,5 @@ async fn work<S: Store>(shell: &mut Shell<'_, '_>, store: &mut S, wait: Wait) ->
         }
         Wait::Reboot => session.system.reboot(),
     }
-    Came::Nothing
+    WaitEvent::Nothing
 }

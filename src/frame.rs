@@ -1,7 +1,7 @@
-//! The frame pool: every request and its answer live in one slot, from the port that received it and back to it.
+//! The frame pool: every request and its response live in one slot, from the port that received it and back to it.
 //!
 //! A server-side port takes a frame, fills it with a PDU and an [`Envelope`], and hands it on; the router, the
-//! destination's queue and the client-side port pass the same frame along; the answer is written into it and it
+//! destination's queue and the client-side port pass the same frame along; the response is written into it and it
 //! goes home. So a transaction costs one slot, nothing else is allocated on its way, and every channel has room by
 //! construction. A [`Frame`] can be handed on while its [`FrameWriter`] is still filling it: readers wait for more
 //! with [`Frame::more_than`], and a writer that is dropped unfinished leaves the frame broken.
@@ -22,15 +22,15 @@ use crate::settings::Sharing;
 
 mod channel;
 mod envelope;
-mod errand;
 mod merged;
 mod slot;
+mod transaction;
 
 pub use self::channel::Channel;
-pub use self::envelope::{Cause, Envelope, Origin, Stage, Way};
-pub(crate) use self::errand::Errand;
+pub use self::envelope::{Cause, Envelope, Origin, ReplyTo, Stage};
 use self::slot::SlotState;
 pub use self::slot::{Fill, FrameFull, Slot};
+pub(crate) use self::transaction::Transaction;
 
 /// The pool over a board's slots.
 pub struct FramePool<'p> {
@@ -142,14 +142,14 @@ impl<'p> Frame<'p> {
         envelope
     }
 
-    fn look<R>(&self, of: impl Fn(&Envelope) -> R) -> R {
+    fn read<R>(&self, of: impl Fn(&Envelope) -> R) -> R {
         let there = self.with(|slot| slot.envelope.as_ref().map(&of)).flatten();
         there.unwrap_or_else(|| of(&Envelope::EMPTY))
     }
 
-    /// Who waits for the answer.
+    /// Who waits for the response.
     pub fn origin(&self) -> Origin {
-        self.look(|envelope| envelope.origin)
+        self.read(|envelope| envelope.origin)
     }
 
     /// Writes the envelope anew.
@@ -159,20 +159,20 @@ impl<'p> Frame<'p> {
 
     /// The unit id on the destination's side.
     pub fn target(&self) -> u8 {
-        self.look(|envelope| envelope.target)
+        self.read(|envelope| envelope.target)
     }
 
-    /// Whether it is the request or the answer.
+    /// Whether it is the request or the response.
     pub fn stage(&self) -> Stage {
-        self.look(|envelope| envelope.stage)
+        self.read(|envelope| envelope.stage)
     }
 
     /// Whose answers will do for it.
     pub fn sharing(&self) -> Sharing {
-        self.look(|envelope| envelope.sharing)
+        self.read(|envelope| envelope.sharing)
     }
 
-    /// Notes whether it is the request or the answer from now on.
+    /// Notes whether it is the request or the response from now on.
     pub fn set_stage(&self, stage: Stage) {
         self.amend(|envelope| envelope.stage = stage);
     }
@@ -187,21 +187,21 @@ impl<'p> Frame<'p> {
     }
 
     /// What the port notes that carries the frame's order out.
-    pub(crate) fn errand(&self) -> Errand {
-        let mut errand = Errand::NONE;
-        self.with(|slot| errand = slot.errand);
-        errand
+    pub(crate) fn transaction(&self) -> Transaction {
+        let mut transaction = Transaction::NONE;
+        self.with(|slot| transaction = slot.transaction);
+        transaction
     }
 
     /// Changes that.
-    pub(crate) fn amend_errand(&self, change: impl FnOnce(&mut Errand)) {
-        self.with(|slot| change(&mut slot.errand));
+    pub(crate) fn amend_transaction(&self, change: impl FnOnce(&mut Transaction)) {
+        self.with(|slot| change(&mut slot.transaction));
     }
 
-    /// A second handle to the same frame, whose holder notes `errand` of it.
-    pub(crate) fn share_for(&self, errand: Errand) -> Self {
+    /// A second handle to the same frame, whose holder notes `transaction` of it.
+    pub(crate) fn share_for(&self, transaction: Transaction) -> Self {
         self.with(|slot| {
-            slot.errand = errand;
+            slot.transaction = transaction;
             slot.handles += 1;
         });
         Self { pool: self.pool, index: self.index }
@@ -272,7 +272,7 @@ impl<'p> Frame<'p> {
         })
     }
 
-    /// Empties the frame and gives a writer for its new content (an answer in the request's place).
+    /// Empties the frame and gives a writer for its new content (a response in the request's place).
     pub fn rewrite(&self) -> FrameWriter<'p> {
         self.with(|slot| {
             slot.restart();
@@ -315,7 +315,7 @@ impl<'p> Frame<'p> {
     /// Gives this handle up, unless it is the last one of a frame on which others ride; how many are left.
     fn let_go(&self) -> Option<u8> {
         self.with(|slot| {
-            let is_laden = slot.handles == 1 && slot.rider != 0;
+            let is_laden = slot.handles == 1 && slot.merged != 0;
             slot.handles = slot.handles.saturating_sub(u8::from(!is_laden));
             (!is_laden).then_some(slot.handles)
         })

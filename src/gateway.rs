@@ -1,7 +1,7 @@
 //! The gateway: what all tasks share.
 //!
-//! A board keeps the frame pool, the port places and the seats in statics of their own, builds a [`Gateway`] over
-//! them, and runs [`Gateway::route`] once, [`Gateway::run_port`] for every port place and [`Gateway::run_seat`] for
+//! A board keeps the frame pool, the port places and the connections in statics of their own, builds a [`Gateway`] over
+//! them, and runs [`Gateway::route`] once, [`Gateway::run_port`] for every port place and [`Gateway::run_connection`] for
 //! every TCP connection that it can hold. [`Gateway::apply`] takes settings over and restarts what differs.
 
 use core::cell::RefCell;
@@ -13,10 +13,10 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 
 use crate::capture::{CAPTURE, Capture};
-use crate::fieldbus::EthercatPlace;
-use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, Stage, Way};
+use crate::fieldbus::EthercatState;
+use crate::frame::{Channel, Envelope, Frame, FramePool, FrameWriter, Origin, ReplyTo, Stage};
 use crate::modbus::Exception;
-use crate::scanner::{POINTS, ScannerPlace};
+use crate::scanner::{POINTS, ScannerState};
 use crate::settings::{OwnNetwork, PortId, Settings};
 use crate::stats::Log;
 
@@ -39,11 +39,11 @@ pub(crate) mod turns;
 pub mod unit_health;
 
 pub use self::check::ApplyError;
-pub use self::connection::{Seat, SeatState};
-use self::direct_request::Asking;
+pub use self::connection::{Connection, ConnectionState};
+use self::direct_request::DirectRequestState;
 use self::events::Events;
-use self::port_state::ServerPlace;
-pub use self::port_state::{PortAt, PortPlace, Ports, Status};
+use self::port_state::ServerState;
+pub use self::port_state::{PortAt, PortState, Ports, Status};
 use self::shared::{Draft, Shared};
 use self::socket::Socket;
 use self::turns::Turns;
@@ -52,10 +52,10 @@ use self::unit_health::AllUnits;
 /// All that the tasks share.
 pub struct Gateway<'g> {
     pool: &'g FramePool<'g>,
-    ports: &'g [PortPlace],
+    ports: &'g [PortState],
     units: &'g Shared<AllUnits>,
-    servers: &'g [ServerPlace],
-    seats: &'g [Seat],
+    servers: &'g [ServerState],
+    connections: &'g [Connection],
     /// The global queue: every port sends, only the router receives.
     pub(crate) inbox: Channel,
     settings: Shared<Settings>,
@@ -73,31 +73,31 @@ pub struct Gateway<'g> {
     /// Whose requests are refused share these.
     pub(crate) turns: Turns,
     /// What a console asks past the rules.
-    pub(crate) asking: Asking,
+    pub(crate) direct_request: DirectRequestState,
     /// What the own unit has done.
     events: Shared<Events>,
-    scanner: Option<&'g ScannerPlace>,
+    scanner: Option<&'g ScannerState>,
     capture: Option<&'g Capture>,
-    ethercat: Option<&'g EthercatPlace>,
+    ethercat: Option<&'g EthercatState>,
     /// Whether the settings say at which network interface its controller is.
     ethercat_interfaces: bool,
     ethercat_changed: Signal<CriticalSectionRawMutex, ()>,
 }
 
 impl<'g> Gateway<'g> {
-    /// A gateway without settings over a board's frames, port places and seats. The pool reserves a frame for each
-    /// seat first, then for each port.
+    /// A gateway without settings over a board's frames, port places and connections. The pool reserves a frame for each
+    /// connection first, then for each port.
     pub const fn new<const N: usize>(
         pool: &'g FramePool<'g>,
         ports: &'g Ports<N>,
-        seats: &'g [Seat],
+        connections: &'g [Connection],
     ) -> Self {
         Self {
             pool,
-            ports: &ports.places,
+            ports: &ports.states,
             units: &ports.units,
             servers: &ports.servers,
-            seats,
+            connections,
             inbox: Channel::new(),
             settings: Mutex::new(RefCell::new(Settings::new())),
             draft: Draft::new(Settings::new()),
@@ -108,7 +108,7 @@ impl<'g> Gateway<'g> {
             mdns_changed: Signal::new(),
             log: Log::new(),
             turns: Turns::new(),
-            asking: Asking::new(),
+            direct_request: DirectRequestState::new(),
             events: Mutex::new(RefCell::new(Events::new())),
             scanner: None,
             capture: None,
@@ -127,7 +127,7 @@ impl<'g> Gateway<'g> {
 
     /// The gateway with data points, which take memory of their own.
     #[must_use]
-    pub const fn with_scanner(mut self, scanner: &'g ScannerPlace) -> Self {
+    pub const fn with_scanner(mut self, scanner: &'g ScannerState) -> Self {
         self.scanner = Some(scanner);
         self
     }
@@ -145,7 +145,7 @@ impl<'g> Gateway<'g> {
     }
 
     /// The data points, if the board has memory for them. Point N of the settings is row N, device N is device N.
-    pub fn scanner(&self) -> Option<&'g ScannerPlace> {
+    pub fn scanner(&self) -> Option<&'g ScannerState> {
         if POINTS { self.scanner } else { None }
     }
 
@@ -173,24 +173,24 @@ impl<'g> Gateway<'g> {
     }
 
     /// The port places; a port's id is its index.
-    pub fn ports(&self) -> &'g [PortPlace] {
+    pub fn ports(&self) -> &'g [PortState] {
         self.ports
     }
 
     /// The port place `id`, if the board has it.
-    pub fn place(&self, id: PortId) -> Option<PortAt<'g>> {
-        Some(PortAt { place: self.ports.get(id.index())?, units: self.units, id })
+    pub fn port_state(&self, id: PortId) -> Option<PortAt<'g>> {
+        Some(PortAt { state: self.ports.get(id.index())?, units: self.units, id })
     }
 
     /// All of them, with the units behind each.
-    pub fn places(&self) -> impl Iterator<Item = PortAt<'g>> {
-        (0..self.ports.len()).filter_map(|index| self.place(PortId(index as u8)))
+    pub fn port_states(&self) -> impl Iterator<Item = PortAt<'g>> {
+        (0..self.ports.len()).filter_map(|index| self.port_state(PortId(index as u8)))
     }
 
     /// How the server of this line of the settings is doing, of which `new` is noted before if that is said.
-    pub(crate) fn server_status(&self, place: usize, new: Option<Status>) -> Option<Status> {
-        let place = self.servers.get(place)?;
-        Some(place.lock(|status| new.map_or_else(|| status.get(), |new| status.replace(new))))
+    pub(crate) fn server_status(&self, server: usize, new: Option<Status>) -> Option<Status> {
+        let status = self.servers.get(server)?;
+        Some(status.lock(|status| new.map_or_else(|| status.get(), |new| status.replace(new))))
     }
 
     /// A port's connection has ended: whoever waits for its socket is woken.
@@ -202,8 +202,8 @@ impl<'g> Gateway<'g> {
     }
 
     /// The places for TCP connections.
-    pub fn seats(&self) -> &'g [Seat] {
-        self.seats
+    pub fn connections(&self) -> &'g [Connection] {
+        self.connections
     }
 
     /// The last transactions.
@@ -238,41 +238,44 @@ impl<'g> Gateway<'g> {
         self.settings.lock(|settings| f(&mut settings.borrow_mut()))
     }
 
-    /// A frame for what the port `id` itself hears; its seats take theirs by their own numbers.
+    /// A frame for what the port `id` itself hears; its connections take theirs by their own numbers.
     pub(crate) fn take_for_port(&self, id: PortId) -> Option<(FrameWriter<'g>, Frame<'g>)> {
-        // The pool's first frames are the seats', the next are the ports'.
-        self.pool.take(self.seats.len() + id.index())
+        // The pool's first frames are the connections', the next are the ports'.
+        self.pool.take(self.connections.len() + id.index())
     }
 
     /// The same with all of what was heard.
     pub(crate) fn fill_for_port(&self, id: PortId, pdu: &[u8], envelope: Envelope) -> Option<Frame<'g>> {
-        self.pool.fill(self.seats.len() + id.index(), pdu, envelope)
+        self.pool.fill(self.connections.len() + id.index(), pdu, envelope)
     }
 
-    /// Whether an answer to `origin` would find nobody.
+    /// Whether a response to `origin` would find nobody.
     pub(crate) fn is_gone(&self, origin: Origin) -> bool {
-        match origin.way {
-            Way::Seat(seat) => {
-                let is_gone =
-                    |seat: &mut SeatState| seat.generation != origin.generation || seat.peer.is_none();
-                self.seats.get(usize::from(seat)).is_none_or(|seat| seat.update(is_gone))
+        match origin.reply_to {
+            ReplyTo::Connection(connection) => {
+                let is_gone = |connection: &mut ConnectionState| {
+                    connection.generation != origin.generation || connection.peer.is_none()
+                };
+                self.connections
+                    .get(usize::from(connection))
+                    .is_none_or(|connection| connection.update(is_gone))
             }
-            Way::Line | Way::Port => {
-                let place = self.ports.get(origin.port.index());
-                place.is_none_or(|place| place.generation() != origin.generation)
+            ReplyTo::Line | ReplyTo::Port => {
+                let port_state = self.ports.get(origin.port.index());
+                port_state.is_none_or(|port_state| port_state.generation() != origin.generation)
             }
-            Way::Console => !self.asking.waits_for(origin.generation),
+            ReplyTo::Console => !self.direct_request.waits_for(origin.generation),
             // Nobody waits, so nobody can have gone.
-            Way::Nobody => false,
+            ReplyTo::Nobody => false,
         }
     }
 
-    /// Sends a frame home whose PDU is the answer by now.
+    /// Sends a frame home whose PDU is the response by now.
     pub(crate) fn answered(&self, frame: Frame<'_>) {
-        self.send_home(frame, Stage::Answer);
+        self.send_home(frame, Stage::Response);
     }
 
-    /// Sends a frame home that gets no answer.
+    /// Sends a frame home that gets no response.
     pub(crate) fn unanswered(&self, frame: Frame<'_>) {
         if frame.abandon() {
             return;

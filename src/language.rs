@@ -36,7 +36,7 @@ mod tests;
 pub(crate) use self::apply::option_words;
 pub use self::apply::{Applied, apply};
 pub(crate) use self::line::LineBuffer;
-pub use self::loader::{LoadError, Loader, Look};
+pub use self::loader::{LoadError, Loader, Observer};
 pub(crate) use self::mdns::keywords as mdns_words;
 pub(crate) use self::own_network::keywords as network_words;
 pub use self::point_problem::PointProblem;

@@ -10,7 +10,7 @@
 //!    to the channel of the destination port.
 //! 3. The client-side port takes it into its queue ([`port::client::queue`]: who is served next; [`gateway::unit_health`]: which units are
 //!    alive), sends the request as soon as its line has been silent for long enough, and checks the response strictly.
-//!    Identical reads that wait at that moment are one transaction; each asker gets its own copy of the answer.
+//!    Identical reads that wait at that moment are one transaction; each requester gets its own copy of the response.
 //! 4. The response, or an exception that says what went wrong, replaces the request in the frame, which takes the
 //!    same road back: to the inbox, through the router, to whoever asked.
 //!
@@ -21,7 +21,7 @@
 //! wake when the frame's end has come.
 //!
 //! The gateway also asks by itself: the scanner ([`scanner`]) turns data points into requests, which its port sends on the same
-//! road, and keeps the answers, which outside clients may read as the tables of the gateway's own unit.
+//! road, and keeps the responses, which outside clients may read as the tables of the gateway's own unit.
 //!
 //! So a transaction is one frame, from beginning to end, and every frame comes home: no request is lost, and a port knows
 //! what is open by counting. Ports know framing and timing, nothing of routes; the router knows routes, nothing of
@@ -29,7 +29,7 @@
 //!
 //! # What a board does
 //!
-//! [`hal`] lists what a board must give. The board keeps slots, port places and seats in statics, builds a
+//! [`hal`] lists what a board must give. The board keeps slots, port places and connections in statics, builds a
 //! [`gateway::Gateway`] over them, and runs its futures as tasks: one that routes, one for each port, one for each TCP
 //! connection, one for each console ([`console`]). The settings ([`settings`], [`language`]) are lines of text, the same at the console, in
 //! a file and in `show config`.
@@ -41,7 +41,7 @@
 //! whose requests go through the router by the rules for the `ethercat` port, as do those that a MainDevice makes by itself.
 //! The devices are settings: what a MainDevice has had taken over is printed and saved with the others, by
 //! [`gateway::Gateway::keep_settings`] also when it asks for that. A board with a controller keeps an
-//! [`fieldbus::EthercatPlace`] in a static, gives it to [`gateway::Gateway::with_ethercat`], and runs
+//! [`fieldbus::EthercatState`] in a static, gives it to [`gateway::Gateway::with_ethercat`], and runs
 //! [`fieldbus::serve`], a [`SubDevice`](ethercat_subdevice::sub_device::SubDevice) with [`fieldbus::GatewayObjects`], over it. With
 //! [`gateway::Gateway::with_ethercat_interfaces`] the settings name the network interface that leads to a controller in software.
 //!
@@ -60,11 +60,11 @@
 //! | [`settings::LINE_BYTES_MAX`] | 800, without `paths`: 640 | the longest line that settings print |
 //! | [`settings::ROUTES_MAX`] | 64 | rules are tried in order, for each request |
 //! | [`port::client::queue::WAITING_MAX`] | 64, small: 24 | orders that wait at a port; one more is answered 06h |
-//! | [`port::client::cache::ANSWERS_MAX`] | 16, small: 8 | answers that a port keeps where a rule says `cache`, in [`port::client::cache::ANSWER_BYTES_MAX`] bytes |
+//! | [`port::client::cache::RESPONSES_MAX`] | 16, small: 8 | answers that a port keeps where a rule says `cache`, in [`port::client::cache::RESPONSE_BYTES_MAX`] bytes |
 //! | [`gateway::unit_health::UNITS_MAX`] | 64, small: 16 | servers of a port, or loads of an RS-485 segment; the quietest healthy unit is forgotten first |
 //! | [`gateway::unit_health::ALL_UNITS_MAX`] | 256, small: 64 | units of all ports together: few ports have as many as they may |
 //! | [`stats::LOG_ENTRIES_MAX`] | 64 | transactions that `show log` remembers |
-//! | [`port::client::pending::FLIGHTS_MAX`] | 16 | requests open on one connection to a server, the specification's range |
+//! | [`port::client::pending::PENDING_MAX`] | 16 | requests open on one connection to a server, the specification's range |
 //! | [`settings::PORT_SERVERS_MAX`], [`settings::SERVERS_MAX`] | 64 and 128, small: 8 and 16 | servers of one TCP client, and of all: the stations that one scanner asks on time |
 //! | [`settings::SOCKETS_MAX`] | 16, small: 2 | connections that one port has at a time; each takes a future's memory |
 //! | [`settings::SERVER_NAME_BYTES_MAX`] | 63, small: 31 | a server's name, one of which each line has |

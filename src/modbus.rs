@@ -3,7 +3,7 @@
 //! A request that came in by TCP is cut out of the stream by [`tcp::parse`], looked through by [`pdu::check_request`], and
 //! written to a serial line by [`rtu::encode`] or [`ascii::encode`]. What the line brings back is told apart from noise
 //! and from answers to somebody else by [`rtu::response`] after every read and [`rtu::response_at_silence`] when
-//! the line falls silent (or by [`ascii::Decoder`] and [`pdu::fits`]); [`tcp::encode`] wraps the answer.
+//! the line falls silent (or by [`ascii::Decoder`] and [`pdu::fits`]); [`tcp::encode`] wraps the response.
 //!
 //! The *PDU* (function code and data) is what all framings share; the gateway passes it through unchanged, also
 //! when it does not know the function code.

@@ -17,7 +17,7 @@ use crate::settings::{
 
 /// Whether `route` only says that answers return: it leads to a side that asks, or comes from one that answers.
 ///
-/// The paper's tables list these ways back. Answers always return to their asker, so such a rule never matches.
+/// The paper's tables list these ways back. Answers always return to their requester, so such a rule never matches.
 pub fn is_implied(settings: &Settings, route: &Route) -> bool {
     let asks = |id: PortId| settings.port(id).is_some_and(|port| port.kind.side() == Side::Server);
     !asks(route.source) || matches!(route.destination, Destination::Port(id) if asks(id))
@@ -41,11 +41,11 @@ pub enum Decision {
     },
     /// To the gateway's own unit.
     Local,
-    /// No answer.
+    /// No response.
     Discard,
     /// An exception of the gateway.
     Refuse(Exception),
-    /// The answer of a write that was carried out, though nothing is.
+    /// The response of a write that was carried out, though nothing is.
     Ignore {
         /// It would have gone to all units of a line: they do not answer.
         broadcast: bool,

@@ -3,7 +3,7 @@
 //! A [`Row`] ties cells of a device to values in a bounded memory. Every 200 ms, or with a period of its own, a row that is
 //! due is *marked for reading*; whoever writes its variable marks it for writing. [`Scanner::next`] makes a request of the
 //! marked rows: writes first, then reads in the order in which they were marked, neighbours gathered into one frame; one
-//! request is open for each device at a time. [`Scanner::answered`] stores what came of it. A device that gives no answer is
+//! request is open for each device at a time. [`Scanner::answered`] stores what came of it. A device that gives no response is
 //! asked twice more, then left alone for 15 s, and tried again by one attempt after 15, 17, ... 29, 30 s.
 //!
 //! The same scanner serves tables of data points, whose variables are read and written in one place, and process images,
@@ -21,10 +21,10 @@ mod fraction;
 mod gather;
 mod kind;
 mod operation;
-mod place;
 mod program;
 mod row;
 mod serve;
+mod state;
 mod station;
 mod status;
 mod typed;
@@ -47,10 +47,10 @@ pub use self::form::{Form, RegisterBit};
 pub use self::gather::Pdu;
 pub use self::kind::{Kind, Modicon};
 pub use self::operation::Operation;
-pub use self::place::ScannerPlace;
 pub use self::program::{ABANDONED_AFTER, REQUESTERS};
 pub use self::row::{DeviceId, Reading, Row, RowId, SCAN, Writing};
 pub(crate) use self::serve::age_register;
+pub use self::state::ScannerState;
 pub use self::station::{BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, REPEATS};
 pub use self::status::{ErrorCode, Status};
 pub use self::typed::{TypedValue, ValueType};
@@ -221,7 +221,7 @@ impl Scanner {
         rows.chain(held).chain(abandoned).min().unwrap_or(Instant::MAX)
     }
 
-    /// What came of the open request to `device`: the answer's PDU, or why there is none.
+    /// What came of the open request to `device`: the response's PDU, or why there is none.
     pub fn answered(&mut self, device: DeviceId, now: Instant, answer: Result<&[u8], ErrorCode>) {
         let Some(station) = self.stations.get_mut(usize::from(device.0)) else { return };
         let Some(open) = station.open.take() else { return };
@@ -300,7 +300,7 @@ impl Scanner {
         }
     }
 
-    /// What has been asked and not answered is asked again: the answers will not come.
+    /// What has been asked and not answered is asked again: the responses will not come.
     pub fn forget_open(&mut self) {
         for at in 0..self.stations.len() {
             let device = DeviceId(at as u8);

@@ -17,21 +17,21 @@ pub mod response_tail;
 pub enum Event {
     /// A request came in from an outside client, or left for an outside server.
     Request,
-    /// An answer went out to an outside client, or came in from an outside server; exceptions included.
-    Answer,
-    /// Of the answers, those that are exceptions.
+    /// A response went out to an outside client, or came in from an outside server; exceptions included.
+    Response,
+    /// Of the responses, those that are exceptions.
     Exception,
-    /// No answer in time.
+    /// No response in time.
     Timeout,
     /// Of the time-outs, those in which nothing at all was heard.
     Silent,
     /// Characters that came before those before them were taken, as the line's receiver tells.
     Overrun,
-    /// An answer with a bad check or cut short.
-    Damaged,
-    /// Of the damaged answers, those that were whole, but with a bad CRC or LRC.
+    /// A response with a bad check or cut short.
+    Corrupt,
+    /// Of the damaged responses, those that were whole, but with a bad CRC or LRC.
     BadCheck,
-    /// Of the damaged answers, those whose end was missing.
+    /// Of the damaged responses, those whose end was missing.
     Short,
     /// A character with a wrong parity bit, as the line's receiver tells.
     Parity,
@@ -39,11 +39,11 @@ pub enum Event {
     Framing,
     /// Bytes that are no frame.
     Noise,
-    /// An answer of another unit than the one asked.
+    /// A response of another unit than the one asked.
     WrongUnit,
-    /// An answer that does not fit the request; often a late one to an earlier request.
+    /// A response that does not fit the request; often a late one to an earlier request.
     Misfit,
-    /// An answer on a serial line that came when its time was over.
+    /// A response on a serial line that came when its time was over.
     Late,
     /// A good frame of a unit on a serial line that answers nothing that was sent to it.
     Unsolicited,
@@ -63,8 +63,8 @@ pub enum Event {
     UnitDown,
     /// Not sent: its time was over before its turn came.
     Expired,
-    /// Not sent, or its answer dropped: the asker is gone.
-    AskerGone,
+    /// Not sent, or its response dropped: the requester is gone.
+    RequesterGone,
     /// Refused: too many wait.
     QueueFull,
     /// Refused by a rule's function policy, or malformed.
@@ -77,7 +77,7 @@ pub enum Event {
     Discarded,
     /// The port could not read on because its share of frames was in use.
     BackPressure,
-    /// An answer that no open request waits for: a late one, or one with an unknown transaction id.
+    /// A response that no open request waits for: a late one, or one with an unknown transaction id.
     Stray,
     /// A connection was accepted, or made.
     Connected,
@@ -103,7 +103,7 @@ pub enum Event {
     Foreign,
     /// A frame that was passed on while it arrived at another serial line.
     Cut,
-    /// A request of a master on another serial line, or the answer to one, that was sent when it was whole.
+    /// A request of a master on another serial line, or the response to one, that was sent when it was whole.
     Stored,
     /// A frame that was begun while it arrived, and did not come to a good end.
     Aborted,
@@ -113,12 +113,12 @@ impl Event {
     /// Every event, in the order in which they are shown.
     pub const ALL: [Self; 46] = [
         Self::Request,
-        Self::Answer,
+        Self::Response,
         Self::Exception,
         Self::Timeout,
         Self::Silent,
         Self::Overrun,
-        Self::Damaged,
+        Self::Corrupt,
         Self::BadCheck,
         Self::Short,
         Self::Parity,
@@ -136,7 +136,7 @@ impl Event {
         Self::Cached,
         Self::UnitDown,
         Self::Expired,
-        Self::AskerGone,
+        Self::RequesterGone,
         Self::QueueFull,
         Self::Refused,
         Self::Ignored,
@@ -164,12 +164,12 @@ impl Event {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Request => "requests",
-            Self::Answer => "answers",
+            Self::Response => "answers",
             Self::Exception => "exceptions",
             Self::Timeout => "timeouts",
             Self::Silent => "silent",
             Self::Overrun => "overruns",
-            Self::Damaged => "damaged",
+            Self::Corrupt => "damaged",
             Self::BadCheck => "bad-crc",
             Self::Short => "short",
             Self::Parity => "parity",
@@ -187,7 +187,7 @@ impl Event {
             Self::Cached => "cached",
             Self::UnitDown => "unit-down",
             Self::Expired => "expired",
-            Self::AskerGone => "asker-gone",
+            Self::RequesterGone => "asker-gone",
             Self::QueueFull => "queue-full",
             Self::Refused => "refused",
             Self::Ignored => "ignored",
@@ -306,9 +306,9 @@ impl Counters {
         self.note_exception(exception, cause);
     }
 
-    /// Counts an answer that goes to a client; `cause` is behind it if it is an exception of the gateway.
+    /// Counts a response that goes to a client; `cause` is behind it if it is an exception of the gateway.
     pub(crate) fn answered(&self, answer: &[u8], cause: Cause) {
-        self.count(Event::Answer);
+        self.count(Event::Response);
         if let [function, code] = *answer
             && function & EXCEPTION_BIT != 0
         {

@@ -1,4 +1,4 @@
-//! Random faults, and how many answers were not the answer to their request.
+//! Random faults, and how many answers were not the response to their request.
 
 use embassy_time::{Duration, Instant, Timer};
 use mobgate_simulator::client::Answer;
@@ -51,7 +51,7 @@ pub(crate) fn figures() {
     }
 }
 
-/// Two devices, of which every second answer or so is at fault, and a client that asks both for values of now.
+/// Two devices, of which every second response or so is at fault, and a client that asks both for values of now.
 fn run(settings: &str, faults: &[Fault]) -> Trials {
     rig::with_gateway(11, settings, |world, rig| {
         let devices = [1, 2].map(|unit| {
@@ -88,7 +88,7 @@ async fn trial(client: &mut Client, unit: usize, pause_ms: u64, last_reads: &mut
         trials.wrong += 1;
         return;
     };
-    match (Fresh::from_answer(pdu), answer.exception()) {
+    match (Fresh::from_response(pdu), answer.exception()) {
         // Read before it was asked for, as the device's own clock and count tell.
         (Some(fresh), _)
             if fresh.at_us.wrapping_sub(asked_us) > u32::MAX / 2 || fresh.reads <= *last_reads =>

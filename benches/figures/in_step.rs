@@ -1,4 +1,4 @@
-//! Devices that answer in order, but however late: how many answers were not the answer to their request, and how many good ones
+//! Devices that response in order, but however late: how many answers were not the response to their request, and how many good ones
 //! there are beside those of an ideal client, whose requests would have transaction numbers.
 //!
 //! The ideal client is computed and not simulated: on the same line it asks the same kind of device, whose faults have the same
@@ -96,7 +96,7 @@ impl Plan {
         }
     }
 
-    /// Whether every transaction is asked for by one client and nothing but its answer counts.
+    /// Whether every transaction is asked for by one client and nothing but its response counts.
     fn is_compared(&self) -> bool {
         !self.merge && !self.cut
     }
@@ -140,7 +140,7 @@ impl Plan {
         Device::new(1).with_fresh(FRESH).with_turnaround(TURNAROUND).with_faults(faults)
     }
 
-    /// The good answers of an ideal client that asks for the same time.
+    /// The good responses of an ideal client that asks for the same time.
     fn ideal(&self) -> f64 {
         let mut random = Random::new(self.seed ^ 0x5eed);
         let (char_s, gap_s) = match self.wire {
@@ -241,7 +241,7 @@ fn live(plan: &Plan, sum: &mut Sum) {
     });
 }
 
-/// A master that asks as well, so that frames are passed on while they arrive; how many of its answers were wrong.
+/// A master that asks as well, so that frames are passed on while they arrive; how many of its responses were wrong.
 fn master<'w>(world: &World<'w>, rig: &Rig<'w>, until: Instant) -> Task<u64> {
     const READ: [u8; 5] = [3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8];
     let mut master = rig.master("up").with_patience(Duration::from_secs(2));
@@ -291,7 +291,7 @@ fn is_good(request: &[u8], asked: Instant, answer: &Answer) -> Option<bool> {
     }
     let Answer::Pdu(pdu) = answer else { return Some(false) };
     Some(match *request {
-        [3, 0, 100, 0, 4] => Fresh::from_answer(pdu).is_some_and(|fresh| {
+        [3, 0, 100, 0, 4] => Fresh::from_response(pdu).is_some_and(|fresh| {
             let age = fresh.at_us.wrapping_sub(asked.as_micros() as u32);
             age < u32::MAX / 2
         }),
@@ -327,11 +327,11 @@ fn slow() {
     });
 }
 
-/// How long another client of a unit waits behind a request that got no answer, from the end of its time: for the proof, and its own
+/// How long another client of a unit waits behind a request that got no response, from the end of its time: for the proof, and its own
 /// transaction.
 pub(crate) fn behind_a_time_out() {
     const READ: [u8; 5] = [3, 0, 0, 0, 10];
-    // Not the same, or both would share the answer that is lost.
+    // Not the same, or both would share the response that is lost.
     const OTHER: [u8; 5] = [3, 0, 10, 0, 10];
     const ECHO: [u8; 5] = [8, 0, 0, 1, 2];
     let settings = "port bus serial bus rtu client 19200 8E1

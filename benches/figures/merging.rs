@@ -1,5 +1,5 @@
 //! Clients that read the same registers, or neighbouring ones: how many answers a transaction on the bus gives, and whether
-//! each is new and its asker's own.
+//! each is new and its requester's own.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -127,7 +127,7 @@ fn adjacent() {
 }
 
 impl Seen {
-    /// Looks at the answer to `request`, which was asked at `asked`; the next question follows at once.
+    /// Looks at the response to `request`, which was asked at `asked`; the next question follows at once.
     fn note(&mut self, asked: &mut Instant, request: &[u8], answer: &Answer) {
         let now = Instant::now();
         let (Answer::Pdu(pdu), [_, _, block, ..]) = (answer, request) else { return self.wrong += 1 };
@@ -153,5 +153,5 @@ fn is_block(pdu: &[u8], first: u8) -> bool {
 /// The fresh registers, the first of the ten that were read.
 fn fresh(pdu: &[u8]) -> Option<Fresh> {
     let values = pdu.strip_prefix(&[3, 20])?.get(..8)?;
-    Fresh::from_answer(&[&[3, 8], values].concat())
+    Fresh::from_response(&[&[3, 8], values].concat())
 }

@@ -1,7 +1,7 @@
 //! The evaluation of the MobGate paper: how long a transaction takes directly and through routers. (What a loaded one adds is the
 //! processor's time, which the emulated board counts: tests/qemu.)
 //!
-//! `direct` is Tstd: from the request's first bit to the answer's last one. Through a router it is what the master sees on its own
+//! `direct` is Tstd: from the request's first bit to the response's last one. Through a router it is what the master sees on its own
 //! line. Each figure is the worst of many transactions.
 
 use mobgate_simulator::client::Answer;
@@ -25,7 +25,7 @@ const TICK: f64 = 1e-6;
 /// What wires that round each end of a character to a nanosecond may add to a transaction.
 const NANOSECONDS: f64 = 1e-8;
 const UNIT: u8 = 1;
-/// The bytes of an answer in front of its values.
+/// The bytes of a response in front of its values.
 const UNIT_FUNCTION_COUNT: f64 = 3.0;
 
 pub(crate) fn figures() {

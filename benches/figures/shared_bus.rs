@@ -20,7 +20,7 @@ pub(crate) fn figures() {
         };
         let total = f64::from(outcome.transactions);
         value("transactions", total, "transactions", Target::AtLeast(f64::from(TRANSACTIONS)));
-        value("others_answered", f64::from(outcome.unasked), "answers", Target::AtMost(0.0));
+        value("others_answered", f64::from(outcome.unsolicited), "answers", Target::AtMost(0.0));
         value("ours_missed", f64::from(outcome.missed), "requests", Target::AtMost(0.0));
         value("collisions", outcome.collisions as f64, "characters", Target::AtMost(0.0));
         // Both kinds must really have been asked for.
@@ -30,7 +30,7 @@ pub(crate) fn figures() {
     }
 }
 
-/// How often the gateway is woken for a question and its answer, its own and others', by a board that wakes it for each
+/// How often the gateway is woken for a question and its response, its own and others', by a board that wakes it for each
 /// character, and by one that leaves the line alone while characters gather of which none is needed alone.
 fn wakes() {
     let [awake, resting] = [Duration::from_ticks(0), RESTS].map(|rests| {

@@ -87,7 +87,7 @@ fn among_flooders(name: &str, rule: &str, flood: &str, depth: usize, periods: f6
     }
 }
 
-/// Asks [`ASKED`] times with random pauses; how long the answers took, and how many were no exceptions.
+/// Asks [`ASKED`] times with random pauses; how long the responses took, and how many were no exceptions.
 async fn ask_now_and_then(mut client: Client) -> (Latencies, usize) {
     let mut random = Random::new(21);
     let (mut latencies, mut answers) = (Latencies::default(), 0);

@@ -10,7 +10,7 @@ use mobgate_simulator::{Device, Fault, Faults, device, rig};
 use crate::line::DISCARDS;
 use crate::{Target, figure};
 
-/// From the end of a request to the first character of its answer, besides the device's own time: t3.5 and a character.
+/// From the end of a request to the first character of its response, besides the device's own time: t3.5 and a character.
 const AROUND_US: f64 = 2_006.0 + 573.0;
 const TURNAROUND: Duration = Duration::from_millis(5);
 /// Of each kind of device so many are measured, and nine of ten are at most, or at least, what is told: what 2 000 answers tell of the

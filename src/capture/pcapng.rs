@@ -106,9 +106,9 @@ fn flags(frame: &Captured) -> u32 {
 
 /// The tags that tell what a packet is, big-endian.
 fn tags(frame: &Captured) -> Vec<u8, 48> {
-    let Head { kind, verdict, asker, .. } = frame.head;
+    let Head { kind, verdict, requester, .. } = frame.head;
     let dissector: Option<&[u8]> = match (verdict, kind) {
-        (Event::Short | Event::Parity | Event::Framing | Event::Noise | Event::Damaged, _) => None,
+        (Event::Short | Event::Parity | Event::Framing | Event::Noise | Event::Corrupt, _) => None,
         (Event::Malformed, _) | (_, FrameKind::Ascii) => None,
         (_, FrameKind::Rtu) => Some(b"mbrtu\0\0\0"),
         (_, FrameKind::Tcp) => Some(b"mbtcp\0\0\0"),
@@ -124,10 +124,10 @@ fn tags(frame: &Captured) -> Vec<u8, 48> {
     if let Some(dissector) = dissector {
         tag(TAG_DISSECTOR, dissector);
         let [source, destination] = match verdict {
-            Event::Request | Event::Echo => [asker.into(), MODBUS_PORT],
+            Event::Request | Event::Echo => [requester.into(), MODBUS_PORT],
             // Of others on a shared bus: the dissector guesses.
             Event::Foreign => [0, 0],
-            _ => [MODBUS_PORT, asker.into()],
+            _ => [MODBUS_PORT, requester.into()],
         };
         let port_type = if kind == FrameKind::Udp { PORT_TYPE_UDP } else { PORT_TYPE_TCP };
         tag(TAG_PORT_TYPE, &port_type.to_be_bytes());

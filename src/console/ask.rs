@@ -5,7 +5,7 @@ use embassy_time::Duration;
 use super::probe::harmless;
 use super::rows::{LINE_VALUES_MAX, Values};
 use super::session::Session;
-use super::wait::{Begun, Came, Wait};
+use super::wait::{Begun, Wait, WaitEvent};
 use crate::language::{
     KINDS, ORDERS, ORDERS_EXPECTED, Problem, TYPES, TYPES_EXPECTED, Word, Words, Wrong, medium, parse_number,
     small,
@@ -28,7 +28,7 @@ pub(super) enum Ask {
     Write,
 }
 
-/// What is asked, and how the answer is to be read.
+/// What is asked, and how the response is to be read.
 pub(super) struct Question {
     ask: Ask,
     unit: u8,
@@ -56,11 +56,11 @@ impl Session<'_, '_> {
 
 impl Question {
     /// Shows what came of it; behind that, the values that are left.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         let unit = self.unit;
         match came {
-            Came::Answer(Err(error)) => return session.fail(&error),
-            Came::Answer(Ok(took)) => {
+            WaitEvent::Answer(Err(error)) => return session.fail(&error),
+            WaitEvent::Answer(Ok(took)) => {
                 let took = Time(Duration::from_micros(took.as_micros()));
                 match *session.pdu {
                     [function, code] if function & EXCEPTION_BIT != 0 => {

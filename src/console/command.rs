@@ -156,9 +156,9 @@ impl<'g> Session<'_, 'g> {
     fn clear(&self, what: Clear) {
         match what {
             Clear::Stats => {
-                for place in self.gateway.places() {
-                    place.stats.clear(Instant::now());
-                    place.units(|units| units.clear_counters());
+                for port in self.gateway.port_states() {
+                    port.stats.clear(Instant::now());
+                    port.units(|units| units.clear_counters());
                 }
             }
             Clear::Log => self.gateway.log().clear(),

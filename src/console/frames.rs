@@ -4,7 +4,7 @@ use embassy_time::Duration;
 
 use super::rows::{Bytes, port_name, text};
 use super::session::Session;
-use super::wait::{Came, Wait};
+use super::wait::{Wait, WaitEvent};
 use crate::capture::{Capture, Captured, Following, Head};
 use crate::gateway::{ApplyError, Gateway};
 use crate::language::{Words, Wrong};
@@ -40,9 +40,9 @@ impl<'g> Frames<'g> {
     }
 
     /// Shows a piece of the frame that is shown, or begins the next one.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         let Some(capture) = session.gateway.capture() else { return session.fail(&ApplyError::NoCapture) };
-        if matches!(came, Came::Typed(_)) {
+        if matches!(came, WaitEvent::Typed(_)) {
             return Wait::End;
         }
         if let Some(frame) = &self.frame {

@@ -8,7 +8,7 @@ use super::scan::Scan;
 use super::session::Session;
 use super::show::Table;
 use super::tune::Tune;
-use super::wait::{Came, Wait};
+use super::wait::{Wait, WaitEvent};
 
 /// A command that runs.
 // There is one in a session.
@@ -27,7 +27,7 @@ pub(super) enum Job<'g> {
 
 impl Job<'_> {
     /// Goes on behind what `came`.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         match self {
             Self::Idle => Wait::End,
             Self::Help(help) => match help.next() {

@@ -6,14 +6,14 @@ use super::output::Written;
 use super::point_command::PointCommand;
 use super::session::Session;
 use super::table::Source;
-use super::wait::{Begun, Came, Wait};
+use super::wait::{Begun, Wait, WaitEvent};
 use crate::language::{Problem, Words};
 
 /// There is none.
 pub(super) enum PointJob {}
 
 impl PointJob {
-    pub(super) fn step(&mut self, _: &mut Session<'_, '_>, _: Came) -> Wait {
+    pub(super) fn step(&mut self, _: &mut Session<'_, '_>, _: WaitEvent) -> Wait {
         match *self {}
     }
 }

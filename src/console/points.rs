@@ -10,12 +10,12 @@ use super::point_command::PointCommand;
 use super::rows::{LINE_VALUES_MAX, Values, age, text};
 use super::session::Session;
 use super::table::{Source, titled};
-use super::wait::{Begun, Came, Wait};
+use super::wait::{Begun, Wait, WaitEvent};
 use crate::gateway::ApplyError;
 use crate::language::{PointProblem, Problem, Words, Wrong, parse_number};
 use crate::modbus::crc::crc16;
 use crate::scanner::{
-    DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerPlace, Status, ValueType, Writing,
+    DeviceId, DeviceStatus, Kind, Modicon, Refused, RowId, Scanner, ScannerState, Status, ValueType, Writing,
 };
 use crate::settings::{POINTS_MAX, PointAt, PointSettings, Settings};
 
@@ -88,7 +88,7 @@ impl Session<'_, '_> {
 
 impl PointJob {
     /// Goes on behind what `came`.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         let Some(place) = session.gateway.scanner() else { return session.fail(&ApplyError::NoPoints) };
         match self {
             Self::One { row, until, line } => {
@@ -104,7 +104,7 @@ impl PointJob {
                 }
                 lines_of(session, place, *row, line, usize::MAX)
             }
-            Self::Changing { .. } if matches!(came, Came::Typed(_)) => Wait::End,
+            Self::Changing { .. } if matches!(came, WaitEvent::Typed(_)) => Wait::End,
             Self::Changing { shown, at, line } => {
                 let points = session.gateway.settings(|settings| settings.points.len());
                 while let Some(shown) = shown.get_mut(*at).filter(|_| *at < points) {
@@ -129,7 +129,7 @@ impl PointJob {
 /// Shows the next line of a point and as many as `most` of its values.
 fn lines_of(
     session: &mut Session<'_, '_>,
-    place: &ScannerPlace,
+    place: &ScannerState,
     id: RowId,
     line: &mut usize,
     most: usize,
@@ -153,7 +153,7 @@ pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Writ
 /// Line number `line` of a point of which as many as `most` values are shown.
 fn point(
     settings: &Settings,
-    place: &ScannerPlace,
+    place: &ScannerState,
     id: RowId,
     (line, most): (usize, usize),
     now: Instant,
@@ -176,7 +176,7 @@ fn point(
 /// What stands before a point's values.
 fn head(
     settings: &Settings,
-    place: &ScannerPlace,
+    place: &ScannerState,
     id: RowId,
     point: &PointSettings,
     now: Instant,
@@ -264,7 +264,7 @@ impl fmt::Display for DeviceRow<'_> {
 
 /// Whether nothing is on its way for the row any more: `false` when nothing can be for some time, `None` when that is not known
 /// yet.
-fn settled(place: &ScannerPlace, row: RowId, give_up: Instant) -> Option<bool> {
+fn settled(place: &ScannerState, row: RowId, give_up: Instant) -> Option<bool> {
     let waits = Status::IN_PROGRESS.with(Status::READ_MARKED).with(Status::WRITE_MARKED);
     let now = Instant::now();
     let status = place.with(|scanner| scanner.status(row, now));

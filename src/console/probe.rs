@@ -1,4 +1,4 @@
-//! What `scan` and `tune` have in common: a serial client's line, a harmless request, when an answer began, and when to tell
+//! What `scan` and `tune` have in common: a serial client's line, a harmless request, when a response began, and when to tell
 //! how far they are.
 
 use core::fmt;
@@ -39,7 +39,7 @@ pub(super) fn harmless(function: u8) -> &'static [u8] {
     }
 }
 
-/// The time to the first character of an answer with `pdu_bytes` that took so long to its end: what a time-out is for.
+/// The time to the first character of a response with `pdu_bytes` that took so long to its end: what a time-out is for.
 pub(super) fn to_first_char(
     took: Duration,
     framing: Framing,

@@ -81,11 +81,11 @@ pub(super) fn took(us: Option<u32>) -> Cell {
 }
 
 /// What went wrong with a unit, in the words of the port's counters.
-pub(super) struct Troubles<'u>(pub(super) &'u Unit);
+pub(super) struct LineErrors<'u>(pub(super) &'u Unit);
 
-impl fmt::Display for Troubles<'_> {
+impl fmt::Display for LineErrors<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (at, (event, count)) in self.0.troubles().enumerate() {
+        for (at, (event, count)) in self.0.errors().enumerate() {
             write!(f, "{}{count} {}", if at > 0 { ", " } else { "" }, event.name())?;
         }
         Ok(())
@@ -195,10 +195,10 @@ impl fmt::Display for LogRow<'_> {
         let (source, destination) = (name(entry.source), entry.destination.map_or("-", name));
         write!(f, "{source:15} {unit:>4} {destination:15} {target:>6} {function:>8} {took:>10} ")?;
         match entry.outcome {
-            Outcome::Answer => f.write_str("answer"),
+            Outcome::Response => f.write_str("answer"),
             Outcome::Exception(exception) => write!(f, "{exception}"),
             Outcome::Silence => f.write_str("no answer due"),
-            Outcome::AskerGone => f.write_str("asker gone"),
+            Outcome::RequesterGone => f.write_str("asker gone"),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `scan`: which units are on a serial line, and at which speed and format.
 //!
 //! The port is started again with each speed and format in turn, and asks every unit that has not been found yet for something
-//! harmless; any answer counts, exceptions included, if it came without a faulty character. All others who ask by the port are
+//! harmless; any response counts, exceptions included, if it came without a faulty character. All others who ask by the port are
 //! refused meanwhile. Whatever ends the scan, the port has its own settings again.
 
 use core::fmt;
@@ -13,7 +13,7 @@ use self::plan::Plan;
 use super::output::{NO_ROW, Written};
 use super::probe::{About, Told, harmless, to_first_char};
 use super::session::Session;
-use super::wait::{Begun, Came, Wait};
+use super::wait::{Begun, Wait, WaitEvent};
 use crate::gateway::direct_request::Turn;
 use crate::hal::OpenErrorKind;
 use crate::language::Words;
@@ -103,12 +103,12 @@ impl Session<'_, '_> {
 
 impl Scan {
     /// Goes on behind what `came`.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         match (self.stage, came) {
             (Stage::Found(place), _) => return self.show(session, place),
-            (_, Came::Typed(_)) => self.end(session),
+            (_, WaitEvent::Typed(_)) => self.end(session),
             (Stage::Line, _) => return self.next_line(session),
-            (Stage::Opening, Came::Opened(Err(error))) => {
+            (Stage::Opening, WaitEvent::Opened(Err(error))) => {
                 session.out.line(format_args!("{:12} {error}", self.line.speed()));
                 // Another speed or format may be supported; another device there is not.
                 match error.kind {
@@ -122,8 +122,8 @@ impl Scan {
                 self.stage = Stage::Unit;
             }
             (Stage::Unit, _) => return self.next_unit(session),
-            (Stage::Asked, Came::Answer(asked)) => return self.asked(session, asked.is_ok()),
-            (Stage::Identified(question), Came::Answer(asked)) => {
+            (Stage::Asked, WaitEvent::Answer(asked)) => return self.asked(session, asked.is_ok()),
+            (Stage::Identified(question), WaitEvent::Answer(asked)) => {
                 // An exception has another function code.
                 if asked.is_ok() && session.pdu.first() == question.first() {
                     session.out.put(format_args!("{}", Identity(&session.pdu)));

@@ -5,9 +5,9 @@ use core::fmt;
 use super::mode::Ended;
 use super::output::Output;
 use super::wait::Wait;
-use crate::fieldbus::{EthercatPlace, LineWriter};
+use crate::fieldbus::{EthercatState, LineWriter};
 use crate::gateway::Gateway;
-use crate::gateway::direct_request::{NotAsked, Turn};
+use crate::gateway::direct_request::{DirectRequestError, Turn};
 use crate::gateway::reconfigure::Unchanged;
 use crate::hal::{StoreError, System};
 use crate::language::Warning;
@@ -23,7 +23,7 @@ pub(super) struct Session<'s, 'g> {
     pub(super) line_number: Option<u32>,
     /// Who had the last word about the line of the EtherCAT port, before the command.
     line_writer: Option<LineWriter>,
-    /// The turn to ask units, while a command has it, and what it asks; the answer comes in place of the request.
+    /// The turn to ask units, while a command has it, and what it asks; the response comes in place of the request.
     pub(super) turn: Option<Turn<'s, 'g>>,
     pub(super) unit: u8,
     pub(super) pdu: Pdu,
@@ -64,7 +64,7 @@ impl Session<'_, '_> {
     }
 
     /// Takes the turn to ask units at `port`.
-    pub(super) fn take_turn(&mut self, port: PortId) -> Result<(), NotAsked> {
+    pub(super) fn take_turn(&mut self, port: PortId) -> Result<(), DirectRequestError> {
         self.turn = Some(self.gateway.turn(port)?);
         Ok(())
     }
@@ -113,6 +113,6 @@ impl Session<'_, '_> {
     }
 
     fn writer(&self) -> Option<LineWriter> {
-        self.gateway.ethercat().map(EthercatPlace::line_writer)
+        self.gateway.ethercat().map(EthercatState::line_writer)
     }
 }

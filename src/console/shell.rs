@@ -5,7 +5,7 @@ use super::input::{Input, Typed};
 use super::job::Job;
 use super::mode::{Ended, Mode, PROMPT, PROMPT_UNSAVED};
 use super::session::Session;
-use super::wait::{Came, Wait};
+use super::wait::{Wait, WaitEvent};
 use crate::gateway::Gateway;
 use crate::hal::System;
 use crate::language::{Words, Wrong};
@@ -37,14 +37,14 @@ impl<'s, 'g> Shell<'s, 'g> {
     }
 
     /// Goes on behind what `came`.
-    pub(super) fn step(&mut self, came: Came) -> Wait {
+    pub(super) fn step(&mut self, came: WaitEvent) -> Wait {
         let Self { input, session, job, ended } = self;
         let wait = match (&job, came) {
-            (Job::Idle, Came::Key(byte)) => {
+            (Job::Idle, WaitEvent::Key(byte)) => {
                 let typed = input.feed(byte, &mut session.out);
                 self.typed(typed)
             }
-            (Job::Idle, Came::Typed(_)) => {
+            (Job::Idle, WaitEvent::Typed(_)) => {
                 *ended = true;
                 let typed = input.end(&mut session.out);
                 self.typed(typed)

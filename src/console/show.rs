@@ -7,11 +7,11 @@ use embassy_time::Instant;
 use super::output::{NO_ROW, Written};
 use super::points;
 use super::registers;
-use super::rows::{LogRow, Row, StatusText, Troubles, age, cell, describe, describe_unit, text, took};
+use super::rows::{LineErrors, LogRow, Row, StatusText, age, cell, describe, describe_unit, text, took};
 use super::session::Session;
 use super::table::{Source, titled};
 use super::wait::Wait;
-use crate::fieldbus::{Controller, EthercatPlace, LineWriter};
+use crate::fieldbus::{Controller, EthercatState, LineWriter};
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
 use crate::language::write_line;
@@ -115,7 +115,7 @@ fn port(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Writ
     let status = StatusText(place.status());
     // Who had the last word about the line of the EtherCAT port.
     let is_ethercat_line = settings.ethercat_line().is_some_and(|id| id.index() == row);
-    let writer = gateway.ethercat().filter(|_| is_ethercat_line).map(EthercatPlace::line_writer);
+    let writer = gateway.ethercat().filter(|_| is_ethercat_line).map(EthercatState::line_writer);
     let writer = writer.filter(|writer| *writer != LineWriter::Settings);
     let mut written = Ok(());
     describe(&port.kind, &mut |role, place, line| {
@@ -152,14 +152,14 @@ fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writte
         Some((unit, units.state(&unit, source.now)))
     });
     let Some((unit, state)) = known else { return NO_ROW };
-    let Unit { id, requests, answers, exceptions, timeouts, .. } = unit;
-    let last = took((answers > 0).then_some(unit.took_us));
+    let Unit { id, requests, responses, exceptions, timeouts, .. } = unit;
+    let last = took((responses > 0).then_some(unit.took_us));
     let (half, most) = (took(unit.times.percentile(50)), took(unit.times.percentile(99)));
-    let ((state, advice), troubles) = (describe_unit(&unit, state), Troubles(&unit));
-    let gap = if advice.is_empty() || unit.troubles().next().is_none() { "" } else { "; " };
+    let ((state, advice), troubles) = (describe_unit(&unit, state), LineErrors(&unit));
+    let gap = if advice.is_empty() || unit.errors().next().is_none() { "" } else { "; " };
     Some(write!(
         out,
-        "{:15} {id:>4} {state:11} {requests:>10} {answers:>10} {exceptions:>10} {timeouts:>10} \
+        "{:15} {id:>4} {state:11} {requests:>10} {responses:>10} {exceptions:>10} {timeouts:>10} \
          {last:>9} {half:>9} {most:>9} {troubles}{gap}{advice}",
         port.name
     ))
@@ -167,7 +167,7 @@ fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writte
 
 fn client(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
     let Source { gateway, settings, now } = *source;
-    let state = gateway.seats().get(nth)?.state();
+    let state = gateway.connections().get(nth)?.state();
     let (Some(port), Some(peer)) = (state.port, state.peer) else { return NO_ROW };
     let port = settings.name(port);
     let peer = text(format_args!("{}", Endpoint(peer)));
@@ -187,7 +187,7 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
         };
         let count = place.stats.get(*event);
         // Most events never happen at most ports.
-        if count == 0 && !matches!(event, Event::Request | Event::Answer) {
+        if count == 0 && !matches!(event, Event::Request | Event::Response) {
             return NO_ROW;
         }
         let (event, rate) = (event.name(), place.stats.per_minute(*event, now));
@@ -275,7 +275,7 @@ fn version(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut
         write!(out, "mobgate {version} on {board}, up {up}")?;
         let Some(controller) = gateway.ethercat_controller(settings) else { return Ok(()) };
         write!(out, ", {controller}")?;
-        let indicators = gateway.ethercat().and_then(EthercatPlace::indicators);
+        let indicators = gateway.ethercat().and_then(EthercatState::indicators);
         indicators.map_or(Ok(()), |indicators| write!(out, ", {indicators}"))
     })
 }

@@ -19,8 +19,8 @@ pub(super) struct Source<'t, 'g> {
 impl<'t> Source<'t, '_> {
     /// The port number `at` and what is known of it: none behind the last place, and perhaps none there.
     pub(super) fn port(&self, at: usize) -> Option<Option<(&'t Port, PortAt<'t>)>> {
-        let place = self.gateway.place(PortId(u8::try_from(at).ok()?))?;
-        Some(self.settings.ports.get(at)?.as_ref().map(|port| (port, place)))
+        let state = self.gateway.port_state(PortId(u8::try_from(at).ok()?))?;
+        Some(self.settings.ports.get(at)?.as_ref().map(|port| (port, state)))
     }
 }
 

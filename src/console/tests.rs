@@ -23,10 +23,10 @@ use mobgate_clock as _;
 
 use super::*;
 use crate::frame::{FramePool, Slot};
-use crate::gateway::{Ports, Seat};
+use crate::gateway::{Connection, Ports};
 use crate::hal::{NetworkState, StoreError};
 use crate::modbus::Exception;
-use crate::scanner::ScannerPlace;
+use crate::scanner::ScannerState;
 use crate::settings::{LINE_BYTES_MAX, OwnNetwork, PortId, StaticAddress};
 use crate::stats::{Event, LogEntry, Outcome};
 
@@ -117,16 +117,16 @@ impl System for Bench {
     }
 }
 
-const SEATS: usize = 40;
+const CONNECTIONS: usize = 40;
 
 /// Calls `test` with a gateway of four port places.
 fn with_gateway(test: impl FnOnce(&Gateway<'_>)) {
-    let slots = [const { Slot::new() }; SEATS + 8];
+    let slots = [const { Slot::new() }; CONNECTIONS + 8];
     let ports = Ports::<5>::new();
-    let seats = [const { Seat::new() }; SEATS];
-    let pool = FramePool::new(&slots, SEATS + 5);
-    let scanner = ScannerPlace::new();
-    test(&Gateway::new(&pool, &ports, &seats).with_scanner(&scanner));
+    let connections = [const { Connection::new() }; CONNECTIONS];
+    let pool = FramePool::new(&slots, CONNECTIONS + 5);
+    let scanner = ScannerState::new();
+    test(&Gateway::new(&pool, &ports, &connections).with_scanner(&scanner));
 }
 
 fn session(gateway: &Gateway<'_>, store: &mut Memory, mode: Mode, typed: &str, piece: usize) -> String {
@@ -228,7 +228,7 @@ fn ports_and_rules_are_shown_as_tables_with_a_header() {
 fn counters_units_and_transactions_are_shown_and_cleared() {
     with_gateway(|gateway| {
         pipe(gateway, SETTINGS);
-        let place = gateway.place(PortId(0)).unwrap();
+        let place = gateway.port_state(PortId(0)).unwrap();
         place.stats.count(Event::Request);
         place.stats.count(Event::Timeout);
         let now = embassy_time::Instant::now();
@@ -248,7 +248,7 @@ fn counters_units_and_transactions_are_shown_and_cleared() {
         assert!(stats.starts_with("PORT            EVENT              COUNT PER-MINUTE\n"), "{stats}");
         assert!(stats.contains("P1              requests               1 "), "{stats}");
         assert!(stats.contains("P1              timeouts               1 "), "{stats}");
-        let free = format!("-               frames-free   {:>10}\n", SEATS + 8);
+        let free = format!("-               frames-free   {:>10}\n", CONNECTIONS + 8);
         assert!(stats.contains(&free), "{stats}");
         let units = pipe(gateway, "show units");
         assert_eq!(

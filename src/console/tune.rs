@@ -9,19 +9,19 @@ use embassy_time::{Duration, Instant};
 use super::probe::{About, Told, harmless, serial_client, to_first_char};
 use super::rows::{port_name, took};
 use super::session::Session;
-use super::wait::{Begun, Came, Wait};
+use super::wait::{Begun, Wait, WaitEvent};
 use crate::gateway::direct_request::Turn;
 use crate::gateway::unit_health::Units;
 use crate::language::{Words, Wrong, number, parse_units};
 use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS};
 use crate::settings::{Framing, LineSettings, PortId, SerialClientSettings, Settings, Time, UnitRange};
-use crate::stats::response_tail::AnswerTail;
+use crate::stats::response_tail::ResponseTail;
 
 /// Requests to each unit unless the words say another number: one standard deviation of what is told is at most 8 %.
 const COUNT: u32 = 2_000;
-/// A unit has so long for an answer, or as long as the port gives it if that is more.
+/// A unit has so long for a response, or as long as the port gives it if that is more.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// Requests that may get no answer before a unit is given up.
+/// Requests that may get no response before a unit is given up.
 const LOST_MAX: u32 = 20;
 /// Requests by which a gap is judged, how many of them the noise of a line may cost, and the longest gap.
 const GAP_REQUESTS: u32 = 50;
@@ -73,18 +73,18 @@ enum Stage {
 struct Series {
     begun: Instant,
     asked: u32,
-    /// So many requests, or until so many more than these got no answer.
+    /// So many requests, or until so many more than these got no response.
     count: u32,
     lost_max: u32,
     lost: u32,
-    /// Of all answers.
+    /// Of all responses.
     sum: Duration,
-    tail: AnswerTail,
+    tail: ResponseTail,
 }
 
 impl Series {
     fn new(count: u32, lost_max: u32) -> Self {
-        let (sum, tail) = (Duration::from_ticks(0), AnswerTail::new());
+        let (sum, tail) = (Duration::from_ticks(0), ResponseTail::new());
         Self { begun: Instant::now(), asked: 0, count, lost_max, lost: 0, sum, tail }
     }
 
@@ -141,11 +141,11 @@ impl Tune {
     }
 
     /// Goes on behind what `came`.
-    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: Came) -> Wait {
+    pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         match (self.stage, came) {
-            (_, Came::Typed(_)) => self.propose(session),
+            (_, WaitEvent::Typed(_)) => self.propose(session),
             (Stage::Unit, _) => self.next_unit(session),
-            (Stage::Opening, Came::Opened(Err(error))) => {
+            (Stage::Opening, WaitEvent::Opened(Err(error))) => {
                 session.fail(&error);
                 self.propose(session)
             }
@@ -156,7 +156,7 @@ impl Tune {
                 }
                 self.ask(session)
             }
-            (_, Came::Answer(asked)) => {
+            (_, WaitEvent::Answer(asked)) => {
                 self.note(session, asked.is_ok());
                 if self.series.is_over() { self.judge(session) } else { self.ask(session) }
             }
@@ -166,9 +166,10 @@ impl Tune {
 
     /// Begins with the next unit, or ends.
     fn next_unit(&mut self, session: &mut Session<'_, '_>) -> Wait {
-        let place = session.gateway.place(self.port);
+        let place = session.gateway.port_state(self.port);
         let is_known = |id| {
-            let answered = |units: &mut Units| units.iter().any(|known| known.id == id && known.answers > 0);
+            let answered =
+                |units: &mut Units| units.iter().any(|known| known.id == id && known.responses > 0);
             self.units.is_some() || place.is_some_and(|place| place.units(answered))
         };
         let UnitRange { first, last } = self.units.unwrap_or(UnitRange { first: 1, last: 255 });
@@ -218,7 +219,7 @@ impl Tune {
         session.ask_unit(self.unit, harmless(function.unwrap_or(READ_HOLDING_REGISTERS)), true)
     }
 
-    /// Notes how long the answer took, or that there was none.
+    /// Notes how long the response took, or that there was none.
     fn note(&mut self, session: &Session<'_, '_>, answered: bool) {
         self.series.asked += 1;
         match session.turn.as_ref().and_then(Turn::outcome) {
@@ -286,7 +287,7 @@ impl Tune {
         if let Some(gap) = self.longest_gap {
             out.put(format_args!(" gap {}", Time(gap)));
         }
-        // Behind a broadcast a unit is as busy as before an answer (Serial Line 2.4.1).
+        // Behind a broadcast a unit is as busy as before a response (Serial Line 2.4.1).
         if timeout > self.client.turnaround {
             out.put(format_args!(" turnaround {}", Time(timeout)));
         }

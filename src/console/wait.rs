@@ -2,7 +2,7 @@
 
 use embassy_time::Duration;
 
-use crate::gateway::direct_request::NotAsked;
+use crate::gateway::direct_request::DirectRequestError;
 use crate::hal::OpenError;
 use crate::language::Wrong;
 use crate::settings::LineSettings;
@@ -20,7 +20,7 @@ pub(super) enum Wait {
     // Only points want that.
     #[cfg_attr(not(feature = "points"), expect(dead_code))]
     Rest(Duration),
-    /// The answer to the session's question, or that something is typed if that ends it.
+    /// The response to the session's question, or that something is typed if that ends it.
     Answer {
         typed_ends: bool,
     },
@@ -53,13 +53,13 @@ impl Wait {
 
 /// What came of waiting.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Came {
+pub(super) enum WaitEvent {
     /// The time is over, or there was nothing to wait for.
     Nothing,
     Key(u8),
     /// So many bytes; 0: the input has ended.
     Typed(usize),
-    Answer(Result<Duration, NotAsked>),
+    Answer(Result<Duration, DirectRequestError>),
     Opened(Result<(), OpenError>),
 }
 

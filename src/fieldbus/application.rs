@@ -20,12 +20,12 @@ use super::config_error::ConfigError;
 use super::keeping::{Keep, Kept};
 use super::line::LineWriter;
 use super::objects::REASON_BYTES;
-use super::place::EthercatPlace;
 use super::points::PointObjects;
 use super::room::{Room, first_of, span};
+use super::shared::EthercatState;
 use super::slaves::ModbusSlave;
 use super::slots::Slots;
-use crate::scanner::ScannerPlace;
+use crate::scanner::ScannerState;
 
 /// What a cycle of process data takes beside the bus to the controller: for the interrupt and what comes with it, and for each module.
 const FIXED_NS: u32 = 25_000;
@@ -33,7 +33,7 @@ const MODULE_NS: u32 = 4_000;
 
 /// Reads and writes of configuration, layout and buffers.
 pub struct GatewayObjects<'p> {
-    place: &'p EthercatPlace,
+    shared: &'p EthercatState,
     /// Why what was asked for last was refused.
     refused: Option<ConfigError>,
     /// Whether the outputs come from a MainDevice that is in Op now.
@@ -47,40 +47,40 @@ pub struct GatewayObjects<'p> {
 
 impl<'p> GatewayObjects<'p> {
     /// The objects after power-on.
-    pub fn new(place: &'p EthercatPlace) -> Self {
-        place.set_room(Room::FIRST);
+    pub fn new(shared: &'p EthercatState) -> Self {
+        shared.set_room(Room::FIRST);
         let points = PointObjects::default();
-        Self { place, refused: None, outputs_valid: false, input_counter: 0, points, slots: None }
+        Self { shared, refused: None, outputs_valid: false, input_counter: 0, points, slots: None }
     }
 
     /// Those of a [modular](super::MODULAR) gateway.
-    pub fn modular(place: &'p EthercatPlace) -> Self {
-        let mut objects = Self::new(place);
+    pub fn modular(shared: &'p EthercatState) -> Self {
+        let mut objects = Self::new(shared);
         objects.become_modular(true);
         objects
     }
 
     /// Makes them those of the device that the settings want; whether it is the modular one.
     pub(super) fn follow_settings(&mut self) -> bool {
-        let modular = self.place.wants_modules();
+        let modular = self.shared.wants_modules();
         self.become_modular(modular);
         modular
     }
 
     fn become_modular(&mut self, modular: bool) {
-        self.slots = modular.then(|| Slots::new(self.place));
-        self.place.set_modular(modular);
+        self.slots = modular.then(|| Slots::new(self.shared));
+        self.shared.set_modular(modular);
     }
 
     /// Those of a gateway that has data points, too.
     #[must_use]
-    pub fn with_points(self, scanner: Option<&'p ScannerPlace>) -> Self {
+    pub fn with_points(self, scanner: Option<&'p ScannerState>) -> Self {
         Self { points: PointObjects::new(scanner), ..self }
     }
 
     /// What they share with the port.
-    pub fn place(&self) -> &'p EthercatPlace {
-        self.place
+    pub fn shared(&self) -> &'p EthercatState {
+        self.shared
     }
 
     /// Whether the outputs come from a MainDevice that is in Op now.
@@ -90,9 +90,9 @@ impl<'p> GatewayObjects<'p> {
 
     /// The number at `at`, of all but buffers and texts.
     fn number(&self, at: Address) -> Option<u32> {
-        let place = self.place;
+        let shared = self.shared;
         if at.index == 0x200a {
-            return Some((place.line_writer() == LineWriter::MainDevice).into());
+            return Some((shared.line_writer() == LineWriter::MainDevice).into());
         }
         if let Some(number) = self.slots.as_ref().and_then(|slots| slots.number(at)) {
             return Some(number);
@@ -102,26 +102,26 @@ impl<'p> GatewayObjects<'p> {
             // Both are done on command.
             0x1010 | 0x1011 => 1,
             // The request to take the configuration over is served at once, so it never reads as set.
-            0x2005 => u32::from(sub == 1 && place.is_running()),
+            0x2005 => u32::from(sub == 1 && shared.is_running()),
             0x2030 => self.input_counter.into(),
-            0x2031 => place.health(sub).into(),
-            0x2032 => place.state_word(sub).into(),
-            0x2033 if sub == 1 => place.requests().state().number().into(),
-            0x2033 => place.requests().error().into(),
+            0x2031 => shared.health(sub).into(),
+            0x2032 => shared.state_word(sub).into(),
+            0x2033 if sub == 1 => shared.requests().state().number().into(),
+            0x2033 => shared.requests().error().into(),
             0x2040..=0x2043 => self.points.number(at.index, sub)?.into(),
             index => match ModbusSlave::of(index) {
-                Some(ModbusSlave::Layout(nth)) => (*place.layout(nth).0.get(sub)?).into(),
-                Some(ModbusSlave::Status(nth)) => place.status_number(nth, sub)?,
-                _ => return place.configuration(|configuration| configuration.number(at)),
+                Some(ModbusSlave::Layout(nth)) => (*shared.layout(nth).0.get(sub)?).into(),
+                Some(ModbusSlave::Status(nth)) => shared.status_number(nth, sub)?,
+                _ => return shared.configuration(|configuration| configuration.number(at)),
             },
         })
     }
 
     /// Whether the configuration can be used; notes why not.
     fn check_configuration(&mut self) -> Result<(), Abort> {
-        let checked = self.place.check().map(|_| ());
+        let checked = self.shared.check().map(|_| ());
         if let Err(why) = checked {
-            self.place.configuration_refused(why);
+            self.shared.configuration_refused(why);
         }
         self.note(checked)
     }
@@ -132,9 +132,9 @@ impl<'p> GatewayObjects<'p> {
             return Err(Abort::NotStored);
         }
         let checked = match keep {
-            _ if !self.place.keeping.has_store() => Err(ConfigError::NoStore),
-            Keep::Save if !self.place.is_running() => Err(ConfigError::NotInUse),
-            Keep::Restore if self.place.is_running() => return Err(Abort::State),
+            _ if !self.shared.keeping.has_store() => Err(ConfigError::NoStore),
+            Keep::Save if !self.shared.is_running() => Err(ConfigError::NotInUse),
+            Keep::Restore if self.shared.is_running() => return Err(Abort::State),
             Keep::Save | Keep::Restore => Ok(()),
         };
         self.note(checked)
@@ -145,11 +145,11 @@ impl<'p> GatewayObjects<'p> {
         let Some(slots) = &mut self.slots else { return Ok(()) };
         let mut checked = slots.check();
         if checked.is_ok() && slots.has_modules() {
-            checked = self.place.take_over();
+            checked = self.shared.take_over();
         }
         self.refused = checked.err();
         let Some(error) = self.refused else { return Ok(()) };
-        self.place.configuration_refused(error);
+        self.shared.configuration_refused(error);
         Err(match error {
             ConfigError::InputsFull { .. } => AlStatusCode::InvalidInputMapping,
             ConfigError::OutputsFull { .. } => AlStatusCode::InvalidOutputMapping,
@@ -173,7 +173,7 @@ impl<'p> GatewayObjects<'p> {
     /// Why something was refused, in words (2006h).
     fn reason(&self) -> String<{ REASON_BYTES as usize }> {
         let mut text = String::new();
-        if let Some(error) = self.refused.or(self.place.missing()) {
+        if let Some(error) = self.refused.or(self.shared.missing()) {
             // Every reason fits; see the test.
             let _ = write!(text, "{error}");
         }
@@ -190,19 +190,19 @@ fn copy_entry(buffer: &[u8], first: u16, sub: u8, into: &mut [u8]) -> Result<(),
 
 impl Application for GatewayObjects<'_> {
     fn proves_outputs(&self) -> bool {
-        self.place.proves_outputs()
+        self.shared.proves_outputs()
     }
 
     fn shows(&mut self, indicators: Indicators) {
-        self.place.set_indicators(indicators);
+        self.shared.set_indicators(indicators);
     }
 
     fn sends_emergencies(&self) -> bool {
-        self.place.history(|history| history.sends_emergencies())
+        self.shared.history(|history| history.sends_emergencies())
     }
 
     fn emergency(&mut self) -> Option<Emergency> {
-        self.place.history(History::emergency)
+        self.shared.history(History::emergency)
     }
 
     fn object(&self, index: u16) -> Option<Object> {
@@ -218,7 +218,7 @@ impl Application for GatewayObjects<'_> {
     }
 
     fn identification(&self) -> Option<u16> {
-        self.place.identification()
+        self.shared.identification()
     }
 
     fn read(&mut self, at: Address, into: &mut [u8]) -> Result<usize, Abort> {
@@ -226,25 +226,25 @@ impl Application for GatewayObjects<'_> {
             return Ok(into.len());
         }
         match (at.index, at.sub) {
-            (0x2021 | 0x2023, sub) => self.place.inputs(|buffer| copy_entry(buffer, 0, sub, into))?,
-            (0x2022 | 0x2024, sub) => self.place.outputs(|buffer| copy_entry(buffer, 0, sub, into))?,
+            (0x2021 | 0x2023, sub) => self.shared.inputs(|buffer| copy_entry(buffer, 0, sub, into))?,
+            (0x2022 | 0x2024, sub) => self.shared.outputs(|buffer| copy_entry(buffer, 0, sub, into))?,
             (index @ (0x2025 | 0x2027 | 0x2029), sub) => {
-                self.place.inputs(|buffer| copy_entry(buffer, first_of(index), sub, into))?;
+                self.shared.inputs(|buffer| copy_entry(buffer, first_of(index), sub, into))?;
             }
             (index @ (0x2026 | 0x2028 | 0x202a), sub) => {
-                self.place.outputs(|buffer| copy_entry(buffer, first_of(index), sub, into))?;
+                self.shared.outputs(|buffer| copy_entry(buffer, first_of(index), sub, into))?;
             }
-            (0x10f3, sub) => self.place.history(|history| history.read(sub, into))?,
+            (0x10f3, sub) => self.shared.history(|history| history.read(sub, into))?,
             (0x10f8, _) => into.copy_from_slice(&(Instant::now().as_micros() * 1_000).to_le_bytes()),
-            (0x2033, 3) => return Ok(self.place.requests().copy_answer(into)),
+            (0x2033, 3) => return Ok(self.shared.requests().copy_response(into)),
             (0x2006, _) => {
                 let reason = self.reason();
                 into.fill(0);
-                into.iter_mut().zip(reason.bytes()).for_each(|(place, byte)| *place = byte);
+                into.iter_mut().zip(reason.bytes()).for_each(|(shared, byte)| *shared = byte);
             }
             _ => {
                 let number = self.number(at).ok_or(Abort::General)?;
-                into.iter_mut().zip(number.to_le_bytes()).for_each(|(place, byte)| *place = byte);
+                into.iter_mut().zip(number.to_le_bytes()).for_each(|(shared, byte)| *shared = byte);
             }
         }
         Ok(into.len())
@@ -255,26 +255,26 @@ impl Application for GatewayObjects<'_> {
         match (at.index, at.sub) {
             (0x1010, _) => self.check_keeping(Keep::Save, number),
             (0x1011, _) => self.check_keeping(Keep::Restore, number),
-            (0x10f3, sub) => self.place.history(|history| history.check(sub, number as u16)),
+            (0x10f3, sub) => self.shared.history(|history| history.check(sub, number as u16)),
             (0x2005, 1) if number == 1 => self.check_configuration(),
             (0x2033, 1) => {
-                self.place.check_port()?;
-                self.place.requests().check(value)
+                self.shared.check_port()?;
+                self.shared.requests().check(value)
             }
             (0x2033, _) => {
-                self.place.check_port()?;
-                let requests = self.place.requests();
+                self.shared.check_port()?;
+                let requests = self.shared.requests();
                 requests.check_part()?;
                 requests.check(&requests.parts(number as usize).ok_or(Abort::Range)?)
             }
-            (0x2034, _) => self.place.requests().check_part(),
+            (0x2034, _) => self.shared.requests().check_part(),
             // What comes of them is told when they are written.
             (0x2040 | 0x2042, _) => Ok(()),
             // 1 would be mark parity, which no line here can do.
             (0x2020, 3) if number == 1 => Err(Abort::Range),
             (0x2005, _) => Ok(()),
             // All others are the configuration, which changes in PreOp only.
-            _ if self.place.is_exchanging() && (self.place.is_running() || self.slots.is_some()) => {
+            _ if self.shared.is_exchanging() && (self.shared.is_running() || self.slots.is_some()) => {
                 Err(Abort::State)
             }
             _ => Ok(()),
@@ -283,28 +283,28 @@ impl Application for GatewayObjects<'_> {
 
     fn write(&mut self, at: Address, value: &[u8]) {
         // No other write is served while the outcome of a save is waited for: that MainDevice has started anew.
-        self.place.keeping.forget();
+        self.shared.keeping.forget();
         let number = number(value) as u32;
         match (at.index, at.sub) {
-            (0x1010, _) => self.place.keeping.begin(Keep::Save),
-            (0x1011, _) => self.place.keeping.begin(Keep::Restore),
-            (0x10f3, sub) => self.place.history(|history| history.write(sub, number as u16)),
+            (0x1010, _) => self.shared.keeping.begin(Keep::Save),
+            (0x1011, _) => self.shared.keeping.begin(Keep::Restore),
+            (0x10f3, sub) => self.shared.history(|history| history.write(sub, number as u16)),
             // It was checked.
-            (0x2005, 1) if number == 1 => self.refused = self.place.take_over().err(),
-            (0x2005, 2) => self.place.stop(),
+            (0x2005, 1) if number == 1 => self.refused = self.shared.take_over().err(),
+            (0x2005, 2) => self.shared.stop(),
             (0x2005, _) => {}
-            (0x2033, 1) => self.place.requests().ask(value),
+            (0x2033, 1) => self.shared.requests().ask(value),
             (0x2033, _) => {
-                let parts = self.place.requests().parts(number as usize);
-                parts.into_iter().for_each(|request| self.place.requests().ask(&request));
+                let parts = self.shared.requests().parts(number as usize);
+                parts.into_iter().for_each(|request| self.shared.requests().ask(&request));
             }
             (0x2034, part) => {
-                self.place.requests().put_part(4 * usize::from(part.saturating_sub(1)), value);
+                self.shared.requests().put_part(4 * usize::from(part.saturating_sub(1)), value);
             }
             (index @ (0x2040 | 0x2042), sub) => self.points.write(index, sub, number as u16),
             // The table has no other writable entry that is not known here.
             _ if self.slots.as_mut().is_some_and(|slots| slots.write(at, number)) => {}
-            _ => self.place.configure(at, number),
+            _ => self.shared.configure(at, number),
         }
     }
 
@@ -312,7 +312,7 @@ impl Application for GatewayObjects<'_> {
         if let Err(abort) = self.points.outcome() {
             return Some(Err(abort));
         }
-        match self.place.keeping.outcome() {
+        match self.shared.keeping.outcome() {
             Kept::Nothing | Kept::Done => Some(Ok(())),
             Kept::Wanted | Kept::Going => None,
             Kept::Failed => Some(self.note(Err(ConfigError::NotSaved))),
@@ -320,16 +320,16 @@ impl Application for GatewayObjects<'_> {
     }
 
     fn assigned(&mut self, channel: Channel, pdos: &[u16]) {
-        self.place.set_room(self.place.room().with(channel, pdos));
+        self.shared.set_room(self.shared.room().with(channel, pdos));
     }
 
     fn outputs(&mut self, pdo: u16, bytes: &[u8]) {
         if let Some(slots) = &mut self.slots {
             self.outputs_valid |= slots.outputs(pdo, bytes).is_some();
         } else if let Some((first, _)) = span(pdo) {
-            self.place.put_outputs(|image| {
-                let place = image.get_mut(first.into()..).unwrap_or_default();
-                place.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
+            self.shared.put_outputs(|image| {
+                let shared = image.get_mut(first.into()..).unwrap_or_default();
+                shared.iter_mut().zip(bytes).for_each(|(shared, byte)| *shared = *byte);
             });
             self.outputs_valid = true;
         }
@@ -340,16 +340,16 @@ impl Application for GatewayObjects<'_> {
             return;
         }
         match (pdo, span(pdo).filter(|_| self.slots.is_none())) {
-            (_, Some((first, _))) => self.place.inputs(|buffer| {
+            (_, Some((first, _))) => self.shared.inputs(|buffer| {
                 let bytes = buffer.get(first.into()..).unwrap_or_default();
-                into.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
+                into.iter_mut().zip(bytes).for_each(|(shared, byte)| *shared = *byte);
             }),
             (0x1a03, None) => {
-                into.iter_mut().zip(0..).for_each(|(byte, nth)| *byte = self.place.health(nth));
+                into.iter_mut().zip(0..).for_each(|(byte, nth)| *byte = self.shared.health(nth));
             }
             (0x1a06, None) => {
                 let words = into.as_chunks_mut().0.iter_mut();
-                words.zip(0..).for_each(|(word, nth)| *word = self.place.state_word(nth).to_le_bytes());
+                words.zip(0..).for_each(|(word, nth)| *word = self.shared.state_word(nth).to_le_bytes());
             }
             _ => {
                 self.input_counter = self.input_counter.wrapping_add(1);
@@ -364,17 +364,17 @@ impl Application for GatewayObjects<'_> {
     }
 
     fn is_another_device(&self) -> bool {
-        self.place.wants_modules() != self.slots.is_some()
+        self.shared.wants_modules() != self.slots.is_some()
     }
 
     fn failed(&mut self, fault: EscError) {
         log_warn!("EtherCAT starts anew: {fault}");
-        self.place.controller_failed();
+        self.shared.controller_failed();
     }
 
     fn outputs_stopped(&mut self) {
         self.outputs_valid = false;
-        self.place.outputs_stopped();
+        self.shared.outputs_stopped();
     }
 
     /// An image that was configured before the PDOs were assigned may be longer than they are.
@@ -382,11 +382,11 @@ impl Application for GatewayObjects<'_> {
         if state == AlState::SafeOp && self.slots.is_some() {
             return self.take_modules_over();
         }
-        if state != AlState::SafeOp || !self.place.is_running() {
+        if state != AlState::SafeOp || !self.shared.is_running() {
             return Ok(());
         }
-        let room = self.place.room();
-        self.refused = self.place.configuration(|configuration| configuration.plan(room)).err();
+        let room = self.shared.room();
+        self.refused = self.shared.configuration(|configuration| configuration.plan(room)).err();
         match self.refused {
             Some(ConfigError::InputsFull { .. }) => Err(AlStatusCode::InvalidInputMapping),
             Some(ConfigError::OutputsFull { .. }) => Err(AlStatusCode::InvalidOutputMapping),
@@ -395,6 +395,6 @@ impl Application for GatewayObjects<'_> {
     }
 
     fn entered(&mut self, state: AlState) {
-        self.place.set_exchanging(state.has_process_data());
+        self.shared.set_exchanging(state.has_process_data());
     }
 }

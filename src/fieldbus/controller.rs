@@ -13,8 +13,8 @@ use super::objects::DEVICE;
 
 #[cfg(feature = "long-images")] // As what serves it.
 use super::objects::LONG_DEVICE;
-use super::place::EthercatPlace;
-use crate::scanner::ScannerPlace;
+use super::shared::EthercatState;
+use crate::scanner::ScannerState;
 
 /// Between two looks for a controller that does not answer. A look is a few bytes on the bus.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
@@ -49,32 +49,32 @@ pub type LongSubDevice<E, A> = SubDevice<
 /// The gateway's EtherCAT task: serves the controller behind `esc`, for ever, whenever there is one; `points` are those of the
 /// gateway, if it has any. `attention` as for [`SubDevice::run`].
 pub async fn serve(
-    place: &EthercatPlace,
-    points: Option<&ScannerPlace>,
+    shared: &EthercatState,
+    points: Option<&ScannerState>,
     esc: impl Esc,
     attention: impl AsyncFnMut(),
 ) -> ! {
-    let objects = GatewayObjects::new(place).with_points(points);
-    run(place, &mut SubDevice::new(device(false), esc, objects), device, attention).await
+    let objects = GatewayObjects::new(shared).with_points(points);
+    run(shared, &mut SubDevice::new(device(false), esc, objects), device, attention).await
 }
 
-/// The same for a controller that has memory for longer images, and a `place` for them ([`EthercatPlace::long`]).
+/// The same for a controller that has memory for longer images, and a `shared` for them ([`EthercatState::long`]).
 #[cfg(feature = "long-images")] // As that place.
 pub async fn serve_long(
-    place: &EthercatPlace,
-    points: Option<&ScannerPlace>,
+    shared: &EthercatState,
+    points: Option<&ScannerState>,
     esc: impl Esc,
     attention: impl AsyncFnMut(),
 ) -> ! {
-    let objects = GatewayObjects::new(place).with_points(points);
-    run(place, &mut LongSubDevice::with_buffers(long_device(false), esc, objects), long_device, attention)
+    let objects = GatewayObjects::new(shared).with_points(points);
+    run(shared, &mut LongSubDevice::with_buffers(long_device(false), esc, objects), long_device, attention)
         .await
 }
 
 /// Serves as one of the devices that `device` gives with and without modules, as the settings want it. By reference: a future has
 /// room for what it is given and for what it makes of that.
 async fn run<const OUTPUTS: usize, const INPUTS: usize>(
-    place: &EthercatPlace,
+    shared: &EthercatState,
     sub_device: &mut SubDevice<impl Esc, GatewayObjects<'_>, OUTPUTS, INPUTS>,
     device: fn(bool) -> &'static Device,
     mut attention: impl AsyncFnMut(),
@@ -91,7 +91,7 @@ async fn run<const OUTPUTS: usize, const INPUTS: usize>(
                 Some(fault) => log_warn!("{controller}: {fault}"),
                 None => log_info!("{controller}"),
             }
-            place.set_controller(controller);
+            shared.set_controller(controller);
             known = Some(controller);
         }
         let pause = match controller {

@@ -3,11 +3,11 @@
 use ethercat_subdevice::diagnosis::{History, Text};
 
 use super::config_error::ConfigError;
-use super::place::EthercatPlace;
+use super::shared::EthercatState;
 use super::texts::{BACK, CONTROLLER_LOST, EXCEPTION, NOT_KEPT, OTHER_MODULE, REFUSED, SILENT};
 use crate::scanner::{DeviceId, DeviceStatus};
 
-impl EthercatPlace {
+impl EthercatState {
     /// Calls `f` with the history.
     pub(super) fn history<R>(&self, f: impl FnOnce(&mut History) -> R) -> R {
         self.history.lock(|history| f(&mut history.borrow_mut()))

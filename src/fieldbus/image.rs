@@ -2,12 +2,12 @@
 
 use core::cell::Cell;
 
-use super::place::EthercatPlace;
 use super::ranges::INPUTS;
 use super::room::Room;
+use super::shared::EthercatState;
 use crate::settings::OnLoss;
 
-impl EthercatPlace {
+impl EthercatState {
     /// Bytes of the buffers.
     pub fn most(&self) -> Room {
         // On boards it is a constant.

@@ -7,9 +7,9 @@ use embassy_time::{Duration, Timer};
 use ethercat_subdevice::indicators::{Indicators, Lamps, Pattern, show};
 
 use super::chip::Controller;
-use super::place::{EthercatPlace, State};
+use super::shared::{EthercatState, State};
 
-impl EthercatPlace {
+impl EthercatState {
     /// Notes what the SubDevice shows.
     pub(super) fn set_indicators(&self, indicators: Indicators) {
         let Indicators { state: shown, fault, fell } = indicators;

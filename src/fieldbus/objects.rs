@@ -88,7 +88,7 @@ const ON_SILENCE: Entry = Entry::setting("OnSilence", DataType::U8, 0, (0, 2));
 
 const SUBSTITUTE: Entry = Entry::setting("Substitute", DataType::U16, 0, (0, u16::MAX as u64));
 
-/// Health in bits 0 and 1, its inputs in bits 2 and 3 (see 2180h), a bit that turns with every answer (7), and the exception of
+/// Health in bits 0 and 1, its inputs in bits 2 and 3 (see 2180h), a bit that turns with every response (7), and the exception of
 /// its last negative answer (8 to 15).
 const STATE: Entry = Entry::input("State", DataType::U16);
 

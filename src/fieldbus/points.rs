@@ -5,12 +5,12 @@ use core::mem;
 use embassy_time::Instant;
 use ethercat_subdevice::coe::abort::Abort;
 
-use crate::scanner::{Refused, RowId, ScannerPlace};
+use crate::scanner::{Refused, RowId, ScannerState};
 
 /// Access to the points of a gateway, if it has any.
 #[derive(Default)]
 pub(super) struct PointObjects<'p> {
-    scanner: Option<&'p ScannerPlace>,
+    scanner: Option<&'p ScannerState>,
     /// 2042h, as it is written entry by entry.
     range: [u16; 4],
     /// Why what was written last is refused.
@@ -18,7 +18,7 @@ pub(super) struct PointObjects<'p> {
 }
 
 impl<'p> PointObjects<'p> {
-    pub(super) fn new(scanner: Option<&'p ScannerPlace>) -> Self {
+    pub(super) fn new(scanner: Option<&'p ScannerState>) -> Self {
         Self { scanner, ..Self::default() }
     }
 

@@ -1,6 +1,6 @@
 //! A Modbus request of the MainDevice, of any function (2033h): the port sends it as its own, by the rules for its name.
 //!
-//! One is open at a time. Its answer, or why there is none, stays until the next one.
+//! One is open at a time. Its response, or why there is none, stays until the next one.
 
 use core::cell::RefCell;
 
@@ -23,11 +23,11 @@ pub const REQUEST_BYTES_MAX: usize = 1 + PDU_BYTES_MAX;
 pub enum RequestState {
     /// There was none, or nobody answers it: it went to everybody.
     Ended = 0,
-    /// The answer is there.
+    /// The response is there.
     Answered = 1,
     /// It ended in an error.
     Failed = 2,
-    /// The answer is there, and is an exception.
+    /// The response is there, and is an exception.
     Exception = 3,
     /// It waits for being sent.
     Waiting = 254,
@@ -55,7 +55,7 @@ pub struct Requests {
 struct Current {
     state: RequestState,
     error: u8,
-    /// Unit and PDU until it is sent; then the answer's PDU.
+    /// Unit and PDU until it is sent; then the response's PDU.
     bytes: Vec<u8, REQUEST_BYTES_MAX>,
     /// They are parts of the next request.
     parts: bool,
@@ -119,8 +119,8 @@ impl Requests {
             let end = (first + part.len()).clamp(current.bytes.len(), REQUEST_BYTES_MAX);
             // There is room for that.
             let _ = current.bytes.resize(end, 0);
-            let place = current.bytes.get_mut(first..).unwrap_or_default();
-            place.iter_mut().zip(part).for_each(|(place, byte)| *place = *byte);
+            let shared = current.bytes.get_mut(first..).unwrap_or_default();
+            shared.iter_mut().zip(part).for_each(|(shared, byte)| *shared = *byte);
         });
     }
 
@@ -132,12 +132,12 @@ impl Requests {
         })
     }
 
-    /// Copies the answer's PDU, and gives its length.
-    pub(super) fn copy_answer(&self, into: &mut [u8]) -> usize {
+    /// Copies the response's PDU, and gives its length.
+    pub(super) fn copy_response(&self, into: &mut [u8]) -> usize {
         self.with(|current| {
             let there = matches!(current.state, RequestState::Answered | RequestState::Exception);
             let answer = if there { &current.bytes[..] } else { &[] };
-            into.iter_mut().zip(answer).for_each(|(place, byte)| *place = *byte);
+            into.iter_mut().zip(answer).for_each(|(shared, byte)| *shared = *byte);
             answer.len().min(into.len())
         })
     }
@@ -159,13 +159,13 @@ impl Requests {
                 current.bytes.split_first().filter(|_| current.state == RequestState::Waiting)?;
             let pdu = Pdu::from_slice(pdu).ok()?;
             current.state = RequestState::Open;
-            // Whom an answer comes from matters no more; that there was a broadcast does.
+            // Whom a response comes from matters no more; that there was a broadcast does.
             current.bytes.truncate(1);
             Some((unit, pdu))
         })
     }
 
-    /// What came of it: the answer's PDU, or why there is none.
+    /// What came of it: the response's PDU, or why there is none.
     pub fn ended(&self, outcome: Result<&[u8], ErrorCode>) {
         self.with(|current| {
             let broadcast = current.bytes.first() == Some(&0);
@@ -184,7 +184,7 @@ impl Requests {
         });
     }
 
-    /// The answer to what was sent will not come any more.
+    /// The response to what was sent will not come any more.
     pub fn lost(&self) {
         if self.state() == RequestState::Open {
             self.ended(Err(ErrorCode::Unknown));

@@ -4,10 +4,10 @@ use core::cell::Cell;
 
 use super::keeping::Keep;
 use super::line::Speed;
-use super::place::{EthercatPlace, State};
+use super::shared::{EthercatState, State};
 use crate::settings::Settings;
 
-impl EthercatPlace {
+impl EthercatState {
     /// Waits until the settings are to be saved, as somebody who has a store; says how.
     pub(crate) async fn keep_wanted(&self) -> Keep {
         self.keeping.wanted().await
@@ -27,7 +27,7 @@ impl EthercatPlace {
     }
 
     /// Whether a MainDevice has had a configuration taken over, and the settings do not say so yet.
-    pub(crate) fn has_news(&self) -> bool {
+    pub(crate) fn has_changed(&self) -> bool {
         self.state.lock(Cell::get).taken_over
     }
 

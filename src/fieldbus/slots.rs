@@ -11,8 +11,8 @@ use super::config_error::ConfigError;
 use super::layout::{DeviceLayout, Start};
 use super::modular::{OWN_BYTES, STATUS_PDO, fits, has, indices, object, slot_of};
 use super::modules::{VARIANTS, ident, is_module, pdo_bytes, put_inputs, put_value, tables, take_outputs};
-use super::place::EthercatPlace;
 use super::room::{IMAGE_BYTES, Room};
+use super::shared::EthercatState;
 use super::slaves::SLAVES_MAX;
 use crate::settings::SlaveSettings;
 
@@ -21,7 +21,7 @@ const SETTINGS: u16 = 0x8000;
 
 /// The slots.
 pub(super) struct Slots<'p> {
-    place: &'p EthercatPlace,
+    shared: &'p EthercatState,
     /// The modules that the MainDevice expects (F030h).
     expected: [u32; SLAVES_MAX],
     /// Where the module behind the one whose process data were exchanged last has its values. PDOs are exchanged slot by slot.
@@ -34,13 +34,13 @@ fn module_of(slaves: &[SlaveSettings], slot: usize) -> Option<&SlaveSettings> {
 }
 
 impl<'p> Slots<'p> {
-    pub(super) fn new(place: &'p EthercatPlace) -> Self {
-        Self { place, expected: [0; SLAVES_MAX], next: Start::default() }
+    pub(super) fn new(shared: &'p EthercatState) -> Self {
+        Self { shared, expected: [0; SLAVES_MAX], next: Start::default() }
     }
 
     /// The module in a slot, if there is one.
     fn module(&self, slot: usize) -> Option<SlaveSettings> {
-        let slave = self.place.configuration(|configuration| configuration.slaves().get(slot).copied())?;
+        let slave = self.shared.configuration(|configuration| configuration.slaves().get(slot).copied())?;
         is_module(&slave).then_some(slave)
     }
 
@@ -55,7 +55,7 @@ impl<'p> Slots<'p> {
 
     /// The first object from `index` on.
     pub(super) fn next_object(&self, index: u16) -> Option<u16> {
-        self.place.configuration(|configuration| {
+        self.shared.configuration(|configuration| {
             let slaves = configuration.slaves();
             indices().filter(|found| *found >= index).find(|&found| {
                 let Some((slot, first)) = slot_of(found) else { return false };
@@ -71,7 +71,7 @@ impl<'p> Slots<'p> {
             _ => (0x1a00, 1 << (STATUS_PDO - 0x1a00), OWN_BYTES),
         };
         let (mut present, mut bytes) = (own, own_bytes);
-        self.place.configuration(|configuration| {
+        self.shared.configuration(|configuration| {
             let slaves = configuration.slaves();
             for slot in 0..slaves.len() {
                 let of_module = module_of(slaves, slot).map_or(0, |slave| pdo_bytes(slave, channel));
@@ -89,7 +89,7 @@ impl<'p> Slots<'p> {
             self.next = Start::default();
         }
         let next = &mut self.next;
-        self.place.configuration(|configuration| {
+        self.shared.configuration(|configuration| {
             let mut placed = None;
             for slave in configuration.slaves().get(usize::from(next.nth)..=slot)? {
                 placed = Some((*slave, next.lay_out(slave, Room::MOST).ok()?));
@@ -138,7 +138,7 @@ impl<'p> Slots<'p> {
 
     /// Whether there is any module.
     pub(super) fn has_modules(&self) -> bool {
-        self.place.configuration(|configuration| configuration.slaves().iter().any(is_module))
+        self.shared.configuration(|configuration| configuration.slaves().iter().any(is_module))
     }
 
     /// The number at `at`, if it is one of these.
@@ -162,8 +162,8 @@ impl<'p> Slots<'p> {
     /// Writes the module that the MainDevice expects in a slot, if `at` is one of these.
     pub(super) fn write(&mut self, at: Address, ident: u32) -> bool {
         let expected = self.expected.get_mut(usize::from(at.sub).saturating_sub(1));
-        let place = expected.filter(|_| at.index == 0xf030);
-        place.map(|place| *place = ident).is_some()
+        let ident_of_slot = expected.filter(|_| at.index == 0xf030);
+        ident_of_slot.map(|expected| *expected = ident).is_some()
     }
 
     /// Reads a value of a module's, if `at` is one; 0 as long as nobody asks for it.
@@ -174,14 +174,14 @@ impl<'p> Slots<'p> {
         let table = tables(&module, channel).find(|table| table.index == first)?;
         let nth = u16::from(at.sub.checked_sub(1)?);
         into.fill(0);
-        if self.place.is_running() {
-            let layout = self.place.layout(slot);
+        if self.shared.is_running() {
+            let layout = self.shared.layout(slot);
             match channel {
                 Channel::Outputs => {
-                    let place = layout.output(table.kind)?;
-                    self.place.outputs(|image| put_value(table, image, place, nth, into));
+                    let first = layout.output(table.kind)?;
+                    self.shared.outputs(|image| put_value(table, image, first, nth, into));
                 }
-                _ => self.place.inputs(|image| put_value(table, image, layout.input(table.kind), nth, into)),
+                _ => self.shared.inputs(|image| put_value(table, image, layout.input(table.kind), nth, into)),
             }
         }
         Some(())
@@ -191,9 +191,9 @@ impl<'p> Slots<'p> {
     pub(super) fn inputs(&mut self, pdo: u16, into: &mut [u8]) -> Option<()> {
         let (slot, 0x1a00) = slot_of(pdo)? else { return None };
         into.fill(0);
-        if self.place.is_running() {
+        if self.shared.is_running() {
             let (module, layout) = self.placed(slot)?;
-            self.place.inputs(|image| put_inputs(&module, &layout, image, into));
+            self.shared.inputs(|image| put_inputs(&module, &layout, image, into));
         }
         Some(())
     }
@@ -201,15 +201,15 @@ impl<'p> Slots<'p> {
     /// Takes the outputs of a module.
     pub(super) fn outputs(&mut self, pdo: u16, bytes: &[u8]) -> Option<()> {
         let (slot, 0x1600) = slot_of(pdo)? else { return None };
-        if self.place.is_running() {
+        if self.shared.is_running() {
             let (module, layout) = self.placed(slot)?;
-            self.place.put_outputs(|image| take_outputs(&module, &layout, bytes, image));
+            self.shared.put_outputs(|image| take_outputs(&module, &layout, bytes, image));
         }
         Some(())
     }
 }
 
-impl EthercatPlace {
+impl EthercatState {
     /// Whether devices are modules, in the SubDevice as it is now. Its PDOs are those of after power-on.
     pub(super) fn set_modular(&self, modular: bool) {
         let room = if modular { Room::MOST } else { Room::FIRST };

@@ -2,11 +2,11 @@
 
 use embassy_time::Instant;
 
-use super::place::EthercatPlace;
+use super::shared::EthercatState;
 use crate::scanner::DeviceStatus;
 use crate::settings::OnSilence;
 
-/// The bit of a state that turns with every answer.
+/// The bit of a state that turns with every response.
 const TURNS: u16 = 1 << 7;
 
 /// Health of a device. 0: not asked yet; 1: well; 2: not normal.
@@ -18,7 +18,7 @@ fn health(status: &DeviceStatus) -> u8 {
     }
 }
 
-impl EthercatPlace {
+impl EthercatState {
     /// The health of the slave `nth`.
     pub(super) fn health(&self, nth: usize) -> u8 {
         self.slave_status(nth).map_or(0, |status| health(&status))

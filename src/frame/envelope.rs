@@ -13,9 +13,9 @@ pub struct Envelope {
     pub origin: Origin,
     /// The MBAP transaction id to give back; 0 from serial lines, which have one request open at a time.
     pub transaction: u16,
-    /// The asker's address, on TCP.
+    /// The requester's address, on TCP.
     pub peer: Option<IpAddr>,
-    /// The unit id as the asker wrote it.
+    /// The unit id as the requester wrote it.
     pub unit: u8,
     /// The unit id on the destination's side, set by the router.
     pub target: u8,
@@ -33,11 +33,11 @@ pub struct Envelope {
     pub deadline: Instant,
     /// How often it was sent again.
     pub repeats: u8,
-    /// Whether the PDU is the request or its answer.
+    /// Whether the PDU is the request or its response.
     pub stage: Stage,
-    /// Whether the answer may be passed on while it arrives.
+    /// Whether the response may be passed on while it arrives.
     pub cut: bool,
-    /// The asker repeats its requests and spares units that are down by itself: no port does that for it.
+    /// The requester repeats its requests and spares units that are down by itself: no port does that for it.
     pub paced: bool,
     /// What is behind an exception of the gateway.
     pub cause: Cause,
@@ -46,13 +46,13 @@ pub struct Envelope {
 /// What is behind an exception of the gateway, where its code does not tell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
-    /// Behind 0B: no answer came in time.
+    /// Behind 0B: no response came in time.
     Silence,
-    /// Behind 0B: the answer was damaged on its way.
-    Damage,
+    /// Behind 0B: the response was damaged on its way.
+    Corruption,
     /// Behind 0B: the connection broke.
     Connection,
-    /// Behind 03: the answer would be longer than a PDU may be.
+    /// Behind 03: the response would be longer than a PDU may be.
     Length,
     /// Nobody has been asked: a rule forbids it, too many requests wait, or the request's time was over.
     Unsent,
@@ -63,9 +63,9 @@ pub enum Cause {
 pub struct Origin {
     /// The port that received the request.
     pub port: PortId,
-    /// Where at that port the answer goes.
-    pub way: Way,
-    /// Which connection in a row it is at that seat, or which request in a row on that line: an answer for an earlier one
+    /// Where at that port the response goes.
+    pub reply_to: ReplyTo,
+    /// Which connection in a row it is at that connection, or which request in a row on that line: a response for an earlier one
     /// must not reach its successor.
     pub generation: u16,
 }
@@ -74,9 +74,9 @@ pub struct Origin {
 // From 1 on: then no envelope at all is the 0, and a free slot is all zeros, which take no place in a board's flash.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u16)]
-pub enum Way {
+pub enum ReplyTo {
     /// To the TCP connection at this place.
-    Seat(u16) = 1,
+    Connection(u16) = 1,
     /// To the port itself: the master on its serial line.
     Line,
     /// To the port itself, which tells what it has open by `transaction`.
@@ -92,11 +92,11 @@ pub enum Way {
 pub enum Stage {
     /// The PDU is the request.
     Request,
-    /// The PDU is the answer, and whoever asked has been given the frame before it was whole.
-    Answering,
-    /// The PDU is the answer.
-    Answer,
-    /// There is no answer, and none is to be given: a broadcast, a discarded request.
+    /// The PDU is the response, and whoever asked has been given the frame before it was whole.
+    Responding,
+    /// The PDU is the response.
+    Response,
+    /// There is no response, and none is to be given: a broadcast, a discarded request.
     Silence,
 }
 
@@ -107,7 +107,7 @@ impl Envelope {
     }
 
     pub(super) const EMPTY: Self = Self {
-        origin: Origin { port: PortId(0), way: Way::Nobody, generation: 0 },
+        origin: Origin { port: PortId(0), reply_to: ReplyTo::Nobody, generation: 0 },
         transaction: 0,
         peer: None,
         unit: 0,

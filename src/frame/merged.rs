@@ -5,26 +5,26 @@ use core::mem;
 use super::Frame;
 
 impl<'p> Frame<'p> {
-    /// Lets `rider`, which rides on no frame and is in no channel, ride on this one, in front of those that do so already.
-    pub fn carry(&self, rider: Frame<'p>) {
-        let link = rider.index + 1;
-        let behind = self.with(|slot| mem::replace(&mut slot.rider, link));
-        rider.with(|slot| slot.next = behind.unwrap_or(0));
+    /// Lets `merged`, which rides on no frame and is in no channel, ride on this one, in front of those that do so already.
+    pub fn merge(&self, merged: Frame<'p>) {
+        let link = merged.index + 1;
+        let behind = self.with(|slot| mem::replace(&mut slot.merged, link));
+        merged.with(|slot| slot.next = behind.unwrap_or(0));
         // This frame holds the handle from here on, as an index.
-        mem::forget(rider);
+        mem::forget(merged);
     }
 
     /// Whether others ride on this frame.
     pub fn is_laden(&self) -> bool {
-        self.with(|slot| slot.rider != 0) == Some(true)
+        self.with(|slot| slot.merged != 0) == Some(true)
     }
 
     /// Takes the first of the frames that ride on this one.
     pub fn unload(&self) -> Option<Frame<'p>> {
-        let index = self.with(|slot| slot.rider)?.checked_sub(1)?;
-        let rider = Self { pool: self.pool, index };
-        let next = rider.with(|slot| mem::take(&mut slot.next));
-        self.with(|slot| slot.rider = next.unwrap_or(0));
-        Some(rider)
+        let index = self.with(|slot| slot.merged)?.checked_sub(1)?;
+        let merged = Self { pool: self.pool, index };
+        let next = merged.with(|slot| mem::take(&mut slot.next));
+        self.with(|slot| slot.merged = next.unwrap_or(0));
+        Some(merged)
     }
 }

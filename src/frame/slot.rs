@@ -7,7 +7,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::waitqueue::WakerRegistration;
 
 use super::envelope::Envelope;
-use super::errand::Errand;
+use super::transaction::Transaction;
 use crate::modbus::PDU_BYTES_MAX;
 
 /// How far a frame's PDU is.
@@ -26,7 +26,7 @@ pub struct Slot(pub(super) Mutex<CriticalSectionRawMutex, RefCell<SlotState>>);
 
 pub(super) struct SlotState {
     pub(super) envelope: Option<Envelope>,
-    pub(super) errand: Errand,
+    pub(super) transaction: Transaction,
     pub(super) pdu: [u8; PDU_BYTES_MAX],
     pub(super) length: u8,
     /// How long the PDU will be, once that is known; else 0.
@@ -41,7 +41,7 @@ pub(super) struct SlotState {
     /// The next slot in the list or channel that this one is in: its index + 1; 0: the last one.
     pub(super) next: u16,
     /// The first of the frames that ride on this one: its index + 1; 0: none.
-    pub(super) rider: u16,
+    pub(super) merged: u16,
     pub(super) waiting: WakerRegistration,
 }
 
@@ -50,7 +50,7 @@ impl Slot {
     pub const fn new() -> Self {
         Self(Mutex::new(RefCell::new(SlotState {
             envelope: None,
-            errand: Errand::NONE,
+            transaction: Transaction::NONE,
             pdu: [0; PDU_BYTES_MAX],
             length: 0,
             expected: 0,
@@ -59,7 +59,7 @@ impl Slot {
             handles: 0,
             fill: Fill::Filling,
             next: 0,
-            rider: 0,
+            merged: 0,
             waiting: WakerRegistration::new(),
         })))
     }

@@ -2,7 +2,7 @@
 
 use embassy_time::Instant;
 
-use super::check::{ApplyError, is_scanner, seats_of};
+use super::check::{ApplyError, connections_of, is_scanner};
 use super::points::{self, Reloaded};
 use super::{Gateway, Status};
 use crate::settings::{PORTS_MAX, PortId, SERVERS_MAX, Settings};
@@ -13,9 +13,9 @@ impl Gateway<'_> {
     pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
         self.check(new)?;
         let mut points = Reloaded::Nothing;
-        if let Some(place) = self.scanner() {
+        if let Some(port_state) = self.scanner() {
             let load = |scanner: &mut _| self.settings(|old| points::load(scanner, old, new, Instant::now()));
-            points = place.change(load)?;
+            points = port_state.change(load)?;
         }
         let mut changed = [false; PORTS_MAX];
         let other_slaves = self.settings(|settings| settings.slaves != new.slaves);
@@ -43,16 +43,19 @@ impl Gateway<'_> {
             settings.clone_from(new);
         });
         self.follow_ethercat(new, other_slaves);
-        for place in self.places().filter(|place| changed.get(place.id.index()) == Some(&true)) {
-            let id = place.id;
-            let old = self.seats.iter().filter(|seat| seat.state().port == Some(id));
-            old.for_each(|seat| seat.give_to(None));
-            place.restart();
+        for port_state in
+            self.port_states().filter(|port_state| changed.get(port_state.id.index()) == Some(&true))
+        {
+            let id = port_state.id;
+            let old = self.connections.iter().filter(|connection| connection.state().port == Some(id));
+            old.for_each(|connection| connection.give_to(None));
+            port_state.restart();
         }
         for (index, port) in new.ports.iter().enumerate() {
             if let (Some(port), Some(true)) = (port, changed.get(index)) {
-                let free = self.seats.iter().filter(|seat| seat.state().port.is_none());
-                free.take(seats_of(&port.kind)).for_each(|seat| seat.give_to(Some(PortId(index as u8))));
+                let free = self.connections.iter().filter(|connection| connection.state().port.is_none());
+                free.take(connections_of(&port.kind))
+                    .for_each(|connection| connection.give_to(Some(PortId(index as u8))));
             }
         }
         Ok(())
@@ -63,10 +66,11 @@ impl Gateway<'_> {
         let mut statuses = [Status::Off; SERVERS_MAX];
         for (status, line) in statuses.iter_mut().zip(&new.servers) {
             let before = old.servers.iter().position(|before| before == line);
-            *status = before.and_then(|place| self.server_status(place, None)).unwrap_or(Status::Off);
+            *status =
+                before.and_then(|port_state| self.server_status(port_state, None)).unwrap_or(Status::Off);
         }
-        for (place, status) in statuses.into_iter().enumerate() {
-            self.server_status(place, Some(status));
+        for (port_state, status) in statuses.into_iter().enumerate() {
+            self.server_status(port_state, Some(status));
         }
     }
 }

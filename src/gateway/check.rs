@@ -10,13 +10,13 @@ use crate::settings::{EthercatSettings, Name, Port, PortKind, Settings, StreamFr
 pub enum ApplyError {
     /// The TCP servers want more connections than the board has.
     #[error(
-        "the TCP servers want {wanted} connections (one more each than its clients), this board has {seats}"
+        "the TCP servers want {wanted} connections (one more each than its clients), this board has {connections}"
     )]
-    Seats {
+    Connections {
         /// Connections wanted.
         wanted: usize,
         /// Connections there are.
-        seats: usize,
+        connections: usize,
     },
     /// Two ports are on one line, which has several names.
     #[error("ports {one} and {other} are on the same device")]
@@ -62,7 +62,7 @@ impl ApplyError {
     pub(crate) fn word<'s>(&self, settings: &'s Settings) -> &'s str {
         match self {
             Self::Network => "network",
-            Self::Seats { .. } => "clients",
+            Self::Connections { .. } => "clients",
             Self::NoPoints => "scanner",
             Self::NoEthercat | Self::NoInterface => "ethercat",
             Self::WiredController => "interface",
@@ -79,9 +79,9 @@ impl ApplyError {
 impl Gateway<'_> {
     /// Whether the board can have `new`.
     pub(crate) fn check(&self, new: &Settings) -> Result<(), ApplyError> {
-        let wanted = new.ports.iter().flatten().map(|port| seats_of(&port.kind)).sum();
-        if wanted > self.seats.len() {
-            return Err(ApplyError::Seats { wanted, seats: self.seats.len() });
+        let wanted = new.ports.iter().flatten().map(|port| connections_of(&port.kind)).sum();
+        if wanted > self.connections.len() {
+            return Err(ApplyError::Connections { wanted, connections: self.connections.len() });
         }
         if new.ports.iter().skip(self.ports.len()).any(Option::is_some) {
             return Err(ApplyError::Ports(self.ports.len()));
@@ -139,7 +139,7 @@ pub(super) fn is_scanner(port: &Port) -> bool {
 }
 
 /// Connections that a port needs: its clients, and one that is accepted to decide who goes.
-pub(super) fn seats_of(kind: &PortKind) -> usize {
+pub(super) fn connections_of(kind: &PortKind) -> usize {
     match kind {
         PortKind::TcpServer(server) => usize::from(server.clients) + 1,
         PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) => 0,

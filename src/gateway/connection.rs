@@ -13,20 +13,20 @@ use crate::frame::Channel;
 use crate::settings::PortId;
 
 /// What the tasks share of one place for a TCP connection.
-pub struct Seat {
-    /// Answers for the connection; only the router sends, only the seat receives.
-    pub(crate) answers: Channel,
-    /// The seat was given to another port, or its port has changed.
+pub struct Connection {
+    /// Answers for the connection; only the router sends, only the connection receives.
+    pub(crate) responses: Channel,
+    /// The connection was given to another port, or its port has changed.
     pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
     /// The connection must go, to make room for another one.
     pub(crate) leave: Signal<CriticalSectionRawMutex, ()>,
-    state: Shared<SeatState>,
+    state: Shared<ConnectionState>,
 }
 
-/// Who sits in a seat.
+/// Who sits in a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SeatState {
-    /// The TCP server that the seat belongs to.
+pub struct ConnectionState {
+    /// The TCP server that the connection belongs to.
     pub port: Option<PortId>,
     /// The connected client.
     pub peer: Option<SocketAddr>,
@@ -34,7 +34,7 @@ pub struct SeatState {
     pub marked: bool,
     /// Whether the connection was told to leave.
     pub leaving: bool,
-    /// Counts the connections of this seat.
+    /// Counts the connections of this connection.
     pub generation: u16,
     /// When the client came.
     pub since: Instant,
@@ -46,7 +46,7 @@ pub struct SeatState {
     pub requests: u32,
 }
 
-impl SeatState {
+impl ConnectionState {
     pub(crate) const EMPTY: Self = Self {
         port: None,
         peer: None,
@@ -60,35 +60,35 @@ impl SeatState {
     };
 }
 
-impl Seat {
-    /// An empty seat.
+impl Connection {
+    /// An empty connection.
     pub const fn new() -> Self {
         Self {
-            answers: Channel::new(),
+            responses: Channel::new(),
             changed: Signal::new(),
             leave: Signal::new(),
-            state: Mutex::new(RefCell::new(SeatState::EMPTY)),
+            state: Mutex::new(RefCell::new(ConnectionState::EMPTY)),
         }
     }
 
-    /// The seat is for connections to `port` from now on, or for none.
+    /// The connection is for connections to `port` from now on, or for none.
     pub(super) fn give_to(&self, port: Option<PortId>) {
-        self.update(|seat| seat.port = port);
+        self.update(|connection| connection.port = port);
         self.changed.signal(());
     }
 
     /// Who sits here.
-    pub fn state(&self) -> SeatState {
+    pub fn state(&self) -> ConnectionState {
         self.update(|state| *state)
     }
 
     /// Calls `change` with who sits here, to look at or to change.
-    pub(crate) fn update<R>(&self, change: impl FnOnce(&mut SeatState) -> R) -> R {
+    pub(crate) fn update<R>(&self, change: impl FnOnce(&mut ConnectionState) -> R) -> R {
         self.state.lock(|state| change(&mut state.borrow_mut()))
     }
 }
 
-impl Default for Seat {
+impl Default for Connection {
     fn default() -> Self {
         Self::new()
     }

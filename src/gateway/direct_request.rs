@@ -8,7 +8,7 @@ use core::sync::atomic::Ordering;
 
 use embassy_time::{Duration, Instant, Timer, with_deadline};
 
-use crate::frame::{Envelope, Origin, Stage, Way};
+use crate::frame::{Envelope, Origin, ReplyTo, Stage};
 use crate::gateway::{Gateway, Status};
 use crate::hal::{OpenError, OpenErrorKind};
 use crate::scanner::Pdu;
@@ -17,7 +17,7 @@ use crate::settings::{LineSettings, PortId, Side};
 mod state;
 
 use self::state::Trial;
-pub(crate) use self::state::{Asking, Failure, Outcome};
+pub(crate) use self::state::{DirectRequestState, Failure, Outcome};
 
 /// A request that has not been sent by then is not sent any more.
 const LIFETIME: Duration = Duration::from_secs(10);
@@ -35,7 +35,7 @@ const OPENING_PATIENCE: Duration = Duration::from_secs(3);
 
 /// Why nothing was asked, or nothing came back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum NotAsked {
+pub(crate) enum DirectRequestError {
     #[error("another console is asking")]
     Taken,
     #[error("no frame is free")]
@@ -57,13 +57,13 @@ pub(crate) struct Turn<'t, 'g> {
 
 impl Drop for Turn<'_, '_> {
     fn drop(&mut self) {
-        let asking = &self.gateway.asking;
-        if asking.trial.lock(|trial| trial.take()).is_some()
-            && let Some(place) = self.gateway.ports().get(self.port.index())
+        let state = &self.gateway.direct_request;
+        if state.trial.lock(|trial| trial.take()).is_some()
+            && let Some(port_state) = self.gateway.ports().get(self.port.index())
         {
-            place.changed.signal(());
+            port_state.changed.signal(());
         }
-        asking.taken.store(false, Ordering::Relaxed);
+        state.taken.store(false, Ordering::Relaxed);
     }
 }
 
@@ -76,15 +76,15 @@ impl Turn<'_, '_> {
         alone: bool,
     ) -> Result<(), OpenError> {
         let failed = OpenError::new(OpenErrorKind::Failed, "");
-        let place = self.gateway.ports().get(self.port.index()).ok_or(failed)?;
+        let port_state = self.gateway.ports().get(self.port.index()).ok_or(failed)?;
         let trial = Trial { port: self.port, line, timeout, alone };
-        self.gateway.asking.trial.lock(|cell| cell.set(Some(trial)));
-        place.set_status(Status::Off);
-        place.changed.signal(());
+        self.gateway.direct_request.trial.lock(|cell| cell.set(Some(trial)));
+        port_state.set_status(Status::Off);
+        port_state.changed.signal(());
         let give_up = Instant::now() + OPENING_PATIENCE;
         loop {
             Timer::after(OPENING_LOOK).await;
-            match place.status() {
+            match port_state.status() {
                 Status::Open => return Ok(()),
                 Status::Failed(error) => return Err(error),
                 _ if Instant::now() > give_up => return Err(failed),
@@ -95,40 +95,41 @@ impl Turn<'_, '_> {
 
     /// What came of the last request on a serial line; `None` when it was not sent.
     pub(crate) fn outcome(&self) -> Option<Outcome> {
-        self.gateway.asking.outcome.lock(Cell::get)
+        self.gateway.direct_request.outcome.lock(Cell::get)
     }
 
-    /// Asks `unit` what `pdu` says, where its answer goes, and says how long that took. The port spares no unit that is down.
-    pub(crate) async fn ask(&self, unit: u8, pdu: &mut Pdu) -> Result<Duration, NotAsked> {
+    /// Asks `unit` what `pdu` says, where its response goes, and says how long that took. The port spares no unit that is down.
+    pub(crate) async fn ask(&self, unit: u8, pdu: &mut Pdu) -> Result<Duration, DirectRequestError> {
         let Self { gateway, port } = *self;
-        let generation = gateway.asking.generation.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
-        gateway.asking.outcome.lock(|last| last.set(None));
+        let generation = gateway.direct_request.generation.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
+        gateway.direct_request.outcome.lock(|last| last.set(None));
         let give_up = Instant::now() + FRAME_PATIENCE;
-        let (origin, now) = (Origin { port, way: Way::Console, generation }, Instant::now());
+        let (origin, now) = (Origin { port, reply_to: ReplyTo::Console, generation }, Instant::now());
         let asked = Envelope::request(origin, unit, now, now + LIFETIME);
         let asked = Envelope { destination: Some(port), paced: true, ..asked };
         // A request is no longer than a PDU may be.
         let frame = loop {
             match gateway.pool().fill(usize::MAX, pdu, asked) {
                 Some(frame) => break frame,
-                None if Instant::now() > give_up => return Err(NotAsked::NoFrame),
+                None if Instant::now() > give_up => return Err(DirectRequestError::NoFrame),
                 None => Timer::after(FRAME_PAUSE).await,
             }
         };
         gateway.inbox.send(frame);
         loop {
-            let answered = gateway.asking.answers.receive(gateway.pool());
-            let answered = with_deadline(now + PATIENCE, answered).await.map_err(|_| NotAsked::Lost)?;
+            let answered = gateway.direct_request.responses.receive(gateway.pool());
+            let answered =
+                with_deadline(now + PATIENCE, answered).await.map_err(|_| DirectRequestError::Lost)?;
             let envelope = answered.envelope();
             if envelope.origin.generation != generation {
                 continue;
             }
             pdu.clear();
             // It has room for every PDU.
-            answered.pdu(|answer| pdu.extend_from_slice(answer).unwrap_or_default());
+            answered.pdu(|response| pdu.extend_from_slice(response).unwrap_or_default());
             return match envelope.stage {
-                Stage::Answer => Ok(now.elapsed()),
-                _ => Err(NotAsked::Broadcast),
+                Stage::Response => Ok(now.elapsed()),
+                _ => Err(DirectRequestError::Broadcast),
             };
         }
     }
@@ -136,12 +137,12 @@ impl Turn<'_, '_> {
 
 impl<'g> Gateway<'g> {
     /// The turn to ask units behind the client-side `port`.
-    pub(crate) fn turn(&self, port: PortId) -> Result<Turn<'_, 'g>, NotAsked> {
+    pub(crate) fn turn(&self, port: PortId) -> Result<Turn<'_, 'g>, DirectRequestError> {
         if self.settings(|settings| settings.port(port).is_none_or(|port| port.kind.side() == Side::Server)) {
-            return Err(NotAsked::Server);
+            return Err(DirectRequestError::Server);
         }
-        if self.asking.taken.swap(true, Ordering::Relaxed) {
-            return Err(NotAsked::Taken);
+        if self.direct_request.taken.swap(true, Ordering::Relaxed) {
+            return Err(DirectRequestError::Taken);
         }
         Ok(Turn { gateway: self, port })
     }

@@ -3,28 +3,28 @@
 use ethercat_subdevice::esc::EscError;
 
 use super::{Gateway, Status};
-use crate::fieldbus::{Controller, EthercatPlace, LineWriter};
+use crate::fieldbus::{Controller, EthercatState, LineWriter};
 use crate::hal::{OpenError, OpenErrorKind};
 use crate::scanner::POINTS;
 use crate::settings::{InterfaceName, Settings};
 
 impl<'g> Gateway<'g> {
-    /// The gateway of a board with an EtherCAT controller, whose SubDevice has the objects of `place`.
+    /// The gateway of a board with an EtherCAT controller, whose SubDevice has the objects of `port_state`.
     #[must_use]
-    pub const fn with_ethercat(mut self, place: &'g EthercatPlace) -> Self {
-        self.ethercat = Some(place);
+    pub const fn with_ethercat(mut self, port_state: &'g EthercatState) -> Self {
+        self.ethercat = Some(port_state);
         self
     }
 
     /// The same for a board without one, which is a SubDevice at a network interface that the settings name.
     #[must_use]
-    pub const fn with_ethercat_interfaces(mut self, place: &'g EthercatPlace) -> Self {
+    pub const fn with_ethercat_interfaces(mut self, port_state: &'g EthercatState) -> Self {
         self.ethercat_interfaces = true;
-        self.with_ethercat(place)
+        self.with_ethercat(port_state)
     }
 
     /// What the SubDevice shares, if the board has one.
-    pub fn ethercat(&self) -> Option<&'g EthercatPlace> {
+    pub fn ethercat(&self) -> Option<&'g EthercatState> {
         if POINTS { self.ethercat } else { None }
     }
 
@@ -46,7 +46,7 @@ impl<'g> Gateway<'g> {
     /// How the EtherCAT controller is doing that the board has or `settings` lead to.
     pub(crate) fn ethercat_controller(&self, settings: &Settings) -> Option<Controller> {
         let led_to = !self.ethercat_interfaces || settings.ethercat().is_some();
-        self.ethercat().filter(|_| led_to).map(EthercatPlace::controller)
+        self.ethercat().filter(|_| led_to).map(EthercatState::controller)
     }
 
     /// The EtherCAT side of taking `new` settings over.

@@ -11,7 +11,7 @@ const LOG_BYTES_MAX: usize = 64;
 /// A message was received, and came to everybody (6.10).
 const RECEIVED: u8 = 0x80;
 const BROADCAST: u8 = 0x40;
-/// An answer was sent; an exception 1 to 3, 4, 5 or 6, or 7.
+/// A response was sent; an exception 1 to 3, 4, 5 or 6, or 7.
 const SENT: u8 = 0x40;
 const READ_EXCEPTION: u8 = 0x01;
 const ABORT_EXCEPTION: u8 = 0x02;
@@ -40,13 +40,13 @@ impl Events {
     }
 
     /// Notes a message to the own unit and how it ended.
-    pub(crate) fn note(&mut self, request: &[u8], broadcast: bool, answer: Result<(), Exception>) {
+    pub(crate) fn note(&mut self, request: &[u8], broadcast: bool, response: Result<(), Exception>) {
         let fetches = matches!(request, [GET_COMM_EVENT_COUNTER | GET_COMM_EVENT_LOG, ..]);
-        if answer.is_ok() && !fetches {
+        if response.is_ok() && !fetches {
             self.completed = self.completed.wrapping_add(1);
         }
         self.push(RECEIVED | if broadcast { BROADCAST } else { 0 });
-        let exception = match answer {
+        let exception = match response {
             Ok(()) => 0,
             Err(Exception(1..=3)) => READ_EXCEPTION,
             Err(Exception(4)) => ABORT_EXCEPTION,

@@ -1,7 +1,7 @@
 //! What a MainDevice changes in the settings: slaves, the line of the port, and that they are saved.
 
 use super::{Gateway, reconfigure};
-use crate::fieldbus::{EthercatPlace, Keep, Speed};
+use crate::fieldbus::{EthercatState, Keep, Speed};
 use crate::hal::Store;
 use crate::settings::{LineSettings, PortKind, SerialSettings};
 
@@ -27,8 +27,8 @@ impl Gateway<'_> {
     }
 
     /// Puts what a MainDevice has had taken over into the settings.
-    pub(crate) fn adopt(&self, ethercat: &EthercatPlace) {
-        if !ethercat.has_news() {
+    pub(crate) fn adopt(&self, ethercat: &EthercatState) {
+        if !ethercat.has_changed() {
             return;
         }
         // A MainDevice that brings the same ones each time it starts changes nothing.
@@ -52,8 +52,8 @@ impl Gateway<'_> {
             self.set_unsaved(true);
             Some(id)
         });
-        if let Some(place) = changed.and_then(|id| self.place(id)) {
-            place.restart();
+        if let Some(port_state) = changed.and_then(|id| self.port_state(id)) {
+            port_state.restart();
         }
     }
 }

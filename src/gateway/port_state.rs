@@ -18,7 +18,7 @@ use crate::settings::{PortId, SERVERS_MAX, SOCKETS_MAX};
 use crate::stats::{Counters, Event};
 
 /// What the tasks share of one port.
-pub struct PortPlace {
+pub struct PortState {
     /// What the router has for the port: requests for outside servers, or answers for the master on a serial line. Only the
     /// router sends, only the port receives.
     pub(crate) queue: Channel,
@@ -30,7 +30,7 @@ pub struct PortPlace {
     pub stats: Counters,
     /// The port's connections to outside servers.
     pub(crate) sockets: [Socket; SOCKETS_MAX],
-    /// Orders that wait at a client-side port.
+    /// Requests that wait at a client-side port.
     waiting: AtomicU16,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
 }
@@ -64,7 +64,7 @@ impl Status {
     }
 }
 
-impl PortPlace {
+impl PortState {
     /// A place without a port.
     pub const fn new() -> Self {
         Self {
@@ -78,13 +78,13 @@ impl PortPlace {
         }
     }
 
-    /// Orders that wait at a client-side port.
+    /// Requests that wait at a client-side port.
     pub fn waiting(&self) -> u16 {
         self.waiting.load(Ordering::Relaxed)
     }
 
-    pub(crate) fn set_waiting(&self, orders: usize) {
-        self.waiting.store(orders as u16, Ordering::Relaxed);
+    pub(crate) fn set_waiting(&self, requests: usize) {
+        self.waiting.store(requests as u16, Ordering::Relaxed);
     }
 
     /// How the port is doing.
@@ -115,13 +115,13 @@ impl PortPlace {
 }
 
 /// How one of several servers behind a port is doing.
-pub(super) type ServerPlace = Mutex<CriticalSectionRawMutex, Cell<Status>>;
+pub(super) type ServerState = Mutex<CriticalSectionRawMutex, Cell<Status>>;
 
 /// What the tasks share of all ports. Boards keep it in a static; it is all zeros at start.
 pub struct Ports<const N: usize> {
-    pub(super) places: [PortPlace; N],
+    pub(super) states: [PortState; N],
     pub(super) units: Shared<AllUnits>,
-    pub(super) servers: [ServerPlace; SERVERS_MAX],
+    pub(super) servers: [ServerState; SERVERS_MAX],
 }
 
 impl<const N: usize> Ports<N> {
@@ -129,7 +129,7 @@ impl<const N: usize> Ports<N> {
     pub const fn new() -> Self {
         let servers = [const { Mutex::new(Cell::new(Status::Off)) }; SERVERS_MAX];
         let units = Mutex::new(RefCell::new(AllUnits::new()));
-        Self { places: [const { PortPlace::new() }; N], units, servers }
+        Self { states: [const { PortState::new() }; N], units, servers }
     }
 }
 
@@ -142,23 +142,23 @@ impl<const N: usize> Default for Ports<N> {
 /// A port's place, and its units among those of all ports.
 #[derive(Clone, Copy)]
 pub struct PortAt<'g> {
-    pub(super) place: &'g PortPlace,
+    pub(super) state: &'g PortState,
     pub(super) units: &'g Shared<AllUnits>,
     pub(super) id: PortId,
 }
 
 impl Deref for PortAt<'_> {
-    type Target = PortPlace;
+    type Target = PortState;
 
-    fn deref(&self) -> &PortPlace {
-        self.place
+    fn deref(&self) -> &PortState {
+        self.state
     }
 }
 
 impl<'g> PortAt<'g> {
     /// The place for as long as the gateway is there.
-    pub(crate) fn place(&self) -> &'g PortPlace {
-        self.place
+    pub(crate) fn state(&self) -> &'g PortState {
+        self.state
     }
 
     /// Calls `f` with the units behind the port.
@@ -169,29 +169,29 @@ impl<'g> PortAt<'g> {
     /// Something else than the response of `unit` came while that was awaited.
     pub(crate) fn disturbed(&self, unit: u8, event: Event) {
         self.stats.count(event);
-        self.units(|units| units.trouble(unit, event));
+        self.units(|units| units.error(unit, event));
     }
 
-    /// The response of `unit` came damaged, by `trouble`.
-    pub(crate) fn damaged(&self, unit: u8, trouble: Event) {
-        self.stats.count(Event::Damaged);
+    /// The response of `unit` came damaged, by `error`.
+    pub(crate) fn corrupt(&self, unit: u8, error: Event) {
+        self.stats.count(Event::Corrupt);
         // Faulty characters have been counted by the line.
-        if !matches!(trouble, Event::Parity | Event::Framing) {
-            self.stats.count(trouble);
+        if !matches!(error, Event::Parity | Event::Framing) {
+            self.stats.count(error);
         }
-        self.units(|units| units.damaged(unit, trouble));
+        self.units(|units| units.corrupt(unit, error));
     }
 
     /// `unit` answered `took` after the request's end.
     pub(crate) fn answered(&self, unit: u8, took: Duration, exception: bool) {
         self.units(|units| units.answered(unit, took, exception));
-        self.stats.count(Event::Answer);
+        self.stats.count(Event::Response);
         if exception {
             self.stats.count(Event::Exception);
         }
     }
 
-    /// `unit` gave no answer: see [`Units::timed_out`].
+    /// `unit` gave no response: see [`Units::timed_out`].
     pub(crate) fn timed_out(&self, unit: u8, down_after: u8) {
         self.stats.count(Event::Timeout);
         if self.units(|units| units.timed_out(unit, Instant::now(), down_after)) {
@@ -207,7 +207,7 @@ impl<'g> PortAt<'g> {
     }
 }
 
-impl Default for PortPlace {
+impl Default for PortState {
     fn default() -> Self {
         Self::new()
     }

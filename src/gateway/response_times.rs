@@ -1,7 +1,7 @@
 //! How long answers take: a small histogram with logarithmic steps, from which percentiles are read.
 //!
 //! A class is a factor of 2^(2/3) wide, and a percentile is interpolated in it, so it is right within a quarter or so. When
-//! a class is full all are halved: old answers fade. It takes 20 bytes, so that every unit has one.
+//! a class is full all are halved: old responses fade. It takes 20 bytes, so that every unit has one.
 
 /// Upper ends of the classes in microseconds, the last one's excepted, which has none: half a millisecond to two seconds.
 const ENDS_US: [u32; CLASSES - 1] = [
@@ -12,15 +12,15 @@ const CLASSES: usize = 20;
 
 /// How long answers take.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct AnswerTimes([u8; CLASSES]);
+pub struct ResponseTimes([u8; CLASSES]);
 
-impl AnswerTimes {
-    /// No answer yet.
+impl ResponseTimes {
+    /// No response yet.
     pub const fn new() -> Self {
         Self([0; CLASSES])
     }
 
-    /// An answer took so many microseconds.
+    /// A response took so many microseconds.
     pub fn add(&mut self, took_us: u32) {
         let class = ENDS_US.partition_point(|end| *end < took_us);
         if self.0.get(class) == Some(&u8::MAX) {
@@ -32,7 +32,7 @@ impl AnswerTimes {
         }
     }
 
-    /// The time in microseconds within which so many `percent` of the answers came; `None` without answers. Beyond two seconds
+    /// The time in microseconds within which so many `percent` of the responses came; `None` without answers. Beyond two seconds
     /// it says two seconds.
     pub fn percentile(&self, percent: u32) -> Option<u32> {
         let total: u32 = self.0.iter().map(|count| u32::from(*count)).sum();

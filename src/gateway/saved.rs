@@ -4,7 +4,7 @@ use heapless::String;
 use thiserror::Error;
 
 use crate::hal::{Store, StoreError};
-use crate::language::{LoadError, Loader, Look, write_line};
+use crate::language::{LoadError, Loader, Observer, write_line};
 use crate::settings::{LINE_BYTES_MAX, Settings};
 
 /// Bytes read from a store at a time.
@@ -26,9 +26,9 @@ pub enum ReadError {
 pub async fn read_store<'s>(
     store: &mut impl Store,
     settings: &'s mut Settings,
-    look: &'s mut Look<'s>,
+    look: &'s mut Observer<'s>,
 ) -> Result<usize, ReadError> {
-    let mut loader = Loader::new(settings).with_look(look);
+    let mut loader = Loader::new(settings).with_observer(look);
     let mut chunk = [0; CHUNK_BYTES_MAX];
     let mut offset = 0;
     loop {

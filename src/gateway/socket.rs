@@ -2,7 +2,7 @@
 //! may have, and those of all ports the board's.
 //!
 //! Who finds none left asks for one. The connection that has been quiet for longest is closed for it; where none is quiet, an
-//! attempt is given up that no order waits for; when all are busy, the one that was opened first takes no more requests and
+//! attempt is given up that no request waits for; when all are busy, the one that was opened first takes no more requests and
 //! goes as soon as those that are open have ended. So all servers get their turn, and a server that cannot be reached holds
 //! no socket while it backs off.
 
@@ -32,7 +32,7 @@ enum Use {
     None,
     /// No requests are open.
     Idle,
-    /// A server is tried again that no order waits for.
+    /// A server is tried again that no request waits for.
     Retry,
     /// Requests are open.
     Busy,
@@ -41,7 +41,7 @@ enum Use {
 /// What a socket is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Need {
-    /// An order waits.
+    /// A request waits.
     Order,
     /// A server is to be tried again.
     Retry,
@@ -85,7 +85,7 @@ impl Socket {
         Self { state: Mutex::new(Cell::new(State::NONE)), leave: Signal::new(), freed: Signal::new() }
     }
 
-    /// A connection is being opened, for no order if it is a `retry`.
+    /// A connection is being opened, for no request if it is a `retry`.
     pub(crate) fn opening(&self, retry: bool) {
         self.leave.reset();
         let used_for = if retry { Use::Retry } else { Use::None };

@@ -1,10 +1,10 @@
 //! The health of the units behind a client-side port: pure, with time as a value.
 //!
 //! A unit that may still answer earlier requests is *out of step* ([`outstanding`](crate::gateway::outstanding)): [`Units::step`]
-//! says whether a request may be sent as it is, or what proof goes first. A unit that gave several requests in a row no answer is
+//! says whether a request may be sent as it is, or what proof goes first. A unit that gave several requests in a row no response is
 //! *down*: its requests fail at once, and one in a while goes through as a probe, 1, 2, 4 ... 30 s apart, so that a dead unit
-//! does not slow the living ones. So far apart are proofs, too, that get no answer. A unit that refused a joined read, or gave
-//! no answer, is asked for less at a time for a while.
+//! does not slow the living ones. So far apart are proofs, too, that get no response. A unit that refused a joined read, or gave
+//! no response, is asked for less at a time for a while.
 
 mod in_step;
 mod unit;
@@ -16,7 +16,7 @@ use heapless::Vec;
 
 use self::unit::{IGNORED_MAX, IGNORED_RETRY, NO_READ, Read, TRIED_MAX};
 
-pub use self::unit::{PROBE_FIRST, PROBE_LONGEST, TROUBLES, Unit};
+pub use self::unit::{LINE_ERRORS, PROBE_FIRST, PROBE_LONGEST, Unit};
 use crate::gateway::outstanding::{Match, Outstanding, Purpose, Settled, Shape};
 use crate::modbus::pdu::function::{READ_COILS, READ_INPUT_REGISTERS};
 use crate::settings::{PORTS_MAX, PortId, Proof};
@@ -56,7 +56,7 @@ pub enum Gate {
 pub enum Step {
     /// The request.
     Direct,
-    /// This request first, for this purpose: its answer proves that nothing else is to come.
+    /// This request first, for this purpose: its response proves that nothing else is to come.
     Prove(Read, Purpose),
     /// Nothing before the unit's gate opens.
     Wait,
@@ -67,7 +67,7 @@ pub enum Step {
 pub struct Care {
     /// What proves that it is in step.
     pub proof: Proof,
-    /// How long an answer may be late where nothing proves anything.
+    /// How long a response may be late where nothing proves anything.
     pub late_window: Duration,
 }
 
@@ -109,7 +109,7 @@ struct List {
 impl List {
     const EMPTY: Self = Self { first: 0, end: 0, troubled: false, frozen: false };
 
-    fn places(self) -> Range<usize> {
+    fn slots(self) -> Range<usize> {
         self.first.into()..self.end.into()
     }
 }
@@ -129,9 +129,9 @@ impl AllUnits {
         self.ports.get(port).copied().unwrap_or(List::EMPTY)
     }
 
-    /// Takes the unit at `place` out, which is one of `port`.
-    fn remove(&mut self, port: usize, place: usize) {
-        self.units.remove(place);
+    /// Takes the unit at `slot` out, which is one of `port`.
+    fn remove(&mut self, port: usize, slot: usize) {
+        self.units.remove(slot);
         for (other, list) in self.ports.iter_mut().enumerate() {
             list.first -= u16::from(other > port);
             list.end -= u16::from(other >= port);
@@ -140,22 +140,22 @@ impl AllUnits {
 
     /// Puts `id` behind the units of `port`, and gives its place.
     fn insert(&mut self, port: usize, id: u8) -> Option<usize> {
-        let place = self.list(port).places().end;
-        self.units.insert(place, Unit::new(id)).ok()?;
+        let slot = self.list(port).slots().end;
+        self.units.insert(slot, Unit::new(id)).ok()?;
         for (other, list) in self.ports.iter_mut().enumerate() {
             list.first += u16::from(other > port);
             list.end += u16::from(other >= port);
         }
-        Some(place)
+        Some(slot)
     }
 
     /// Forgets the quietest healthy unit of `port`.
     fn forget_one(&mut self, port: usize) {
-        let quietness = |place: &usize| {
-            let unit = self.units.get(*place)?;
+        let quietness = |slot: &usize| {
+            let unit = self.units.get(*slot)?;
             Some((unit.is_down, unit.held_until, unit.requests))
         };
-        if let Some(quietest) = self.list(port).places().min_by_key(quietness) {
+        if let Some(quietest) = self.list(port).slots().min_by_key(quietness) {
             self.remove(port, quietest);
         }
     }
@@ -176,7 +176,7 @@ pub struct Units<'u> {
 impl Units<'_> {
     /// The known units in the order of their first request.
     pub fn iter(&self) -> impl Iterator<Item = &Unit> {
-        self.all.units.get(self.list().places()).unwrap_or(&[]).iter()
+        self.all.units.get(self.list().slots()).unwrap_or(&[]).iter()
     }
 
     fn list(&self) -> List {
@@ -189,8 +189,8 @@ impl Units<'_> {
 
     /// Forgets all but what the units may still answer.
     pub fn clear(&mut self) {
-        for place in self.list().places().rev() {
-            self.all.remove(self.port, place);
+        for slot in self.list().slots().rev() {
+            self.all.remove(self.port, slot);
         }
     }
 
@@ -208,7 +208,7 @@ impl Units<'_> {
         }
     }
 
-    /// When `id` may be asked by somebody who spares units that are down by himself: as soon as no late answer can come.
+    /// When `id` may be asked by somebody who spares units that are down by himself: as soon as no late response can come.
     pub fn attempt(&self, id: u8, now: Instant) -> Ready {
         match self.find(id) {
             Some(unit) if unit.waited && unit.held_until > now => Ready::At(unit.held_until),
@@ -238,12 +238,12 @@ impl Units<'_> {
     }
 
     /// Whether reads of `id` may be joined at `now`.
-    pub fn joins(&self, id: u8, now: Instant) -> bool {
+    pub fn combines(&self, id: u8, now: Instant) -> bool {
         self.find(id).is_none_or(|unit| unit.join_after <= now)
     }
 
     /// `id` refused a joined read.
-    pub fn refused_join(&mut self, id: u8, now: Instant) {
+    pub fn refused_combined(&mut self, id: u8, now: Instant) {
         if let Some(unit) = self.entry(id) {
             unit.join_after = now + JOIN_PAUSE;
         }
@@ -260,7 +260,7 @@ impl Units<'_> {
     /// `id` answered `took` after the request's end.
     pub fn answered(&mut self, id: u8, took: Duration, exception: bool) {
         if let Some(unit) = self.entry(id) {
-            unit.answers = unit.answers.wrapping_add(1);
+            unit.responses = unit.responses.wrapping_add(1);
             unit.exceptions = unit.exceptions.wrapping_add(u32::from(exception));
             unit.took_us = u32::try_from(took.as_micros()).unwrap_or(u32::MAX);
             unit.times.add(unit.took_us);
@@ -269,34 +269,34 @@ impl Units<'_> {
         }
     }
 
-    /// Counts `trouble` with `id`.
-    pub fn trouble(&mut self, id: u8, trouble: Event) {
+    /// Counts `error` with `id`.
+    pub fn error(&mut self, id: u8, error: Event) {
         if let Some(unit) = self.entry(id) {
-            unit.count(trouble);
+            unit.count(error);
         }
     }
 
     /// Sets what was counted to zero; the units' health stays.
     pub fn clear_counters(&mut self) {
-        let places = self.list().places();
-        for unit in self.all.units.get_mut(places).unwrap_or(&mut []) {
-            let Unit { id, requests, answers, exceptions, timeouts, times, troubles, took_us, .. } =
+        let slots = self.list().slots();
+        for unit in self.all.units.get_mut(slots).unwrap_or(&mut []) {
+            let Unit { id, requests, responses, exceptions, timeouts, times, errors, took_us, .. } =
                 Unit::new(unit.id);
-            *unit = Unit { id, requests, answers, exceptions, timeouts, times, troubles, took_us, ..*unit };
+            *unit = Unit { id, requests, responses, exceptions, timeouts, times, errors, took_us, ..*unit };
         }
     }
 
-    /// `id` answered, but the answer was damaged on its way, by `trouble`: it is alive.
-    pub fn damaged(&mut self, id: u8, trouble: Event) {
+    /// `id` answered, but the response was damaged on its way, by `error`: it is alive.
+    pub fn corrupt(&mut self, id: u8, error: Event) {
         self.frozen_asked_in_vain(id);
         if let Some(unit) = self.entry(id) {
-            unit.count(trouble);
+            unit.count(error);
             unit.open = false;
             unit.alive();
         }
     }
 
-    /// `id` gave no answer; after `down_after` such in a row (0: never) it is down. Says whether nothing at all was heard.
+    /// `id` gave no response; after `down_after` such in a row (0: never) it is down. Says whether nothing at all was heard.
     pub fn timed_out(&mut self, id: u8, now: Instant, down_after: u8) -> bool {
         self.set_troubled(true);
         self.frozen_asked_in_vain(id);
@@ -327,19 +327,19 @@ impl Units<'_> {
             return None;
         }
         let known = self.iter().position(|unit| unit.id == id);
-        let place = match known {
-            Some(known) => list.places().start + known,
+        let slot = match known {
+            Some(known) => list.slots().start + known,
             None => self.remember(id)?,
         };
-        self.all.units.get_mut(place)
+        self.all.units.get_mut(slot)
     }
 
     /// Makes a place for `id`.
     fn remember(&mut self, id: u8) -> Option<usize> {
-        if self.list().places().len() >= UNITS_MAX {
+        if self.list().slots().len() >= UNITS_MAX {
             self.all.forget_one(self.port);
         } else if self.all.units.is_full() {
-            let most = (0..PORTS_MAX).max_by_key(|port| self.all.list(*port).places().len());
+            let most = (0..PORTS_MAX).max_by_key(|port| self.all.list(*port).slots().len());
             self.all.forget_one(most.unwrap_or(self.port));
         }
         self.all.insert(self.port, id)

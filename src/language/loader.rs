@@ -28,7 +28,7 @@ impl core::error::Error for LoadError {}
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
 /// Sees a line with its number, and the settings behind it.
-pub type Look<'l> = dyn FnMut(u32, &str, &Settings) + 'l;
+pub type Observer<'l> = dyn FnMut(u32, &str, &Settings) + 'l;
 
 /// Takes a text in pieces of any size and applies its lines to settings that start empty.
 ///
@@ -37,19 +37,19 @@ pub struct Loader<'s> {
     settings: &'s mut Settings,
     line: LineBuffer,
     number: u32,
-    look: Option<&'s mut Look<'s>>,
+    observer: Option<&'s mut Observer<'s>>,
 }
 
 impl<'s> Loader<'s> {
     /// Empties `settings` and starts to fill them.
     pub fn new(settings: &'s mut Settings) -> Self {
         settings.clear();
-        Self { settings, line: LineBuffer::default(), number: 1, look: None }
+        Self { settings, line: LineBuffer::default(), number: 1, observer: None }
     }
 
-    /// Lets `look` see every line.
-    pub(crate) fn with_look(self, look: &'s mut Look<'s>) -> Self {
-        Self { look: Some(look), ..self }
+    /// Lets `observer` see every line.
+    pub(crate) fn with_observer(self, observer: &'s mut Observer<'s>) -> Self {
+        Self { observer: Some(observer), ..self }
     }
 
     /// Takes the next piece and applies every line that it ends.
@@ -72,8 +72,8 @@ impl<'s> Loader<'s> {
     fn end_line(&mut self) -> Result<(), LoadError> {
         let applied = self.line.text().and_then(|line| apply(self.settings, line));
         applied.map_err(|error| LoadError { line: self.number, error })?;
-        if let (Some(look), Ok(line)) = (&mut self.look, self.line.text()) {
-            look(self.number, line, self.settings);
+        if let (Some(observer), Ok(line)) = (&mut self.observer, self.line.text()) {
+            observer(self.number, line, self.settings);
         }
         self.line.clear();
         self.number = self.number.saturating_add(1);

@@ -14,7 +14,7 @@ use crate::settings::{HostName, OwnNetwork, SERVERS, StaticAddress};
 const PREFIX_MAX: u32 = 30;
 
 #[derive(Clone, Copy)]
-enum Way {
+enum Addressing {
     Dhcp,
     Static,
 }
@@ -34,21 +34,21 @@ const OPTIONS: &[(&str, Behind)] = match SERVERS {
 
 const OPTIONS_EXPECTED: &str = if SERVERS { "gateway, dns or the end of the line" } else { "gateway" };
 
-const WAYS: &[(&str, Way)] = &[("dhcp", Way::Dhcp), ("address", Way::Static)];
+const ADDRESSING: &[(&str, Addressing)] = &[("dhcp", Addressing::Dhcp), ("address", Addressing::Static)];
 
 /// The words that stand in the line.
 pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
-    WAYS.iter().map(|(word, _)| *word).chain(["name"]).chain(OPTIONS.iter().map(|(word, _)| *word))
+    ADDRESSING.iter().map(|(word, _)| *word).chain(["name"]).chain(OPTIONS.iter().map(|(word, _)| *word))
 }
 
 /// Reads what stands behind `network`.
 pub(crate) fn own_network(words: &Words) -> Result<OwnNetwork, Wrong> {
-    let network = match words.take().keyword(WAYS, "dhcp or address")? {
-        Way::Dhcp => {
+    let network = match words.take().keyword(ADDRESSING, "dhcp or address")? {
+        Addressing::Dhcp => {
             let named = option(words, "name")?;
             OwnNetwork::Dhcp { name: named.map(host_name).transpose()?.unwrap_or_default() }
         }
-        Way::Static => {
+        Addressing::Static => {
             let (address, prefix) = address(words.take())?;
             let mut own = StaticAddress { address, prefix, gateway: None, dns: None };
             while !words.peek().is_end() {

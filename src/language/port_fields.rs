@@ -34,7 +34,7 @@ const CHAR_TIMEOUT: Times = Duration::from_micros(100)..=Duration::from_secs(60)
 
 const TIMEOUT: Times = Duration::from_millis(1)..=Duration::from_secs(3_600);
 
-/// Also for requests that wait, and for answers.
+/// Also for requests that wait, and for responses.
 const LIFETIME: Times = Duration::from_millis(10)..=Duration::from_secs(3_600);
 
 const IDLE: Times = Duration::from_secs(1)..=Duration::from_secs(86_400);

@@ -178,10 +178,10 @@ pub enum Problem {
     /// The port is named by rules.
     #[error("{0} {verb} this port: delete or edit first", verb = .0.verb("names", "name"))]
     PortInUse(Rules),
-    /// Rules name IP addresses for askers that would have none.
+    /// Rules name IP addresses for requesters that would have none.
     #[error("{0} {verb} it with an IP address, which askers on a serial line have not", verb = .0.verb("names", "name"))]
     RulesNeedTcp(Rules),
-    /// An IP address for askers that have none.
+    /// An IP address for requesters that have none.
     #[error("askers of this source have no IP address: expected *")]
     PeerOfSerial,
     /// A way to other networks that is not in the own one.

@@ -18,7 +18,7 @@ const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99,
 /// Of function 43 only the device identification, by its MEI type.
 pub(crate) const IDENTIFICATION: &str = "43/14";
 
-/// How old an answer from memory may be.
+/// How old a response from memory may be.
 const CACHE: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(60);
 
 /// Reads one row up to the end of the line and checks it against the ports.

@@ -1,11 +1,11 @@
-//! Exceptions: the answers that say why there is no other one.
+//! Exceptions: the responses that say why there is no other one.
 
 use core::fmt;
 
-/// Set in the function code of an answer that is an exception.
+/// Set in the function code of a response that is an exception.
 pub const EXCEPTION_BIT: u8 = 0x80;
 
-/// An exception code: an answer, not an error (Application Protocol V1.1b3, clause 7).
+/// An exception code: a response, not an error (Application Protocol V1.1b3, clause 7).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Exception(pub u8);
 
@@ -24,10 +24,10 @@ impl Exception {
     pub const BUSY: Self = Self(0x06);
     /// 0A: the gateway has no way to the unit.
     pub const GATEWAY_NO_PATH: Self = Self(0x0A);
-    /// 0B: the unit gave no valid answer.
+    /// 0B: the unit gave no valid response.
     pub const GATEWAY_NO_RESPONSE: Self = Self(0x0B);
 
-    /// The response PDU that carries this exception as the answer to `function`.
+    /// The response PDU that carries this exception as the response to `function`.
     pub const fn response(self, function: u8) -> [u8; 2] {
         [function | EXCEPTION_BIT, self.0]
     }

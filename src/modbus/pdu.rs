@@ -1,8 +1,8 @@
-//! The PDU that all framings share: what a request may look like, how long its answer is, whether an answer fits.
+//! The PDU that all framings share: what a request may look like, how long its response is, whether a response fits.
 //!
 //! All functions look at a PDU whose byte 0 is the function code. Nothing is kept between calls, and no function code
-//! is refused for being unknown: the gateway knows the public codes only to see an answer's end early and to tell
-//! the right answer from a wrong one. Clauses are those of the Application Protocol V1.1b3.
+//! is refused for being unknown: the gateway knows the public codes only to see a response's end early and to tell
+//! the right response from a wrong one. Clauses are those of the Application Protocol V1.1b3.
 
 mod ahead;
 mod block;
@@ -23,9 +23,9 @@ pub use response::{Misfit, ResponseLength, fits, response_length};
 /// The file record groups of a function 20 request: reference type, file, record, length in registers.
 const FILE_GROUP_BYTES: usize = 7;
 
-/// Length of the answer to a function 20 request with these groups (clause 6.14), each with its own length and reference
-/// type in front; `None` when the groups are malformed or the answer would fit no PDU.
-fn file_answer_length(groups: &[u8]) -> Option<usize> {
+/// Length of the response to a function 20 request with these groups (clause 6.14), each with its own length and reference
+/// type in front; `None` when the groups are malformed or the response would fit no PDU.
+fn file_response_length(groups: &[u8]) -> Option<usize> {
     let (groups, rest) = groups.as_chunks::<FILE_GROUP_BYTES>();
     if groups.is_empty() || !rest.is_empty() {
         return None;

@@ -1,4 +1,4 @@
-//! RTU framing: unit, PDU, CRC, ended by silence; and the search for the answer in what a line brings.
+//! RTU framing: unit, PDU, CRC, ended by silence; and the search for the response in what a line brings.
 //!
 //! A client calls [`response`] after every read with everything that came since its request left: a response whose length can
 //! be known ends the wait as soon as it is whole. When the line fell silent for t3.5 it calls
@@ -101,10 +101,10 @@ pub enum AtSilence<'a> {
     Complete(&'a [u8]),
     /// A good frame of another unit, with its PDU. The response is still awaited (Serial Line V1.02, clause 2.4.1).
     WrongUnit(u8, &'a [u8]),
-    /// A good frame of our unit, with its PDU, that does not answer this request: perhaps a late answer to an earlier one.
+    /// A good frame of our unit, with its PDU, that does not answer this request: perhaps a late response to an earlier one.
     Misfit(Misfit, &'a [u8]),
-    /// It begins as our response does, and its CRC is wrong: the answer came, but damaged.
-    Damaged,
+    /// It begins as our response does, and its CRC is wrong: the response came, but damaged.
+    Corrupt,
     /// It begins as our response does, and its end is missing.
     Short,
     /// Anything else.
@@ -156,7 +156,7 @@ pub fn response_at_silence<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> 
     match starts(unit, request, received).next() {
         Some(start) if start.len() < received.len() => AtSilence::Noise,
         Some(start) if matches!(candidate(request, start), Candidate::Begun) => AtSilence::Short,
-        Some(_) => AtSilence::Damaged,
+        Some(_) => AtSilence::Corrupt,
         None => AtSilence::Noise,
     }
 }

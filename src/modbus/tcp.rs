@@ -37,7 +37,7 @@ pub enum Parsed<'a> {
         /// Bytes that the frame takes at the front of the buffer.
         consumed: usize,
     },
-    /// A frame of another protocol: to be dropped without an answer, the connection stays (clause 4.4.2.1).
+    /// A frame of another protocol: to be dropped without a response, the connection stays (clause 4.4.2.1).
     Skip {
         /// Bytes that the frame takes at the front of the buffer.
         consumed: usize,

@@ -152,7 +152,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
     /// Reads what is there behind what was heard already.
     pub(crate) async fn read(&mut self) -> Result<(), LineLost> {
         if self.length >= rtu::FRAME_BYTES_MAX {
-            // Nobody talks that long: keep the newest part, in which an answer may be.
+            // Nobody talks that long: keep the newest part, in which a response may be.
             self.consume(self.length - rtu::FRAME_BYTES_MAX / 2);
         }
         match self.io.read(self.received.get_mut(self.length..).unwrap_or(&mut [])).await {

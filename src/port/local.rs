@@ -34,60 +34,64 @@ const SERVER_ID: &[u8] = concat!("mobgate ", env!("CARGO_PKG_VERSION")).as_bytes
 /// Answers `frame` and sends it home.
 // Not a part of the routing task's code: it is a port like the others, which happens to have no task.
 #[inline(never)]
-pub(crate) fn answer(gateway: &Gateway<'_>, frame: Frame<'_>) {
+pub(crate) fn respond(gateway: &Gateway<'_>, frame: Frame<'_>) {
     let request = &frame.content();
     let envelope = frame.envelope();
-    let mut answer = Pdu::new();
+    let mut response = Pdu::new();
     let answered = match diagnostics::mode(gateway, envelope.origin.port, request) {
         Mode::Silent => return gateway.unanswered(frame),
-        Mode::Restarted => put(&mut answer, &[request]),
+        Mode::Restarted => put(&mut response, &[request]),
         Mode::Refused => Err(Exception::ILLEGAL_VALUE),
-        Mode::Answers => respond(gateway, &envelope, request, &mut answer),
+        Mode::Answers => by_function(gateway, &envelope, request, &mut response),
     };
     gateway.events(|events| events.note(request, envelope.unit == 0, answered));
     match answered {
         Ok(()) => {
             // It is no longer than a PDU may be.
-            let _ = frame.replace(&answer);
+            let _ = frame.replace(&response);
             gateway.answered(frame);
         }
         Err(exception) => gateway.refuse(frame, exception),
     }
 }
 
-/// Writes the answer to `request`.
-fn respond(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8], answer: &mut Pdu) -> Answered {
+/// Writes the response to `request`.
+fn by_function(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8], response: &mut Pdu) -> Answered {
     match *request {
         // A character that is part of frames cannot end them.
         [DIAGNOSTICS, 0, 3, b'0'..=b'9' | b'A'..=b'F' | b':' | b'\r', 0] if on_ascii(gateway, envelope) => {
             Err(Exception::ILLEGAL_VALUE)
         }
-        // The port that the request came by changes the character, behind this answer.
-        [DIAGNOSTICS, 0, 3, _, 0] if on_ascii(gateway, envelope) => put(answer, &[request]),
-        [DIAGNOSTICS, high, low, ref data @ ..] => {
-            diagnostics::answer(gateway, envelope.origin.port, u16::from_be_bytes([high, low]), data, answer)
-        }
-        [GET_COMM_EVENT_COUNTER] => gateway.events(|events| put(answer, &[request, &events.counter()])),
+        // The port that the request came by changes the character, behind this response.
+        [DIAGNOSTICS, 0, 3, _, 0] if on_ascii(gateway, envelope) => put(response, &[request]),
+        [DIAGNOSTICS, high, low, ref data @ ..] => diagnostics::respond(
+            gateway,
+            envelope.origin.port,
+            u16::from_be_bytes([high, low]),
+            data,
+            response,
+        ),
+        [GET_COMM_EVENT_COUNTER] => gateway.events(|events| put(response, &[request, &events.counter()])),
         [GET_COMM_EVENT_LOG] => {
             let messages = diagnostics::messages(gateway, envelope.origin.port);
-            gateway.events(|events| diagnostics::event_log(events, messages, answer))
+            gateway.events(|events| diagnostics::event_log(events, messages, response))
         }
         [REPORT_SERVER_ID] => {
-            put(answer, &[&[REPORT_SERVER_ID, SERVER_ID.len() as u8 + 1], SERVER_ID, &[RUNNING]])
+            put(response, &[&[REPORT_SERVER_ID, SERVER_ID.len() as u8 + 1], SERVER_ID, &[RUNNING]])
         }
         [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, code, object] => {
-            identification::answer(code, object, answer)
+            identification::respond(code, object, response)
         }
-        _ => from_tables(gateway, request, answer),
+        _ => from_tables(gateway, request, response),
     }
 }
 
 /// What the local points say to `request`, and behind them the table of the gateway's state.
-fn from_tables(gateway: &Gateway<'_>, request: &[u8], answer: &mut Pdu) -> Answered {
+fn from_tables(gateway: &Gateway<'_>, request: &[u8], response: &mut Pdu) -> Answered {
     match from_points(gateway, request) {
-        Ok(of_points) => put(answer, &[&of_points]),
+        Ok(of_points) => put(response, &[&of_points]),
         Err(exception @ (Exception::ILLEGAL_ADDRESS | Exception::ILLEGAL_FUNCTION)) => {
-            table::answer(gateway, request, answer).unwrap_or(Err(exception))
+            table::respond(gateway, request, response).unwrap_or(Err(exception))
         }
         Err(exception) => Err(exception),
     }

@@ -9,12 +9,12 @@ use core::future::pending;
 use embassy_futures::select::{Either4, select, select4};
 use embassy_time::{Duration, Instant, Timer};
 
-use crate::fieldbus::{EthercatPlace, Requests};
-use crate::frame::{Cause, Envelope, Frame, Origin, Stage, Way};
-use crate::gateway::{Gateway, PortPlace, Status};
+use crate::fieldbus::{EthercatState, Requests};
+use crate::frame::{Cause, Envelope, Frame, Origin, ReplyTo, Stage};
+use crate::gateway::{Gateway, PortState, Status};
 use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
-use crate::scanner::{DEVICES_MAX, DeviceId, ErrorCode, Pdu, ScannerPlace};
+use crate::scanner::{DEVICES_MAX, DeviceId, ErrorCode, Pdu, ScannerState};
 use crate::settings::PortId;
 use crate::stats::Event;
 
@@ -29,11 +29,11 @@ const REQUEST: u16 = DEVICES_MAX as u16;
 /// A scanner's port.
 struct Port<'s, 'g> {
     gateway: &'s Gateway<'g>,
-    place: &'s PortPlace,
+    port_state: &'s PortState,
     id: PortId,
-    scanner: &'s ScannerPlace,
+    scanner: &'s ScannerState,
     /// The MainDevice whose devices these are, at the EtherCAT port; it asks something besides.
-    ethercat: Option<&'s EthercatPlace>,
+    ethercat: Option<&'s EthercatState>,
     /// What it shows while it runs.
     status: Status,
 }
@@ -41,15 +41,15 @@ struct Port<'s, 'g> {
 /// Asks for what the data points want, or the MainDevice behind `ethercat`, until the port is set anew.
 pub(crate) async fn run(
     gateway: &Gateway<'_>,
-    place: &PortPlace,
+    port_state: &PortState,
     id: PortId,
-    ethercat: Option<&EthercatPlace>,
+    ethercat: Option<&EthercatState>,
 ) {
-    let scanner = ethercat.map(EthercatPlace::scanner).or(gateway.scanner());
-    let Some(scanner) = scanner else { return place.changed.wait().await };
+    let scanner = ethercat.map(EthercatState::scanner).or(gateway.scanner());
+    let Some(scanner) = scanner else { return port_state.changed.wait().await };
     ethercat.into_iter().for_each(|ethercat| gateway.adopt(ethercat));
     let status = ethercat.map_or(Status::Open, |ethercat| ethercat.controller().into());
-    let port = Port { gateway, place, id, scanner, status, ethercat };
+    let port = Port { gateway, port_state, id, scanner, status, ethercat };
     let renewed = async {
         match ethercat {
             Some(ethercat) => ethercat.renewed().await,
@@ -57,28 +57,28 @@ pub(crate) async fn run(
         }
     };
     // First of all: answers that come now may be for devices of before.
-    select(place.changed.wait(), select(renewed, port.run())).await;
+    select(port_state.changed.wait(), select(renewed, port.run())).await;
     port.close();
 }
 
 impl Port<'_, '_> {
     /// What a MainDevice asks by itself.
     fn requests(&self) -> Option<&Requests> {
-        self.ethercat.map(EthercatPlace::requests)
+        self.ethercat.map(EthercatState::requests)
     }
 
     /// Asks the devices, for ever.
     async fn run(&self) {
-        self.place.set_status(self.status);
+        self.port_state.set_status(self.status);
         loop {
             let due = if self.send() {
                 self.scanner.with(|scanner| scanner.due())
             } else {
-                self.place.stats.count(Event::BackPressure);
+                self.port_state.stats.count(Event::BackPressure);
                 Instant::now() + STARVED
             };
-            let answers = self.place.queue.receive(self.gateway.pool());
-            match select4(answers, self.scanner.changed(), self.asked(), Timer::at(due)).await {
+            let responses = self.port_state.queue.receive(self.gateway.pool());
+            match select4(responses, self.scanner.changed(), self.asked(), Timer::at(due)).await {
                 Either4::First(frame) => self.take(&frame),
                 Either4::Second(()) | Either4::Third(()) | Either4::Fourth(()) => {}
             }
@@ -87,8 +87,8 @@ impl Port<'_, '_> {
 
     /// Answers that are there or still come are of no use: what was open is asked again.
     fn close(&self) {
-        self.place.renew();
-        while self.place.queue.try_receive(self.gateway.pool()).is_some() {}
+        self.port_state.renew();
+        while self.port_state.queue.try_receive(self.gateway.pool()).is_some() {}
         self.scanner.with(|scanner| scanner.forget_open());
         self.requests().into_iter().for_each(Requests::lost);
     }
@@ -114,13 +114,14 @@ impl Port<'_, '_> {
             // A PDU fits.
             let _ = writer.push(&pdu);
             writer.finish();
-            let origin = Origin { port: self.id, way: Way::Port, generation: self.place.generation() };
+            let origin =
+                Origin { port: self.id, reply_to: ReplyTo::Port, generation: self.port_state.generation() };
             frame.address(Envelope {
                 transaction,
                 paced: true,
                 ..Envelope::request(origin, unit, now, now + LIFETIME)
             });
-            self.place.stats.count(Event::Request);
+            self.port_state.stats.count(Event::Request);
             self.gateway.inbox.send(frame);
         }
     }
@@ -140,11 +141,11 @@ impl Port<'_, '_> {
         let device = DeviceId(transaction as u8);
         let now = Instant::now();
         let silent = match cause {
-            Cause::Damage => ErrorCode::Transmission,
+            Cause::Corruption => ErrorCode::Transmission,
             Cause::Connection => ErrorCode::Connection,
             Cause::Silence | Cause::Length | Cause::Unsent => ErrorCode::Timeout,
         };
-        let answer = |pdu: &[u8]| {
+        let response = |pdu: &[u8]| {
             if let ([_, code], Cause::Unsent) = (pdu, cause)
                 && transaction != REQUEST
                 && Exception(*code) != Exception::GATEWAY_NO_PATH
@@ -162,9 +163,9 @@ impl Port<'_, '_> {
                 _ => Ok(pdu),
             };
             match outcome {
-                Ok(_) => self.place.stats.count(Event::Answer),
-                Err(ErrorCode::Timeout) => self.place.stats.count(Event::Timeout),
-                Err(ErrorCode::Transmission) => self.place.stats.count(Event::Damaged),
+                Ok(_) => self.port_state.stats.count(Event::Response),
+                Err(ErrorCode::Timeout) => self.port_state.stats.count(Event::Timeout),
+                Err(ErrorCode::Transmission) => self.port_state.stats.count(Event::Corrupt),
                 // Whoever had no way has counted that.
                 Err(_) => {}
             }
@@ -173,7 +174,7 @@ impl Port<'_, '_> {
                 _ => self.answered(device, now, outcome),
             }
         };
-        frame.pdu(answer);
+        frame.pdu(response);
     }
 
     /// Gives the scanner what came of a request, and has a MainDevice told what that says of the device.

@@ -148,17 +148,17 @@ impl Input {
     }
 }
 
-/// Writes the frame of an answer into `out` and gives the part that it takes.
+/// Writes the frame of a response into `out` and gives the part that it takes.
 fn encode<'a>(
     framing: StreamFraming,
     header: Header,
-    answer: &[u8],
+    response: &[u8],
     out: &'a mut [u8; ADU_BYTES_MAX],
 ) -> Result<&'a [u8], PduLength> {
     match framing {
-        StreamFraming::Mbap => tcp::encode(header, answer, out),
+        StreamFraming::Mbap => tcp::encode(header, response, out),
         StreamFraming::Rtu | StreamFraming::Capture => match out.first_chunk_mut() {
-            Some(out) => rtu::encode(header.unit, answer, out),
+            Some(out) => rtu::encode(header.unit, response, out),
             // An RTU frame is shorter than a TCP frame can be.
             None => Ok(&[]),
         },

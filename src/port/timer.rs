@@ -65,15 +65,15 @@ impl<F: Future + Unpin> Future for Within<F> {
 /// A future that contains many others is one large memory, and one function that finds everything in it by its distance from
 /// the beginning. On a Cortex-M a part with much code is shorter, and takes fewer instructions, when it counts from its own
 /// beginning.
-pub(crate) fn apart<F: Future>(future: Pin<&mut F>) -> Apart<'_, F> {
-    Apart(future)
+pub(crate) fn outlined<F: Future>(future: Pin<&mut F>) -> Outlined<'_, F> {
+    Outlined(future)
 }
 
-/// See [`apart`].
+/// See [`outlined`].
 #[must_use = "futures do nothing unless they are polled"]
-pub(crate) struct Apart<'f, F>(Pin<&'f mut F>);
+pub(crate) struct Outlined<'f, F>(Pin<&'f mut F>);
 
-impl<F: Future> Future for Apart<'_, F> {
+impl<F: Future> Future for Outlined<'_, F> {
     type Output = F::Output;
 
     #[inline(never)]

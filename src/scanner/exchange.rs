@@ -89,7 +89,7 @@ impl Scanner {
         self.unanswered(device, ErrorCode::Unknown, true);
     }
 
-    /// The open request got no answer, or is not all that it takes: its rows wait again, to be sent `again` as one frame; else reads
+    /// The open request got no response, or is not all that it takes: its rows wait again, to be sent `again` as one frame; else reads
     /// are given up, and writes wait until the device is tried again.
     pub(super) fn unanswered(&mut self, device: DeviceId, error: ErrorCode, again: bool) {
         let entries = self.entries.iter_mut().filter(|entry| entry.row.device == Some(device));

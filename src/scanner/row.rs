@@ -145,7 +145,7 @@ pub(super) struct Entry {
     /// In which turn it was marked for reading, and for writing: the lowest goes first.
     pub(super) read_turn: u32,
     pub(super) write_turn: u32,
-    /// It was in the frame that got no answer and is repeated.
+    /// It was in the frame that got no response and is repeated.
     pub(super) repeats: bool,
     /// When it is to be read next, counted from the scanner's start.
     next: Duration,

@@ -70,7 +70,7 @@ impl Scanner {
             _ => return Err(Exception::ILLEGAL_VALUE),
         };
         self.serve_write(&cells, data, now)?;
-        // The answer repeats address and value or quantity (clauses 6.5, 6.6, 6.11, 6.12).
+        // The response repeats address and value or quantity (clauses 6.5, 6.6, 6.11, 6.12).
         Pdu::from_slice(request.get(..5).unwrap_or_default()).map_err(|_| Exception::DEVICE_FAILURE)
     }
 

@@ -5,9 +5,9 @@ use embassy_time::{Duration, Instant};
 use super::byte_order::ByteOrder;
 use super::status::ErrorCode;
 
-/// How often a request is repeated that gets no answer.
+/// How often a request is repeated that gets no response.
 pub const REPEATS: u8 = 2;
-/// How long a device that gives no answer is left alone at first.
+/// How long a device that gives no response is left alone at first.
 pub const BACK_OFF_FIRST: Duration = Duration::from_secs(15);
 /// By how much that grows with every attempt that fails.
 pub const BACK_OFF_STEP: Duration = Duration::from_secs(2);
@@ -42,9 +42,9 @@ pub struct DeviceStatus {
     pub requests: u32,
     /// Answers, exceptions included.
     pub answers: u32,
-    /// Of the answers, the exceptions.
+    /// Of the responses, the exceptions.
     pub exceptions: u32,
-    /// Requests without an answer, for whatever reason.
+    /// Requests without a response, for whatever reason.
     pub failures: u32,
     /// Until when it is left alone, if it is.
     pub backs_off_until: Option<Instant>,
@@ -71,7 +71,7 @@ pub(super) enum Open {
 pub(super) struct Station {
     pub(super) device: Device,
     pub(super) open: Option<Open>,
-    /// What got no answer and is repeated, or is the second part of what is under way: before anything else.
+    /// What got no response and is repeated, or is the second part of what is under way: before anything else.
     pub(super) repeats: Option<Open>,
     /// Something may be marked.
     pub(super) pending: bool,
@@ -80,7 +80,7 @@ pub(super) struct Station {
     /// Rows that were marked for reading from this turn on want a check first. It is good for all that are marked by the time
     /// that it is answered: they are one poll, however late the line is.
     pub(super) check_from: Option<u32>,
-    /// Requests without an answer since the last one.
+    /// Requests without a response since the last one.
     silent: u8,
     /// How long it was left alone last; zero: not at all.
     back_off: Duration,

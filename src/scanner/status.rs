@@ -15,11 +15,11 @@ pub enum ErrorCode {
     Address = 2,
     /// Exception 03.
     Value = 3,
-    /// There was an answer, but not to what was asked.
+    /// There was a response, but not to what was asked.
     Unknown = 4,
-    /// No answer in time.
+    /// No response in time.
     Timeout = 5,
-    /// The answer was damaged on its way.
+    /// The response was damaged on its way.
     Transmission = 6,
     /// There is no way to the device: its line or connection is not open, too many requests wait there, or no rule leads to it.
     Connection = 7,
@@ -174,7 +174,7 @@ impl fmt::Debug for Status {
     }
 }
 
-/// The names of the bits that are set, and the error: `error to-read (no answer)`.
+/// The names of the bits that are set, and the error: `error to-read (no response)`.
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut separator = "";

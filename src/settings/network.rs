@@ -30,7 +30,7 @@ impl TcpListen {
 /// What a TCP stream carries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum StreamFraming {
-    /// Modbus TCP: the MBAP header says where a frame ends and which request an answer belongs to.
+    /// Modbus TCP: the MBAP header says where a frame ends and which request a response belongs to.
     #[default]
     Mbap,
     /// RTU over TCP: the bytes of a serial line with their CRC, as serial device servers carry them. One request at a time.
@@ -148,7 +148,7 @@ pub struct TcpClientSettings {
     pub idle: Duration,
     /// Repeats of a read that got no response. Writes are never repeated.
     pub retries: u8,
-    /// How long after a time-out its answer may still come, by its transaction id; with RTU over TCP as at a serial line.
+    /// How long after a time-out its response may still come, by its transaction id; with RTU over TCP as at a serial line.
     /// `None`: `timeout`.
     pub late_window: Option<Duration>,
     /// Time-outs in a row after which a unit counts as down and fails at once; 0 never.
@@ -179,7 +179,7 @@ impl TcpClientSettings {
         }
     }
 
-    /// How long after a time-out its answer may still come.
+    /// How long after a time-out its response may still come.
     pub fn late_window(&self) -> Duration {
         self.late_window.unwrap_or(self.timeout)
     }

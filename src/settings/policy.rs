@@ -19,10 +19,10 @@ pub struct Sharing {
 }
 
 impl Sharing {
-    /// Identical reads are merged, since the answer is as new as it would be otherwise; memory is not used.
+    /// Identical reads are merged, since the response is as new as it would be otherwise; memory is not used.
     pub const DEFAULT: Self = Self { merge: Merge::Identical, cache_ms: 0 };
 
-    /// How old an answer from memory may be.
+    /// How old a response from memory may be.
     pub fn cache(&self) -> Duration {
         Duration::from_millis(self.cache_ms.into())
     }

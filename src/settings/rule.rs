@@ -9,7 +9,7 @@ use crate::settings::{IpPrefix, Policy, PortId};
 pub struct Route {
     /// The port that the request came in by.
     pub source: PortId,
-    /// Unit ids as the asker writes them.
+    /// Unit ids as the requester writes them.
     pub units: UnitRange,
     /// The TCP peer; `None` is `*`, which also matches serial sources.
     pub peer: Option<IpPrefix>,
@@ -40,7 +40,7 @@ impl UnitRange {
     }
 }
 
-/// Translation of the unit id on the way out; the way back restores the asker's id.
+/// Translation of the unit id on the way out; the way back restores the requester's id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tag {
     /// `*`: the id stays.
@@ -74,7 +74,7 @@ pub enum Destination {
     Port(PortId),
     /// To the gateway's own unit.
     Local,
-    /// Nowhere, without an answer.
+    /// Nowhere, without a response.
     Discard,
     /// Nowhere, answered 0Ah.
     NoPath,

@@ -191,15 +191,15 @@ impl SerialClientSettings {
 /// How a server-side serial port answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SerialServerSettings {
-    /// From the request to the answer. After this time the master has given up: there is no answer, and a request not
+    /// From the request to the response. After this time the master has given up: there is no response, and a request not
     /// yet on its destination's wire is not sent any more.
     pub answer_within: Duration,
-    /// Least time from the end of the request to the answer, for masters that are slow to listen; never below the gap.
+    /// Least time from the end of the request to the response, for masters that are slow to listen; never below the gap.
     pub reply_delay: Duration,
 }
 
 impl SerialServerSettings {
-    /// An answer within 3 s, as soon as there is one.
+    /// A response within 3 s, as soon as there is one.
     pub const DEFAULT: Self =
         Self { answer_within: Duration::from_secs(3), reply_delay: Duration::from_ticks(0) };
 }

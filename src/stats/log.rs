@@ -16,13 +16,13 @@ pub const LOG_ENTRIES_MAX: usize = 64;
 /// One finished transaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LogEntry {
-    /// When its answer passed the router.
+    /// When its response passed the router.
     pub at: Instant,
     /// The port that was asked.
     pub source: PortId,
     /// The port that was to answer, if a rule named one.
     pub destination: Option<PortId>,
-    /// The unit as the asker wrote it.
+    /// The unit as the requester wrote it.
     pub unit: u8,
     /// The unit on the destination's side.
     pub target: u8,
@@ -30,21 +30,21 @@ pub struct LogEntry {
     pub function: u8,
     /// How it ended.
     pub outcome: Outcome,
-    /// From the complete request to the answer, in microseconds.
+    /// From the complete request to the response, in microseconds.
     pub took_us: u32,
 }
 
 /// How a transaction ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// With an answer.
-    Answer,
+    /// With a response.
+    Response,
     /// With an exception, of the device or of the gateway.
     Exception(Exception),
-    /// Without an answer, as the request wanted or a rule said.
+    /// Without a response, as the request wanted or a rule said.
     Silence,
-    /// The asker was gone.
-    AskerGone,
+    /// The requester was gone.
+    RequesterGone,
 }
 
 /// The last transactions, oldest first.

@@ -14,14 +14,14 @@ const ONE_OF: u32 = 1_000;
 
 /// The largest of many times in microseconds.
 #[derive(Debug, Clone, Default)]
-pub struct AnswerTail {
+pub struct ResponseTail {
     /// In falling order.
     largest: Vec<u32, LARGEST_MAX>,
     count: u32,
 }
 
-impl AnswerTail {
-    /// No answer yet.
+impl ResponseTail {
+    /// No response yet.
     pub const fn new() -> Self {
         Self { largest: Vec::new(), count: 0 }
     }
@@ -31,7 +31,7 @@ impl AnswerTail {
         self.count
     }
 
-    /// An answer took so many microseconds.
+    /// A response took so many microseconds.
     pub fn add(&mut self, took_us: u32) {
         self.count = self.count.saturating_add(1);
         let at = self.largest.partition_point(|larger| *larger >= took_us);

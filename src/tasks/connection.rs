@@ -7,24 +7,24 @@ use crate::hal::TcpHost;
 use crate::port::server::tcp::{self, Terms};
 
 impl Gateway<'_> {
-    /// The task of the seat `index`: serves one TCP client after the other, for ever. An `async fn` would keep what it is given
-    /// twice, at each seat.
-    pub fn run_seat<H: TcpHost>(&self, index: usize, host: &mut H) -> impl Future<Output = ()> {
-        let seat = self.seats().get(index);
+    /// The task of the connection `index`: serves one TCP client after the other, for ever. An `async fn` would keep what it is given
+    /// twice, at each connection.
+    pub fn run_connection<H: TcpHost>(&self, index: usize, host: &mut H) -> impl Future<Output = ()> {
+        let connection = self.connections().get(index);
         async move {
-            let Some(seat) = seat else { return };
+            let Some(connection) = connection else { return };
             loop {
-                let served = seat.state().port.and_then(|id| {
+                let served = connection.state().port.and_then(|id| {
                     let terms = self.settings(|settings| settings.tcp_server(id).map(Terms::of))?;
                     Some((id, self.ports().get(id.index())?, terms))
                 });
-                let Some((id, place, terms)) = &served else {
-                    seat.changed.wait().await;
+                let Some((id, port_state, terms)) = &served else {
+                    connection.changed.wait().await;
                     continue;
                 };
                 let (id, settings) = (*id, terms);
-                let server = tcp::Server { gateway: self, id, place, settings, seat, index };
-                select(seat.changed.wait(), server.run(host)).await;
+                let server = tcp::Server { gateway: self, id, port_state, settings, connection, index };
+                select(connection.changed.wait(), server.run(host)).await;
                 server.left();
             }
         }

@@ -6,9 +6,9 @@ use embassy_futures::select::select;
 
 use crate::gateway::Gateway;
 use crate::hal::{SerialHost, TcpConnect, UdpHost};
-use crate::port::client::dispatcher::{Desk, Part};
-use crate::port::client::servers::{LINKS_MAX, Servers};
-use crate::port::timer::apart;
+use crate::port::client::dispatcher::{Dispatcher, Upstream};
+use crate::port::client::servers::{CONNECTIONS_MAX, Servers};
+use crate::port::timer::outlined;
 use crate::port::{client, scanner, server};
 use crate::settings::{PortId, PortKind, Side, StreamFraming};
 
@@ -24,46 +24,51 @@ impl Gateway<'_> {
         connector: &C,
         datagrams: &mut U,
     ) -> impl Future<Output = ()> {
-        let at = self.place(id);
+        let at = self.port_state(id);
         async move {
             let Some(at) = at else { return };
-            let place = at.place();
+            let port_state = at.state();
             loop {
                 let mut kind = self.settings(|settings| settings.port(id).cloned()).map(|port| port.kind);
-                let alone = self.asking.try_on(id, kind.as_mut());
+                let alone = self.direct_request.try_on(id, kind.as_mut());
                 at.units(|units| units.freeze(alone));
-                place.renew();
+                port_state.renew();
                 match &kind {
                     Some(PortKind::Serial(settings)) if settings.side == Side::Server => {
                         let never_underruns = lines.never_underruns();
-                        let server =
-                            server::serial::Server { gateway: self, place, id, settings, never_underruns };
-                        select(place.changed.wait(), server.run(lines)).await;
+                        let server = server::serial::Server {
+                            gateway: self,
+                            port_state,
+                            id,
+                            settings,
+                            never_underruns,
+                        };
+                        select(port_state.changed.wait(), server.run(lines)).await;
                         server.close();
                     }
                     Some(PortKind::UdpServer(settings)) => {
-                        let server = server::udp::Server::new(self, place, id, settings);
-                        select(place.changed.wait(), apart(pin!(server.run(datagrams)))).await;
+                        let server = server::udp::Server::new(self, port_state, id, settings);
+                        select(port_state.changed.wait(), outlined(pin!(server.run(datagrams)))).await;
                         server.close();
                     }
                     Some(PortKind::Scanner | PortKind::Ethercat(_)) => {
                         let ethercat = self.ethercat().filter(|_| kind != Some(PortKind::Scanner));
-                        scanner::run(self, place, id, ethercat).await;
+                        scanner::run(self, port_state, id, ethercat).await;
                     }
                     kind => {
-                        let desk = Desk::new(self, at, id, self.part(id, kind), alone);
-                        let part = play(&desk, kind.as_ref(), lines, connector);
-                        select(place.changed.wait(), select(desk.take_in(), part)).await;
-                        desk.close();
-                        place.sockets.iter().for_each(|socket| self.socket_closed(socket));
+                        let dispatcher = Dispatcher::new(self, at, id, self.upstream(id, kind), alone);
+                        let part = play(&dispatcher, kind.as_ref(), lines, connector);
+                        select(port_state.changed.wait(), select(dispatcher.take_in(), part)).await;
+                        dispatcher.close();
+                        port_state.sockets.iter().for_each(|socket| self.socket_closed(socket));
                     }
                 }
             }
         }
     }
 
-    /// What the client-side port `id` is besides its line.
-    fn part(&self, id: PortId, kind: &Option<PortKind>) -> Part {
+    /// The servers that the client-side port `id` reaches.
+    fn upstream(&self, id: PortId, kind: &Option<PortKind>) -> Upstream {
         match kind {
             Some(PortKind::TcpClient(client)) => {
                 let servers = match client.server {
@@ -72,32 +77,32 @@ impl Gateway<'_> {
                         Servers::new(settings.servers_of(id).map(|(_, server)| (server.units, server.tag)))
                     }),
                 };
-                let links = usize::from(client.sockets).min(LINKS_MAX).min(servers.len()) as u8;
+                let connections = usize::from(client.sockets).min(CONNECTIONS_MAX).min(servers.len()) as u8;
                 let transaction_ids = client.framing == StreamFraming::Mbap;
-                Part { servers, links, unit: client.unit, transaction_ids }
+                Upstream { servers, connections, unit: client.unit, transaction_ids }
             }
-            _ => Part { servers: Servers::line(), links: 1, unit: None, transaction_ids: false },
+            _ => Upstream { servers: Servers::line(), connections: 1, unit: None, transaction_ids: false },
         }
     }
 }
 
-/// The part that a client-side port plays besides taking orders in.
+/// The part that a client-side port plays besides taking requests in.
 async fn play<H: SerialHost, C: TcpConnect>(
-    desk: &Desk<'_>,
+    dispatcher: &Dispatcher<'_>,
     kind: Option<&PortKind>,
     lines: &mut H,
     connector: &C,
 ) {
     match kind {
         Some(PortKind::Serial(settings)) => {
-            client::serial::run(desk, settings, lines).await;
+            client::serial::run(dispatcher, settings, lines).await;
         }
         Some(PortKind::TcpClient(settings)) => {
-            apart(pin!(client::tcp::run(desk, settings, connector))).await;
+            outlined(pin!(client::tcp::run(dispatcher, settings, connector))).await;
         }
         Some(PortKind::TcpServer(_) | PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_))
         | None => {
-            desk.close();
+            dispatcher.close();
             core::future::pending().await
         }
     }

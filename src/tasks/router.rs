@@ -1,13 +1,13 @@
 //! The routing task: the only reader of the global queue and the only writer of every port's queue.
 //!
 //! A request is looked up in the routing table and goes to the destination's queue under the unit id that it has
-//! there; an answer goes back to whoever asked. Every frame that a port sent comes home, with an answer or without, so a
+//! there; a response goes back to whoever asked. Every frame that a port sent comes home, with a response or without, so a
 //! port knows what is open by counting. All messages pass [`Gateway::note`] at their end: the one place to watch.
 
 use embassy_time::Instant;
 
-use crate::frame::{Cause, Channel, Envelope, Fill, Frame, Origin, Stage, Way};
-use crate::gateway::{Gateway, PortPlace};
+use crate::frame::{Cause, Channel, Envelope, Fill, Frame, Origin, ReplyTo, Stage};
+use crate::gateway::{Gateway, PortState};
 use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 use crate::port::local;
@@ -24,10 +24,10 @@ impl Gateway<'_> {
             let envelope = frame.envelope();
             match envelope.stage {
                 Stage::Request => self.forward(frame, &envelope),
-                Stage::Answering => self.deliver(frame, envelope.origin, self.is_gone(envelope.origin)),
-                Stage::Answer | Stage::Silence => {
+                Stage::Responding => self.deliver(frame, envelope.origin, self.is_gone(envelope.origin)),
+                Stage::Response | Stage::Silence => {
                     let outcome = self.note(&frame, &envelope);
-                    self.deliver(frame, envelope.origin, outcome == Outcome::AskerGone);
+                    self.deliver(frame, envelope.origin, outcome == Outcome::RequesterGone);
                 }
             }
         }
@@ -35,7 +35,7 @@ impl Gateway<'_> {
 
     /// Sends a request to where the routing table says.
     fn forward(&self, frame: Frame<'_>, envelope: &Envelope) {
-        if envelope.origin.way == Way::Console {
+        if envelope.origin.reply_to == ReplyTo::Console {
             return self.forward_asked(frame);
         }
         let port = envelope.origin.port;
@@ -49,10 +49,10 @@ impl Gateway<'_> {
         match decision {
             Decision::Forward { port, unit: target, priority, sharing, addresses } => {
                 match self.ports().get(port.index()) {
-                    Some(place) => {
+                    Some(port_state) => {
                         let to_port = Envelope { target, priority, sharing, addresses, ..*envelope };
                         frame.address(Envelope { destination: Some(port), ..to_port });
-                        place.queue.send(frame);
+                        port_state.queue.send(frame);
                     }
                     None => {
                         frame.blame(Cause::Unsent);
@@ -61,7 +61,7 @@ impl Gateway<'_> {
                 }
             }
             Decision::AllLines => self.broadcast(frame),
-            Decision::Local => local::answer(self, frame),
+            Decision::Local => local::respond(self, frame),
             Decision::Discard => {
                 count(Event::Discarded);
                 self.unanswered(frame);
@@ -78,13 +78,13 @@ impl Gateway<'_> {
             }
             Decision::NoRule => {
                 count(Event::NoPath);
-                match envelope.origin.way {
-                    Way::Seat(_) | Way::Port | Way::Console => {
+                match envelope.origin.reply_to {
+                    ReplyTo::Connection(_) | ReplyTo::Port | ReplyTo::Console => {
                         frame.blame(Cause::Unsent);
                         self.refuse(frame, Exception::GATEWAY_NO_PATH);
                     }
                     // On a shared bus the unit may be somebody else's.
-                    Way::Line | Way::Nobody => self.unanswered(frame),
+                    ReplyTo::Line | ReplyTo::Nobody => self.unanswered(frame),
                 }
             }
         }
@@ -97,18 +97,18 @@ impl Gateway<'_> {
         let origin = envelope.origin;
         let request = frame.content();
         let mut lines = 0;
-        for (index, place) in self.ports().iter().enumerate() {
+        for (index, port_state) in self.ports().iter().enumerate() {
             let port = PortId(index as u8);
             let rank = |settings: &_| routing::leads_to(settings, origin.port, envelope.peer, &request, port);
             let Some(priority) = self.settings(rank) else { continue };
             // No frame is anybody's own here: a flood of broadcasts must not cost others theirs.
-            let origin = Origin { way: Way::Nobody, ..origin };
+            let origin = Origin { reply_to: ReplyTo::Nobody, ..origin };
             let to_port = Envelope { origin, target: 0, destination: Some(port), priority, ..envelope };
             let Some(copy) = self.pool().fill(usize::MAX, &request, to_port) else {
                 self.count_at(origin.port, Event::QueueFull);
                 continue;
             };
-            place.queue.send(copy);
+            port_state.queue.send(copy);
             lines += 1;
         }
         if lines == 0 {
@@ -118,28 +118,28 @@ impl Gateway<'_> {
         self.finish_broadcast(frame);
     }
 
-    /// Sends a broadcast home: without an answer, unless its port is told to confirm what TCP clients write.
+    /// Sends a broadcast home: without a response, unless its port is told to confirm what TCP clients write.
     pub(crate) fn finish_broadcast(&self, frame: Frame<'_>) {
         let origin = frame.origin();
         let confirm =
             self.settings(|settings| settings.port(origin.port).is_some_and(|port| port.units.confirm));
-        if confirm && matches!(origin.way, Way::Seat(_)) {
+        if confirm && matches!(origin.reply_to, ReplyTo::Connection(_)) {
             self.confirm(frame);
         } else {
             self.unanswered(frame);
         }
     }
 
-    /// Answers a write as a device does that has carried it out; other requests get no answer.
+    /// Answers a write as a device does that has carried it out; other requests get no response.
     fn confirm(&self, frame: Frame<'_>) {
         // A request that is still arriving: whoever sent it sends it again when it is whole, and can be answered.
         if frame.abandon() {
             return;
         }
         match pdu::confirmation(&frame.content()) {
-            Some(answer) => {
+            Some(response) => {
                 // It is a part of the request.
-                let _ = frame.replace(answer);
+                let _ = frame.replace(response);
                 self.answered(frame);
             }
             None => self.unanswered(frame),
@@ -154,12 +154,12 @@ impl Gateway<'_> {
             [] => (0, None),
         });
         let outcome = match (exception, envelope.stage) {
-            _ if self.is_gone(envelope.origin) => Outcome::AskerGone,
+            _ if self.is_gone(envelope.origin) => Outcome::RequesterGone,
             (_, Stage::Silence) => Outcome::Silence,
-            // An answer that was broken off after it had begun.
+            // A response that was broken off after it had begun.
             _ if frame.filled().1 != Fill::Complete => Outcome::Silence,
             (Some(exception), _) => Outcome::Exception(exception),
-            _ => Outcome::Answer,
+            _ => Outcome::Response,
         };
         let now = Instant::now();
         let took = now.saturating_duration_since(envelope.received);
@@ -178,27 +178,31 @@ impl Gateway<'_> {
 
     /// Gives a frame back to whoever asked, unless he has gone.
     fn deliver(&self, frame: Frame<'_>, origin: Origin, is_gone: bool) {
-        match self.way_back(origin) {
-            _ if is_gone => self.count_at(origin.port, Event::AskerGone),
+        match self.reply_channel(origin) {
+            _ if is_gone => self.count_at(origin.port, Event::RequesterGone),
             Some(channel) => channel.send(frame),
             None => {}
         }
     }
 
-    /// The channel in which whoever asked waits for the answer.
-    fn way_back(&self, origin: Origin) -> Option<&Channel> {
-        match origin.way {
-            Way::Seat(seat) => self.seats().get(usize::from(seat)).map(|seat| &seat.answers),
-            Way::Line | Way::Port => self.ports().get(origin.port.index()).map(|place| &place.queue),
-            Way::Console => Some(&self.asking.answers),
-            Way::Nobody => None,
+    /// The channel in which whoever asked waits for the response.
+    fn reply_channel(&self, origin: Origin) -> Option<&Channel> {
+        match origin.reply_to {
+            ReplyTo::Connection(connection) => {
+                self.connections().get(usize::from(connection)).map(|connection| &connection.responses)
+            }
+            ReplyTo::Line | ReplyTo::Port => {
+                self.ports().get(origin.port.index()).map(|port_state| &port_state.queue)
+            }
+            ReplyTo::Console => Some(&self.direct_request.responses),
+            ReplyTo::Nobody => None,
         }
     }
 
     fn count_at(&self, port: PortId, event: Event) {
-        let place: Option<&PortPlace> = self.ports().get(port.index());
-        if let Some(place) = place {
-            place.stats.count(event);
+        let port_state: Option<&PortState> = self.ports().get(port.index());
+        if let Some(port_state) = port_state {
+            port_state.stats.count(event);
         }
     }
 
@@ -206,7 +210,7 @@ impl Gateway<'_> {
     pub(crate) fn forward_asked(&self, frame: Frame<'_>) {
         let port = frame.envelope().destination;
         match port.and_then(|port| self.ports().get(port.index())) {
-            Some(place) => place.queue.send(frame),
+            Some(port_state) => port_state.queue.send(frame),
             None => self.refuse(frame, Exception::GATEWAY_NO_PATH),
         }
     }

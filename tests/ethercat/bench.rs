@@ -1,6 +1,6 @@
 //! The bench for SubDevices, and the gateway's objects on it.
 
-use mobgate::fieldbus::{EthercatPlace, GatewayObjects};
+use mobgate::fieldbus::{EthercatState, GatewayObjects};
 use mobgate::language::apply;
 use mobgate::settings::Settings;
 
@@ -12,9 +12,9 @@ pub(crate) fn gateway_objects() -> GatewayObjects<'static> {
 }
 
 /// What a gateway with such settings shares with its SubDevice.
-pub(crate) fn place_with(lines: &str) -> &'static EthercatPlace {
+pub(crate) fn place_with(lines: &str) -> &'static EthercatState {
     // A place is there for as long as the gateway runs: here, as long as the test.
-    let place = Box::leak(Box::new(EthercatPlace::new()));
+    let place = Box::leak(Box::new(EthercatState::new()));
     let mut settings = Settings::new();
     for line in lines.lines() {
         apply(&mut settings, line).unwrap();

@@ -16,7 +16,7 @@ static GATEWAY: Device = DEVICE;
 const INPUT: Access = Access::READ.and(Access::TX_PDO);
 const OUTPUT: Access = Access::READ.and(Access::RX_PDO);
 
-/// Asks, and puts the fragments of the answer together; or the abort code.
+/// Asks, and puts the fragments of the response together; or the abort code.
 pub(crate) fn ask<A: ethercat_subdevice::application::Application + 'static>(
     rig: &mut Rig<A>,
     operation: u8,
@@ -263,7 +263,7 @@ fn statement_41_the_files_objects_are_those_of_sdo_information() {
         let description = ask(&mut rig, 3, &index.to_le_bytes()).unwrap();
         assert_eq!(text(object, "Name").as_bytes(), &description[6..]);
         assert_eq!(number(text(object, "BitSize")), types[text(object, "Type")], "{index:x}");
-        // A request and its answer differ in size, so nobody could tell where which value begins; and what is only written
+        // A request and its response differ in size, so nobody could tell where which value begins; and what is only written
         // has no size to be read.
         if let 0x2033 | 0x2034 = index {
             let refused = if index == 0x2033 { 0x0601_0004 } else { 0x0601_0001 };

@@ -18,7 +18,7 @@ const MAILBOX: u32 = 1 << 8;
 const NEW_OUTPUTS: u32 = 1 << 10;
 /// Full, in a SyncManager's status.
 const FULL: u8 = 1 << 3;
-/// After so many cycles without an answer the mailbox counts as lost.
+/// After so many cycles without a response the mailbox counts as lost.
 const PATIENCE: u32 = 200;
 
 /// Answers every message with itself and shows the outputs as inputs, whenever the interrupt pin asks for it.

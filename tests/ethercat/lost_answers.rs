@@ -27,7 +27,7 @@ fn slow_device(seed: u64) -> (Rig<SharedEcho>, SharedEcho) {
     (rig, echo)
 }
 
-/// An upload of 1018h, and its answer without header and counter.
+/// An upload of 1018h, and its response without header and counter.
 fn request(sub: u8) -> [u8; 10] {
     [0, 0x20, 0x40, 0x18, 0x10, sub, 0, 0, 0, 0]
 }
@@ -62,14 +62,14 @@ fn outputs_are_taken_though_a_repetition_is_asked_for_twice_in_the_same_words() 
         rig.pause = Duration::from_micros(after_us);
         rig.exchange(&image(2, 120));
         rig.pause = SLOW;
-        // The answer to the first writing was lost too.
+        // The response to the first writing was lost too.
         rig.write(STATUS, &[0, 3]);
         assert_eq!(echo.0.borrow().last, Some(2), "written again after {after_us} us");
         assert_eq!((echo.0.borrow().torn, rig.receive()), (0, Some(lost)));
     }
 }
 
-/// Whatever is lost, a MainDevice that repeats gets each answer once, and the outputs that it sent last are those in force.
+/// Whatever is lost, a MainDevice that repeats gets each response once, and the outputs that it sent last are those in force.
 #[test]
 fn with_lost_answers_and_repetitions_no_outputs_are_stale() {
     for seed in 0..14 {
@@ -97,7 +97,7 @@ fn with_lost_answers_and_repetitions_no_outputs_are_stale() {
             rig.pause = SLOW;
             rig.pass(6);
             assert_eq!(echo.0.borrow().last, Some(number), "seed {seed}: stale outputs");
-            // The answer, perhaps behind one that was had.
+            // The response, perhaps behind one that was had.
             let answers: Vec<u8> = std::iter::from_fn(|| rig.receive()).map(|answer| answer[11]).collect();
             assert!(answers.len() <= 2, "seed {seed}: {answers:?}");
             assert!(answers.last().is_none_or(|last| *last == sub), "seed {seed}: {answers:?} for {sub}");

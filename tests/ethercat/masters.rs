@@ -9,7 +9,7 @@ use ethercrab::error::{CoeAbortCode, Error, MailboxError};
 use mobgate::fieldbus::DEVICE;
 use mobgate_simulator::lan9252::{Timing, over_spi};
 use mobgate_simulator::sub_device::{
-    Desk, SharedEcho, cable, direct, exchange_images, line_of, spawn, start_up, with_master,
+    Dispatcher, SharedEcho, cable, direct, exchange_images, line_of, spawn, start_up, with_master,
 };
 use mobgate_simulator::{Lan9252, World};
 
@@ -19,7 +19,7 @@ use crate::esc_masters::Capture;
 static GATEWAY: Device = DEVICE;
 
 /// The gateway's SubDevice with this application, and a MainDevice that does as `script` says.
-fn with_gateway(application: impl Application, script: impl AsyncFnOnce(Desk<'_>)) {
+fn with_gateway(application: impl Application, script: impl AsyncFnOnce(Dispatcher<'_>)) {
     let mut world = World::new(1);
     let line = line_of(&GATEWAY);
     let (esc, interrupt) = direct(line.borrow().chip(0));
@@ -61,9 +61,9 @@ fn ethercrab_exchanges_120_bytes_each_way_without_a_lost_or_torn_image() {
 
 #[test]
 fn ethercrab_reads_and_writes_objects() {
-    with_gateway(gateway_objects(), async |desk| {
-        let group = desk.to_pre_op().await.unwrap();
-        let device = group.subdevice(desk.master, 0).unwrap();
+    with_gateway(gateway_objects(), async |dispatcher| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!(device.name(), "mobgate");
         assert_eq!(device.identity().product_id, GATEWAY.identity.product);
         assert_eq!(device.sdo_read::<u32>(0x1018, 1).await.unwrap(), GATEWAY.identity.vendor);
@@ -79,16 +79,16 @@ fn ethercrab_reads_and_writes_objects() {
 
 #[test]
 fn ethercrab_goes_up_and_down_many_times() {
-    with_gateway(SharedEcho::default(), async |desk| {
+    with_gateway(SharedEcho::default(), async |dispatcher| {
         for number in 1..20 {
-            let group = desk.to_pre_op().await.unwrap();
-            let group = desk.to_op(group, 10 * number).await.unwrap();
+            let group = dispatcher.to_pre_op().await.unwrap();
+            let group = dispatcher.to_op(group, 10 * number).await.unwrap();
             for more in 1..5 {
-                assert_eq!(desk.exchange(&group, 10 * number + more).await.unwrap().1, 3);
+                assert_eq!(dispatcher.exchange(&group, 10 * number + more).await.unwrap().1, 3);
                 Timer::after_millis(1).await;
             }
-            let group = group.into_safe_op(desk.master).await.unwrap();
-            group.into_pre_op(desk.master).await.unwrap().into_init(desk.master).await.unwrap();
+            let group = group.into_safe_op(dispatcher.master).await.unwrap();
+            group.into_pre_op(dispatcher.master).await.unwrap().into_init(dispatcher.master).await.unwrap();
         }
     });
 }
@@ -101,10 +101,10 @@ fn tshark_decodes_a_start_with_all_its_messages_without_malformed_packets() {
     let (esc, interrupt) = direct(line.borrow().chip(0));
     spawn(&world, SubDevice::new(&GATEWAY, esc, gateway_objects()), interrupt);
     let cable = cable(line).with_capture(capture.pcap());
-    with_master(&mut world, cable, async |desk| {
-        let group = desk.to_pre_op().await.unwrap();
-        group.subdevice(desk.master, 0).unwrap().sdo_write(0x2001, 1, 17u16).await.unwrap();
-        desk.to_op(group, 1).await.unwrap();
+    with_master(&mut world, cable, async |dispatcher| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        group.subdevice(dispatcher.master, 0).unwrap().sdo_write(0x2001, 1, 17u16).await.unwrap();
+        dispatcher.to_op(group, 1).await.unwrap();
     });
     let (frames, ethercat, malformed) = capture.decode();
     assert!(frames > 800, "{frames} frames");

@@ -8,7 +8,7 @@ use embassy_time::{Duration, Instant, Timer};
 use embedded_hal_async::digital::Wait;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::sub_device::SubDevice;
-use mobgate::fieldbus::{DEVICE, EthercatPlace, GatewayObjects};
+use mobgate::fieldbus::{DEVICE, EthercatState, GatewayObjects};
 use mobgate_simulator::Device as ModbusDevice;
 use mobgate_simulator::esc::packet::{PacketSocket, serve};
 use mobgate_simulator::own_network::{SEGMENT_END, in_own_network, start_master};
@@ -29,7 +29,7 @@ fn pysoem_starts_the_gateway_reads_its_objects_and_meets_its_watchdog() {
     in_own_network("pysoem::pysoem_starts_the_gateway_reads_its_objects_and_meets_its_watchdog", || {
         let line = line_of(&GATEWAY);
         let (esc, mut interrupt) = direct(line.borrow().chip(0));
-        let place = EthercatPlace::new();
+        let place = EthercatState::new();
         let objects = Shared::new(GatewayObjects::new(&place));
         let mut sub_device = SubDevice::new(&GATEWAY, esc, objects.clone());
         let socket = PacketSocket::open(SEGMENT_END).unwrap();

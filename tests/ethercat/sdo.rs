@@ -270,7 +270,7 @@ fn statement_34_unknown_commands_are_aborted() {
 fn statement_35_settings_out_of_range_are_refused_and_change_nothing() {
     let mut rig = gateway();
     rig.download(0x2005, 1, &[1, 0]).unwrap();
-    let place = rig.application().place();
+    let place = rig.application().shared();
     let before = place.configuration(|now| now.clone());
     rig.download(0x2005, 2, &[0, 0]).unwrap();
     for (index, sub, value, abort) in [

@@ -311,7 +311,7 @@ fn statement_17_the_first_frame_in_safe_op_has_the_full_working_counter() {
 #[test]
 fn statement_18_init_and_back_leaves_nothing_of_the_mailbox() {
     let mut rig = in_state(PRE_OP);
-    // An upload that is not read to its end, and an answer that is not fetched.
+    // An upload that is not read to its end, and a response that is not fetched.
     assert!(rig.sdo(&[0x40, 0x00, 0x21, 0]).is_ok());
     assert_eq!(rig.send_counted(3, 5, &[0, 0x20, 0x60, 0, 0, 0, 0, 0, 0, 0]), 1);
     assert_eq!(rig.request(INIT), (INIT, 0));

@@ -81,17 +81,17 @@ fn live(seed: u64, share: &Share) {
 
 /// A MainDevice that means it: to Op, and a few images.
 fn recover(world: &mut World<'_>, line: SharedSegment, last: u64) {
-    with_master(world, cable(line), async |desk| {
+    with_master(world, cable(line), async |dispatcher| {
         let to_op = async {
-            let group = desk.to_pre_op().await.expect("PreOp is reached");
-            let device = group.subdevice(desk.master, 0).unwrap();
+            let group = dispatcher.to_pre_op().await.expect("PreOp is reached");
+            let device = group.subdevice(dispatcher.master, 0).unwrap();
             device.sdo_write(0x1c32, 1, 0x01u16).await.expect("synchronisation is set");
             device.sdo_write(0x1c33, 1, 0x22u16).await.expect("synchronisation is set");
-            desk.to_op(group, last + 1).await.expect("Op is reached")
+            dispatcher.to_op(group, last + 1).await.expect("Op is reached")
         };
         let group = with_timeout(RECOVERY, to_op).await.expect("Op is reached in time");
         for number in last + 2..last + 12 {
-            let (inputs, counter) = desk.exchange(&group, number).await.expect("images are exchanged");
+            let (inputs, counter) = dispatcher.exchange(&group, number).await.expect("images are exchanged");
             assert_eq!(counter, 3);
             // The first ones were written before Op.
             let of_now = inputs.is_some_and(|inputs| inputs + 2 >= number || number < last + 4);

@@ -1,6 +1,6 @@
 //! Percentiles of answer times from a few bytes.
 
-use mobgate::gateway::response_times::AnswerTimes;
+use mobgate::gateway::response_times::ResponseTimes;
 use mobgate::gateway::unit_health::Unit;
 use mobgate_simulator::Random;
 
@@ -11,7 +11,7 @@ const OFF: f64 = 0.6;
 fn percentiles_are_near_those_of_all_the_answers() {
     let mut random = Random::new(1);
     for longest in [3_000, 40_000, 900_000] {
-        let mut times = AnswerTimes::new();
+        let mut times = ResponseTimes::new();
         let mut all: Vec<u32> = (0..200).map(|_| random.within(longest / 3..=longest) as u32).collect();
         all.iter().for_each(|took| times.add(*took));
         all.sort_unstable();
@@ -25,7 +25,7 @@ fn percentiles_are_near_those_of_all_the_answers() {
 
 #[test]
 fn old_answers_fade_and_rare_slow_ones_are_seen() {
-    let mut times = AnswerTimes::new();
+    let mut times = ResponseTimes::new();
     assert_eq!(times.percentile(50), None);
     (0..10_000).for_each(|_| times.add(300_000));
     assert!(times.percentile(50).unwrap() > 200_000);
@@ -40,5 +40,5 @@ fn the_units_of_a_port_take_little_memory() {
     // 20 bytes of times and 20 of troubles for each.
     assert!(size_of::<Unit>() <= 120, "{}", size_of::<Unit>());
     // Those of an RS-485 segment.
-    assert!(32 * (size_of::<AnswerTimes>() + 20) <= 1_280);
+    assert!(32 * (size_of::<ResponseTimes>() + 20) <= 1_280);
 }

@@ -1,7 +1,7 @@
 //! Answers that are kept: a pure part.
 
 use embassy_time::{Duration, Instant};
-use mobgate::port::client::cache::{ANSWER_BYTES_MAX, ANSWERS_MAX, Cache, Question};
+use mobgate::port::client::cache::{Cache, Question, RESPONSE_BYTES_MAX, RESPONSES_MAX};
 use proptest::prelude::*;
 
 const NOW: Instant = Instant::from_secs(10);
@@ -25,13 +25,13 @@ fn only_reads_of_coils_inputs_and_registers_are_kept() {
 #[test]
 fn the_oldest_answers_go_for_new_ones() {
     let mut cache = Cache::new();
-    for address in 0..=ANSWERS_MAX as u8 {
+    for address in 0..=RESPONSES_MAX as u8 {
         cache.keep(question(1, address), &[3, 2, 0, address], NOW);
     }
-    assert_eq!(cache.len(), ANSWERS_MAX);
-    assert_eq!(cache.answer(question(1, 0), NOW, AGE), None);
-    assert_eq!(cache.answer(question(1, 1), NOW, AGE), Some(&[3, 2, 0, 1][..]));
-    cache.keep(question(1, 99), &[3; ANSWER_BYTES_MAX + 1], NOW);
+    assert_eq!(cache.len(), RESPONSES_MAX);
+    assert_eq!(cache.response(question(1, 0), NOW, AGE), None);
+    assert_eq!(cache.response(question(1, 1), NOW, AGE), Some(&[3, 2, 0, 1][..]));
+    cache.keep(question(1, 99), &[3; RESPONSE_BYTES_MAX + 1], NOW);
     assert!(cache.is_empty(), "an answer that cannot be leaves nothing behind");
 }
 
@@ -50,7 +50,7 @@ fn any_step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// An answer, with the question and the moment.
+/// A response, with the question and the moment.
 type Kept = ((u8, u8), u64, Vec<u8>);
 
 proptest! {
@@ -67,8 +67,8 @@ proptest! {
                     cache.keep(question(unit, address), &answer, Instant::from_secs(now));
                     model.retain(|(asked, ..)| *asked != (unit, address));
                     model.push(((unit, address), now, answer));
-                    while model.len() > ANSWERS_MAX
-                        || model.iter().map(|(.., answer)| answer.len()).sum::<usize>() > ANSWER_BYTES_MAX
+                    while model.len() > RESPONSES_MAX
+                        || model.iter().map(|(.., answer)| answer.len()).sum::<usize>() > RESPONSE_BYTES_MAX
                     {
                         model.remove(0);
                     }
@@ -82,7 +82,7 @@ proptest! {
                     let known = model.iter().find(|(asked, ..)| *asked == (unit, address));
                     let fit = known.filter(|(_, sent, _)| now - sent <= age.as_secs());
                     let expected = fit.map(|(.., answer)| &answer[..]);
-                    prop_assert_eq!(cache.answer(question(unit, address), at, age), expected);
+                    prop_assert_eq!(cache.response(question(unit, address), at, age), expected);
                 }
             }
             prop_assert_eq!(cache.len(), model.len());

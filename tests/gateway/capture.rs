@@ -11,7 +11,7 @@ use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::console::typed;
 use mobgate_simulator::fault::When;
-use mobgate_simulator::net::{ClientStream, Path as Way};
+use mobgate_simulator::net::{ClientStream, Path as ReplyTo};
 use mobgate_simulator::rig::machine;
 use mobgate_simulator::{Device, Fault, Faults, Rig, World, rig};
 
@@ -103,7 +103,7 @@ fn tshark_decodes_a_thousand_transactions_by_tcp_and_on_the_line_and_counts_the_
         let tcp = "frame.interface_name == \"P502\"";
         for (event, of) in [
             (Event::Request, "requests"),
-            (Event::Answer, "answers"),
+            (Event::Response, "answers"),
             (Event::BadCheck, "bad-crc"),
             (Event::Short, "short"),
             (Event::WrongUnit, "wrong-unit"),
@@ -116,12 +116,12 @@ fn tshark_decodes_a_thousand_transactions_by_tcp_and_on_the_line_and_counts_the_
         let exceptions = "frame.comment == \"answers\" && modbus.exception_code";
         assert_eq!(count(&format!("!({tcp}) && {exceptions}")), rig.counted("bus", Event::Exception));
         assert_eq!(rig.counted("bus", Event::Request), TRANSACTIONS);
-        // As many by TCP, where an answer that did not come is an exception of the gateway.
+        // As many by TCP, where a response that did not come is an exception of the gateway.
         assert_eq!(count(&format!("{tcp} && mbtcp && frame.comment == \"requests\"")), TRANSACTIONS);
         assert_eq!(count(&format!("{tcp} && mbtcp && frame.comment == \"answers\"")), TRANSACTIONS);
         let refused = rig.counted("P502", Event::Exception);
         assert_eq!(count(&format!("{tcp} && {exceptions}")), refused);
-        // Wireshark looks for the requests of answers that are no exceptions.
+        // Wireshark looks for the requests of responses that are no exceptions.
         assert_eq!(count(&format!("{tcp} && modbus.request_frame")), TRANSACTIONS - refused);
     });
 }
@@ -182,7 +182,7 @@ fn blocks(mut file: &[u8]) -> Vec<(u32, &[u8])> {
 fn a_client_that_does_not_read_misses_frames_and_is_told_how_many_and_nobody_waits_for_it() {
     rig::with_gateway(1, SETTINGS, |world, rig| {
         rig.attach(world, "uart1", [Device::new(5)]);
-        let path = Way { window_bytes: 1_000, ..Way::default() };
+        let path = ReplyTo { window_bytes: 1_000, ..ReplyTo::default() };
         let deaf = rig.network.connect_over(path, machine(9), 5029).unwrap();
         world.run_for(Duration::from_millis(1));
         let mut client = rig.client(machine(1), 502);

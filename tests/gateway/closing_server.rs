@@ -1,4 +1,4 @@
-//! Servers that close the connection behind an answer: a client without pause does not notice.
+//! Servers that close the connection behind a response: a client without pause does not notice.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -52,7 +52,7 @@ fn serve(world: &World<'_>, rig: &Rig<'_>, answers: usize, pause: Duration) -> R
     carried_out
 }
 
-/// `clients` ask 100 times each without pause; `request` gives what. How many got the answer of their own, and how many 0B.
+/// `clients` ask 100 times each without pause; `request` gives what. How many got the response of their own, and how many 0B.
 fn ask(
     world: &mut World<'_>,
     rig: &Rig<'_>,
@@ -124,7 +124,7 @@ fn writes_are_sent_on_a_new_connection_where_the_end_of_the_old_one_has_come_and
 #[test]
 fn a_server_that_closes_without_an_answer_is_not_asked_again_and_again() {
     with_gateway(1, &settings(""), |world, rig| {
-        // The first connection has an answer, all others have none.
+        // The first connection has a response, all others have none.
         let server = rig.network.serve(PLC.parse().unwrap());
         world.spawn(async move {
             for turn in 0.. {

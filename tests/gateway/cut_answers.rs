@@ -57,7 +57,7 @@ fn an_answer_is_passed_on_while_it_arrives_though_another_units_frame_came_befor
 #[test]
 fn nothing_follows_an_answer_that_was_begun_and_proved_to_be_none() {
     asked(EVEN, &[rtu::frame(7, &[3, 4, 1, 2, 3, 4]), rtu::frame(7, &VALUE)], |rig, heard| {
-        // The board relays as much as a good answer has, but for the last character.
+        // The board relays as much as a good response has, but for the last character.
         assert!(heard.is_some_and(|heard| heard.len() < rtu::frame(107, &VALUE).len()));
         assert_eq!((counts(rig, "S"), sent_up(rig)), ([1, 0, 1], 1));
         let entry = rig.gateway.log().newest(0).expect("an entry");
@@ -110,7 +110,7 @@ fn who_shares_an_answer_that_began_wrongly_is_given_no_part_of_it() {
     between((Framing::Ascii, 19_200), (Framing::Rtu, 19_200), "", |world, rig, _| {
         let (mut master, mut unit) = (rig.master("up"), rig.master("down"));
         let (mut busy, mut client) = (rig.client(machine(1), 502), rig.client(machine(2), 502));
-        // The next request of a master that pauses is passed on when it is whole, as one that can share an answer.
+        // The next request of a master that pauses is passed on when it is whole, as one that can share a response.
         let frame = framing::frame(Framing::Ascii, 106, &READ);
         world.run_until(master.send_bytes(&frame[..9]));
         world.run_for(Duration::from_millis(300));

@@ -19,7 +19,7 @@ const PAIRS: [(Framing, Framing); 4] = [
     (Framing::Ascii, Framing::Ascii),
 ];
 pub(crate) const SPEEDS: [(u32, u32); 3] = [(19_200, 19_200), (9_600, 115_200), (115_200, 9_600)];
-/// The answer of device 5.
+/// The response of device 5.
 pub(crate) const VALUE: [u8; 4] = [3, 2, 5, 7];
 /// Longer than an ASCII frame may pause.
 const ASCII_OVERDUE: Duration = Duration::from_millis(1_100);
@@ -64,7 +64,7 @@ fn frames_are_passed_on_in_both_directions_between_all_pairs_of_framings_and_spe
         }
         assert_eq!(counts(rig, "C"), [4, 0, 0], "{case}");
         let [cut, stored, aborted] = counts(rig, "S");
-        // On a slow upper line an answer may be whole before the silence behind its request is over.
+        // On a slow upper line a response may be whole before the silence behind its request is over.
         let (up, down) = (rig.end("up").line().baud, rig.end("down").line().baud);
         assert!(
             cut + stored == 4 && aborted == 0 && (cut == 4 || up < down),

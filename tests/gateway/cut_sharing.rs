@@ -48,7 +48,7 @@ fn shared(policy: &str, mut play: impl for<'w> FnMut(&str, &mut World<'w>, &Rig<
 /// The fresh values in `answer`, which were read after `asked`.
 fn fresh(case: &str, answer: &Answer, asked: Instant) -> Fresh {
     let Answer::Pdu(pdu) = answer else { panic!("{case}: {answer:?}") };
-    let fresh = Fresh::from_answer(pdu).unwrap_or_else(|| panic!("{case}: {pdu:02x?}"));
+    let fresh = Fresh::from_response(pdu).unwrap_or_else(|| panic!("{case}: {pdu:02x?}"));
     assert!(u64::from(fresh.at_us) >= asked.as_micros(), "{case}: read before it was asked for");
     fresh
 }
@@ -71,7 +71,7 @@ fn a_read_that_is_being_passed_on_is_joined_by_nobody_and_those_who_wait_for_it_
     shared("", |case, world, rig, device| {
         let mut master = rig.master("up");
         let (mut first, mut second) = (rig.client(machine(1), 502), rig.client(machine(2), 502));
-        // While the request arrives, while its copy leaves, while its answer arrives.
+        // While the request arrives, while its copy leaves, while its response arrives.
         for wait_ms in (0..60).step_by(3) {
             let before = device.counters().all_requests();
             let wait = Duration::from_millis(wait_ms);
@@ -178,7 +178,7 @@ fn whatever_is_asked_side_by_side_is_answered_right() {
                 after(waits[0], &mut first, &FRESH),
                 after(waits[1], &mut second, &FRESH),
             ));
-            // An answer may be 20 ms older than its question, and the device reads before it answers.
+            // A response may be 20 ms older than its question, and the device reads before it answers.
             let least = |asked: Instant| asked - Duration::from_millis(20);
             for (answer, asked) in [(ours, asked), (one, asked_first), (two, asked_second)] {
                 fresh(case, &answer, least(asked));

@@ -93,7 +93,7 @@ fn the_board_relays_all_of_a_frame_between_its_header_and_its_last_character() {
         assert_eq!(devices[0].memory().holding[119], 0x5555);
         // Behind the unit, six bytes tell the length; of the CRC one half is left.
         assert_eq!(rig.end("up").relayed_chars(), 240 + 2);
-        // As soon as the answer's function is there it can only be of one length.
+        // As soon as the response's function is there it can only be of one length.
         assert_eq!(rig.end("down").relayed_chars(), 4 + 2);
     });
 }
@@ -319,7 +319,7 @@ fn a_frame_that_breaks_off_while_it_is_passed_on_holds_up_nobody() {
                 is_free(world, "a request", length);
             }
             for length in 1..13 {
-                // What follows a damaged answer is not passed on.
+                // What follows a damaged response is not passed on.
                 device.set_faults(Faults::none());
                 world.run_until(master.request(5, &READ));
                 world.run_for(Duration::from_millis(100));

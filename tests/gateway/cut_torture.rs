@@ -1,4 +1,4 @@
-//! Frames passed on while they arrive, under random faults, framings, speeds and competition: no answer is ever the wrong one.
+//! Frames passed on while they arrive, under random faults, framings, speeds and competition: no response is ever the wrong one.
 //!
 //! `MOBGATE_SEED=17 cargo test cut_torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many, as CI does.
 
@@ -26,10 +26,10 @@ const LATE_READS: Duration = Duration::from_micros(300);
 
 /// The most that may pass between two characters of an ASCII frame (Serial Line 2.5.2.1).
 const ASCII_PAUSE: Duration = Duration::from_secs(1);
-/// How much longer than it may take the gateway a master waits for an answer, which must have begun by then.
+/// How much longer than it may take the gateway a master waits for a response, which must have begun by then.
 const GRACE: Duration = Duration::from_millis(100);
 
-/// In a device's answer. Shorter than any t3.5: nobody takes the rest for the beginning of something.
+/// In a device's response. Shorter than any t3.5: nobody takes the rest for the beginning of something.
 const PAUSE: Duration = Duration::from_micros(1_200);
 
 /// What came of a world.
@@ -125,7 +125,7 @@ async fn transaction(
         Some((from, pdu)) => {
             assert!(!damage, "{case}: an answer to a damaged request, {answer:02x?}");
             assert_eq!(from, 101 + unit as u8, "{case}");
-            let fresh = Fresh::from_answer(pdu).unwrap_or_else(|| panic!("{case}: {answer:02x?}"));
+            let fresh = Fresh::from_response(pdu).unwrap_or_else(|| panic!("{case}: {answer:02x?}"));
             let stale = fresh.at_us.wrapping_sub(asked_us) > u32::MAX / 2 || fresh.reads <= last[unit];
             assert!(!stale, "{case}: an answer to an earlier request");
             last[unit] = fresh.reads;
@@ -140,7 +140,7 @@ fn world(seed: u64) -> (u32, Outcome) {
     let (up, down) = (Line::draw(&mut random), Line::draw(&mut random));
     let late_reads = if random.index(4) == 0 { LATE_READS } else { Duration::from_ticks(0) };
     let policy = ["", " readonly", " addresses 0-999"][random.index(3)];
-    // An ASCII line may take a second to see that an answer broke off.
+    // An ASCII line may take a second to see that a response broke off.
     let answer_within = Duration::from_millis(if down.framing == Framing::Ascii { 3_400 } else { 400 });
     let settings = format!(
         "port S serial up {} answer-within {}ms\nport C serial down {} timeout 50ms down-after 0 retries 1\nport T tcp server 502\n\
@@ -166,15 +166,15 @@ fn world(seed: u64) -> (u32, Outcome) {
         world.run_for(Duration::from_millis(100));
         let (mut outcome, mut last) = (Outcome::default(), [0; 2]);
         for _ in 0..TRANSACTIONS {
-            let asker = (&mut master, up.framing);
-            world.run_until(transaction(asker, &mut random, &case, &mut last, &mut outcome));
+            let requester = (&mut master, up.framing);
+            world.run_until(transaction(requester, &mut random, &case, &mut last, &mut outcome));
         }
         assert_eq!(rig.wire("up").collisions(), 0, "{case}");
         for device in devices {
             assert_eq!(device.counters().gap_inside, 0, "{case}: a copy with a gap");
         }
         // Pauses in a master's ASCII frames are in their copies as well, but none longer than t1.5. A device's pause is in the copy
-        // of its answer, whatever t1.5 is on a faster line, and an ASCII copy waits as long for what it does not know.
+        // of its response, whatever t1.5 is on a faster line, and an ASCII copy waits as long for what it does not know.
         let pause = if up.framing == Framing::Ascii { ASCII_PAUSE } else { PAUSE };
         for (wire, line, pause) in [("up", up, pause), ("down", down, Duration::from_ticks(0))] {
             let end = (rig.end(wire), line.framing);

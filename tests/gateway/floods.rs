@@ -18,7 +18,7 @@ const FLOODERS: usize = 40;
 /// Requests that a flooder has open at a time.
 const OPEN: usize = 16;
 const LENGTH: Duration = Duration::from_secs(10);
-/// From an answer to the next request of a flooder.
+/// From a response to the next request of a flooder.
 const REACTION: Duration = Duration::from_micros(100);
 /// What the gateway spends on refusals at most: one turn each, and what the flooders' windows hold at the start.
 const REFUSALS_MAX: u32 = 10_000 / 2 + (FLOODERS * (OPEN + 2)) as u32;
@@ -33,7 +33,7 @@ const SETTINGS: &str = "port bus serial uart1 rtu client 115200 8N1 timeout 100m
     route P502 22 * * discard
     route P503 1-9 * * bus";
 
-/// A client that keeps `OPEN` requests open; counts its answers.
+/// A client that keeps `OPEN` requests open; counts its responses.
 fn flood(world: &World<'_>, rig: &Rig<'_>, unit: u8, pdu: [u8; 5]) -> Rc<Cell<u32>> {
     let answers = Rc::<Cell<u32>>::default();
     for nth in 0..FLOODERS {
@@ -57,17 +57,17 @@ fn flood(world: &World<'_>, rig: &Rig<'_>, unit: u8, pdu: [u8; 5]) -> Rc<Cell<u3
 
 /// The transactions of a polite client and of the line in the time of the flood.
 fn transactions(world: &mut World<'_>, rig: &Rig<'_>) -> (u64, u32) {
-    let before = rig.counted("bus", Event::Answer);
+    let before = rig.counted("bus", Event::Response);
     let mut polite = rig.client(machine(1), 502);
     let load = ClosedLoop::until(Instant::now() + LENGTH);
     let load = load.run(&mut polite, || (5, READ.to_vec()), |_, _, _| {});
     let load = world.run_until(load);
     assert!(load.exceptions.is_empty(), "{:?}", load.exceptions);
-    (load.answers, rig.counted("bus", Event::Answer) - before)
+    (load.answers, rig.counted("bus", Event::Response) - before)
 }
 
 fn with_line<T>(test: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>) -> T) -> T {
-    let size = Size { frames: 400, seats: 130, ..Size::default() };
+    let size = Size { frames: 400, connections: 130, ..Size::default() };
     with_gateway_of(size, 1, SETTINGS, |world, rig| {
         let dead = Device::new(9).with_faults(Faults::new(1).with(When::Always, Fault::Dead));
         rig.attach(world, "uart1", [Device::new(1), Device::new(5), dead]);
@@ -175,7 +175,7 @@ fn who_is_served_in_between_is_not_slowed_by_refusals() {
     });
 }
 
-/// A full queue is looked through for orders whose askers have gone, at most every 10 ms.
+/// A full queue is looked through for orders whose requesters have gone, at most every 10 ms.
 #[test]
 fn orders_of_clients_that_have_left_keep_a_full_queue_from_nobody_for_long() {
     const SETTINGS: &str = "port bus serial uart1 rtu client 9600 8E1 timeout 1m late-window 1ms
@@ -183,49 +183,54 @@ fn orders_of_clients_that_have_left_keep_a_full_queue_from_nobody_for_long() {
         route P502 1-9 * * bus merge off";
     let wait = |world: &mut World<'_>, ms| world.run_for(Duration::from_millis(ms));
     for (again_ms, is_busy) in [(9, true), (10, false)] {
-        with_gateway_of(Size { seats: 140, frames: 300, ..Size::default() }, 1, SETTINGS, |world, rig| {
-            let waiting = || usize::from(rig.gateway.places().next().unwrap().waiting());
-            let connect =
-                |world: &World<'_>| Session::start(rig.network.connect(machine(1), 502).unwrap(), world);
-            let (mut first, mut polite) = (connect(world), connect(world));
-            let leaving = [(); 2].map(|()| [(); 8].map(|()| connect(world)));
-            wait(world, 100);
-            // Nothing answers, so the line is busy all the time.
-            world.run_until(first.send(5, &READ));
-            wait(world, 20);
-            // Nobody has more orders than the others.
-            let fill = |world: &mut World<'_>, sessions: [Session; 8]| {
-                let mut room = WAITING_MAX - waiting();
-                for mut session in sessions {
-                    for _ in 0..room.min(8) {
-                        world.run_until(session.send(5, &READ));
-                        room -= 1;
+        with_gateway_of(
+            Size { connections: 140, frames: 300, ..Size::default() },
+            1,
+            SETTINGS,
+            |world, rig| {
+                let waiting = || usize::from(rig.gateway.port_states().next().unwrap().waiting());
+                let connect =
+                    |world: &World<'_>| Session::start(rig.network.connect(machine(1), 502).unwrap(), world);
+                let (mut first, mut polite) = (connect(world), connect(world));
+                let leaving = [(); 2].map(|()| [(); 8].map(|()| connect(world)));
+                wait(world, 100);
+                // Nothing answers, so the line is busy all the time.
+                world.run_until(first.send(5, &READ));
+                wait(world, 20);
+                // Nobody has more orders than the others.
+                let fill = |world: &mut World<'_>, sessions: [Session; 8]| {
+                    let mut room = WAITING_MAX - waiting();
+                    for mut session in sessions {
+                        for _ in 0..room.min(8) {
+                            world.run_until(session.send(5, &READ));
+                            room -= 1;
+                        }
+                        let stream = session.into_stream();
+                        world.spawn(async move {
+                            Timer::after(Duration::from_millis(1)).await;
+                            stream.into_iter().for_each(ClientStream::reset);
+                        });
                     }
-                    let stream = session.into_stream();
-                    world.spawn(async move {
-                        Timer::after(Duration::from_millis(1)).await;
-                        stream.into_iter().for_each(ClientStream::reset);
-                    });
+                    wait(world, 1);
+                    assert_eq!(waiting(), WAITING_MAX);
+                    wait(world, 4);
+                };
+                let [before, behind] = leaving;
+                for _ in 0..7 {
+                    world.run_until(polite.send(5, &READ));
                 }
                 wait(world, 1);
-                assert_eq!(waiting(), WAITING_MAX);
-                wait(world, 4);
-            };
-            let [before, behind] = leaving;
-            for _ in 0..7 {
+                fill(world, before);
                 world.run_until(polite.send(5, &READ));
-            }
-            wait(world, 1);
-            fill(world, before);
-            world.run_until(polite.send(5, &READ));
-            wait(world, 1);
-            assert_eq!((waiting(), polite.try_next()), (8, None));
-            fill(world, behind);
-            wait(world, again_ms - 6);
-            world.run_until(polite.send(5, &READ));
-            wait(world, 3);
-            let refused = polite.try_next().map(|arrival| arrival.reply.unwrap().pdu);
-            assert_eq!(refused, is_busy.then(|| vec![0x83, 6]), "{again_ms} ms");
-        });
+                wait(world, 1);
+                assert_eq!((waiting(), polite.try_next()), (8, None));
+                fill(world, behind);
+                wait(world, again_ms - 6);
+                world.run_until(polite.send(5, &READ));
+                wait(world, 3);
+                let refused = polite.try_next().map(|arrival| arrival.reply.unwrap().pdu);
+                assert_eq!(refused, is_busy.then(|| vec![0x83, 6]), "{again_ms} ms");
+            },
+        );
     }
 }

@@ -1,5 +1,5 @@
 //! Every way in x every way out over TCP x every function code x every fault of the device: each has its
-//! outcome, and the request behind it its own answer.
+//! outcome, and the request behind it its own response.
 
 use embassy_time::{Duration, Instant};
 use mobgate_simulator::client::rtu::RtuClient;
@@ -34,11 +34,11 @@ enum Out {
     Rtu,
 }
 
-/// What the asker gets.
+/// What the requester gets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Outcome {
     /// What the device answers.
-    Answer,
+    Response,
     /// This exception.
     Exception(u8),
 }
@@ -46,21 +46,21 @@ enum Outcome {
 /// The functions that change nothing in a device, as they are asked here.
 const READS: [u8; 11] = [1, 2, 3, 4, 7, 11, 12, 17, 20, 24, 43];
 
-/// The outcome of `function` when the device's answer suffers `fault`; nothing where there is no such fault.
+/// The outcome of `function` when the device's response suffers `fault`; nothing where there is no such fault.
 fn outcome(out: Out, function: u8, fault: Option<Fault>) -> Option<Outcome> {
     Some(match (out, fault) {
-        (_, None) => Outcome::Answer,
+        (_, None) => Outcome::Response,
         (_, Some(Fault::Exception(code))) => Outcome::Exception(code),
         // Modbus TCP has no check, and RTU no transaction id.
         (Out::Tcp, Some(Fault::BadCrc)) | (Out::Rtu, Some(Fault::WrongTransaction)) => return None,
-        (Out::Tcp, Some(Fault::NoiseAfter(_))) => Outcome::Answer,
-        (Out::Rtu, Some(Fault::NoiseBefore(_))) => Outcome::Answer,
+        (Out::Tcp, Some(Fault::NoiseAfter(_))) => Outcome::Response,
+        (Out::Rtu, Some(Fault::NoiseBefore(_))) => Outcome::Response,
         // Such a connection has answered before: a read goes again by the next one, if only the first one has none.
         (_, Some(Fault::Close | Fault::Reset)) if function > 1 && READS.contains(&function) => {
-            Outcome::Answer
+            Outcome::Response
         }
-        // Where only a pause ends the answer, the noise is a part of it.
-        (Out::Rtu, Some(Fault::NoiseAfter(_))) if !is_ended_by_pause(function) => Outcome::Answer,
+        // Where only a pause ends the response, the noise is a part of it.
+        (Out::Rtu, Some(Fault::NoiseAfter(_))) if !is_ended_by_pause(function) => Outcome::Response,
         _ => Outcome::Exception(0x0b),
     })
 }
@@ -70,7 +70,7 @@ fn is_ended_by_pause(function: u8) -> bool {
     (65..=72).contains(&function)
 }
 
-/// Whether a connection on which that is the answer is given up.
+/// Whether a connection on which that is the response is given up.
 fn ends_the_connection(fault: Option<Fault>) -> bool {
     let ends = matches!(fault, Some(Fault::Half | Fault::Close | Fault::Reset));
     // With MBAP the borders between frames are lost.
@@ -127,9 +127,9 @@ fn play(way_in: In, out: Out, fault: Option<Fault>) -> usize {
             Out::Tcp => rig.attach_tcp(world, "10.0.1.1:502", [device.clone()]),
             Out::Rtu => rig.attach_rtu_over_tcp(world, "10.0.1.1:502", [device.clone()]),
         }
-        // What the device's memory holds: it carries out every request, whatever becomes of its answer.
+        // What the device's memory holds: it carries out every request, whatever becomes of its response.
         let mut mirror = Memory::new(UNIT);
-        let mut asker = Asker::new(way_in, rig);
+        let mut requester = Requester::new(way_in, rig);
         let mut cases = 0;
         // Who is switched on at a line hears a silence first.
         world.run_for(10 * MS);
@@ -142,22 +142,22 @@ fn play(way_in: In, out: Out, fault: Option<Fault>) -> usize {
                 fault.map_or(Faults::none(), |fault| Faults::new(3).with(When::Requests(1..=1), fault));
             device.set_faults(faults);
             let executed = mirror.execute(&request);
-            let answer = asker.ask(world, &request);
+            let answer = requester.ask(world, &request);
             let expected = match expected {
-                Outcome::Answer => executed.unwrap_or_else(|code| vec![function | 0x80, code]),
+                Outcome::Response => executed.unwrap_or_else(|code| vec![function | 0x80, code]),
                 Outcome::Exception(code) => vec![function | 0x80, code],
             };
             assert_eq!(answer, Answer::Pdu(expected), "{}", tell());
             let asked = Instant::now();
-            let mut answer = asker.ask(world, &READ_FRESH);
+            let mut answer = requester.ask(world, &READ_FRESH);
             if answer.exception() == Some(0x0a) && ends_the_connection(fault) {
-                // Its first answer broke it, so it is not connected again at once.
+                // Its first response broke it, so it is not connected again at once.
                 world.run_for(600 * MS);
-                answer = asker.ask(world, &READ_FRESH);
+                answer = requester.ask(world, &READ_FRESH);
             }
             let Answer::Pdu(answer) = answer else { panic!("behind {}", tell()) };
             let fresh =
-                Fresh::from_answer(&answer).unwrap_or_else(|| panic!("{answer:02x?} behind {}", tell()));
+                Fresh::from_response(&answer).unwrap_or_else(|| panic!("{answer:02x?} behind {}", tell()));
             assert!(u64::from(fresh.at_us) >= asked.as_micros(), "stale behind {}", tell());
         }
         world.run_for(Duration::from_secs(5));
@@ -186,14 +186,14 @@ fn request(function: u8) -> Vec<u8> {
     }
 }
 
-enum Asker {
+enum Requester {
     Tcp(Client),
     Rtu(RtuClient),
     Udp(UdpClient, u16),
     Line(Master),
 }
 
-impl Asker {
+impl Requester {
     fn new(way_in: In, rig: &Rig<'_>) -> Self {
         let connect = |port| rig.network.connect(machine(1), port).unwrap();
         match way_in {

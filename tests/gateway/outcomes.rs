@@ -1,4 +1,4 @@
-//! Every pair of framings, every function code, every way in which an answer can come: each has its defined outcome.
+//! Every pair of framings, every function code, every way in which a response can come: each has its defined outcome.
 
 use embassy_time::{Duration, Timer};
 use mobgate::settings::Framing;
@@ -14,7 +14,7 @@ const DEVICE_FAILURE: u8 = 0x04;
 /// Response time-out, and so the late-reply window.
 const TIMEOUT: Duration = Duration::from_millis(50);
 
-/// How an answer comes.
+/// How a response comes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Coming {
     Normal,
@@ -54,14 +54,14 @@ impl Coming {
         Faults::new(seed).with(When::Requests(1..=1), fault)
     }
 
-    /// What the asker gets; the device's own answer is `answer`.
+    /// What the requester gets; the device's own response is `answer`.
     fn outcome(self, framing: Framing, answer: &[u8], cut: bool) -> Answer {
         let function = answer[0];
         // The end of such an RTU answer is told by silence only, so what stands behind it belongs to it. The others have
         // lengths that the request tells (Application Protocol 6).
         let ended_by_silence = !matches!(function, 1..=8 | 11 | 12 | 15..=17 | 20..=24);
         if cut && !ended_by_silence && matches!(self, Self::Truncated | Self::BadCheck) {
-            // It was passed on while it came, and nothing can follow it: the asker sees the damage.
+            // It was passed on while it came, and nothing can follow it: the requester sees the damage.
             return Answer::Wrong(Reply { transaction: 0, protocol: 0, unit: 0, pdu: Vec::new() });
         }
         Answer::Pdu(match self {
@@ -73,7 +73,7 @@ impl Coming {
     }
 }
 
-/// A request of each function, and its answer.
+/// A request of each function, and its response.
 fn exchange(function: u8) -> (Vec<u8>, Vec<u8>) {
     let echo = |request: &[u8]| (request.to_vec(), request.to_vec());
     match function {
@@ -99,12 +99,12 @@ fn exchange(function: u8) -> (Vec<u8>, Vec<u8>) {
 }
 
 /// Who asks.
-enum Asker {
+enum Requester {
     Tcp(Client),
     Line(Master),
 }
 
-impl Asker {
+impl Requester {
     async fn ask(&mut self, pdu: &[u8]) -> Answer {
         match self {
             Self::Tcp(client) => client.request(UNIT, pdu).await,
@@ -124,9 +124,9 @@ fn all_outcomes(server: &str, client: &str, cut: bool) {
     rig::with_gateway(1, &settings, |world, rig| {
         let device = Device::new(UNIT);
         rig.attach(world, "down", [device.clone()]);
-        let mut asker = match server.starts_with("tcp") {
-            true => Asker::Tcp(rig.client(machine(1), 502)),
-            false => Asker::Line(rig.master("up")),
+        let mut requester = match server.starts_with("tcp") {
+            true => Requester::Tcp(rig.client(machine(1), 502)),
+            false => Requester::Line(rig.master("up")),
         };
         let framing = rig.framing("down");
         // Who is switched on hears a silence first.
@@ -134,17 +134,17 @@ fn all_outcomes(server: &str, client: &str, cut: bool) {
         for (function, coming) in (1..=127).flat_map(|function| Coming::ALL.map(|coming| (function, coming)))
         {
             let (request, answer) = exchange(function);
-            device.set_answer(&answer);
+            device.set_response(&answer);
             device.set_faults(coming.faults(u64::from(function)));
             let case = format!("{server} to {client}, function {function}, {coming:?}");
-            let outcome = world.run_until(asker.ask(&request));
+            let outcome = world.run_until(requester.ask(&request));
             assert_eq!(outcome, coming.outcome(framing, &answer, cut), "{case}");
-            // Whatever came, what comes next is the answer to what is asked next.
+            // Whatever came, what comes next is the response to what is asked next.
             let (request, answer) = exchange(if function == 6 { 3 } else { 6 });
-            device.set_answer(&answer);
+            device.set_response(&answer);
             let next = async {
                 Timer::after_millis(1).await;
-                asker.ask(&request).await
+                requester.ask(&request).await
             };
             assert_eq!(world.run_until(next), Answer::Pdu(answer), "after {case}");
         }

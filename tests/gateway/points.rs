@@ -61,7 +61,7 @@ fn add(scanner: &mut Scanner, row: Row) -> RowId {
     scanner.add_row(Row { input: values, output: values, ..row }, START).unwrap()
 }
 
-/// The answer that a device gives whose registers hold their addresses, and whose bits are those of that.
+/// The response that a device gives whose registers hold their addresses, and whose bits are those of that.
 fn answer(request: &Request) -> Vec<u8> {
     let pdu = &request.pdu;
     let word = |at: usize| u16::from_be_bytes([pdu[at], pdu[at + 1]]);
@@ -93,7 +93,7 @@ fn exchange(scanner: &mut Scanner, now: Instant) -> Option<Request> {
     Some(request)
 }
 
-/// The next request, which gets no answer.
+/// The next request, which gets no response.
 fn lose(scanner: &mut Scanner, now: Instant) -> Option<Request> {
     let request = scanner.next(now)?;
     scanner.answered(request.device, now, Err(ErrorCode::Timeout));

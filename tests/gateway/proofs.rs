@@ -64,13 +64,13 @@ fn echoes(units: &mut Units) {
 }
 
 /// A response that nobody has asked for.
-fn unasked(units: &mut Units, now: Instant) {
+fn unsolicited(units: &mut Units, now: Instant) {
     assert_eq!(units.heard(ID, &[3, 2, 0, 7], false, now), Err(Event::Unsolicited));
 }
 
 #[test]
 fn the_read_in_turn_with_function_8_is_the_one_that_tells_most() {
-    // Reads that it has answered, requests without an answer, the next request, the read that goes first.
+    // Reads that it has answered, requests without a response, the next request, the read that goes first.
     type Case<'c> = (&'c [[u8; 5]], &'c [[u8; 5]], [u8; 5], Option<[u8; 5]>);
     let cases: &[Case] = &[
         // Nothing but the request itself is known; a write cannot be tried.
@@ -152,7 +152,7 @@ fn a_proof_that_is_answered_or_not_ends_what_was_noted_of_it() {
                 assert_eq!(units.heard(ID, &TO_INPUT, true, NOW), Ok(()));
                 units.proved(ID);
                 assert_eq!(units.state(unit(units), NOW), State::Up);
-                unasked(units, NOW);
+                unsolicited(units, NOW);
                 assert_eq!(units.state(unit(units), NOW), State::OutOfStep);
             } else {
                 units.not_proved(ID, NOW, 0);
@@ -176,11 +176,11 @@ fn a_unit_is_out_of_step_when_something_unsolicited_came_and_nothing_is_awaited(
         units.heard(ID, &[3, 2, 0, 7], true, NOW).unwrap();
         units.answered(ID, TICK, false);
     };
-    for before in [answers, |units| units.trouble(ID, Event::Unsolicited)] {
+    for before in [answers, |units| units.error(ID, Event::Unsolicited)] {
         with_units(|units| {
             before(units);
             assert_eq!(units.state(unit(units), NOW), State::Up);
-            unasked(units, NOW);
+            unsolicited(units, NOW);
             assert_eq!(units.state(unit(units), NOW), State::OutOfStep);
         });
     }
@@ -288,7 +288,7 @@ fn where_nothing_proves_anything_the_late_window_is_waited_for() {
         assert_eq!(units.step(ID, &ONE, &NONE, end), Step::Direct);
         assert!(unit(units).unproven && units.is_in_step(ID, false));
         assert!(units.all_well(end));
-        unasked(units, end);
+        unsolicited(units, end);
         assert_eq!(units.step(ID, &ONE, &NONE, end), Step::Wait, "something else was to come");
         let end = end + WINDOW;
         assert_eq!(units.step(ID, &ONE, &NONE, end), Step::Direct);
@@ -300,13 +300,13 @@ fn where_nothing_proves_anything_the_late_window_is_waited_for() {
         units.timed_out(ID, end, 0);
         assert_eq!(units.step(ID, &ONE, &NONE, end), Step::Wait);
         assert_eq!(units.heard(ID, &[3, 2, 0, 7], false, end), Err(Event::Late));
-        units.damaged(ID, Event::BadCheck);
+        units.corrupt(ID, Event::BadCheck);
         assert_eq!(units.gate(ID, end), Gate::Open(Ready::At(end + WINDOW)));
         // When all that was sent is answered there is nothing left to be waited for.
         assert_eq!(units.heard(ID, &WRITE, false, end + TICK), Err(Event::Late));
         assert_eq!(units.gate(ID, end + TICK), Gate::Open(Ready::Now));
         assert_eq!(units.step(ID, &ONE, &NONE, end + TICK), Step::Direct);
-        unasked(units, end + TICK);
+        unsolicited(units, end + TICK);
         assert_eq!(units.step(ID, &ONE, &NONE, end + TICK), Step::Wait, "but what came unsolicited");
         // What proves that it is in step takes the note away.
         assert!(unit(units).unproven);
@@ -480,7 +480,7 @@ fn while_units_are_looked_for_nothing_has_to_be_proved_and_it_is_unknown_afterwa
         assert_eq!(units.step(ID, &INPUT, &AUTO, NOW), Step::Direct, "none of these was noted");
         for in_vain in [
             |units: &mut Units| _ = units.timed_out(ID, NOW, 0),
-            |units: &mut Units| units.damaged(ID, Event::BadCheck),
+            |units: &mut Units| units.corrupt(ID, Event::BadCheck),
         ] {
             units.freeze(true);
             in_vain(units);

@@ -6,7 +6,7 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::Instant;
 use mobgate::gateway::unit_health::Ready;
-use mobgate::port::client::queue::{Access, Asker, Next, PASSED_OVER_MAX, PortQueue, Ticket, WAITING_MAX};
+use mobgate::port::client::queue::{Access, Entry, Next, PASSED_OVER_MAX, PortQueue, Requester, WAITING_MAX};
 use mobgate::settings::Priority;
 use proptest::prelude::*;
 
@@ -19,40 +19,41 @@ type Order = (usize, u8);
 #[derive(Default)]
 struct Model {
     /// In the order of arrival.
-    waiting: Vec<(Order, Ticket)>,
+    waiting: Vec<(Order, Entry)>,
     /// Whose turn it was.
-    turns: Vec<Asker>,
+    turns: Vec<Requester>,
     /// The class that was served in each turn, and the classes that could have been.
     classes: Vec<(usize, Vec<usize>)>,
 }
 
 impl Model {
-    fn push(&mut self, order: Order, ticket: Ticket) -> Option<Order> {
+    fn push(&mut self, order: Order, entry: Entry) -> Option<Order> {
         let mut refused = None;
         if self.waiting.len() == WAITING_MAX {
-            let Some(crowder) = self.crowder(ticket.asker) else { return Some(order) };
+            let Some(crowder) = self.crowder(entry.requester) else { return Some(order) };
             refused = Some(self.waiting.remove(crowder).0);
         }
-        self.waiting.push((order, ticket));
+        self.waiting.push((order, entry));
         refused
     }
 
     /// The newest order of whoever has most, if that is more than the newcomer would have.
-    fn crowder(&self, newcomer: Asker) -> Option<usize> {
-        let newest = |crowd: &dyn Fn(&Asker) -> usize, among: &dyn Fn(&Asker) -> bool| {
-            let candidates = (0..self.waiting.len()).filter(|at| among(&self.waiting[*at].1.asker));
+    fn crowder(&self, newcomer: Requester) -> Option<usize> {
+        let newest = |crowd: &dyn Fn(&Requester) -> usize, among: &dyn Fn(&Requester) -> bool| {
+            let candidates = (0..self.waiting.len()).filter(|at| among(&self.waiting[*at].1.requester));
             candidates
-                .map(|at| (crowd(&self.waiting[at].1.asker), at))
+                .map(|at| (crowd(&self.waiting[at].1.requester), at))
                 .max()
                 .filter(|(most, _)| *most > crowd(&newcomer) + 1)
                 .map(|(_, at)| at)
         };
-        let count = |like: &dyn Fn(&Asker) -> bool| {
-            self.waiting.iter().filter(|(_, ticket)| like(&ticket.asker)).count()
+        let count = |like: &dyn Fn(&Requester) -> bool| {
+            self.waiting.iter().filter(|(_, entry)| like(&entry.requester)).count()
         };
-        let of_address = |asker: &Asker| count(&|other| other.is_beside(asker));
-        let of_connection = |asker: &Asker| count(&|other| other == asker);
-        newest(&of_address, &|_| true).or_else(|| newest(&of_connection, &|asker| asker.is_beside(&newcomer)))
+        let of_address = |requester: &Requester| count(&|other| other.is_beside(requester));
+        let of_connection = |requester: &Requester| count(&|other| other == requester);
+        newest(&of_address, &|_| true)
+            .or_else(|| newest(&of_connection, &|requester| requester.is_beside(&newcomer)))
     }
 
     fn next(&mut self, held: u8) -> Next<Order> {
@@ -77,15 +78,16 @@ impl Model {
         };
         let of_class = ready.into_iter().filter(|at| self.waiting[*at].1.priority as usize == class);
         let first = of_class.max_by_key(|at| {
-            let asker = self.waiting[*at].1.asker;
-            let idle =
-                |like: &dyn Fn(&Asker) -> bool| self.turns.iter().rev().position(like).unwrap_or(usize::MAX);
-            (idle(&|other| other.is_beside(&asker)), idle(&|other| *other == asker), Reverse(*at))
+            let requester = self.waiting[*at].1.requester;
+            let idle = |like: &dyn Fn(&Requester) -> bool| {
+                self.turns.iter().rev().position(like).unwrap_or(usize::MAX)
+            };
+            (idle(&|other| other.is_beside(&requester)), idle(&|other| *other == requester), Reverse(*at))
         });
-        let (order, ticket) = self.waiting.remove(first.expect("one of this class is ready"));
-        self.turns.push(ticket.asker);
+        let (order, entry) = self.waiting.remove(first.expect("one of this class is ready"));
+        self.turns.push(entry.requester);
         self.classes.push((class, present));
-        Next::Serve(order, ticket)
+        Next::Serve(order, entry)
     }
 
     /// How often in a row `class` has waited while a higher one was served.
@@ -95,12 +97,12 @@ impl Model {
     }
 
     /// All that may go with the order that was served, the last one first.
-    fn companions(&mut self, leader: &Ticket, asked: u8) -> Vec<Order> {
+    fn companions(&mut self, leader: &Entry, asked: u8) -> Vec<Order> {
         let mut companions = Vec::new();
         for at in (0..self.waiting.len()).rev() {
-            let ((_, what), ticket) = self.waiting[at];
-            let fits = ticket.unit == leader.unit && what == asked;
-            let shared = [leader.access, ticket.access] == [Access::SharedRead; 2];
+            let ((_, what), entry) = self.waiting[at];
+            let fits = entry.unit == leader.unit && what == asked;
+            let shared = [leader.access, entry.access] == [Access::SharedRead; 2];
             let barred = self.waiting[..at].iter().any(|(_, earlier)| {
                 earlier.access == Access::Write && [0, leader.unit].contains(&earlier.unit)
             });
@@ -114,7 +116,7 @@ impl Model {
 
 #[derive(Debug, Clone)]
 enum Step {
-    Push(u8, Ticket),
+    Push(u8, Entry),
     /// Serve, while the unit of this id is held.
     Serve(u8),
     /// The same, and what was served comes back with all that went with it.
@@ -131,8 +133,8 @@ fn any_step() -> impl Strategy<Value = Step> {
     let push = (0..5_u8, 0..3_u16, priority, 0..4_u8, access, 0..3_u8).prop_map(
         |(address, connection, priority, unit, access, what)| {
             let address = (address > 0).then(|| IpAddr::V4(Ipv4Addr::new(10, 0, 0, address)));
-            let asker = Asker::new((0, connection), address);
-            Step::Push(what, Ticket { asker, priority, unit, deadline: Instant::MAX, access })
+            let requester = Requester::new((0, connection), address);
+            Step::Push(what, Entry { requester, priority, unit, deadline: Instant::MAX, access })
         },
     );
     prop_oneof![8 => push, 2 => (0..6_u8).prop_map(Step::Serve), 1 => (0..6_u8).prop_map(Step::Return)]
@@ -146,34 +148,34 @@ proptest! {
         merge in any::<bool>(),
     ) {
         let (mut queue, mut model) = (PortQueue::new(), Model::default());
-        let mut tickets = HashMap::new();
+        let mut entries = HashMap::new();
         for (number, step) in steps.into_iter().chain(drained.into_iter().map(Step::Serve)).enumerate() {
             match step {
-                Step::Push(what, ticket) => {
-                    tickets.insert(number, ticket);
-                    prop_assert_eq!(queue.push((number, what), ticket), model.push((number, what), ticket));
+                Step::Push(what, entry) => {
+                    entries.insert(number, entry);
+                    prop_assert_eq!(queue.push((number, what), entry), model.push((number, what), entry));
                 }
                 Step::Serve(held) | Step::Return(held) => {
                     let ready = |unit| if unit == held { Ready::At(LATER) } else { Ready::Now };
                     let served = queue.next(Instant::MIN, ready);
                     prop_assert_eq!(&served, &model.next(held));
-                    let Next::Serve(leader, ticket) = served else { continue };
+                    let Next::Serve(leader, entry) = served else { continue };
                     let mut taken = vec![leader];
                     let fits = |(_, what): &Order| merge && *what == leader.1;
-                    let offered = queue.companions(&ticket).copied().filter(fits).collect::<Vec<_>>();
-                    taken.extend(std::iter::from_fn(|| queue.companion(&ticket, fits)));
+                    let offered = queue.companions(&entry).copied().filter(fits).collect::<Vec<_>>();
+                    taken.extend(std::iter::from_fn(|| queue.companion(&entry, fits)));
                     if merge {
-                        prop_assert_eq!(&taken[1..], &model.companions(&ticket, leader.1));
+                        prop_assert_eq!(&taken[1..], &model.companions(&entry, leader.1));
                     }
                     prop_assert!(offered.iter().rev().eq(&taken[1..]));
-                    for (rider, _) in taken[1..].iter().filter(|(rider, _)| rider % 2 == 1) {
-                        queue.charge(tickets[rider].asker);
-                        model.turns.push(tickets[rider].asker);
+                    for (merged, _) in taken[1..].iter().filter(|(merged, _)| merged % 2 == 1) {
+                        queue.charge(entries[merged].requester);
+                        model.turns.push(entries[merged].requester);
                     }
                     if matches!(step, Step::Return(_)) {
                         for order in taken {
-                            prop_assert_eq!(queue.put_back(order, tickets[&order.0]), None);
-                            model.waiting.insert(0, (order, tickets[&order.0]));
+                            prop_assert_eq!(queue.put_back(order, entries[&order.0]), None);
+                            model.waiting.insert(0, (order, entries[&order.0]));
                         }
                     }
                 }

@@ -1,4 +1,4 @@
-//! Random frames on every kind of server: whatever comes, each well-formed request among them has its answer, and all frames of
+//! Random frames on every kind of server: whatever comes, each well-formed request among them has its response, and all frames of
 //! the pool come home.
 
 use embassy_time::{Duration, Instant, with_deadline};
@@ -15,7 +15,7 @@ const FRAMES: u32 = 13_000;
 const PLC: &str = "10.0.1.1:502";
 /// The unit that answers; those from 6 to 9 have a rule, and do not.
 const UNIT: u8 = 5;
-/// Longer than the gateway waits for an answer, and than a pause that ends a frame.
+/// Longer than the gateway waits for a response, and than a pause that ends a frame.
 const QUIET: Duration = Duration::from_millis(400);
 const SETTINGS: &str = "port plc tcp client 10.0.1.1:502 timeout 100ms
     port tcp tcp server 502
@@ -46,13 +46,13 @@ impl Envelope {
 }
 
 /// A way to a server.
-enum Way {
+enum ReplyTo {
     Stream(ClientStream),
     Datagrams(UdpClient),
     Line(LineEnd),
 }
 
-impl Way {
+impl ReplyTo {
     fn stream(rig: &Rig<'_>, port: u16) -> Self {
         Self::Stream(rig.network.connect(machine(1), port).unwrap())
     }
@@ -92,7 +92,7 @@ impl Way {
     }
 }
 
-/// A read of input registers, and its answer.
+/// A read of input registers, and its response.
 fn read(random: &mut Random) -> (Vec<u8>, Vec<u8>) {
     let most = if random.chance(0.1) { 125 } else { 8 };
     let (address, count) = (random.within(0..=9_000) as u16, random.within(1..=most) as u16);
@@ -133,8 +133,8 @@ fn noise(random: &mut Random, envelope: Envelope, transaction: u16) -> (Vec<u8>,
     }
 }
 
-/// Sends random frames to a server; every third one is a read and has its answer.
-fn torture(name: &str, envelope: Envelope, open: impl Fn(&Rig<'_>) -> Way) {
+/// Sends random frames to a server; every third one is a read and has its response.
+fn torture(name: &str, envelope: Envelope, open: impl Fn(&Rig<'_>) -> ReplyTo) {
     let seed = chosen("MOBGATE_SEED").unwrap_or(14);
     println!("random frames on {name}: MOBGATE_SEED={seed}");
     with_gateway(seed, SETTINGS, |world: &mut World<'_>, rig| {
@@ -150,7 +150,7 @@ fn torture(name: &str, envelope: Envelope, open: impl Fn(&Rig<'_>) -> Way) {
                 let sent = world.run_until(async { way.send(&frame).await });
                 world.run_until(async { way.drain().await });
                 // An MBAP stream has no other way back than a new connection.
-                if !sent || (matches!((&way, envelope), (Way::Stream(..), Envelope::Mbap)) && !stays) {
+                if !sent || (matches!((&way, envelope), (ReplyTo::Stream(..), Envelope::Mbap)) && !stays) {
                     way = open(rig);
                 }
                 continue;
@@ -168,7 +168,7 @@ fn torture(name: &str, envelope: Envelope, open: impl Fn(&Rig<'_>) -> Way) {
                     None => sent = false,
                 }
             }
-            if got.is_empty() && matches!(way, Way::Stream(..)) && Instant::now() < deadline {
+            if got.is_empty() && matches!(way, ReplyTo::Stream(..)) && Instant::now() < deadline {
                 way = open(rig);
                 continue;
             }
@@ -184,25 +184,25 @@ fn torture(name: &str, envelope: Envelope, open: impl Fn(&Rig<'_>) -> Way) {
 
 #[test]
 fn a_tcp_server_answers_what_is_well_formed_among_random_frames() {
-    torture("Modbus TCP", Envelope::Mbap, |rig| Way::stream(rig, 502));
+    torture("Modbus TCP", Envelope::Mbap, |rig| ReplyTo::stream(rig, 502));
 }
 
 #[test]
 fn a_server_of_rtu_over_tcp_answers_what_is_well_formed_among_random_frames() {
-    torture("RTU over TCP", Envelope::Serial(Framing::Rtu), |rig| Way::stream(rig, 503));
+    torture("RTU over TCP", Envelope::Serial(Framing::Rtu), |rig| ReplyTo::stream(rig, 503));
 }
 
 #[test]
 fn a_udp_server_answers_what_is_well_formed_among_random_frames() {
-    torture("Modbus UDP", Envelope::Mbap, |rig| Way::Datagrams(rig.network.udp_client(machine(1), 504)));
+    torture("Modbus UDP", Envelope::Mbap, |rig| ReplyTo::Datagrams(rig.network.udp_client(machine(1), 504)));
 }
 
 #[test]
 fn an_rtu_server_answers_what_is_well_formed_among_random_frames() {
-    torture("RTU", Envelope::Serial(Framing::Rtu), |rig| Way::line(rig, "uart1"));
+    torture("RTU", Envelope::Serial(Framing::Rtu), |rig| ReplyTo::line(rig, "uart1"));
 }
 
 #[test]
 fn an_ascii_server_answers_what_is_well_formed_among_random_frames() {
-    torture("ASCII", Envelope::Serial(Framing::Ascii), |rig| Way::line(rig, "uart2"));
+    torture("ASCII", Envelope::Serial(Framing::Ascii), |rig| ReplyTo::line(rig, "uart2"));
 }

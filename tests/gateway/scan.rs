@@ -44,7 +44,7 @@ fn five_units_at_two_of_four_speeds_are_found_with_their_formats_and_nothing_els
         assert!(shown.contains("edit port bus 9600 8N1     # units 3,17,40\n"), "{shown}");
         assert!(shown.contains("edit port bus 38400 8E1    # units 5,9\n"), "{shown}");
         assert_eq!(
-            rig.gateway.place(PortId(0)).unwrap().units(|units| units.iter().count()),
+            rig.gateway.port_state(PortId(0)).unwrap().units(|units| units.iter().count()),
             0,
             "the port has learned nothing"
         );
@@ -56,13 +56,13 @@ fn five_units_at_two_of_four_speeds_are_found_with_their_formats_and_nothing_els
 fn the_answer_time_is_that_to_the_first_character_and_the_identification_is_shown() {
     rig::with_gateway(1, SETTINGS, |world, rig| {
         let [named, other] = [3, 4].map(|unit| Device::new(unit).with_turnaround(Duration::from_millis(10)));
-        named.set_answer(b"\x2b\x0e\x01\x82\x00\x00\x02\x00\x04Acme\x01\x02X\xff");
+        named.set_response(b"\x2b\x0e\x01\x82\x00\x00\x02\x00\x04Acme\x01\x02X\xff");
         rig.attach(world, "uart1", [named.clone(), other]);
         let shown = world.run_until(typed(rig.gateway, "scan bus 115200 units 1-5 function 8"));
         assert!(!shown.contains("unit   3"), "an answer to another question is none: {shown}");
         // 1.75 ms of silence, 10 ms, and a character of 96 us; its id is no text.
         assert!(shown.contains("unit   4 115200 8E1   11.845ms function 8\n"), "{shown}");
-        named.set_answer(b"\x11\x05Acme\xff");
+        named.set_response(b"\x11\x05Acme\xff");
         let shown = world.run_until(typed(rig.gateway, "scan bus 115200 units 3 function 17"));
         assert!(shown.contains("function 17 Acme.\n"), "{shown}");
     });

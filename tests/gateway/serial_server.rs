@@ -42,7 +42,7 @@ fn a_master_reaches_a_device_in_all_pairs_of_framings() {
                 assert_eq!(answer, Answer::Pdu(vec![0x83, 2]));
                 let answer = world.run_until(master.request(10, &READ));
                 assert_eq!(answer, Answer::Silence, "not ours");
-                assert_eq!(rig.counted("S", Event::Answer), 4);
+                assert_eq!(rig.counted("S", Event::Response), 4);
             });
         }
     }
@@ -150,7 +150,7 @@ fn on_a_shared_bus_nobody_elses_questions_are_answered_and_none_of_ours_is_misse
     ] {
         let outcome = torture(1, 1_000, framing, Size { late_reads, rests, ..Size::default() });
         let tell = format!("{framing}, reads late by {late_reads}, rests of {rests}: {outcome:?}");
-        assert_eq!((outcome.unasked, outcome.collisions), (0, 0), "{tell}");
+        assert_eq!((outcome.unsolicited, outcome.collisions), (0, 0), "{tell}");
         assert!(outcome.ours > 400 && outcome.spoilt > 80, "{tell}");
         // Where the silence behind a damaged frame cannot be seen, the next one is lost with it.
         let share =

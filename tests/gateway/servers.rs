@@ -304,7 +304,10 @@ fn a_free_link_takes_who_is_wanted_before_who_is_to_be_tried_again_before_who_is
     let mut servers = Servers::new([unit(1), unit(2), unit(3)]);
     assert_eq!(servers.choose(0, None, false, at(0)), Choice::Wait(Instant::MAX));
     assert_eq!(servers.choose(0, Some(1), true, at(0)), Choice::Connect(1));
-    assert_eq!((servers.link(2), servers.unlinked(2), servers.linked()), (Some(0), None, 1));
+    assert_eq!(
+        (servers.connection(2), servers.unconnected(2), servers.connected_count()),
+        (Some(0), None, 1)
+    );
     servers.failed(1, at(0));
     servers.release(1);
     assert!(!servers.takes(2, false) && servers.takes(2, true), "only who spares servers himself may ask");
@@ -344,5 +347,5 @@ fn units_have_other_numbers_on_the_way_out_and_their_own_on_the_way_back() {
     for (server, outside) in [(0, 6), (1, 7), (2, 6), (2, 12), (3, 20), (3, 90), (4, 1)] {
         assert_eq!(servers.inside(server, outside), None, "{outside} is none of {server}");
     }
-    assert_eq!((servers.of(6), servers.outside(6), servers.link(6)), (None, None, None));
+    assert_eq!((servers.of(6), servers.outside(6), servers.connection(6)), (None, None, None));
 }

@@ -1,6 +1,6 @@
 //! Random servers with faults behind one TCP client on a few sockets, drawn from a seed.
 //!
-//! Whatever happens, every request gets exactly one answer, it is of the unit that was asked, its values are of now, no write is
+//! Whatever happens, every request gets exactly one response, it is of the unit that was asked, its values are of now, no write is
 //! carried out twice, there are never more connections than allowed, and every frame is back in the pool at the end.
 //!
 //! `MOBGATE_SEED=17 cargo test servers_torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many.
@@ -18,7 +18,7 @@ use crate::visitors::{FRESH, Visits, draw_path, wrote_once};
 
 /// Worlds of a plain `cargo test`.
 const SEEDS: u64 = 200;
-/// Of all answers that the devices could give, in per cent.
+/// Of all responses that the devices could give, in per cent.
 const GOOD_MIN: f64 = 35.0;
 /// What servers call their units less than the gateway does.
 const SHIFT: u8 = 100;

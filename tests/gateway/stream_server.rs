@@ -124,7 +124,7 @@ fn an_rtu_client_that_leaves_takes_its_request_with_it() {
         drop(client);
         world.run_for(SECOND);
         assert_eq!(rig.counted("R", Event::Left), 1);
-        assert_eq!(rig.counted("R", Event::AskerGone), 1);
+        assert_eq!(rig.counted("R", Event::RequesterGone), 1);
     });
 }
 

@@ -31,7 +31,7 @@ fn settings(words: &str) -> String {
     )
 }
 
-/// Asks `unit` by a new connection: the answer and how long it took.
+/// Asks `unit` by a new connection: the response and how long it took.
 fn ask(world: &mut World<'_>, rig: &Rig<'_>, unit: u8, pdu: &[u8]) -> (Answer, Duration) {
     let mut client = rig.client(machine(1), 502);
     let asked = Instant::now();
@@ -130,7 +130,7 @@ fn a_late_answer_is_not_taken_for_that_of_the_same_question_asked_again() {
         let device = Device::new(5).with_faults(Faults::new(1).with(When::Requests(1..=1), late));
         rig.attach_tcp(world, PLC, [device.clone()]);
         assert_eq!(exception(world, rig, 5, &READ).0, Some(0x0b));
-        // By now the first answer is under way, and says 7.
+        // By now the first response is under way, and says 7.
         device.memory().holding[7] = 4_711;
         assert_eq!(ask(world, rig, 5, &READ).0, Answer::Pdu(vec![3, 2, 0x12, 0x67]));
     });
@@ -310,7 +310,7 @@ fn a_forced_unit_id_is_sent_and_the_asker_sees_its_own() {
         let units = |units: &mut mobgate::gateway::unit_health::Units| {
             units.iter().map(|unit| unit.id).collect::<Vec<_>>()
         };
-        assert_eq!(rig.gateway.place(PortId(0)).unwrap().units(units), [255]);
+        assert_eq!(rig.gateway.port_state(PortId(0)).unwrap().units(units), [255]);
     });
 }
 

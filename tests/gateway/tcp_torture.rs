@@ -1,6 +1,6 @@
 //! Random TCP devices with faults, behind a TCP client with random settings, drawn from a seed.
 //!
-//! Whatever happens, every request gets exactly one answer, it is the asker's own, its values are of now, no write is
+//! Whatever happens, every request gets exactly one response, it is the requester's own, its values are of now, no write is
 //! carried out twice, and every frame is back in the pool at the end.
 //!
 //! `MOBGATE_SEED=17 cargo test tcp_torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many, as CI does.
@@ -16,7 +16,7 @@ use crate::visitors::{FRESH, Visits, draw_path, wrote_once};
 
 /// Worlds of a plain `cargo test`.
 const SEEDS: u64 = 300;
-/// Of all answers that the devices could give, in per cent.
+/// Of all responses that the devices could give, in per cent.
 const GOOD_MIN: f64 = 35.0;
 const SERVER: &str = "10.0.1.1:502";
 const DEVICES: u8 = 4;

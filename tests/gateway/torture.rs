@@ -1,6 +1,6 @@
 //! Random worlds: lines, devices with faults, clients that misbehave, all drawn from a seed.
 //!
-//! Whatever happens, every request gets exactly one answer, it is the asker's own, its values are of now, every frame is
+//! Whatever happens, every request gets exactly one response, it is the requester's own, its values are of now, every frame is
 //! back in the pool at the end, and the gateway never speaks before the line was silent for t3.5.
 //!
 //! `MOBGATE_SEED=17 cargo test torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many, as CI does.
@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use embassy_time::{Duration, Instant, Timer};
 use mobgate::settings::Framing;
-use mobgate_simulator::client::{Answer, NoReply};
+use mobgate_simulator::client::{Answer, NoResponse};
 use mobgate_simulator::device::Fresh;
 use mobgate_simulator::fault::When;
 use mobgate_simulator::net::Path;
@@ -20,7 +20,7 @@ use mobgate_simulator::{Client, Device, Fault, Faults, Random, World};
 
 /// Worlds of a plain `cargo test`.
 const SEEDS: u64 = 300;
-/// Of all answers that the devices could give, in per cent.
+/// Of all responses that the devices could give, in per cent.
 const GOOD_MIN: f64 = 70.0;
 const BAUDS: [u32; 4] = [4_800, 9_600, 19_200, 115_200];
 /// Devices 1 to this on each line; two more ids are asked for and belong to nobody.
@@ -28,7 +28,7 @@ const DEVICES: u8 = 4;
 const FRESH: u16 = 100;
 /// Units of the second line as clients write them: 100 higher.
 const TAG: u8 = 100;
-/// How old an answer for the units of the second line may be on port 503.
+/// How old a response for the units of the second line may be on port 503.
 const CACHE_MS: u64 = 200;
 
 #[test]
@@ -83,7 +83,7 @@ fn live(seed: u64, share: &Share) {
         for task in done {
             world.run_until(task);
         }
-        // Late answers, and requests whose askers have gone.
+        // Late responses, and requests whose requesters have gone.
         world.run_for(Duration::from_secs(60));
         assert_eq!(rig.frames_in_use(), 0, "frames that never came home");
         for line in ["a", "b"] {
@@ -116,7 +116,7 @@ fn connect_devices<'w>(world: &World<'w>, rig: &Rig<'w>, line: &str, random: &mu
 }
 
 /// One that may happen on a line; answers go astray there, or are late without a bound. A stray one is the late one of another for
-/// all that anybody can tell: of devices that the gateway may rely on, none sends a second answer in another's name.
+/// all that anybody can tell: of devices that the gateway may rely on, none sends a second response in another's name.
 fn draw_fault(random: &mut Random, strays: bool) -> Fault {
     let pause = Duration::from_micros(random.within(2_000..=20_000));
     let late = if strays { Fault::WrongUnit } else { Fault::draw_late(random) };
@@ -180,8 +180,8 @@ impl Visitor {
                 let reply = match client.receive().await {
                     Ok(reply) => reply,
                     // Crowded out, or idle for too long.
-                    Err(NoReply::Closed) => return,
-                    Err(NoReply::Silence) => panic!("no answer to {open:?}"),
+                    Err(NoResponse::Closed) => return,
+                    Err(NoResponse::Silence) => panic!("no answer to {open:?}"),
                 };
                 let asked = open.remove(&reply.transaction);
                 let (request, at) = asked.unwrap_or_else(|| panic!("nobody asked for {reply:?}"));
@@ -235,7 +235,7 @@ impl Visitor {
         let Answer::Pdu(pdu) = answer else { panic!("{}", tell()) };
         match request.pdu[..] {
             [3, 0, 100, 0, 4] => {
-                let fresh = Fresh::from_answer(pdu).unwrap_or_else(|| panic!("{}", tell()));
+                let fresh = Fresh::from_response(pdu).unwrap_or_else(|| panic!("{}", tell()));
                 let kept = self.port == 503 && request.unit >= TAG;
                 let age = if kept { 1_000 * CACHE_MS } else { 0 };
                 assert!(u64::from(fresh.at_us) + age >= asked.as_micros(), "stale: {}", tell());

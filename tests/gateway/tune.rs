@@ -1,7 +1,7 @@
 //! Time-outs and gaps that are proposed from answers that were measured.
 
 use embassy_time::Duration;
-use mobgate::stats::response_tail::AnswerTail;
+use mobgate::stats::response_tail::ResponseTail;
 use mobgate_simulator::client::Answer;
 use mobgate_simulator::console::{typed, typed_slowly};
 use mobgate_simulator::fault::When;
@@ -15,7 +15,7 @@ route P502 * * * bus
 ";
 const READ: [u8; 5] = [3, 0, 7, 0, 1];
 
-/// Draws an answer time in microseconds.
+/// Draws a response time in microseconds.
 type Draw = fn(&mut Random) -> f64;
 
 /// How answer times are distributed, and the time in microseconds within which 999 of 1000 are.
@@ -36,7 +36,7 @@ fn the_tail_is_told_within_a_fifth_in_nearly_every_series_of_two_thousand() {
     for (name, p999, draw) in MODELS {
         let mut far = 0;
         for seed in 0..500 {
-            let (mut random, mut tail) = (Random::new(seed), AnswerTail::new());
+            let (mut random, mut tail) = (Random::new(seed), ResponseTail::new());
             (0..2_000).for_each(|_| tail.add(draw(&mut random) as u32));
             let ratio = f64::from(tail.p999().unwrap()) / p999;
             far += u32::from(!(0.8..=1.2).contains(&ratio));
@@ -48,8 +48,8 @@ fn the_tail_is_told_within_a_fifth_in_nearly_every_series_of_two_thousand() {
 
 #[test]
 fn few_answers_are_enough_for_more_than_was_seen() {
-    assert_eq!(AnswerTail::new().p999(), None);
-    let mut tail = AnswerTail::new();
+    assert_eq!(ResponseTail::new().p999(), None);
+    let mut tail = ResponseTail::new();
     tail.add(1_000);
     assert_eq!(tail.p999(), Some(1_000));
     let mut random = Random::new(1);

@@ -52,7 +52,7 @@ fn a_silent_unit_is_down_and_probed_at_growing_intervals() {
 fn one_answer_makes_a_unit_well_again() {
     for sign_of_life in [
         |units: &mut Units| units.answered(5, WINDOW, true),
-        |units: &mut Units| units.damaged(5, Event::BadCheck),
+        |units: &mut Units| units.corrupt(5, Event::BadCheck),
     ] {
         let (mut all, port) = (AllUnits::new(), PortId(0));
         let mut units = all.of(port);
@@ -123,7 +123,7 @@ fn it_is_counted_how_a_unit_does() {
     let now = Instant::from_secs(1);
     units.timed_out(6, now, 0);
     assert_eq!(
-        units.iter().next().map(|unit| unit.trouble(Event::Silent)),
+        units.iter().next().map(|unit| unit.error(Event::Silent)),
         Some(1),
         "of one that was not known"
     );
@@ -135,25 +135,25 @@ fn it_is_counted_how_a_unit_does() {
     assert!((2_000..8_000).contains(&usual), "{usual}");
     assert!(units.timed_out(5, now, DOWN_AFTER), "nothing was heard");
     units.asked(5);
-    units.trouble(5, Event::Noise);
+    units.error(5, Event::Noise);
     assert!(!units.timed_out(5, now, DOWN_AFTER), "something was heard");
     assert!(!units.timed_out(5, now, DOWN_AFTER));
-    units.trouble(5, Event::Answer);
+    units.error(5, Event::Response);
     let counted = |units: &Units| {
         let unit = units.iter().find(|unit| unit.id == 5).unwrap();
-        let troubles: Vec<_> = unit.troubles().collect();
-        ([unit.requests, unit.answers, unit.exceptions, unit.timeouts, unit.took_us], unit.silent, troubles)
+        let troubles: Vec<_> = unit.errors().collect();
+        ([unit.requests, unit.responses, unit.exceptions, unit.timeouts, unit.took_us], unit.silent, troubles)
     };
     let troubles = vec![(Event::Silent, 1), (Event::Noise, 1)];
     assert_eq!(counted(&units), ([8, 2, 1, 3, 4000], 3, troubles));
     let unit = units.iter().next().unwrap();
-    assert_eq!([Event::Silent, Event::Noise, Event::Late].map(|trouble| unit.trouble(trouble)), [1, 1, 0]);
+    assert_eq!([Event::Silent, Event::Noise, Event::Late].map(|trouble| unit.error(trouble)), [1, 1, 0]);
     assert!(units.is_down(5));
     units.clear_counters();
     assert_eq!(counted(&units), ([0; 5], 3, vec![]));
     assert!(units.is_down(5), "its health stays");
-    (0..70_000).for_each(|_| units.trouble(5, Event::Late));
-    assert_eq!(units.iter().next().unwrap().trouble(Event::Late), u16::MAX);
+    (0..70_000).for_each(|_| units.error(5, Event::Late));
+    assert_eq!(units.iter().next().unwrap().error(Event::Late), u16::MAX);
 }
 
 #[test]
@@ -184,18 +184,18 @@ fn a_unit_that_gave_a_joined_read_no_answer_is_asked_for_less_at_a_time_for_a_mi
     let now = Instant::from_secs(1);
     let minute = Duration::from_secs(60);
     for trouble in [
-        |units: &mut Units, now| units.refused_join(5, now),
+        |units: &mut Units, now| units.refused_combined(5, now),
         |units: &mut Units, now| _ = units.timed_out(5, now, DOWN_AFTER),
     ] {
         let (mut all, port) = (AllUnits::new(), PortId(0));
         let mut units = all.of(port);
-        assert!(units.joins(5, now));
+        assert!(units.combines(5, now));
         units.asked(5);
-        assert!(units.joins(5, now));
+        assert!(units.combines(5, now));
         trouble(&mut units, now);
-        assert!(!units.joins(5, now + minute - Duration::from_ticks(1)));
-        assert!(units.joins(5, now + minute));
-        assert!(units.joins(6, now));
+        assert!(!units.combines(5, now + minute - Duration::from_ticks(1)));
+        assert!(units.combines(5, now + minute));
+        assert!(units.combines(6, now));
     }
 }
 

@@ -1,11 +1,11 @@
-//! Clients of random worlds with TCP devices: they send bursts of requests, and look at every answer.
+//! Clients of random worlds with TCP devices: they send bursts of requests, and look at every response.
 //!
-//! Each request gets exactly one answer, it is the asker's own and of the unit that was asked, and its values are of now.
+//! Each request gets exactly one response, it is the requester's own and of the unit that was asked, and its values are of now.
 
 use std::collections::{HashMap, HashSet};
 
 use embassy_time::{Duration, Instant, Timer};
-use mobgate_simulator::client::NoReply;
+use mobgate_simulator::client::NoResponse;
 use mobgate_simulator::device::Fresh;
 use mobgate_simulator::net::Path;
 use mobgate_simulator::rig::{Rig, machine};
@@ -89,8 +89,8 @@ impl<T: Fn(&mut Random) -> Target> Visitor<T> {
             while !open.is_empty() {
                 let reply = match client.receive().await {
                     Ok(reply) => reply,
-                    Err(NoReply::Closed) => panic!("the gateway closed the connection"),
-                    Err(NoReply::Silence) => panic!("no answer to {open:?}"),
+                    Err(NoResponse::Closed) => panic!("the gateway closed the connection"),
+                    Err(NoResponse::Silence) => panic!("no answer to {open:?}"),
                 };
                 let asked = open.remove(&reply.transaction);
                 let ((unit, device, pdu), at) = asked.unwrap_or_else(|| panic!("nobody asked for {reply:?}"));
@@ -131,7 +131,7 @@ impl<T: Fn(&mut Random) -> Target> Visitor<T> {
         self.share.count(true);
         match *request {
             [3, ..] => {
-                let fresh = Fresh::from_answer(answer).unwrap_or_else(|| panic!("{}", tell()));
+                let fresh = Fresh::from_response(answer).unwrap_or_else(|| panic!("{}", tell()));
                 assert!(u64::from(fresh.at_us) >= asked.as_micros(), "stale: {}", tell());
             }
             [4, 0, address, 0, count] => {

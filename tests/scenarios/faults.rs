@@ -1,4 +1,4 @@
-//! A device's faults as sentences: first which requests, then what happens to their answers.
+//! A device's faults as sentences: first which requests, then what happens to their responses.
 
 use embassy_time::Instant;
 use mobgate_simulator::wire::Flaw;

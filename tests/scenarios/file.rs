@@ -73,7 +73,7 @@ pub(crate) struct Server {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Device {
     pub(crate) unit: u8,
-    /// From the end of the request's silence to the answer.
+    /// From the end of the request's silence to the response.
     pub(crate) turnaround: Option<String>,
     /// Address of registers that differ at every read.
     pub(crate) fresh: Option<u16>,

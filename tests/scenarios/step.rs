@@ -108,13 +108,13 @@ pub(crate) enum Going {
     Vanishes,
 }
 
-/// An answer.
+/// A response.
 pub(crate) enum Expected {
     /// These bytes.
     Pdu(Vec<u8>),
     /// `exception 0B`
     Exception(u8),
-    /// `the answer of unit 5`: what a device with that id that nobody has written to answers.
+    /// `the response of unit 5`: what a device with that id that nobody has written to answers.
     OfUnit(u8),
     /// `fresh values`: read between question and answer.
     Fresh,

@@ -40,16 +40,16 @@ const BESIDES: [&str; 10] = [
     "gateway::turns",
 ];
 /// Tasks of the ports themselves: framing, timing, sockets.
-const TASKS: [&str; 4] = ["run_port", "run_seat", "play<", "socket_closed"];
+const TASKS: [&str; 4] = ["run_port", "run_connection", "play<", "socket_closed"];
 
 /// The gateway's statics with the futures of its tasks.
 const PARTS: [(&str, &str); 7] = [
     ("port_futures", "gateway::port::POOL"),
-    ("connection_futures", "gateway::seat::POOL"),
+    ("connection_futures", "gateway::connection::POOL"),
     ("settings", "gateway::GATEWAY"),
     ("frames", "gateway::SLOTS"),
-    ("port_places", "gateway::PORT_PLACES"),
-    ("connections", "gateway::SEAT_PLACES"),
+    ("port_places", "gateway::PORT_STATES"),
+    ("connections", "gateway::CONNECTION_STATES"),
     ("router", "gateway::router::POOL"),
 ];
 
@@ -167,7 +167,7 @@ impl Image {
         let ports =
             ports.and_then(|line| line.rsplit_once("else { ")?.1.strip_suffix(" };")?.parse::<u64>().ok());
         let ports = ports.ok_or("boards/stm32/src/gateway.rs does not say how many ports there are")?;
-        Ok(self.named("gateway::PORT_PLACES")? / ports)
+        Ok(self.named("gateway::PORT_STATES")? / ports)
     }
 
     fn named(&self, end: &str) -> Outcome<u64> {
@@ -218,7 +218,7 @@ mod tests {
     #[test]
     fn symbols_of_the_core_are_told_from_those_beside_it() {
         for (symbol, core) in [
-            ("<mobgate::port::client::dispatcher::Desk>::next", true),
+            ("<mobgate::port::client::dispatcher::Dispatcher>::next", true),
             ("<mobgate::gateway::Gateway>::refuse", true),
             ("<mobgate::settings::rule::Tag>::apply", true),
             ("<&mobgate::settings::rules::Rules as core::fmt::Display>::fmt", false),

@@ -6,7 +6,7 @@ use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
 use mobgate::fieldbus::{DEVICE, GatewayObjects};
 use mobgate_simulator::rig::with_gateway;
-use mobgate_simulator::sub_device::{Desk, Group, cable, direct, line_of, spawn, with_master};
+use mobgate_simulator::sub_device::{Dispatcher, Group, cable, direct, line_of, spawn, with_master};
 use mobgate_simulator::{Device, Random};
 
 use super::matrix::{COMBINATIONS, Longest, combination, exchange};
@@ -46,22 +46,22 @@ fn read_back(baud: u32) -> Vec<Duration> {
         let (esc, interrupt) = direct(line.borrow().chip(0));
         let objects = GatewayObjects::new(rig.gateway.ethercat().expect("the rig has the place"));
         spawn(world, SubDevice::new(&GATEWAY, esc, objects), interrupt);
-        with_master(world, cable(line), async |desk| {
-            let group = desk.to_pre_op().await.expect("a cable without faults");
-            configure(&desk, &group).await;
-            let group = desk.to_op(group, 0).await.expect("a cable without faults");
+        with_master(world, cable(line), async |dispatcher| {
+            let group = dispatcher.to_pre_op().await.expect("a cable without faults");
+            configure(&dispatcher, &group).await;
+            let group = dispatcher.to_op(group, 0).await.expect("a cable without faults");
             // What the drive held before is written over first.
-            change(&desk, &group, u16::MAX).await;
+            change(&dispatcher, &group, u16::MAX).await;
             let mut random = Random::new(baud.into());
             let mut times = Vec::new();
             for value in 1..=CHANGES {
                 // The pauses must not set off the watchdog.
                 for _ in 0..random.within(0..=50) {
-                    group.tx_rx(desk.master).await.expect("a cable without faults");
+                    group.tx_rx(dispatcher.master).await.expect("a cable without faults");
                     Timer::after(CYCLE).await;
                 }
                 Timer::after_micros(random.within(0..=1_000)).await;
-                times.push(change(&desk, &group, value).await);
+                times.push(change(&dispatcher, &group, value).await);
             }
             times
         })
@@ -69,8 +69,8 @@ fn read_back(baud: u32) -> Vec<Duration> {
 }
 
 /// One device that is polled again as soon as it has been.
-async fn configure(desk: &Desk<'_>, group: &Group<PreOp>) {
-    let gateway = group.subdevice(desk.master, 0).expect("there is one");
+async fn configure(dispatcher: &Dispatcher<'_>, group: &Group<PreOp>) {
+    let gateway = group.subdevice(dispatcher.master, 0).expect("there is one");
     let write = async |index, sub, value: u16| {
         gateway.sdo_write(index, sub, value).await.expect("a value in its range");
     };
@@ -83,13 +83,13 @@ async fn configure(desk: &Desk<'_>, group: &Group<PreOp>) {
 }
 
 /// Sends `value` for all registers, until they are read back.
-async fn change(desk: &Desk<'_>, group: &Group<Op>, value: u16) -> Duration {
-    let gateway = group.subdevice(desk.master, 0).expect("there is one");
+async fn change(dispatcher: &Dispatcher<'_>, group: &Group<Op>, value: u16) -> Duration {
+    let gateway = group.subdevice(dispatcher.master, 0).expect("there is one");
     let registers = [value.to_be_bytes(); 4].concat();
     gateway.outputs_raw_mut()[..8].copy_from_slice(&registers);
     let begin = Instant::now();
     loop {
-        group.tx_rx(desk.master).await.expect("a cable without faults");
+        group.tx_rx(dispatcher.master).await.expect("a cable without faults");
         if gateway.inputs_raw()[..8] == registers {
             return begin.elapsed();
         }

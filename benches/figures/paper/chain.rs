@@ -17,7 +17,7 @@ pub(super) fn read(registers: u8) -> [u8; 5] {
 
 /// What was seen of many transactions.
 pub(super) struct Seen {
-    /// From the request's first bit to the answer's last one, in seconds.
+    /// From the request's first bit to the response's last one, in seconds.
     pub(super) worst: f64,
     /// Frames with a gap inside that a device would not have taken.
     pub(super) gaps: u32,
@@ -107,9 +107,9 @@ fn measure(
     let device = line.device();
     let (asked, answered) = (rig.wire(first).frames(), rig.wire(last).frames());
     let pairs = asked.chunks_exact(2).zip(answered.chunks_exact(2));
-    let took = pairs.map(|(asker, answerer)| {
+    let took = pairs.map(|(requester, answerer)| {
         let late = seconds(answerer[0].end_ns, answerer[1].start_ns) - device;
-        seconds(asker[0].start_ns, asker[1].end_ns) - late
+        seconds(requester[0].start_ns, requester[1].end_ns) - late
     });
     took.fold(0.0, f64::max)
 }

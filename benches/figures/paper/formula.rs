@@ -48,7 +48,7 @@ impl Line {
         if self.framing == Framing::Rtu { self.t3_5() } else { 0.0 }
     }
 
-    /// From the end of a request to its answer, by a device on this line.
+    /// From the end of a request to its response, by a device on this line.
     pub(super) fn device(self) -> f64 {
         self.end_silence() + TURNAROUND
     }
@@ -58,9 +58,9 @@ impl Line {
         if self.framing == Framing::Rtu { bytes + 2.0 } else { 2.0 * bytes + 5.0 }
     }
 
-    /// Characters of a request and its answer.
+    /// Characters of a request and its response.
     pub(super) fn chars(self, registers: u8) -> [f64; 2] {
-        [REQUEST_BYTES, answer_bytes(registers)].map(|bytes| self.chars_of(bytes))
+        [REQUEST_BYTES, response_bytes(registers)].map(|bytes| self.chars_of(bytes))
     }
 
     /// The time of both.
@@ -69,7 +69,7 @@ impl Line {
     }
 }
 
-fn answer_bytes(registers: u8) -> f64 {
+fn response_bytes(registers: u8) -> f64 {
     UNIT_FUNCTION_COUNT + 2.0 * f64::from(registers)
 }
 
@@ -98,11 +98,11 @@ fn leg(bytes: f64, input: Line, output: Line) -> f64 {
     ticked(never_waits.max(until_unit * input.tc())) + copy
 }
 
-/// The formula of cut-through from `up` to `down`. The answer on the upper line keeps its distance from the request, which
+/// The formula of cut-through from `up` to `down`. The response on the upper line keeps its distance from the request, which
 /// the silence on a fast lower line does not give where the upper one is slow.
 pub(super) fn cut_through(up: Line, down: Line, registers: u8) -> f64 {
     let there = leg(REQUEST_BYTES, up, down);
-    let back = down.device() + leg(answer_bytes(registers), down, up);
+    let back = down.device() + leg(response_bytes(registers), down, up);
     let [request, answer] = up.chars(registers).map(|chars| chars * up.tc());
     (there + back).max(ticked(request) + ticked(up.t3_5()) + answer)
 }

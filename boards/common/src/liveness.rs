@@ -1,7 +1,7 @@
 //! Whether every task still makes progress, so that the watchdog is fed only then.
 //!
 //! A task that waits for a request may wait for days, so progress is asked for: each task is woken now and then, and being
-//! polled is its answer. What does not answer is stuck behind another task that never returns, has ended, or was
+//! polled is its response. What does not answer is stuck behind another task that never returns, has ended, or was
 //! never started. A task's `watch` is dropped or finished only when it has ended.
 
 use core::future::{Future, poll_fn};
@@ -35,7 +35,7 @@ impl<const N: usize> Liveness<N> {
             }
             let output = future.as_mut().poll(context);
             if let Some(watched) = watched {
-                // Behind the poll: one that never comes back is no answer, nor is the last one.
+                // Behind the poll: one that never comes back is no response, nor is the last one.
                 watched.answered.store(output.is_pending(), Ordering::Relaxed);
             }
             output
@@ -43,7 +43,7 @@ impl<const N: usize> Liveness<N> {
         .await
     }
 
-    /// Asks every task; the answers are there when each has had its turn.
+    /// Asks every task; the responses are there when each has had its turn.
     pub fn ask(&self) {
         for watched in &self.0 {
             watched.answered.store(false, Ordering::Relaxed);

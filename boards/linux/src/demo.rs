@@ -1,4 +1,4 @@
-//! The demo: an RS-485 bus inside the program, with three devices that answer at the speed of a real line.
+//! The demo: an RS-485 bus inside the program, with three devices that response at the speed of a real line.
 //!
 //! The wire and the devices are the simulator's, on the wall clock.
 

@@ -17,7 +17,7 @@ use ethercat_esc::frame::{FRAME_BYTES_MAX, is_whole};
 use ethercat_esc::interface::{Interface, InterfaceError};
 use ethercat_esc::{Chip, DirectPdi, Interrupt, Kind, SharedChip, now};
 use ethercat_subdevice::esc::{Esc, EscError};
-use mobgate::fieldbus::{EthercatPlace, long_device, serve_long};
+use mobgate::fieldbus::{EthercatState, long_device, serve_long};
 use mobgate::gateway::Gateway;
 use mobgate::settings::{InterfaceName, PortId, PortKind};
 use mobgate::stats::Event;
@@ -27,7 +27,7 @@ use crate::descriptor::Descriptor;
 use crate::hint;
 
 /// Runs the SubDevice whenever the settings of `gateway` name a network interface for it, for ever.
-pub async fn run(gateway: &Gateway<'_>, place: &EthercatPlace) -> ! {
+pub async fn run(gateway: &Gateway<'_>, place: &EthercatState) -> ! {
     let link = Link {
         gateway,
         chip: Rc::new(controller_of(false).into()),
@@ -152,7 +152,7 @@ impl Link<'_> {
         let port = self.gateway.settings(|settings| {
             settings.ports.iter().position(|port| port.as_ref().is_some_and(|port| is_ethercat(&port.kind)))
         });
-        if let Some(place) = port.and_then(|port| self.gateway.place(PortId(port as u8))) {
+        if let Some(place) = port.and_then(|port| self.gateway.port_state(PortId(port as u8))) {
             place.stats.count(event);
         }
     }

@@ -17,7 +17,7 @@ const _: () = assert!(TEXT_BYTES_MAX == 262_144, "TOO_LONG names the number");
 /// Permissions of a file that did not exist before.
 const NEW_FILE_MODE: u32 = 0o644;
 /// Links that are followed one after the other, as the kernel does.
-const LINKS_MAX: usize = 40;
+const CONNECTIONS_MAX: usize = 40;
 /// How the names of files end that are being written.
 const SAVING: &str = ".saving";
 
@@ -113,7 +113,7 @@ fn prefix(path: &Path) -> OsString {
 /// The path that `path` leads to: without links, `.` and `..`, also when nothing is there.
 pub fn resolve(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
-    for _ in 0..LINKS_MAX {
+    for _ in 0..CONNECTIONS_MAX {
         if let Ok(path) = fs::canonicalize(&path) {
             return path;
         }

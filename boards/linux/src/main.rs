@@ -10,12 +10,12 @@ use embassy_executor::Spawner;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use mobgate::capture::Capture;
-use mobgate::fieldbus::EthercatPlace;
+use mobgate::fieldbus::EthercatState;
 use mobgate::frame::{FramePool, Slot};
 use mobgate::gateway::reconfigure;
-use mobgate::gateway::{Gateway, Ports, Seat};
+use mobgate::gateway::{Connection, Gateway, Ports};
 use mobgate::hal::{OpenError, System};
-use mobgate::scanner::ScannerPlace;
+use mobgate::scanner::ScannerState;
 use mobgate::settings::{PORTS_MAX, PortId, Settings, TcpListen};
 use mobgate_linux::cli::{Instead, Options};
 use mobgate_linux::console::{SESSIONS_MAX, Sessions, socket};
@@ -31,21 +31,21 @@ use mobgate_linux::udp::Datagrams;
 use mobgate_linux::{capture, console, describe, ethercat, executor, lines, logging, mdns, settings};
 
 /// TCP connections of all servers together. Each takes a descriptor, of which a process has 1024 by default.
-const SEATS: usize = 256;
-/// One frame for each seat and each port.
-const RESERVED: usize = SEATS + PORTS_MAX;
+const CONNECTIONS: usize = 256;
+/// One frame for each connection and each port.
+const RESERVED: usize = CONNECTIONS + PORTS_MAX;
 /// As many again for those who ask several things at a time.
 const FRAMES: usize = 2 * RESERVED;
 
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
-static PORT_PLACES: Ports<PORTS_MAX> = Ports::new();
-static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
-static POINTS: ScannerPlace = ScannerPlace::new();
+static PORT_STATES: Ports<PORTS_MAX> = Ports::new();
+static CONNECTION_STATES: [Connection; CONNECTIONS] = [const { Connection::new() }; CONNECTIONS];
+static POINTS: ScannerState = ScannerState::new();
 static CAPTURE: Capture = Capture::new();
 /// The gateway as an EtherCAT SubDevice.
-static ETHERCAT: EthercatPlace = EthercatPlace::long();
-static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES)
+static ETHERCAT: EthercatState = EthercatState::long();
+static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_STATES, &CONNECTION_STATES)
     .with_scanner(&POINTS)
     .with_ethercat_interfaces(&ETHERCAT)
     .with_capture(&CAPTURE)
@@ -73,9 +73,9 @@ async fn port(id: PortId, mut lines: Lines) {
     GATEWAY.run_port(id, &mut lines, &Connector, &mut Datagrams).await
 }
 
-#[embassy_executor::task(pool_size = SEATS)]
-async fn seat(index: usize, mut sockets: TcpSockets) {
-    GATEWAY.run_seat(index, &mut sockets).await
+#[embassy_executor::task(pool_size = CONNECTIONS)]
+async fn connection(index: usize, mut sockets: TcpSockets) {
+    GATEWAY.run_connection(index, &mut sockets).await
 }
 
 #[embassy_executor::task]
@@ -231,8 +231,8 @@ fn spawn(
     for index in 0..PORTS_MAX {
         spawner.spawn(port(PortId(index as u8), lines.clone()).unwrap());
     }
-    for index in 0..SEATS {
-        spawner.spawn(seat(index, sockets.clone()).unwrap());
+    for index in 0..CONNECTIONS {
+        spawner.spawn(connection(index, sockets.clone()).unwrap());
     }
     if let Some(demo) = demo {
         spawner.spawn(demo_devices(demo).unwrap());

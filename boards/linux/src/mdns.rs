@@ -1,7 +1,7 @@
 //! The gateway is found on the machine's networks by multicast DNS: one socket for all of them, and the kernel's word when one
 //! comes or goes.
 //!
-//! Who asks is answered from the interface in whose network he is. Nobody else is a neighbour, and gets an answer (RFC 6762, 11).
+//! Who asks is answered from the interface in whose network he is. Nobody else is a neighbour, and gets a response (RFC 6762, 11).
 
 use std::future::pending;
 use std::io;

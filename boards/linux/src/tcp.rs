@@ -86,7 +86,7 @@ impl TcpStream {
 
 impl hal::TcpStream for TcpStream {
     async fn close(mut self) {
-        // A socket closed with unread bytes sends a reset, which may overtake the last answer: read them first.
+        // A socket closed with unread bytes sends a reset, which may overtake the last response: read them first.
         let drain = async {
             if self.io.get_ref().shutdown(Shutdown::Write).is_ok() {
                 let mut rest = [0; 1024];

@@ -156,7 +156,7 @@ fn the_console_is_on_no_tcp_port_unless_one_is_named() {
 fn a_newcomer_gets_the_place_of_the_session_that_is_idle_for_longest_which_is_told() {
     let program = with_console("port P502 tcp server {port}\n");
     let mut sessions: Vec<_> = (0..4).map(|_| program.session()).collect();
-    // Each has its place when it has its answer; then the first one is used again.
+    // Each has its place when it has its response; then the first one is used again.
     for n in [0, 1, 2, 3, 0] {
         converse(&mut sessions[n], "show version\n", "mobgate 0.");
     }

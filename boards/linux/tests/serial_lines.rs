@@ -64,12 +64,12 @@ fn a_device_that_does_not_exist_is_reported_and_found_when_it_comes() {
 
     let mut adapter = Adapter::plug(&name);
     program.logs("is open");
-    let answering = thread::spawn(move || {
+    let responding = thread::spawn(move || {
         adapter.answer();
         adapter
     });
     assert_eq!(ask(&mut client, 1, &READ), ANSWER);
-    drop(answering.join().unwrap());
+    drop(responding.join().unwrap());
 }
 
 #[test]
@@ -85,12 +85,12 @@ fn an_unplugged_adapter_is_opened_again_when_it_is_back() {
 
     let mut adapter = Adapter::plug(&name);
     wait_for("the line again", || (program.log().matches("is open").count() == 2).then_some(()));
-    let answering = thread::spawn(move || {
+    let responding = thread::spawn(move || {
         adapter.answer();
         adapter
     });
     assert_eq!(ask(&mut program.connect(), 1, &READ), ANSWER);
-    drop(answering.join().unwrap());
+    drop(responding.join().unwrap());
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn refusal_of(text: &str) -> String {
     refusal(file.path())
 }
 
-/// Types `line` and gives the answer up to its end.
+/// Types `line` and gives the response up to its end.
 fn type_line(console: &mut (impl Read + Write), line: &str) -> String {
     console.write_all(format!("{line}\n").as_bytes()).unwrap();
     let mut answer = Vec::new();

@@ -41,7 +41,7 @@ fn without_descriptors_left_connections_wait_and_the_program_does_not_spin() {
     let spent = program.cpu_ticks() - before;
     assert!(spent < 20, "{} ms of processor time in 2 s of waiting", spent * 10);
     drop(crowd);
-    // There is no rule, so the answer is 0Ah.
+    // There is no rule, so the response is 0Ah.
     assert_eq!(ask(&mut program.connect(), 1, &READ_METER), [0x84, 0x0a]);
 }
 
@@ -53,7 +53,7 @@ fn a_client_that_never_reads_stops_nobody_else() {
     // The gateway's own unit answers at once, with more bytes than it was asked by.
     let requests = [0, 1, 0, 0, 0, 5, 1, 0x2b, 0x0e, 1, 0].repeat(1_000);
     let (mut sent, mut moved) = (0, Instant::now());
-    // Until the program stops reading because its answers are not taken.
+    // Until the program stops reading because its responses are not taken.
     while moved.elapsed() < Duration::from_secs(2) {
         // A part of a request may go: what follows is the rest of it.
         match rude.write(&requests[sent % requests.len()..]) {
@@ -68,7 +68,7 @@ fn a_client_that_never_reads_stops_nobody_else() {
     let mut polite = program.connect();
     let asked = Instant::now();
     assert!(ask(&mut polite, 1, &[0x2b, 0x0e, 1, 0]).len() > 4);
-    // Then a client is closed that takes no answer, and would stop nobody any more.
+    // Then a client is closed that takes no response, and would stop nobody any more.
     assert!(asked.elapsed() < Duration::from_secs(10), "{:?}", asked.elapsed());
 }
 

@@ -59,7 +59,7 @@ fn a_connection_that_breaks_is_made_again_and_leaves_no_descriptor() {
         for stream in listener.incoming() {
             let mut stream = stream.unwrap();
             let mut request = [0; 12];
-            // One answer, then silence and the end behind the next request.
+            // One response, then silence and the end behind the next request.
             if stream.read_exact(&mut request).is_ok() {
                 let answer = [&request[..4], &[0, 5, request[6], 3, 2, 0, request[6]]].concat();
                 stream.write_all(&answer).unwrap();
@@ -127,7 +127,7 @@ fn a_datagram_is_answered_to_whoever_sent_it() {
             assert_eq!(from.port(), udp);
         }
     }
-    // A client that is gone before its answer comes: the port survives what the system says of that.
+    // A client that is gone before its response comes: the port survives what the system says of that.
     let gone = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     gone.send_to(&[&[0, 1, 0, 0, 0, 6, 1], &READ[..]].concat(), ("127.0.0.1", udp)).unwrap();
     drop(gone);

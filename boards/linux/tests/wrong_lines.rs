@@ -3,9 +3,9 @@
 use std::fs;
 
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Gateway, Ports, Seat};
+use mobgate::gateway::{Connection, Gateway, Ports};
 use mobgate::language::WORD_BYTES_MAX;
-use mobgate::scanner::ScannerPlace;
+use mobgate::scanner::ScannerState;
 use mobgate::settings::{PORTS_MAX, Settings};
 use mobgate_linux::reactor::block_on;
 use mobgate_linux::store::FileStore;
@@ -54,9 +54,10 @@ fn cases() -> Vec<Case<'static>> {
 fn three_hundred_wrong_lines_are_named_by_line_column_and_word() {
     let slots = [const { Slot::new() }; 8];
     let ports = Ports::<PORTS_MAX>::new();
-    let seats = [const { Seat::new() }; 256];
-    let (pool, points) = (FramePool::new(&slots, 0), ScannerPlace::new());
-    let gateway = Gateway::new(&pool, &ports, &seats).with_scanner(&points).with_same_device(lines::are_same);
+    let connections = [const { Connection::new() }; 256];
+    let (pool, points) = (FramePool::new(&slots, 0), ScannerState::new());
+    let gateway =
+        Gateway::new(&pool, &ports, &connections).with_scanner(&points).with_same_device(lines::are_same);
     let file = tempfile::NamedTempFile::new().unwrap();
     let read = |text: &str| {
         fs::write(&file, text).unwrap();

@@ -47,7 +47,7 @@ const INSTANCE_BYTES_MAX: usize = HOST_NAME_BYTES_MAX + 1 + NAME_BYTES_MAX;
 /// Such an instance and the service, and a length before each label.
 const DNS_NAME_BYTES_MAX: usize = 80;
 
-/// How often is answered at most, so that many questions cost nobody much: an asker repeats his (RFC 6762, 5.2).
+/// How often is answered at most, so that many questions cost nobody much: a requester repeats his (RFC 6762, 5.2).
 pub struct Rate {
     second: Instant,
     answers: u8,
@@ -55,7 +55,7 @@ pub struct Rate {
 
 impl Rate {
     /// Answers in a second.
-    pub const ANSWERS_MAX: u8 = 10;
+    pub const RESPONSES_MAX: u8 = 10;
 
     /// Nothing has been answered.
     pub const fn new() -> Self {
@@ -67,7 +67,7 @@ impl Rate {
         if now >= self.second + Duration::from_secs(1) {
             *self = Self { second: now, answers: 0 };
         }
-        let admits = self.answers < Self::ANSWERS_MAX;
+        let admits = self.answers < Self::RESPONSES_MAX;
         self.answers += u8::from(admits);
         admits
     }
@@ -95,7 +95,7 @@ pub struct Gateway<'s> {
     pub address: Ipv4Addr,
 }
 
-/// Writes the answer to `query`. There is nothing to say when it asks for something else, is no query, or the gateway is not to be
+/// Writes the response to `query`. There is nothing to say when it asks for something else, is no query, or the gateway is not to be
 /// found.
 pub fn answer(gateway: Gateway<'_>, query: &[u8], from_port: u16, said: &mut Said) {
     said.clear();
@@ -145,7 +145,7 @@ pub fn farewell(gateway: Gateway<'_>, said: &mut Said) {
     gateway.says(said, |records, said| records.all(said, Ttl::ZERO));
 }
 
-/// An answer of one who is asked for his own (RFC 6762, 18).
+/// A response of one who is asked for his own (RFC 6762, 18).
 fn response(said: &mut Said) -> Result<MessageBuilder<StaticCompressor<&mut Said>>, PushError> {
     let mut message =
         MessageBuilder::from_target(StaticCompressor::new(said)).map_err(|_| PushError::ShortBuf)?;

@@ -68,12 +68,12 @@ fn said(gateway: Gateway<'_>, say: impl FnOnce(Gateway<'_>, &mut Said)) -> Optio
     Some(said).filter(|said| !said.is_empty())
 }
 
-fn answer_to(gateway: Gateway<'_>, query: &[u8], from_port: u16) -> Option<Said> {
+fn response_to(gateway: Gateway<'_>, query: &[u8], from_port: u16) -> Option<Said> {
     said(gateway, |gateway, said| answer(gateway, query, from_port, said))
 }
 
 fn answered(settings: &Settings, query: &[u8]) -> Option<Said> {
-    answer_to(gateway(settings), query, PORT)
+    response_to(gateway(settings), query, PORT)
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn the_host_and_the_kinds_of_services_are_found_too() {
 fn a_second_server_has_its_ports_name_and_a_host_may_have_another_one() {
     let settings = settings(&["port P502 tcp server 502", "port plant tcp server 1502"]);
     let gateway = Gateway { host: Some("pc-mobgate"), own_name: "pc", ..gateway(&settings) };
-    let message = answer_to(gateway, &query(0, SERVICES, TYPE::PTR), PORT).unwrap();
+    let message = response_to(gateway, &query(0, SERVICES, TYPE::PTR), PORT).unwrap();
     let [answers, more] = records(&message);
     let pointers =
         ["pc", "pc plant"].map(|name| format!("_modbus._tcp.local 120 PTR {name}._modbus._tcp.local"));
@@ -127,7 +127,7 @@ fn a_second_server_has_its_ports_name_and_a_host_may_have_another_one() {
 fn who_asks_by_another_port_gets_the_id_and_the_question_back() {
     let settings = settings(&["port P502 tcp server 502"]);
     let asked = query(0x1234, SERVICES, TYPE::PTR);
-    let message = answer_to(gateway(&settings), &asked, 40_000).unwrap();
+    let message = response_to(gateway(&settings), &asked, 40_000).unwrap();
     let packet = Packet::parse(&message).unwrap();
     assert_eq!((packet.id(), packet.questions.len()), (0x1234, 1));
     let packet = answered(&settings, &asked).unwrap();
@@ -191,7 +191,7 @@ proptest! {
             }
         }
         let settings = settings(&["port P502 tcp server 502"]);
-        answer_to(gateway(&settings), &query, from_port);
+        response_to(gateway(&settings), &query, from_port);
         // Any other port has its question back, which may be none that can be read.
         if let Some(message) = answered(&settings, &query) {
             prop_assert!(Packet::parse(&message).is_ok());

@@ -1,7 +1,7 @@
 //! The gateway's sockets on embassy-net, for every board that has an Ethernet of its own.
 //!
 //! A board makes a stack over its Ethernet driver, [`Sockets`] over the stack and a pool of buffers, and two tasks: one for
-//! embassy-net's runner, one for [`Sockets::run`], [`address::follow`] and [`mdns::run`]. Its seats, ports and consoles get copies of [`TcpSockets`],
+//! embassy-net's runner, one for [`Sockets::run`], [`address::follow`] and [`mdns::run`]. Its connections, ports and consoles get copies of [`TcpSockets`],
 //! [`Connector`] and [`Datagrams`]; each connection and each UDP socket takes one buffer of the pool while it is open.
 #![no_std]
 // Where a socket's buffer is lent and taken back (`pool`), and nowhere else.

@@ -124,7 +124,7 @@ pub(crate) async fn end(socket: &mut TcpSocket<'static>) {
     socket.close();
     let orderly = async {
         // What the peer still sends is read until it ends its side, too: unread bytes would become a reset, which may
-        // overtake the last answer.
+        // overtake the last response.
         let mut rest = [0; 64];
         while socket.read(&mut rest).await.is_ok_and(|count| count > 0) {}
         socket.flush().await

@@ -62,7 +62,7 @@ impl hal::UdpSocket for Datagram<'_> {
     async fn send(&mut self, datagram: &[u8], to: SocketAddr) -> Result<(), SocketLost> {
         let SocketAddr::V4(to) = to else { return Ok(()) };
         match self.socket.send_to(datagram, (*to.ip(), to.port())).await {
-            // No way there, or larger than any answer: that is about one peer, and not about the socket.
+            // No way there, or larger than any response: that is about one peer, and not about the socket.
             Ok(()) | Err(SendError::NoRoute | SendError::PacketTooLarge) => Ok(()),
             Err(SendError::SocketNotBound) => Err(SocketLost),
         }

@@ -6,7 +6,7 @@ use std::net::Ipv4Addr;
 use embassy_net::udp::{PacketMetadata, UdpSocket};
 use embassy_time::{Duration, with_timeout};
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Gateway, Ports, Seat};
+use mobgate::gateway::{Connection, Gateway, Ports};
 use mobgate::language::apply;
 use mobgate::settings::Settings;
 use mobgate_net::{Sockets, mdns};
@@ -29,8 +29,9 @@ fn board(world: &World<'static>, near: &'static Sockets, lines: &[&str]) -> &'st
     let slots: &[Slot] = Box::leak(Box::new([const { Slot::new() }; 2]));
     let pool = Box::leak(Box::new(FramePool::new(slots, 0)));
     let ports = Box::leak(Box::new(Ports::<4>::new()));
-    let seats: &[Seat] = Box::leak(Box::new([const { Seat::new() }; 16]));
-    let gateway: &Gateway<'static> = Box::leak(Box::new(Gateway::new(pool, ports, seats).with_own_network()));
+    let connections: &[Connection] = Box::leak(Box::new([const { Connection::new() }; 16]));
+    let gateway: &Gateway<'static> =
+        Box::leak(Box::new(Gateway::new(pool, ports, connections).with_own_network()));
     change(gateway, lines);
     world.spawn(mdns::run(gateway, near.stack()));
     gateway

@@ -255,14 +255,14 @@ fn datagrams_go_both_ways_and_long_ones_are_cut_off() {
     let mut world = World::new(10);
     let (near, far, _) = wired(&world, 1, 1);
     world.run_until(async {
-        let (mut asking, mut answering) = (Datagrams::new(near), Datagrams::new(far));
+        let (mut asking, mut responding) = (Datagrams::new(near), Datagrams::new(far));
         let mut asking = asking.bind(&TcpListen { address: None, port: 5000 }).await.unwrap();
-        let mut answering = answering.bind(&PORT_502).await.unwrap();
+        let mut responding = responding.bind(&PORT_502).await.unwrap();
         asking.send(b"question", at(FAR, 502)).await.unwrap();
         let mut heard = [0; 5];
-        assert_eq!(answering.receive(&mut heard).await, Ok((5, at(NEAR, 5000))));
+        assert_eq!(responding.receive(&mut heard).await, Ok((5, at(NEAR, 5000))));
         assert_eq!(&heard, b"quest");
-        answering.send(b"yes", at(NEAR, 5000)).await.unwrap();
+        responding.send(b"yes", at(NEAR, 5000)).await.unwrap();
         assert_eq!(asking.receive(&mut heard).await, Ok((3, at(FAR, 502))));
         // Nobody there is no error.
         asking.send(b"lost", at(Ipv4Addr::new(192, 168, 9, 9), 1)).await.unwrap();
@@ -279,7 +279,7 @@ async fn name_server(sockets: &'static Sockets, name: &[u8], address: Ipv4Addr) 
         let (length, from) = socket.receive(&mut query).await.unwrap();
         let question = &query[12..length];
         let is_known = question.starts_with(name);
-        // The id, a recursive response, one question, and one answer or none.
+        // The id, a recursive response, one question, and one response or none.
         let mut response = query[..2].to_vec();
         response.extend([0x81, if is_known { 0x80 } else { 0x83 }, 0, 1, 0, is_known.into(), 0, 0, 0, 0]);
         response.extend(question);

@@ -7,15 +7,15 @@ use embassy_executor::Spawner;
 use embassy_time::Duration;
 use ethercat_subdevice::indicators::Lamps;
 use ethercat_subdevice::lan9252::{Lan9252, Wiring};
-use mobgate::fieldbus::{EthercatPlace, serve};
+use mobgate::fieldbus::{EthercatState, serve};
 use mobgate::gateway::Gateway;
-use mobgate::scanner::ScannerPlace;
+use mobgate::scanner::ScannerState;
 
 use self::spi::{Spi, Wires};
 use crate::register::Register;
 
-static SCANNER: ScannerPlace = ScannerPlace::new();
-static PLACE: EthercatPlace = EthercatPlace::new();
+static SCANNER: ScannerState = ScannerState::new();
+static PLACE: EthercatState = EthercatState::new();
 
 /// The gateway with both.
 pub(crate) const fn join(gateway: Gateway<'static>) -> Gateway<'static> {

@@ -2,19 +2,19 @@
 
 use mobgate::capture::Capture;
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Gateway, Ports, Seat};
+use mobgate::gateway::{Connection, Gateway, Ports};
 
 /// Ports of any kind.
 pub(crate) const PORTS: usize = 8;
 /// TCP connections of all servers together: 16 clients, the one that is accepted to decide who goes, and a small server more.
-pub(crate) const SEATS: usize = 22;
-const RESERVED: usize = SEATS + PORTS;
+pub(crate) const CONNECTIONS: usize = 22;
+const RESERVED: usize = CONNECTIONS + PORTS;
 const FRAMES: usize = 2 * RESERVED;
 
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
-static PORT_PLACES: Ports<PORTS> = Ports::new();
-static SEAT_PLACES: [Seat; SEATS] = [const { Seat::new() }; SEATS];
+static PORT_STATES: Ports<PORTS> = Ports::new();
+static CONNECTION_STATES: [Connection; CONNECTIONS] = [const { Connection::new() }; CONNECTIONS];
 static CAPTURE: Capture = Capture::new();
 
 /// The gateway.
@@ -26,5 +26,5 @@ pub(crate) static GATEWAY: Gateway<'static> = crate::ethercat::join(gateway());
 pub(crate) static GATEWAY: Gateway<'static> = gateway();
 
 const fn gateway() -> Gateway<'static> {
-    Gateway::new(&POOL, &PORT_PLACES, &SEAT_PLACES).with_own_network().with_capture(&CAPTURE)
+    Gateway::new(&POOL, &PORT_STATES, &CONNECTION_STATES).with_own_network().with_capture(&CAPTURE)
 }

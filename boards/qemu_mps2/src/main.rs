@@ -28,7 +28,7 @@ use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets};
 
 use crate::board::{Board, Store};
 use crate::ethernet::Ethernet;
-use crate::gateway::{GATEWAY, PORTS, SEATS};
+use crate::gateway::{CONNECTIONS, GATEWAY, PORTS};
 use crate::lines::{FIGURES, Lines};
 use crate::uart::{DIVISOR_MIN, Line};
 
@@ -42,9 +42,9 @@ async fn port(id: PortId, sockets: &'static Sockets) {
     GATEWAY.run_port(id, &mut Lines, &Connector::new(sockets), &mut Datagrams::new(sockets)).await
 }
 
-#[embassy_executor::task(pool_size = SEATS)]
-async fn seat(index: usize, sockets: &'static Sockets) {
-    GATEWAY.run_seat(index, &mut TcpSockets::new(sockets)).await
+#[embassy_executor::task(pool_size = CONNECTIONS)]
+async fn connection(index: usize, sockets: &'static Sockets) {
+    GATEWAY.run_connection(index, &mut TcpSockets::new(sockets)).await
 }
 
 #[embassy_executor::task]
@@ -80,7 +80,7 @@ fn main() -> ! {
         // Each pool has room for what is spawned here, and this runs once.
         spawner.spawn(router().unwrap());
         (0..PORTS).for_each(|index| spawner.spawn(port(PortId(index as u8), sockets).unwrap()));
-        (0..SEATS).for_each(|index| spawner.spawn(seat(index, sockets).unwrap()));
+        (0..CONNECTIONS).for_each(|index| spawner.spawn(connection(index, sockets).unwrap()));
         spawner.spawn(network(runner).unwrap());
         spawner.spawn(network_care(sockets).unwrap());
         spawner.spawn(console(store, Board::new(sockets)).unwrap());

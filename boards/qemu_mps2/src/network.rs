@@ -8,12 +8,12 @@ use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::ethernet::Ethernet;
-use crate::gateway::SEATS;
+use crate::gateway::CONNECTIONS;
 use crate::semihosting;
 
 /// Connections to outside servers and UDP servers at a time, all together.
 const CLIENTS: usize = 4;
-const SOCKETS: usize = SEATS + CLIENTS;
+const SOCKETS: usize = CONNECTIONS + CLIENTS;
 /// Two frames of Modbus TCP for each direction, and some.
 const SOCKET_BYTES: usize = 2 * 640;
 

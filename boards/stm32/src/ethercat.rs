@@ -18,9 +18,9 @@ use embassy_sync::mutex::Mutex;
 use embassy_time::Duration;
 use ethercat_subdevice::indicators::Lamps;
 use ethercat_subdevice::lan9252::{Lan9252, Wiring};
-use mobgate::fieldbus::{EthercatPlace, serve};
+use mobgate::fieldbus::{EthercatState, serve};
 use mobgate::gateway::Gateway;
-use mobgate::scanner::ScannerPlace;
+use mobgate::scanner::ScannerState;
 
 use crate::gateway::{LIVENESS, Task};
 use crate::lights::Lights;
@@ -30,8 +30,8 @@ const SPI_HZ: Hertz = Hertz(30_000_000);
 /// The least of these.
 const SPI_CLOCK_HZ_MIN: u32 = 21_000_000;
 
-static SCANNER: ScannerPlace = ScannerPlace::new();
-static PLACE: EthercatPlace = EthercatPlace::new();
+static SCANNER: ScannerState = ScannerState::new();
+static PLACE: EthercatState = EthercatState::new();
 
 /// The gateway with both.
 pub(crate) fn join(gateway: Gateway<'static>) -> Gateway<'static> {

@@ -6,7 +6,7 @@ use core::pin::pin;
 use embassy_executor::Spawner;
 use embassy_sync::once_lock::OnceLock;
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Gateway, Ports, Seat};
+use mobgate::gateway::{Connection, Gateway, Ports};
 use mobgate::settings::PortId;
 use mobgate_board::liveness::Liveness;
 use mobgate_net::{Connector, Datagrams, TcpSockets};
@@ -19,19 +19,19 @@ use crate::network::Network;
 pub const PORTS: usize = if cfg!(feature = "f4") { 6 } else { 8 };
 /// TCP connections of all servers together: sixteen clients (eight on the F4), and one more that is accepted to decide who
 /// goes.
-pub const SEATS: usize = if cfg!(feature = "f4") { 9 } else { 17 };
+pub const CONNECTIONS: usize = if cfg!(feature = "f4") { 9 } else { 17 };
 /// Connections to outside servers and UDP servers at a time.
 pub const CONNECTIONS_OUT: usize = 4;
-/// One frame for each seat and each port.
-const RESERVED: usize = SEATS + PORTS;
+/// One frame for each connection and each port.
+const RESERVED: usize = CONNECTIONS + PORTS;
 /// And some for those who ask several things at a time.
 const FRAMES: usize = RESERVED + 15;
 
 static SLOTS: [Slot; FRAMES] = [const { Slot::new() }; FRAMES];
 static POOL: FramePool<'static> = FramePool::new(&SLOTS, RESERVED);
-static PORT_PLACES: Ports<PORTS> = Ports::new();
-/// Made at the start: a seat that nobody has is not all zeros, and a static of them would lie in the flash as well.
-static SEAT_PLACES: StaticCell<[Seat; SEATS]> = StaticCell::new();
+static PORT_STATES: Ports<PORTS> = Ports::new();
+/// Made at the start: a connection that nobody has is not all zeros, and a static of them would lie in the flash as well.
+static CONNECTION_STATES: StaticCell<[Connection; CONNECTIONS]> = StaticCell::new();
 // Images without it are smaller, see Cargo.toml.
 #[cfg(feature = "ethercat")]
 static CAPTURE: mobgate::capture::Capture = mobgate::capture::Capture::new();
@@ -41,8 +41,8 @@ static GATEWAY: OnceLock<Gateway<'static>> = OnceLock::new();
 /// The gateway.
 pub(crate) fn gateway() -> &'static Gateway<'static> {
     GATEWAY.get_or_init(|| {
-        let seats = SEAT_PLACES.init_with(|| [const { Seat::new() }; SEATS]);
-        let gateway = Gateway::new(&POOL, &PORT_PLACES, seats).with_own_network();
+        let connections = CONNECTION_STATES.init_with(|| [const { Connection::new() }; CONNECTIONS]);
+        let gateway = Gateway::new(&POOL, &PORT_STATES, connections).with_own_network();
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "ethercat")]
         let gateway = crate::ethercat::join(gateway).with_capture(&CAPTURE);
@@ -51,9 +51,9 @@ pub(crate) fn gateway() -> &'static Gateway<'static> {
 }
 
 /// The tasks that must answer for the watchdog to be fed.
-pub static LIVENESS: Liveness<{ Task::Port as usize + PORTS + SEATS }> = Liveness::new();
+pub static LIVENESS: Liveness<{ Task::Port as usize + PORTS + CONNECTIONS }> = Liveness::new();
 
-/// Numbers of tasks. The ports and then the seats follow the first port.
+/// Numbers of tasks. The ports and then the connections follow the first port.
 #[derive(Clone, Copy)]
 pub(crate) enum Task {
     Stack,
@@ -81,15 +81,15 @@ impl fmt::Display for TaskName {
     }
 }
 
-/// Starts routing, the ports and the seats.
+/// Starts routing, the ports and the connections.
 pub fn start(spawner: Spawner, lines: Lines, network: Network) {
     // Each pool has room for what is spawned here, and this runs once: no `unwrap` can fail.
     spawner.spawn(router().unwrap());
     for index in 0..PORTS {
         spawner.spawn(port(index, lines, network).unwrap());
     }
-    for index in 0..SEATS {
-        spawner.spawn(seat(index, network).unwrap());
+    for index in 0..CONNECTIONS {
+        spawner.spawn(connection(index, network).unwrap());
     }
 }
 
@@ -105,9 +105,9 @@ async fn port(index: usize, mut lines: Lines, network: Network) {
     LIVENESS.watch(Task::Port as usize + index, run).await
 }
 
-#[embassy_executor::task(pool_size = SEATS)]
-async fn seat(index: usize, network: Network) {
+#[embassy_executor::task(pool_size = CONNECTIONS)]
+async fn connection(index: usize, network: Network) {
     let mut sockets = TcpSockets::new(network.0);
-    let run = pin!(gateway().run_seat(index, &mut sockets));
+    let run = pin!(gateway().run_connection(index, &mut sockets));
     LIVENESS.watch(Task::Port as usize + PORTS + index, run).await
 }

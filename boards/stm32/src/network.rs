@@ -12,7 +12,7 @@ use mobgate::settings::OwnNetwork;
 use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::gateway::{CONNECTIONS_OUT, LIVENESS, SEATS, Task, gateway};
+use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, gateway};
 
 /// The chip's Ethernet with any PHY, which the boards have as RMII.
 pub type Driver = Ethernet<'static, ETH, GenericPhy<Sma<'static, ETH_SMA>>>;
@@ -25,7 +25,7 @@ const PACKETS_OUT: usize = 2;
 pub type Packets = PacketQueue<PACKETS_OUT, PACKETS>;
 
 /// Sockets at a time: accepted connections, made ones and UDP.
-const SOCKETS: usize = SEATS + CONNECTIONS_OUT;
+const SOCKETS: usize = CONNECTIONS + CONNECTIONS_OUT;
 /// Half for each direction: the longest frame of Modbus TCP.
 const SOCKET_BYTES: usize = 2 * 260;
 

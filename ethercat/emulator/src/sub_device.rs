@@ -27,8 +27,8 @@ pub use faulty::{BusFaults, Counted, Counts, Faulty};
 pub use paced::Paced;
 #[cfg(feature = "ethercrab")] // As above.
 pub use start::{
-    AtPace, Desk, Exchanged, Group, SpiCost, StartUp, at_cable, cable, exchange_at_pace, exchange_images,
-    exchange_images_on, spi_traffic, start_up, with_master,
+    AtPace, Dispatcher, Exchanged, Group, SpiCost, StartUp, at_cable, cable, exchange_at_pace,
+    exchange_images, exchange_images_on, spi_traffic, start_up, with_master,
 };
 
 /// A line with one LAN9252 whose EEPROM says what `device` is.

@@ -76,8 +76,8 @@ impl Coe {
     }
 
     /// Whether an answer is not complete: its other messages come by [`next`](Self::next), and go first.
-    pub fn is_answering(&self) -> bool {
-        self.information.is_answering()
+    pub fn is_responding(&self) -> bool {
+        self.information.is_responding()
     }
 
     /// Whether a write goes on in the application: its answer comes by [`written`](Self::written), and goes first.
@@ -92,7 +92,7 @@ impl Coe {
 
     /// Whether there is anything to send without being asked again.
     pub fn has_more(&self) -> bool {
-        self.is_answering() || self.emergencies.is_pending()
+        self.is_responding() || self.emergencies.is_pending()
     }
 
     /// The next message of an answer, or an emergency.

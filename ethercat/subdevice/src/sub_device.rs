@@ -239,7 +239,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.op_without_outputs().await?;
         match seen {
             // What the events say may have changed meanwhile.
-            Seen::Asking => Ok(true),
+            Seen::DirectRequestState => Ok(true),
             Seen::Quiet => self.exchange_mail(events).await,
             Seen::Nothing => Ok(self.exchange_mail(events).await? || events.any(self.wanted())),
         }

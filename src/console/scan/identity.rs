@@ -7,7 +7,7 @@ use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICA
 /// Fewer letters and digits are no text.
 const TEXT_CHARS_MIN: usize = 1;
 
-/// An answer's PDU as text: nothing when it is neither, with points for what cannot be printed.
+/// A response's PDU as text: nothing when it is neither, with points for what cannot be printed.
 pub(super) struct Identity<'p>(pub(super) &'p [u8]);
 
 impl fmt::Display for Identity<'_> {

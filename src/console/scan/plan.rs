@@ -19,7 +19,7 @@ const ASCII_FORMATS: [Format; 4] =
 /// Data bits, parity, stop bits.
 type Format = (u8, Parity, u8);
 
-/// A unit has so long for the first character of its answer, and some characters more.
+/// A unit has so long for the first character of its response, and some characters more.
 const PATIENCE: Duration = Duration::from_millis(60);
 const PATIENCE_CHARS: usize = 6;
 /// What a unit may be given by a word.
@@ -94,7 +94,7 @@ impl Plan {
         Some(LineSettings { gap: self.own.gap.filter(|gap| *gap > line.t3_5()), ..line })
     }
 
-    /// How long a unit has for the first character of its answer.
+    /// How long a unit has for the first character of its response.
     pub(super) fn patience(&self, line: &LineSettings) -> Duration {
         self.timeout.unwrap_or_else(|| PATIENCE + line.gap() + line.chars(PATIENCE_CHARS))
     }

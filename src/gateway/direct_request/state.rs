@@ -16,18 +16,18 @@ use crate::stats::Event;
 pub(crate) enum Failure {
     /// None came in time; it may still come.
     Timeout,
-    /// It came damaged, and this is what was wrong with it.
-    Damaged(Event),
-    /// The request was damaged by somebody who sent at the same time.
+    /// It came corrupted, and this is what was wrong with it.
+    Corrupt(Event),
+    /// The request was corrupted by somebody who sent at the same time.
     Collision,
 }
 
-/// What a serial line brought for a request: the time from the request's end to the answer's, or what came instead.
+/// What a serial line brought for a request: the time from the request's end to the response's, or what came instead.
 pub(crate) type Outcome = Result<Duration, Failure>;
 
 /// The way back to the console that asks, and what it tries.
-pub(crate) struct Asking {
-    pub(crate) answers: Channel,
+pub(crate) struct DirectRequestState {
+    pub(crate) responses: Channel,
     pub(super) generation: AtomicU16,
     pub(super) taken: AtomicBool,
     pub(super) trial: Mutex<CriticalSectionRawMutex, Cell<Option<Trial>>>,
@@ -48,10 +48,10 @@ pub(crate) struct Trial {
     pub(crate) alone: bool,
 }
 
-impl Asking {
+impl DirectRequestState {
     pub(crate) const fn new() -> Self {
         Self {
-            answers: Channel::new(),
+            responses: Channel::new(),
             generation: AtomicU16::new(0),
             taken: AtomicBool::new(false),
             trial: Mutex::new(Cell::new(None)),
@@ -59,7 +59,7 @@ impl Asking {
         }
     }
 
-    /// Whether somebody waits for the answer to request number `generation`.
+    /// Whether somebody waits for the response to request number `generation`.
     pub(crate) fn waits_for(&self, generation: u16) -> bool {
         self.taken.load(Ordering::Relaxed) && self.generation.load(Ordering::Relaxed) == generation
     }

@@ -177,7 +177,7 @@ impl Units<'_> {
         }
     }
 
-    /// `id` has not answered a proof. Says whether that leaves the request without an answer that waited for it: not if something
+    /// `id` has not answered a proof. Says whether that leaves the request without a response that waited for it: not if something
     /// else was heard. The proof itself does not count towards being down, but the next one waits.
     pub fn not_proved(&mut self, id: u8, now: Instant, down_after: u8) -> bool {
         self.set_troubled(true);
@@ -203,8 +203,8 @@ impl Units<'_> {
 
     /// The unit `id` if it is known.
     fn known(&mut self, id: u8) -> Option<&mut Unit> {
-        let places = self.list().places();
-        self.all.units.get_mut(places)?.iter_mut().find(|unit| unit.id == id)
+        let slots = self.list().slots();
+        self.all.units.get_mut(slots)?.iter_mut().find(|unit| unit.id == id)
     }
 }
 

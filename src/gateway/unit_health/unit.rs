@@ -3,7 +3,7 @@
 use embassy_time::{Duration, Instant};
 
 use crate::gateway::outstanding::{Purpose, Shape};
-use crate::gateway::response_times::AnswerTimes;
+use crate::gateway::response_times::ResponseTimes;
 use crate::stats::Event;
 
 /// First and longest pause between probes of a unit that is down.
@@ -12,20 +12,20 @@ pub const PROBE_FIRST: Duration = Duration::from_secs(1);
 /// See [`PROBE_FIRST`].
 pub const PROBE_LONGEST: Duration = Duration::from_secs(30);
 
-/// Proofs by function 8 without an answer behind which other requests were answered, until the unit is known to ignore them. Answers
+/// Proofs by function 8 without a response behind which other requests were answered, until the unit is known to ignore them. Answers
 /// get lost, and late ones often several in a row: they meet the requests that are sent meanwhile.
 pub(super) const IGNORED_MAX: u8 = 8;
 
-/// Proofs of any kind without an answer, until a unit that has never answered a read is not asked by them any more.
+/// Proofs of any kind without a response, until a unit that has never answered a read is not asked by them any more.
 pub(super) const TRIED_MAX: u8 = 3;
 
 /// So many if it has answered one before; and after so many it is tried again all the same, where nothing else proves anything.
 pub(super) const IGNORED_RETRY: u8 = 21;
 
-/// How long a unit has at least to send what is to come behind a late answer.
+/// How long a unit has at least to send what is to come behind a late response.
 pub(super) const LATE_PAUSE: Duration = Duration::from_millis(100);
 
-/// Late answers in a row after which a unit is slower than its time-out.
+/// Late responses in a row after which a unit is slower than its time-out.
 pub(super) const LATE_MAX: u8 = 3;
 
 /// Reads that a unit is known to answer, of different shapes: a proof is one of them.
@@ -37,8 +37,8 @@ pub(super) type Read = [u8; 5];
 pub(super) const NO_READ: Read = [0; 5];
 
 /// What is counted of the troubles with one unit, under the names that the port's counters have. A character's parity and framing
-/// count once for each answer that they spoiled.
-pub const TROUBLES: [Event; 11] = [
+/// count once for each response that they spoiled.
+pub const LINE_ERRORS: [Event; 11] = [
     Event::Silent,
     Event::BadCheck,
     Event::Short,
@@ -60,31 +60,31 @@ pub struct Unit {
     /// Requests sent, repeats included.
     pub requests: u32,
     /// Answers, exceptions included.
-    pub answers: u32,
-    /// Of the answers, the exceptions.
+    pub responses: u32,
+    /// Of the responses, the exceptions.
     pub exceptions: u32,
-    /// Requests without an answer in time.
+    /// Requests without a response in time.
     pub timeouts: u32,
     /// How long answers take.
-    pub times: AnswerTimes,
-    /// By the places in [`TROUBLES`]; a counter that is full stays so.
-    pub(super) troubles: [u16; TROUBLES.len()],
+    pub times: ResponseTimes,
+    /// By the places in [`LINE_ERRORS`]; a counter that is full stays so.
+    pub(super) errors: [u16; LINE_ERRORS.len()],
     /// A response is awaited.
     pub(super) open: bool,
-    /// Since the last request something was heard that is no answer to it.
+    /// Since the last request something was heard that is no response to it.
     pub(super) disturbed: bool,
-    /// From the end of the last request to its answer, in microseconds.
+    /// From the end of the last request to its response, in microseconds.
     pub took_us: u32,
     /// Time-outs since the last sign of life.
     pub silent: u8,
-    /// Probes and proofs without an answer since it is down or out of step.
+    /// Probes and proofs without a response since it is down or out of step.
     pub(super) tried: u8,
     pub(super) is_down: bool,
     /// Something whole has been heard of it since the last request or proof.
     pub(super) heard: bool,
     /// Something was late since it answered in time: then it need not wait for the next probe.
     pub(super) hurried: bool,
-    /// Late answers since the last one in time.
+    /// Late responses since the last one in time.
     pub(super) late: u8,
     /// Proofs by function 8 in a row that it has left unanswered while it answered what came behind them.
     pub(super) ignored: u8,
@@ -98,7 +98,7 @@ pub struct Unit {
     pub unproven: bool,
     /// Reads that it has answered; zeros: none.
     pub(super) reads: [Read; READS_MAX],
-    /// No request before this time: the next probe is not due, or a late answer may come.
+    /// No request before this time: the next probe is not due, or a late response may come.
     pub held_until: Instant,
     /// Reads are not joined before this time.
     pub(super) join_after: Instant,
@@ -109,11 +109,11 @@ impl Unit {
         Self {
             id,
             requests: 0,
-            answers: 0,
+            responses: 0,
             exceptions: 0,
             timeouts: 0,
-            times: AnswerTimes::new(),
-            troubles: [0; TROUBLES.len()],
+            times: ResponseTimes::new(),
+            errors: [0; LINE_ERRORS.len()],
             open: false,
             disturbed: false,
             took_us: 0,
@@ -137,20 +137,20 @@ impl Unit {
 
 impl Unit {
     /// The troubles that there were, and how often.
-    pub fn troubles(&self) -> impl Iterator<Item = (Event, u16)> {
-        let counts = TROUBLES.iter().zip(&self.troubles);
-        counts.map(|(trouble, count)| (*trouble, *count)).filter(|(_, count)| *count > 0)
+    pub fn errors(&self) -> impl Iterator<Item = (Event, u16)> {
+        let counts = LINE_ERRORS.iter().zip(&self.errors);
+        counts.map(|(error, count)| (*error, *count)).filter(|(_, count)| *count > 0)
     }
 
-    /// How often there was `trouble`.
-    pub fn trouble(&self, trouble: Event) -> u16 {
-        self.troubles().find(|(known, _)| *known == trouble).map_or(0, |(_, count)| count)
+    /// How often there was `error`.
+    pub fn error(&self, error: Event) -> u16 {
+        self.errors().find(|(known, _)| *known == error).map_or(0, |(_, count)| count)
     }
 
-    pub(super) fn count(&mut self, trouble: Event) {
+    pub(super) fn count(&mut self, error: Event) {
         self.disturbed = true;
-        let place = TROUBLES.iter().position(|known| *known == trouble);
-        if let Some(count) = place.and_then(|place| self.troubles.get_mut(place)) {
+        let slot = LINE_ERRORS.iter().position(|known| *known == error);
+        if let Some(count) = slot.and_then(|slot| self.errors.get_mut(slot)) {
             *count = count.saturating_add(1);
         }
     }
@@ -160,12 +160,12 @@ impl Unit {
         self.is_down
     }
 
-    /// Whether its answers come, but only when their time is over.
+    /// Whether its responses come, but only when their time is over.
     pub fn is_slow(&self) -> bool {
         self.late >= LATE_MAX
     }
 
-    /// Nobody got an answer of it who asked.
+    /// Nobody got a response of it who asked.
     pub(super) fn unanswered(&mut self, now: Instant, down_after: u8) {
         self.silent = self.silent.saturating_add(1);
         if self.is_down && self.held_until > now {
@@ -182,7 +182,7 @@ impl Unit {
     pub(super) fn back_off(&mut self, now: Instant) {
         let doubled = self.tried.min(8);
         self.tried = self.tried.saturating_add(1);
-        // Where one answer was lost, another may have been: that is no reason to leave it alone for long.
+        // Where one response was lost, another may have been: that is no reason to leave it alone for long.
         let first = if self.is_down { PROBE_FIRST } else { LATE_PAUSE };
         self.held_until = now + (first * (1 << doubled)).min(PROBE_LONGEST);
     }

@@ -35,10 +35,10 @@ pub fn request_end(so_far: &[u8]) -> End {
     if so_far.len() < told_by { End::Later } else { End::Unknown }
 }
 
-/// Where the response to `request` ends that begins with `so_far`; unknown also when it can be no answer to that.
+/// Where the response to `request` ends that begins with `so_far`; unknown also when it can be no response to that.
 pub fn response_end(request: &[u8], so_far: &[u8]) -> End {
     match (response_length(request, so_far), so_far) {
-        // A read's answer counts its bytes.
+        // A read's response counts its bytes.
         (ResponseLength::Known(length), [1..=4 | READ_WRITE_MULTIPLE_REGISTERS, count, ..])
             if usize::from(*count) + 2 != length =>
         {

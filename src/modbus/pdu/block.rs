@@ -1,5 +1,5 @@
 //! Blocks of neighbouring coils, inputs or registers that one read asks for: one block that covers several, and each one's
-//! part of the answer to it.
+//! part of the response to it.
 
 use core::num::NonZeroU8;
 
@@ -51,7 +51,7 @@ impl Block {
         if self.function == other.function { Self { first, last, ..*self }.if_readable() } else { None }
     }
 
-    /// The answer to `wanted`, as it follows from `answer`, which fits the request for this block. None when `wanted` is no
+    /// The response to `wanted`, as it follows from `answer`, which fits the request for this block. None when `wanted` is no
     /// part of the block, or `answer` an exception.
     pub fn part<'a>(
         &self,

@@ -49,7 +49,7 @@ pub fn is_broadcastable(request: &[u8]) -> bool {
     !is_read(request) && !matches!(request, [] | [READ_WRITE_MULTIPLE_REGISTERS | ENCAPSULATED_INTERFACE, ..])
 }
 
-/// How much of `request`, a write, its answer repeats; `None` for functions whose answer says more (clause 6).
+/// How much of `request`, a write, its response repeats; `None` for functions whose answer says more (clause 6).
 pub fn confirmation(request: &[u8]) -> Option<&[u8]> {
     match *request.first()? {
         WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER | WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS => {

@@ -7,7 +7,7 @@ use super::function::{
     REPORT_SERVER_ID, WRITE_FILE_RECORD, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL,
     WRITE_SINGLE_REGISTER,
 };
-use super::{ResponseLength, file_answer_length, response_length};
+use super::{ResponseLength, file_response_length, response_length};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 
 /// Most coils or inputs in one read.
@@ -93,7 +93,7 @@ fn possible(function: u8, fields: &[u8]) -> bool {
         (WRITE_MULTIPLE_COILS, fields) => writes(fields, WRITE_BITS_MAX, 1),
         (WRITE_MULTIPLE_REGISTERS, fields) => writes(fields, WRITE_REGISTERS_MAX, REGISTER_BITS),
         (READ_FILE_RECORD, [count, groups @ ..]) => {
-            usize::from(*count) == groups.len() && file_answer_length(groups).is_some()
+            usize::from(*count) == groups.len() && file_response_length(groups).is_some()
         }
         (WRITE_FILE_RECORD, [count, groups @ ..]) => {
             usize::from(*count) == groups.len() && file_groups(groups)

@@ -1,4 +1,4 @@
-//! How long the answer to a request is, and whether an answer is the answer to it.
+//! How long the response to a request is, and whether a response is the response to it.
 
 use super::function::{
     DIAGNOSTICS, ENCAPSULATED_INTERFACE, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG, MASK_WRITE_REGISTER,
@@ -7,7 +7,7 @@ use super::function::{
     REPORT_SERVER_ID, WRITE_FILE_RECORD, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL,
     WRITE_SINGLE_REGISTER,
 };
-use super::{EXCEPTION_BIT, file_answer_length};
+use super::{EXCEPTION_BIT, file_response_length};
 use crate::modbus::PDU_BYTES_MAX;
 
 /// Where a response PDU ends, as far as its beginning tells.
@@ -75,7 +75,7 @@ pub fn response_length(request: &[u8], so_far: &[u8]) -> ResponseLength {
             [_, count, ..] => Known(2 + usize::from(*count)),
             _ => More,
         },
-        [READ_FILE_RECORD, _, groups @ ..] => file_answer_length(groups).map_or(Silence, Known),
+        [READ_FILE_RECORD, _, groups @ ..] => file_response_length(groups).map_or(Silence, Known),
         [READ_FIFO_QUEUE, ..] => match so_far {
             [_, high, low, ..] => Known(3 + usize::from(u16::from_be_bytes([*high, *low]))),
             _ => More,
@@ -84,7 +84,7 @@ pub fn response_length(request: &[u8], so_far: &[u8]) -> ResponseLength {
     }
 }
 
-/// Whether `response` is an answer to `request`: its function or an exception to it, the length that the request
+/// Whether `response` is a response to `request`: its function or an exception to it, the length that the request
 /// asks for, and the request's fields repeated where the function repeats them.
 ///
 /// For a function that the gateway does not know, the function code is all there is to compare.
@@ -128,7 +128,7 @@ fn counts(request: &[u8], response: &[u8]) -> bool {
         // Status, event counter and message counter come before the events (clause 6.10).
         [GET_COMM_EVENT_LOG, count, ..] => *count >= 6,
         [READ_FILE_RECORD, count, groups @ ..] => {
-            usize::from(*count) == groups.len() && file_answer_groups(request, groups)
+            usize::from(*count) == groups.len() && file_response_groups(request, groups)
         }
         // The number of registers comes before them, and counts neither itself nor the byte count (clause 6.18).
         [READ_FIFO_QUEUE, _, _, high, low, registers @ ..] => {
@@ -140,7 +140,7 @@ fn counts(request: &[u8], response: &[u8]) -> bool {
 }
 
 /// Whether each group of a function 20 answer has the length that its group of the request asks for.
-fn file_answer_groups(request: &[u8], mut answer: &[u8]) -> bool {
+fn file_response_groups(request: &[u8], mut answer: &[u8]) -> bool {
     let (asked, _) = request.get(2..).unwrap_or_default().as_chunks::<{ super::FILE_GROUP_BYTES }>();
     for [.., high, low] in asked {
         let bytes = 1 + 2 * usize::from(u16::from_be_bytes([*high, *low]));

@@ -1,6 +1,6 @@
 //! Answers that are kept for reads whose rule lets them be answered from memory: pure, with time as a value.
 //!
-//! An answer is as old as its request: the device has read the values after that. Where there is no room, the oldest one goes. A
+//! A response is as old as its request: the device has read the values after that. Where there is no room, the oldest one goes. A
 //! write to a unit makes everything void that is known of it, whichever addresses it names: what a register does to others
 //! is the device's affair.
 
@@ -12,9 +12,9 @@ use crate::modbus::pdu::Block;
 use crate::port::client::queue::BROADCAST;
 
 /// Answers that one port keeps. The feature `small` saves memory here.
-pub const ANSWERS_MAX: usize = if cfg!(feature = "small") { 8 } else { 16 };
+pub const RESPONSES_MAX: usize = if cfg!(feature = "small") { 8 } else { 16 };
 /// Bytes of them all: three of the longest, or sixteen of 22 registers; `small`: one, or eight of 15.
-pub const ANSWER_BYTES_MAX: usize = if cfg!(feature = "small") { PDU_BYTES_MAX } else { 3 * PDU_BYTES_MAX };
+pub const RESPONSE_BYTES_MAX: usize = if cfg!(feature = "small") { PDU_BYTES_MAX } else { 3 * PDU_BYTES_MAX };
 
 /// A read of coils, inputs or registers, of a unit: functions 1 to 4. Answers to others are not kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,7 +32,7 @@ impl Question {
     }
 }
 
-/// An answer that is kept. Unit and length stand together in what the block leaves of eight bytes.
+/// A response that is kept. Unit and length stand together in what the block leaves of eight bytes.
 struct Kept {
     unit: u8,
     length: u8,
@@ -41,29 +41,29 @@ struct Kept {
 }
 
 impl Kept {
-    fn answers(&self, question: Question) -> bool {
+    fn is_for(&self, question: Question) -> bool {
         self.block == question.block && self.unit == question.unit
     }
 }
 
-/// The answers that one port keeps.
+/// The responses that one port keeps.
 pub struct Cache {
     /// In the order in which they came.
-    kept: Vec<Kept, ANSWERS_MAX>,
+    kept: Vec<Kept, RESPONSES_MAX>,
     /// Their PDUs, in the same order.
-    bytes: Vec<u8, ANSWER_BYTES_MAX>,
+    bytes: Vec<u8, RESPONSE_BYTES_MAX>,
 }
 
 impl Cache {
-    /// No answers.
+    /// No responses.
     pub const fn new() -> Self {
         Self { kept: Vec::new(), bytes: Vec::new() }
     }
 
-    /// Keeps `answer` to what was asked at `sent`.
-    pub fn keep(&mut self, question: Question, answer: &[u8], sent: Instant) {
-        self.remove(|kept| kept.answers(question));
-        while self.kept.is_full() || ANSWER_BYTES_MAX - self.bytes.len() < answer.len() {
+    /// Keeps `response` to what was asked at `sent`.
+    pub fn keep(&mut self, question: Question, response: &[u8], sent: Instant) {
+        self.remove(|kept| kept.is_for(question));
+        while self.kept.is_full() || RESPONSE_BYTES_MAX - self.bytes.len() < response.len() {
             if self.kept.is_empty() {
                 // It is longer than a PDU may be.
                 return;
@@ -71,16 +71,16 @@ impl Cache {
             self.remove_at(0);
         }
         let Question { unit, block } = question;
-        let kept = Kept { unit, length: answer.len() as u8, block, sent };
+        let kept = Kept { unit, length: response.len() as u8, block, sent };
         // There is room for both now.
-        if self.bytes.extend_from_slice(answer).is_ok() {
+        if self.bytes.extend_from_slice(response).is_ok() {
             let _ = self.kept.push(kept);
         }
     }
 
-    /// The answer to `question`, unless it is older than `age`.
-    pub fn answer(&self, question: Question, now: Instant, age: Duration) -> Option<&[u8]> {
-        let index = self.kept.iter().position(|kept| kept.answers(question))?;
+    /// The response to `question`, unless it is older than `age`.
+    pub fn response(&self, question: Question, now: Instant, age: Duration) -> Option<&[u8]> {
+        let index = self.kept.iter().position(|kept| kept.is_for(question))?;
         let kept = self.kept.get(index)?;
         if now.saturating_duration_since(kept.sent) > age {
             return None;

@@ -1,8 +1,8 @@
-//! One connection to an outside server while it is open: sends the desk's orders and pairs the answers with them.
+//! One connection to an outside server while it is open: sends the dispatcher's requests and pairs the responses with them.
 //!
-//! By Modbus TCP several requests may be open at a time. An answer is taken only when its transaction id belongs to an open
+//! By Modbus TCP several requests may be open at a time. A response is taken only when its transaction id belongs to an open
 //! request and its unit, function, length and echoed fields are that request's; all others are dropped and counted, and
-//! leave the response timers running. By RTU over TCP one request is open at a time, and its answer is found by its length
+//! leave the response timers running. By RTU over TCP one request is open at a time, and its response is found by its length
 //! and CRC, or by the pause behind it.
 
 use core::convert::Infallible;
@@ -19,8 +19,8 @@ use crate::gateway::socket::Socket;
 use crate::hal::TcpStream;
 use crate::modbus::pdu;
 use crate::modbus::tcp::{ADU_BYTES_MAX, Header};
-use crate::port::client::dispatcher::{Desk, is_answering};
-use crate::port::client::pending::Flights;
+use crate::port::client::dispatcher::{Dispatcher, is_responding};
+use crate::port::client::pending::PendingRequests;
 use crate::port::client::queue::{BROADCAST, Next};
 use crate::port::stream::Pieces;
 use crate::port::timer::{until, within};
@@ -37,13 +37,13 @@ const INPUT_BYTES_MAX: usize = ADU_BYTES_MAX + ADU_BYTES_MAX / 2;
 const SETTLED: Duration = Duration::from_secs(1);
 
 /// An open connection.
-pub(crate) struct Link<'l, 'g, S> {
-    desk: &'l Desk<'g>,
+pub(crate) struct TcpConnection<'l, 'g, S> {
+    dispatcher: &'l Dispatcher<'g>,
     settings: &'l TcpClientSettings,
     stream: S,
-    flights: Flights<Frame<'g>>,
-    /// Which of the port's links it is, and to which server.
-    link: u8,
+    pending_requests: PendingRequests<Frame<'g>>,
+    /// Which of the port's connections it is, and to which server.
+    connection: u8,
     server: usize,
     socket: &'l Socket,
     input: [u8; INPUT_BYTES_MAX],
@@ -67,7 +67,7 @@ pub(crate) struct Link<'l, 'g, S> {
 
 /// What a connection does next.
 enum Step<'g> {
-    /// It sends this order to this unit.
+    /// It sends this request to this unit.
     Send(Frame<'g>, u8),
     /// Nothing before this time, unless something happens.
     Wait(Instant),
@@ -81,23 +81,23 @@ pub(crate) enum End {
     Lost,
 }
 
-impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
+impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
     /// A connection that has just been opened. `first` is the first transaction id.
     pub(crate) fn new(
-        desk: &'l Desk<'g>,
+        dispatcher: &'l Dispatcher<'g>,
         settings: &'l TcpClientSettings,
         stream: S,
         first: u16,
-        (link, server): (u8, usize),
+        (connection, server): (u8, usize),
         socket: &'l Socket,
     ) -> Self {
         let now = Instant::now();
         Self {
-            desk,
+            dispatcher,
             settings,
             stream,
-            flights: Flights::new(first, settings.timeout),
-            link,
+            pending_requests: PendingRequests::new(first, settings.timeout),
+            connection,
             server,
             socket,
             input: [0; INPUT_BYTES_MAX],
@@ -116,27 +116,27 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
     /// The connection has ended. Says whether the server is well as far as one can tell.
     ///
     /// What was open when the connection broke may have been carried out: it is answered 0Bh, but for reads that may be
-    /// repeated. What has not been sent stays with the desk. So do reads on a connection that has answered others: many a
-    /// server closes after an answer, before it sees what has been sent by then. The next connection begins with them.
+    /// repeated. What has not been sent stays with the dispatcher. So do reads on a connection that has answered others: many a
+    /// server closes after a response, before it sees what has been sent by then. The next connection begins with them.
     pub(crate) fn ended(&mut self, end: End) -> bool {
-        let cut = !self.flights.is_empty();
+        let cut = !self.pending_requests.is_empty();
         let closed = self.proven && self.length == 0;
-        while let Some(flight) = self.flights.pop() {
-            if closed && flight.order.pdu(pdu::is_read) && !is_answering(&flight.order) {
-                self.desk.place().stats.count(Event::Retry);
+        while let Some(pending) = self.pending_requests.pop() {
+            if closed && pending.request.pdu(pdu::is_read) && !is_responding(&pending.request) {
+                self.dispatcher.port_state().stats.count(Event::Retry);
                 // Without transaction ids it has to be proved first that nothing of it is to come.
                 if self.settings.framing == StreamFraming::Rtu {
-                    self.desk.take_back(&flight.order);
+                    self.dispatcher.take_back(&pending.request);
                 }
                 continue;
             }
-            flight.order.blame(Cause::Connection);
-            self.failed(&flight);
+            pending.request.blame(Cause::Connection);
+            self.failed(&pending);
         }
         match end {
             End::Unused => true,
             End::Lost => {
-                self.desk.place().stats.count(if cut { Event::LineLost } else { Event::Left });
+                self.dispatcher.port_state().stats.count(if cut { Event::LineLost } else { Event::Left });
                 self.proven || (!cut && self.opened.elapsed() >= SETTLED)
             }
         }
@@ -147,7 +147,7 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         self.stream
     }
 
-    /// Carries orders out until the connection ends.
+    /// Carries requests out until the connection ends.
     pub(crate) async fn serve(&mut self) -> Result<Infallible, End> {
         let socket = self.socket;
         loop {
@@ -165,19 +165,21 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
                 }
                 let now = Instant::now();
                 match self.step(now)? {
-                    Step::Send(order, unit) => self.send(order, unit, now).await?,
+                    Step::Send(request, unit) => self.send(request, unit, now).await?,
                     Step::Wait(due) => break due,
                 }
             };
-            if socket.busy(!self.flights.is_empty() || self.begins()) {
+            if socket.busy(!self.pending_requests.is_empty() || self.begins()) {
                 // It may be the one to go now.
-                self.desk.make_room();
+                self.dispatcher.make_room();
             }
-            let deadline = self.flights.first_deadline().unwrap_or(Instant::MAX);
+            let deadline = self.pending_requests.first_deadline().unwrap_or(Instant::MAX);
             let wake = due.min(deadline).min(self.pause_end());
             let space = self.input.get_mut(self.length..).unwrap_or(&mut []);
             let read = self.stream.read(space);
-            match select4(read, self.desk.changed(self.link), until(wake), socket.leave.wait()).await {
+            match select4(read, self.dispatcher.changed(self.connection), until(wake), socket.leave.wait())
+                .await
+            {
                 Either4::First(read) => self.take(read.unwrap_or(0))?,
                 Either4::Second(()) | Either4::Third(()) => {}
                 Either4::Fourth(()) => self.leaving = true,
@@ -192,37 +194,41 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
 
     /// Whether nothing has been sent, but shall be: who has waited for the connection is served before it may go.
     fn begins(&self) -> bool {
-        !self.asked && self.desk.is_wanted(self.server)
+        !self.asked && self.dispatcher.is_wanted(self.server)
     }
 
     /// What is to be done at `now`.
     fn step(&mut self, now: Instant) -> Result<Step<'g>, End> {
         if self.leaving && !self.begins() {
-            return if self.flights.is_empty() { Err(End::Unused) } else { Ok(Step::Wait(Instant::MAX)) };
+            return if self.pending_requests.is_empty() {
+                Err(End::Unused)
+            } else {
+                Ok(Step::Wait(Instant::MAX))
+            };
         }
-        if self.flights.len() >= usize::from(self.settings.in_flight) {
+        if self.pending_requests.len() >= usize::from(self.settings.in_flight) {
             return Ok(Step::Wait(Instant::MAX));
         }
-        let Some(room) = self.flights.room(now) else { return Ok(Step::Wait(Instant::MAX)) };
+        let Some(room) = self.pending_requests.room(now) else { return Ok(Step::Wait(Instant::MAX)) };
         let rested = self.active + self.settings.request_delay;
         let due = room.max(rested).max(self.opened + self.settling());
         if due > now {
             return Ok(Step::Wait(due));
         }
-        if self.flights.is_empty() && self.is_astray() {
+        if self.pending_requests.is_empty() && self.is_astray() {
             return Err(End::Lost);
         }
         if self.lost {
-            let is_open = |order: &Frame<'g>| self.flights.holds(|open| open.is(order));
-            if let Some(order) = self.desk.lost(self.server, |order| !is_open(order)) {
-                let unit = order.target();
-                return Ok(Step::Send(order, unit));
+            let is_open = |request: &Frame<'g>| self.pending_requests.holds(|open| open.is(request));
+            if let Some(request) = self.dispatcher.lost(self.server, |request| !is_open(request)) {
+                let unit = request.target();
+                return Ok(Step::Send(request, unit));
             }
             self.lost = false;
         }
-        let stays = self.settings.idle == Duration::from_ticks(0) || !self.flights.is_empty();
-        match self.desk.next(self.link) {
-            Next::Serve(order, ticket) => Ok(Step::Send(order, ticket.unit)),
+        let stays = self.settings.idle == Duration::from_ticks(0) || !self.pending_requests.is_empty();
+        match self.dispatcher.next(self.connection) {
+            Next::Serve(request, entry) => Ok(Step::Send(request, entry.unit)),
             Next::Wait(until) => Ok(Step::Wait(until)),
             Next::Empty if stays => Ok(Step::Wait(Instant::MAX)),
             Next::Empty => {
@@ -232,25 +238,25 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
         }
     }
 
-    async fn send(&mut self, order: Frame<'g>, unit: u8, now: Instant) -> Result<(), End> {
+    async fn send(&mut self, request: Frame<'g>, unit: u8, now: Instant) -> Result<(), End> {
         let broadcast = unit == BROADCAST && self.settings.framing == StreamFraming::Rtu;
         let mut id = 0;
         if !broadcast {
-            id = match self.flights.start(order.share(), unit, now) {
+            id = match self.pending_requests.start(request.share(), unit, now) {
                 Ok(id) => id,
                 // There is room, it was looked for just now.
-                Err(order) => {
-                    self.desk.failed(&order, 0);
+                Err(request) => {
+                    self.dispatcher.failed(&request, 0);
                     return Ok(());
                 }
             };
         }
         self.asked = true;
-        self.desk.sent(&order, if broadcast { BROADCAST } else { unit });
-        let sent = self.write(id, unit, &order).await;
+        self.dispatcher.sent(&request, if broadcast { BROADCAST } else { unit });
+        let sent = self.write(id, unit, &request).await;
         self.active = now;
         if broadcast {
-            self.desk.done_silently(&order);
+            self.dispatcher.done_silently(&request);
             self.active += TURNAROUND;
         }
         sent?;
@@ -268,21 +274,22 @@ impl<'l, 'g, S: TcpStream> Link<'l, 'g, S> {
     /// Shows a frame to whoever follows.
     fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
         let kind = self.settings.framing.into();
-        let tap = Tap { capture: self.desk.gateway().capture(), port: self.desk.id(), kind };
-        tap.passed(|| tap.asker(), sent, verdict, bytes);
+        let tap = Tap { capture: self.dispatcher.gateway().capture(), port: self.dispatcher.id(), kind };
+        tap.passed(|| tap.requester(), sent, verdict, bytes);
     }
 
-    async fn write(&mut self, transaction: u16, unit: u8, order: &Frame<'g>) -> Result<(), End> {
+    async fn write(&mut self, transaction: u16, unit: u8, request: &Frame<'g>) -> Result<(), End> {
         if self.settings.framing == StreamFraming::Rtu {
-            // What came before the request is no answer to it.
+            // What came before the request is no response to it.
             self.judge_unawaited();
         }
-        let header = Header { transaction, unit: self.desk.outside(unit) };
+        let header = Header { transaction, unit: self.dispatcher.outside(unit) };
         let mut out = Pieces::new();
         loop {
             let begins = |frame: &[u8]| self.tap(true, Event::Request, frame);
             // Looked up for each piece: it need not be kept while one is sent.
-            self.desk.with_request(order, |request| out.take(self.settings.framing, header, request, begins));
+            self.dispatcher
+                .with_request(request, |request| out.take(self.settings.framing, header, request, begins));
             // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
             match within(self.settings.timeout, pin!(self.stream.write_all(out.piece()))).await {
                 Some(Ok(())) if out.goes_on() => {}

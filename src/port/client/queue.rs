@@ -1,18 +1,18 @@
 //! Who is served next at a client-side port: a pure queue, with time as a value.
 //!
-//! An order is pushed with its [`Ticket`] and waits. [`PortQueue::next`] gives the order whose turn it is:
+//! A request is pushed with its [`Entry`] and waits. [`PortQueue::next`] gives the request whose turn it is:
 //!
-//! 1. among the orders whose unit is ready, the highest priority present, except that a class that was passed over
+//! 1. among the requests whose unit is ready, the highest priority present, except that a class that was passed over
 //!    [`PASSED_OVER_MAX`] times in a row goes before the next higher one;
 //! 2. in that class the address that was served longest ago, then the connection of it served longest ago, then
 //!    first in, first out. So a client with nothing queued goes ahead of those that keep the line busy.
 //!
-//! The read that is served takes others along ([`PortQueue::companion`]), each of which keeps its own ticket till then: so
-//! its rank is that of the most urgent of them, and each can expire by itself. The turn is charged to the asker whose turn it
+//! The read that is served takes others along ([`PortQueue::companion`]), each of which keeps its own entry till then: so
+//! its rank is that of the most urgent of them, and each can expire by itself. The turn is charged to the requester whose turn it
 //! was, since identical reads cost the line nothing; next time it is another's turn. Those that made the read longer are
 //! charged, too ([`PortQueue::charge`]). None overtakes a write.
 //!
-//! At most [`WAITING_MAX`] orders wait. When the queue is full, a newcomer takes the place of the newest order of the
+//! At most [`WAITING_MAX`] requests wait. When the queue is full, a newcomer takes the place of the newest order of the
 //! address that has most of them, if that is more than the newcomer's address would have; else it is refused.
 
 use core::net::IpAddr;
@@ -27,23 +27,23 @@ mod fairness;
 #[cfg(test)]
 mod tests;
 
-/// Orders that may wait at one port. With the feature `small` a port does not hold more than a small board has frames.
+/// Requests that may wait at one port. With the feature `small` a port does not hold more than a small board has frames.
 pub const WAITING_MAX: usize = if cfg!(feature = "small") { 24 } else { 64 };
-/// Askers whose last turn is remembered; those of all that wait are among them.
-const ASKERS_MAX: usize = WAITING_MAX;
-/// How often in a row a lower class is passed over while it has orders waiting.
+/// Requesters whose last turn is remembered; those of all that wait are among them.
+const REQUESTERS_MAX: usize = WAITING_MAX;
+/// How often in a row a lower class is passed over while it has requests waiting.
 pub const PASSED_OVER_MAX: u8 = 16;
 
 /// Who asked, as far as fairness goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Asker {
+pub struct Requester {
     /// The port and its connection: tells those of an address, and the serial ports, apart. The first to be compared: mostly it tells.
     connection: (u8, u16),
-    /// The client's address, in as little memory as tells it from others; all serial askers have 0.
+    /// The client's address, in as little memory as tells it from others; all serial requesters have 0.
     address: u32,
 }
 
-impl Asker {
+impl Requester {
     const NOBODY: Self = Self { connection: (u8::MAX, u16::MAX), address: 0 };
 
     /// Who asks by `connection` (a port, and which of its connections) from `address`; from a serial line there is none.
@@ -67,51 +67,51 @@ impl Asker {
     }
 }
 
-/// What the queue must know of an order.
+/// What the queue must know of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Ticket {
+pub struct Entry {
     /// Who asked.
-    pub asker: Asker,
+    pub requester: Requester,
     /// Its rank.
     pub priority: Priority,
     /// The unit asked, on this port's side.
     pub unit: u8,
-    /// From here on the order must not be sent.
+    /// From here on the request must not be sent.
     pub deadline: Instant,
     /// What it does to the unit.
     pub access: Access,
 }
 
-/// What an order does to its unit.
+/// What a request does to its unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
     /// It changes something, or may: what comes after it must see that.
     Write,
-    /// It reads, and wants an answer of its own.
+    /// It reads, and wants a response of its own.
     Read,
     /// It reads, and may share a transaction with others that do.
     SharedRead,
 }
 
-/// The unit id of an order to all units of a line.
+/// The unit id of a request to all units of a line.
 pub(crate) const BROADCAST: u8 = 0;
 
 /// What the port shall do next.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Next<T> {
-    /// Send this order.
-    Serve(T, Ticket),
+    /// Send this request.
+    Serve(T, Entry),
     /// Nothing can be sent before this time.
     Wait(Instant),
-    /// No orders.
+    /// No requests.
     Empty,
 }
 
-/// An order, and what its ticket says.
+/// A request, and what its entry says.
 struct Waiting<T> {
-    order: T,
-    /// Its asker's place in the table.
-    asker: u8,
+    request: T,
+    /// Its requester's place in the table.
+    requester: u8,
     unit: u8,
     priority: Priority,
     access: Access,
@@ -124,9 +124,9 @@ impl<T> Waiting<T> {
     }
 }
 
-/// An asker who waits or was served, and when he and his address had their last turns; 0: none is remembered.
+/// A requester who waits or was served, and when he and his address had their last turns; 0: none is remembered.
 struct Known {
-    asker: Asker,
+    requester: Requester,
     turn: u32,
     by_address: u32,
 }
@@ -134,32 +134,32 @@ struct Known {
 /// Whose turn it is.
 struct Turn {
     class: usize,
-    /// Of which classes orders could be served.
+    /// Of which classes requests could be served.
     present: [bool; 3],
-    /// The order's place.
+    /// The request's place.
     index: usize,
 }
 
-/// The last turns of the asker's address and of the asker: the lowest is first.
+/// The last turns of the requester's address and of the requester: the lowest is first.
 type Rank = (u32, u32);
 
-/// The orders that wait at one port.
+/// The requests that wait at one port.
 pub struct PortQueue<T> {
     /// In the order of arrival.
     waiting: Vec<Waiting<T>, WAITING_MAX>,
-    askers: Vec<Known, ASKERS_MAX>,
+    requesters: Vec<Known, REQUESTERS_MAX>,
     turns: u32,
-    /// Times that normal and low orders were passed over in a row.
+    /// Times that normal and low requests were passed over in a row.
     passed: [u8; 3],
 }
 
 impl<T> PortQueue<T> {
     /// An empty queue.
     pub const fn new() -> Self {
-        Self { waiting: Vec::new(), askers: Vec::new(), turns: 0, passed: [0; 3] }
+        Self { waiting: Vec::new(), requesters: Vec::new(), turns: 0, passed: [0; 3] }
     }
 
-    /// Orders that wait.
+    /// Requests that wait.
     pub fn len(&self) -> usize {
         self.waiting.len()
     }
@@ -169,41 +169,41 @@ impl<T> PortQueue<T> {
         self.waiting.is_empty()
     }
 
-    /// Adds `order`. Gives back the order that had to go for it, which may be `order` itself.
-    pub fn push(&mut self, order: T, ticket: Ticket) -> Option<T> {
+    /// Adds `request`. Gives back the request that had to go for it, which may be `request` itself.
+    pub fn push(&mut self, request: T, entry: Entry) -> Option<T> {
         let evicted = if self.waiting.is_full() {
-            match self.crowder(ticket.asker) {
-                Some(index) => Some(self.waiting.remove(index).order),
-                None => return Some(order),
+            match self.crowder(entry.requester) {
+                Some(index) => Some(self.waiting.remove(index).request),
+                None => return Some(request),
             }
         } else {
             None
         };
-        let waiting = self.waiting(order, ticket);
+        let waiting = self.waiting(request, entry);
         // There is room now.
         let _ = self.waiting.push(waiting);
         evicted
     }
 
-    fn waiting(&mut self, order: T, ticket: Ticket) -> Waiting<T> {
-        let Ticket { asker, priority, unit, deadline, access } = ticket;
-        Waiting { order, asker: self.place_of(asker), unit, priority, access, deadline }
+    fn waiting(&mut self, request: T, entry: Entry) -> Waiting<T> {
+        let Entry { requester, priority, unit, deadline, access } = entry;
+        Waiting { request, requester: self.slot_of(requester), unit, priority, access, deadline }
     }
 
-    /// The order whose turn it is at `now`; `ready` says when a unit may be asked.
+    /// The request whose turn it is at `now`; `ready` says when a unit may be asked.
     pub fn next(&mut self, now: Instant, ready: impl Fn(u8) -> Ready) -> Next<T> {
         let Turn { class, present, index } = match self.turn(now, ready) {
             Ok(turn) => turn,
             Err(earliest) => return earliest.map_or(Next::Empty, Next::Wait),
         };
         let waiting = self.waiting.remove(index);
-        let ticket = self.ticket(&waiting);
-        self.note_turn(waiting.asker);
+        let entry = self.entry(&waiting);
+        self.note_turn(waiting.requester);
         self.note_class(class, present);
-        Next::Serve(waiting.order, ticket)
+        Next::Serve(waiting.request, entry)
     }
 
-    /// The unit of the order whose turn it is at `now`, which goes on waiting; else the time before which there is none.
+    /// The unit of the request whose turn it is at `now`, which goes on waiting; else the time before which there is none.
     pub fn first(&self, now: Instant, ready: impl Fn(u8) -> Ready) -> Result<u8, Instant> {
         let turn = self.turn(now, ready).map_err(|earliest| earliest.unwrap_or(Instant::MAX))?;
         self.waiting.get(turn.index).map(|waiting| waiting.unit).ok_or(Instant::MAX)
@@ -241,35 +241,35 @@ impl<T> PortQueue<T> {
     }
 
     fn rank(&self, waiting: &Waiting<T>) -> Option<Rank> {
-        self.asker(waiting.asker).map(|known| (known.by_address, known.turn))
+        self.requester(waiting.requester).map(|known| (known.by_address, known.turn))
     }
 
-    fn asker(&self, place: u8) -> Option<&Known> {
-        self.askers.get(usize::from(place))
+    fn requester(&self, slot: u8) -> Option<&Known> {
+        self.requesters.get(usize::from(slot))
     }
 
-    /// What is known of an order that waits.
-    fn ticket(&self, waiting: &Waiting<T>) -> Ticket {
+    /// What is known of a request that waits.
+    fn entry(&self, waiting: &Waiting<T>) -> Entry {
         let Waiting { unit, priority, access, deadline, .. } = *waiting;
-        let asker = self.asker(waiting.asker).map_or(Asker::NOBODY, |known| known.asker);
-        Ticket { asker, priority, unit, deadline, access }
+        let requester = self.requester(waiting.requester).map_or(Requester::NOBODY, |known| known.requester);
+        Entry { requester, priority, unit, deadline, access }
     }
 
-    /// The orders that may share a transaction with the one served with `leader`: reads of its unit before which no write to
+    /// The requests that may share a transaction with the one served with `leader`: reads of its unit before which no write to
     /// that unit waits.
-    pub fn companions(&self, leader: &Ticket) -> impl DoubleEndedIterator<Item = &T> {
-        self.companion_places(leader).map(|(_, waiting)| &waiting.order)
+    pub fn companions(&self, leader: &Entry) -> impl DoubleEndedIterator<Item = &T> {
+        self.companion_slots(leader).map(|(_, waiting)| &waiting.request)
     }
 
     /// Takes out the last one of the [companions](PortQueue::companions) that `joins`.
-    pub fn companion(&mut self, leader: &Ticket, joins: impl Fn(&T) -> bool) -> Option<T> {
-        let last = self.companion_places(leader).rev().find(|(_, waiting)| joins(&waiting.order));
+    pub fn companion(&mut self, leader: &Entry, joins: impl Fn(&T) -> bool) -> Option<T> {
+        let last = self.companion_slots(leader).rev().find(|(_, waiting)| joins(&waiting.request));
         let (index, _) = last?;
-        Some(self.waiting.remove(index).order)
+        Some(self.waiting.remove(index).request)
     }
 
-    fn companion_places(&self, leader: &Ticket) -> impl DoubleEndedIterator<Item = (usize, &Waiting<T>)> {
-        let Ticket { unit, access, .. } = *leader;
+    fn companion_slots(&self, leader: &Entry) -> impl DoubleEndedIterator<Item = (usize, &Waiting<T>)> {
+        let Entry { unit, access, .. } = *leader;
         let before = match access {
             Access::SharedRead => self.waiting.iter().take_while(|waiting| !waiting.writes_to(unit)).count(),
             Access::Read | Access::Write => 0,
@@ -280,19 +280,19 @@ impl<T> PortQueue<T> {
         first.iter().enumerate().filter(move |(_, waiting)| may_share(waiting))
     }
 
-    /// Counts a turn of `asker`, who was served along with another one.
-    pub fn charge(&mut self, asker: Asker) {
-        let place = self.place_of(asker);
-        self.note_turn(place);
+    /// Counts a turn of `requester`, who was served along with another one.
+    pub fn charge(&mut self, requester: Requester) {
+        let slot = self.slot_of(requester);
+        self.note_turn(slot);
     }
 
-    /// Puts an order back that has not been carried out after all, in front of all that wait: nothing that came after it may
+    /// Puts a request back that has not been carried out after all, in front of all that wait: nothing that came after it may
     /// go before it, such as a write. Gives it back when there is no room any more.
-    pub fn put_back(&mut self, order: T, ticket: Ticket) -> Option<T> {
+    pub fn put_back(&mut self, request: T, entry: Entry) -> Option<T> {
         if self.waiting.is_full() {
-            return Some(order);
+            return Some(request);
         }
-        let waiting = self.waiting(order, ticket);
+        let waiting = self.waiting(request, entry);
         // There is room.
         let _ = self.waiting.insert(0, waiting);
         None
@@ -303,13 +303,13 @@ impl<T> PortQueue<T> {
         self.waiting.iter().any(|waiting| waiting.writes_to(unit))
     }
 
-    /// Takes out one order for which `unwanted` gives a reason, with the reason.
-    pub fn take_if<R>(&mut self, unwanted: impl Fn(&T, &Ticket) -> Option<R>) -> Option<(T, R)> {
+    /// Takes out one request for which `unwanted` gives a reason, with the reason.
+    pub fn take_if<R>(&mut self, unwanted: impl Fn(&T, &Entry) -> Option<R>) -> Option<(T, R)> {
         let found = self.waiting.iter().enumerate();
         let (index, reason) = found
-            .filter_map(|(index, waiting)| Some((index, unwanted(&waiting.order, &self.ticket(waiting))?)))
+            .filter_map(|(index, waiting)| Some((index, unwanted(&waiting.request, &self.entry(waiting))?)))
             .next()?;
-        Some((self.waiting.remove(index).order, reason))
+        Some((self.waiting.remove(index).request, reason))
     }
 
     /// The earliest deadline of all that wait.
@@ -324,7 +324,7 @@ impl<T> PortQueue<T> {
         let highest = present.iter().position(|present| *present)?;
         let [_, normal, low] = present;
         let [_, normal_passed, low_passed] = self.passed;
-        // A sparse high class is not held up by an overdue low one: only normal orders are, or a high flood.
+        // A sparse high class is not held up by an overdue low one: only normal requests are, or a high flood.
         let low_bound = if highest == NORMAL { PASSED_OVER_MAX } else { 2 * PASSED_OVER_MAX };
         if low && low_passed >= low_bound {
             Some(LOW)
@@ -343,8 +343,8 @@ impl<T> PortQueue<T> {
 }
 
 /// Adds to a count in a table, and gives it.
-fn add(counts: &mut [u8; ASKERS_MAX], place: usize, more: u8) -> u8 {
-    counts.get_mut(place).map_or(0, |count| {
+fn add(counts: &mut [u8; REQUESTERS_MAX], slot: usize, more: u8) -> u8 {
+    counts.get_mut(slot).map_or(0, |count| {
         *count += more;
         *count
     })

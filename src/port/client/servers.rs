@@ -1,9 +1,9 @@
-//! The servers behind one client-side port: which of them an order is for, by which of the port's connections it is served, and
+//! The servers behind one client-side port: which of them a request is for, by which of the port's connections it is served, and
 //! which one is connected next. Pure, with time as a value.
 //!
-//! A port has a few *links*, each of which has a connection to one server at a time, or none. A free link takes the server of
-//! the order whose turn it is, or else one that could not be reached and is to be tried again. A port with one server is the
-//! case of one link; a serial line is a server that is always reached by it.
+//! A port has a few *connections*, each of which has a connection to one server at a time, or none. A free connection takes the server of
+//! the request whose turn it is, or else one that could not be reached and is to be tried again. A port with one server is the
+//! case of one connection; a serial line is a server that is always reached by it.
 
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
@@ -17,14 +17,14 @@ pub const RETRY_LONGEST: Duration = Duration::from_secs(10);
 /// Failures after which pauses are not longer any more.
 const FAILURES_MAX: u8 = 5;
 /// Connections that a port can have at a time.
-pub const LINKS_MAX: usize = SOCKETS_MAX;
+pub const CONNECTIONS_MAX: usize = SOCKETS_MAX;
 
 const _: () = assert!(PORT_SERVERS_MAX <= u64::BITS as usize, "the size of Set");
 
 /// Some of a port's servers, by their numbers.
 pub type Set = u64;
 
-/// Whether orders for a server are taken.
+/// Whether requests for a server are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Path {
     /// They are: it is connected, or will be when there is one.
@@ -40,8 +40,8 @@ struct Server {
     units: UnitRange,
     tag: Tag,
     path: Path,
-    /// The link that is connected to it, or tries to be.
-    link: Option<u8>,
+    /// The connection that is connected to it, or tries to be.
+    connection: Option<u8>,
     /// How often in a row it could not be reached, as far as that makes pauses longer.
     failures: u8,
     /// The end of the last pause, in milliseconds of the clock: a port may have many of these.
@@ -66,12 +66,12 @@ fn milliseconds(now: Instant) -> u32 {
     now.as_millis() as u32
 }
 
-/// What a free link does.
+/// What a free connection does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
     /// It connects to this server.
     Connect(usize),
-    /// Nothing before this time, unless an order comes.
+    /// Nothing before this time, unless a request comes.
     Wait(Instant),
 }
 
@@ -81,8 +81,14 @@ pub struct Servers(Vec<Server, PORT_SERVERS_MAX, u8>);
 impl Servers {
     /// Those that are asked for these units, each under ids that the tag makes of them.
     pub fn new(servers: impl IntoIterator<Item = (UnitRange, Tag)>) -> Self {
-        let server =
-            |(units, tag)| Server { units, tag, path: Path::Open, link: None, failures: 0, retry_ms: 0 };
+        let server = |(units, tag)| Server {
+            units,
+            tag,
+            path: Path::Open,
+            connection: None,
+            failures: 0,
+            retry_ms: 0,
+        };
         Self(servers.into_iter().take(PORT_SERVERS_MAX).map(server).collect())
     }
 
@@ -91,10 +97,10 @@ impl Servers {
         Self::new([(UnitRange::ALL, Tag::Keep)])
     }
 
-    /// A serial line: one server for all units, which the first link has.
+    /// A serial line: one server for all units, which the first connection has.
     pub fn line() -> Self {
         let mut line = Self::one();
-        line.update(0, |server| server.link = Some(0));
+        line.update(0, |server| server.connection = Some(0));
         line
     }
 
@@ -131,7 +137,7 @@ impl Servers {
         units.contains(unit).then_some(unit)
     }
 
-    /// Whether an order for `unit` is taken, by somebody who is `sparing` servers by himself or not.
+    /// Whether a request for `unit` is taken, by somebody who is `sparing` servers by himself or not.
     pub fn takes(&self, unit: u8, sparing: bool) -> bool {
         self.of(unit).and_then(|server| self.get(server)).is_some_and(|server| match server.path {
             Path::Open => true,
@@ -140,27 +146,27 @@ impl Servers {
         })
     }
 
-    /// The link that is connected to the server of `unit`, or tries to be.
-    pub fn link(&self, unit: u8) -> Option<u8> {
-        self.get(self.of(unit)?)?.link
+    /// The connection that is connected to the server of `unit`, or tries to be.
+    pub fn connection(&self, unit: u8) -> Option<u8> {
+        self.get(self.of(unit)?)?.connection
     }
 
-    /// The server of `unit` if no link has it.
-    pub fn unlinked(&self, unit: u8) -> Option<usize> {
+    /// The server of `unit` if no connection has it.
+    pub fn unconnected(&self, unit: u8) -> Option<usize> {
         let server = self.of(unit)?;
-        self.get(server)?.link.is_none().then_some(server)
+        self.get(server)?.connection.is_none().then_some(server)
     }
 
-    /// How many servers have a link.
-    pub fn linked(&self) -> usize {
-        self.0.iter().filter(|server| server.link.is_some()).count()
+    /// How many servers have a connection.
+    pub fn connected_count(&self) -> usize {
+        self.0.iter().filter(|server| server.connection.is_some()).count()
     }
 
-    /// The servers without a link that are to be tried again at `now`, and when there is the next one.
+    /// The servers without a connection that are to be tried again at `now`, and when there is the next one.
     pub fn retries(&self, now: Instant) -> (Set, Instant) {
         let mut retries = (0, Instant::MAX);
         for (nth, server) in self.0.iter().enumerate() {
-            if server.path != Path::Open && server.link.is_none() {
+            if server.path != Path::Open && server.connection.is_none() {
                 match server.retry_at(now) {
                     at if at <= now => retries.0 |= 1 << nth,
                     at => retries.1 = retries.1.min(at),
@@ -170,17 +176,17 @@ impl Servers {
         retries
     }
 
-    /// What the free `link` does at `now`. The order whose turn it is, of those whose servers no link has, is for the server
-    /// `wanted`; `keeps`: connections are opened before there is an order.
-    pub fn choose(&mut self, link: u8, wanted: Option<usize>, keeps: bool, now: Instant) -> Choice {
-        let free = || self.0.iter().enumerate().filter(|(_, server)| server.link.is_none());
+    /// What the free `connection` does at `now`. The request whose turn it is, of those whose servers no connection has, is for the server
+    /// `wanted`; `keeps`: connections are opened before there is a request.
+    pub fn choose(&mut self, connection: u8, wanted: Option<usize>, keeps: bool, now: Instant) -> Choice {
+        let free = || self.0.iter().enumerate().filter(|(_, server)| server.connection.is_none());
         let is_due = |server: &Server| server.path != Path::Open && server.retry_at(now) <= now;
         let due = || free().filter(|(_, server)| is_due(server)).min_by_key(|(_, server)| server.retry_ms);
         let kept = || free().find(|(_, server)| keeps && server.path == Path::Open);
         let chosen = wanted.or_else(|| due().or_else(kept).map(|(number, _)| number));
         let Some(number) = chosen else { return Choice::Wait(self.retries(now).1) };
         if let Some(server) = self.0.get_mut(number) {
-            server.link = Some(link);
+            server.connection = Some(connection);
             if server.path == Path::Paused {
                 server.path = Path::Tried;
             }
@@ -200,7 +206,7 @@ impl Servers {
         });
     }
 
-    /// `server` cannot be reached, or gives no answers: it is left alone for a while, each time for longer.
+    /// `server` cannot be reached, or gives no responses: it is left alone for a while, each time for longer.
     pub fn failed(&mut self, server: usize, now: Instant) {
         self.update(server, |server| {
             let pause = (RETRY_FIRST * (1 << server.failures)).min(RETRY_LONGEST);
@@ -209,7 +215,7 @@ impl Servers {
         });
     }
 
-    /// The attempt to reach `server` was given up at `now` because its link was needed elsewhere: that says nothing about it.
+    /// The attempt to reach `server` was given up at `now` because its connection was needed elsewhere: that says nothing about it.
     pub fn put_off(&mut self, server: usize, now: Instant) {
         self.update(server, |server| {
             if server.path != Path::Open {
@@ -218,17 +224,17 @@ impl Servers {
         });
     }
 
-    /// No link has `server` any more.
+    /// No connection has `server` any more.
     pub fn release(&mut self, server: usize) {
-        self.update(server, |server| server.link = None);
+        self.update(server, |server| server.connection = None);
     }
 
-    /// No server takes orders any more, but from those who spare them by themselves.
+    /// No server takes requests any more, but from those who spare them by themselves.
     pub fn close(&mut self) {
         self.0.iter_mut().for_each(|server| server.path = Path::Tried);
     }
 
-    /// All servers take orders.
+    /// All servers take requests.
     pub fn open(&mut self) {
         self.0.iter_mut().for_each(|server| server.path = Path::Open);
     }

@@ -1,13 +1,13 @@
 //! A client-side TCP port: the gateway asks outside servers, by Modbus TCP or RTU over TCP.
 //!
-//! A connection is opened when the first order for its server comes, and closed when none has come for the idle time; with
-//! `idle 0` it is opened at once and kept. While it is open, [`Link`] carries the orders out. A port with several servers has
+//! A connection is opened when the first request for its server comes, and closed when none has come for the idle time; with
+//! `idle 0` it is opened at once and kept. While it is open, [`TcpConnection`] carries the requests out. A port with several servers has
 //! connections to as many at a time as its `sockets`: [`servers`](crate::port::client::servers) says to which.
 //!
 //! When a server cannot be reached, what waits and what comes for it is answered 0Ah at once: there is no path, so nothing has
 //! been sent and nothing has happened at the device. 0Bh says the other thing: it was sent, or may have been, and no valid
 //! answer came. Meanwhile the connection is tried again in the background, at growing intervals, so that no request has to
-//! wait for the network's time-out but the first, and those of an asker with a back-off of his own, who makes such a try.
+//! wait for the network's time-out but the first, and those of a requester with a back-off of his own, who makes such a try.
 
 use core::pin::pin;
 
@@ -18,10 +18,10 @@ use embassy_time::{Duration, Instant, with_deadline, with_timeout};
 use crate::gateway::Status;
 use crate::gateway::socket::{self, Need, Socket};
 use crate::hal::{OpenError, OpenErrorKind, TcpConnect, TcpStream};
-use crate::port::client::connection::Link;
-use crate::port::client::dispatcher::Desk;
-use crate::port::client::servers::LINKS_MAX;
-use crate::port::timer::apart;
+use crate::port::client::connection::TcpConnection;
+use crate::port::client::dispatcher::Dispatcher;
+use crate::port::client::servers::CONNECTIONS_MAX;
+use crate::port::timer::outlined;
 use crate::settings::TcpClientSettings;
 use crate::stats::Event;
 
@@ -34,17 +34,21 @@ const CLOSED_AT_ONCE: OpenError =
     OpenError::new(OpenErrorKind::Refused, "the server closes the connection without an answer");
 const NO_SERVER: OpenError = OpenError::new(OpenErrorKind::NotFound, "");
 
-/// Carries out the desk's orders, for ever.
-pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSettings, connector: &C) {
-    let place = desk.place().place();
+/// Carries out the dispatcher's requests, for ever.
+pub(crate) async fn run<C: TcpConnect>(
+    dispatcher: &Dispatcher<'_>,
+    settings: &TcpClientSettings,
+    connector: &C,
+) {
+    let port_state = dispatcher.port_state().state();
     let status = if settings.idle > Duration::from_ticks(0) { Status::Idle } else { Status::Off };
-    desk.set_all_statuses(status);
-    join_array::<_, LINKS_MAX>(core::array::from_fn(|link| {
-        let socket = place.sockets.get(link);
-        let link = link as u8;
+    dispatcher.set_all_statuses(status);
+    join_array::<_, CONNECTIONS_MAX>(core::array::from_fn(|connection| {
+        let socket = port_state.sockets.get(connection);
+        let connection = connection as u8;
         async move {
-            match socket.filter(|_| link < desk.links()) {
-                Some(socket) => Caller { desk, settings, connector, link, socket }.run().await,
+            match socket.filter(|_| connection < dispatcher.connections()) {
+                Some(socket) => Caller { dispatcher, settings, connector, connection, socket }.run().await,
                 None => core::future::pending().await,
             }
         }
@@ -54,10 +58,10 @@ pub(crate) async fn run<C: TcpConnect>(desk: &Desk<'_>, settings: &TcpClientSett
 
 /// Connects to one server after the other.
 struct Caller<'c, 'g, C> {
-    desk: &'c Desk<'g>,
+    dispatcher: &'c Dispatcher<'g>,
     settings: &'c TcpClientSettings,
     connector: &'c C,
-    link: u8,
+    connection: u8,
     socket: &'c Socket,
 }
 
@@ -73,57 +77,64 @@ enum Visit {
 
 impl<C: TcpConnect> Caller<'_, '_, C> {
     async fn run(&self) {
-        let Self { desk, settings, socket, .. } = self;
+        let Self { dispatcher, settings, socket, .. } = self;
         let keeps = settings.idle == Duration::from_ticks(0);
-        let mut first_id = u16::from(self.link).wrapping_mul(ID_STRIDE);
+        let mut first_id = u16::from(self.connection).wrapping_mul(ID_STRIDE);
         loop {
-            let server = desk.chosen(self.link, keeps).await;
+            let server = dispatcher.chosen(self.connection, keeps).await;
             let visit = self.visit(server, first_id).await;
-            desk.gateway().socket_closed(socket);
+            dispatcher.gateway().socket_closed(socket);
             first_id = first_id.wrapping_add(ID_STRIDE);
             match visit {
                 Visit::Well => {
                     if !keeps {
-                        desk.set_status(server, Status::Idle);
+                        dispatcher.set_status(server, Status::Idle);
                     }
-                    desk.left(server);
+                    dispatcher.left(server);
                 }
-                Visit::PutOff => desk.put_off(server),
+                Visit::PutOff => dispatcher.put_off(server),
                 Visit::Failed(error) => {
                     let failed = Status::Failed(error);
-                    if desk.set_status(server, failed) != failed
-                        && let Some(address) = desk.address(server)
+                    if dispatcher.set_status(server, failed) != failed
+                        && let Some(address) = dispatcher.address(server)
                     {
                         log_warn!("no connection to {}: {}", address, error);
                     }
-                    desk.failed_to_reach(server);
+                    dispatcher.failed_to_reach(server);
                 }
             }
         }
     }
 
-    /// Connects to `server`, and carries out its orders until the connection ends.
+    /// Connects to `server`, and carries out its requests until the connection ends.
     async fn visit(&self, server: usize, first_id: u16) -> Visit {
-        let Self { desk, settings, connector, link, socket } = self;
+        let Self { dispatcher, settings, connector, connection, socket } = self;
         let give_up = Instant::now() + settings.connect_timeout;
-        let retry = !desk.is_wanted(server);
+        let retry = !dispatcher.is_wanted(server);
         loop {
             socket.freed.reset();
             socket.opening(retry);
-            let Some(address) = desk.address(server) else { return Visit::Failed(NO_SERVER) };
+            let Some(address) = dispatcher.address(server) else { return Visit::Failed(NO_SERVER) };
             let connected = with_deadline(give_up, connector.connect(&address));
             let error = match select(connected, socket.leave.wait()).await {
                 Either::First(Ok(Ok(stream))) => {
-                    let before = desk.set_status(server, Status::Open);
+                    let before = dispatcher.set_status(server, Status::Open);
                     if !matches!(before, Status::Open | Status::Idle) {
                         log_info!("connected to {}", address);
                     }
-                    desk.place().stats.count(Event::Connected);
+                    dispatcher.port_state().stats.count(Event::Connected);
                     socket.opened();
-                    desk.opened(server);
+                    dispatcher.opened(server);
                     // Lent and not moved: what a future is given it keeps twice.
-                    let mut open = Link::new(desk, settings, stream, first_id, (*link, server), socket);
-                    let Err(end) = apart(pin!(open.serve())).await;
+                    let mut open = TcpConnection::new(
+                        dispatcher,
+                        settings,
+                        stream,
+                        first_id,
+                        (*connection, server),
+                        socket,
+                    );
+                    let Err(end) = outlined(pin!(open.serve())).await;
                     let well = open.ended(end);
                     open.into_stream().close().await;
                     return if well { Visit::Well } else { Visit::Failed(CLOSED_AT_ONCE) };
@@ -136,8 +147,8 @@ impl<C: TcpConnect> Caller<'_, '_, C> {
                 return Visit::Failed(error);
             }
             let need = if retry { Need::Retry } else { Need::Order };
-            let all = desk.gateway().ports().iter().flat_map(|place| &place.sockets);
-            socket::ask_for_one(all, need, Some((desk.id(), *link)));
+            let all = dispatcher.gateway().ports().iter().flat_map(|port_state| &port_state.sockets);
+            socket::ask_for_one(all, need, Some((dispatcher.id(), *connection)));
             if Instant::now() >= give_up {
                 return Visit::Failed(error);
             }

@@ -1,7 +1,7 @@
 //! One serial line seen from its client: waits for silence, sends a request, gathers the response.
 //!
 //! The end of an RTU response is known by its length and CRC where the request tells the length, else by the silence that
-//! ends every frame (Modbus over Serial Line 2.5.1.1); an ASCII response ends itself. What is no answer to the request
+//! ends every frame (Modbus over Serial Line 2.5.1.1); an ASCII response ends itself. What is no response to the request
 //! leaves the response timer running. The time that the request spends on the wire does not eat the response time.
 //!
 //! As soon as the first characters of a response tell how many there are at least, the line is left to itself until the last
@@ -17,9 +17,9 @@ use crate::gateway::{Gateway, PortAt};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{Decoder, LINE_FEED};
 use crate::modbus::rtu;
-use crate::port::client::dispatcher::Desk;
-use crate::port::cut_through::egress::{Copied, Form, copy};
-use crate::port::cut_through::response::Reply;
+use crate::port::client::dispatcher::Dispatcher;
+use crate::port::cut_through::egress::{Form, Forwarded, forward};
+use crate::port::cut_through::response::IncomingResponse;
 use crate::port::line::framing::FRAME_CHARS_MAX;
 use crate::port::line::{Collision, Line, LineLost};
 use crate::port::timer::until;
@@ -27,16 +27,16 @@ use crate::settings::{Framing, SerialSettings};
 use crate::stats::Event;
 
 mod found;
-mod look;
-mod unasked;
+mod matching;
+mod unsolicited;
 
 use found::Found;
 
 /// An open line and what is expected on it.
-pub(crate) struct Bus<'s, L> {
+pub(crate) struct SerialTransaction<'s, L> {
     line: Line<'s, L>,
     /// The units of the line.
-    place: PortAt<'s>,
+    port_state: PortAt<'s>,
     tap: Tap<'s>,
     settings: &'s SerialSettings,
     /// What has come of an ASCII response, judged character by character; an RTU response is judged as a whole.
@@ -49,15 +49,23 @@ pub(crate) struct Bus<'s, L> {
     silence: Duration,
 }
 
-impl<'s, L: SerialLine> Bus<'s, L> {
+impl<'s, L: SerialLine> SerialTransaction<'s, L> {
     /// A line that was just opened; nothing is sent during the start delay.
-    pub(crate) fn new(mut line: Line<'s, L>, desk: &'s Desk<'_>, settings: &'s SerialSettings) -> Self {
+    pub(crate) fn new(
+        mut line: Line<'s, L>,
+        dispatcher: &'s Dispatcher<'_>,
+        settings: &'s SerialSettings,
+    ) -> Self {
         line.active += settings.client.start_delay;
         let silence = settings.framing.silence(line.settings) + line.jitter;
-        let place = *desk.place();
-        let tap = Tap { capture: desk.gateway().capture(), port: desk.id(), kind: settings.framing.into() };
+        let port_state = *dispatcher.port_state();
+        let tap = Tap {
+            capture: dispatcher.gateway().capture(),
+            port: dispatcher.id(),
+            kind: settings.framing.into(),
+        };
         let (begun, decoder) = (line.active, Decoder::default());
-        Self { line, place, tap, settings, decoder, begun, pauses: false, silence }
+        Self { line, port_state, tap, settings, decoder, begun, pauses: false, silence }
     }
 
     /// Waits until the line has been silent for the gap; what comes meanwhile is counted and dropped.
@@ -69,11 +77,11 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                     read?;
                     // No frame is that long, and a line that babbles may never fall silent.
                     if self.line.heard().len() >= rtu::FRAME_BYTES_MAX {
-                        self.judge_unasked();
+                        self.judge_unsolicited();
                     }
                 }
                 Either::Second(()) => {
-                    self.judge_unasked();
+                    self.judge_unsolicited();
                     return Ok(());
                 }
             }
@@ -105,25 +113,25 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         Timer::at(self.line.active + self.settings.client.turnaround)
     }
 
-    /// Sends the order `frame` to `unit` while it arrives.
-    pub(crate) fn copy(
+    /// Sends the request `frame` to `unit` while it arrives.
+    pub(crate) fn forward(
         &mut self,
         gateway: &Gateway<'_>,
         frame: &Frame<'_>,
         unit: u8,
         may_wait: bool,
-    ) -> impl Future<Output = Result<Copied, LineLost>> {
+    ) -> impl Future<Output = Result<Forwarded, LineLost>> {
         self.decoder.clear();
         let (framing, envelope) = (self.settings.framing, frame.envelope());
         let (source, from) = (Some(envelope.origin.port), envelope.unit);
         let form = Form { framing, may_wait, delimiter: LINE_FEED, source, from, to: unit };
-        copy(gateway, &mut self.line, frame, form)
+        forward(gateway, &mut self.line, frame, form)
     }
 
     /// Waits for the response to what was just sent, and gives the time from the request's end to it.
     pub(crate) async fn receive(
         &mut self,
-        reply: &mut Reply<'_, '_>,
+        incoming: &mut IncomingResponse<'_, '_>,
     ) -> Result<Result<Duration, Failure>, LineLost> {
         let sent = self.line.active;
         let deadline = sent + self.settings.client.timeout;
@@ -131,15 +139,16 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         let longest = self.line.settings.chars(self.settings.framing.chars_max());
         let end = deadline + longest + self.silence;
         // What was read with the request's echo, if anything was.
-        let mut found = if self.line.heard().is_empty() { Found::Nothing } else { self.look(reply) };
+        let mut found =
+            if self.line.heard().is_empty() { Found::Nothing } else { self.match_response(incoming) };
         let outcome = loop {
             match found {
                 Found::Nothing => {}
                 Found::Response => break Ok(()),
-                Found::Damaged(trouble) => break Err(Failure::Damaged(trouble)),
+                Found::Corrupt(error) => break Err(Failure::Corrupt(error)),
                 Found::Other => {
                     if !self.line.heard().is_empty() {
-                        found = self.look(reply);
+                        found = self.match_response(incoming);
                         continue;
                     }
                 }
@@ -149,7 +158,7 @@ impl<'s, L: SerialLine> Bus<'s, L> {
             if L::RESTS
                 && has_begun
                 && self.line.begun() >= sent
-                && let Some(due) = self.due(reply)
+                && let Some(due) = self.due(incoming)
                 && self.line.rest(due).await
             {
                 // What has not been read is no silence.
@@ -159,15 +168,15 @@ impl<'s, L: SerialLine> Bus<'s, L> {
                 true => end.min(self.line.quiet_at(self.silence)),
                 false => deadline,
             };
-            found = match select(self.line.read(), until(over.min(reply.due()))).await {
+            found = match select(self.line.read(), until(over.min(incoming.due()))).await {
                 Either::Second(()) if self.line.is_relayed() && Instant::now() < end => Found::Nothing,
                 Either::First(read) => {
                     read?;
                     self.pauses |= self.decoder.in_frame() && self.line.pauses();
-                    self.look(reply)
+                    self.match_response(incoming)
                 }
-                Either::Second(()) if Instant::now() < over => self.look(reply),
-                Either::Second(()) if has_begun => self.look_at_silence(reply),
+                Either::Second(()) if Instant::now() < over => self.match_response(incoming),
+                Either::Second(()) if has_begun => self.match_at_silence(incoming),
                 Either::Second(()) => break Err(Failure::Timeout),
             };
         };
@@ -179,18 +188,18 @@ impl<'s, L: SerialLine> Bus<'s, L> {
         Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
     }
 
-    /// Sends to `unit` what the desk has to send for `order`.
+    /// Sends to `unit` what the dispatcher has to send for `request`.
     pub(crate) fn send<'a, 'g>(
         &'a mut self,
         unit: u8,
-        desk: &'a Desk<'g>,
-        order: &'a Frame<'g>,
+        dispatcher: &'a Dispatcher<'g>,
+        request: &'a Frame<'g>,
     ) -> impl Future<Output = Result<Result<(), Collision>, LineLost>> + use<'a, 's, 'g, L> {
         self.decoder.clear();
         // The future of an `async fn` would keep its arguments twice.
         async move {
             let mut frame = [0; FRAME_CHARS_MAX];
-            let length = desk.with_request(order, |request| {
+            let length = dispatcher.with_request(request, |request| {
                 self.settings.framing.encode(unit, request, LINE_FEED, &mut frame).map_or(0, <[u8]>::len)
             });
             let frame = frame.get(..length).filter(|frame| !frame.is_empty()).ok_or(LineLost)?;
@@ -204,9 +213,9 @@ impl<'s, L: SerialLine> Bus<'s, L> {
     }
 
     /// Notes a request that was sent while it arrived.
-    pub(crate) fn note_copied(&self, unit: u8, request: &[u8], crc: Option<u16>) {
+    pub(crate) fn note_forwarded(&self, unit: u8, request: &[u8], crc: Option<u16>) {
         let end = (crc, LINE_FEED);
-        self.tap.copied(self.line.active, Event::Request, self.settings.framing, (unit, request), end);
+        self.tap.forwarded(self.line.active, Event::Request, self.settings.framing, (unit, request), end);
     }
 
     /// Whether something has begun of which more is to come.

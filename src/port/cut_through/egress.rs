@@ -22,7 +22,7 @@ use crate::stats::Event;
 
 /// How the copy of a frame ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Copied {
+pub(crate) enum Forwarded {
     /// It was good to its end.
     Whole,
     /// It was damaged before it came here, or was broken off: whoever it is for will not take it for good.
@@ -50,12 +50,12 @@ pub(crate) struct Form {
 }
 
 /// Sends `frame` as far as it has come and as more comes. The line has been silent.
-pub(crate) async fn copy<L: SerialLine>(
+pub(crate) async fn forward<L: SerialLine>(
     gateway: &Gateway<'_>,
     line: &mut Line<'_, L>,
     frame: &Frame<'_>,
     form: Form,
-) -> Result<Copied, LineLost> {
+) -> Result<Forwarded, LineLost> {
     line.stats.count(Event::Cut);
     line.begin();
     let mut sent = Sent::new(form);
@@ -68,7 +68,7 @@ pub(crate) async fn copy<L: SerialLine>(
             continue;
         }
         match fill {
-            Fill::Complete => return Ok(Copied::Whole),
+            Fill::Complete => return Ok(Forwarded::Whole),
             Fill::Broken => break,
             Fill::Filling => {
                 // All that the frame has is sent: what comes next is the first thing that it has not been given yet.
@@ -88,7 +88,7 @@ pub(crate) async fn copy<L: SerialLine>(
         }
     }
     line.stats.count(Event::Aborted);
-    Ok(if sent.is_frame(frame) { Copied::Short } else { Copied::Broken })
+    Ok(if sent.is_frame(frame) { Forwarded::Short } else { Forwarded::Broken })
 }
 
 /// Lets the board send what comes at `port`. Says whether it does.

@@ -20,7 +20,7 @@ pub(crate) enum Passing<'g> {
     /// It is to be handed on at this time, as far as what is there tells.
     At(Instant),
     /// It has been handed on.
-    Begun(Arriving<'g>),
+    Begun(Ingress<'g>),
     /// It is passed on when it is whole, if at all.
     Whole,
 }
@@ -47,12 +47,12 @@ impl Passing<'_> {
 }
 
 /// The filling side of a frame that was handed on.
-pub(crate) struct Arriving<'g> {
+pub(crate) struct Ingress<'g> {
     writer: FrameWriter<'g>,
     framing: Framing,
 }
 
-impl<'g> Arriving<'g> {
+impl<'g> Ingress<'g> {
     /// A frame that arrives in `framing`.
     pub(crate) fn new(writer: FrameWriter<'g>, framing: Framing) -> Self {
         Self { writer, framing }

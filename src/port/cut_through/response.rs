@@ -1,36 +1,41 @@
-//! Where the response to an order goes: into the order's frame when it is whole, or while it arrives.
+//! Where the response to a request goes: into the request's frame when it is whole, or while it arrives.
 
 use embassy_time::Instant;
 
 use crate::frame::{Envelope, Frame};
 use crate::modbus::pdu::{self, End};
-use crate::port::client::dispatcher::{Desk, is_answering};
-use crate::port::cut_through::ingress::{Arriving, Passing, is_whole};
+use crate::port::client::dispatcher::{Dispatcher, is_responding};
+use crate::port::cut_through::ingress::{Ingress, Passing, is_whole};
 use crate::settings::Lane;
 
 /// The response that is awaited.
-pub(crate) struct Reply<'r, 'g> {
-    desk: &'r Desk<'g>,
-    order: &'r Frame<'g>,
+pub(crate) struct IncomingResponse<'r, 'g> {
+    dispatcher: &'r Dispatcher<'g>,
+    frame: &'r Frame<'g>,
     unit: u8,
     request: &'r [u8],
-    /// The order waits for this response, but wants another.
+    /// The request waits for this response, but wants another.
     is_proof: bool,
     /// The line of whoever asked, if the response may be passed on while it arrives.
-    asker: Option<Lane>,
+    requester: Option<Lane>,
     passing: Passing<'g>,
 }
 
-impl<'r, 'g> Reply<'r, 'g> {
-    pub(crate) fn new(desk: &'r Desk<'g>, order: &'r Frame<'g>, unit: u8, request: &'r [u8]) -> Self {
-        let Envelope { cut, origin, .. } = order.envelope();
-        // Once begun, an answer cannot be stored any more: its end must be sure to be told.
+impl<'r, 'g> IncomingResponse<'r, 'g> {
+    pub(crate) fn new(
+        dispatcher: &'r Dispatcher<'g>,
+        frame: &'r Frame<'g>,
+        unit: u8,
+        request: &'r [u8],
+    ) -> Self {
+        let Envelope { cut, origin, .. } = frame.envelope();
+        // Once begun, a response cannot be stored any more: its end must be sure to be told.
         let has_end = || pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
-        let lane = || desk.gateway().settings(|settings| Lane::at(settings, origin.port));
-        let in_step = || desk.place().units(|units| units.is_in_step(unit, true));
-        let is_proof = desk.is_proving(order);
-        let asker = if cut && !is_proof && has_end() && in_step() { lane() } else { None };
-        Self { desk, order, unit, request, is_proof, asker, passing: Passing::Open }
+        let lane = || dispatcher.gateway().settings(|settings| Lane::at(settings, origin.port));
+        let in_step = || dispatcher.port_state().units(|units| units.is_in_step(unit, true));
+        let is_proof = dispatcher.is_proving(frame);
+        let requester = if cut && !is_proof && has_end() && in_step() { lane() } else { None };
+        Self { dispatcher, frame, unit, request, is_proof, requester, passing: Passing::Open }
     }
 
     /// The unit asked.
@@ -45,7 +50,7 @@ impl<'r, 'g> Reply<'r, 'g> {
 
     /// Whether the response may be passed on while it arrives.
     pub(crate) fn is_passed_on(&self) -> bool {
-        self.asker.is_some()
+        self.requester.is_some()
     }
 
     /// When there is something to do though nothing comes.
@@ -60,7 +65,7 @@ impl<'r, 'g> Reply<'r, 'g> {
 
     /// Looks at what was `heard` of a frame that began at `begun` on `line`, and passes it on if its time has come.
     pub(crate) fn hear(&mut self, heard: &[u8], begun: Instant, line: &Lane) {
-        let (Some(asker), Some((&unit, so_far))) = (self.asker, heard.split_first()) else { return };
+        let (Some(requester), Some((&unit, so_far))) = (self.requester, heard.split_first()) else { return };
         let end = pdu::response_end(self.request, so_far);
         match &mut self.passing {
             Passing::Whole => return,
@@ -70,16 +75,16 @@ impl<'r, 'g> Reply<'r, 'g> {
                 }
                 return;
             }
-            Passing::Open | Passing::At(_) if unit != self.unit || is_answering(self.order) => {
+            Passing::Open | Passing::At(_) if unit != self.unit || is_responding(self.frame) => {
                 self.passing = Passing::Whole;
             }
-            Passing::Open | Passing::At(_) => self.passing = Passing::plan(begun, line, &asker, end),
+            Passing::Open | Passing::At(_) => self.passing = Passing::plan(begun, line, &requester, end),
         }
         if self.passing.is_due() {
-            let mut arriving = Arriving::new(self.order.rewrite(), line.framing);
+            let mut arriving = Ingress::new(self.frame.rewrite(), line.framing);
             arriving.take(heard, end);
             self.passing = Passing::Begun(arriving);
-            self.desk.answering(self.order);
+            self.dispatcher.responding(self.frame);
         }
     }
 
@@ -94,8 +99,8 @@ impl<'r, 'g> Reply<'r, 'g> {
             }
             Passing::Begun(_) => {}
             // A response fits into the frame: it is no longer than a PDU may be.
-            _ if !self.is_proof && !is_answering(self.order) => {
-                let _ = self.order.replace(pdu);
+            _ if !self.is_proof && !is_responding(self.frame) => {
+                let _ = self.frame.replace(pdu);
             }
             _ => {}
         }

@@ -3,7 +3,7 @@
 use embassy_time::{Duration, Timer};
 
 use super::Line;
-use crate::gateway::{PortPlace, Status};
+use crate::gateway::{PortState, Status};
 use crate::hal::{OpenError, SerialLine};
 use crate::settings::SerialSettings;
 use crate::stats::{Event, LastError};
@@ -14,14 +14,14 @@ const REOPEN_LONGEST: Duration = Duration::from_secs(5);
 
 /// Opens a line again and again, with back-off, and tells how that goes.
 pub(crate) struct Opening<'s> {
-    place: &'s PortPlace,
+    port_state: &'s PortState,
     settings: &'s SerialSettings,
     pause: Duration,
 }
 
 impl<'s> Opening<'s> {
-    pub(crate) fn new(place: &'s PortPlace, settings: &'s SerialSettings) -> Self {
-        Self { place, settings, pause: REOPEN_FIRST }
+    pub(crate) fn new(port_state: &'s PortState, settings: &'s SerialSettings) -> Self {
+        Self { port_state, settings, pause: REOPEN_FIRST }
     }
 
     /// The line that `host` has opened, if it has.
@@ -34,14 +34,14 @@ impl<'s> Opening<'s> {
         match opened {
             Ok(io) => {
                 log_info!("{} is open", device);
-                self.place.set_status(Status::Open);
-                self.place.stats.note(LastError::None);
+                self.port_state.set_status(Status::Open);
+                self.port_state.stats.note(LastError::None);
                 self.pause = REOPEN_FIRST;
-                Some(Line::new(io, &self.settings.line, jitter, &self.place.stats))
+                Some(Line::new(io, &self.settings.line, jitter, &self.port_state.stats))
             }
             Err(error) => {
-                self.place.stats.note(LastError::Port);
-                if self.place.set_status(Status::Failed(error)) {
+                self.port_state.stats.note(LastError::Port);
+                if self.port_state.set_status(Status::Failed(error)) {
                     log_warn!("{} cannot be opened: {}", device, error);
                 }
                 None
@@ -52,8 +52,8 @@ impl<'s> Opening<'s> {
     /// The line is lost.
     pub(crate) fn lost(&self) {
         log_warn!("{} is lost", self.settings.device.as_str());
-        self.place.stats.count(Event::LineLost);
-        self.place.set_status(Status::Lost);
+        self.port_state.stats.count(Event::LineLost);
+        self.port_state.set_status(Status::Lost);
     }
 
     /// The pause before the next attempt.

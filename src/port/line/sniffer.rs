@@ -1,9 +1,9 @@
 //! What a frame is that was heard on a serial line with other devices: a request for us, a request for another one, another
-//! one's answer, or garbage. Pure, with silences as facts.
+//! one's response, or garbage. Pure, with silences as facts.
 //!
-//! In RTU a frame of another unit has two readings: the answer to a read begins as a request does. So after another unit's
-//! request its answer is expected, and is taken for that if it fits; everything else is read as a request. A frame under
-//! one of our ids is never somebody's answer, whatever was expected.
+//! In RTU a frame of another unit has two readings: the response to a read begins as a request does. So after another unit's
+//! request its response is expected, and is taken for that if it fits; everything else is read as a request. A frame under
+//! one of our ids is never somebody's response, whatever was expected.
 //!
 //! Silence tells frames apart, and all that stands between two silences is tried as one frame first. Where silences cannot
 //! be seen (reads of an operating system are late), or were too short, frames are split off by the lengths that both
@@ -18,7 +18,7 @@ use crate::stats::LastError;
 
 mod ascii;
 
-pub use ascii::AsciiEar;
+pub use ascii::AsciiSniffer;
 
 /// What was heard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,7 +32,7 @@ pub enum Heard<'a> {
     },
     /// A request for another unit.
     ForeignRequest,
-    /// The answer of another unit.
+    /// The response of another unit.
     ForeignAnswer,
     /// No frame, and why.
     Garbage(LastError),
@@ -41,7 +41,7 @@ pub enum Heard<'a> {
 }
 
 /// Listens on an RTU line.
-pub struct RtuEar {
+pub struct RtuSniffer {
     expected: Option<Foreign>,
     /// Whether the beginning of what is heard is the beginning of a frame.
     in_step: bool,
@@ -53,13 +53,13 @@ struct Foreign {
     request: Pdu,
 }
 
-impl Default for RtuEar {
+impl Default for RtuSniffer {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl RtuEar {
+impl RtuSniffer {
     /// Switched on in the middle of whatever happens on the line.
     pub const fn new() -> Self {
         Self { expected: None, in_step: false }
@@ -124,18 +124,21 @@ impl RtuEar {
             End::At(length) => Some(length),
             End::Later | End::Unknown => None,
         };
-        // The answer to a request that was not heard.
+        // The response to a request that was not heard.
         let unheard = || match so_far {
             [1..=4, count, ..] => Some(2 + usize::from(*count)),
             [5 | 6 | 15 | 16, ..] => Some(5),
             _ => None,
         };
-        let answer =
-            if is_ours(unit) { request } else { self.answer_length(unit, so_far, &is_ours).or_else(unheard) };
-        let (Some(request), Some(answer)) = (request, answer) else {
+        let response = if is_ours(unit) {
+            request
+        } else {
+            self.response_length(unit, so_far, &is_ours).or_else(unheard)
+        };
+        let (Some(request), Some(response)) = (request, response) else {
             return (received.len() < FRAME_BYTES_MIN).then_some(FRAME_BYTES_MIN);
         };
-        let bytes = [request, answer].map(|length| length + rtu::OVERHEAD_BYTES);
+        let bytes = [request, response].map(|length| length + rtu::OVERHEAD_BYTES);
         // As long as it is here it is none that would have come to its end.
         bytes.into_iter().filter(|bytes| *bytes > received.len()).min()
     }
@@ -149,9 +152,9 @@ impl RtuEar {
     ) -> Option<(usize, u8, &'a [u8])> {
         let (&unit, so_far) = received.split_first()?;
         let whole = |length: usize| frame_of(received, length + rtu::OVERHEAD_BYTES);
-        if let Some(length) = self.answer_length(unit, so_far, is_ours) {
+        if let Some(length) = self.response_length(unit, so_far, is_ours) {
             match received.len() < length + rtu::OVERHEAD_BYTES {
-                // The answer that is expected may still become whole, and its data could look like a request.
+                // The response that is expected may still become whole, and its data could look like a request.
                 true if !silent => return None,
                 _ => {
                     if let Some(frame) = whole(length) {
@@ -161,7 +164,7 @@ impl RtuEar {
             }
         }
         let as_request = pdu::request_length(so_far).and_then(whole);
-        // The answer to a request that was not heard: a read's says how long it is.
+        // The response to a request that was not heard: a read's says how long it is.
         let unheard = || match so_far {
             [1..=4, count, ..] if !is_ours(unit) => whole(2 + usize::from(*count)),
             [function, _, ..] if function & EXCEPTION_BIT != 0 => whole(2),
@@ -186,14 +189,14 @@ impl RtuEar {
         (FRAME_BYTES_MIN..=longest).find_map(|end| frame_of(received, end))
     }
 
-    /// The length of the answer that is expected, if `so_far` can be the beginning of that.
-    fn answer_length(&self, unit: u8, so_far: &[u8], is_ours: &impl Fn(u8) -> bool) -> Option<usize> {
+    /// The length of the response that is expected, if `so_far` can be the beginning of that.
+    fn response_length(&self, unit: u8, so_far: &[u8], is_ours: &impl Fn(u8) -> bool) -> Option<usize> {
         let expected = self.expected.as_ref().filter(|expected| expected.unit == unit && !is_ours(unit))?;
         let ResponseLength::Known(length) = pdu::response_length(&expected.request, so_far) else {
             return None;
         };
         match so_far {
-            // A read's answer counts its bytes.
+            // A read's response counts its bytes.
             [1..=4 | 23, count, ..] if usize::from(*count) + 2 != length => None,
             _ => Some(length),
         }

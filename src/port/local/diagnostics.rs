@@ -9,7 +9,7 @@ use embassy_time::Instant;
 use super::response::{Answered, put};
 use crate::gateway::events::Events;
 use crate::gateway::unit_health::Unit;
-use crate::gateway::{Gateway, PortAt, PortPlace, Status};
+use crate::gateway::{Gateway, PortAt, PortState, Status};
 use crate::modbus::pdu::function::{DIAGNOSTICS, GET_COMM_EVENT_LOG};
 use crate::modbus::{Exception, Pdu};
 use crate::settings::PortId;
@@ -21,18 +21,18 @@ const UNIT_DOWN: u16 = 2;
 const NO_FRAME: u16 = 4;
 
 /// Answers sub-function `sub` with `data`, which came by `port`.
-pub(super) fn answer(
+pub(super) fn respond(
     gateway: &Gateway<'_>,
     port: PortId,
     sub: u16,
     data: &[u8],
-    answer: &mut Pdu,
+    response: &mut Pdu,
 ) -> Answered {
-    let place = gateway.ports().get(port.index()).ok_or(Exception::DEVICE_FAILURE)?;
+    let port_state = gateway.ports().get(port.index()).ok_or(Exception::DEVICE_FAILURE)?;
     let header = [DIAGNOSTICS, (sub >> 8) as u8, sub as u8];
-    // Return query data: the answer repeats the request.
+    // Return query data: the response repeats the request.
     if sub == 0 {
-        return put(answer, &[&header, data]);
+        return put(response, &[&header, data]);
     }
     let counter = match sub {
         // Return the diagnostic register.
@@ -41,27 +41,27 @@ pub(super) fn answer(
         0x0a | 0x14 | 0x0b..=0x12 if data != [0, 0] => return Err(Exception::ILLEGAL_VALUE),
         // Clear counters.
         0x0a => {
-            place.stats.clear(Instant::now());
+            port_state.stats.clear(Instant::now());
             gateway.events(Events::clear_count);
             0
         }
         // Clear the overrun counter.
         0x14 => {
-            place.stats.reset(Event::Overrun);
+            port_state.stats.reset(Event::Overrun);
             0
         }
-        sub => counter(&place.stats, sub).ok_or(Exception::ILLEGAL_FUNCTION)?,
+        sub => counter(&port_state.stats, sub).ok_or(Exception::ILLEGAL_FUNCTION)?,
     };
-    put(answer, &[&header, &counter.to_be_bytes()])
+    put(response, &[&header, &counter.to_be_bytes()])
 }
 
 /// The state of all ports, as it is now: there is nothing to clear.
 fn register(gateway: &Gateway<'_>) -> u16 {
-    let failed = |place: &PortPlace| matches!(place.status(), Status::Lost | Status::Failed(_));
+    let failed = |port_state: &PortState| matches!(port_state.status(), Status::Lost | Status::Failed(_));
     let down = |port: PortAt<'_>| port.units(|units| units.iter().any(Unit::is_down));
     let bit = |is, bit| if is { bit } else { 0 };
     bit(gateway.ports().iter().any(failed), PORT_FAILED)
-        | bit(gateway.places().any(down), UNIT_DOWN)
+        | bit(gateway.port_states().any(down), UNIT_DOWN)
         | bit(gateway.pool().free() == 0, NO_FRAME)
 }
 
@@ -71,13 +71,13 @@ pub(super) fn mode(gateway: &Gateway<'_>, port: PortId, request: &[u8]) -> Mode 
     match *request {
         // Restart communications; FF00 clears the event log, too.
         [DIAGNOSTICS, 0, 1, clear @ (0 | 0xff), 0] => {
-            if let Some(place) = gateway.ports().get(port.index()) {
-                place.stats.clear(Instant::now());
+            if let Some(port_state) = gateway.ports().get(port.index()) {
+                port_state.stats.clear(Instant::now());
             }
             gateway.events(|events| events.restart(port, clear != 0));
             if listens { Mode::Silent } else { Mode::Restarted }
         }
-        // Force listen-only mode, which has no answer.
+        // Force listen-only mode, which has no response.
         [DIAGNOSTICS, 0, 4, 0, 0] if !listens => {
             gateway.events(|events| events.listen_only(port));
             Mode::Silent
@@ -107,11 +107,11 @@ pub(super) enum Mode {
 fn counter(stats: &Counters, sub: u16) -> Option<u16> {
     let all = match sub {
         0x0b => bus_messages(stats),
-        0x0c => stats.get(Event::Damaged),
+        0x0c => stats.get(Event::Corrupt),
         0x0d => stats.get(Event::Exception),
         0x0e => stats.get(Event::Request),
-        // The answer to this request is still to come.
-        0x0f => stats.get(Event::Request).wrapping_sub(stats.get(Event::Answer)).saturating_sub(1),
+        // The response to this request is still to come.
+        0x0f => stats.get(Event::Request).wrapping_sub(stats.get(Event::Response)).saturating_sub(1),
         // Negative acknowledgement is for programming functions, which the gateway has not.
         0x10 => 0,
         0x11 => stats.get(Event::Busy),
@@ -128,12 +128,12 @@ fn bus_messages(stats: &Counters) -> u32 {
 
 /// Sub-function 0Bh's counter of `port`.
 pub(super) fn messages(gateway: &Gateway<'_>, port: PortId) -> u16 {
-    gateway.ports().get(port.index()).map_or(0, |place| bus_messages(&place.stats) as u16)
+    gateway.ports().get(port.index()).map_or(0, |port_state| bus_messages(&port_state.stats) as u16)
 }
 
-/// The answer to FC 0Ch: status word and counter, the `messages` of the port, and the newest event first.
-pub(super) fn event_log(events: &Events, messages: u16, answer: &mut Pdu) -> Answered {
+/// The response to FC 0Ch: status word and counter, the `messages` of the port, and the newest event first.
+pub(super) fn event_log(events: &Events, messages: u16, response: &mut Pdu) -> Answered {
     let header = [GET_COMM_EVENT_LOG, 6 + events.len() as u8];
-    put(answer, &[&header, &events.counter(), &messages.to_be_bytes()])?;
-    events.newest_first().try_for_each(|event| put(answer, &[&[event]]))
+    put(response, &[&header, &events.counter(), &messages.to_be_bytes()])?;
+    events.newest_first().try_for_each(|event| put(response, &[&[event]]))
 }

@@ -17,8 +17,8 @@ const BASIC: usize = 3;
 /// Regular identification, as a stream and object by object.
 const CONFORMITY: u8 = 0x82;
 
-/// The objects from `first` on that `code` asks for: 1 the basic ones, 2 and 3 all there are, 4 this one. They fit into one answer.
-pub(super) fn answer(code: u8, first: u8, answer: &mut Pdu) -> Answered {
+/// The objects from `first` on that `code` asks for: 1 the basic ones, 2 and 3 all there are, 4 this one. They fit into one response.
+pub(super) fn respond(code: u8, first: u8, response: &mut Pdu) -> Answered {
     let end = match code {
         1 => BASIC,
         2 | 3 => OBJECTS.len(),
@@ -33,9 +33,9 @@ pub(super) fn answer(code: u8, first: u8, answer: &mut Pdu) -> Answered {
     let (more_follows, next) = (0, 0);
     let header =
         [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, code, CONFORMITY, more_follows, next, count];
-    put(answer, &[&header])?;
+    put(response, &[&header])?;
     for (id, object) in objects.iter().enumerate() {
-        put(answer, &[&[(start + id) as u8, object.len() as u8], object.as_bytes()])?;
+        put(response, &[&[(start + id) as u8, object.len() as u8], object.as_bytes()])?;
     }
     Ok(())
 }

@@ -3,14 +3,14 @@
 
 use embassy_time::Instant;
 
-use crate::fieldbus::EthercatPlace;
+use crate::fieldbus::EthercatState;
 use crate::scanner::{DEVICES_MAX, age_register};
 
 /// The first register of the inputs; each has two bytes, the first one high.
 pub const INPUTS: u16 = 0xe000;
 /// The first register of the outputs.
 pub const OUTPUTS: u16 = 0xe200;
-/// The first register of slave 0, of two for each: its state as in 2032h, and how old its last answer is.
+/// The first register of slave 0, of two for each: its state as in 2032h, and how old its last response is.
 pub const SLAVES: u16 = 0xe400;
 /// Of images longer than 1024 bytes the rest has no place here.
 const INPUTS_END: u16 = OUTPUTS;
@@ -20,7 +20,7 @@ const SLAVES_END: u16 = 0xe440;
 const _: () = assert!(SLAVES + 2 * DEVICES_MAX as u16 <= SLAVES_END);
 
 /// What stands at `address`; none if nothing does.
-pub(super) fn register(ethercat: &EthercatPlace, address: u16) -> Option<u16> {
+pub(super) fn register(ethercat: &EthercatState, address: u16) -> Option<u16> {
     match address {
         INPUTS..INPUTS_END => ethercat.inputs(|bytes| word(bytes, address - INPUTS)),
         OUTPUTS..OUTPUTS_END => ethercat.outputs(|bytes| word(bytes, address - OUTPUTS)),
@@ -42,7 +42,7 @@ fn word(bytes: &[u8], nth: u16) -> Option<u16> {
 }
 
 /// In tenths of a second, as the age of a point.
-fn age(ethercat: &EthercatPlace, nth: usize) -> u16 {
+fn age(ethercat: &EthercatState, nth: usize) -> u16 {
     let heard = ethercat.slave_status(nth).map(|status| status.heard).filter(|heard| *heard != Instant::MIN);
     age_register(heard.map(|heard| heard.elapsed()))
 }

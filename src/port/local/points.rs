@@ -46,9 +46,9 @@ pub(super) fn write(gateway: &Gateway<'_>, request: &[u8]) -> Option<Result<(), 
         _ => return None,
     };
     let first = u16::from_be_bytes(first);
-    let place = gateway.scanner().filter(|_| first >= POINTS)?;
+    let port_state = gateway.scanner().filter(|_| first >= POINTS)?;
     let now = Instant::now();
-    let done = place.change(|scanner| match (first, values) {
+    let done = port_state.change(|scanner| match (first, values) {
         (POINTS..POINTS_END, &[a, b]) => {
             scanner.start(RowId((first - POINTS) as u8), u16::from_be_bytes([a, b]), now)
         }

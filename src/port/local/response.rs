@@ -2,11 +2,11 @@
 
 use crate::modbus::{Exception, Pdu};
 
-/// Whether there is an answer, or which exception is the answer.
+/// Whether there is a response, or which exception is the response.
 pub(super) type Answered = Result<(), Exception>;
 
-/// Appends `parts` to `answer`.
-pub(super) fn put(answer: &mut Pdu, parts: &[&[u8]]) -> Answered {
-    let written = parts.iter().try_for_each(|part| answer.extend_from_slice(part));
+/// Appends `parts` to `response`.
+pub(super) fn put(response: &mut Pdu, parts: &[&[u8]]) -> Answered {
+    let written = parts.iter().try_for_each(|part| response.extend_from_slice(part));
     written.map_err(|_| Exception::DEVICE_FAILURE)
 }

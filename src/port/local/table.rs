@@ -6,7 +6,7 @@
 use embassy_time::Instant;
 
 use super::{Answered, image, points, put};
-use crate::gateway::unit_health::{State, TROUBLES, UNITS_MAX, Unit};
+use crate::gateway::unit_health::{LINE_ERRORS, State, UNITS_MAX, Unit};
 use crate::gateway::{Gateway, PortAt, Status};
 use crate::modbus::pdu::function::{READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS};
 use crate::modbus::{Exception, Pdu};
@@ -32,17 +32,17 @@ pub const UNITS_PER_PORT: usize = if UNITS_MAX < 32 { UNITS_MAX } else { 32 };
 const VERSION: u16 = 1;
 const PORTS_END: u16 = PORTS + PORTS_MAX as u16 * PORT_LENGTH;
 const UNITS_END: u16 = UNITS + (PORTS_MAX * UNITS_PER_PORT) as u16 * UNIT_LENGTH;
-/// Most registers that one answer holds (Application Protocol 6.4).
+/// Most registers that one response holds (Application Protocol 6.4).
 const REGISTERS_MAX: u16 = 125;
 
 /// The counters of a port's block, two registers each, from its register 4 on.
 pub const COUNTERS: [Event; 28] = [
     Event::Request,
-    Event::Answer,
+    Event::Response,
     Event::Exception,
     Event::Timeout,
     Event::Silent,
-    Event::Damaged,
+    Event::Corrupt,
     Event::BadCheck,
     Event::Short,
     Event::Parity,
@@ -56,7 +56,7 @@ pub const COUNTERS: [Event; 28] = [
     Event::Retry,
     Event::UnitDown,
     Event::Expired,
-    Event::AskerGone,
+    Event::RequesterGone,
     Event::QueueFull,
     Event::Refused,
     Event::NoPath,
@@ -68,11 +68,11 @@ pub const COUNTERS: [Event; 28] = [
 ];
 
 /// Answers `request`, if it is a read of this table, or is about the registers of points.
-pub(super) fn answer(gateway: &Gateway<'_>, request: &[u8], answer: &mut Pdu) -> Option<Answered> {
+pub(super) fn respond(gateway: &Gateway<'_>, request: &[u8], response: &mut Pdu) -> Option<Answered> {
     let &[function @ (READ_INPUT_REGISTERS | READ_HOLDING_REGISTERS), a, b, c, d] = request else {
-        // The answer repeats address and value or quantity (clauses 6.6, 6.12).
+        // The response repeats address and value or quantity (clauses 6.6, 6.12).
         let written = points::write(gateway, request)?;
-        return Some(written.and_then(|()| put(answer, &[request.get(..5).unwrap_or_default()])));
+        return Some(written.and_then(|()| put(response, &[request.get(..5).unwrap_or_default()])));
     };
     let (first, count) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
     let is_input = function == READ_INPUT_REGISTERS;
@@ -84,11 +84,11 @@ pub(super) fn answer(gateway: &Gateway<'_>, request: &[u8], answer: &mut Pdu) ->
         return Some(Err(Exception::ILLEGAL_VALUE));
     }
     // There is room for as many.
-    let _ = put(answer, &[&[function, 2 * count as u8]]);
+    let _ = put(response, &[&[function, 2 * count as u8]]);
     for offset in 0..count {
         let value = first.checked_add(offset).and_then(|address| register(gateway, address));
         let Some(value) = value else { return Some(Err(Exception::ILLEGAL_ADDRESS)) };
-        let _ = put(answer, &[&value.to_be_bytes()]);
+        let _ = put(response, &[&value.to_be_bytes()]);
     }
     Some(Ok(()))
 }
@@ -98,14 +98,14 @@ fn register(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
     match address {
         BASE..PORTS => Some(of_gateway(gateway, address - BASE)),
         PORTS..PORTS_END => {
-            let place = gateway.place(PortId(((address - PORTS) / PORT_LENGTH) as u8));
-            Some(place.map_or(0, |place| of_port(&place, (address - PORTS) % PORT_LENGTH)))
+            let port_state = gateway.port_state(PortId(((address - PORTS) / PORT_LENGTH) as u8));
+            Some(port_state.map_or(0, |port_state| of_port(&port_state, (address - PORTS) % PORT_LENGTH)))
         }
         UNITS..UNITS_END => {
             let (block, at) = (usize::from((address - UNITS) / UNIT_LENGTH), (address - UNITS) % UNIT_LENGTH);
-            let place = gateway.place(PortId((block / UNITS_PER_PORT) as u8));
-            let unit = place.and_then(|place| {
-                place.units(|units| {
+            let port_state = gateway.port_state(PortId((block / UNITS_PER_PORT) as u8));
+            let unit = port_state.and_then(|port_state| {
+                port_state.units(|units| {
                     let unit = *units.iter().nth(block % UNITS_PER_PORT)?;
                     Some((unit, units.state(&unit, Instant::now())))
                 })
@@ -125,27 +125,29 @@ fn of_gateway(gateway: &Gateway<'_>, at: u16) -> u16 {
         2 => UNITS_PER_PORT as u16,
         3 => gateway.pool().capacity() as u16,
         4 => gateway.pool().free() as u16,
-        5 => gateway.seats().iter().filter(|seat| seat.state().peer.is_some()).count() as u16,
+        5 => {
+            gateway.connections().iter().filter(|connection| connection.state().peer.is_some()).count() as u16
+        }
         6 | 7 => half(uptime, at - 6),
         _ => 0,
     }
 }
 
-fn of_port(place: &PortAt<'_>, at: u16) -> u16 {
+fn of_port(port_state: &PortAt<'_>, at: u16) -> u16 {
     match at {
-        0 => match place.status() {
+        0 => match port_state.status() {
             Status::Off => 0,
             Status::Open => 1,
             Status::Idle => 2,
             Status::Lost => 3,
             Status::Failed(_) => 4,
         },
-        1 => place.stats.last_error() as u16,
-        2 => place.waiting(),
-        3 => place.units(|units| units.iter().count()) as u16,
+        1 => port_state.stats.last_error() as u16,
+        2 => port_state.waiting(),
+        3 => port_state.units(|units| units.iter().count()) as u16,
         at => {
             let counter = COUNTERS.get(usize::from((at - 4) / 2));
-            counter.map_or(0, |event| half(place.stats.get(*event), at % 2))
+            counter.map_or(0, |event| half(port_state.stats.get(*event), at % 2))
         }
     }
 }
@@ -154,7 +156,7 @@ fn of_unit(unit: &Unit, state: State, at: u16) -> u16 {
     let percentile = |percent| unit.times.percentile(percent).unwrap_or(0);
     let wide = [
         unit.requests,
-        unit.answers,
+        unit.responses,
         unit.exceptions,
         unit.timeouts,
         unit.took_us,
@@ -170,7 +172,7 @@ fn of_unit(unit: &Unit, state: State, at: u16) -> u16 {
             State::OutOfStep => 3,
         },
         at @ 2..16 => wide.get(at / 2 - 1).map_or(0, |value| half(*value, at as u16 % 2)),
-        at => TROUBLES.get(at - 16).map_or(0, |trouble| unit.trouble(*trouble)),
+        at => LINE_ERRORS.get(at - 16).map_or(0, |error| unit.error(*error)),
     }
 }
 

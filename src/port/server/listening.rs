@@ -1,21 +1,21 @@
 //! How a server on the network tells that it listens, or why it cannot.
 
-use crate::gateway::{PortPlace, Status};
+use crate::gateway::{PortState, Status};
 use crate::hal::OpenError;
 use crate::stats::LastError;
 
-/// The server at `place` listens on `port` of `protocol`.
-pub(crate) fn listens(place: &PortPlace, protocol: &str, port: u16) {
-    if place.set_status(Status::Open) {
-        place.stats.note(LastError::None);
+/// The server at `port_state` listens on `port` of `protocol`.
+pub(crate) fn listens(port_state: &PortState, protocol: &str, port: u16) {
+    if port_state.set_status(Status::Open) {
+        port_state.stats.note(LastError::None);
         log_info!("listening on {} port {}", protocol, port);
     }
 }
 
 /// It cannot.
-pub(crate) fn fails(place: &PortPlace, protocol: &str, port: u16, error: OpenError) {
-    place.stats.note(LastError::Port);
-    if place.set_status(Status::Failed(error)) {
+pub(crate) fn fails(port_state: &PortState, protocol: &str, port: u16, error: OpenError) {
+    port_state.stats.note(LastError::Port);
+    if port_state.set_status(Status::Failed(error)) {
         log_warn!("{} port {} cannot be opened: {}", protocol, port, error);
     }
 }

@@ -1,6 +1,6 @@
-//! A TCP server: one seat's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP, or with a capture.
+//! A TCP server: one connection's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP, or with a capture.
 //!
-//! Each of the listener's clients has a seat; one seat more is always there to accept a newcomer and to decide who goes
+//! Each of the listener's clients has a connection; one connection more is always there to accept a newcomer and to decide who goes
 //! when all places are taken: the ordinary client that has been idle longest. Requests are cut out of the stream, put
 //! into frames and sent to the router; answers come in any order and carry their transaction id. What a connection
 //! has open is bounded twice: by the `pipeline` setting (one more is answered 06h) and by frames (none free: the
@@ -15,42 +15,42 @@ use embassy_futures::select::{Either4, select4};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::capture::Tap;
-use crate::frame::{Envelope, Origin, Stage, Way};
-use crate::gateway::{Gateway, PortPlace, Seat, SeatState};
+use crate::frame::{Envelope, Origin, ReplyTo, Stage};
+use crate::gateway::{Connection, ConnectionState, Gateway, PortState};
 use crate::hal::{OpenError, TcpHost, TcpStream};
 use crate::modbus::tcp::{Header, Parsed};
 use crate::modbus::{Exception, pdu};
 use crate::port::server::listening;
 use crate::port::stream::{Input, Pieces};
-use crate::port::timer::{apart, until, within};
+use crate::port::timer::{outlined, until, within};
 use crate::settings::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::stats::Event;
 
-mod reply;
+mod response;
 // One of two: what an `async` function awaits stays in it, also behind a constant.
 #[cfg_attr(not(feature = "capture"), path = "tcp/no_export.rs")]
 mod export;
 mod window;
 
-use self::reply::{Reply, Taken, Waits, Worth};
+use self::response::{Response, Taken, Waits, Worth};
 use self::window::Window;
 
-/// A client that does not take an answer for so long is closed.
+/// A client that does not take a response for so long is closed.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
 /// Pause after the listener failed.
 const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
-/// One seat of a TCP server.
+/// One connection of a TCP server.
 pub(crate) struct Server<'s, 'g> {
     pub(crate) gateway: &'s Gateway<'g>,
     pub(crate) id: PortId,
-    pub(crate) place: &'s PortPlace,
+    pub(crate) port_state: &'s PortState,
     pub(crate) settings: &'s Terms,
-    pub(crate) seat: &'s Seat,
+    pub(crate) connection: &'s Connection,
     pub(crate) index: usize,
 }
 
-/// What a seat keeps of its server's settings. The lists of addresses it looks up when a client comes: each seat has a copy of
+/// What a connection keeps of its server's settings. The lists of addresses it looks up when a client comes: each connection has a copy of
 /// this for ever.
 #[derive(Clone, Copy)]
 pub(crate) struct Terms {
@@ -72,7 +72,7 @@ impl Terms {
 type End = Event;
 
 impl Server<'_, '_> {
-    /// Serves one client after the other, for ever. An `async fn` would keep what it is given twice, at each seat.
+    /// Serves one client after the other, for ever. An `async fn` would keep what it is given twice, at each connection.
     pub(crate) fn run<H: TcpHost>(&self, host: &mut H) -> impl Future<Output = Infallible> {
         let mut window = Window::new(self.settings.pipeline);
         async move {
@@ -80,25 +80,25 @@ impl Server<'_, '_> {
                 let (mut stream, peer) = match self.accept(host, &window).await {
                     Ok(accepted) => accepted,
                     Err(error) => {
-                        listening::fails(self.place, "TCP", self.settings.listen.port, error);
+                        listening::fails(self.port_state, "TCP", self.settings.listen.port, error);
                         Timer::after(LISTEN_PAUSE).await;
                         continue;
                     }
                 };
-                self.place.stats.count(Event::Connected);
+                self.port_state.stats.count(Event::Connected);
                 window = Window::new(self.settings.pipeline);
-                let end = match self.seat_down(peer) {
+                let end = match self.take_connection(peer) {
                     Ok(_) if self.settings.framing == StreamFraming::Capture => {
-                        apart(pin!(self.export(&mut stream))).await
+                        outlined(pin!(self.export(&mut stream))).await
                     }
                     Ok(origin) => {
-                        let Err(end) = apart(pin!(self.serve(&mut stream, origin, &mut window))).await;
+                        let Err(end) = outlined(pin!(self.serve(&mut stream, origin, &mut window))).await;
                         end
                     }
                     Err(end) => end,
                 };
                 self.left();
-                self.place.stats.count(end);
+                self.port_state.stats.count(end);
                 stream.close().await;
                 window.ended(&self.gateway.turns);
             }
@@ -113,37 +113,37 @@ impl Server<'_, '_> {
     ) -> Result<(H::Stream<'h>, SocketAddr), OpenError> {
         let listen = &self.settings.listen;
         host.listen(listen)?;
-        listening::listens(self.place, "TCP", listen.port);
+        listening::listens(self.port_state, "TCP", listen.port);
         until(window.turn).await;
         host.accept(listen).await
     }
 
-    /// The seat is empty: answers that still come find nobody.
+    /// The connection is empty: answers that still come find nobody.
     pub(crate) fn left(&self) {
-        self.seat.update(|seat| seat.peer = None);
-        self.seat.answers.clear(self.gateway.pool());
+        self.connection.update(|connection| connection.peer = None);
+        self.connection.responses.clear(self.gateway.pool());
     }
 
     /// Takes the newcomer in and sees that there is room, or refuses it.
-    fn seat_down(&self, peer: SocketAddr) -> Result<Origin, End> {
+    fn take_connection(&self, peer: SocketAddr) -> Result<Origin, End> {
         let now = Instant::now();
-        self.seat.leave.reset();
+        self.connection.leave.reset();
         let terms = self.gateway.settings(|settings| {
             let server = settings.tcp_server(self.id).filter(|server| server.allowed.admits(peer.ip()))?;
             let marked = server.reserved_for.iter().any(|prefix| prefix.contains(peer.ip()));
             Some((marked, usize::from(server.clients), usize::from(server.reserved), server.refuses))
         });
         let Some((marked, clients, reserved, refuses)) = terms else { return Err(End::Unwelcome) };
-        let generation = self.seat.update(|seat| {
-            let (port, generation) = (seat.port, seat.generation.wrapping_add(1));
-            let came = SeatState { since: now, last_request: now, ..SeatState::EMPTY };
-            *seat = SeatState { port, peer: Some(peer), marked, generation, ..came };
+        let generation = self.connection.update(|connection| {
+            let (port, generation) = (connection.port, connection.generation.wrapping_add(1));
+            let came = ConnectionState { since: now, last_request: now, ..ConnectionState::EMPTY };
+            *connection = ConnectionState { port, peer: Some(peer), marked, generation, ..came };
             generation
         });
         let (mut seated, mut ordinary) = (0, 0);
-        let mut idle: Option<(&Seat, Instant)> = None;
-        for seat in self.gateway.seats() {
-            let state = seat.state();
+        let mut idle: Option<(&Connection, Instant)> = None;
+        for connection in self.gateway.connections() {
+            let state = connection.state();
             if state.port != Some(self.id) || state.peer.is_none() || state.leaving {
                 continue;
             }
@@ -152,21 +152,21 @@ impl Server<'_, '_> {
                 continue;
             }
             ordinary += 1;
-            let may_go = state.open_requests == 0 && !core::ptr::eq(seat, self.seat);
+            let may_go = state.open_requests == 0 && !core::ptr::eq(connection, self.connection);
             if may_go && idle.is_none_or(|(_, since)| state.last_request < since) {
-                idle = Some((seat, state.last_request));
+                idle = Some((connection, state.last_request));
             }
         }
         let ordinary_max = clients.saturating_sub(reserved);
         if seated > clients || (!marked && ordinary > ordinary_max) {
-            let Some((seat, _)) = idle.filter(|_| !refuses) else { return Err(End::Crowded) };
-            seat.update(|seat| seat.leaving = true);
-            seat.leave.signal(());
+            let Some((connection, _)) = idle.filter(|_| !refuses) else { return Err(End::Crowded) };
+            connection.update(|connection| connection.leaving = true);
+            connection.leave.signal(());
         }
-        Ok(Origin { port: self.id, way: Way::Seat(self.index as u16), generation })
+        Ok(Origin { port: self.id, reply_to: ReplyTo::Connection(self.index as u16), generation })
     }
 
-    /// Serves a client until it is gone. An `async fn` would keep what it is given twice, at each seat.
+    /// Serves a client until it is gone. An `async fn` would keep what it is given twice, at each connection.
     fn serve<S: TcpStream>(
         &self,
         stream: &mut S,
@@ -176,8 +176,8 @@ impl Server<'_, '_> {
         let mut input = Input::new(self.settings.framing);
         async move {
             loop {
-                let reply = match self.take_requests(&mut input, origin, window)? {
-                    Waits::ForReply(header, refusal) => Reply::Refusal(header, refusal),
+                let response = match self.take_requests(&mut input, origin, window)? {
+                    Waits::ForReply(header, refusal) => Response::Refusal(header, refusal),
                     waits => {
                         let pause_end = match waits {
                             Waits::No => input.pause_end(),
@@ -187,30 +187,30 @@ impl Server<'_, '_> {
                         let space = input.space();
                         let deaf = matches!(waits, Waits::ForFrame) || space.is_empty();
                         let read = async { if deaf { pending().await } else { stream.read(space).await } };
-                        let answers = self.seat.answers.receive(self.gateway.pool());
+                        let responses = self.connection.responses.receive(self.gateway.pool());
                         // Who is kept waiting is not idle.
                         let kept = matches!(waits, Waits::ForTurn(_));
                         let idle_until = if kept { Instant::MAX } else { self.idle_until() };
                         let wake = until(idle_until.min(pause_end));
-                        match select4(read, answers, self.seat.leave.wait(), wake).await {
+                        match select4(read, responses, self.connection.leave.wait(), wake).await {
                             Either4::First(Ok(0) | Err(_)) => return Err(End::Left),
                             Either4::First(Ok(count)) => {
                                 input.grew(count);
                                 continue;
                             }
-                            Either4::Second(frame) => Reply::Answer(frame),
+                            Either4::Second(frame) => Response::Response(frame),
                             Either4::Third(()) => return Err(End::Crowded),
                             Either4::Fourth(()) if idle_until <= Instant::now() => return Err(End::Stalled),
                             Either4::Fourth(()) => continue,
                         }
                     }
                 };
-                match reply.worth() {
+                match response.worth() {
                     Worth::Refused => window.refused(&self.gateway.turns),
                     Worth::Crowded => window.crowded(&self.gateway.turns),
                     Worth::Answered => window.answered(),
                 }
-                self.write(stream, &reply).await?;
+                self.write(stream, &response).await?;
             }
         }
     }
@@ -231,12 +231,12 @@ impl Server<'_, '_> {
                 Ok(Parsed::Incomplete) => {
                     if !input.is_empty() {
                         // The rest is on its way: others are idle.
-                        self.seat.update(|seat| seat.last_request = Instant::now());
+                        self.connection.update(|connection| connection.last_request = Instant::now());
                     }
                     return Ok(Waits::No);
                 }
                 Ok(Parsed::Skip { consumed }) => {
-                    self.place.stats.count(input.skip_event());
+                    self.port_state.stats.count(input.skip_event());
                     window.refused(&self.gateway.turns);
                     (input.skip_event(), consumed)
                 }
@@ -244,11 +244,11 @@ impl Server<'_, '_> {
                     match self.take(origin, header, pdu) {
                         Taken::Sent => {}
                         Taken::Refused(exception) => {
-                            let answer = exception.response(pdu.first().copied().unwrap_or(0));
-                            refusal = Some(Waits::ForReply(header, answer));
+                            let response = exception.response(pdu.first().copied().unwrap_or(0));
+                            refusal = Some(Waits::ForReply(header, response));
                         }
                         Taken::Starved => {
-                            self.place.stats.count(Event::BackPressure);
+                            self.port_state.stats.count(Event::BackPressure);
                             return Ok(Waits::ForFrame);
                         }
                     }
@@ -267,12 +267,12 @@ impl Server<'_, '_> {
     /// Sends a request to the router, or says why not.
     fn take(&self, origin: Origin, header: Header, request: &[u8]) -> Taken {
         if let Err(exception) = pdu::check_request(request) {
-            self.place.stats.count(Event::Refused);
-            self.place.stats.note_refused(request, exception);
+            self.port_state.stats.count(Event::Refused);
+            self.port_state.stats.note_refused(request, exception);
             return Taken::Refused(exception);
         }
         if self.open_requests() >= self.settings.pipeline {
-            self.place.stats.count(Event::QueueFull);
+            self.port_state.stats.count(Event::QueueFull);
             return Taken::Refused(Exception::BUSY);
         }
         let received = Instant::now();
@@ -286,21 +286,21 @@ impl Server<'_, '_> {
         let Some(frame) = self.gateway.pool().fill(self.index, request, envelope) else {
             return Taken::Starved;
         };
-        self.place.stats.count(Event::Request);
-        self.seat.update(|seat| {
-            seat.last_request = received;
-            seat.open_requests += 1;
-            seat.requests = seat.requests.wrapping_add(1);
+        self.port_state.stats.count(Event::Request);
+        self.connection.update(|connection| {
+            connection.last_request = received;
+            connection.open_requests += 1;
+            connection.requests = connection.requests.wrapping_add(1);
         });
         self.gateway.inbox.send(frame);
         Taken::Sent
     }
 
     /// Writes what the client gets. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
-    async fn write<S: TcpStream>(&self, stream: &mut S, reply: &Reply<'_>) -> Result<(), End> {
+    async fn write<S: TcpStream>(&self, stream: &mut S, response: &Response<'_>) -> Result<(), End> {
         let mut out = Pieces::new();
         loop {
-            self.encode(reply, &mut out);
+            self.encode(response, &mut out);
             if out.piece().is_empty() {
                 return Ok(());
             }
@@ -313,52 +313,54 @@ impl Server<'_, '_> {
         }
     }
 
-    /// Puts the next piece of what the client gets into `out`; a frame that came home without an answer is only counted off.
-    fn encode(&self, reply: &Reply<'_>, out: &mut Pieces) {
-        let frame = match reply {
-            Reply::Refusal(header, answer) => return self.put(*header, answer, out),
-            Reply::Answer(frame) => frame,
+    /// Puts the next piece of what the client gets into `out`; a frame that came home without a response is only counted off.
+    fn encode(&self, response: &Response<'_>, out: &mut Pieces) {
+        let frame = match response {
+            Response::Refusal(header, response) => return self.put(*header, response, out),
+            Response::Response(frame) => frame,
         };
         let Envelope { stage, cause, transaction, unit, .. } = frame.envelope();
         if out.is_new() {
-            self.seat.update(|seat| seat.open_requests = seat.open_requests.saturating_sub(1));
+            self.connection
+                .update(|connection| connection.open_requests = connection.open_requests.saturating_sub(1));
         }
         if stage == Stage::Silence {
             return;
         }
-        frame.pdu(|answer| {
+        frame.pdu(|response| {
             if out.is_new() {
-                self.place.stats.answered(answer, cause);
+                self.port_state.stats.answered(response, cause);
             }
-            self.put(Header { transaction, unit }, answer, out);
+            self.put(Header { transaction, unit }, response, out);
         });
     }
 
-    fn put(&self, header: Header, answer: &[u8], out: &mut Pieces) {
-        out.take(self.settings.framing, header, answer, |frame| self.tap(true, Event::Answer, frame));
+    fn put(&self, header: Header, response: &[u8], out: &mut Pieces) {
+        out.take(self.settings.framing, header, response, |frame| self.tap(true, Event::Response, frame));
     }
 
     /// Shows a frame from or to the client to whoever follows.
     fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
         let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
-        let asker = || self.peer().map_or(0, |peer| peer.port());
-        tap.passed(asker, sent, verdict, bytes);
+        let requester = || self.peer().map_or(0, |peer| peer.port());
+        tap.passed(requester, sent, verdict, bytes);
     }
 
-    /// When the client will have been idle too long; never while it waits for an answer.
+    /// When the client will have been idle too long; never while it waits for a response.
     fn idle_until(&self) -> Instant {
-        let (open, last_request) = self.seat.update(|seat| (seat.open_requests, seat.last_request));
+        let (open, last_request) =
+            self.connection.update(|connection| (connection.open_requests, connection.last_request));
         let never = self.settings.idle == Duration::from_ticks(0) || open > 0;
         if never { Instant::MAX } else { last_request + self.settings.idle }
     }
 
     /// The client.
     fn peer(&self) -> Option<SocketAddr> {
-        self.seat.update(|seat| seat.peer)
+        self.connection.update(|connection| connection.peer)
     }
 
     /// Requests of this connection that are not answered yet.
     fn open_requests(&self) -> u8 {
-        self.seat.update(|seat| seat.open_requests)
+        self.connection.update(|connection| connection.open_requests)
     }
 }

@@ -1,4 +1,4 @@
-//! A Modbus UDP server: each datagram is one Modbus TCP frame, and its answer goes back to where it came from.
+//! A Modbus UDP server: each datagram is one Modbus TCP frame, and its response goes back to where it came from.
 //!
 //! There are no connections, so what is open is kept in a table, bounded for each peer and in all; one more is answered
 //! 06h. A datagram that the network has doubled, or that a client repeats out of impatience, is not carried out again
@@ -12,8 +12,8 @@ use embassy_time::{Duration, Instant, Timer};
 use heapless::Vec;
 
 use crate::capture::{FrameKind, Tap};
-use crate::frame::{Envelope, Frame, Origin, Stage, Way};
-use crate::gateway::{Gateway, PortPlace, Status};
+use crate::frame::{Envelope, Frame, Origin, ReplyTo, Stage};
+use crate::gateway::{Gateway, PortState, Status};
 use crate::hal::{SocketLost, UdpHost, UdpSocket};
 use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, Parsed};
 use crate::modbus::{Exception, pdu};
@@ -26,15 +26,15 @@ const BIND_PAUSE: Duration = Duration::from_secs(1);
 /// A datagram that is longer than a frame is seen to be.
 const DATAGRAM_BYTES_MAX: usize = ADU_BYTES_MAX + 1;
 
-/// Where the datagram of an answer is written.
+/// Where the datagram of a response is written.
 type Out = [u8; ADU_BYTES_MAX];
 /// Where it goes, and how long it is.
-type Reply = (SocketAddr, usize);
+type Response = (SocketAddr, usize);
 
 /// A UDP server.
 pub(crate) struct Server<'s, 'g> {
     gateway: &'s Gateway<'g>,
-    place: &'s PortPlace,
+    port_state: &'s PortState,
     id: PortId,
     settings: &'s UdpServerSettings,
     open: RefCell<Vec<Open, UDP_REQUESTS_MAX>>,
@@ -53,11 +53,11 @@ impl<'s, 'g> Server<'s, 'g> {
     /// A server without requests.
     pub(crate) fn new(
         gateway: &'s Gateway<'g>,
-        place: &'s PortPlace,
+        port_state: &'s PortState,
         id: PortId,
         settings: &'s UdpServerSettings,
     ) -> Self {
-        Self { gateway, place, id, settings, open: RefCell::new(Vec::new()) }
+        Self { gateway, port_state, id, settings, open: RefCell::new(Vec::new()) }
     }
 
     /// Keeps the socket open and answers, for ever.
@@ -66,12 +66,12 @@ impl<'s, 'g> Server<'s, 'g> {
             let port = self.settings.listen.port;
             match host.bind(&self.settings.listen).await {
                 Ok(mut socket) => {
-                    listening::listens(self.place, "UDP", port);
+                    listening::listens(self.port_state, "UDP", port);
                     let SocketLost = self.serve(&mut socket).await;
-                    self.place.stats.count(Event::LineLost);
-                    self.place.set_status(Status::Lost);
+                    self.port_state.stats.count(Event::LineLost);
+                    self.port_state.set_status(Status::Lost);
                 }
-                Err(error) => listening::fails(self.place, "UDP", port, error),
+                Err(error) => listening::fails(self.port_state, "UDP", port, error),
             }
             Timer::after(BIND_PAUSE).await;
         }
@@ -79,8 +79,8 @@ impl<'s, 'g> Server<'s, 'g> {
 
     /// Nobody waits any more: answers that are there or still come are dropped.
     pub(crate) fn close(&self) {
-        self.place.renew();
-        self.place.queue.clear(self.gateway.pool());
+        self.port_state.renew();
+        self.port_state.queue.clear(self.gateway.pool());
     }
 
     async fn serve<S: UdpSocket>(&self, socket: &mut S) -> SocketLost {
@@ -88,9 +88,9 @@ impl<'s, 'g> Server<'s, 'g> {
         let mut out = [0; ADU_BYTES_MAX];
         let mut number = 0_u16;
         loop {
-            let answers = self.place.queue.receive(self.gateway.pool());
-            let reply = match select(answers, socket.receive(&mut datagram)).await {
-                Either::First(frame) => self.answer(&frame, &mut out),
+            let responses = self.port_state.queue.receive(self.gateway.pool());
+            let response = match select(responses, socket.receive(&mut datagram)).await {
+                Either::First(frame) => self.respond(&frame, &mut out),
                 Either::Second(Ok((length, peer))) => {
                     number = number.wrapping_add(1);
                     let received = datagram.get(..length).unwrap_or(&[]);
@@ -98,7 +98,7 @@ impl<'s, 'g> Server<'s, 'g> {
                 }
                 Either::Second(Err(lost)) => return lost,
             };
-            let Some((peer, length)) = reply else { continue };
+            let Some((peer, length)) = response else { continue };
             if let Err(lost) = socket.send(out.get(..length).unwrap_or(&[]), peer).await {
                 return lost;
             }
@@ -106,8 +106,8 @@ impl<'s, 'g> Server<'s, 'g> {
     }
 
     /// Takes a datagram in: sends its request to the router, or writes the exception that it is answered with into `out`.
-    fn take(&self, datagram: &[u8], peer: SocketAddr, number: u16, out: &mut Out) -> Option<Reply> {
-        let stats = &self.place.stats;
+    fn take(&self, datagram: &[u8], peer: SocketAddr, number: u16, out: &mut Out) -> Option<Response> {
+        let stats = &self.port_state.stats;
         if !self.settings.allowed.admits(peer.ip()) {
             stats.count(Event::Unwelcome);
             return None;
@@ -125,8 +125,8 @@ impl<'s, 'g> Server<'s, 'g> {
             Err(refusal) => refusal,
         };
         stats.count(event);
-        let answer = exception?.response(request.first().copied().unwrap_or(0));
-        self.reply(peer, header, &answer, out)
+        let response = exception?.response(request.first().copied().unwrap_or(0));
+        self.response(peer, header, &response, out)
     }
 
     /// Sends a request to the router; else says what is counted, and by which exception it is answered, if it is.
@@ -143,7 +143,7 @@ impl<'s, 'g> Server<'s, 'g> {
             return Err((Event::Duplicate, None));
         }
         if let Err(exception) = pdu::check_request(request) {
-            self.place.stats.note_refused(request, exception);
+            self.port_state.stats.note_refused(request, exception);
             return Err((Event::Refused, Some(exception)));
         }
         let own = usize::from(self.settings.pipeline);
@@ -155,7 +155,7 @@ impl<'s, 'g> Server<'s, 'g> {
         let Some(frame) = self.gateway.fill_for_port(self.id, request, envelope) else {
             return Err((Event::BackPressure, Some(Exception::BUSY)));
         };
-        self.place.stats.count(Event::Request);
+        self.port_state.stats.count(Event::Request);
         // There is room: `requests` is at most what the table holds.
         let _ = open.push(Open { peer, header, number });
         self.gateway.inbox.send(frame);
@@ -170,7 +170,8 @@ impl<'s, 'g> Server<'s, 'g> {
 
     fn envelope(&self, unit: u8, peer: SocketAddr, number: u16) -> Envelope {
         let received = Instant::now();
-        let origin = Origin { port: self.id, way: Way::Port, generation: self.place.generation() };
+        let origin =
+            Origin { port: self.id, reply_to: ReplyTo::Port, generation: self.port_state.generation() };
         Envelope {
             transaction: number,
             peer: Some(peer.ip().to_canonical()),
@@ -178,8 +179,8 @@ impl<'s, 'g> Server<'s, 'g> {
         }
     }
 
-    /// Writes the answer in `frame` into `out`, for whoever asked; none when the frame came home without one.
-    fn answer(&self, frame: &Frame<'_>, out: &mut Out) -> Option<Reply> {
+    /// Writes the response in `frame` into `out`, for whoever asked; none when the frame came home without one.
+    fn respond(&self, frame: &Frame<'_>, out: &mut Out) -> Option<Response> {
         let envelope = frame.envelope();
         let mut open = self.open.borrow_mut();
         let at = open.iter().position(|open| open.number == envelope.transaction)?;
@@ -187,15 +188,15 @@ impl<'s, 'g> Server<'s, 'g> {
         if envelope.stage == Stage::Silence {
             return None;
         }
-        let answer = frame.content();
-        self.place.stats.answered(&answer, envelope.cause);
-        self.reply(peer, header, &answer, out)
+        let response = frame.content();
+        self.port_state.stats.answered(&response, envelope.cause);
+        self.response(peer, header, &response, out)
     }
 
-    /// Writes `answer` into `out`.
-    fn reply(&self, peer: SocketAddr, header: Header, answer: &[u8], out: &mut Out) -> Option<Reply> {
-        let datagram = tcp::encode(header, answer, out).ok()?;
-        self.tap(peer, true, Event::Answer, datagram);
+    /// Writes `response` into `out`.
+    fn response(&self, peer: SocketAddr, header: Header, response: &[u8], out: &mut Out) -> Option<Response> {
+        let datagram = tcp::encode(header, response, out).ok()?;
+        self.tap(peer, true, Event::Response, datagram);
         Some((peer, datagram.len()))
     }
 }

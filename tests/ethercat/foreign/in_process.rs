@@ -7,7 +7,9 @@ use ethercrab::{EtherCrabWireRead, EtherCrabWireSized, SubIndex};
 use ethercrab_wire::WireError;
 use mobgate::fieldbus::GatewayObjects;
 use mobgate_simulator::World;
-use mobgate_simulator::sub_device::{Desk, SharedEcho, cable, direct, image, line_of, spawn, with_master};
+use mobgate_simulator::sub_device::{
+    Dispatcher, SharedEcho, cable, direct, image, line_of, spawn, with_master,
+};
 
 use super::{GATEWAY, Listing, cycles, entries, number};
 use crate::bench::{INIT, OP, PRE_OP, Rig, gateway_objects};
@@ -72,7 +74,7 @@ fn demand(name: &str, short: u64) {
 }
 
 /// The gateway's SubDevice with this application, and ethercrab, which does as `script` says.
-fn with_ethercrab(application: impl Application, script: impl AsyncFnOnce(Desk<'_>)) {
+fn with_ethercrab(application: impl Application, script: impl AsyncFnOnce(Dispatcher<'_>)) {
     let mut world = World::new(1);
     let line = line_of(&GATEWAY);
     let (esc, interrupt) = direct(line.borrow().chip(0));
@@ -80,7 +82,7 @@ fn with_ethercrab(application: impl Application, script: impl AsyncFnOnce(Desk<'
     with_master(&mut world, cable(line), script);
 }
 
-/// Whether ethercrab can read `value`: 0.7.1 takes the answer to a segment for one that it does not know.
+/// Whether ethercrab can read `value`: 0.7.1 takes the response to a segment for one that it does not know.
 fn fits_a_mailbox(value: &[u8]) -> bool {
     value.len() <= 128 - 6 - 2 - 8
 }
@@ -113,9 +115,9 @@ fn read_all_objects_by_ethercrab() {
     let mut raw = in_pre_op();
     let expected: Vec<_> = objects.iter().map(|object| read(&mut raw, object)).collect();
     drop(raw); // Its clock too.
-    with_ethercrab(gateway_objects(), async |desk| {
-        let group = desk.to_pre_op().await.unwrap();
-        let device = group.subdevice(desk.master, 0).unwrap();
+    with_ethercrab(gateway_objects(), async |dispatcher| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
         // Of the list itself 0.7.1 loses the end of each fragment but the first.
         let listed = device.sdo_info_object_quantities().await.unwrap().expect("it has a mailbox");
         assert_eq!(usize::from(listed.all), objects.len());
@@ -139,12 +141,12 @@ fn read_all_objects_by_ethercrab() {
 
 #[test]
 fn ethercrab_exchanges_as_often_as_the_others() {
-    with_ethercrab(SharedEcho::default(), async |desk| {
-        let group = desk.to_pre_op().await.unwrap();
-        let group = desk.to_op(group, 1).await.unwrap();
+    with_ethercrab(SharedEcho::default(), async |dispatcher| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let group = dispatcher.to_op(group, 1).await.unwrap();
         let mut short = 0;
         for number in 2..u64::from(cycles()) + 2 {
-            short += u64::from(desk.exchange(&group, number).await.unwrap().1 != 3);
+            short += u64::from(dispatcher.exchange(&group, number).await.unwrap().1 != 3);
         }
         demand("ethercrab", short);
     });
@@ -152,13 +154,13 @@ fn ethercrab_exchanges_as_often_as_the_others() {
 
 #[test]
 fn ethercrab_starts_again_and_again() {
-    with_ethercrab(SharedEcho::default(), async |desk| {
+    with_ethercrab(SharedEcho::default(), async |dispatcher| {
         for number in 1..=u64::from(starts()) {
-            let group = desk.to_pre_op().await.unwrap();
-            let group = desk.to_op(group, 2 * number).await.unwrap();
-            assert_eq!(desk.exchange(&group, 2 * number + 1).await.unwrap().1, 3);
-            let group = group.into_safe_op(desk.master).await.unwrap();
-            group.into_pre_op(desk.master).await.unwrap().into_init(desk.master).await.unwrap();
+            let group = dispatcher.to_pre_op().await.unwrap();
+            let group = dispatcher.to_op(group, 2 * number).await.unwrap();
+            assert_eq!(dispatcher.exchange(&group, 2 * number + 1).await.unwrap().1, 3);
+            let group = group.into_safe_op(dispatcher.master).await.unwrap();
+            group.into_pre_op(dispatcher.master).await.unwrap().into_init(dispatcher.master).await.unwrap();
         }
     });
 }

@@ -4,13 +4,15 @@ use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::device::Device as Description;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
-use mobgate::fieldbus::{DEVICE, EthercatPlace, GatewayObjects, LONG_DEVICE, LongSubDevice, device};
+use mobgate::fieldbus::{DEVICE, EthercatState, GatewayObjects, LONG_DEVICE, LongSubDevice, device};
 use mobgate::gateway::Gateway;
 use mobgate::settings::LineSettings;
 use mobgate_simulator::device::serve;
 use mobgate_simulator::esc::{Kind, SharedSegment};
 use mobgate_simulator::rig::{Rig, Size, with_gateway_on};
-use mobgate_simulator::sub_device::{Desk, Group, cable, direct, line_of, line_of_kind, spawn, with_master};
+use mobgate_simulator::sub_device::{
+    Dispatcher, Group, cable, direct, line_of, line_of_kind, spawn, with_master,
+};
 use mobgate_simulator::world::Clock;
 use mobgate_simulator::{Device, World};
 
@@ -44,7 +46,7 @@ fn size() -> Size {
 
 /// What a script works with.
 pub(crate) struct Bench<'m> {
-    pub(crate) desk: Desk<'m>,
+    pub(crate) dispatcher: Dispatcher<'m>,
     pub(crate) setup: Setup,
     pub(crate) virtuals: Vec<Virtual>,
     pub(crate) devices: Vec<Device>,
@@ -55,7 +57,9 @@ pub(crate) fn with_devices(setup: Setup, script: impl AsyncFnOnce(Bench<'_>)) {
     let segment = line_of(&GATEWAY);
     with_gateway_and_devices(Clock::Virtual, setup, &segment, |world, virtuals, devices| {
         let cable = cable(segment.clone());
-        with_master(world, cable, async |desk| script(Bench { desk, setup, virtuals, devices }).await);
+        with_master(world, cable, async |dispatcher| {
+            script(Bench { dispatcher, setup, virtuals, devices }).await
+        });
     });
 }
 
@@ -84,9 +88,9 @@ pub(crate) fn with_wire(
     baud: u32,
     settings: &str,
     devices: Vec<Device>,
-    script: impl AsyncFnOnce(Desk<'_>, &Gateway<'_>),
+    script: impl AsyncFnOnce(Dispatcher<'_>, &Gateway<'_>),
 ) {
-    with_rig(baud, settings, devices, async |desk, rig| script(desk, rig.gateway).await);
+    with_rig(baud, settings, devices, async |dispatcher, rig| script(dispatcher, rig.gateway).await);
 }
 
 /// The same for a script that needs more than the gateway.
@@ -94,11 +98,11 @@ pub(crate) fn with_rig(
     baud: u32,
     settings: &str,
     devices: Vec<Device>,
-    script: impl AsyncFnOnce(Desk<'_>, &Rig<'_>),
+    script: impl AsyncFnOnce(Dispatcher<'_>, &Rig<'_>),
 ) {
     let segment = line_of(device(settings.contains(MODULES)));
     with_gateway_of(Clock::Virtual, baud, settings, devices, &segment, |world, rig| {
-        with_master(world, cable(segment.clone()), async |desk| script(desk, rig).await);
+        with_master(world, cable(segment.clone()), async |dispatcher| script(dispatcher, rig).await);
     });
 }
 
@@ -108,16 +112,16 @@ pub(crate) fn with_long_wire(
     baud: u32,
     settings: &str,
     devices: Vec<Device>,
-    script: impl AsyncFnOnce(Desk<'_>, &Gateway<'_>),
+    script: impl AsyncFnOnce(Dispatcher<'_>, &Gateway<'_>),
 ) {
     let segment = line_of_kind(kind, &LONG_GATEWAY);
-    let size = Size { ethercat: EthercatPlace::long, ..size() };
+    let size = Size { ethercat: EthercatState::long, ..size() };
     with_gateway_on(Clock::Virtual, size, 1, settings, |world, rig| {
         serve_devices(world, rig, baud, devices);
         let (esc, interrupt) = direct(segment.borrow().chip(0));
         let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
         spawn(world, LongSubDevice::with_buffers(&LONG_GATEWAY, esc, objects), interrupt);
-        with_master(world, cable(segment.clone()), async |desk| script(desk, rig.gateway).await);
+        with_master(world, cable(segment.clone()), async |dispatcher| script(dispatcher, rig.gateway).await);
     });
 }
 
@@ -152,7 +156,7 @@ fn with_gateway_of(
 impl Bench<'_> {
     /// Writes the configuration of all devices, and has it taken over.
     pub(crate) async fn configure(&self, group: &Group<PreOp>) {
-        let gateway = group.subdevice(self.desk.master, 0).unwrap();
+        let gateway = group.subdevice(self.dispatcher.master, 0).unwrap();
         for (device, index) in self.virtuals.iter().zip(0x2001..) {
             for (value, sub) in device.settings().into_iter().zip(1..) {
                 gateway.sdo_write(index, sub, value).await.unwrap();
@@ -163,18 +167,18 @@ impl Bench<'_> {
         gateway.sdo_write(0x2020, 2, 1_u16).await.unwrap();
         gateway.sdo_write(0x2020, 3, 2_u16).await.unwrap();
         gateway.sdo_write(0x2005, 1, 1_u16).await.unwrap();
-        // The line was opened anew: what comes for as long as an answer may be late is discarded, and nothing is asked.
+        // The line was opened anew: what comes for as long as a response may be late is discarded, and nothing is asked.
         Timer::after(LATE_WINDOW).await;
     }
 
     /// To Op, with `outputs`.
     pub(crate) async fn to_op(&self, group: Group<PreOp>, outputs: &[u8]) -> Group<Op> {
-        let group = group.into_safe_op(self.desk.master).await.unwrap();
-        let gateway = group.subdevice(self.desk.master, 0).unwrap();
+        let group = group.into_safe_op(self.dispatcher.master).await.unwrap();
+        let gateway = group.subdevice(self.dispatcher.master, 0).unwrap();
         gateway.outputs_raw_mut()[..outputs.len()].copy_from_slice(outputs);
-        group.tx_rx(self.desk.master).await.unwrap();
-        let group = group.request_into_op(self.desk.master).await.unwrap();
-        while !group.tx_rx(self.desk.master).await.unwrap().all_op() {
+        group.tx_rx(self.dispatcher.master).await.unwrap();
+        let group = group.request_into_op(self.dispatcher.master).await.unwrap();
+        while !group.tx_rx(self.dispatcher.master).await.unwrap().all_op() {
             Timer::after_millis(self.setup.cycle_ms).await;
         }
         group
@@ -194,8 +198,8 @@ impl Bench<'_> {
     ) -> Option<Duration> {
         let begin = Instant::now();
         while begin.elapsed() <= limit {
-            group.tx_rx(self.desk.master).await.unwrap();
-            if good(&group.subdevice(self.desk.master, 0).unwrap().inputs_raw()) {
+            group.tx_rx(self.dispatcher.master).await.unwrap();
+            if good(&group.subdevice(self.dispatcher.master, 0).unwrap().inputs_raw()) {
                 return Some(begin.elapsed());
             }
             Timer::after_millis(self.setup.cycle_ms).await;
@@ -204,7 +208,7 @@ impl Bench<'_> {
     }
 
     pub(crate) fn put(&self, group: &Group<Op>, outputs: &[u8]) {
-        let gateway = group.subdevice(self.desk.master, 0).unwrap();
+        let gateway = group.subdevice(self.dispatcher.master, 0).unwrap();
         gateway.outputs_raw_mut()[..outputs.len()].copy_from_slice(outputs);
     }
 

@@ -3,7 +3,7 @@
 use ethercat_subdevice::al_state::AlState;
 use ethercat_subdevice::application::Application;
 use ethercat_subdevice::coe::abort::Abort;
-use mobgate::fieldbus::{ConfigError, Configuration, EthercatPlace, GatewayObjects, REASON_BYTES, Room};
+use mobgate::fieldbus::{ConfigError, Configuration, EthercatState, GatewayObjects, REASON_BYTES, Room};
 use mobgate::language::apply;
 use mobgate::scanner::Kind;
 use mobgate::settings::{PortKind, Settings};
@@ -78,7 +78,7 @@ fn the_parity_bit_may_count_among_the_bits_of_a_character_and_need_not() {
 
 #[test]
 fn without_a_port_that_asks_nothing_is_taken_over() {
-    let place = EthercatPlace::new();
+    let place = EthercatState::new();
     let mut objects = GatewayObjects::new(&place);
     assert_eq!(write(&mut objects, 0x2005, 1, 1), Err(Abort::LocalControl));
     assert_eq!(reason(&mut objects), "no ethercat port is set");

@@ -39,8 +39,8 @@ fn the_port_says_that_no_controller_answers_and_works_when_one_does() {
         lan9252.set_timing(Timing::USUAL);
         world.run_for(Duration::from_secs(2));
         assert_eq!((place.controller(), port()), (Controller::Present, Status::Open));
-        with_master(world, cable(line.clone()), async |desk| {
-            desk.to_pre_op().await.unwrap();
+        with_master(world, cable(line.clone()), async |dispatcher| {
+            dispatcher.to_pre_op().await.unwrap();
         });
 
         lan9252.set_timing(absent);
@@ -51,9 +51,9 @@ fn the_port_says_that_no_controller_answers_and_works_when_one_does() {
         lan9252.set_timing(Timing::USUAL);
         world.run_for(Duration::from_secs(2));
         assert_eq!((place.controller(), port()), (Controller::Present, Status::Open));
-        with_master(world, cable(line.clone()), async |desk| {
-            let group = desk.to_pre_op().await.unwrap();
-            let device = group.subdevice(desk.master, 0).unwrap();
+        with_master(world, cable(line.clone()), async |dispatcher| {
+            let group = dispatcher.to_pre_op().await.unwrap();
+            let device = group.subdevice(dispatcher.master, 0).unwrap();
             assert_eq!(device.sdo_read::<u8>(0x10f3, 2).await.unwrap(), 6, "it tells of that once");
             assert_eq!(device.sdo_read::<[u8; 25]>(0x10f3, 6).await.unwrap()[6], 6, "by its text");
         });
@@ -62,9 +62,9 @@ fn the_port_says_that_no_controller_answers_and_works_when_one_does() {
 
 /// The product code and the objects F000h, as ethercrab reads them at `line`.
 fn product(world: &mut World<'_>, line: &SharedSegment) -> (u32, Option<u16>) {
-    with_master(world, cable(line.clone()), async |desk| {
-        let group = desk.to_pre_op().await.unwrap();
-        let device = group.subdevice(desk.master, 0).unwrap();
+    with_master(world, cable(line.clone()), async |dispatcher| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
         let product = device.sdo_read(0x1018, 2).await.unwrap();
         (product, device.sdo_read(0xf000, 2).await.ok())
     })
@@ -84,21 +84,21 @@ fn the_setting_modules_makes_it_another_device_at_once_also_in_op() {
         world.run_for(Duration::from_secs(2));
         let fixed = GATEWAY.identity.product;
         assert_eq!(product(world, &line), (fixed, None));
-        with_master(world, cable(line.clone()), async |desk| {
-            let group = desk.to_pre_op().await.unwrap();
-            let group = desk.to_op(group, 0).await.unwrap();
+        with_master(world, cable(line.clone()), async |dispatcher| {
+            let group = dispatcher.to_pre_op().await.unwrap();
+            let group = dispatcher.to_op(group, 0).await.unwrap();
             rig.console("edit port ecat modules").unwrap();
             Timer::after_millis(200).await;
-            assert!(!group.tx_rx(desk.master).await.unwrap().all_op(), "it starts anew");
+            assert!(!group.tx_rx(dispatcher.master).await.unwrap().all_op(), "it starts anew");
         });
         assert_eq!(product(world, &line), (fixed + 1, Some(32)));
         assert_eq!(place.controller(), Controller::Present);
         rig.console("edit port ecat no-modules").unwrap();
         world.run_for(Duration::from_millis(200));
         assert_eq!(product(world, &line), (fixed, None));
-        with_master(world, cable(line.clone()), async |desk| {
-            let group = desk.to_pre_op().await.unwrap();
-            desk.to_op(group, 0).await.unwrap();
+        with_master(world, cable(line.clone()), async |dispatcher| {
+            let group = dispatcher.to_pre_op().await.unwrap();
+            dispatcher.to_op(group, 0).await.unwrap();
         });
     });
 }
@@ -130,9 +130,9 @@ fn outputs_are_proved_from_the_setting_on_while_process_data_go_on() {
         });
         // Until the controller is found.
         world.run_for(Duration::from_secs(2));
-        with_master(world, cable(line.clone()), async |desk| {
-            let group = desk.to_pre_op().await.unwrap();
-            let group = desk.to_op(group, 0).await.unwrap();
+        with_master(world, cable(line.clone()), async |dispatcher| {
+            let group = dispatcher.to_pre_op().await.unwrap();
+            let group = dispatcher.to_op(group, 0).await.unwrap();
             // Its arrival there is told.
             Timer::after_millis(1).await;
             let mut cost = Vec::new();
@@ -140,7 +140,7 @@ fn outputs_are_proved_from_the_setting_on_while_process_data_go_on() {
                 rig.console(&format!("edit port ecat {words} on-loss hold")).unwrap();
                 lan9252.take_traffic();
                 for _ in 0..CYCLES {
-                    let seen = group.tx_rx(desk.master).await.unwrap();
+                    let seen = group.tx_rx(dispatcher.master).await.unwrap();
                     assert!(seen.all_op() && seen.working_counter == 3, "{words}: {seen:?}");
                     Timer::after_millis(1).await;
                 }

@@ -50,9 +50,9 @@ fn shown(message: &[u8]) -> (u8, u64, String) {
 #[test]
 fn statement_60_the_history_tells_of_devices_that_are_silent_answer_again_and_refuse() {
     let device = Device::new(7);
-    with_wire(19_200, SETTINGS, vec![device.clone()], async |desk, _| {
-        let group: Group<_> = desk.to_pre_op().await.unwrap();
-        let gateway = group.subdevice(desk.master, 0).unwrap();
+    with_wire(19_200, SETTINGS, vec![device.clone()], async |dispatcher, _| {
+        let group: Group<_> = dispatcher.to_pre_op().await.unwrap();
+        let gateway = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!(gateway.sdo_read::<u8>(0x10f3, 1).await.unwrap(), 20);
         gateway.sdo_write(0x2000, 1, 1_u16).await.unwrap();
         for (sub, value) in [(1, 7_u16), (8, 2), (9, 100)] {
@@ -148,7 +148,7 @@ fn statement_60_messages_are_sent_as_emergencies_to_whom_wants_them() {
 #[test]
 fn statement_60_the_settings_say_whether_emergencies_are_sent_from_the_start() {
     let objects = gateway_objects();
-    let place = objects.place();
+    let place = objects.shared();
     let mut rig = Rig::with_application(&GATEWAY, objects);
     let mut settings = Settings::new();
     for (line, flags) in [

@@ -11,10 +11,10 @@ use super::matrix::{COMBINATIONS, combination, exchange, exchanges, sum};
 #[test]
 fn the_four_devices_are_configured_by_sdo_and_every_byte_is_that_of_the_vectors() {
     with_devices(SETUP, async |bench| {
-        let group = bench.desk.to_pre_op().await.unwrap();
+        let group = bench.dispatcher.to_pre_op().await.unwrap();
         assert_eq!(bench.requests(), 0, "there is no traffic before");
         bench.configure(&group).await;
-        let gateway = group.subdevice(bench.desk.master, 0).unwrap();
+        let gateway = group.subdevice(bench.dispatcher.master, 0).unwrap();
         assert_eq!(gateway.sdo_read::<u16>(0x2005, 1).await.unwrap(), 0);
         assert_eq!(gateway.sdo_read::<u16>(0x2005, 2).await.unwrap(), 1);
         for (device, index) in bench.virtuals.iter().zip(0x2011..) {
@@ -24,7 +24,7 @@ fn the_four_devices_are_configured_by_sdo_and_every_byte_is_that_of_the_vectors(
         }
         let group = bench.to_op(group, &bench.output_image()).await;
         bench.cycle_for(&group, Duration::from_secs(1)).await;
-        let gateway = group.subdevice(bench.desk.master, 0).unwrap();
+        let gateway = group.subdevice(bench.dispatcher.master, 0).unwrap();
         let (image, length) = (bench.input_image(), bench.input_image().len());
         assert_eq!(gateway.inputs_raw()[..length], image);
         assert_eq!(gateway.inputs_raw()[length..], vec![0; 120 - length]);

@@ -83,8 +83,8 @@ fn statement_56_a_configuration_is_saved_on_command_while_process_data_go_on_and
     let settings =
         SETTINGS.replace("19200 8E1", "115200 8E1").replace("ecat ethercat", "ecat ethercat line bus");
     let wired = devices.clone();
-    with_wire(115_200, &settings, wired, async |desk, gateway| {
-        let bench = Bench { desk, setup: SETUP, virtuals: virtual_devices(), devices };
+    with_wire(115_200, &settings, wired, async |dispatcher, gateway| {
+        let bench = Bench { dispatcher, setup: SETUP, virtuals: virtual_devices(), devices };
         with_store(gateway, &store, save_in_op(&bench)).await;
     });
     let text = store.saved().expect("it was saved");
@@ -113,12 +113,12 @@ fn statement_56_a_configuration_is_saved_on_command_while_process_data_go_on_and
 
 /// Configures, goes to Op, and saves there; process data are exchanged meanwhile.
 async fn save_in_op(bench: &Bench<'_>) {
-    let group = bench.desk.to_pre_op().await.unwrap();
+    let group = bench.dispatcher.to_pre_op().await.unwrap();
     bench.configure(&group).await;
     let group: Group<_> = bench.to_op(group, &bench.output_image()).await;
     bench.cycle_for(&group, 500 * MS).await;
     let begin = Instant::now();
-    let gateway = group.subdevice(bench.desk.master, 0).unwrap();
+    let gateway = group.subdevice(bench.dispatcher.master, 0).unwrap();
     let ((), saved) = join(bench.cycle_for(&group, 2 * SLOW), async {
         gateway.sdo_write(0x1010, 1, SAVE).await.unwrap();
         begin.elapsed()
@@ -129,15 +129,15 @@ async fn save_in_op(bench: &Bench<'_>) {
         "it is answered when it is saved: {} ms",
         saved.as_millis()
     );
-    assert!(group.tx_rx(bench.desk.master).await.unwrap().all_op(), "and Op was not left");
+    assert!(group.tx_rx(bench.dispatcher.master).await.unwrap().all_op(), "and Op was not left");
     assert_eq!(gateway.sdo_read::<u32>(0x1010, 1).await.unwrap(), 1, "on command");
 }
 
 #[test]
 fn statement_56_what_cannot_be_saved_is_aborted() {
     with_devices(SETUP, async |bench| {
-        let group = bench.desk.to_pre_op().await.unwrap();
-        let gateway = group.subdevice(bench.desk.master, 0).unwrap();
+        let group = bench.dispatcher.to_pre_op().await.unwrap();
+        let gateway = group.subdevice(bench.dispatcher.master, 0).unwrap();
         let code = |refused| match refused {
             Err(Error::Mailbox(MailboxError::Aborted { code, .. })) => u32::from(code),
             other => panic!("{other:?}"),
@@ -146,10 +146,10 @@ fn statement_56_what_cannot_be_saved_is_aborted() {
         assert_eq!(code(nobody), 0x0800_0020, "nobody has a store");
     });
     let store = SlowStore::failing(1);
-    with_wire(115_200, SETTINGS, Vec::new(), async |desk, gateway| {
+    with_wire(115_200, SETTINGS, Vec::new(), async |dispatcher, gateway| {
         with_store(gateway, &store, async {
-            let group = desk.to_pre_op().await.unwrap();
-            let device = group.subdevice(desk.master, 0).unwrap();
+            let group = dispatcher.to_pre_op().await.unwrap();
+            let device = group.subdevice(dispatcher.master, 0).unwrap();
             device.sdo_write(0x2005, 1, 1_u16).await.unwrap();
             let begin = Instant::now();
             let refused = device.sdo_write(0x1010, 1, SAVE).await;
@@ -166,17 +166,17 @@ fn statement_56_what_cannot_be_saved_is_aborted() {
 #[test]
 fn statement_56_a_save_of_before_a_restart_from_init_answers_no_other_sdo() {
     let store = SlowStore::failing(1);
-    with_wire(115_200, SETTINGS, Vec::new(), async |desk, gateway| {
+    with_wire(115_200, SETTINGS, Vec::new(), async |dispatcher, gateway| {
         with_store(gateway, &store, async {
-            let group = desk.to_pre_op().await.unwrap();
-            let device = group.subdevice(desk.master, 0).unwrap();
+            let group = dispatcher.to_pre_op().await.unwrap();
+            let device = group.subdevice(dispatcher.master, 0).unwrap();
             device.sdo_write(0x2005, 1, 1_u16).await.unwrap();
             let begin = Instant::now();
             let saved = select(device.sdo_write(0x1010, 1, SAVE), Timer::after(10 * MS)).await;
             assert!(matches!(saved, Either::Second(())), "the MainDevice does not wait for it");
 
-            let group = desk.to_pre_op().await.unwrap();
-            let device = group.subdevice(desk.master, 0).unwrap();
+            let group = dispatcher.to_pre_op().await.unwrap();
+            let device = group.subdevice(dispatcher.master, 0).unwrap();
             device.sdo_write(0x2001, 10, 1_000_u32).await.unwrap();
             assert!(begin.elapsed() < SLOW, "another SDO does not wait for it either");
             device.sdo_write(0x1010, 1, SAVE).await.unwrap();
@@ -215,11 +215,11 @@ fn restored_defaults_hold_after_a_restart() {
     let store = SlowStore::default();
     let settings =
         format!("{SETTINGS}\nslave 0 unit 7 holding 9005 count 4 read 20ms check on-silence substitute 9");
-    with_wire(115_200, &settings, Vec::new(), async |desk, gateway| {
+    with_wire(115_200, &settings, Vec::new(), async |dispatcher, gateway| {
         with_store(gateway, &store, async {
             assert!(gateway.ethercat().unwrap().is_running());
-            let group = desk.to_pre_op().await.unwrap();
-            let device = group.subdevice(desk.master, 0).unwrap();
+            let group = dispatcher.to_pre_op().await.unwrap();
+            let device = group.subdevice(dispatcher.master, 0).unwrap();
             for (index, sub, value) in [(0x2000, 1, 1), (0x2001, 1, 7), (0x2001, 8, 4), (0x2001, 9, 9_005)] {
                 assert_eq!(device.sdo_read::<u16>(index, sub).await.unwrap(), value);
             }

@@ -30,7 +30,7 @@ impl Lamps for Seen {
 #[test]
 fn statement_61_the_lights_show_each_state_and_why_it_was_left() {
     let objects = gateway_objects();
-    let place = objects.place();
+    let place = objects.shared();
     let mut rig = Rig::with_application(&GATEWAY, objects);
     assert_eq!(place.lights(), (Pattern::Off, Pattern::Off));
     rig.bring_to(PRE_OP);
@@ -67,8 +67,8 @@ fn statement_61_lamps_that_have_other_uses_are_left_to_them_until_there_is_a_con
             let line = line_of(&GATEWAY);
             let (esc, interrupt) = direct(line.borrow().chip(0));
             spawn(world, SubDevice::new(&GATEWAY, esc, GatewayObjects::new(place)), interrupt);
-            with_master(world, cable(line), async |desk| {
-                desk.to_pre_op().await.unwrap();
+            with_master(world, cable(line), async |dispatcher| {
+                dispatcher.to_pre_op().await.unwrap();
             });
             seen.0.borrow_mut().clear();
             let begin = Instant::now();
@@ -92,8 +92,8 @@ fn statement_61_lamps_follow_in_the_times_of_etg_1300_and_the_console_says_the_s
         let (esc, interrupt) = direct(line.borrow().chip(0));
         spawn(world, SubDevice::new(&GATEWAY, esc, GatewayObjects::new(place)), interrupt);
         world.spawn(async move { place.light(&mut lamps).await });
-        with_master(world, cable(line), async |desk| {
-            desk.to_pre_op().await.unwrap();
+        with_master(world, cable(line), async |dispatcher| {
+            dispatcher.to_pre_op().await.unwrap();
         });
         let shown = world.run_until(async { typed(rig.gateway, "show version\n").await });
         assert!(shown.contains("EtherCAT controller present, PreOp, RUN blinking, ERR off"), "{shown}");

@@ -5,7 +5,7 @@ use ethercrab::error::{Error, MailboxError};
 use ethercrab::subdevice_group::PreOp;
 use mobgate_simulator::Device;
 use mobgate_simulator::esc::Kind;
-use mobgate_simulator::sub_device::{Desk, Group};
+use mobgate_simulator::sub_device::{Dispatcher, Group};
 
 use super::bench::{MS, with_long_wire, with_wire};
 
@@ -20,8 +20,8 @@ fn devices() -> Vec<Device> {
 }
 
 /// Each slave has 32 coils and six holding registers: 16 bytes each way.
-async fn configure(desk: &Desk<'_>, group: &Group<PreOp>) -> Result<(), ethercrab::error::Error> {
-    let gateway = group.subdevice(desk.master, 0).unwrap();
+async fn configure(dispatcher: &Dispatcher<'_>, group: &Group<PreOp>) -> Result<(), ethercrab::error::Error> {
+    let gateway = group.subdevice(dispatcher.master, 0).unwrap();
     gateway.sdo_write(0x2000, 1, SLAVES).await?;
     for nth in 0..SLAVES {
         for (sub, value) in [(1, nth + 1), (2, 32), (3, 0), (8, 6), (9, 0)] {
@@ -32,34 +32,34 @@ async fn configure(desk: &Desk<'_>, group: &Group<PreOp>) -> Result<(), ethercra
     gateway.sdo_write(0x2005, 1, 1_u16).await
 }
 
-async fn assign(desk: &Desk<'_>, group: &Group<PreOp>, outputs: &[u16], inputs: &[u16]) {
-    let gateway = group.subdevice(desk.master, 0).unwrap();
+async fn assign(dispatcher: &Dispatcher<'_>, group: &Group<PreOp>, outputs: &[u16], inputs: &[u16]) {
+    let gateway = group.subdevice(dispatcher.master, 0).unwrap();
     gateway.sdo_write_array(0x1c12, outputs).await.unwrap();
     gateway.sdo_write_array(0x1c13, inputs).await.unwrap();
 }
 
 #[test]
 fn thirty_two_slaves_exchange_512_bytes_each_way() {
-    with_wire(BAUD, SETTINGS, devices(), async |desk, gateway| {
-        let group = desk.to_pre_op().await.unwrap();
-        assign(&desk, &group, &[0x1601, 0x1602, 0x1603], &[0x1a01, 0x1a04, 0x1a05, 0x1a06]).await;
-        configure(&desk, &group).await.unwrap();
-        let device = group.subdevice(desk.master, 0).unwrap();
+    with_wire(BAUD, SETTINGS, devices(), async |dispatcher, gateway| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        assign(&dispatcher, &group, &[0x1601, 0x1602, 0x1603], &[0x1a01, 0x1a04, 0x1a05, 0x1a06]).await;
+        configure(&dispatcher, &group).await.unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
         let last = device.sdo_read::<u16>(0x2140 + 31, 6).await.unwrap();
         assert_eq!(last, 511, "the last input byte");
-        let group = group.into_safe_op(desk.master).await.unwrap();
+        let group = group.into_safe_op(dispatcher.master).await.unwrap();
         let image: Vec<u8> = (0..512_usize).map(|byte| (byte * 7 % 251) as u8).collect();
-        let device = group.subdevice(desk.master, 0).unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!((device.outputs_raw().len(), device.inputs_raw().len()), (512, 512 + 64));
         device.outputs_raw_mut().copy_from_slice(&image);
-        group.tx_rx(desk.master).await.unwrap();
-        let group = group.request_into_op(desk.master).await.unwrap();
+        group.tx_rx(dispatcher.master).await.unwrap();
+        let group = group.request_into_op(dispatcher.master).await.unwrap();
         let begin = Instant::now();
         while begin.elapsed() < 3_000 * MS {
-            group.tx_rx(desk.master).await.unwrap();
+            group.tx_rx(dispatcher.master).await.unwrap();
             Timer::after_millis(2).await;
         }
-        let device = group.subdevice(desk.master, 0).unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!(device.inputs_raw()[..512], image, "every byte is read back");
         let states = device.inputs_raw()[512..].to_vec();
         for (nth, state) in states.as_chunks::<2>().0.iter().enumerate() {
@@ -73,22 +73,22 @@ fn thirty_two_slaves_exchange_512_bytes_each_way() {
 
 #[test]
 fn an_image_longer_than_the_assigned_pdos_is_refused_where_it_is_found() {
-    with_wire(BAUD, SETTINGS, devices(), async |desk, gateway| {
+    with_wire(BAUD, SETTINGS, devices(), async |dispatcher, gateway| {
         let place = gateway.ethercat().unwrap();
-        let group = desk.to_pre_op().await.unwrap();
+        let group = dispatcher.to_pre_op().await.unwrap();
         // 120 bytes each way.
-        assert!(configure(&desk, &group).await.is_err());
+        assert!(configure(&dispatcher, &group).await.is_err());
         assert!(!place.is_running());
-        let device = group.subdevice(desk.master, 0).unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
         let reason = device.sdo_read::<[u8; 48]>(0x2006, 0).await.unwrap();
         assert!(reason.starts_with(b"slave 7 ends past the 120 input bytes"), "{}", reason.escape_ascii());
 
         // With room it is taken over; then the room is taken away.
-        assign(&desk, &group, &[0x1600, 0x1602, 0x1603], &[0x1a00, 0x1a04, 0x1a05]).await;
-        group.subdevice(desk.master, 0).unwrap().sdo_write(0x2005, 1, 1_u16).await.unwrap();
+        assign(&dispatcher, &group, &[0x1600, 0x1602, 0x1603], &[0x1a00, 0x1a04, 0x1a05]).await;
+        group.subdevice(dispatcher.master, 0).unwrap().sdo_write(0x2005, 1, 1_u16).await.unwrap();
         assert!(place.is_running());
-        assign(&desk, &group, &[0x1600, 0x1602, 0x1603], &[0x1a00, 0x1a04]).await;
-        assert!(group.into_safe_op(desk.master).await.is_err());
+        assign(&dispatcher, &group, &[0x1600, 0x1602, 0x1603], &[0x1a00, 0x1a04]).await;
+        assert!(group.into_safe_op(dispatcher.master).await.is_err());
         assert!(place.is_running(), "which is the state's fault, not the configuration's");
     });
 }
@@ -99,10 +99,10 @@ const LONG_INPUTS: [u16; 5] = [0x1a01, 0x1a04, 0x1a05, 0x1a07, 0x1a08];
 
 /// Each slave has 24 holding registers, the last one 23: 1486 bytes each way.
 async fn configure_long<const BYTES: usize>(
-    desk: &Desk<'_>,
+    dispatcher: &Dispatcher<'_>,
     group: &Group<PreOp, BYTES>,
 ) -> Result<(), ethercrab::error::Error> {
-    let gateway = group.subdevice(desk.master, 0).unwrap();
+    let gateway = group.subdevice(dispatcher.master, 0).unwrap();
     gateway.sdo_write(0x2000, 1, 31_u16).await?;
     for nth in 0..31_u16 {
         let registers = if nth == 30 { 23_u16 } else { 24 };
@@ -129,9 +129,9 @@ fn what_the_controllers_memory_does_not_hold_is_refused_with_its_reason() {
         (Kind::ET1100, 4, "slave 21 ends past the 1024 input bytes"),
         (Kind::LAN9252, 0, "slave 0 ends past the 0 input bytes"),
     ] {
-        with_long_wire(kind, BAUD, SETTINGS, devices(), async |desk, gateway| {
-            let group = desk.to_pre_op_with::<3072>().await.unwrap();
-            let device = group.subdevice(desk.master, 0).unwrap();
+        with_long_wire(kind, BAUD, SETTINGS, devices(), async |dispatcher, gateway| {
+            let group = dispatcher.to_pre_op_with::<3072>().await.unwrap();
+            let device = group.subdevice(dispatcher.master, 0).unwrap();
             // 4 KiB hold 1280 bytes of outputs.
             let outputs = if taken > 0 { LONG_OUTPUTS.len() } else { 4 };
             device.sdo_write_array(0x1c12, &LONG_OUTPUTS[..outputs]).await.unwrap();
@@ -142,7 +142,7 @@ fn what_the_controllers_memory_does_not_hold_is_refused_with_its_reason() {
             if taken > 0 {
                 device.sdo_write_array(0x1c13, &LONG_INPUTS[..taken]).await.unwrap();
             }
-            assert!(configure_long(&desk, &group).await.is_err());
+            assert!(configure_long(&dispatcher, &group).await.is_err());
             assert!(!gateway.ethercat().unwrap().is_running());
             let told = device.sdo_read::<[u8; 48]>(0x2006, 0).await.unwrap();
             assert!(told.starts_with(reason.as_bytes()), "{}", told.escape_ascii());
@@ -152,25 +152,25 @@ fn what_the_controllers_memory_does_not_hold_is_refused_with_its_reason() {
 
 #[test]
 fn thirty_one_slaves_exchange_1486_bytes_behind_a_controller_with_the_memory() {
-    with_long_wire(Kind::IP_CORE, BAUD, SETTINGS, devices(), async |desk, _| {
-        let group = desk.to_pre_op_with::<3072>().await.unwrap();
-        let device = group.subdevice(desk.master, 0).unwrap();
+    with_long_wire(Kind::IP_CORE, BAUD, SETTINGS, devices(), async |dispatcher, _| {
+        let group = dispatcher.to_pre_op_with::<3072>().await.unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
         device.sdo_write_array(0x1c12, LONG_OUTPUTS).await.unwrap();
         device.sdo_write_array(0x1c13, LONG_INPUTS).await.unwrap();
-        configure_long(&desk, &group).await.unwrap();
-        let group = group.into_safe_op(desk.master).await.unwrap();
+        configure_long(&dispatcher, &group).await.unwrap();
+        let group = group.into_safe_op(dispatcher.master).await.unwrap();
         let image: Vec<u8> = (0..1_500_usize).map(|byte| (byte * 7 % 251) as u8).collect();
-        let device = group.subdevice(desk.master, 0).unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!((device.outputs_raw().len(), device.inputs_raw().len()), (1_500, 1_486));
         device.outputs_raw_mut().copy_from_slice(&image);
-        group.tx_rx(desk.master).await.unwrap();
-        let group = group.request_into_op(desk.master).await.unwrap();
+        group.tx_rx(dispatcher.master).await.unwrap();
+        let group = group.request_into_op(dispatcher.master).await.unwrap();
         let begin = Instant::now();
         while begin.elapsed() < 4_000 * MS {
-            group.tx_rx(desk.master).await.unwrap();
+            group.tx_rx(dispatcher.master).await.unwrap();
             Timer::after_millis(4).await;
         }
-        let device = group.subdevice(desk.master, 0).unwrap();
+        let device = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!(device.inputs_raw()[..], image[..1_486], "every byte is read back");
         // The same by SDO, where an object has only a part of it.
         assert_eq!(device.sdo_read::<[u8; 8]>(0x2023, 64).await.unwrap(), image[504..512]);
@@ -188,19 +188,19 @@ fn thirty_one_slaves_exchange_1486_bytes_behind_a_controller_with_the_memory() {
 fn values_of_32_bits_stand_with_the_high_byte_first_whatever_order_their_device_has() {
     let settings = format!("{SETTINGS}\nslave 0 unit 1 holding 0 count 64 as u32 order 2301 read 100ms");
     let device = Device::new(1);
-    with_wire(BAUD, &settings, vec![device.clone()], async |desk, _| {
-        let group = desk.to_pre_op().await.unwrap();
-        assign(&desk, &group, &[0x1601, 0x1602, 0x1603], &[0x1a01, 0x1a04, 0x1a05]).await;
-        let group = group.into_safe_op(desk.master).await.unwrap();
-        let gateway = group.subdevice(desk.master, 0).unwrap();
+    with_wire(BAUD, &settings, vec![device.clone()], async |dispatcher, _| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        assign(&dispatcher, &group, &[0x1601, 0x1602, 0x1603], &[0x1a01, 0x1a04, 0x1a05]).await;
+        let group = group.into_safe_op(dispatcher.master).await.unwrap();
+        let gateway = group.subdevice(dispatcher.master, 0).unwrap();
         let values = (0..64_u32).map(|nth| 0x0102_0304 * (nth + 1));
         let image: Vec<u8> = values.clone().flat_map(u32::to_be_bytes).collect();
         gateway.outputs_raw_mut()[..256].copy_from_slice(&image);
-        group.tx_rx(desk.master).await.unwrap();
-        let group = group.request_into_op(desk.master).await.unwrap();
+        group.tx_rx(dispatcher.master).await.unwrap();
+        let group = group.request_into_op(dispatcher.master).await.unwrap();
         let begin = Instant::now();
         while begin.elapsed() < 1_000 * MS {
-            group.tx_rx(desk.master).await.unwrap();
+            group.tx_rx(dispatcher.master).await.unwrap();
             Timer::after_millis(2).await;
         }
         for (nth, value) in values.enumerate() {
@@ -211,7 +211,7 @@ fn values_of_32_bits_stand_with_the_high_byte_first_whatever_order_their_device_
                 "value {nth}: the low word first"
             );
         }
-        let gateway = group.subdevice(desk.master, 0).unwrap();
+        let gateway = group.subdevice(dispatcher.master, 0).unwrap();
         assert_eq!(gateway.inputs_raw()[..256], image);
     });
 }

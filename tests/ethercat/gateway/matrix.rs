@@ -59,7 +59,7 @@ impl Limits {
     pub(crate) fn of(setup: Setup) -> Self {
         let (reads, writes) = exchanges(setup);
         let most = Duration::from_millis(setup.polling_ms.into()).max(sum(&reads));
-        // What changes while it is read is in the answer of the next poll.
+        // What changes while it is read is in the response of the next poll.
         let answer = *reads.iter().max().unwrap();
         // Until the MainDevice sends or fetches, and until the SubDevice has put inputs there: two cycles.
         let slack = Duration::from_millis(2 * setup.cycle_ms);
@@ -87,7 +87,7 @@ pub(crate) fn exchange(setup: Setup) -> Longest {
         seen.as_micros() as f64 / limit.as_micros() as f64
     };
     with_devices(setup, async |bench| {
-        let group = bench.desk.to_pre_op().await.unwrap();
+        let group = bench.dispatcher.to_pre_op().await.unwrap();
         bench.configure(&group).await;
         let group = bench.to_op(group, &bench.output_image()).await;
         let image = bench.input_image();

@@ -154,7 +154,7 @@ fn thirty_two_modules_of_mixed_types_are_configured_by_a_start_up_list_and_read_
 
 /// Puts values into the image as devices' answers would, and reads each as an entry.
 fn check_values(rig: &mut Rig<Objects>, modules: &[Module]) {
-    let place = rig.application().place();
+    let place = rig.application().shared();
     let image: Vec<u8> = (0..512).map(|nth| (nth * 37 + 11) as u8).collect();
     place.scanner().with(|scanner| scanner.image_mut(0, 512).copy_from_slice(&image));
     let mut at = 0;

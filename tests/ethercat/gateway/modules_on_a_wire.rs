@@ -3,7 +3,7 @@
 use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::sync_manager::Channel;
 use ethercrab::subdevice_group::{Op, PreOp};
-use mobgate_simulator::sub_device::{Desk, Group};
+use mobgate_simulator::sub_device::{Dispatcher, Group};
 use mobgate_simulator::{Device, Random};
 
 use super::bench::{with_rig, with_wire};
@@ -90,8 +90,8 @@ fn inputs(module: &Module, slot: usize) -> Vec<u8> {
 }
 
 /// Writes the start-up list, as a MainDevice does in PreOp.
-async fn send(desk: &Desk<'_>, group: &Group<PreOp>, list: &List) {
-    let gateway = group.subdevice(desk.master, 0).unwrap();
+async fn send(dispatcher: &Dispatcher<'_>, group: &Group<PreOp>, list: &List) {
+    let gateway = group.subdevice(dispatcher.master, 0).unwrap();
     for (index, sub, value) in list {
         let written = match value[..] {
             [byte] => gateway.sdo_write(*index, *sub, byte).await,
@@ -102,21 +102,21 @@ async fn send(desk: &Desk<'_>, group: &Group<PreOp>, list: &List) {
     }
 }
 
-async fn to_op(desk: &Desk<'_>, group: Group<PreOp>, outputs: &[u8]) -> Group<Op> {
-    let group = group.into_safe_op(desk.master).await.unwrap();
-    let gateway = group.subdevice(desk.master, 0).unwrap();
+async fn to_op(dispatcher: &Dispatcher<'_>, group: Group<PreOp>, outputs: &[u8]) -> Group<Op> {
+    let group = group.into_safe_op(dispatcher.master).await.unwrap();
+    let gateway = group.subdevice(dispatcher.master, 0).unwrap();
     gateway.outputs_raw_mut().copy_from_slice(outputs);
-    group.tx_rx(desk.master).await.unwrap();
-    let group = group.request_into_op(desk.master).await.unwrap();
-    while !group.tx_rx(desk.master).await.unwrap().all_op() {
+    group.tx_rx(dispatcher.master).await.unwrap();
+    let group = group.request_into_op(dispatcher.master).await.unwrap();
+    while !group.tx_rx(dispatcher.master).await.unwrap().all_op() {
         Timer::after(CYCLE).await;
     }
     group
 }
 
 /// Each value by SDO, as the entry of its type.
-async fn check_entries(desk: &Desk<'_>, group: &Group<Op>, modules: &[Module]) {
-    let gateway = group.subdevice(desk.master, 0).unwrap();
+async fn check_entries(dispatcher: &Dispatcher<'_>, group: &Group<Op>, modules: &[Module]) {
+    let gateway = group.subdevice(dispatcher.master, 0).unwrap();
     for (slot, module) in modules.iter().enumerate() {
         let at = |first: u16| first + 0x10 * slot as u16;
         for nth in 0..usize::from(module.discrete) {
@@ -154,21 +154,21 @@ fn thirty_two_devices_of_mixed_types_are_modules_by_their_start_up_list_alone_tw
         modules.iter().enumerate().flat_map(|(slot, module)| part(module, slot)).collect()
     };
     let (outputs, inputs) = (all(outputs), all(inputs));
-    with_wire(BAUD, SETTINGS, devices, async |desk, _| {
+    with_wire(BAUD, SETTINGS, devices, async |dispatcher, _| {
         for round in 0..2 {
-            let group = desk.to_pre_op().await.unwrap();
+            let group = dispatcher.to_pre_op().await.unwrap();
             let mut list = start_up_list(&modules);
             // Nine bits with an even parity, as the line has it.
             list.extend([(0x2020, 2, vec![1, 0]), (0x2020, 3, vec![2, 0])]);
-            send(&desk, &group, &list).await;
-            let group = to_op(&desk, group, &outputs).await;
+            send(&dispatcher, &group, &list).await;
+            let group = to_op(&dispatcher, group, &outputs).await;
             let begin = Instant::now();
             while begin.elapsed() < ROUNDS {
-                let seen = group.tx_rx(desk.master).await.unwrap();
+                let seen = group.tx_rx(dispatcher.master).await.unwrap();
                 assert_eq!(seen.working_counter, 3);
                 Timer::after(CYCLE).await;
             }
-            let read = group.subdevice(desk.master, 0).unwrap().inputs_raw().to_vec();
+            let read = group.subdevice(dispatcher.master, 0).unwrap().inputs_raw().to_vec();
             let mut at = 0;
             for (slot, module) in modules.iter().enumerate() {
                 let end = at + module.pdo_bytes(Channel::Inputs);
@@ -176,7 +176,7 @@ fn thirty_two_devices_of_mixed_types_are_modules_by_their_start_up_list_alone_tw
                 at = end;
             }
             assert_eq!(read.len(), at + 2, "and the counter");
-            check_entries(&desk, &group, &modules).await;
+            check_entries(&dispatcher, &group, &modules).await;
             // Without cycles its outputs have stopped meanwhile: the next start begins from SafeOp with that error.
         }
     });
@@ -185,19 +185,19 @@ fn thirty_two_devices_of_mixed_types_are_modules_by_their_start_up_list_alone_tw
 #[test]
 fn modules_that_are_exchanged_stay_until_the_main_device_has_left_them() {
     let module = Module { discrete: 8, ..Module::default() };
-    with_rig(BAUD, SETTINGS, vec![device(&module, 0)], async |desk, rig| {
+    with_rig(BAUD, SETTINGS, vec![device(&module, 0)], async |dispatcher, rig| {
         let type_line = |line: &str| rig.console(line);
         type_line("slave 0 unit 1 discrete 0 count 8").unwrap();
-        let group = desk.to_pre_op().await.unwrap();
+        let group = dispatcher.to_pre_op().await.unwrap();
         type_line("slave 0 unit 1 discrete 0 count 16").unwrap();
-        let group = to_op(&desk, group, &[]).await;
-        assert_eq!(group.subdevice(desk.master, 0).unwrap().inputs_raw().len(), 4);
+        let group = to_op(&dispatcher, group, &[]).await;
+        assert_eq!(group.subdevice(dispatcher.master, 0).unwrap().inputs_raw().len(), 4);
         let refused = type_line("slave 0 unit 1 discrete 0 count 24").unwrap_err();
         assert_eq!(refused, "the modules are in use by the MainDevice");
-        assert!(group.tx_rx(desk.master).await.unwrap().all_op());
-        let group = group.into_safe_op(desk.master).await.unwrap();
+        assert!(group.tx_rx(dispatcher.master).await.unwrap().all_op());
+        let group = group.into_safe_op(dispatcher.master).await.unwrap();
         assert!(type_line("slave 0 unit 1 discrete 0 count 24").is_err(), "nor in SafeOp");
-        group.into_pre_op(desk.master).await.unwrap();
+        group.into_pre_op(dispatcher.master).await.unwrap();
         type_line("slave 0 unit 1 discrete 0 count 24").unwrap();
     });
 }

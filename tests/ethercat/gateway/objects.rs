@@ -2,7 +2,7 @@
 
 use ethercat_subdevice::application::{Address, Application};
 use ethercat_subdevice::coe::abort::Abort;
-use mobgate::fieldbus::{EthercatPlace, GatewayObjects, REASON_BYTES};
+use mobgate::fieldbus::{EthercatState, GatewayObjects, REASON_BYTES};
 use mobgate_simulator::rig::with_gateway;
 
 pub(crate) const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1
@@ -10,7 +10,7 @@ pub(crate) const SETTINGS: &str = "port bus serial uart1 rtu client 19200 8E1
     route ecat 1-247 * * bus";
 
 /// Objects behind a gateway that has an `ethercat` port.
-pub(crate) fn with_objects(test: impl FnOnce(&EthercatPlace, GatewayObjects<'_>)) {
+pub(crate) fn with_objects(test: impl FnOnce(&EthercatState, GatewayObjects<'_>)) {
     with_gateway(1, SETTINGS, |_, rig| {
         let place = rig.gateway.ethercat().unwrap();
         test(place, GatewayObjects::new(place));

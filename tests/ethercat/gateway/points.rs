@@ -31,9 +31,9 @@ fn aborted(result: Result<(), Error>, abort: Abort) {
 #[test]
 fn a_main_device_has_points_read_and_written_and_sees_what_came_of_it() {
     let device = Device::new(7);
-    with_rig(19_200, SETTINGS, vec![device.clone()], async |desk, rig| {
-        let group = desk.to_pre_op().await.unwrap();
-        let gateway = group.subdevice(desk.master, 0).unwrap();
+    with_rig(19_200, SETTINGS, vec![device.clone()], async |dispatcher, rig| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let gateway = group.subdevice(dispatcher.master, 0).unwrap();
         let mut plc = rig.client(Ipv4Addr::LOCALHOST.into(), 502);
         let read = async |index, sub| gateway.sdo_read::<u16>(index, sub).await.unwrap();
         let write = async |index, sub, value: u16| gateway.sdo_write(index, sub, value).await;
@@ -66,9 +66,9 @@ fn a_main_device_has_points_read_and_written_and_sees_what_came_of_it() {
 
 #[test]
 fn what_is_no_command_is_aborted() {
-    with_rig(19_200, SETTINGS, vec![Device::new(7)], async |desk, rig| {
-        let group = desk.to_pre_op().await.unwrap();
-        let gateway = group.subdevice(desk.master, 0).unwrap();
+    with_rig(19_200, SETTINGS, vec![Device::new(7)], async |dispatcher, rig| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let gateway = group.subdevice(dispatcher.master, 0).unwrap();
         let write = async |index, sub, value: u16| gateway.sdo_write(index, sub, value).await;
         let mut plc = rig.client(Ipv4Addr::LOCALHOST.into(), 502);
         aborted(write(0x2040, 5, 0x0101).await, Abort::NoEntry);

@@ -57,7 +57,7 @@ fn an_answer_of_two_bytes_is_no_exception_because_its_second_one_looks_like_it()
     with_device(|world, _, device, mut objects| {
         // Read exception status: 0Ah and 0Bh are what the gateway itself says by an exception.
         for status in [0x0a, 0x0b] {
-            device.set_answer(&[7, status]);
+            device.set_response(&[7, status]);
             assert_eq!(ask(world, &mut objects, &[5, 7]), (1, 0, vec![7, status]));
         }
     });
@@ -142,9 +142,9 @@ fn a_request_that_is_open_when_other_devices_are_taken_over_ends() {
 fn ethercrab_asks_a_device_on_the_wire_by_parts_of_four_bytes() {
     let device = Device::new(5);
     device.memory().holding[16] = 0x1234;
-    with_wire(19_200, SETTINGS, vec![device], async |desk, _| {
-        let group = desk.to_pre_op().await.unwrap();
-        let gateway = group.subdevice(desk.master, 0).unwrap();
+    with_wire(19_200, SETTINGS, vec![device], async |dispatcher, _| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let gateway = group.subdevice(dispatcher.master, 0).unwrap();
         let parts = async |first: u32, second: u32, bytes: u8| {
             gateway.sdo_write(0x2034, 1, first).await.unwrap();
             gateway.sdo_write(0x2034, 2, second).await.unwrap();

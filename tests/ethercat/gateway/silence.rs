@@ -21,9 +21,9 @@ fn inputs(on_silence: u8, substitute: u16) -> ([[u8; 5]; 3], u8, u8, String) {
     let device = Device::new(7);
     device.memory().coils[..5].fill(true);
     device.memory().holding[100..102].copy_from_slice(&[0x0102, 0x0304]);
-    with_wire(19_200, SETTINGS, vec![device.clone()], async |desk, gateway| {
-        let group = desk.to_pre_op().await.unwrap();
-        let sub_device = group.subdevice(desk.master, 0).unwrap();
+    with_wire(19_200, SETTINGS, vec![device.clone()], async |dispatcher, gateway| {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let sub_device = group.subdevice(dispatcher.master, 0).unwrap();
         sub_device.sdo_write(0x2000, 1, 1_u16).await.unwrap();
         for (sub, value) in SLAVE {
             sub_device.sdo_write(0x2001, sub, value).await.unwrap();

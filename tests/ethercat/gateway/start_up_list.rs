@@ -68,7 +68,7 @@ fn statement_57_a_start_up_list_is_accepted_each_time_it_is_sent_and_the_configu
     let list = start_up_list(&mut Random::new(1));
     send(&mut rig, &list);
     check(&mut rig, &list);
-    let place = rig.application().place();
+    let place = rig.application().shared();
     place.scanner().with(|scanner| scanner.image_mut(0, 1)[0] = 0xa5);
     for _ in 0..3 {
         send(&mut rig, &list);

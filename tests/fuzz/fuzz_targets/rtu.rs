@@ -1,4 +1,4 @@
-//! RTU: round trip, damage, and the client's search for the answer in a line's bytes.
+//! RTU: round trip, damage, and the client's search for the response in a line's bytes.
 #![no_main]
 
 use libfuzzer_sys::arbitrary::{self, Arbitrary};
@@ -53,7 +53,7 @@ fn damage(frame: &[u8], bit: u16) {
     assert!(decode(&damaged).is_err());
 }
 
-/// The answer by itself is found with its last byte or at silence.
+/// The response by itself is found with its last byte or at silence.
 fn alone(unit: u8, request: &[u8], pdu: &[u8], frame: &[u8]) {
     assert_eq!(response_at_silence(unit, request, frame), AtSilence::Complete(pdu));
     // Only the masked code of a request that is none differs from its own exception's.
@@ -64,7 +64,7 @@ fn alone(unit: u8, request: &[u8], pdu: &[u8], frame: &[u8]) {
     }
 }
 
-/// What is found is a good frame and the answer, and stays found when more bytes come.
+/// What is found is a good frame and the response, and stays found when more bytes come.
 fn search(unit: u8, request: &[u8], line: &[u8]) {
     let genuine = |pdu: &[u8]| {
         let mut out = [0; FRAME_BYTES_MAX];
@@ -87,7 +87,7 @@ fn search(unit: u8, request: &[u8], line: &[u8]) {
         (AtSilence::Complete(pdu), _) => genuine(pdu),
         (AtSilence::WrongUnit(from, pdu), whole) => assert_eq!(whole, Ok((from, pdu))),
         (AtSilence::Misfit(_, pdu), whole) => assert_eq!(whole, Ok((unit, pdu))),
-        (AtSilence::Damaged | AtSilence::Short | AtSilence::Noise, whole) => {
+        (AtSilence::Corrupt | AtSilence::Short | AtSilence::Noise, whole) => {
             assert!(whole.is_err());
             assert_eq!(found, None);
         }

@@ -1,4 +1,4 @@
-//! Blocks: what several reads have in common, and each one's part of the answer, against a device's memory.
+//! Blocks: what several reads have in common, and each one's part of the response, against a device's memory.
 
 use mobgate::modbus::PDU_BYTES_MAX;
 use mobgate::modbus::pdu::{Block, check_request, fits};

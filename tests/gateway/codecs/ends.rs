@@ -8,7 +8,7 @@ use mobgate::modbus::{Exception, PDU_BYTES_MAX};
 
 use crate::samples::EXAMPLES;
 
-/// By function: behind how many bytes the end of a request is known, and that of its answer; none: only silence tells.
+/// By function: behind how many bytes the end of a request is known, and that of its response; none: only silence tells.
 const TOLD: &[(u8, Option<usize>, Option<usize>)] = &[
     (1, Some(1), Some(1)),
     (2, Some(1), Some(1)),
@@ -17,7 +17,7 @@ const TOLD: &[(u8, Option<usize>, Option<usize>)] = &[
     (5, Some(1), Some(1)),
     (6, Some(1), Some(1)),
     (7, Some(1), Some(1)),
-    // The query that is sent back may have any length: that of its answer is known.
+    // The query that is sent back may have any length: that of its response is known.
     (8, None, Some(1)),
     (11, Some(1), Some(1)),
     (12, Some(1), Some(2)),
@@ -204,7 +204,7 @@ fn each_public_function_has_its_name_and_no_other_code_has_one() {
 #[test]
 fn what_changes_something_may_be_broadcast_and_what_wants_an_answer_may_not() {
     for function in 0..=255 {
-        // Reads, and 23 and 43, which are of no use without an answer.
+        // Reads, and 23 and 43, which are of no use without a response.
         let wants_answer = matches!(function, 1..=4 | 7 | 11 | 12 | 17 | 20 | 23 | 24 | 43);
         for request in [&[function][..], &[function, 13, 0, 0, 1], &[function, 14, 0, 0, 1]] {
             assert_eq!(is_broadcastable(request), !wants_answer, "{request:?}");

@@ -84,7 +84,7 @@ fn values_that_a_function_cannot_have_are_refused() {
         &[16, 0, 0, 0, 1, 3, 0, 0],
         &[5, 0, 0, 0x00, 0xFF],
         &[5, 0, 0, 0x01, 0x00],
-        // File records: no group, a length of 0, half a group, an answer longer than a PDU, data missing.
+        // File records: no group, a length of 0, half a group, a response longer than a PDU, data missing.
         &[20],
         &[20, 0],
         &[20, 7, 6, 0, 1, 0, 0, 0, 0],
@@ -165,7 +165,7 @@ fn counts_that_disagree_with_the_request_or_the_data_are_a_length_misfit() {
 
 #[test]
 fn an_answer_that_repeats_another_field_is_an_echo_misfit() {
-    // For each function that repeats fields: the first and the last byte of the answer that must be the request's.
+    // For each function that repeats fields: the first and the last byte of the response that must be the request's.
     for (function, first, last) in
         [(5, 1, 4), (6, 1, 4), (8, 1, 4), (15, 1, 4), (16, 1, 4), (21, 1, 14), (22, 1, 6), (43, 1, 2)]
     {

@@ -1,4 +1,4 @@
-//! The RTU client's search for the answer: alone, among noise, cut anywhere, and against a naive model.
+//! The RTU client's search for the response: alone, among noise, cut anywhere, and against a naive model.
 
 use mobgate::modbus::pdu::{Misfit, ResponseLength, fits, response_length};
 use mobgate::modbus::rtu::{AtSilence, Received, decode, response, response_at_silence};
@@ -42,7 +42,7 @@ fn a_frame_inside_of_an_answers_data_is_not_taken_for_the_answer() {
 #[test]
 fn an_unknown_functions_answer_ends_with_the_silence_only() {
     let request = [0x41, 1];
-    // The first four bytes of the answer are a good frame by themselves.
+    // The first four bytes of the response are a good frame by themselves.
     let short = frame(9, &[0x41]);
     let pdu = [&short[1..], &[7, 7, 7]].concat();
     let received = frame(9, &pdu);
@@ -57,7 +57,7 @@ fn an_unknown_functions_answer_ends_with_the_silence_only() {
 fn silence_tells_foreign_damaged_and_meaningless_bytes_apart() {
     let mut damaged = frame(17, &ANSWER);
     damaged[5] ^= 0x10;
-    assert_eq!(response_at_silence(17, &READ, &damaged), AtSilence::Damaged);
+    assert_eq!(response_at_silence(17, &READ, &damaged), AtSilence::Corrupt);
     assert_eq!(response_at_silence(17, &READ, &frame(17, &ANSWER)[..6]), AtSilence::Short);
     assert_eq!(response_at_silence(17, &READ, &[17, 0x83]), AtSilence::Short);
     assert_eq!(response_at_silence(17, &READ, &frame(18, &ANSWER)), AtSilence::WrongUnit(18, &ANSWER));
@@ -92,9 +92,9 @@ fn a_beginning_that_would_be_longer_than_frames_are_is_passed_over() {
     assert_eq!(response(9, &[0x41], &received), Received::Complete(&[0xC1, 1]));
 }
 
-/// Every frame in `received` that is an answer, by trying all places: the start, and the PDU.
+/// Every frame in `received` that is a response, by trying all places: the start, and the PDU.
 ///
-/// A function's answer whose end only the silence tells must reach to the end.
+/// A function's response whose end only the silence tells must reach to the end.
 fn naive_answers(unit: u8, request: &[u8], received: &[u8]) -> Vec<(usize, Vec<u8>)> {
     let mut answers = Vec::new();
     for start in 0..received.len() {
@@ -111,7 +111,7 @@ fn naive_answers(unit: u8, request: &[u8], received: &[u8]) -> Vec<(usize, Vec<u
     answers
 }
 
-/// A unit, a request, its answer, and a line's bytes: pieces of frames, good and bad, and noise that resembles them.
+/// A unit, a request, its response, and a line's bytes: pieces of frames, good and bad, and noise that resembles them.
 fn lines() -> impl Strategy<Value = (u8, Vec<u8>, Vec<u8>, Vec<u8>)> {
     (any::<u8>(), exchange()).prop_flat_map(|(unit, (request, answer))| {
         let function = request[0];
@@ -153,7 +153,7 @@ proptest! {
     fn noise_in_front_does_not_hide_an_answer(
         unit in any::<u8>(), (request, answer) in exchange(), noise in vec(any::<u8>(), 1..=20),
     ) {
-        // Noise that holds the answer's two first bytes may well delay it until the silence.
+        // Noise that holds the response's two first bytes may well delay it until the silence.
         let received = [&noise[..], &frame(unit, &answer)].concat();
         let header = |pair: &[u8]| pair[0] == unit && pair[1] & 0x7F == request[0];
         prop_assume!(!received[..noise.len() + 1].windows(2).any(header));
@@ -203,7 +203,7 @@ proptest! {
             (Err(_), AtSilence::Complete(pdu)) => {
                 prop_assert_eq!(Some(pdu), answers.first().map(|(_, answer)| &answer[..]));
             }
-            (Err(_), AtSilence::Damaged | AtSilence::Short) => {
+            (Err(_), AtSilence::Corrupt | AtSilence::Short) => {
                 prop_assert!(answers.is_empty());
                 prop_assert!(line[0] == unit && line[1] & 0x7F == request[0]);
             }

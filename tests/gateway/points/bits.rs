@@ -31,7 +31,7 @@ fn put(scanner: &mut Scanner, id: RowId, on: bool) {
     scanner.put(id, 0, 1, &[on.into()], at(0)).unwrap();
 }
 
-/// The next request, which this is the answer to.
+/// The next request, which this is the response to.
 fn answered(scanner: &mut Scanner, pdu: &[u8]) -> Vec<u8> {
     let request = scanner.next(at(0)).unwrap();
     scanner.answered(request.device, at(0), Ok(pdu));
@@ -254,7 +254,7 @@ proptest! {
         let mut now = super::START;
         let mut work = |scanner: &mut Scanner, now, lossy: bool| {
             while let Some(request) = scanner.next(now) {
-                // Lost on its way, or its answer is.
+                // Lost on its way, or its response is.
                 match random.index(if lossy { 6 } else { 1 }) {
                     4 => scanner.answered(request.device, now, Err(ErrorCode::Timeout)),
                     5 => {

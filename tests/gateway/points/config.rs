@@ -3,7 +3,7 @@
 use mobgate::frame::FramePool;
 use mobgate::gateway::{Gateway, Ports};
 use mobgate::language::{Loader, apply, write_line};
-use mobgate::scanner::{DeviceId, Reading, RowId, ScannerPlace, ValueType, Writing};
+use mobgate::scanner::{DeviceId, Reading, RowId, ScannerState, ValueType, Writing};
 use mobgate::settings::{PointAt, Settings};
 use proptest::prelude::*;
 
@@ -338,7 +338,7 @@ proptest! {
     ) {
         let places = Ports::<2>::new();
         let pool = FramePool::new(&[], 0);
-        let scanner = ScannerPlace::new();
+        let scanner = ScannerState::new();
         let gateway = Gateway::new(&pool, &places, &[]).with_scanner(&scanner);
         let mut settings = load("port scan scanner\ndevice m unit 1\ndevice n unit 2\n");
         gateway.apply(&settings).unwrap();

@@ -93,7 +93,7 @@ fn what_changes_while_a_frame_is_repeated_does_not_change_the_frame() {
 fn a_value_that_is_set_while_the_one_before_is_written_is_written_once() {
     let (mut scanner, device) = scanner();
     let id = add(&mut scanner, Row { read: Reading::Manual, ..row(device, Kind::Holding, 0, 1) });
-    // Whether the first one got an answer.
+    // Whether the first one got a response.
     for answered in [true, false] {
         scanner.put(id, 0, 1, &[0, 1], START).unwrap();
         let request = scanner.next(at(0)).unwrap();

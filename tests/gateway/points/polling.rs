@@ -225,7 +225,7 @@ fn with_one_frame_for_itself_a_scanner_asks_one_device_after_the_other_and_leave
         settings += &format!("device d{n} unit {n}\npoint p{n} d{n} holding 0 read 250ms\n");
     }
     // No frame is shared: each port has its own, and that is all.
-    let size = Size { frames: PORTS_MAX, seats: 0, ..Size::default() };
+    let size = Size { frames: PORTS_MAX, connections: 0, ..Size::default() };
     with_gateway_of(size, 1, &settings, |world, rig| {
         rig.attach(world, "uart1", (1..=8).map(Device::new).collect::<Vec<_>>());
         world.run_for(10 * SECOND);

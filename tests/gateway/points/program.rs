@@ -54,7 +54,7 @@ fn a_command_is_under_way_and_then_done() {
 fn what_was_asked_before_the_command_does_not_end_it() {
     let (mut scanner, device) = scanner();
     let id = add(&mut scanner, Row { read: Reading::Every(1), ..manual(device, 0, 1) });
-    // The device is slower than it is polled: it is due again with every answer.
+    // The device is slower than it is polled: it is due again with every response.
     let request = scanner.next(at(0)).unwrap();
     scanner.start(id, by(1, READ), at(5)).unwrap();
     scanner.answered(device, at(10), Ok(&answer(&request)));

@@ -322,7 +322,7 @@ fn a_silent_device_is_tried_after_15_17_to_29_and_then_every_30_seconds() {
         scanner.answered(device, now, Err(ErrorCode::Timeout));
         assert_eq!(scanner.next(now), None, "one attempt only");
     }
-    // An answer makes all well.
+    // A response makes all well.
     let end = now + 30 * SECOND;
     assert!(exchange(&mut scanner, end).is_some());
     assert_eq!(scanner.device_status(device, end).unwrap().alive, Some(true));

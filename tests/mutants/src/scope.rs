@@ -41,7 +41,7 @@ pub(crate) const PACKAGES: &[(&str, &str)] =
 /// do the same many times.
 pub(crate) const LEFT_OUT: &[&str] = &["outside::", "pysoem::", "foreign::", "digital_io_"];
 
-/// Random worlds: as many as notice most and have their share of good answers, since each mutant that lives through them costs
+/// Random worlds: as many as notice most and have their share of good responses, since each mutant that lives through them costs
 /// their time.
 pub(crate) const ENVIRONMENT: &[(&str, &str)] = &[
     ("MOBGATE_SEEDS", "24"),

@@ -47,13 +47,13 @@ impl Bus {
         };
     }
 
-    /// Lets the devices answer so long after a request. The emulator carries bytes faster than a line would, and no answer may
+    /// Lets the devices answer so long after a request. The emulator carries bytes faster than a line would, and no response may
     /// come while the board must think that it still sends.
     pub fn answer_after(&self, time: Duration) {
         self.0.lock().unwrap().answer_after = time;
     }
 
-    /// Lets each character of an answer take so long.
+    /// Lets each character of a response take so long.
     pub fn pace(&self, character: Duration) {
         self.0.lock().unwrap().character = character;
     }

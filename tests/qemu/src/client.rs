@@ -29,7 +29,7 @@ impl Client {
         self.stream.write_all(&[&[id_high, id_low, 0, 0, high, low, unit], pdu].concat())
     }
 
-    /// The next answer: its transaction, unit and PDU.
+    /// The next response: its transaction, unit and PDU.
     pub fn receive(&mut self) -> io::Result<(u16, u8, Vec<u8>)> {
         let mut head = [0; 7];
         self.stream.read_exact(&mut head)?;
@@ -39,7 +39,7 @@ impl Client {
         Ok((u16::from_be_bytes([head[0], head[1]]), head[6], pdu))
     }
 
-    /// Sends a request and gives the answer's PDU.
+    /// Sends a request and gives the response's PDU.
     pub fn try_ask(&mut self, unit: u8, pdu: &[u8]) -> io::Result<Vec<u8>> {
         self.send(unit, pdu)?;
         let (transaction, from, answer) = self.receive()?;

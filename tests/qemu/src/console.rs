@@ -109,7 +109,7 @@ impl Figures {
         self.ask(b'm')[3]
     }
 
-    /// The words of an answer; those that are no numbers are 0.
+    /// The words of a response; those that are no numbers are 0.
     fn ask(&mut self, what: u8) -> Vec<u32> {
         self.0.get_mut().write_all(&[what]).unwrap();
         let mut line = String::new();

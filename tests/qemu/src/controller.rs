@@ -22,7 +22,7 @@ use mobgate_simulator::Lan9252;
 use mobgate_simulator::esc::SharedSegment;
 use mobgate_simulator::esc::master::patient_main_device;
 use mobgate_simulator::lan9252::{Spi, Timing};
-use mobgate_simulator::sub_device::{Desk, at_cable, cable, line_of};
+use mobgate_simulator::sub_device::{Dispatcher, at_cable, cable, line_of};
 use mobgate_simulator::wall_clock::run_beside;
 use nix::sys::stat::Mode;
 
@@ -81,7 +81,10 @@ impl Controller {
     ///
     /// # Panics
     /// When the script does, or never ends.
-    pub fn run<T: Send + 'static>(&self, script: impl AsyncFnOnce(Desk<'_>) -> T + Send + 'static) -> T {
+    pub fn run<T: Send + 'static>(
+        &self,
+        script: impl AsyncFnOnce(Dispatcher<'_>) -> T + Send + 'static,
+    ) -> T {
         let (sender, result) = channel();
         let job: Job = Box::new(move |wires| {
             let line = wires.line.clone();

@@ -39,10 +39,10 @@ impl Passing {
         Self(master)
     }
 
-    /// Lets the master have an answer of so many bytes.
-    pub(crate) fn ask(&mut self, pdu: &[u8], answer_bytes: usize) {
+    /// Lets the master have a response of so many bytes.
+    pub(crate) fn ask(&mut self, pdu: &[u8], response_bytes: usize) {
         bus::send(&mut self.0, &rtu::frame(UNIT, pdu), CHARACTER).unwrap();
-        self.0.read_exact(&mut vec![0; answer_bytes]).unwrap();
+        self.0.read_exact(&mut vec![0; response_bytes]).unwrap();
     }
 
     /// Reads so many registers.

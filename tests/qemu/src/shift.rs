@@ -27,7 +27,7 @@ const OTHER_LINES: f64 = 3.0;
 /// A unit on the line that is watched, and one on each of those that stand for the others.
 const WATCHED: u8 = 1;
 const UNITS: [u8; 2] = [65, 129];
-/// Times that a line needs the processor for a transaction: a request comes, it leaves, its answer comes, that leaves. The
+/// Times that a line needs the processor for a transaction: a request comes, it leaves, its response comes, that leaves. The
 /// third one is measured.
 const NEEDS: f64 = 4.0;
 /// Transactions of the line that is watched, and the longest pause between two.
@@ -40,7 +40,7 @@ const PASSED_ON: u32 = 150;
 const FEW_REGISTERS: u8 = 1;
 const BAUDS: [u32; 3] = [9_600, 19_200, 115_200];
 const REGISTERS: [u8; 3] = [1, 10, 125];
-/// Characters of a read and of its answer without the registers' own, and the time that the device takes.
+/// Characters of a read and of its response without the registers' own, and the time that the device takes.
 const READ_CHARACTERS: u64 = 8 + 5;
 const TURNAROUND_SECONDS: f64 = 0.001;
 /// How many times as long as alone a transaction may take that is passed on.
@@ -96,7 +96,7 @@ pub fn passed_on(folder: &Path) {
     let alone = waits(&[], None);
     for (chip, clock_hz) in CHIPS {
         let loaded = waits(&[WATCHED], Some(clock_hz));
-        // The copy of a request begins so much later, and that of its answer.
+        // The copy of a request begins so much later, and that of its response.
         let later = 2.0 * (loaded.mean - alone.mean) / clock_hz;
         for baud in BAUDS {
             for registers in REGISTERS {

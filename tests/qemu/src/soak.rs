@@ -13,7 +13,7 @@ use crate::{Bus, Machine, Options, wait_for};
 
 /// Clients at a time.
 const CLIENTS: u64 = 12;
-/// One request in so many is followed by a reset instead of its answer.
+/// One request in so many is followed by a reset instead of its response.
 const RESET_EVERY: usize = 50;
 /// Units on each line, and the first of them.
 const LINES: [(usize, &str, u8); 3] = [(1, "P1", 1), (2, "P2", 65), (3, "P3", 129)];
@@ -51,7 +51,7 @@ pub fn run(folder: &Path, wanted: u64) {
     });
     let seconds = start.elapsed().as_secs_f64();
 
-    // Requests whose askers left are still under way.
+    // Requests whose requesters left are still under way.
     wait_for("the last client to leave", || (console.run("show clients").lines().count() == 1).then_some(()));
     wait_for("every frame to come home", || {
         (console.count("-", "frames-free") == console.count("-", "frames")).then_some(())
@@ -82,7 +82,7 @@ fn unaccounted(console: &mut crate::Console, bus: &Bus, port: &str) -> u64 {
     requests.abs_diff(bus.requests()) + requests.abs_diff(ended)
 }
 
-/// One client after the other until all have got their answers; how many of those were wrong, and how many the board's, for a
+/// One client after the other until all have got their responses; how many of those were wrong, and how many the board's, for a
 /// device that did not answer in time.
 fn client(machine: &Machine, seed: u64, wanted: u64, answered: &AtomicU64) -> (u64, u64) {
     let mut random = Random::new(seed);

@@ -81,7 +81,7 @@ impl<'s> Clients<'s> {
         }
     }
 
-    /// Every question has its answer, and nobody got anything besides.
+    /// Every question has its response, and nobody got anything besides.
     pub(super) fn check_nothing_is_left(&self) -> Result<(), String> {
         for (name, client) in &self.connected {
             client.check_nothing_came(name)?;
@@ -173,7 +173,7 @@ impl Connected {
                 answer.unwrap_or_else(|code| vec![question.pdu[0] | 0x80, code])
             }
             Expected::Fresh => {
-                let fresh = Fresh::from_answer(&reply.pdu).ok_or_else(|| told(&reply))?;
+                let fresh = Fresh::from_response(&reply.pdu).ok_or_else(|| told(&reply))?;
                 let read = Instant::from_micros(u64::from(fresh.at_us));
                 if !(question.at..=arrival.at).contains(&read) {
                     return Err(format!("the values are of {read}, asked was at {}", question.at));

@@ -1,7 +1,7 @@
 //! What steps do with data points, and look for in them.
 
 use embassy_time::Instant;
-use mobgate::scanner::{DeviceId, RowId, ScannerPlace, ValueType};
+use mobgate::scanner::{DeviceId, RowId, ScannerState, ValueType};
 use mobgate::settings::PointSettings;
 
 use super::Stage;
@@ -53,7 +53,7 @@ impl Stage<'_, '_, '_> {
         mark.map(|_| ()).map_err(|refused| refused.to_string())
     }
 
-    fn scanner(&self) -> Result<&ScannerPlace, String> {
+    fn scanner(&self) -> Result<&ScannerState, String> {
         self.rig.gateway.scanner().ok_or_else(|| "the gateway has no data points".to_owned())
     }
 }

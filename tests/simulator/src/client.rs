@@ -1,7 +1,7 @@
 //! Modbus TCP clients, written from the specification and not from the gateway's codecs.
 //!
 //! [`Client::request`] does one transaction; [`Client::send`] and [`Client::receive`] keep several open. [`load`] has clients that
-//! ask again and again and note how long each answer took; a [`session`] sends and receives independently.
+//! ask again and again and note how long each response took; a [`session`] sends and receives independently.
 
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::{Read, Write};
@@ -28,7 +28,7 @@ pub enum Answer {
     Silence,
     /// The connection has ended.
     Closed,
-    /// Something that is no answer to this request.
+    /// Something that is no response to this request.
     Wrong(Reply),
 }
 
@@ -60,7 +60,7 @@ pub struct Reply {
 
 /// Why [`Client::receive`] has no frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum NoReply {
+pub enum NoResponse {
     /// Nothing within the client's patience.
     Silence,
     /// The connection has ended.
@@ -102,7 +102,7 @@ pub(crate) fn take_frame(received: &mut Vec<u8>) -> Option<Reply> {
 }
 
 impl Client {
-    /// A client on `stream` that waits 10 s for an answer.
+    /// A client on `stream` that waits 10 s for a response.
     pub fn new(stream: ClientStream) -> Self {
         Self { stream, patience: Duration::from_secs(10), transaction: 0, received: Vec::new() }
     }
@@ -113,14 +113,14 @@ impl Client {
         Self { patience, ..self }
     }
 
-    /// Asks `unit` and waits for the answer.
+    /// Asks `unit` and waits for the response.
     pub async fn request(&mut self, unit: u8, pdu: &[u8]) -> Answer {
         let Some(transaction) = self.send(unit, pdu).await else { return Answer::Closed };
         match self.receive().await {
             Ok(reply) if Self::fits(&reply, transaction, unit, pdu) => Answer::Pdu(reply.pdu),
             Ok(reply) => Answer::Wrong(reply),
-            Err(NoReply::Silence) => Answer::Silence,
-            Err(NoReply::Closed) => Answer::Closed,
+            Err(NoResponse::Silence) => Answer::Silence,
+            Err(NoResponse::Closed) => Answer::Closed,
         }
     }
 
@@ -130,7 +130,7 @@ impl Client {
             && function == pdu.first().copied()
     }
 
-    /// Sends a request without waiting for its answer; its transaction id, or nothing when the connection has ended.
+    /// Sends a request without waiting for its response; its transaction id, or nothing when the connection has ended.
     pub async fn send(&mut self, unit: u8, pdu: &[u8]) -> Option<u16> {
         self.transaction = self.transaction.wrapping_add(1);
         let frame = frame(self.transaction, unit, pdu);
@@ -143,19 +143,19 @@ impl Client {
     }
 
     /// The next frame, whatever request it answers.
-    pub async fn receive(&mut self) -> Result<Reply, NoReply> {
+    pub async fn receive(&mut self) -> Result<Reply, NoResponse> {
         let patience = self.patience;
-        with_timeout(patience, self.receive_patiently()).await.unwrap_or(Err(NoReply::Silence))
+        with_timeout(patience, self.receive_patiently()).await.unwrap_or(Err(NoResponse::Silence))
     }
 
-    async fn receive_patiently(&mut self) -> Result<Reply, NoReply> {
+    async fn receive_patiently(&mut self) -> Result<Reply, NoResponse> {
         loop {
             if let Some(reply) = take_frame(&mut self.received) {
                 return Ok(reply);
             }
             let mut buffer = [0; FRAME_BYTES_MAX];
             match self.stream.read(&mut buffer).await {
-                Ok(0) | Err(_) => return Err(NoReply::Closed),
+                Ok(0) | Err(_) => return Err(NoResponse::Closed),
                 Ok(count) => self.received.extend_from_slice(&buffer[..count]),
             }
         }
@@ -163,7 +163,7 @@ impl Client {
 
     /// Waits until the gateway ends the connection; false when it does not within the client's patience, or sends something.
     pub async fn is_closed(&mut self) -> bool {
-        self.receive().await == Err(NoReply::Closed)
+        self.receive().await == Err(NoResponse::Closed)
     }
 
     /// The connection, to end it in one of its ways.

@@ -1,7 +1,7 @@
 //! Modbus RTU and ASCII devices, written from the specification and not from the gateway's codecs.
 //!
 //! A device hears whole frames: in RTU it wants t3.5 of silence behind a frame and drops one that has a silence over t1.5
-//! inside; a wrong check it drops in any case. It answers after its turnaround time. Its [`Faults`] then decide what the answer looks like on the
+//! inside; a wrong check it drops in any case. It answers after its turnaround time. Its [`Faults`] then decide what the response looks like on the
 //! wire. It has one transmitter: answers leave whole and in the order of the requests, so that a late one delays those behind it.
 //! [`serve`] lets several devices share one connection to the bus, which costs less than one each.
 
@@ -47,7 +47,7 @@ struct State {
     script: Option<Vec<u8>>,
     counters: Counters,
     writes: Vec<Executed>,
-    /// When its transmitter is free for the next answer.
+    /// When its transmitter is free for the next response.
     free: Instant,
     /// When the hiccup ends that keeps it from answering.
     stalled_until: Instant,
@@ -100,14 +100,14 @@ impl Device {
         })))
     }
 
-    /// The device with another time between the end of the request's silence and its answer.
+    /// The device with another time between the end of the request's silence and its response.
     #[must_use]
     pub fn with_turnaround(self, turnaround: Duration) -> Self {
         self.0.borrow_mut().turnaround = turnaround;
         self
     }
 
-    /// The device with a pause that it needs behind its own answer: requests that begin earlier it does not hear.
+    /// The device with a pause that it needs behind its own response: requests that begin earlier it does not hear.
     #[must_use]
     pub fn with_rest(self, rest: Duration) -> Self {
         self.0.borrow_mut().rest = rest;
@@ -141,7 +141,7 @@ impl Device {
     }
 
     /// Answers every request with this PDU from now on, whatever it asks for.
-    pub fn set_answer(&self, pdu: &[u8]) {
+    pub fn set_response(&self, pdu: &[u8]) {
         self.0.borrow_mut().script = Some(pdu.to_vec());
     }
 
@@ -170,7 +170,7 @@ impl Device {
         std::mem::take(&mut self.0.borrow_mut().writes)
     }
 
-    /// How often a fault has hit an answer.
+    /// How often a fault has hit a response.
     pub fn faults_injected(&self) -> u64 {
         self.0.borrow().faults.injected()
     }
@@ -180,7 +180,7 @@ impl Device {
         serve(line, vec![self]).await;
     }
 
-    /// Takes a frame in; the answer, if one is to be sent, goes to `outbox`.
+    /// Takes a frame in; the response, if one is to be sent, goes to `outbox`.
     fn hear(&self, framing: Framing, heard: &Heard, line: &LineEnd, outbox: &mut Outbox) {
         let mut state = self.0.borrow_mut();
         if heard.gap_inside {
@@ -226,7 +226,7 @@ impl Device {
         outbox.push(begin, transmission.pieces);
     }
 
-    /// Takes a request in that came by TCP; the answer goes to `outbox`, `in_order` behind those that it holds already.
+    /// Takes a request in that came by TCP; the response goes to `outbox`, `in_order` behind those that it holds already.
     fn asked(
         &self,
         pdu: &[u8],
@@ -247,7 +247,7 @@ impl Device {
 }
 
 impl State {
-    /// What is sent as the answer to `pdu`, if anything is.
+    /// What is sent as the response to `pdu`, if anything is.
     fn answer(
         &mut self,
         framing: Framing,
@@ -267,7 +267,7 @@ impl State {
         Some(transmission)
     }
 
-    /// When the answer to a request of now begins, if the transmitter is free then.
+    /// When the response to a request of now begins, if the transmitter is free then.
     fn begin(&self, late: Duration) -> Instant {
         (Instant::now() + late).max(self.stalled_until) + self.turnaround
     }
@@ -290,7 +290,7 @@ impl State {
     }
 }
 
-/// Lets `devices` live at `line` in RTU, for ever. They hear the same frames; an answer that is late is sent then,
+/// Lets `devices` live at `line` in RTU, for ever. They hear the same frames; a response that is late is sent then,
 /// whatever others have on the wire.
 pub async fn serve(line: LineEnd, devices: Vec<Device>) {
     serve_in(Framing::Rtu, line, devices).await;

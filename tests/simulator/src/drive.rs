@@ -11,10 +11,10 @@ use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::device::Device as Description;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
-use mobgate::fieldbus::{DEVICE, EthercatPlace, GatewayObjects};
+use mobgate::fieldbus::{DEVICE, EthercatState, GatewayObjects};
 
 use crate::rig::{Size, with_gateway_of};
-use crate::sub_device::{Desk, Group, cable, direct, line_of, spawn, with_master};
+use crate::sub_device::{Dispatcher, Group, cable, direct, line_of, spawn, with_master};
 use crate::world::Activity;
 use crate::{Device, Random};
 
@@ -91,7 +91,7 @@ pub fn drive(
         route ecat 1-247 * * bus",
         conditions.baud
     );
-    let size = Size { frames: 32, seats: 0, rests: Duration::from_millis(1), ..Size::default() };
+    let size = Size { frames: 32, connections: 0, rests: Duration::from_millis(1), ..Size::default() };
     with_gateway_of(size, seed, &settings, |world, rig| {
         let drive = Device::new(UNIT);
         rig.attach(world, "uart1", [drive.clone()]);
@@ -100,12 +100,12 @@ pub fn drive(
         let place = rig.gateway.ethercat().expect("the rig has the place");
         spawn(world, SubDevice::new(&GATEWAY, esc, GatewayObjects::new(place)), interrupt);
         let activity = world.activity();
-        with_master(world, cable(line), async |desk| {
-            let group = desk.to_pre_op().await.expect("a cable without faults");
-            configure(&desk, &group, conditions).await;
-            let group = desk.to_op(group, 0).await.expect("a cable without faults");
+        with_master(world, cable(line), async |dispatcher| {
+            let group = dispatcher.to_pre_op().await.expect("a cable without faults");
+            configure(&dispatcher, &group, conditions).await;
+            let group = dispatcher.to_op(group, 0).await.expect("a cable without faults");
             let cycle = conditions.cycle;
-            let master = Master { desk: &desk, group: &group, place, activity: &activity, cycle };
+            let master = Master { dispatcher: &dispatcher, group: &group, place, activity: &activity, cycle };
             let longest = conditions.longest();
             let run = Run { drive: &drive, random: Random::new(seed), time, pause, longest, progress };
             run.run(&master).await
@@ -113,8 +113,8 @@ pub fn drive(
     })
 }
 
-async fn configure(desk: &Desk<'_>, group: &Group<PreOp>, conditions: Conditions) {
-    let gateway = group.subdevice(desk.master, 0).expect("there is one");
+async fn configure(dispatcher: &Dispatcher<'_>, group: &Group<PreOp>, conditions: Conditions) {
+    let gateway = group.subdevice(dispatcher.master, 0).expect("there is one");
     let write = async |index, sub, value: u16| {
         gateway.sdo_write(index, sub, value).await.expect("a value in its range");
     };
@@ -130,16 +130,16 @@ async fn configure(desk: &Desk<'_>, group: &Group<PreOp>, conditions: Conditions
 
 /// A MainDevice that leaves cycles out.
 struct Master<'m> {
-    desk: &'m Desk<'m>,
+    dispatcher: &'m Dispatcher<'m>,
     group: &'m Group<Op>,
-    place: &'m EthercatPlace,
+    place: &'m EthercatState,
     activity: &'m Activity,
     cycle: Duration,
 }
 
 impl Master<'_> {
     fn put(&self, image: Image) {
-        let gateway = self.group.subdevice(self.desk.master, 0).expect("there is one");
+        let gateway = self.group.subdevice(self.dispatcher.master, 0).expect("there is one");
         gateway.outputs_raw_mut()[..image.len()].copy_from_slice(&image);
     }
 
@@ -147,8 +147,8 @@ impl Master<'_> {
     async fn cycle(&self) -> (Image, bool) {
         let now = Instant::now().as_ticks();
         Timer::at(Instant::from_ticks(now.next_multiple_of(self.cycle.as_ticks()))).await;
-        let response = self.group.tx_rx(self.desk.master).await.expect("a cable without faults");
-        let gateway = self.group.subdevice(self.desk.master, 0).expect("there is one");
+        let response = self.group.tx_rx(self.dispatcher.master).await.expect("a cable without faults");
+        let gateway = self.group.subdevice(self.dispatcher.master, 0).expect("there is one");
         let inputs = *gateway.inputs_raw().first_chunk().expect("the inputs are longer");
         (inputs, response.working_counter == WORKING_COUNTER)
     }

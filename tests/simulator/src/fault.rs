@@ -1,4 +1,4 @@
-//! Faults between a device and the wire: its good answer goes in, what a bad day makes of it comes out.
+//! Faults between a device and the wire: its good response goes in, what a bad day makes of it comes out.
 
 use std::ops::RangeInclusive;
 
@@ -9,18 +9,18 @@ use mobgate::settings::Framing;
 use crate::random::Random;
 use crate::wire::{Flaw, LineEnd};
 
-/// Something that happens to an answer.
+/// Something that happens to a response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// No answer: the request is carried out, its response is lost.
+    /// No response: the request is carried out, its response is lost.
     Dead,
     /// The request is lost: it is neither carried out nor answered.
     Unheard,
     /// The device stalls for a time between the two, then answers all that it has heard, in order.
     Hiccup(Duration, Duration),
-    /// The answer comes later, by a time between the two. Those behind it wait for it.
+    /// The response comes later, by a time between the two. Those behind it wait for it.
     Late(Duration, Duration),
-    /// The answer comes later, mostly by a little and now and then by much: an exponential distribution with this mean.
+    /// The response comes later, mostly by a little and now and then by much: an exponential distribution with this mean.
     Lingers(Duration),
     /// The CRC, or in ASCII the LRC, is wrong.
     BadCrc,
@@ -42,15 +42,15 @@ pub enum Fault {
     WrongLength,
     /// A good frame in which the bytes behind the function code differ: another address echoed, another byte count.
     WrongEcho,
-    /// So many random bytes right before the answer.
+    /// So many random bytes right before the response.
     NoiseBefore(u8),
-    /// So many random bytes right behind the answer.
+    /// So many random bytes right behind the response.
     NoiseAfter(u8),
-    /// A silence in the middle of the answer.
+    /// A silence in the middle of the response.
     GapInside(Duration),
-    /// An exception instead of the answer.
+    /// An exception instead of the response.
     Exception(u8),
-    /// The answer comes twice, with this silence between.
+    /// The response comes twice, with this silence between.
     Twice(Duration),
     /// On TCP: another transaction id.
     WrongTransaction,
@@ -58,7 +58,7 @@ pub enum Fault {
     Close,
     /// On TCP: the device resets the connection instead of answering.
     Reset,
-    /// On TCP: the device closes the connection in the middle of its answer.
+    /// On TCP: the device closes the connection in the middle of its response.
     Half,
 }
 
@@ -88,7 +88,7 @@ pub enum When {
     Function(u8),
 }
 
-/// A device's faults. Those that hit the same answer add up, in the order in which they were given.
+/// A device's faults. Those that hit the same response add up, in the order in which they were given.
 #[derive(Debug, Clone)]
 pub struct Faults {
     rules: Vec<(When, Fault)>,
@@ -97,7 +97,7 @@ pub struct Faults {
     injected: u64,
 }
 
-/// What is sent as the answer to a request.
+/// What is sent as the response to a request.
 pub(crate) struct Transmission {
     /// How much later than it should.
     pub(crate) late: Duration,
@@ -252,7 +252,7 @@ impl Faults {
                 let bytes = bytes.clone();
                 pieces.push(Piece { pause, what: Sent::Bytes(bytes) });
             }
-            // Done by `forge` or above, or no answer at all.
+            // Done by `forge` or above, or no response at all.
             Fault::Close | Fault::Reset | Fault::WrongTransaction | Fault::Flawed(_) => {}
             Fault::Dead | Fault::WrongUnit | Fault::WrongFunction | Fault::WrongLength => {}
             Fault::WrongEcho | Fault::Exception(_) | Fault::Unheard => {}

@@ -18,7 +18,7 @@ pub struct Master {
 }
 
 impl Master {
-    /// A master at `line` that waits a second for an answer.
+    /// A master at `line` that waits a second for a response.
     pub fn new(line: LineEnd, framing: Framing) -> Self {
         let listener = Listener::new(line.clone(), framing);
         Self { line, listener, framing, patience: Duration::from_secs(1) }

@@ -8,11 +8,11 @@ use std::net::{IpAddr, Ipv4Addr};
 
 use embassy_time::Duration;
 use mobgate::capture::Capture;
-use mobgate::fieldbus::EthercatPlace;
+use mobgate::fieldbus::EthercatState;
 use mobgate::frame::{FramePool, Slot};
-use mobgate::gateway::{Gateway, Ports, Seat};
+use mobgate::gateway::{Connection, Gateway, Ports};
 use mobgate::language::{Loader, apply};
-use mobgate::scanner::ScannerPlace;
+use mobgate::scanner::ScannerState;
 use mobgate::settings::{Framing, PORTS_MAX, PortId, PortKind, SerialSettings, Settings, Side};
 use mobgate::stats::Event;
 
@@ -28,10 +28,10 @@ use crate::world::{Clock, World};
 /// What board the gateway runs on.
 #[derive(Debug, Clone, Copy)]
 pub struct Size {
-    /// Frames in the pool; a seat and a port have one of them each for themselves.
+    /// Frames in the pool; a connection and a port have one of them each for themselves.
     pub frames: usize,
     /// TCP connections at a time.
-    pub seats: usize,
+    pub connections: usize,
     /// How late what is heard on serial lines may be read: not before the next multiple of this time.
     pub late_reads: Duration,
     /// How late it reads at most because it leaves its lines alone while characters gather.
@@ -39,20 +39,20 @@ pub struct Size {
     /// How long it takes to open a serial line.
     pub opening: Duration,
     /// Makes its EtherCAT side.
-    pub ethercat: fn() -> EthercatPlace,
+    pub ethercat: fn() -> EthercatState,
 }
 
 impl Default for Size {
-    /// 80 seats, 128 frames, every character read as it comes, lines opened at once, images of 512 bytes.
+    /// 80 connections, 128 frames, every character read as it comes, lines opened at once, images of 512 bytes.
     fn default() -> Self {
         let none = Duration::from_ticks(0);
         Self {
             frames: 128,
-            seats: 80,
+            connections: 80,
             late_reads: none,
             rests: none,
             opening: none,
-            ethercat: EthercatPlace::new,
+            ethercat: EthercatState::new,
         }
     }
 }
@@ -114,12 +114,12 @@ pub fn with_gateway_on<T>(
     let lines = lines(&settings);
     let slots: Vec<Slot> = (0..size.frames).map(|_| Slot::new()).collect();
     let places = Ports::<PORTS_MAX>::new();
-    let seats: Vec<Seat> = (0..size.seats).map(|_| Seat::new()).collect();
-    let pool = FramePool::new(&slots, size.seats + PORTS_MAX);
-    let scanner = ScannerPlace::new();
+    let connections: Vec<Connection> = (0..size.connections).map(|_| Connection::new()).collect();
+    let pool = FramePool::new(&slots, size.connections + PORTS_MAX);
+    let scanner = ScannerState::new();
     let capture = Capture::new();
     let ethercat = (size.ethercat)();
-    let gateway = Gateway::new(&pool, &places, &seats);
+    let gateway = Gateway::new(&pool, &places, &connections);
     let gateway = gateway.with_scanner(&scanner).with_capture(&capture).with_ethercat(&ethercat);
     let mut world = World::on(clock, seed);
     let rig = Rig { gateway: &gateway, network: Network::new(seed), lines };
@@ -187,9 +187,9 @@ impl<'g> Rig<'g> {
                 gateway.run_port(PortId(port as u8), &mut host, &connector, &mut datagrams).await
             });
         }
-        for seat in 0..size.seats {
+        for connection in 0..size.connections {
             let mut host = self.network.host();
-            world.spawn(async move { gateway.run_seat(seat, &mut host).await });
+            world.spawn(async move { gateway.run_connection(connection, &mut host).await });
         }
     }
 
@@ -325,7 +325,7 @@ mod tests {
             let mut client = rig.client(HERE, 502);
             let answer = world.run_until(client.request(5, &[3, 0, 7, 0, 1]));
             assert_eq!(answer, Answer::Pdu(vec![3, 2, 5, 7]));
-            assert_eq!(rig.counted("bus", Event::Answer), 1);
+            assert_eq!(rig.counted("bus", Event::Response), 1);
             assert_eq!(wire.collisions(), 0);
         });
     }

@@ -1,4 +1,4 @@
-//! How many of the requests that could be answered were: a gateway that refuses everything gives no wrong answer either.
+//! How many of the requests that could be answered were: a gateway that refuses everything gives no wrong response either.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -11,12 +11,12 @@ const REQUESTS_MIN: u32 = 5_500;
 pub struct Share(Rc<Cell<[u32; 2]>>);
 
 impl Share {
-    /// Counts a request and whether it got its answer.
+    /// Counts a request and whether it got its response.
     pub fn count(&self, good: bool) {
         self.add(u32::from(good), 1);
     }
 
-    /// Counts requests, and how many of them got their answer.
+    /// Counts requests, and how many of them got their response.
     pub fn add(&self, good: u32, all: u32) {
         let [answered, asked] = self.0.get();
         self.0.set([answered + good, asked + all]);

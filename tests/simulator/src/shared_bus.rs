@@ -1,7 +1,7 @@
 //! A line on which the gateway and two other devices answer one master, whose questions are drawn from a seed.
 //!
 //! The bus obeys t3.5; everything else varies: who is asked, for what, how long everybody pauses, whether the others answer
-//! at all, and whether their answers come undamaged. Their registers hold whole requests for the gateway's units.
+//! at all, and whether their responses come undamaged. Their registers hold whole requests for the gateway's units.
 
 use embassy_time::{Duration, Timer};
 use mobgate::settings::Framing;
@@ -29,12 +29,12 @@ pub struct Outcome {
     pub transactions: u32,
     /// Questions to the gateway's units.
     pub ours: u32,
-    /// Of these, those without the right answer.
+    /// Of these, those without the right response.
     pub missed: u32,
-    /// Questions to others that got no good answer, as the seed would have it.
+    /// Questions to others that got no good response, as the seed would have it.
     pub spoilt: u32,
     /// Frames that the gateway sent and nobody had asked it for.
-    pub unasked: u32,
+    pub unsolicited: u32,
     /// Characters that overlapped with another end's.
     pub collisions: u64,
     /// How often the gateway was woken by what came.
@@ -61,11 +61,11 @@ pub fn torture(seed: u64, transactions: u32, framing: Framing, size: Size) -> Ou
             world.run_until(transaction(&mut master, &mut random, &mut outcome));
         }
         let asked = outcome.ours;
-        outcome.unasked = (rig.sent("up").frames as u32).saturating_sub(asked);
+        outcome.unsolicited = (rig.sent("up").frames as u32).saturating_sub(asked);
         let gateway = rig.end("up").number();
         let frames = rig.wire("up").frames();
         let own = frames.iter().filter(|frame| frame.from == gateway);
-        outcome.unasked += own.filter(|frame| !is_ours(framing, &frame.bytes)).count() as u32;
+        outcome.unsolicited += own.filter(|frame| !is_ours(framing, &frame.bytes)).count() as u32;
         outcome.reads = rig.sent("up").reads;
         outcome.collisions = rig.wire("up").collisions();
         outcome
@@ -113,7 +113,7 @@ async fn transaction(master: &mut Master, random: &mut Random, outcome: &mut Out
     } else {
         outcome.spoilt += u32::from(!matches!(answer, Answer::Pdu(_)));
     }
-    // In RTU t3.5 of silence have told the answer's end; often that is all the master waits. In ASCII it needs none.
+    // In RTU t3.5 of silence have told the response's end; often that is all the master waits. In ASCII it needs none.
     let pause_us = match random.index(4) {
         0 | 1 => 0,
         2 => random.within(0..=3_000),

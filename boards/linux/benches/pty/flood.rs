@@ -142,7 +142,7 @@ struct Member {
     /// Its own: what all ask for would be asked for once.
     request: Vec<u8>,
     open: usize,
-    /// Bytes of answers that are not whole yet.
+    /// Bytes of responses that are not whole yet.
     input: Vec<u8>,
 }
 
@@ -162,7 +162,7 @@ impl Crowd {
         Ok(Self { epoll, members })
     }
 
-    /// Keeps everybody's requests open while it is `on`, and counts the answers.
+    /// Keeps everybody's requests open while it is `on`, and counts the responses.
     fn ask(&mut self, on: bool, answers: &AtomicU64) -> io::Result<()> {
         let mut events = Vec::with_capacity(CONNECTIONS);
         let while_on_or_off = Timespec { tv_sec: 0, tv_nsec: 5_000_000 };
@@ -170,7 +170,7 @@ impl Crowd {
         epoll::wait(&self.epoll, buffer, Some(&while_on_or_off))?;
         for event in events {
             if let Some(member) = self.members.get_mut(event.data.u64() as usize) {
-                answers.fetch_add(member.take_answers()?, Relaxed);
+                answers.fetch_add(member.take_responses()?, Relaxed);
             }
         }
         if on {
@@ -191,7 +191,7 @@ impl Member {
         Ok(())
     }
 
-    fn take_answers(&mut self) -> io::Result<u64> {
+    fn take_responses(&mut self) -> io::Result<u64> {
         let mut bytes = [0; 4096];
         match self.stream.read(&mut bytes) {
             Ok(0) => return Err(ErrorKind::UnexpectedEof.into()),

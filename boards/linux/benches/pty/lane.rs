@@ -18,13 +18,13 @@ const WARM_UP: Duration = Duration::from_millis(50);
 /// A way to a device, and what has come of its rounds.
 pub(crate) struct Lane {
     pub(crate) name: &'static str,
-    way: Way,
+    way: ReplyTo,
     /// Where the device is at a line.
     line: Option<Line>,
     pub(crate) rounds: Vec<Round>,
 }
 
-enum Way {
+enum ReplyTo {
     Direct(Pace),
     Through(Box<Program>, Vec<Client>),
 }
@@ -46,7 +46,7 @@ impl Lane {
     pub(crate) fn direct(device: Device) -> Self {
         Self {
             name: "direct",
-            way: Way::Direct(device.pace),
+            way: ReplyTo::Direct(device.pace),
             line: Some(Line::with(device)),
             rounds: Vec::new(),
         }
@@ -69,7 +69,7 @@ impl Lane {
     fn through(contestant: Contestant, program: Program, line: Option<Line>) -> Result<Self, String> {
         let name = contestant.name();
         let mut lane =
-            Self { name, way: Way::Through(Box::new(program), Vec::new()), line, rounds: Vec::new() };
+            Self { name, way: ReplyTo::Through(Box::new(program), Vec::new()), line, rounds: Vec::new() };
         // The line may be opened a moment after the listener.
         let start = Instant::now();
         while lane.run(&[Habit::of(0)], WARM_UP).loads.iter().all(|load| load.times.is_empty()) {
@@ -97,9 +97,9 @@ impl Lane {
         let start = Instant::now();
         let until = start + length;
         let loads = match (&mut self.way, &mut self.line) {
-            (Way::Direct(pace), Some(line)) => vec![directly(&mut line.near, *pace, habits, until)],
-            (Way::Direct(_), None) => Vec::new(),
-            (Way::Through(program, clients), _) => {
+            (ReplyTo::Direct(pace), Some(line)) => vec![directly(&mut line.near, *pace, habits, until)],
+            (ReplyTo::Direct(_), None) => Vec::new(),
+            (ReplyTo::Through(program, clients), _) => {
                 let missing = habits.len().saturating_sub(clients.len());
                 clients.extend((0..missing).filter_map(|_| Client::connect(program.port).ok()));
                 ask_together(clients, habits, until)
@@ -118,8 +118,8 @@ impl Lane {
 
     fn usage(&self) -> Usage {
         match &self.way {
-            Way::Direct(_) => Usage::default(),
-            Way::Through(program, _) => Usage::of(program.id()),
+            ReplyTo::Direct(_) => Usage::default(),
+            ReplyTo::Through(program, _) => Usage::of(program.id()),
         }
     }
 }
@@ -168,12 +168,12 @@ impl Round {
         all
     }
 
-    /// Good answers.
+    /// Good responses.
     pub(crate) fn good(&self) -> usize {
         self.loads.iter().map(|load| load.times.len()).sum()
     }
 
-    /// Good answers per second.
+    /// Good responses per second.
     pub(crate) fn rate(&self) -> f64 {
         self.good() as f64 / self.took.as_secs_f64()
     }

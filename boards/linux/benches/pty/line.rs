@@ -1,7 +1,7 @@
 //! A PTY with a thread at its far end that plays every unit of a line: at the pace of a wire, or at once.
 //!
 //! A PTY has no speed of its own. The thread takes a request as begun when it comes, lets pass the time that it would have
-//! taken on the wire, the silence behind it and the turnaround time, and writes each character of the answer when its last
+//! taken on the wire, the silence behind it and the turnaround time, and writes each character of the response when its last
 //! bit would have come.
 
 use std::io;
@@ -34,7 +34,7 @@ pub(crate) fn request(address: u16) -> [u8; 5] {
     [3, high, low, 0, REGISTERS as u8]
 }
 
-/// What every unit answers to that. Each register holds its own address, so that a wrong answer is seen.
+/// What every unit answers to that. Each register holds its own address, so that a wrong response is seen.
 pub(crate) fn answer(address: u16) -> Vec<u8> {
     if address >= NO_SUCH_ADDRESS {
         return vec![0x83, 2];
@@ -51,7 +51,7 @@ pub(crate) struct Pace {
     character: Duration,
     /// The silence between frames.
     pub(crate) silence: Duration,
-    /// From the silence behind the request to the answer.
+    /// From the silence behind the request to the response.
     turnaround: Duration,
 }
 

@@ -23,7 +23,7 @@ pub(crate) struct Habit {
     pub(crate) address: u16,
     /// From one to the next.
     pub(crate) step: u16,
-    /// Pause behind each answer.
+    /// Pause behind each response.
     pub(crate) think: Duration,
 }
 
@@ -49,7 +49,7 @@ pub(crate) struct Load {
     /// Answers by the gateway's own exceptions, or for something else.
     pub(crate) refused: u64,
     pub(crate) wrong: u64,
-    /// No answer in time, or a closed connection.
+    /// No response in time, or a closed connection.
     pub(crate) lost: u64,
 }
 

@@ -12,7 +12,7 @@ use crate::statistics::{best_peer, find, median, own, percentile, table};
 
 const BAUDS: [u32; 2] = [115_200, 19_200];
 const CLIENTS: [usize; 3] = [1, 8, 32];
-/// Longer than any answer of a unit that is well, and than what a busy machine delays it by.
+/// Longer than any response of a unit that is well, and than what a busy machine delays it by.
 const TIMEOUT_MS: u32 = 500;
 
 /// So many clients, each with its own registers.

@@ -42,7 +42,7 @@ impl Gateway {
         Self { _lines: lines, _program: program, clients, habits: (0..LINES * CLIENTS).map(habit).collect() }
     }
 
-    /// The good answers per second of the clients from `first` on, up to `end`.
+    /// The good responses per second of the clients from `first` on, up to `end`.
     fn rate(&mut self, first: usize, end: usize, length: Duration) -> f64 {
         let start = Instant::now();
         let loads = ask_together(&mut self.clients[first..end], &self.habits[first..end], start + length);

@@ -44,7 +44,7 @@ impl std::fmt::Display for Spread {
 }
 
 impl Lane {
-    /// Good answers per second.
+    /// Good responses per second.
     pub(crate) fn rate(&self) -> f64 {
         median(self.rounds.iter().map(Round::rate))
     }
@@ -55,12 +55,12 @@ impl Lane {
         Spread::of(pairs.map(|(own, other)| own.rate() / other.rate()).collect())
     }
 
-    /// The times of all good answers.
+    /// The times of all good responses.
     pub(crate) fn times(&self) -> Vec<Duration> {
         self.rounds.iter().flat_map(|round| &round.loads).flat_map(|load| &load.times).copied().collect()
     }
 
-    /// Processor time for each transaction at the device, or each good answer where the device does not count.
+    /// Processor time for each transaction at the device, or each good response where the device does not count.
     pub(crate) fn cpu_us(&self) -> f64 {
         median(self.rounds.iter().map(|round| round.usage.cpu.as_secs_f64() * 1e6 / round.transactions()))
     }

@@ -50,7 +50,7 @@ fn converse(join: &Join) -> Result<Option<bool>, String> {
     let _raw_until_the_end = if terminal { Some(Raw::enter().map_err(fault)?) } else { None };
     greet(&stream, if terminal { Hello::Terminal } else { Hello::Lines });
     let to = stream.try_clone().map_err(fault)?;
-    // Of its own, because the gateway may want its answers to be read before it reads on.
+    // Of its own, because the gateway may want its responses to be read before it reads on.
     thread::spawn(move || send(&to, stdin()));
     // At a terminal the user has seen what came of each line.
     print(&stream).map(|all| if terminal { all.map(|_| true) } else { all }).map_err(fault)

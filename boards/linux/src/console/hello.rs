@@ -1,4 +1,4 @@
-//! What `mobgate console` and the gateway say to each other besides lines and their answers: a byte at either end.
+//! What `mobgate console` and the gateway say to each other besides lines and their responses: a byte at either end.
 //!
 //! Who sends no such byte (`nc -U`, `socat`) has a session of plain lines, and gets none.
 

@@ -213,7 +213,7 @@ pub(crate) fn with_console(settings: &str) -> Program {
     Program::start(&mut command, folder, port)
 }
 
-/// Sends `pdu` to `unit` by Modbus TCP and gives the answer's PDU.
+/// Sends `pdu` to `unit` by Modbus TCP and gives the response's PDU.
 pub(crate) fn ask(stream: &mut TcpStream, unit: u8, pdu: &[u8]) -> Vec<u8> {
     let length = (pdu.len() as u16 + 1).to_be_bytes();
     stream.write_all(&[&[0, 1, 0, 0, length[0], length[1], unit], pdu].concat()).unwrap();

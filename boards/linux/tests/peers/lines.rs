@@ -16,7 +16,7 @@ pub(crate) fn first_input(unit: u8) -> u16 {
 /// A line with a server on it, for as long as it is held.
 pub(crate) struct Line {
     folder: tempfile::TempDir,
-    /// How long the gateway waits for an answer.
+    /// How long the gateway waits for a response.
     timeout: &'static str,
     _programs: Vec<Running>,
 }

@@ -17,7 +17,7 @@ fn answer(unit: u8) -> [u8; 4] {
     [4, 2, high, low]
 }
 
-/// One answer from the stream: transaction, unit, PDU.
+/// One response from the stream: transaction, unit, PDU.
 fn receive(stream: &mut TcpStream) -> (u16, u8, Vec<u8>) {
     let mut head = [0; 7];
     stream.read_exact(&mut head).unwrap();

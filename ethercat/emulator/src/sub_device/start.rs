@@ -39,14 +39,14 @@ const GROUP_BYTES: usize = 3072;
 pub type Group<S, const BYTES: usize = 2048> = SubDeviceGroup<2, BYTES, ethercrab::DefaultLock, S>;
 
 /// A MainDevice in front of one SubDevice.
-pub struct Desk<'m> {
+pub struct Dispatcher<'m> {
     /// The MainDevice.
     pub master: &'m MainDevice<'m>,
     /// The frames so far.
     pub frames: Rc<Cell<u64>>,
 }
 
-impl Desk<'_> {
+impl Dispatcher<'_> {
     /// From Init to PreOp.
     ///
     /// # Errors
@@ -110,11 +110,15 @@ pub fn cable(line: SharedSegment) -> Cable {
 ///
 /// # Panics
 /// When what the script waits for never comes.
-pub fn with_master<T>(world: &mut World<'_>, cable: Cable, script: impl AsyncFnOnce(Desk<'_>) -> T) -> T {
-    let script = async |desk: Desk<'_>| {
+pub fn with_master<T>(
+    world: &mut World<'_>,
+    cable: Cable,
+    script: impl AsyncFnOnce(Dispatcher<'_>) -> T,
+) -> T {
+    let script = async |dispatcher: Dispatcher<'_>| {
         // The device starts its chip first.
         Timer::after(POWER_ON).await;
-        script(desk).await
+        script(dispatcher).await
     };
     world.run_until(at_cable(cable, |pdu_loop| main_device(pdu_loop, 0), script))
 }
@@ -126,13 +130,13 @@ pub fn with_master<T>(world: &mut World<'_>, cable: Cable, script: impl AsyncFnO
 pub async fn at_cable<T>(
     cable: Cable,
     make: impl FnOnce(PduLoop<'_>) -> MainDevice<'_>,
-    script: impl AsyncFnOnce(Desk<'_>) -> T,
+    script: impl AsyncFnOnce(Dispatcher<'_>) -> T,
 ) -> T {
     let storage = Storage::new();
     let (tx, rx, pdu_loop) = storage.try_split().expect("it was not split before");
     let frames = cable.frames();
     let master = make(pdu_loop);
-    match select(pump(tx, rx, cable), script(Desk { master: &master, frames })).await {
+    match select(pump(tx, rx, cable), script(Dispatcher { master: &master, frames })).await {
         Either::First(never) => match never {},
         Either::Second(outcome) => outcome,
     }
@@ -163,11 +167,11 @@ pub fn start_up<E: Esc + 'static>(
     let esc = Counted::new(esc, device.memory.start(Channel::MailboxOut));
     let counts = esc.counts();
     spawn(&world, SubDevice::new(device, esc, SharedEcho::default()), interrupt);
-    with_master(&mut world, cable(line), async |desk| {
+    with_master(&mut world, cable(line), async |dispatcher| {
         let begin = Instant::now();
-        let group = desk.to_pre_op().await?;
-        desk.to_op(group, 1).await?;
-        let (round_trips, frames) = (counts.watched.get(), desk.frames.get());
+        let group = dispatcher.to_pre_op().await?;
+        dispatcher.to_op(group, 1).await?;
+        let (round_trips, frames) = (counts.watched.get(), dispatcher.frames.get());
         Ok(StartUp { time: begin.elapsed(), round_trips, frames })
     })
 }
@@ -196,17 +200,17 @@ pub fn spi_traffic(device: &'static Device, cycles: u64, proves: bool) -> Result
     let chip = Lan9252::new(line.borrow().chip(0), Timing::USUAL);
     let esc = Driver::new(chip.spi(), Wiring::default());
     spawn(&world, SubDevice::new(device, esc, echo), chip.interrupt());
-    with_master(&mut world, cable(line), async |desk| {
-        let group = desk.to_pre_op().await?;
-        let sub_device = group.subdevice(desk.master, 0)?;
+    with_master(&mut world, cable(line), async |dispatcher| {
+        let group = dispatcher.to_pre_op().await?;
+        let sub_device = group.subdevice(dispatcher.master, 0)?;
         sub_device.sdo_write(0x1c32, 1, 0x01_u16).await?;
         sub_device.sdo_write(0x1c33, 1, 0x22_u16).await?;
-        let group = desk.to_op(group, 1).await?;
+        let group = dispatcher.to_op(group, 1).await?;
         Timer::after(CYCLE).await;
         chip.take_traffic();
         let mut seen = Vec::new();
         for number in 2..cycles + 2 {
-            desk.exchange(&group, number).await?;
+            dispatcher.exchange(&group, number).await?;
             Timer::after(CYCLE).await;
             seen.push(chip.take_traffic());
         }
@@ -272,13 +276,13 @@ pub fn exchange_at_pace(
         sub_device.outputs_missed()
     });
     let cycle = Duration::from_micros((u64::from(promised_ns) * percent / 100).div_ceil(1_000));
-    let mut exchanged = with_master(&mut world, cable(line), async |desk| {
-        let group = desk.to_pre_op().await?;
-        let group = desk.to_op(group, 1).await?;
+    let mut exchanged = with_master(&mut world, cable(line), async |dispatcher| {
+        let group = dispatcher.to_pre_op().await?;
+        let group = dispatcher.to_op(group, 1).await?;
         Timer::after(CYCLE).await;
         let (mut exchanged, mut last, mut next) = (Exchanged::default(), 0, Instant::now());
         for number in 2..cycles + 2 {
-            let (inputs, counter) = desk.exchange(&group, number).await?;
+            let (inputs, counter) = dispatcher.exchange(&group, number).await?;
             exchanged.short += u64::from(counter != 3);
             exchanged.wrong += u64::from(inputs.is_none_or(|inputs| inputs < last));
             last = inputs.unwrap_or(last);
@@ -322,13 +326,13 @@ pub fn exchange_images_on<const OUTPUTS: usize, const INPUTS: usize>(
     let esc = Paced::new(esc, Random::new(cycles), 0..=pause_us);
     let sub_device = SubDevice::<_, _, OUTPUTS, INPUTS>::with_buffers(device, esc, echo.clone());
     spawn(&world, sub_device, interrupt);
-    let mut exchanged = with_master(&mut world, cable(line), async |desk| {
-        let group = desk.to_pre_op_with::<GROUP_BYTES>().await?;
-        let group = desk.to_op(group, 1).await?;
+    let mut exchanged = with_master(&mut world, cable(line), async |dispatcher| {
+        let group = dispatcher.to_pre_op_with::<GROUP_BYTES>().await?;
+        let group = dispatcher.to_op(group, 1).await?;
         let expected = working_counter(device);
         let (mut exchanged, mut last) = (Exchanged::default(), 0);
         for number in 2..cycles + 2 {
-            let (inputs, counter) = desk.exchange(&group, number).await?;
+            let (inputs, counter) = dispatcher.exchange(&group, number).await?;
             exchanged.short += u64::from(counter != expected);
             exchanged.wrong += u64::from(inputs.is_none_or(|inputs| inputs < last));
             last = inputs.unwrap_or(last);

@@ -190,7 +190,7 @@ impl Information {
     }
 
     /// Whether fragments are left.
-    pub(super) fn is_answering(&self) -> bool {
+    pub(super) fn is_responding(&self) -> bool {
         self.left() > 0
     }
 
@@ -200,7 +200,7 @@ impl Information {
         room: usize,
         catalogue: &Catalogue<'_, A>,
     ) -> Option<Payload> {
-        if !self.is_answering() {
+        if !self.is_responding() {
             return None;
         }
         // An even number, so that no index of a list is cut in two.

@@ -37,7 +37,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         match self.health {
             Health::Good => Ok(()),
             Health::Unknown => {
-                self.wait_for_answer().await?;
+                self.wait_for_response().await?;
                 self.reset().await?;
                 self.set_up().await
             }
@@ -77,7 +77,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
 
     /// Brings a chip back that did not do what it should: without a reset if it can be.
     async fn recover(&mut self) -> Result<(), EscError> {
-        self.wait_for_answer().await?;
+        self.wait_for_response().await?;
         self.restarted |= !self.is_set_up().await?;
         self.bring_back().await?;
         // Told once, and not before the chip is set up: until then it may happen again.
@@ -86,7 +86,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
 
     /// Sets the chip up as soon as it is ready.
     async fn bring_back(&mut self) -> Result<(), EscError> {
-        self.wait_for_answer().await?;
+        self.wait_for_response().await?;
         if !self.is_idle().await? {
             self.restarted = true;
             self.reset().await?;
@@ -127,7 +127,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
         self.reading.reset();
         self.writing.reset();
         Timer::after(POLL_INTERVAL).await;
-        self.wait_for_answer().await?;
+        self.wait_for_response().await?;
         self.try_engines().await
     }
 
@@ -137,7 +137,7 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
     }
 
     /// Waits for the test pattern and for READY.
-    async fn wait_for_answer(&mut self) -> Result<(), EscError> {
+    async fn wait_for_response(&mut self) -> Result<(), EscError> {
         let mut pattern = 0;
         for _ in 0..ANSWER_LIMIT_MS {
             pattern = self.bus.read(BYTE_TEST).await?;

@@ -17,7 +17,7 @@ pub(super) enum Seen {
     /// It was not asked for.
     Quiet,
     /// It was asked for.
-    Asking,
+    DirectRequestState,
 }
 
 impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
@@ -84,7 +84,7 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
         self.read_outputs(ahead).await?;
         let mut seen = Seen::Quiet;
         if self.esc.asks().await? {
-            seen = Seen::Asking;
+            seen = Seen::DirectRequestState;
             let events = Events(self.esc.events().await?);
             if events.any(Events::SYNC_MANAGER_CHANGED) {
                 return Ok(seen);

@@ -2,19 +2,19 @@
 
 use embassy_time::{Duration, Instant};
 
-use super::{End, Link};
+use super::{End, TcpConnection};
 use crate::frame::{Cause, Frame};
 use crate::hal::TcpStream;
 use crate::modbus::pdu::{EXCEPTION_BIT, fits};
 use crate::modbus::rtu::{self, AtSilence, Received};
 use crate::modbus::tcp::{self, Header, Parsed};
-use crate::port::client::dispatcher::Desk;
-use crate::port::client::pending::{Flight, Flights};
+use crate::port::client::dispatcher::Dispatcher;
+use crate::port::client::pending::{PendingRequest, PendingRequests};
 use crate::port::stream::RTU_PAUSE;
 use crate::settings::StreamFraming;
 use crate::stats::Event;
 
-impl<'g, S: TcpStream> Link<'_, 'g, S> {
+impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
     /// So many bytes have been read.
     pub(super) fn received(&mut self, count: usize) -> Result<(), End> {
         self.length += count;
@@ -31,22 +31,23 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
 
     /// Takes the Modbus TCP frames that have come.
     fn take_frames(&mut self) -> Result<(), End> {
-        let stats = &self.desk.place().stats;
+        let stats = &self.dispatcher.port_state().stats;
         loop {
             let consumed = match tcp::parse(self.input.get(..self.length).unwrap_or(&[])) {
                 Ok(Parsed::Incomplete) => return Ok(()),
                 Ok(Parsed::Frame { header, pdu, consumed }) => {
-                    match pair(&mut self.flights, header, pdu, |unit| self.desk.outside(unit)) {
-                        Ok(flight) => {
+                    match pair(&mut self.pending_requests, header, pdu, |unit| self.dispatcher.outside(unit))
+                    {
+                        Ok(pending) => {
                             self.proven = true;
-                            self.tap(false, Event::Answer, self.first(consumed));
-                            answer(self.desk, flight, pdu);
+                            self.tap(false, Event::Response, self.first(consumed));
+                            respond(self.dispatcher, pending, pdu);
                         }
                         Err((unit, event)) => {
                             self.tap(false, event, self.first(consumed));
                             match unit {
                                 None => stats.count(event),
-                                Some(unit) => self.desk.place().disturbed(unit, event),
+                                Some(unit) => self.dispatcher.port_state().disturbed(unit, event),
                             }
                         }
                     }
@@ -65,24 +66,24 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
 
     /// Takes the RTU response, if it is whole.
     fn take_response(&mut self) {
-        let Some(flight) = self.flights.first() else { return self.take_unawaited() };
-        let request = self.desk.request(&flight.order);
-        let (id, unit) = (flight.id, flight.unit);
-        let outside = self.desk.outside(unit);
+        let Some(pending) = self.pending_requests.first() else { return self.take_unawaited() };
+        let request = self.dispatcher.request(&pending.request);
+        let (id, unit) = (pending.id, pending.unit);
+        let outside = self.dispatcher.outside(unit);
         let heard = self.input.get(..self.length).unwrap_or(&[]);
         if let Received::Complete(pdu) = rtu::response(outside, &request, heard) {
             let end = rtu::end_of(pdu, heard);
             match self.judge(unit, pdu, true, Event::Misfit) {
                 Ok(()) => {
-                    self.tap(false, Event::Answer, heard);
+                    self.tap(false, Event::Response, heard);
                     self.proven = true;
-                    if let Some(flight) = self.flights.finish(id) {
-                        answer_rtu(self.desk, flight, &request, pdu);
+                    if let Some(pending) = self.pending_requests.finish(id) {
+                        respond_rtu(self.dispatcher, pending, &request, pdu);
                     }
                 }
                 Err(event) => {
                     self.tap(false, event, heard);
-                    self.desk.place().disturbed(unit, event);
+                    self.dispatcher.port_state().disturbed(unit, event);
                 }
             }
             self.drop_first(end);
@@ -112,7 +113,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
     /// Judges what came by RTU over TCP when a pause, or the response time's end, says that no more comes.
     pub(super) fn judge_pause(&mut self) {
         let now = Instant::now();
-        let over = self.flights.first_deadline().is_some_and(|deadline| deadline <= now);
+        let over = self.pending_requests.first_deadline().is_some_and(|deadline| deadline <= now);
         if self.pause_end() == Instant::MAX || (self.pause_end() > now && !over) {
             return;
         }
@@ -121,19 +122,19 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
 
     /// Judges what came by RTU over TCP as if no more came.
     fn judge_heard(&mut self) {
-        let Some(flight) = self.flights.first() else { return self.judge_unawaited() };
-        let request = &self.desk.request(&flight.order);
-        let (id, unit) = (flight.id, flight.unit);
+        let Some(pending) = self.pending_requests.first() else { return self.judge_unawaited() };
+        let request = &self.dispatcher.request(&pending.request);
+        let (id, unit) = (pending.id, pending.unit);
         let heard = self.input.get(..self.length).unwrap_or(&[]);
-        let judged = rtu::response_at_silence(self.desk.outside(unit), request, heard);
+        let judged = rtu::response_at_silence(self.dispatcher.outside(unit), request, heard);
         let verdict = match judged {
             AtSilence::Complete(pdu) => {
-                self.judge(unit, pdu, true, Event::Misfit).err().unwrap_or(Event::Answer)
+                self.judge(unit, pdu, true, Event::Misfit).err().unwrap_or(Event::Response)
             }
-            AtSilence::Damaged => Event::BadCheck,
+            AtSilence::Corrupt => Event::BadCheck,
             AtSilence::Short => Event::Short,
             AtSilence::WrongUnit(from, pdu) => {
-                let from = self.desk.inside(self.server, from);
+                let from = self.dispatcher.inside(self.server, from);
                 let judged = from.map(|from| self.judge(from, pdu, false, Event::WrongUnit));
                 judged.and_then(Result::err).unwrap_or(Event::WrongUnit)
             }
@@ -143,23 +144,23 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
             AtSilence::Noise => Event::Noise,
         };
         self.tap(false, verdict, heard);
-        let place = self.desk.place();
+        let port_state = self.dispatcher.port_state();
         match (judged, verdict) {
-            (AtSilence::Complete(pdu), Event::Answer) => {
+            (AtSilence::Complete(pdu), Event::Response) => {
                 self.proven = true;
-                if let Some(flight) = self.flights.finish(id) {
-                    answer_rtu(self.desk, flight, request, pdu);
+                if let Some(pending) = self.pending_requests.finish(id) {
+                    respond_rtu(self.dispatcher, pending, request, pdu);
                 }
             }
             (_, Event::BadCheck | Event::Short) => {
                 self.proven = true;
-                place.damaged(unit, verdict);
-                if let Some(flight) = self.flights.finish(id) {
-                    flight.order.blame(Cause::Damage);
-                    self.failed(&flight);
+                port_state.corrupt(unit, verdict);
+                if let Some(pending) = self.pending_requests.finish(id) {
+                    pending.request.blame(Cause::Corruption);
+                    self.failed(&pending);
                 }
             }
-            _ => place.disturbed(unit, verdict),
+            _ => port_state.disturbed(unit, verdict),
         }
         self.length = 0;
     }
@@ -167,7 +168,7 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
     /// Whether `response`, in a good frame of `unit`, is the one that is `awaited`; if not, it is a late one, or `other`.
     fn judge(&self, unit: u8, response: &[u8], awaited: bool, other: Event) -> Result<(), Event> {
         let now = Instant::now();
-        let judged = self.desk.place().units(|units| units.heard(unit, response, awaited, now));
+        let judged = self.dispatcher.port_state().units(|units| units.heard(unit, response, awaited, now));
         judged.map_err(|event| if event == Event::Late { event } else { other })
     }
 
@@ -185,20 +186,20 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
     pub(super) fn judge_unawaited(&mut self) {
         let heard = self.input.get(..self.length).unwrap_or(&[]);
         let Ok((unit, pdu)) = rtu::decode(heard) else { return self.drop_noise() };
-        let Some(unit) = self.desk.inside(self.server, unit) else { return self.drop_noise() };
+        let Some(unit) = self.dispatcher.inside(self.server, unit) else { return self.drop_noise() };
         let event = self.judge(unit, pdu, false, Event::Unsolicited).err().unwrap_or(Event::Unsolicited);
         self.tap(false, event, heard);
-        self.desk.place().disturbed(unit, event);
+        self.dispatcher.port_state().disturbed(unit, event);
         self.length = 0;
     }
 
-    /// The order of `flight` got no answer.
-    pub(super) fn failed(&self, flight: &Flight<Frame<'g>>) {
+    /// The order of `pending` got no response.
+    pub(super) fn failed(&self, pending: &PendingRequest<Frame<'g>>) {
         let (down_after, retries) = (self.settings.down_after, self.settings.retries);
-        if self.desk.is_proving(&flight.order) {
-            self.desk.not_proved(&flight.order, flight.unit, down_after, retries);
+        if self.dispatcher.is_proving(&pending.request) {
+            self.dispatcher.not_proved(&pending.request, pending.unit, down_after, retries);
         } else {
-            self.desk.failed(&flight.order, retries);
+            self.dispatcher.failed(&pending.request, retries);
         }
     }
 
@@ -213,66 +214,71 @@ impl<'g, S: TcpStream> Link<'_, 'g, S> {
         self.input.get(..count).unwrap_or(&[])
     }
 
-    /// Drops what has come and is no answer.
+    /// Drops what has come and is no response.
     pub(super) fn drop_noise(&mut self) {
         if self.length > 0 {
-            self.desk.place().stats.count(Event::Noise);
+            self.dispatcher.port_state().stats.count(Event::Noise);
             self.tap(false, Event::Noise, self.first(self.length));
             self.length = 0;
         }
     }
 
-    /// Gives up what has waited for its answer long enough; says whether something has.
+    /// Gives up what has waited for its response long enough; says whether something has.
     pub(super) fn expire(&mut self) -> bool {
-        // Transaction ids tell late answers from others. RTU has none, and needs no places for lost ids.
+        // Transaction ids tell late responses from others. RTU has none, and needs no places for lost ids.
         let window = match self.settings.framing {
             StreamFraming::Mbap => self.settings.late_window(),
             StreamFraming::Rtu | StreamFraming::Capture => Duration::from_ticks(0),
         };
-        let (now, open) = (Instant::now(), self.flights.len());
-        while let Some(flight) = self.flights.expire(now, window) {
-            if !self.desk.is_proving(&flight.order) {
-                self.desk.place().timed_out(flight.unit, self.settings.down_after);
+        let (now, open) = (Instant::now(), self.pending_requests.len());
+        while let Some(pending) = self.pending_requests.expire(now, window) {
+            if !self.dispatcher.is_proving(&pending.request) {
+                self.dispatcher.port_state().timed_out(pending.unit, self.settings.down_after);
             }
-            self.failed(&flight);
+            self.failed(&pending);
         }
-        self.flights.len() < open
+        self.pending_requests.len() < open
     }
 }
 
 /// The open request that a Modbus TCP frame answers; else what the frame is, and which unit was asked if that is known. Units have
 /// other ids `outside`.
 fn pair<'g>(
-    flights: &mut Flights<Frame<'g>>,
+    pending_requests: &mut PendingRequests<Frame<'g>>,
     header: Header,
     pdu: &[u8],
     outside: impl Fn(u8) -> u8,
-) -> Result<Flight<Frame<'g>>, (Option<u8>, Event)> {
-    let flight = flights.find(header.transaction).ok_or((None, Event::Stray))?;
-    let asked = Some(flight.unit);
-    if outside(flight.unit) != header.unit {
+) -> Result<PendingRequest<Frame<'g>>, (Option<u8>, Event)> {
+    let pending = pending_requests.find(header.transaction).ok_or((None, Event::Stray))?;
+    let asked = Some(pending.unit);
+    if outside(pending.unit) != header.unit {
         return Err((asked, Event::WrongUnit));
     }
-    fits(&flight.order.content(), pdu).map_err(|_| (asked, Event::Misfit))?;
-    flights.finish(header.transaction).ok_or((None, Event::Stray))
+    fits(&pending.request.content(), pdu).map_err(|_| (asked, Event::Misfit))?;
+    pending_requests.finish(header.transaction).ok_or((None, Event::Stray))
 }
 
-/// Sends the order home with `pdu` as its answer.
-fn answer<'g>(desk: &Desk<'g>, flight: Flight<Frame<'g>>, pdu: &[u8]) {
+/// Sends the request home with `pdu` as its response.
+fn respond<'g>(dispatcher: &Dispatcher<'g>, pending: PendingRequest<Frame<'g>>, pdu: &[u8]) {
     // It fits into the frame: it is no longer than a PDU may be.
-    let _ = flight.order.replace(pdu);
-    let exception = flight.order.function() & EXCEPTION_BIT != 0;
-    desk.place().answered(flight.unit, flight.sent.elapsed(), exception);
-    desk.done(&flight.order);
+    let _ = pending.request.replace(pdu);
+    let exception = pending.request.function() & EXCEPTION_BIT != 0;
+    dispatcher.port_state().answered(pending.unit, pending.sent.elapsed(), exception);
+    dispatcher.done(&pending.request);
 }
 
-/// Sends the order home with `pdu` as its answer, unless that was the proof that it waited for.
-fn answer_rtu<'g>(desk: &Desk<'g>, flight: Flight<Frame<'g>>, request: &[u8], pdu: &[u8]) {
-    if desk.is_proving(&flight.order) {
-        return desk.proved(&flight.order, flight.unit);
+/// Sends the request home with `pdu` as its response, unless that was the proof that it waited for.
+fn respond_rtu<'g>(
+    dispatcher: &Dispatcher<'g>,
+    pending: PendingRequest<Frame<'g>>,
+    request: &[u8],
+    pdu: &[u8],
+) {
+    if dispatcher.is_proving(&pending.request) {
+        return dispatcher.proved(&pending.request, pending.unit);
     }
     if pdu.first().is_some_and(|function| function & EXCEPTION_BIT == 0) {
-        desk.place().units(|units| units.learn(flight.unit, request));
+        dispatcher.port_state().units(|units| units.learn(pending.unit, request));
     }
-    answer(desk, flight, pdu);
+    respond(dispatcher, pending, pdu);
 }

@@ -2,27 +2,27 @@
 
 use embassy_time::Instant;
 
-use super::{Desk, Proving, care, milliseconds};
+use super::{Dispatcher, Proving, care, milliseconds};
 use crate::frame::{Fill, Frame};
 use crate::gateway::unit_health::{Gate, Ready, Step};
 use crate::modbus::Exception;
-use crate::port::client::queue::{BROADCAST, Next, PortQueue, Ticket};
-use crate::port::client::servers::LINKS_MAX;
+use crate::port::client::queue::{BROADCAST, Entry, Next, PortQueue};
+use crate::port::client::servers::CONNECTIONS_MAX;
 use crate::stats::Event;
 
-impl<'g> Desk<'g> {
+impl<'g> Dispatcher<'g> {
     /// Sends home what must not be sent any more.
     pub(super) fn sweep(&self) {
         let now = Instant::now();
         self.swept.set(milliseconds(now));
         let gate = self.gates(self.all_well(now));
         loop {
-            let unwanted = self.queue().take_if(|frame, ticket| {
+            let unwanted = self.queue().take_if(|frame, entry| {
                 if self.gateway.is_gone(frame.origin()) {
-                    Some(Event::AskerGone)
-                } else if ticket.deadline <= now {
+                    Some(Event::RequesterGone)
+                } else if entry.deadline <= now {
                     Some(Event::Expired)
-                } else if gate(ticket.unit) == Gate::Down && !frame.envelope().paced {
+                } else if gate(entry.unit) == Gate::Down && !frame.envelope().paced {
                     Some(Event::UnitDown)
                 } else {
                     None
@@ -35,41 +35,41 @@ impl<'g> Desk<'g> {
         }
     }
 
-    /// The next order for `link`, which is being carried out from now on.
-    pub(crate) fn next(&self, link: u8) -> Next<Frame<'g>> {
+    /// The next request for `connection`, which is being carried out from now on.
+    pub(crate) fn next(&self, connection: u8) -> Next<Frame<'g>> {
         let now = Instant::now();
         self.sweep_if_due(now);
-        if LINKS_MAX > 1 && self.current().is_full() {
+        if CONNECTIONS_MAX > 1 && self.current().is_full() {
             return Next::Empty;
         }
         loop {
-            // An order that was postponed has closed its unit's gate.
+            // A request that was postponed has closed its unit's gate.
             let ready = self.readiness(now);
-            let is_only = LINKS_MAX == 1 || self.servers().len() == 1;
-            let is_here = |unit| is_only || self.servers().link(unit) == Some(link);
+            let is_only = CONNECTIONS_MAX == 1 || self.servers().len() == 1;
+            let is_here = |unit| is_only || self.servers().connection(unit) == Some(connection);
             let ready = |unit| if is_here(unit) { ready(unit) } else { Ready::Elsewhere };
             let next = self.queue().next(now, ready);
-            let Next::Serve(frame, ticket) = next else {
+            let Next::Serve(frame, entry) = next else {
                 self.count_waiting();
                 return next;
             };
-            // Others whose askers have gone are found out when their turn comes, or the queue is full.
+            // Others whose requesters have gone are found out when their turn comes, or the queue is full.
             if self.gateway.is_gone(frame.origin()) {
-                self.fail(frame, Event::AskerGone, Exception::GATEWAY_NO_RESPONSE);
+                self.fail(frame, Event::RequesterGone, Exception::GATEWAY_NO_RESPONSE);
                 continue;
             }
-            let in_step = match self.step(&frame, &ticket, now) {
+            let in_step = match self.step(&frame, &entry, now) {
                 Some(in_step) => in_step,
                 None => {
                     self.postpone(frame);
                     continue;
                 }
             };
-            let current = frame.share_for(self.start(&frame, &ticket, in_step, now));
-            // There is room: a port has at most as many orders open, and one that is not kept here is in its hands alone.
+            let current = frame.share_for(self.start(&frame, &entry, in_step, now));
+            // There is room: a port has at most as many requests open, and one that is not kept here is in its hands alone.
             let _ = self.current().push(current);
             self.count_waiting();
-            return Next::Serve(frame, ticket);
+            return Next::Serve(frame, entry);
         }
     }
 
@@ -85,20 +85,20 @@ impl<'g> Desk<'g> {
         let gate = self.gates(self.all_well(now));
         move |unit| match gate(unit) {
             Gate::Open(ready) => ready,
-            // Only an asker who is not kept from it has an order here.
-            Gate::Down => self.place.units(|units| units.attempt(unit, now)),
+            // Only a requester who is not kept from it has a request here.
+            Gate::Down => self.port_state.units(|units| units.attempt(unit, now)),
         }
     }
 
     /// Whether the unit that `frame` is for is in step, so that it may share its transaction and be passed on while it arrives. None
     /// when it must not be sent now. Notes what is to be sent before it.
-    pub(super) fn step(&self, frame: &Frame<'g>, ticket: &Ticket, now: Instant) -> Option<bool> {
-        let unit = ticket.unit;
+    pub(super) fn step(&self, frame: &Frame<'g>, entry: &Entry, now: Instant) -> Option<bool> {
+        let unit = entry.unit;
         self.set_proof(unit, None);
         if self.transaction_ids || unit == BROADCAST {
             return Some(true);
         }
-        self.place.units(|units| {
+        self.port_state.units(|units| {
             if units.is_in_step(unit, false) {
                 return Some(true);
             }
@@ -126,7 +126,7 @@ impl<'g> Desk<'g> {
 
     /// Whether no unit has to be looked at by itself.
     pub(super) fn all_well(&self, now: Instant) -> bool {
-        self.place.units(|units| units.all_well(now))
+        self.port_state.units(|units| units.all_well(now))
     }
 
     /// Says of each unit whether it may be asked. Mostly all are well.
@@ -135,7 +135,7 @@ impl<'g> Desk<'g> {
     }
 
     pub(super) fn gate(&self, unit: u8) -> Gate {
-        let gate = self.place.units(|units| {
+        let gate = self.port_state.units(|units| {
             if !units.troubled() {
                 return Some(Gate::Open(Ready::Now));
             }
@@ -145,7 +145,7 @@ impl<'g> Desk<'g> {
             }
         });
         // A unit that is down gets one probe at a time.
-        let probed = || self.current().iter().any(|order| order.target() == unit);
+        let probed = || self.current().iter().any(|request| request.target() == unit);
         gate.unwrap_or_else(|| if probed() { Gate::Down } else { Gate::Open(Ready::Now) })
     }
 }

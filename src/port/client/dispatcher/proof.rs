@@ -4,59 +4,59 @@ use core::cell::Cell;
 
 use embassy_time::Instant;
 
-use super::{Desk, Proving};
+use super::{Dispatcher, Proving};
 use crate::frame::Frame;
 
-impl<'g> Desk<'g> {
-    /// Whether the [`Desk::request`] for `order` is a proof.
-    pub(crate) fn is_proving(&self, order: &Frame<'g>) -> bool {
-        self.proof(order).is_some()
+impl<'g> Dispatcher<'g> {
+    /// Whether the [`Dispatcher::request`] for `request` is a proof.
+    pub(crate) fn is_proving(&self, request: &Frame<'g>) -> bool {
+        self.proof(request).is_some()
     }
 
-    /// What is sent before `order`.
-    pub(super) fn proof(&self, order: &Frame<'g>) -> Option<Proving> {
-        self.proof_place(order.target())?.get()
+    /// What is sent before `request`.
+    pub(super) fn proof(&self, request: &Frame<'g>) -> Option<Proving> {
+        self.proof_slot(request.target())?.get()
     }
 
     pub(super) fn set_proof(&self, unit: u8, proof: Option<Proving>) {
-        self.proof_place(unit).into_iter().for_each(|place| place.set(proof));
+        self.proof_slot(unit).into_iter().for_each(|slot| slot.set(proof));
     }
 
-    /// That of the link that has the server of `unit`.
-    pub(super) fn proof_place(&self, unit: u8) -> Option<&Cell<Option<Proving>>> {
-        let link = if self.has_one_link() { 0 } else { self.servers().link(unit)? };
-        self.proofs.get(usize::from(link))
+    /// That of the connection that has the server of `unit`.
+    pub(super) fn proof_slot(&self, unit: u8) -> Option<&Cell<Option<Proving>>> {
+        let connection = if self.has_one_connection() { 0 } else { self.servers().connection(unit)? };
+        self.proofs.get(usize::from(connection))
     }
 
-    /// `unit` has answered the proof that `order` waited for, which waits for its turn again: by then others may share its transaction.
-    pub(crate) fn proved(&self, order: &Frame<'g>, unit: u8) {
-        self.place.units(|units| units.proved(unit));
-        self.take_back(order);
+    /// `unit` has answered the proof that `request` waited for, which waits for its turn again: by then others may share its transaction.
+    pub(crate) fn proved(&self, request: &Frame<'g>, unit: u8) {
+        self.port_state.units(|units| units.proved(unit));
+        self.take_back(request);
     }
 
-    /// The proof got no answer, and so `order` gets none, unless the unit has answered something else.
-    pub(crate) fn not_proved(&self, order: &Frame<'g>, unit: u8, down_after: u8, retries: u8) {
+    /// The proof got no response, and so `request` gets none, unless the unit has answered something else.
+    pub(crate) fn not_proved(&self, request: &Frame<'g>, unit: u8, down_after: u8, retries: u8) {
         // Who spares servers by himself is not held back.
-        let down_after = if order.envelope().paced { 0 } else { down_after };
-        if self.place.units(|units| units.not_proved(unit, Instant::now(), down_after)) {
-            self.failed(order, retries);
+        let down_after = if request.envelope().paced { 0 } else { down_after };
+        if self.port_state.units(|units| units.not_proved(unit, Instant::now(), down_after)) {
+            self.failed(request, retries);
         } else {
-            self.take_back(order);
+            self.take_back(request);
         }
     }
 
-    /// `order` waits for its turn again, and so do those that ride on it, each by itself.
-    pub(crate) fn take_back(&self, order: &Frame<'g>) {
-        let Some((frame, errand)) = self.take(order) else { return };
-        errand.part(&frame);
+    /// `request` waits for its turn again, and so do those that ride on it, each by itself.
+    pub(crate) fn take_back(&self, request: &Frame<'g>) {
+        let Some((frame, transaction)) = self.take(request) else { return };
+        transaction.split(&frame);
         self.postpone_each(frame);
     }
 
-    /// `order` and those that ride on it wait on, each by itself.
-    pub(super) fn postpone_each(&self, order: Frame<'g>) {
-        while let Some(rider) = order.unload() {
-            self.postpone(rider);
+    /// `request` and those that ride on it wait on, each by itself.
+    pub(super) fn postpone_each(&self, request: Frame<'g>) {
+        while let Some(merged) = request.unload() {
+            self.postpone(merged);
         }
-        self.postpone(order);
+        self.postpone(request);
     }
 }

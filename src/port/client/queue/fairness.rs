@@ -2,52 +2,52 @@
 
 use heapless::Vec;
 
-use super::{ASKERS_MAX, Asker, Known, PortQueue, add};
+use super::{Known, PortQueue, REQUESTERS_MAX, Requester, add};
 
 impl<T> PortQueue<T> {
-    /// The place of `asker` in the table, made if there is none.
-    pub(super) fn place_of(&mut self, asker: Asker) -> u8 {
-        if let Some(place) = self.askers.iter().position(|known| known.asker == asker) {
-            return place as u8;
+    /// The place of `requester` in the table, made if there is none.
+    pub(super) fn slot_of(&mut self, requester: Requester) -> u8 {
+        if let Some(slot) = self.requesters.iter().position(|known| known.requester == requester) {
+            return slot as u8;
         }
-        let of_address = self.askers.iter().find(|known| known.asker.address == asker.address);
-        let known = Known { asker, turn: 0, by_address: of_address.map_or(0, |known| known.by_address) };
-        let Err(known) = self.askers.push(known) else { return (self.askers.len() - 1) as u8 };
+        let of_address = self.requesters.iter().find(|known| known.requester.address == requester.address);
+        let known = Known { requester, turn: 0, by_address: of_address.map_or(0, |known| known.by_address) };
+        let Err(known) = self.requesters.push(known) else { return (self.requesters.len() - 1) as u8 };
         // The one served longest ago ranks like one never served, so it may be forgotten. Not all wait: there is room.
-        let waits = |place: usize| self.waiting.iter().any(|waiting| usize::from(waiting.asker) == place);
-        let idle = self.askers.iter().enumerate().filter(|(place, _)| !waits(*place));
-        let oldest = idle.min_by_key(|(_, known)| known.turn).map_or(0, |(place, _)| place);
-        if let Some(place) = self.askers.get_mut(oldest) {
-            *place = known;
+        let waits = |slot: usize| self.waiting.iter().any(|waiting| usize::from(waiting.requester) == slot);
+        let idle = self.requesters.iter().enumerate().filter(|(slot, _)| !waits(*slot));
+        let oldest = idle.min_by_key(|(_, known)| known.turn).map_or(0, |(slot, _)| slot);
+        if let Some(slot) = self.requesters.get_mut(oldest) {
+            *slot = known;
         }
         oldest as u8
     }
 
-    pub(super) fn note_turn(&mut self, place: u8) {
+    pub(super) fn note_turn(&mut self, slot: u8) {
         let turn = self.turns.checked_add(1).unwrap_or_else(|| {
             // Once in four thousand million turns everybody starts afresh.
-            self.askers.iter_mut().for_each(|known| (known.turn, known.by_address) = (0, 0));
+            self.requesters.iter_mut().for_each(|known| (known.turn, known.by_address) = (0, 0));
             1
         });
         self.turns = turn;
-        let Some(served) = self.askers.get_mut(usize::from(place)) else { return };
+        let Some(served) = self.requesters.get_mut(usize::from(slot)) else { return };
         served.turn = turn;
-        let address = served.asker.address;
-        let of_address = self.askers.iter_mut().filter(|known| known.asker.address == address);
+        let address = served.requester.address;
+        let of_address = self.requesters.iter_mut().filter(|known| known.requester.address == address);
         of_address.for_each(|known| known.by_address = turn);
     }
 
     /// The newest order of the address that has most of them, if that is more than `newcomer`'s would have; within that
-    /// address the same holds of its connections. Each order is counted once, as a refusal must take less than serving.
-    pub(super) fn crowder(&self, newcomer: Asker) -> Option<usize> {
-        let mut own = [0_u8; ASKERS_MAX];
+    /// address the same holds of its connections. Each request is counted once, as a refusal must take less than serving.
+    pub(super) fn crowder(&self, newcomer: Requester) -> Option<usize> {
+        let mut own = [0_u8; REQUESTERS_MAX];
         let (mut of_address, mut of_newcomer, mut most) = (0, 0, 0);
         for waiting in &self.waiting {
-            let count = add(&mut own, usize::from(waiting.asker), 1);
-            let Some(Known { asker, .. }) = self.asker(waiting.asker) else { continue };
-            if asker.is_beside(&newcomer) {
+            let count = add(&mut own, usize::from(waiting.requester), 1);
+            let Some(Known { requester, .. }) = self.requester(waiting.requester) else { continue };
+            if requester.is_beside(&newcomer) {
                 of_address += 1;
-                of_newcomer += u8::from(*asker == newcomer);
+                of_newcomer += u8::from(*requester == newcomer);
                 most = most.max(count);
             }
         }
@@ -56,31 +56,32 @@ impl<T> PortQueue<T> {
             return None;
         }
         self.waiting.iter().rposition(|waiting| {
-            let has_most = own.get(usize::from(waiting.asker)) == Some(&most);
-            self.asker(waiting.asker).is_some_and(|Known { asker, .. }| match &address {
-                Some(addresses) => addresses.iter().any(|other| asker.is_beside(other)),
-                None => has_most && asker.is_beside(&newcomer),
+            let has_most = own.get(usize::from(waiting.requester)) == Some(&most);
+            self.requester(waiting.requester).is_some_and(|Known { requester, .. }| match &address {
+                Some(addresses) => addresses.iter().any(|other| requester.is_beside(other)),
+                None => has_most && requester.is_beside(&newcomer),
             })
         })
     }
 
-    /// The addresses with most orders, if those are more than `more_than`; `own` has those of each asker.
+    /// The addresses with most requests, if those are more than `more_than`; `own` has those of each requester.
     pub(super) fn crowded_address(
         &self,
-        own: &[u8; ASKERS_MAX],
+        own: &[u8; REQUESTERS_MAX],
         more_than: u8,
-    ) -> Option<Vec<Asker, ASKERS_MAX>> {
+    ) -> Option<Vec<Requester, REQUESTERS_MAX>> {
         // Mostly it is the newcomer's own address that has nearly all.
         if self.waiting.len() < 2 * usize::from(more_than) {
             return None;
         }
-        let mut of_address = [0_u8; ASKERS_MAX];
+        let mut of_address = [0_u8; REQUESTERS_MAX];
         let mut most = 0;
-        for (known, &count) in self.askers.iter().zip(own) {
-            let first = self.askers.iter().position(|first| first.asker.is_beside(&known.asker)).unwrap_or(0);
+        for (known, &count) in self.requesters.iter().zip(own) {
+            let is_beside = |first: &Known| first.requester.is_beside(&known.requester);
+            let first = self.requesters.iter().position(is_beside).unwrap_or(0);
             most = most.max(add(&mut of_address, first, count));
         }
-        let largest = self.askers.iter().zip(of_address).filter(|(_, count)| *count == most);
-        (most > more_than).then(|| largest.map(|(known, _)| known.asker).collect())
+        let largest = self.requesters.iter().zip(of_address).filter(|(_, count)| *count == most);
+        (most > more_than).then(|| largest.map(|(known, _)| known.requester).collect())
     }
 }

@@ -4,19 +4,19 @@ use core::net::IpAddr;
 
 use embassy_time::Instant;
 
-use super::{Access, Asker, Next, PortQueue, Ready, Ticket};
+use super::{Access, Entry, Next, PortQueue, Ready, Requester};
 use crate::settings::Priority;
 
-/// A read by `connection` from `address`, or from a serial line; the order is the connection.
+/// A read by `connection` from `address`, or from a serial line; the request is the connection.
 fn ask(queue: &mut PortQueue<u16>, connection: u16, address: Option<IpAddr>) {
-    let asker = Asker::new((0, connection), address);
+    let requester = Requester::new((0, connection), address);
     let (priority, deadline, access) = (Priority::Normal, Instant::MAX, Access::Read);
-    assert_eq!(queue.push(connection, Ticket { asker, priority, unit: 1, deadline, access }), None);
+    assert_eq!(queue.push(connection, Entry { requester, priority, unit: 1, deadline, access }), None);
 }
 
 fn serve(queue: &mut PortQueue<u16>) -> u16 {
     match queue.next(Instant::MIN, |_| Ready::Now) {
-        Next::Serve(order, _) => order,
+        Next::Serve(request, _) => request,
         other => panic!("{other:?}"),
     }
 }

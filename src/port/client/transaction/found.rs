@@ -9,7 +9,7 @@ pub(super) enum Found {
     /// The response.
     Response,
     /// The response, but damaged, and what is wrong with it.
-    Damaged(Event),
+    Corrupt(Event),
     /// Something else, which has been counted.
     Other,
 }

@@ -5,18 +5,18 @@ use crate::modbus::ascii::{AsciiError, COLON, Decoder, LINE_FEED};
 use crate::stats::LastError;
 
 /// Listens on an ASCII line.
-pub struct AsciiEar {
+pub struct AsciiSniffer {
     decoder: Decoder,
     delimiter: u8,
 }
 
-impl Default for AsciiEar {
+impl Default for AsciiSniffer {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl AsciiEar {
+impl AsciiSniffer {
     /// Frames end with a line feed.
     pub const fn new() -> Self {
         Self { decoder: Decoder::new(LINE_FEED), delimiter: LINE_FEED }

@@ -2,8 +2,8 @@
 
 use embassy_time::Instant;
 
-use crate::frame::{Cause, Envelope, Frame, FrameWriter, Origin, Way};
-use crate::gateway::{Gateway, PortPlace};
+use crate::frame::{Cause, Envelope, Frame, FrameWriter, Origin, ReplyTo};
+use crate::gateway::{Gateway, PortState};
 use crate::modbus::pdu;
 use crate::routing;
 use crate::routing::{Onward, onward};
@@ -13,7 +13,7 @@ use crate::stats::Event;
 /// The port, as long as its settings stay.
 pub(crate) struct Server<'s, 'g> {
     pub(crate) gateway: &'s Gateway<'g>,
-    pub(crate) place: &'s PortPlace,
+    pub(crate) port_state: &'s PortState,
     pub(crate) id: PortId,
     pub(crate) settings: &'s SerialSettings,
     /// What the board says of its transmitters.
@@ -23,8 +23,8 @@ pub(crate) struct Server<'s, 'g> {
 impl<'g> Server<'_, 'g> {
     /// Nobody waits any more: answers that are there or still come are dropped.
     pub(crate) fn close(&self) {
-        self.place.renew();
-        self.place.queue.clear(self.gateway.pool());
+        self.port_state.renew();
+        self.port_state.queue.clear(self.gateway.pool());
     }
 
     pub(super) fn is_ours(&self, unit: u8) -> bool {
@@ -43,26 +43,26 @@ impl<'g> Server<'_, 'g> {
 
     /// The envelope of the master's next request.
     pub(super) fn envelope(&self, unit: u8, received: Instant) -> Envelope {
-        let generation = self.place.renew();
-        let way = if unit == 0 { Way::Nobody } else { Way::Line };
-        let origin = Origin { port: self.id, way, generation };
+        let generation = self.port_state.renew();
+        let reply_to = if unit == 0 { ReplyTo::Nobody } else { ReplyTo::Line };
+        let origin = Origin { port: self.id, reply_to, generation };
         Envelope::request(origin, unit, received, received + self.settings.server.answer_within)
     }
 
-    /// Sends a request to the router; says whether an answer will come.
+    /// Sends a request to the router; says whether a response will come.
     pub(super) fn ask(&self, unit: u8, request: &[u8], received: Instant) -> bool {
         let cut = matches!(self.onward(unit, request), Onward::To(_));
         let envelope = Envelope { cut, ..self.envelope(unit, received) };
         // A frame's PDU is no longer than a PDU may be.
         let Some(frame) = self.gateway.fill_for_port(self.id, request, envelope) else {
-            self.place.stats.count(Event::BackPressure);
+            self.port_state.stats.count(Event::BackPressure);
             return false;
         };
-        self.place.stats.count(Event::Request);
+        self.port_state.stats.count(Event::Request);
         match pdu::check_request(request) {
             Ok(()) => self.gateway.inbox.send(frame),
             Err(exception) => {
-                self.place.stats.count(Event::Refused);
+                self.port_state.stats.count(Event::Refused);
                 if pdu::is_beyond_response(request) {
                     frame.blame(Cause::Length);
                 }

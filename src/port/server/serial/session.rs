@@ -1,6 +1,6 @@
 //! An open line of a server-side port: hears, asks the router, answers.
 //!
-//! It waits for three things at a time: characters, an answer from the router, and the next moment at which something is
+//! It waits for three things at a time: characters, a response from the router, and the next moment at which something is
 //! due: the silence that ends a frame, the moment to answer, or the end of the master's patience.
 
 use core::convert::Infallible;
@@ -15,27 +15,27 @@ use crate::frame::{Frame, Stage};
 use crate::hal::SerialLine;
 use crate::modbus::rtu;
 use crate::port::cut_through::ingress::Passing;
-use crate::port::line::sniffer::{AsciiEar, RtuEar};
+use crate::port::line::sniffer::{AsciiSniffer, RtuSniffer};
 use crate::port::line::{Line, LineLost};
 use crate::port::timer::until;
 use crate::settings::Framing;
 use crate::stats::Event;
 
-mod answer;
-mod hear;
 mod onward;
+mod receive;
+mod response;
 
 /// The request that is open.
 enum Open<'g> {
     None,
-    /// The router has it; there is no answer after `until`.
+    /// The router has it; there is no response after `until`.
     Asked {
         received: Instant,
         until: Instant,
     },
-    /// Its answer is to be sent.
+    /// Its response is to be sent.
     Ready {
-        answer: Frame<'g>,
+        response: Frame<'g>,
         at: Instant,
     },
 }
@@ -45,7 +45,7 @@ pub(super) struct Session<'s, 'g, L> {
     server: &'s Server<'s, 'g>,
     line: Line<'s, L>,
     tap: Tap<'g>,
-    ear: Ear,
+    sniffer: Sniffer,
     open: Open<'g>,
     /// When the frame that is being heard began, and how far it has been passed on.
     begun: Instant,
@@ -58,7 +58,7 @@ pub(super) struct Session<'s, 'g, L> {
     answered: Option<Answered>,
 }
 
-/// What tells an answer from the request that repeats it (a write's answer is the write): an adapter that hears itself
+/// What tells a response from the request that repeats it (a write's response is the write): an adapter that hears itself
 /// would otherwise have the gateway ask itself for ever, unless the settings say `echo`.
 struct Answered {
     unit: u8,
@@ -75,17 +75,17 @@ impl Answered {
     }
 }
 
-enum Ear {
-    Rtu(RtuEar),
-    Ascii(AsciiEar),
+enum Sniffer {
+    Rtu(RtuSniffer),
+    Ascii(AsciiSniffer),
 }
 
 impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
     /// A line that was just opened, in the middle of whatever happens on it.
     pub(super) fn new(server: &'s Server<'s, 'g>, line: Line<'s, L>) -> Self {
-        let ear = match server.settings.framing {
-            Framing::Rtu => Ear::Rtu(RtuEar::new()),
-            Framing::Ascii => Ear::Ascii(AsciiEar::new()),
+        let sniffer = match server.settings.framing {
+            Framing::Rtu => Sniffer::Rtu(RtuSniffer::new()),
+            Framing::Ascii => Sniffer::Ascii(AsciiSniffer::new()),
         };
         let kind = server.settings.framing.into();
         let tap = Tap { capture: server.gateway.capture(), port: server.id, kind };
@@ -94,7 +94,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             tap,
             begun: line.active,
             line,
-            ear,
+            sniffer,
             open: Open::None,
             passing: Passing::Whole,
             pauses: false,
@@ -120,22 +120,22 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
                 Open::Ready { at, .. } => *at,
             };
             let server = self.server;
-            let answers = server.place.queue.receive(server.gateway.pool());
+            let responses = server.port_state.queue.receive(server.gateway.pool());
             let begins = self.line.heard().is_empty();
             let next = due.min(quiet).min(self.passing.due());
-            match select3(self.line.read(), answers, until(next)).await {
+            match select3(self.line.read(), responses, until(next)).await {
                 // Meanwhile the board has begun to pass on what comes, and to watch for a silence in it.
                 Either3::Third(()) if self.line.is_relayed() && Instant::now() < due => {}
                 Either3::First(read) => {
                     read?;
                     self.hear(begins);
                 }
-                Either3::Second(frame) => self.take_answer(frame),
+                Either3::Second(frame) => self.take_response(frame),
                 Either3::Third(()) if Instant::now() >= quiet => self.listen(true),
                 Either3::Third(()) if self.passing.is_due() => self.proceed(),
                 Either3::Third(()) => {
-                    if let Some(answer) = self.due() {
-                        self.answer(answer).await?;
+                    if let Some(response) = self.due() {
+                        self.respond(response).await?;
                     }
                 }
             }
@@ -145,44 +145,45 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
     /// When the frame that is being heard will have all but the last one of the characters that it has at least, if nothing
     /// is to be done before. That one is waited for: a sleep until it is due would end a little later than it comes.
     fn whole_at(&self) -> Option<Instant> {
-        let (Ear::Rtu(ear), Open::None, Passing::Whole) = (&self.ear, &self.open, &self.passing) else {
+        let (Sniffer::Rtu(sniffer), Open::None, Passing::Whole) = (&self.sniffer, &self.open, &self.passing)
+        else {
             return None;
         };
-        let bytes = ear.at_least(self.line.heard(), |unit| self.server.is_ours(unit))?;
+        let bytes = sniffer.at_least(self.line.heard(), |unit| self.server.is_ours(unit))?;
         Some(self.line.begun() + self.line.settings.chars(bytes - 1))
     }
 
     /// When the silence will say something about what has been heard.
     fn quiet_at(&self) -> Instant {
-        let waits = match &self.ear {
-            Ear::Rtu(ear) => ear.needs_silence() || !self.line.heard().is_empty(),
-            Ear::Ascii(ear) => ear.in_frame(),
+        let waits = match &self.sniffer {
+            Sniffer::Rtu(sniffer) => sniffer.needs_silence() || !self.line.heard().is_empty(),
+            Sniffer::Ascii(sniffer) => sniffer.in_frame(),
         };
         let silence = self.server.settings.framing.silence(self.line.settings) + self.line.jitter;
         if waits { self.line.quiet_at(silence) } else { Instant::MAX }
     }
 
-    /// A frame has come home: the answer that is waited for, a request that gets none, or what is too late.
-    fn take_answer(&mut self, answer: Frame<'g>) {
-        let envelope = answer.envelope();
-        let is_awaited = envelope.origin.generation == self.server.place.generation();
+    /// A frame has come home: the response that is waited for, a request that gets none, or what is too late.
+    fn take_response(&mut self, response: Frame<'g>) {
+        let envelope = response.envelope();
+        let is_awaited = envelope.origin.generation == self.server.port_state.generation();
         self.open = match (&self.open, envelope.stage) {
             (Open::Asked { .. }, Stage::Silence) if is_awaited => Open::None,
             (Open::Asked { received, .. }, _) if is_awaited => {
                 let delay = self.server.settings.server.reply_delay;
-                Open::Ready { at: self.line.silent_at().max(*received + delay), answer }
+                Open::Ready { at: self.line.silent_at().max(*received + delay), response }
             }
-            _ => return self.server.place.stats.count(Event::AskerGone),
+            _ => return self.server.port_state.stats.count(Event::RequesterGone),
         };
     }
 
-    /// The open request's time has come: its answer, which is to be sent, or there will be none.
+    /// The open request's time has come: its response, which is to be sent, or there will be none.
     fn due(&mut self) -> Option<Frame<'g>> {
         match mem::replace(&mut self.open, Open::None) {
-            Open::Ready { answer, .. } => return Some(answer),
+            Open::Ready { response, .. } => return Some(response),
             Open::Asked { .. } => {
-                self.server.place.renew();
-                self.server.place.stats.count(Event::Timeout);
+                self.server.port_state.renew();
+                self.server.port_state.stats.count(Event::Timeout);
             }
             Open::None => {}
         }

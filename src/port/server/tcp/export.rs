@@ -1,4 +1,4 @@
-//! A client of a TCP server who gets a capture: the frames of all ports as they come, and no answers.
+//! A client of a TCP server who gets a capture: the frames of all ports as they come, and no responses.
 
 use core::pin::pin;
 
@@ -15,7 +15,7 @@ const EXPORT_PAUSE: Duration = Duration::from_millis(5);
 impl Server<'_, '_> {
     /// Gives a client the frames of all ports as they come.
     pub(super) async fn export<S: TcpStream>(&self, stream: &mut S) -> End {
-        let leave = pin!(self.seat.leave.wait());
+        let leave = pin!(self.connection.leave.wait());
         let export = pin!(async {
             let mut export = match with_timeout(WRITE_PATIENCE, Export::begin(self.gateway, stream)).await {
                 Ok(Ok(Some(export))) => export,

@@ -1,7 +1,7 @@
 //! How many requests of a connection may be open, by what became of those before.
 //!
 //! A request that is refused costs the processor nearly as much as one that is served, and its client asks the next one at
-//! once instead of waiting for a line. So each refusal narrows the window of its connection and each other answer widens
+//! once instead of waiting for a line. So each refusal narrows the window of its connection and each other response widens
 //! it. When it is closed the connection has one request at a time, each when its turn has come: [`Turns`] are given to all
 //! such connections of the gateway together, one after the other. What a flood gets costs no more than that, however many
 //! take part; who is served as often as refused does not notice. A full queue closes the window at once: another request beside
@@ -11,7 +11,7 @@ use embassy_time::Instant;
 
 use crate::gateway::turns::Turns;
 
-/// By so many requests an answer widens the window that a refusal narrows by one: a client that asks some units that are
+/// By so many requests a response widens the window that a refusal narrows by one: a client that asks some units that are
 /// down among others is not slowed.
 const WIDENED: u8 = 2;
 

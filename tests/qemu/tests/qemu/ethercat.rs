@@ -7,7 +7,7 @@ use ethercrab::ObjectDescriptionListQuery;
 use ethercrab::subdevice_group::{Op, PreOp};
 use mobgate::fieldbus::DEVICE;
 use mobgate_qemu::{Bus, Console, Controller, wait_for};
-use mobgate_simulator::sub_device::{Desk, Group};
+use mobgate_simulator::sub_device::{Dispatcher, Group};
 
 use crate::{Bench, registers};
 
@@ -77,12 +77,16 @@ fn outputs(round: u8) -> Vec<u8> {
 }
 
 /// Cycles until `good`, or for too long.
-async fn cycle_until(desk: &Desk<'_>, group: &Group<Op>, mut good: impl FnMut(&[u8]) -> bool) -> bool {
+async fn cycle_until(
+    dispatcher: &Dispatcher<'_>,
+    group: &Group<Op>,
+    mut good: impl FnMut(&[u8]) -> bool,
+) -> bool {
     let begin = Instant::now();
     while begin.elapsed() < SEEN_LIMIT {
-        let counter = group.tx_rx(desk.master).await.unwrap().working_counter;
+        let counter = group.tx_rx(dispatcher.master).await.unwrap().working_counter;
         assert_eq!(counter, 3, "outputs are taken and inputs are there");
-        if good(&group.subdevice(desk.master, 0).unwrap().inputs_raw()) {
+        if good(&group.subdevice(dispatcher.master, 0).unwrap().inputs_raw()) {
             return true;
         }
         Timer::after_millis(CYCLE_MS).await;
@@ -91,20 +95,20 @@ async fn cycle_until(desk: &Desk<'_>, group: &Group<Op>, mut good: impl FnMut(&[
 }
 
 /// A board that has just found its controller sets it up while the MainDevice may have begun, which then begins anew.
-async fn to_pre_op(desk: &Desk<'_>) -> Group<PreOp> {
+async fn to_pre_op(dispatcher: &Dispatcher<'_>) -> Group<PreOp> {
     for _ in 0..STARTS_MAX {
-        if let Ok(group) = desk.to_pre_op().await {
+        if let Ok(group) = dispatcher.to_pre_op().await {
             return group;
         }
         Timer::after_millis(200).await;
     }
-    desk.to_pre_op().await.unwrap()
+    dispatcher.to_pre_op().await.unwrap()
 }
 
 /// Configures the devices, and brings the board to Op.
-async fn start(desk: &Desk<'_>) -> Group<Op> {
-    let group = to_pre_op(desk).await;
-    let board = group.subdevice(desk.master, 0).unwrap();
+async fn start(dispatcher: &Dispatcher<'_>) -> Group<Op> {
+    let group = to_pre_op(dispatcher).await;
+    let board = group.subdevice(dispatcher.master, 0).unwrap();
     board.register_write(WATCHDOG.0, WATCHDOG.1).await.unwrap();
     board.sdo_write(0x2000, 1, DEVICES.len() as u16).await.unwrap();
     for ((_, settings), index) in DEVICES.iter().zip(0x2001..) {
@@ -117,10 +121,10 @@ async fn start(desk: &Desk<'_>) -> Group<Op> {
     assert_eq!(board.sdo_read::<u16>(0x2005, 2).await.unwrap(), 1, "it is in use");
     let end = board.sdo_read::<u16>(0x2012, 6).await.unwrap();
     assert_eq!(usize::from(end), INPUT_BYTES - 1, "the last input byte of the last device");
-    let group = group.into_safe_op(desk.master).await.unwrap();
-    group.tx_rx(desk.master).await.unwrap();
-    let group = group.request_into_op(desk.master).await.unwrap();
-    while !group.tx_rx(desk.master).await.unwrap().all_op() {
+    let group = group.into_safe_op(dispatcher.master).await.unwrap();
+    group.tx_rx(dispatcher.master).await.unwrap();
+    let group = group.request_into_op(dispatcher.master).await.unwrap();
+    while !group.tx_rx(dispatcher.master).await.unwrap().all_op() {
         Timer::after_millis(CYCLE_MS).await;
     }
     group
@@ -132,9 +136,9 @@ fn ethercrab_brings_the_board_to_op_and_values_pass_both_ways() {
     shows(&mut console, "show version", "EtherCAT controller present");
     shows(&mut console, "show ports", "ecat            ethercat");
 
-    let (count, listed) = controller.run(async |desk| {
-        let group = to_pre_op(&desk).await;
-        let board = group.subdevice(desk.master, 0).unwrap();
+    let (count, listed) = controller.run(async |dispatcher| {
+        let group = to_pre_op(&dispatcher).await;
+        let board = group.subdevice(dispatcher.master, 0).unwrap();
         let name = board.sdo_read::<[u8; 34]>(0x1008, 0).await.unwrap();
         assert_eq!(name, DEVICE.name.as_bytes());
         let counts = board.sdo_info_object_quantities().await.unwrap().unwrap();
@@ -149,17 +153,20 @@ fn ethercrab_brings_the_board_to_op_and_values_pass_both_ways() {
     assert!(listed.iter().is_sorted() && listed.iter().all(|index| objects.contains(index)), "{listed:x?}");
 
     let buses = bench.buses.clone();
-    controller.run(async move |desk| {
-        let group = start(&desk).await;
+    controller.run(async move |dispatcher| {
+        let group = start(&dispatcher).await;
         for round in 1..=10 {
             let outputs = outputs(round);
-            let board = group.subdevice(desk.master, 0).unwrap();
+            let board = group.subdevice(dispatcher.master, 0).unwrap();
             board.outputs_raw_mut()[..OUTPUT_BYTES].copy_from_slice(&outputs);
             buses[0].with(1, |memory| memory.input[10] = u16::from(round) << 8);
             buses[1].with(65, |memory| memory.input[7] = !u16::from(round));
-            assert!(cycle_until(&desk, &group, |_| written(&buses) == outputs).await, "outputs {round}");
+            assert!(
+                cycle_until(&dispatcher, &group, |_| written(&buses) == outputs).await,
+                "outputs {round}"
+            );
             let seen = |inputs: &[u8]| inputs[..INPUT_BYTES] == expected_inputs(&buses);
-            assert!(cycle_until(&desk, &group, seen).await, "inputs {round}");
+            assert!(cycle_until(&dispatcher, &group, seen).await, "inputs {round}");
         }
     });
     assert_eq!(written(&bench.buses), outputs(10));
@@ -179,7 +186,7 @@ fn a_controller_that_goes_is_missed_and_works_when_it_is_back() {
 
     let controller = Controller::start(bench.folder.path());
     shows(&mut console, "show version", "EtherCAT controller present");
-    controller.run(async |desk| drop(start(&desk).await));
+    controller.run(async |dispatcher| drop(start(&dispatcher).await));
 }
 
 /// The board's LEDs: bit 0 is the RUN light, bit 1 the ERR light.
@@ -193,7 +200,7 @@ fn the_boards_leds_are_the_run_and_err_lights() {
     wait_for("both dark in Init", || (leds() == 0).then_some(()));
     // In Op RUN is on for longer than in any other state. Without outputs Op lasts until the watchdog runs out.
     wait_for("RUN to stay on", || {
-        controller.run(async |desk| drop(start(&desk).await));
+        controller.run(async |dispatcher| drop(start(&dispatcher).await));
         wait_for("RUN to be on", || (leds() == 1).then_some(()));
         let since = Instant::now();
         while leds() == 1 {

@@ -48,7 +48,7 @@ impl Bench {
     }
 }
 
-/// The answer to a read of `count` registers from `address` on.
+/// The response to a read of `count` registers from `address` on.
 fn registers(unit: u8, address: u8, count: u8) -> Vec<u8> {
     let values = (address..address + count).flat_map(|address| [unit, address]);
     [3, 2 * count].into_iter().chain(values).collect()

@@ -9,15 +9,15 @@ use super::{Answer, Client};
 /// What became of a client's requests.
 #[derive(Debug, Clone, Default)]
 pub struct Load {
-    /// How long each answer took, exceptions included.
+    /// How long each response took, exceptions included.
     pub latencies: Latencies,
     /// Answers without exception.
     pub answers: u64,
     /// Exceptions by code.
     pub exceptions: BTreeMap<u8, u64>,
-    /// Requests without an answer.
+    /// Requests without a response.
     pub silences: u64,
-    /// Frames that were no answer to the request.
+    /// Frames that were no response to the request.
     pub wrong: u64,
     /// Whether the connection ended before its time.
     pub closed: bool,
@@ -26,7 +26,7 @@ pub struct Load {
 /// A client that does one transaction after the other.
 #[derive(Debug, Clone, Copy)]
 pub struct ClosedLoop {
-    /// Between an answer and the next request.
+    /// Between a response and the next request.
     pub think: Duration,
     /// No request is sent from here on.
     pub until: Instant,
@@ -38,13 +38,13 @@ impl ClosedLoop {
         Self { think: Duration::from_ticks(0), until }
     }
 
-    /// The loop with a pause between an answer and the next request.
+    /// The loop with a pause between a response and the next request.
     #[must_use]
     pub fn thinking(self, think: Duration) -> Self {
         Self { think, ..self }
     }
 
-    /// Sends what `next` gives (unit and PDU) and shows each answer to `check`.
+    /// Sends what `next` gives (unit and PDU) and shows each response to `check`.
     pub async fn run(
         self,
         client: &mut Client,

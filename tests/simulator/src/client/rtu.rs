@@ -14,7 +14,7 @@ pub struct RtuClient {
 }
 
 impl RtuClient {
-    /// A client on `stream` that waits 10 s for an answer.
+    /// A client on `stream` that waits 10 s for a response.
     pub fn new(stream: ClientStream) -> Self {
         Self { stream, patience: Duration::from_secs(10) }
     }
@@ -25,7 +25,7 @@ impl RtuClient {
         Self { patience, ..self }
     }
 
-    /// Asks `unit` and waits for the answer.
+    /// Asks `unit` and waits for the response.
     pub async fn request(&mut self, unit: u8, pdu: &[u8]) -> Answer {
         if self.send_bytes(&rtu::frame(unit, pdu)).await {
             self.answer(unit, pdu).await
@@ -39,7 +39,7 @@ impl RtuClient {
         self.stream.write_all(bytes).await.is_ok()
     }
 
-    /// The answer to a request for `unit` that was sent: the first bytes with a good CRC.
+    /// The response to a request for `unit` that was sent: the first bytes with a good CRC.
     pub async fn answer(&mut self, unit: u8, pdu: &[u8]) -> Answer {
         let patience = self.patience;
         let received = with_timeout(patience, self.receive()).await;
@@ -72,7 +72,7 @@ impl RtuClient {
     }
 }
 
-/// Bytes that an answer with this beginning has at least: the beginning of one may have a right CRC by chance.
+/// Bytes that a response with this beginning has at least: the beginning of one may have a right CRC by chance.
 fn shortest(pdu: &[u8]) -> usize {
     match *pdu {
         [1..=4 | 17 | 23, count, ..] => 2 + usize::from(count),

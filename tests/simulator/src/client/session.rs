@@ -18,13 +18,13 @@ use crate::world::World;
 
 /// A connected client that sends and receives independently.
 pub struct Session {
-    way: Way,
+    way: ReplyTo,
     inbox: Rc<RefCell<Inbox>>,
     transaction: u16,
 }
 
 /// What a session sends by.
-enum Way {
+enum ReplyTo {
     Stream(ClientStream),
     Line(LineEnd, Framing),
 }
@@ -49,7 +49,7 @@ impl Session {
     pub fn start(stream: ClientStream, world: &World<'_>) -> Self {
         let inbox = Rc::<RefCell<Inbox>>::default();
         world.spawn(receive(stream.reader(), inbox.clone()));
-        Self { way: Way::Stream(stream), inbox, transaction: 0 }
+        Self { way: ReplyTo::Stream(stream), inbox, transaction: 0 }
     }
 
     /// Starts to receive on a serial line, as a master. What comes bears no transaction id: it has 0. A damaged frame has
@@ -57,22 +57,22 @@ impl Session {
     pub fn on_line(line: LineEnd, framing: Framing, world: &World<'_>) -> Self {
         let inbox = Rc::<RefCell<Inbox>>::default();
         world.spawn(hear(Listener::new(line.clone(), framing), framing, inbox.clone()));
-        Self { way: Way::Line(line, framing), inbox, transaction: 0 }
+        Self { way: ReplyTo::Line(line, framing), inbox, transaction: 0 }
     }
 
     /// A session on `stream` that never receives anything.
     pub fn deaf(stream: ClientStream) -> Self {
-        Self { way: Way::Stream(stream), inbox: Rc::default(), transaction: 0 }
+        Self { way: ReplyTo::Stream(stream), inbox: Rc::default(), transaction: 0 }
     }
 
     /// Sends a request; its transaction id, or nothing when the connection has ended.
     pub async fn send(&mut self, unit: u8, pdu: &[u8]) -> Option<u16> {
         let frame = match &self.way {
-            Way::Stream(_) => {
+            ReplyTo::Stream(_) => {
                 self.transaction = self.transaction.wrapping_add(1);
                 frame(self.transaction, unit, pdu)
             }
-            Way::Line(_, framing) => framing::frame(*framing, unit, pdu),
+            ReplyTo::Line(_, framing) => framing::frame(*framing, unit, pdu),
         };
         self.send_bytes(&frame).await.then_some(self.transaction)
     }
@@ -80,8 +80,8 @@ impl Session {
     /// Sends `bytes` as they are; false when the connection has ended.
     pub async fn send_bytes(&mut self, bytes: &[u8]) -> bool {
         match &mut self.way {
-            Way::Stream(stream) => stream.write_all(bytes).await.is_ok(),
-            Way::Line(line, _) => line.write_all(bytes).await.is_ok(),
+            ReplyTo::Stream(stream) => stream.write_all(bytes).await.is_ok(),
+            ReplyTo::Line(line, _) => line.write_all(bytes).await.is_ok(),
         }
     }
 
@@ -108,8 +108,8 @@ impl Session {
     /// The connection, to end it in one of its ways; a line has none.
     pub fn into_stream(self) -> Option<ClientStream> {
         match self.way {
-            Way::Stream(stream) => Some(stream),
-            Way::Line(..) => None,
+            ReplyTo::Stream(stream) => Some(stream),
+            ReplyTo::Line(..) => None,
         }
     }
 }

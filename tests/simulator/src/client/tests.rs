@@ -8,7 +8,7 @@ use mobgate::hal::{TcpHost, TcpStream};
 use mobgate::settings::TcpListen;
 
 use super::load::ClosedLoop;
-use super::{Answer, Client, NoReply, frame};
+use super::{Answer, Client, NoResponse, frame};
 use crate::net::{Network, Path, SimTcpHost};
 use crate::world::World;
 
@@ -81,7 +81,7 @@ fn silence_ends_with_the_patience() {
             let asked = Instant::now();
             assert_eq!(client.request(9, &[3]).await, Answer::Silence);
             assert_eq!(asked.elapsed(), Duration::from_secs(10));
-            assert_eq!(client.receive().await, Err(NoReply::Silence));
+            assert_eq!(client.receive().await, Err(NoResponse::Silence));
         },
     );
 }

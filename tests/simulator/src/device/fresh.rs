@@ -1,4 +1,4 @@
-//! Registers that differ at every read, so that an answer which is not this request's is found out.
+//! Registers that differ at every read, so that a response which is not this request's is found out.
 
 use embassy_time::Instant;
 
@@ -27,8 +27,8 @@ impl Fresh {
         [reads[0], reads[1], at[0], at[1]]
     }
 
-    /// From the answer to a read (functions 3, 4) of exactly these registers.
-    pub fn from_answer(pdu: &[u8]) -> Option<Self> {
+    /// From the response to a read (functions 3, 4) of exactly these registers.
+    pub fn from_response(pdu: &[u8]) -> Option<Self> {
         let (&[3 | 4, 8], values) = pdu.split_first_chunk()? else { return None };
         let (reads, at_us) = values.split_first_chunk()?;
         let at_us = at_us.try_into().ok()?;

@@ -52,7 +52,7 @@ impl Memory {
         self.missing = Some(address);
     }
 
-    /// Executes `pdu`, which has at least a function code: the answer, or an exception code.
+    /// Executes `pdu`, which has at least a function code: the response, or an exception code.
     pub fn execute(&mut self, pdu: &[u8]) -> Result<Vec<u8>, u8> {
         let (&function, data) = pdu.split_first().ok_or(ILLEGAL_FUNCTION)?;
         if let (1..=4, Ok([address, count]), Some(missing)) = (function, words(data), self.missing)

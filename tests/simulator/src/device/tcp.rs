@@ -1,7 +1,7 @@
 //! Devices behind TCP, by Modbus TCP or RTU over TCP, written from the specification and not from the gateway's codecs.
 //!
 //! Each connection is served by itself. Requests are executed as they come and answered after the device's turnaround time:
-//! in Modbus TCP each by itself, so that the answers of slow requests come behind those of quick ones; in RTU over TCP a device
+//! in Modbus TCP each by itself, so that the responses of slow requests come behind those of quick ones; in RTU over TCP a device
 //! answers in order. A device whose unit id is not asked for says nothing.
 
 use embassy_futures::select::{Either, select};

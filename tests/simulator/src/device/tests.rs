@@ -19,7 +19,7 @@ async fn ask(master: &mut LineEnd, unit: u8, pdu: &[u8]) -> Option<Vec<u8>> {
     Some(heard.bytes)
 }
 
-/// The answer of a device with `fault` to a read of register 0.
+/// The response of a device with `fault` to a read of register 0.
 fn spoilt(fault: Fault) -> Option<Vec<u8>> {
     let wire = Wire::new();
     let mut world = World::new(1);
@@ -99,7 +99,7 @@ fn fresh_registers_differ_at_every_read() {
     let mut master = wire.tap(LINE);
     for reads in 1..=3 {
         let heard = world.run_until(ask(&mut master, 1, &[4, 0, 100, 0, 4])).unwrap();
-        let fresh = Fresh::from_answer(rtu::open(&heard).unwrap().1).unwrap();
+        let fresh = Fresh::from_response(rtu::open(&heard).unwrap().1).unwrap();
         assert_eq!(fresh.reads, reads);
         assert!(u64::from(fresh.at_us) < Instant::now().as_micros());
     }
@@ -169,7 +169,7 @@ fn a_gap_inside_splits_the_answer_on_the_wire() {
 }
 
 /// What a master hears that sends these requests to unit 5, so many milliseconds from the start on: the registers read, and when
-/// the answers have come, in milliseconds.
+/// the responses have come, in milliseconds.
 fn answers(device: Device, requests: &[(u64, u8)]) -> Vec<(u8, u64)> {
     let wire = Wire::new();
     let mut world = World::new(1);

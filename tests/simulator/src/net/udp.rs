@@ -47,7 +47,7 @@ struct Mail {
 struct Datagram {
     arrival: Instant,
     from: SocketAddr,
-    /// Where an answer goes.
+    /// Where a response goes.
     back: Mailbox,
     bytes: Vec<u8>,
 }

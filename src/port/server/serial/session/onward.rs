@@ -8,11 +8,11 @@ use core::mem;
 
 use embassy_time::Instant;
 
-use super::{Ear, Session};
+use super::{Session, Sniffer};
 use crate::frame::Envelope;
 use crate::hal::SerialLine;
 use crate::modbus::pdu::{self, End};
-use crate::port::cut_through::ingress::{Arriving, Passing, is_whole};
+use crate::port::cut_through::ingress::{Ingress, Passing, is_whole};
 use crate::port::server::serial::server::Server;
 use crate::routing::Onward;
 use crate::settings::Lane;
@@ -22,9 +22,9 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
     /// A frame begins with what has been heard.
     pub(super) fn begin(&mut self) {
         self.begun = self.line.begun();
-        let in_step = match &self.ear {
-            Ear::Rtu(ear) => !ear.needs_silence(),
-            Ear::Ascii(_) => !mem::take(&mut self.pauses),
+        let in_step = match &self.sniffer {
+            Sniffer::Rtu(sniffer) => !sniffer.needs_silence(),
+            Sniffer::Ascii(_) => !mem::take(&mut self.pauses),
         };
         // What follows at once is an echo, a collision, or stray bits.
         let is_apart = self.line.pause() >= self.line.settings.gap() / 2;
@@ -33,15 +33,15 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
 
     /// Notes a pause in an ASCII frame before what has just been read.
     pub(super) fn watch_pauses(&mut self) {
-        let is_inside = matches!(&self.ear, Ear::Ascii(ear) if ear.in_frame());
+        let is_inside = matches!(&self.sniffer, Sniffer::Ascii(sniffer) if sniffer.in_frame());
         self.pauses |= is_inside && self.line.pauses();
     }
 
     /// Passes on what has been heard by now, if it is time. Says whether that is a whole RTU request which was passed on.
     pub(super) fn pass_on(&mut self) -> bool {
-        let heard = match &self.ear {
-            Ear::Rtu(_) => self.line.heard(),
-            Ear::Ascii(ear) => ear.heard(),
+        let heard = match &self.sniffer {
+            Sniffer::Rtu(_) => self.line.heard(),
+            Sniffer::Ascii(sniffer) => sniffer.heard(),
         };
         let Some((&unit, so_far)) = heard.split_first() else { return false };
         let end = pdu::request_end(so_far);
@@ -57,7 +57,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             // The next such function is not begun.
             self.wary = true;
         }
-        matches!(self.ear, Ear::Rtu(_)) && is_whole(so_far, end)
+        matches!(self.sniffer, Sniffer::Rtu(_)) && is_whole(so_far, end)
     }
 
     fn plan(&self, unit: u8, so_far: &[u8], end: End) -> Passing<'g> {
@@ -87,19 +87,19 @@ impl<'g> Server<'_, 'g> {
         frame.address(Envelope { received, deadline, ..frame.envelope() });
         let finished = arriving.finish(request);
         if finished {
-            self.place.stats.count(Event::Request);
+            self.port_state.stats.count(Event::Request);
         }
         finished
     }
 
     /// Sends the frame of a request that began at `begun` to the router, before it is there.
-    fn hand_on(&self, unit: u8, begun: Instant) -> Option<Arriving<'g>> {
+    fn hand_on(&self, unit: u8, begun: Instant) -> Option<Ingress<'g>> {
         let (writer, frame) = self.take_frame()?;
         let envelope = self.envelope(unit, begun);
         let framing = self.settings.framing;
         let longest = self.settings.line.chars(framing.chars_max());
         frame.address(Envelope { deadline: envelope.deadline + longest, cut: true, ..envelope });
         self.gateway.inbox.send(frame);
-        Some(Arriving::new(writer, framing))
+        Some(Ingress::new(writer, framing))
     }
 }

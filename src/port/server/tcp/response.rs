@@ -10,25 +10,25 @@ use crate::modbus::tcp::Header;
 pub(super) enum Waits {
     /// Nothing: it can be taken as soon as it has come.
     No,
-    /// This moment, or, if that never comes, the answers to those before it.
+    /// This moment, or, if that never comes, the responses to those before it.
     ForTurn(Instant),
     /// There is no frame for it now.
     ForFrame,
-    /// The one before it is refused: this is the answer.
+    /// The one before it is refused: this is the response.
     ForReply(Header, [u8; 2]),
 }
 
 /// What a client gets.
-pub(super) enum Reply<'g> {
+pub(super) enum Response<'g> {
     /// A refusal.
     Refusal(Header, [u8; 2]),
     /// What came home.
-    Answer(Frame<'g>),
+    Response(Frame<'g>),
 }
 
-impl Reply<'_> {
+impl Response<'_> {
     pub(super) fn worth(&self) -> Worth {
-        let Self::Answer(frame) = self else { return Worth::Refused };
+        let Self::Response(frame) = self else { return Worth::Refused };
         match frame.envelope().cause {
             Cause::Unsent if frame.pdu(|pdu| pdu.get(1) == Some(&Exception::BUSY.0)) => Worth::Crowded,
             Cause::Unsent => Worth::Refused,

@@ -24,14 +24,14 @@ use super::ranges::add;
 use super::request::Requests;
 use super::room::Room;
 use super::texts::SharedHistory;
-use crate::scanner::{DeviceId, DeviceStatus, Scanner, ScannerPlace};
+use crate::scanner::{DeviceId, DeviceStatus, Scanner, ScannerState};
 use crate::settings::{OnLoss, Settings};
 
 /// A gateway's EtherCAT side. Boards keep it in a static; it is all zeros at start.
-pub struct EthercatPlace {
+pub struct EthercatState {
     /// Its images are longer than a controller of 4 KiB holds.
     pub(super) long: bool,
-    pub(super) scanner: ScannerPlace,
+    pub(super) scanner: ScannerState,
     /// As it was written last; while one is in use, this is the one.
     configuration: Mutex<CriticalSectionRawMutex, RefCell<Configuration>>,
     pub(super) state: Mutex<CriticalSectionRawMutex, Cell<State>>,
@@ -104,7 +104,7 @@ impl State {
     };
 }
 
-impl EthercatPlace {
+impl EthercatState {
     /// Without a configuration.
     pub const fn new() -> Self {
         Self::with(false)
@@ -119,7 +119,7 @@ impl EthercatPlace {
     const fn with(long: bool) -> Self {
         Self {
             long,
-            scanner: ScannerPlace::new(),
+            scanner: ScannerState::new(),
             configuration: Mutex::new(RefCell::new(Configuration::EMPTY)),
             state: Mutex::new(Cell::new(State::NEW)),
             renewed: Signal::new(),
@@ -259,7 +259,7 @@ impl EthercatPlace {
     }
 
     /// The scanner, for the port.
-    pub fn scanner(&self) -> &ScannerPlace {
+    pub fn scanner(&self) -> &ScannerState {
         &self.scanner
     }
 
@@ -358,7 +358,7 @@ impl EthercatPlace {
     }
 }
 
-impl Default for EthercatPlace {
+impl Default for EthercatState {
     fn default() -> Self {
         Self::new()
     }

@@ -1,7 +1,7 @@
 //! What a frame is that was heard on a shared bus, by value.
 
 use mobgate::modbus::rtu;
-use mobgate::port::line::sniffer::{AsciiEar, Heard, RtuEar};
+use mobgate::port::line::sniffer::{AsciiSniffer, Heard, RtuSniffer};
 use mobgate::stats::LastError;
 use mobgate_simulator::device::ascii;
 
@@ -41,14 +41,14 @@ fn told(heard: Heard) -> Option<Told> {
 
 /// An ear, and what it has not judged yet.
 struct Listener {
-    ear: RtuEar,
+    sniffer: RtuSniffer,
     received: Vec<u8>,
 }
 
 impl Listener {
     /// Switched on, and in step after a silence.
     fn in_step() -> Self {
-        let mut listener = Self { ear: RtuEar::new(), received: Vec::new() };
+        let mut listener = Self { sniffer: RtuSniffer::new(), received: Vec::new() };
         assert_eq!(listener.silence(), []);
         listener
     }
@@ -72,7 +72,7 @@ impl Listener {
     fn judge(&mut self, silent: bool) -> Vec<Told> {
         let mut all = Vec::new();
         loop {
-            let (heard, count) = self.ear.hear(&self.received, silent, is_ours);
+            let (heard, count) = self.sniffer.hear(&self.received, silent, is_ours);
             let told = told(heard);
             self.received.drain(..count);
             match told {
@@ -146,8 +146,8 @@ fn damaged_frames_are_garbage_and_do_not_disturb_the_next() {
 fn who_is_switched_on_in_mid_traffic_waits_for_silence() {
     let traffic = [frame(OTHER, &ANSWER), frame(OURS, &READ)].concat();
     for cut in 1..traffic.len() {
-        let mut listener = Listener { ear: RtuEar::new(), received: Vec::new() };
-        assert!(listener.ear.needs_silence());
+        let mut listener = Listener { sniffer: RtuSniffer::new(), received: Vec::new() };
+        assert!(listener.sniffer.needs_silence());
         let told = listener.frame(&traffic[cut..]);
         let request = cut == traffic.len() - 8;
         // A frame that begins where the listening began is believed to be one, but is not answered.
@@ -214,12 +214,12 @@ fn who_has_lost_the_thread_finds_it_again_without_silence() {
 
 #[test]
 fn an_ascii_line_needs_no_silence() {
-    let mut ear = AsciiEar::new();
+    let mut sniffer = AsciiSniffer::new();
     let mut hear = |bytes: &[u8]| {
         let mut all = Vec::new();
         let mut bytes = bytes;
         loop {
-            let (heard, count) = ear.hear(bytes, is_ours);
+            let (heard, count) = sniffer.hear(bytes, is_ours);
             let told = told(heard);
             bytes = &bytes[count..];
             match told {
@@ -243,13 +243,13 @@ fn an_ascii_line_needs_no_silence() {
 
 #[test]
 fn the_character_that_ends_ascii_frames_can_be_another() {
-    let mut ear = AsciiEar::new();
-    ear.set_delimiter(b'!');
+    let mut sniffer = AsciiSniffer::new();
+    sniffer.set_delimiter(b'!');
     let mut frame = ascii::frame(OURS, &READ);
-    assert_eq!(told(ear.hear(&frame, is_ours).0), Some(Told::Garbage(LastError::Ascii)));
+    assert_eq!(told(sniffer.hear(&frame, is_ours).0), Some(Told::Garbage(LastError::Ascii)));
     *frame.last_mut().unwrap() = b'!';
-    assert_eq!(told(ear.hear(&frame, is_ours).0), Some(ours(&READ)));
-    assert_eq!(ear.delimiter(), b'!');
+    assert_eq!(told(sniffer.hear(&frame, is_ours).0), Some(ours(&READ)));
+    assert_eq!(sniffer.delimiter(), b'!');
 }
 
 #[test]
@@ -262,18 +262,22 @@ fn stray_bits_behind_a_request_do_not_spoil_it() {
 #[test]
 fn the_ear_knows_what_a_frame_has_at_least_by_each_of_its_readings() {
     let ours = |unit| unit == 10;
-    let mut ear = RtuEar::new();
-    assert_eq!(ear.at_least(&[10, 3], ours), None, "nothing is known before the first silence");
-    let _ = ear.hear(&[], true, ours);
-    assert_eq!(ear.at_least(&[], ours), None);
-    assert_eq!(ear.at_least(&[10], ours), Some(4), "the shortest frame there is");
-    assert_eq!(ear.at_least(&[10, 3], ours), Some(8));
-    assert_eq!(ear.at_least(&[10, 16, 0, 0, 0, 2], ours), None, "its byte count will tell");
-    assert_eq!(ear.at_least(&[10, 16, 0, 0, 0, 2, 4], ours), Some(13));
-    assert_eq!(ear.at_least(&[10, 65, 0, 0], ours), None, "only the silence ends it");
-    // Another unit's may be a request, or an answer.
-    assert_eq!(ear.at_least(&[1, 3, 2], ours), Some(7));
-    assert_eq!(ear.at_least(&[1, 3, 20], ours), Some(8));
-    assert_eq!(ear.at_least(&[1, 3, 20, 0, 0, 0, 0, 0], ours), Some(25), "no request, or it would be judged");
-    assert_eq!(ear.at_least(&[1, 65, 0, 0], ours), None);
+    let mut sniffer = RtuSniffer::new();
+    assert_eq!(sniffer.at_least(&[10, 3], ours), None, "nothing is known before the first silence");
+    let _ = sniffer.hear(&[], true, ours);
+    assert_eq!(sniffer.at_least(&[], ours), None);
+    assert_eq!(sniffer.at_least(&[10], ours), Some(4), "the shortest frame there is");
+    assert_eq!(sniffer.at_least(&[10, 3], ours), Some(8));
+    assert_eq!(sniffer.at_least(&[10, 16, 0, 0, 0, 2], ours), None, "its byte count will tell");
+    assert_eq!(sniffer.at_least(&[10, 16, 0, 0, 0, 2, 4], ours), Some(13));
+    assert_eq!(sniffer.at_least(&[10, 65, 0, 0], ours), None, "only the silence ends it");
+    // Another unit's may be a request, or a response.
+    assert_eq!(sniffer.at_least(&[1, 3, 2], ours), Some(7));
+    assert_eq!(sniffer.at_least(&[1, 3, 20], ours), Some(8));
+    assert_eq!(
+        sniffer.at_least(&[1, 3, 20, 0, 0, 0, 0, 0], ours),
+        Some(25),
+        "no request, or it would be judged"
+    );
+    assert_eq!(sniffer.at_least(&[1, 65, 0, 0], ours), None);
 }

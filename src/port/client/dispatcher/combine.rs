@@ -2,12 +2,12 @@
 
 use crate::frame::{Envelope, Frame};
 use crate::modbus::pdu::Block;
-use crate::port::client::dispatcher::order::block;
+use crate::port::client::dispatcher::entry::block;
 use crate::settings::{AddressRange, Merge};
 
 /// A read that others may join, or what has become of several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Joint {
+pub(super) struct CombinedRead {
     /// What is asked for.
     pub(super) block: Block,
     /// The most addresses between two reads that all rules allow to be read along, and the most that there are.
@@ -17,7 +17,7 @@ pub(super) struct Joint {
     addresses: AddressRange,
 }
 
-impl Joint {
+impl CombinedRead {
     /// What `frame` asks for, if its rule lets others join it.
     pub(super) fn of(frame: &Frame<'_>) -> Option<Self> {
         let Merge::Near(gap_allowed) = frame.sharing().merge else { return None };
@@ -26,23 +26,24 @@ impl Joint {
     }
 
     /// Both in one, if the rules of both allow that.
-    pub(super) fn join(&self, other: &Self) -> Option<Self> {
-        let joined = Self {
+    pub(super) fn combine(&self, other: &Self) -> Option<Self> {
+        let combined = Self {
             block: self.block.hull(&other.block)?,
             gap_allowed: self.gap_allowed.min(other.gap_allowed),
             gap: self.gap.max(self.block.distance(&other.block)),
             addresses: self.addresses.common(&other.addresses),
         };
-        let allowed = joined.gap <= joined.gap_allowed && joined.addresses.contains(&joined.block.extent());
-        allowed.then_some(joined)
+        let allowed =
+            combined.gap <= combined.gap_allowed && combined.addresses.contains(&combined.block.extent());
+        allowed.then_some(combined)
     }
 
-    /// This read with all of `others` that can be joined, also when only what lies between makes them neighbours.
-    pub(super) fn join_all<I: Iterator<Item = Self>>(mut self, others: impl Fn() -> I) -> Self {
+    /// This read with all of `others` that can be combined, also when only what lies between makes them neighbours.
+    pub(super) fn combine_all<I: Iterator<Item = Self>>(mut self, others: impl Fn() -> I) -> Self {
         loop {
             let before = self.block;
             for other in others() {
-                self = self.join(&other).unwrap_or(self);
+                self = self.combine(&other).unwrap_or(self);
             }
             // Every round but the last makes the block longer, up to what one request can ask for.
             if self.block == before {
@@ -53,6 +54,6 @@ impl Joint {
 
     /// Whether `other` is a part of this.
     pub(super) fn serves(&self, other: &Self) -> bool {
-        self.join(other).is_some_and(|joined| joined.block == self.block)
+        self.combine(other).is_some_and(|combined| combined.block == self.block)
     }
 }

@@ -3,7 +3,7 @@
 use embassy_time::Instant;
 use heapless::Vec;
 
-use super::{Ear, Open, Session};
+use super::{Open, Session, Sniffer};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::COLON;
 use crate::modbus::{PDU_BYTES_MAX, rtu};
@@ -36,7 +36,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
         if !self.is_stray() {
             self.interrupted();
         }
-        if let Ear::Ascii(_) = self.ear {
+        if let Sniffer::Ascii(_) = self.sniffer {
             self.watch_pauses();
             self.listen(false);
             return self.proceed();
@@ -71,13 +71,13 @@ impl<L: SerialLine> Session<'_, '_, L> {
         self.line.begun() >= active + self.line.settings.gap() / 2
     }
 
-    /// Something was heard while a request was open: the master does not wait for its answer any more.
+    /// Something was heard while a request was open: the master does not wait for its response any more.
     fn interrupted(&mut self) {
         if let Open::Ready { .. } = self.open {
-            self.server.place.stats.count(Event::AskerGone);
+            self.server.port_state.stats.count(Event::RequesterGone);
         }
         if !matches!(self.open, Open::None) {
-            self.server.place.renew();
+            self.server.port_state.renew();
             self.open = Open::None;
         }
     }
@@ -85,7 +85,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
     /// Judges what has been heard so far.
     pub(super) fn listen(&mut self, silent: bool) {
         loop {
-            if let (Ear::Ascii(_), Some(&COLON)) = (&self.ear, self.line.heard().first()) {
+            if let (Sniffer::Ascii(_), Some(&COLON)) = (&self.sniffer, self.line.heard().first()) {
                 self.begin();
             }
             let mut request = Request::new();
@@ -112,11 +112,11 @@ impl<L: SerialLine> Session<'_, '_, L> {
                 }
                 Judged::Foreign => Event::Foreign,
                 Judged::Garbage(error) => {
-                    self.server.place.stats.note(error);
-                    if error == LastError::Checksum { Event::Damaged } else { Event::Noise }
+                    self.server.port_state.stats.note(error);
+                    if error == LastError::Checksum { Event::Corrupt } else { Event::Noise }
                 }
             };
-            self.server.place.stats.count(event);
+            self.server.port_state.stats.count(event);
             self.passing = Passing::Whole;
         }
         // The beginning of the next frame.
@@ -128,12 +128,12 @@ impl<L: SerialLine> Session<'_, '_, L> {
     /// The next thing that was heard, and how many bytes that were. If it is a request for us which has not been passed on, its
     /// PDU goes to `request`.
     fn judge(&mut self, silent: bool, request: &mut Request) -> (Judged, usize) {
-        let Self { server, line, tap, ear, passing, answered, .. } = self;
+        let Self { server, line, tap, sniffer, passing, answered, .. } = self;
         let is_ours = |unit| server.is_ours(unit);
-        let (heard, count) = match ear {
-            Ear::Rtu(ear) => ear.hear(line.heard(), silent, is_ours),
-            Ear::Ascii(ear) if silent && ear.in_frame() => (ear.overdue(), 0),
-            Ear::Ascii(ear) => ear.hear(line.heard(), is_ours),
+        let (heard, count) = match sniffer {
+            Sniffer::Rtu(sniffer) => sniffer.hear(line.heard(), silent, is_ours),
+            Sniffer::Ascii(sniffer) if silent && sniffer.in_frame() => (sniffer.overdue(), 0),
+            Sniffer::Ascii(sniffer) => sniffer.hear(line.heard(), is_ours),
         };
         let judged = match heard {
             Heard::Request { unit, pdu }
@@ -155,7 +155,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
             Judged::Nothing => None,
             Judged::Request(_) | Judged::Passed | Judged::Echo => Some(Event::Request),
             Judged::Foreign => Some(Event::Foreign),
-            Judged::Garbage(LastError::Checksum) => Some(Event::Damaged),
+            Judged::Garbage(LastError::Checksum) => Some(Event::Corrupt),
             Judged::Garbage(_) => Some(Event::Noise),
         };
         if let Some(verdict) = verdict {

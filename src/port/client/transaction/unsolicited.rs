@@ -2,29 +2,29 @@
 
 use embassy_time::Instant;
 
-use super::Bus;
+use super::SerialTransaction;
 use super::found::Found;
 use crate::hal::SerialLine;
 use crate::modbus::rtu;
 use crate::settings::Framing;
 use crate::stats::Event;
 
-impl<L: SerialLine> Bus<'_, L> {
+impl<L: SerialLine> SerialTransaction<'_, L> {
     /// Counts something heard that is not the response of `unit`, which was awaited.
     pub(super) fn other(&self, unit: u8, event: Event) -> Found {
         self.line.stats.count(event);
         // What the receiver says of noise is nearer to its cause.
-        let trouble = if event == Event::Noise { self.line.flaw().unwrap_or(event) } else { event };
-        self.place.units(|units| units.trouble(unit, trouble));
-        self.note(trouble);
+        let error = if event == Event::Noise { self.line.flaw().unwrap_or(event) } else { event };
+        self.port_state.units(|units| units.error(unit, error));
+        self.note(error);
         Found::Other
     }
 
     /// The response came damaged, for this `reason` unless the receiver knows better.
-    pub(super) fn damaged(&self, reason: Event) -> Found {
-        let trouble = self.line.flaw().unwrap_or(reason);
-        self.note(trouble);
-        Found::Damaged(trouble)
+    pub(super) fn corrupt(&self, reason: Event) -> Found {
+        let error = self.line.flaw().unwrap_or(reason);
+        self.note(error);
+        Found::Corrupt(error)
     }
 
     /// Records what has been heard, and what it is.
@@ -32,8 +32,8 @@ impl<L: SerialLine> Bus<'_, L> {
         self.tap.heard(self.line.active, verdict, self.line.heard());
     }
 
-    /// Counts what was heard while no response was awaited, and drops it: the late answer of a unit that timed out, or noise.
-    pub(super) fn judge_unasked(&mut self) {
+    /// Counts what was heard while no response was awaited, and drops it: the late response of a unit that timed out, or noise.
+    pub(super) fn judge_unsolicited(&mut self) {
         if self.line.heard().is_empty() {
             return;
         }
@@ -55,9 +55,9 @@ impl<L: SerialLine> Bus<'_, L> {
         for at in 0..self.line.heard().len() {
             let Some(&character) = self.line.heard().get(at) else { break };
             if let Some(Ok((unit, pdu))) = self.decoder.push(character) {
-                let judged = self.place.units(|units| units.heard(unit, pdu, false, Instant::now()));
+                let judged = self.port_state.units(|units| units.heard(unit, pdu, false, Instant::now()));
                 let event = judged.err().unwrap_or(Event::Unsolicited);
-                self.place.disturbed(unit, event);
+                self.port_state.disturbed(unit, event);
                 last = Some(event);
             }
         }
@@ -66,9 +66,9 @@ impl<L: SerialLine> Bus<'_, L> {
 
     /// Judges and counts a good frame of `unit` that is not awaited.
     pub(super) fn unawaited(&self, unit: u8, response: &[u8]) -> Event {
-        let judged = self.place.units(|units| units.heard(unit, response, false, Instant::now()));
+        let judged = self.port_state.units(|units| units.heard(unit, response, false, Instant::now()));
         let event = judged.err().unwrap_or(Event::Unsolicited);
-        self.place.disturbed(unit, event);
+        self.port_state.disturbed(unit, event);
         event
     }
 }

@@ -9,13 +9,13 @@ use embassy_sync::signal::Signal;
 use super::Scanner;
 
 /// A shared scanner. Boards keep it in a static; it is all zeros at start.
-pub struct ScannerPlace {
+pub struct ScannerState {
     scanner: Mutex<CriticalSectionRawMutex, RefCell<Scanner>>,
     /// Something may have been marked.
     changed: Signal<CriticalSectionRawMutex, ()>,
 }
 
-impl ScannerPlace {
+impl ScannerState {
     /// A scanner without rows.
     pub const fn new() -> Self {
         Self { scanner: Mutex::new(RefCell::new(Scanner::new())), changed: Signal::new() }
@@ -39,7 +39,7 @@ impl ScannerPlace {
     }
 }
 
-impl Default for ScannerPlace {
+impl Default for ScannerState {
     fn default() -> Self {
         Self::new()
     }

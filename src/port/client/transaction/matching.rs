@@ -4,61 +4,61 @@ use core::mem;
 
 use embassy_time::Instant;
 
-use super::Bus;
+use super::SerialTransaction;
 use super::found::Found;
 use crate::hal::SerialLine;
 use crate::modbus::ascii::{AsciiError, COLON};
 use crate::modbus::pdu::{self, EXCEPTION_BIT, End};
 use crate::modbus::rtu::{self, AtSilence, Received};
-use crate::port::cut_through::response::Reply;
+use crate::port::cut_through::response::IncomingResponse;
 use crate::settings::{Framing, Lane};
 use crate::stats::Event;
 
 /// Bytes of an exception's PDU.
 const EXCEPTION_BYTES: usize = 2;
 
-impl<L: SerialLine> Bus<'_, L> {
+impl<L: SerialLine> SerialTransaction<'_, L> {
     /// Looks at what has come so far.
-    pub(super) fn look(&mut self, reply: &mut Reply<'_, '_>) -> Found {
+    pub(super) fn match_response(&mut self, incoming: &mut IncomingResponse<'_, '_>) -> Found {
         if self.settings.framing == Framing::Ascii {
-            return self.look_for_ascii(reply);
+            return self.match_ascii(incoming);
         }
         self.begun = self.line.begun();
-        if self.is_own(reply) {
-            let found = self.other(reply.unit(), Event::Echo);
-            self.line.consume(reply.request().len() + rtu::OVERHEAD_BYTES);
+        if self.is_own(incoming) {
+            let found = self.other(incoming.unit(), Event::Echo);
+            self.line.consume(incoming.request().len() + rtu::OVERHEAD_BYTES);
             return found;
         }
-        self.pass_on(reply);
-        match rtu::response(reply.unit(), reply.request(), self.line.heard()) {
-            Received::Complete(pdu) => match self.judge(reply.unit(), pdu, true, Event::Misfit) {
+        self.pass_on(incoming);
+        match rtu::response(incoming.unit(), incoming.request(), self.line.heard()) {
+            Received::Complete(pdu) => match self.judge(incoming.unit(), pdu, true, Event::Misfit) {
                 Ok(()) => {
-                    reply.whole(self.line.heard(), pdu);
-                    self.note(Event::Answer);
+                    incoming.whole(self.line.heard(), pdu);
+                    self.note(Event::Response);
                     Found::Response
                 }
                 Err(event) => {
                     let end = rtu::end_of(pdu, self.line.heard());
-                    let found = self.other(reply.unit(), event);
-                    reply.not_yet(self.line.heard(), true);
+                    let found = self.other(incoming.unit(), event);
+                    incoming.not_yet(self.line.heard(), true);
                     self.line.consume(end);
                     found
                 }
             },
             Received::Partial => {
-                reply.not_yet(self.line.heard(), false);
+                incoming.not_yet(self.line.heard(), false);
                 Found::Nothing
             }
         }
     }
 
     /// Looks through what was heard up to the first end of a frame.
-    fn look_for_ascii(&mut self, reply: &mut Reply<'_, '_>) -> Found {
-        let (unit, request) = (reply.unit(), reply.request());
+    fn match_ascii(&mut self, incoming: &mut IncomingResponse<'_, '_>) -> Found {
+        let (unit, request) = (incoming.unit(), incoming.request());
         for (before, &character) in self.line.heard().iter().enumerate() {
             if character == COLON {
                 self.begun = self.line.begun() + self.line.settings.chars(before);
-                reply.begin(!mem::take(&mut self.pauses));
+                incoming.begin(!mem::take(&mut self.pauses));
             }
             let Some(judged) = self.decoder.push(character).map(|judged| judged.map(|_| ())) else {
                 continue;
@@ -69,8 +69,8 @@ impl<L: SerialLine> Bus<'_, L> {
                 {
                     match self.judge(unit, response, true, Event::Misfit) {
                         Ok(()) => {
-                            reply.whole(self.decoder.bytes(), response);
-                            self.note(Event::Answer);
+                            incoming.whole(self.decoder.bytes(), response);
+                            self.note(Event::Response);
                             Found::Response
                         }
                         Err(event) => self.other(unit, event),
@@ -83,30 +83,30 @@ impl<L: SerialLine> Bus<'_, L> {
                 (Err(AsciiError::Lrc { .. }), _) => self.damage(unit, request, Event::BadCheck),
                 (Err(_), _) => self.damage(unit, request, Event::Short),
             };
-            reply.not_yet(&[], true);
+            incoming.not_yet(&[], true);
             self.line.consume(before + 1);
             return found;
         }
         self.line.clear();
-        self.pass_on(reply);
+        self.pass_on(incoming);
         Found::Nothing
     }
 
     /// Looks at what has come when nothing more is to come of it.
-    pub(super) fn look_at_silence(&mut self, reply: &mut Reply<'_, '_>) -> Found {
-        let (unit, request) = (reply.unit(), reply.request());
+    pub(super) fn match_at_silence(&mut self, incoming: &mut IncomingResponse<'_, '_>) -> Found {
+        let (unit, request) = (incoming.unit(), incoming.request());
         let found = match self.settings.framing {
             Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
                 AtSilence::Complete(pdu) => match self.judge(unit, pdu, true, Event::Misfit) {
                     Ok(()) => {
-                        reply.whole(self.line.heard(), pdu);
-                        self.note(Event::Answer);
+                        incoming.whole(self.line.heard(), pdu);
+                        self.note(Event::Response);
                         Found::Response
                     }
                     Err(event) => self.other(unit, event),
                 },
-                AtSilence::Damaged => self.damaged(Event::BadCheck),
-                AtSilence::Short => self.damaged(Event::Short),
+                AtSilence::Corrupt => self.corrupt(Event::BadCheck),
+                AtSilence::Short => self.corrupt(Event::Short),
                 AtSilence::WrongUnit(from, response) => self.foreign(unit, from, response),
                 AtSilence::Misfit(_, response) => self.misfit(unit, response),
                 AtSilence::Noise => self.other(unit, Event::Noise),
@@ -116,24 +116,24 @@ impl<L: SerialLine> Bus<'_, L> {
                 self.damage(unit, request, Event::Short)
             }
         };
-        reply.not_yet(self.line.heard(), true);
+        incoming.not_yet(self.line.heard(), true);
         self.line.clear();
         found
     }
 
     /// Whether the gateway's own request has come back, where no response could look like it.
-    fn is_own(&self, reply: &Reply<'_, '_>) -> bool {
-        let request = reply.request();
+    fn is_own(&self, incoming: &IncomingResponse<'_, '_>) -> bool {
+        let request = incoming.request();
         let whole = self.line.heard().get(..request.len() + rtu::OVERHEAD_BYTES);
         // Mostly a look at the bytes tells that it has not, without a CRC.
         let like = whole.filter(|frame| frame.get(1..=request.len()) == Some(request));
-        like.and_then(|frame| rtu::decode(frame).ok()) == Some((reply.unit(), request))
+        like.and_then(|frame| rtu::decode(frame).ok()) == Some((incoming.unit(), request))
             && pdu::fits(request, request).is_err()
     }
 
     /// Whether `response`, in a good frame of `unit`, is the one that is `awaited`; if not, it is a late one, or `other`.
     fn judge(&self, unit: u8, response: &[u8], awaited: bool, other: Event) -> Result<(), Event> {
-        let judged = self.place.units(|units| units.heard(unit, response, awaited, Instant::now()));
+        let judged = self.port_state.units(|units| units.heard(unit, response, awaited, Instant::now()));
         judged.map_err(|event| if event == Event::Late { event } else { other })
     }
 
@@ -153,14 +153,14 @@ impl<L: SerialLine> Bus<'_, L> {
 
     /// When a response that has begun will have all but the last one of the characters that it has at least. That one is waited
     /// for: a sleep until it is due would end a little later than it comes.
-    pub(super) fn due(&self, reply: &Reply<'_, '_>) -> Option<Instant> {
+    pub(super) fn due(&self, incoming: &IncomingResponse<'_, '_>) -> Option<Instant> {
         let (Framing::Rtu, false, Some((&unit, so_far))) =
-            (self.settings.framing, reply.is_passed_on(), self.line.heard().split_first())
+            (self.settings.framing, incoming.is_passed_on(), self.line.heard().split_first())
         else {
             return None;
         };
-        let pdu_bytes = match pdu::response_end(reply.request(), so_far) {
-            _ if unit != reply.unit() => return None,
+        let pdu_bytes = match pdu::response_end(incoming.request(), so_far) {
+            _ if unit != incoming.unit() => return None,
             End::At(length) => length,
             // It may be an exception.
             End::Later => EXCEPTION_BYTES.max(so_far.len() + 1),
@@ -170,8 +170,8 @@ impl<L: SerialLine> Bus<'_, L> {
     }
 
     /// Passes on what has been heard of a frame, if it is time. What is read late must not be missing.
-    fn pass_on(&self, reply: &mut Reply<'_, '_>) {
-        if !reply.is_passed_on() {
+    fn pass_on(&self, incoming: &mut IncomingResponse<'_, '_>) {
+        if !incoming.is_passed_on() {
             return;
         }
         let heard = match self.settings.framing {
@@ -180,7 +180,7 @@ impl<L: SerialLine> Bus<'_, L> {
             Framing::Ascii => return,
         };
         let lane = Lane { framing: self.settings.framing, line: *self.line.settings };
-        reply.hear(heard, self.begun + self.line.jitter, &lane);
+        incoming.hear(heard, self.begun + self.line.jitter, &lane);
     }
 
     /// What an ASCII frame was that did not come well, for this `reason`: the response if it begins as that does.
@@ -189,7 +189,7 @@ impl<L: SerialLine> Bus<'_, L> {
             ([from, answered, ..], [function, ..])
                 if *from == unit && answered & !EXCEPTION_BIT == *function =>
             {
-                self.damaged(reason)
+                self.corrupt(reason)
             }
             _ => self.other(unit, Event::Noise),
         }

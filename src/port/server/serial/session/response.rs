@@ -1,21 +1,21 @@
-//! How an answer goes out: whole, or while it still arrives from the line where it was given.
+//! How a response goes out: whole, or while it still arrives from the line where it was given.
 
-use super::{Answered, Ear, Session};
+use super::{Answered, Session, Sniffer};
 use crate::frame::{Envelope, Fill, Frame};
 use crate::hal::SerialLine;
 use crate::modbus::ascii::LINE_FEED;
 use crate::modbus::{pdu, rtu};
-use crate::port::cut_through::egress::{Copied, Form, copy};
+use crate::port::cut_through::egress::{Form, Forwarded, forward};
 use crate::port::line::LineLost;
 use crate::port::line::framing::FRAME_CHARS_MAX;
 use crate::settings::{Framing, Lane};
 use crate::stats::Event;
 
 impl<'g, L: SerialLine> Session<'_, 'g, L> {
-    /// Sends `answer`, whole or while it arrives.
-    pub(super) async fn answer(&mut self, answer: Frame<'g>) -> Result<(), LineLost> {
-        let envelope = answer.envelope();
-        let fill = answer.filled().1;
+    /// Sends `response`, whole or while it arrives.
+    pub(super) async fn respond(&mut self, response: Frame<'g>) -> Result<(), LineLost> {
+        let envelope = response.envelope();
+        let fill = response.filled().1;
         if fill == Fill::Broken {
             // Nothing of it has been sent; what the device was asked can only be asked again by the master.
             return Ok(());
@@ -23,51 +23,51 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let arriving = fill == Fill::Filling;
         if arriving {
             let form = self.form(&envelope);
-            if copy(self.server.gateway, &mut self.line, &answer, form).await? != Copied::Whole {
+            if forward(self.server.gateway, &mut self.line, &response, form).await? != Forwarded::Whole {
                 return Ok(());
             }
         }
-        let crc = answer.own_crc().filter(|_| arriving);
+        let crc = response.own_crc().filter(|_| arriving);
         if !arriving {
-            self.send(&envelope, &answer).await?;
+            self.send(&envelope, &response).await?;
         }
-        answer.pdu(|pdu| {
+        response.pdu(|pdu| {
             if arriving {
                 let end = (crc, self.delimiter());
                 let framing = self.server.settings.framing;
-                self.tap.copied(self.line.active, Event::Answer, framing, (envelope.unit, pdu), end);
+                self.tap.forwarded(self.line.active, Event::Response, framing, (envelope.unit, pdu), end);
             }
             self.answered(&envelope, pdu, crc.unwrap_or_else(|| rtu::check(envelope.unit, pdu)));
         });
         Ok(())
     }
 
-    /// Sends an answer that is whole.
-    async fn send(&mut self, envelope: &Envelope, answer: &Frame<'g>) -> Result<(), LineLost> {
+    /// Sends a response that is whole.
+    async fn send(&mut self, envelope: &Envelope, response: &Frame<'g>) -> Result<(), LineLost> {
         let mut frame = [0; FRAME_CHARS_MAX];
         let (framing, delimiter) = (self.server.settings.framing, self.delimiter());
         let encode =
             |pdu: &[u8]| framing.encode(envelope.unit, pdu, delimiter, &mut frame).map(<[u8]>::len).ok();
-        let Some(length) = answer.pdu(encode) else { return Ok(()) };
+        let Some(length) = response.pdu(encode) else { return Ok(()) };
         let frame = frame.get(..length).unwrap_or(&[]);
-        // After a collision the master has heard no good answer, and asks again.
+        // After a collision the master has heard no good response, and asks again.
         let _ = self.line.send(frame).await?;
-        self.tap.sent(self.line.active, Event::Answer, frame);
+        self.tap.sent(self.line.active, Event::Response, frame);
         if envelope.destination.is_some() {
-            self.server.place.stats.count(Event::Stored);
+            self.server.port_state.stats.count(Event::Stored);
         }
         Ok(())
     }
 
     /// The character that ends ASCII frames.
     fn delimiter(&self) -> u8 {
-        match &self.ear {
-            Ear::Ascii(ear) => ear.delimiter(),
-            Ear::Rtu(_) => LINE_FEED,
+        match &self.sniffer {
+            Sniffer::Ascii(sniffer) => sniffer.delimiter(),
+            Sniffer::Rtu(_) => LINE_FEED,
         }
     }
 
-    /// How an answer looks that is sent while it arrives.
+    /// How a response looks that is sent while it arrives.
     fn form(&self, envelope: &Envelope) -> Form {
         let framing = self.server.settings.framing;
         let lane = self.server.gateway.settings(|settings| Lane::at(settings, envelope.destination?));
@@ -85,16 +85,16 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
 
     /// Notes what has been answered, with its CRC.
     fn answered(&mut self, envelope: &Envelope, pdu: &[u8], crc: u16) {
-        // No frame that begins behind the answer can have ended by then.
+        // No frame that begins behind the response can have ended by then.
         let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);
         let until = self.line.active + shortest + self.line.jitter;
         self.answered = Some(Answered { unit: envelope.unit, crc, until });
-        self.server.place.stats.answered(pdu, envelope.cause);
-        // The gateway's own unit has changed the character that ends frames; this answer still had the old one.
-        if let (Ear::Ascii(ear), [pdu::function::DIAGNOSTICS, 0, 3, delimiter, 0], None) =
-            (&mut self.ear, pdu, envelope.destination)
+        self.server.port_state.stats.answered(pdu, envelope.cause);
+        // The gateway's own unit has changed the character that ends frames; this response still had the old one.
+        if let (Sniffer::Ascii(sniffer), [pdu::function::DIAGNOSTICS, 0, 3, delimiter, 0], None) =
+            (&mut self.sniffer, pdu, envelope.destination)
         {
-            ear.set_delimiter(*delimiter);
+            sniffer.set_delimiter(*delimiter);
         }
     }
 }

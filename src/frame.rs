@@ -26,10 +26,14 @@ mod merged;
 mod slot;
 mod transaction;
 
+#[doc(hidden)] // Public for tests/ only.
 pub use self::channel::Channel;
+#[doc(hidden)] // Public for tests/ only.
 pub use self::envelope::{Cause, Envelope, Origin, ReplyTo, Stage};
+pub use self::slot::Slot;
 use self::slot::SlotState;
-pub use self::slot::{Fill, FrameFull, Slot};
+#[doc(hidden)] // Public for tests/ only.
+pub use self::slot::{Fill, FrameFull};
 pub(crate) use self::transaction::Transaction;
 
 /// The pool over a board's slots.
@@ -125,6 +129,7 @@ impl<'p> FramePool<'p> {
 }
 
 /// A handle to a frame; the slot is free again when the last one is dropped.
+#[doc(hidden)] // Public for tests/ only.
 pub struct Frame<'p> {
     pool: &'p FramePool<'p>,
     index: u16,
@@ -340,6 +345,7 @@ impl Drop for Frame<'_> {
 }
 
 /// Fills a frame; dropped before [`FrameWriter::finish`] it leaves the frame broken.
+#[doc(hidden)] // Public for tests/ only.
 pub struct FrameWriter<'p> {
     frame: Frame<'p>,
 }

@@ -42,7 +42,7 @@ pub use description::write_esi;
 pub use keeping::Keep;
 pub use layout::DeviceLayout;
 pub use line::{LineWriter, Speed};
-pub use modular::MODULAR;
+pub use modular::{LONG_MODULAR, MODULAR};
 pub use objects::{DEVICE, LONG_DEVICE, REASON_BYTES};
 pub use place::EthercatPlace;
 pub use request::{REQUEST_BYTES_MAX, RequestState, Requests};

@@ -14,7 +14,7 @@ use super::configuration::{TYPES, setting};
 use super::modular::{self, SETTINGS_ENTRIES};
 use super::modules::{SLOT_STEP, VARIANTS, ident, tables};
 use super::slaves::SLAVES;
-use super::{DEVICE, LONG_DEVICE, MODULAR};
+use super::{DEVICE, LONG_DEVICE, LONG_MODULAR, MODULAR};
 use crate::scanner::{Kind, ValueType};
 use crate::settings::{Cells, SlaveSettings};
 
@@ -36,7 +36,7 @@ const VALUES: [u16; 6] = [1, 2, 4, 8, 16, 32];
 /// Writes the ESI file of the gateway, with a module for each of `slaves` in front of the common ones.
 pub fn write_esi(slaves: &[SlaveSettings], into: &mut impl Write) -> Result<(), EsiError> {
     esi::write_file(
-        &[(&DEVICE, None), (&LONG_DEVICE, None), (&MODULAR, Some(SLOTS))],
+        &[(&DEVICE, None), (&LONG_DEVICE, None), (&MODULAR, Some(SLOTS)), (&LONG_MODULAR, Some(SLOTS))],
         || modules(slaves),
         into,
     )

@@ -4,7 +4,7 @@ use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::device::Device as Description;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
-use mobgate::fieldbus::{DEVICE, EthercatPlace, GatewayObjects, LONG_DEVICE, LongSubDevice, device};
+use mobgate::fieldbus::{DEVICE, EthercatPlace, GatewayObjects, LongSubDevice, device, long_device};
 use mobgate::gateway::Gateway;
 use mobgate::settings::LineSettings;
 use mobgate_simulator::device::serve;
@@ -17,7 +17,6 @@ use mobgate_simulator::{Device, World};
 use super::virtual_devices::{Virtual, virtual_devices};
 
 static GATEWAY: Description = DEVICE;
-static LONG_GATEWAY: Description = LONG_DEVICE;
 /// What makes the gateway a modular device.
 const MODULES: &str = " modules";
 
@@ -110,15 +109,22 @@ pub(crate) fn with_long_wire(
     devices: Vec<Device>,
     script: impl AsyncFnOnce(Desk<'_>, &Gateway<'_>),
 ) {
-    let segment = line_of_kind(kind, &LONG_GATEWAY);
+    let device = long_device(settings.contains(MODULES));
+    let segment = line_of_kind(kind, device);
     let size = Size { ethercat: EthercatPlace::long, ..size() };
     with_gateway_on(Clock::Virtual, size, 1, settings, |world, rig| {
         serve_devices(world, rig, baud, devices);
         let (esc, interrupt) = direct(segment.borrow().chip(0));
-        let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
-        spawn(world, LongSubDevice::with_buffers(&LONG_GATEWAY, esc, objects), interrupt);
+        let objects = objects_of(rig.gateway);
+        spawn(world, LongSubDevice::with_buffers(device, esc, objects), interrupt);
         with_master(world, cable(segment.clone()), async |desk| script(desk, rig.gateway).await);
     });
+}
+
+/// The gateway's objects, as its settings want them.
+fn objects_of<'g>(gateway: &'g Gateway<'_>) -> GatewayObjects<'g> {
+    let place = gateway.ethercat().unwrap();
+    if gateway.ethercat_modules() { GatewayObjects::modular(place) } else { GatewayObjects::new(place) }
 }
 
 /// The devices answer on the wire.
@@ -140,11 +146,8 @@ fn with_gateway_of(
     with_gateway_on(clock, size(), 1, settings, |world, rig| {
         serve_devices(world, rig, baud, devices);
         let (esc, interrupt) = direct(segment.borrow().chip(0));
-        let place = rig.gateway.ethercat().unwrap();
-        let modules = rig.gateway.ethercat_modules();
-        let objects = if modules { GatewayObjects::modular(place) } else { GatewayObjects::new(place) };
-        let objects = objects.with_points(rig.gateway.scanner());
-        spawn(world, SubDevice::new(device(modules), esc, objects), interrupt);
+        let objects = objects_of(rig.gateway).with_points(rig.gateway.scanner());
+        spawn(world, SubDevice::new(device(rig.gateway.ethercat_modules()), esc, objects), interrupt);
         scenario(world, rig);
     });
 }

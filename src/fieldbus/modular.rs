@@ -3,13 +3,14 @@
 //!
 //! Slot n has its settings at 8nn0h, its values at 6nn0h to 6nn3h and 7nn0h to 7nn1h, and its PDOs at 1600h + n and 1A00h + n.
 
+use ethercat_subdevice::application::Address;
 use ethercat_subdevice::device::{Device, Identity};
 use ethercat_subdevice::object::{Access, DataType, Entries, Entry, Mapped, Object, PADDING, PdoRules, Runs};
 use ethercat_subdevice::standard;
 use ethercat_subdevice::sync_manager::Channel;
 
-use super::configuration::{ORDERS, TYPES};
-use super::modules::{SLOT_STEP, Table, pdo_bytes, tables};
+use super::configuration::{ORDERS, TYPES, setting};
+use super::modules::{SLOT_STEP, Table, VARIANTS, ident, is_module, pdo_bytes, tables};
 use super::objects::{self, BEHIND_STATES, DEVICE, FLAGS, LONG_DEVICE, MODBUS, UART, count, joined};
 use super::slaves::{self, ANY_U16, SLAVES};
 use crate::scanner::ValueType;
@@ -155,9 +156,6 @@ const SETTINGS: &[Entry] = &{
     values
 };
 
-/// How many those are.
-pub(super) const SETTINGS_ENTRIES: u8 = SETTINGS.len() as u8;
-
 const INFORMATION: &[Entry] = &[
     Entry::reading("Module ident", DataType::U32),
     Entry::reading("Bytes of inputs", DataType::U16),
@@ -272,4 +270,51 @@ fn runs(slave: &SlaveSettings, slot: usize, channel: Channel) -> Option<Runs> {
 /// Whether the PDOs of a module can list its values.
 pub(super) fn fits(slave: &SlaveSettings) -> bool {
     [Channel::Outputs, Channel::Inputs].into_iter().all(|channel| runs(slave, 0, channel).is_some())
+}
+
+/// A Modbus device as a module, as it is in slot 0: what description files tell about it.
+#[derive(Debug, Clone, Copy)]
+pub struct Module(SlaveSettings);
+
+impl Module {
+    /// How many slots there are.
+    pub const SLOTS: u8 = SLAVES;
+    /// How far apart the objects of two slots are.
+    pub const INDEX_STEP: u16 = SLOT_STEP;
+    /// The bits of an ident that tell modules with the same process data apart.
+    pub const VARIANTS: u32 = VARIANTS;
+
+    /// `slave` as a module, if it can be one.
+    pub fn of(slave: &SlaveSettings) -> Option<Self> {
+        (is_module(slave) && fits(slave)).then_some(Self(*slave))
+    }
+
+    /// The device that it is.
+    pub fn slave(&self) -> &SlaveSettings {
+        &self.0
+    }
+
+    /// Tells modules with other process data apart.
+    pub fn ident(&self) -> u32 {
+        ident(&self.0)
+    }
+
+    /// Its object at `index`.
+    pub fn object(&self, index: u16) -> Option<Object> {
+        object(&self.0, 0, slot_of(index)?.1)
+    }
+
+    /// All its objects but PDOs.
+    pub fn objects(&self) -> impl Iterator<Item = Object> {
+        let indices = indices().filter(|&index| index >= 0x6000);
+        indices
+            .filter_map(|index| slot_of(index).filter(|(slot, _)| *slot == 0))
+            .filter_map(|(_, first)| has(&self.0, first).then(|| object(&self.0, 0, first)).flatten())
+    }
+
+    /// What has to be written so that it is this one.
+    pub fn settings(&self) -> impl Iterator<Item = (Address, u32)> {
+        (1..=SETTINGS.len() as u8)
+            .filter_map(|sub| Some((Address { index: 0x8000, sub }, setting(&self.0, usize::from(sub) - 1)?)))
+    }
 }

@@ -1,8 +1,8 @@
 //! Conformance: SDO information, and that everything that describes the device says the same (statements 38 to 41).
 
+use ethercat_description::{esi, sii};
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::object::{Access, DataType, Entry, Object};
-use ethercat_subdevice::{esi, sii};
 use mobgate::fieldbus::DEVICE;
 use mobgate_simulator::Random;
 use roxmltree::{Document, Node};

@@ -15,7 +15,6 @@ use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::application::Application;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::esc::Esc;
-use ethercat_subdevice::sii;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercat_subdevice::sync_manager::Channel;
 use mobgate_world::World;
@@ -208,14 +207,14 @@ impl<A: Application + 'static> Rig<A> {
 
     /// Exchanges process data in one frame: outputs all `fill`; the inputs and the working counter.
     pub fn cycle(&mut self, fill: u8) -> (Vec<u8>, u16) {
-        let outputs = sii::default_length(self.device, Channel::Outputs);
+        let outputs = self.device.default_bytes(Channel::Outputs);
         self.exchange(&vec![fill; outputs.into()])
     }
 
     /// The same with these outputs.
     pub fn exchange(&mut self, outputs: &[u8]) -> (Vec<u8>, u16) {
         let mut data = outputs.to_vec();
-        data.resize(outputs.len() + usize::from(sii::default_length(self.device, Channel::Inputs)), 0);
+        data.resize(outputs.len() + usize::from(self.device.default_bytes(Channel::Inputs)), 0);
         self.exchanged = Instant::now();
         let answer = self.segment.send_logical(Command::Lrw, LOGICAL, &data);
         self.world.run_for(self.pause);

@@ -4,8 +4,8 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::task::Waker;
 
+use ethercat_description::sii;
 use ethercat_subdevice::device::Device;
-use ethercat_subdevice::sii;
 
 use crate::Nanos;
 use crate::dc::Clock;

@@ -58,12 +58,13 @@
 //! }
 //! #
 //! # // It is good for an EEPROM as well.
-//! # ethercat_subdevice::sii::write(&DEVICE, &mut [0; ethercat_subdevice::sii::SII_BYTES]).unwrap();
+//! # use ethercat_description::sii;
+//! # sii::write(&DEVICE, &mut [0; sii::SII_BYTES]).unwrap();
 //! ```
 //!
 //! The example `digital_io` runs one against a controller in software. What happened to a device is told by the diagnosis history
-//! ([`diagnosis`]), and by emergencies. What it is stands in one table ([`device`], [`object`], [`standard`]), from which the MainDevice's other sources are
-//! made too: the controller's EEPROM ([`sii`]) and the description file ([`esi`]).
+//! ([`diagnosis`]), and by emergencies. What it is stands in one table ([`device`], [`object`], [`standard`]), from which the crate `ethercat-description` makes
+//! the MainDevice's other sources too: the controller's EEPROM (SII) and the description file (ESI).
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
@@ -83,7 +84,6 @@ pub mod device;
 pub mod diagnosis;
 pub mod dictionary;
 pub mod esc;
-pub mod esi;
 pub mod indicators;
 pub mod lan9252;
 pub mod mailbox;
@@ -91,7 +91,6 @@ pub mod object;
 pub mod prelude;
 pub mod process;
 pub mod registers;
-pub mod sii;
 pub mod standard;
 pub mod sub_device;
 pub mod sync_manager;

@@ -192,7 +192,7 @@ fn raw_frames_exchange_as_often_as_the_others() {
     let bytes = GATEWAY.default_bytes(Channel::Outputs);
     let mut short = 0;
     for number in 1..=u64::from(cycles()) {
-        short += u64::from(raw.exchange(&image(number, bytes)).1 != 3);
+        short += u64::from(raw.exchange(&image(number, bytes.into())).1 != 3);
     }
     demand("raw", short);
     let application = raw.application();

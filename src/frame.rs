@@ -25,6 +25,7 @@ mod envelope;
 mod merged;
 mod slot;
 mod transaction;
+mod writer;
 
 #[doc(hidden)] // Public for tests/ only.
 pub use self::channel::Channel;
@@ -35,6 +36,8 @@ use self::slot::SlotState;
 #[doc(hidden)] // Public for tests/ only.
 pub use self::slot::{Fill, FrameFull};
 pub(crate) use self::transaction::Transaction;
+#[doc(hidden)] // Public for tests/ only.
+pub use self::writer::FrameWriter;
 
 /// The pool over a board's slots.
 pub struct FramePool<'p> {
@@ -55,12 +58,6 @@ impl<'p> FramePool<'p> {
     /// A pool over `slots`, of which the first `reserved` belong to the owners 0 to `reserved - 1`.
     pub const fn new(slots: &'p [Slot], reserved: usize) -> Self {
         Self { slots, reserved, shared: Mutex::new(RefCell::new(Shared { first: 0, fresh: reserved })) }
-    }
-
-    /// A frame for `owner`: its reserved one if that is at home, else a shared one, else none.
-    pub fn take(&'p self, owner: usize) -> Option<(FrameWriter<'p>, Frame<'p>)> {
-        let frame = self.claim(owner, None)?;
-        Some((FrameWriter { frame: frame.share() }, frame))
     }
 
     /// A frame for `owner`, as [`take`](FramePool::take) finds it, which holds all of `pdu` in its `envelope`; none also when the
@@ -277,14 +274,6 @@ impl<'p> Frame<'p> {
         })
     }
 
-    /// Empties the frame and gives a writer for its new content (a response in the request's place).
-    pub fn rewrite(&self) -> FrameWriter<'p> {
-        self.with(|slot| {
-            slot.restart();
-        });
-        FrameWriter { frame: self.share() }
-    }
-
     /// Replaces the content by `pdu`, which must fit.
     pub fn replace(&self, pdu: &[u8]) -> Result<(), FrameFull> {
         let replaced = self.with(|slot| {
@@ -341,66 +330,5 @@ impl Drop for Frame<'_> {
         if left == Some(0) {
             self.pool.give_back(usize::from(self.index));
         }
-    }
-}
-
-/// Fills a frame; dropped before [`FrameWriter::finish`] it leaves the frame broken.
-#[doc(hidden)] // Public for tests/ only.
-pub struct FrameWriter<'p> {
-    frame: Frame<'p>,
-}
-
-impl<'p> FrameWriter<'p> {
-    /// The frame that is being filled.
-    pub fn frame(&self) -> &Frame<'p> {
-        &self.frame
-    }
-
-    /// Appends `bytes`, all or none of them, and wakes the reader.
-    pub fn push(&mut self, bytes: &[u8]) -> Result<(), FrameFull> {
-        let appended = self.frame.with(|slot| {
-            let length = usize::from(slot.length);
-            slot.pdu.get_mut(length..length + bytes.len())?.copy_from_slice(bytes);
-            slot.length += bytes.len() as u8;
-            slot.waiting.wake();
-            Some(())
-        });
-        appended.flatten().ok_or(FrameFull)
-    }
-
-    /// The PDU will have `length` bytes.
-    pub fn expect(&mut self, length: usize) {
-        self.frame.with(|slot| slot.expected = length.min(PDU_BYTES_MAX) as u8);
-    }
-
-    /// Appends a byte of the CRC behind the PDU, of which it is not known yet whether it is good.
-    pub fn push_crc(&mut self, byte: u8) {
-        self.frame.with(|slot| {
-            if let Some(place) = slot.crc.get_mut(usize::from(slot.crc_bytes)) {
-                *place = byte;
-                slot.crc_bytes += 1;
-                slot.waiting.wake();
-            }
-        });
-    }
-
-    /// Marks the frame complete; the PDU is good. Says whether anybody wants it: it may have been
-    /// [abandoned](Frame::abandon).
-    pub fn finish(self) -> bool {
-        let finished = self.frame.with(|slot| {
-            let wanted = slot.fill == Fill::Filling;
-            if wanted {
-                slot.fill = Fill::Complete;
-                slot.waiting.wake();
-            }
-            wanted
-        });
-        finished == Some(true)
-    }
-}
-
-impl Drop for FrameWriter<'_> {
-    fn drop(&mut self) {
-        self.frame.abandon();
     }
 }

@@ -7,7 +7,7 @@ use heapless::String;
 use mobgate::hal::{NetworkState, System};
 use mobgate_board::last_words::WORDS_BYTES_MAX;
 
-use crate::network::Network;
+use crate::sockets::Network;
 use crate::registers;
 use crate::start::Problem;
 

@@ -6,11 +6,11 @@ use heapless::Vec;
 
 use crate::al_state::AlState;
 use crate::application::{Address, Application};
-use crate::assignment::{Communication, PDOS_SELECTED_MAX};
 use crate::catalogue::Catalogue;
 use crate::coe::abort::Abort;
+use crate::communication::Communication;
 use crate::device::Device;
-use crate::object::{Access, DataType, Entries, Entry, Object, Value};
+use crate::object::{Access, DataType, Entries, Entry, Object, PDOS_SELECTED_MAX, Value};
 
 /// Bytes of an object at most, also when it is accessed completely: 512 bytes of a buffer, and a count.
 pub const OBJECT_BYTES_MAX: usize = 520;

@@ -8,11 +8,15 @@ mod types;
 
 use core::fmt;
 
-use crate::assignment::{PDOS_ASSIGNED_MAX, PDOS_SELECTED_MAX};
 use crate::sync_manager::Channel;
 
 pub use runs::{Mapped, PADDING, RUNS_MAX, Runs};
 pub use types::{Access, DataType};
+
+/// PDOs that a SyncManager carries at most: one for each of 32 modules, and one for the device.
+pub const PDOS_ASSIGNED_MAX: usize = 33;
+/// PDOs that a MainDevice can assign to a SyncManager.
+pub const PDOS_SELECTED_MAX: usize = 8;
 
 /// An object: an index with one or more entries.
 #[derive(Debug, Clone, Copy)]

@@ -7,8 +7,8 @@ use core::fmt::Write;
 
 use heapless::Vec;
 
-use super::Service;
 use super::abort::Abort;
+use super::service::Service;
 use crate::application::Application;
 use crate::catalogue::Catalogue;
 use crate::dictionary::Dictionary;

@@ -127,7 +127,7 @@ impl<A: Application> Dictionary<'_, A> {
         let place = into.get_mut(start..).unwrap_or_default();
         let at = Address { index: object.index, sub };
         let length = match entry.value {
-            Value::Number(number) => put(number, place),
+            Value::Number(number) => put(number.into(), place),
             Value::Text(text) => {
                 place.copy_from_slice(text.as_bytes());
                 place.len()
@@ -165,7 +165,7 @@ impl<A: Application> Dictionary<'_, A> {
         }
         if entry.data_type.is_number() {
             let number = number(bytes);
-            if number < entry.range.0 {
+            if number < entry.range.0.into() {
                 return Err(Abort::TooSmall);
             }
             if number > entry.greatest() {

@@ -68,7 +68,7 @@
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
-//! | [`mailbox::MAILBOX_BYTES_MAX`] | 256 | a few messages are kept in memory |
+//! | [`mailbox::MAILBOX_BYTES_MAX`] | 128 | a few messages are kept in memory |
 //! | [`dictionary::OBJECT_BYTES_MAX`] | 520 | a buffer of 512 bytes, accessed completely |
 //! | [`process::OUTPUTS_BYTES`], [`process::INPUTS_BYTES`] | 512, 584, or as a [`sub_device::SubDevice`] is made | a controller of 4 KiB has 1280 bytes for both images, beside mailboxes of 128 |
 //! | [`object::PDOS_SELECTED_MAX`], [`object::PDOS_ASSIGNED_MAX`] | 8, 33 | PDOs that a MainDevice assigns: one for each kind of data; those of modules: one for each |

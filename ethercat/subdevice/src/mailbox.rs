@@ -6,7 +6,7 @@
 use heapless::{Deque, Vec};
 
 /// Bytes of a mailbox at most.
-pub const MAILBOX_BYTES_MAX: usize = 256;
+pub const MAILBOX_BYTES_MAX: usize = 128;
 /// Bytes of the header in front of each message.
 pub const HEADER_BYTES: usize = 6;
 /// Bytes of a message behind its header, at most.

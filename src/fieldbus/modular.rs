@@ -101,7 +101,7 @@ const MODULES: &[Object] = &[
         0xf030,
         "Configured module ident list",
         SLAVES,
-        Entry::setting("Module ident", DataType::U32, 0, (0, u32::MAX as u32))
+        Entry::setting("Module ident", DataType::U32, 0, (0, u32::MAX))
             .with_access(standard::SELECTABLE.and(Access::SETTING))
             .numbered(),
     ),

@@ -125,7 +125,7 @@ const fn range_entry(name: &'static str) -> Entry {
 
 /// What is written is a word (CiA 301, 7.5.2.13 and 14), what is read is that it is done on command.
 const fn on_command(name: &'static str) -> Entry {
-    Entry::setting(name, DataType::U32, 1, (0, u32::MAX as u32)).with_access(Access::READ.and(Access::WRITE))
+    Entry::setting(name, DataType::U32, 1, (0, u32::MAX)).with_access(Access::READ.and(Access::WRITE))
 }
 
 /// All entries of an object, one behind the other from the first on.

@@ -105,7 +105,7 @@ pub(super) const HEALTH: Entry = Entry::input("Health", DataType::U8);
 pub(super) const STATUS: &[Entry] = &[
     HEALTH,
     // Never, until it does.
-    Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX as u32),
+    Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX),
     Entry::reading("ExceptionCode", DataType::U8),
     Entry::reading("LastError", DataType::U8),
     Entry::reading("Requests", DataType::U32),

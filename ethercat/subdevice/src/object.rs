@@ -266,7 +266,7 @@ impl Object {
             }
             Entries::Constants(values, entry) => {
                 let &value = values.get(usize::from(sub) - 1)?;
-                Some(Entry { value: Value::Number(value.into()), ..entry })
+                Some(Entry { value: Value::Number(value), ..entry })
             }
             Entries::Record(entries) => {
                 entries.get(usize::from(sub) - 1).copied().filter(|entry| *entry != Entry::ABSENT)
@@ -277,7 +277,7 @@ impl Object {
             }),
             Entries::Mapping(..) => {
                 let value = self.mapped().nth(usize::from(sub) - 1)?;
-                Some(Entry::number("Mapped entry", DataType::U32, value.into()))
+                Some(Entry::number("Mapped entry", DataType::U32, value))
             }
             Entries::Variable(_) => None,
         }

@@ -6,7 +6,7 @@ use crate::object::{Access, DataType, Entries, Entry, Object, Value};
 
 /// 1000h, device type: the profile's number.
 pub const fn device_type(profile: u32) -> Object {
-    Object::variable(0x1000, Entry::number("Device type", DataType::U32, profile as u32))
+    Object::variable(0x1000, Entry::number("Device type", DataType::U32, profile))
 }
 
 /// 1008h, device name.
@@ -32,10 +32,10 @@ pub const fn identity(entries: &'static [Entry]) -> Object {
 /// The entries of 1018h.
 pub const fn identity_entries(identity: Identity) -> [Entry; 4] {
     [
-        Entry::number("Vendor ID", DataType::U32, identity.vendor as u32),
-        Entry::number("Product code", DataType::U32, identity.product as u32),
-        Entry::number("Revision number", DataType::U32, identity.revision as u32),
-        Entry::number("Serial number", DataType::U32, identity.serial as u32),
+        Entry::number("Vendor ID", DataType::U32, identity.vendor),
+        Entry::number("Product code", DataType::U32, identity.product),
+        Entry::number("Revision number", DataType::U32, identity.revision),
+        Entry::number("Serial number", DataType::U32, identity.serial),
     ]
 }
 

@@ -86,8 +86,8 @@ const MODULES: &[Object] = &[
         0xf000,
         "Modular device profile",
         &[
-            Entry::number("Index distance", DataType::U16, SLOT_STEP as u64),
-            Entry::number("Maximum number of modules", DataType::U16, SLAVES as u64),
+            Entry::number("Index distance", DataType::U16, SLOT_STEP as u32),
+            Entry::number("Maximum number of modules", DataType::U16, SLAVES as u32),
         ],
     ),
     Object::array(
@@ -101,7 +101,7 @@ const MODULES: &[Object] = &[
         0xf030,
         "Configured module ident list",
         SLAVES,
-        Entry::setting("Module ident", DataType::U32, 0, (0, u32::MAX as u64))
+        Entry::setting("Module ident", DataType::U32, 0, (0, u32::MAX))
             .with_access(standard::SELECTABLE.and(Access::SETTING))
             .numbered(),
     ),
@@ -143,9 +143,9 @@ const SETTINGS: &[Entry] = &{
         Entry::setting("OnSilence", DataType::U8, 0, (0, 2)),
         Entry::setting("Substitute", DataType::U16, 0, ANY_U16),
         Entry::setting("CheckBeforePoll", DataType::U8, 0, (0, 1)),
-        Entry::setting("TypeOfInRegisters", DataType::U8, 0, (0, TYPES.len() as u64 - 1)),
-        Entry::setting("TypeOfOutRegisters", DataType::U8, 0, (0, TYPES.len() as u64 - 1)),
-        Entry::setting("Order", DataType::U8, 0, (0, ORDERS.len() as u64 - 1)),
+        Entry::setting("TypeOfInRegisters", DataType::U8, 0, (0, TYPES.len() as u32 - 1)),
+        Entry::setting("TypeOfOutRegisters", DataType::U8, 0, (0, TYPES.len() as u32 - 1)),
+        Entry::setting("Order", DataType::U8, 0, (0, ORDERS.len() as u32 - 1)),
     ];
     let mut left = values.as_mut_slice();
     while let [entry, behind @ ..] = left {

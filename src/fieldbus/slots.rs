@@ -104,7 +104,7 @@ impl<'p> Slots<'p> {
     }
 
     /// Whether the modules are what the MainDevice expects, and have room in the process data.
-    pub(super) fn check(&mut self) -> Result<(), ConfigError> {
+    fn check(&mut self) -> Result<(), ConfigError> {
         // They may be others than those whose process data were exchanged last.
         self.next = Start::default();
         let (most, mut inputs, mut outputs) = (self.shared.most(), OWN_BYTES, 0);
@@ -132,12 +132,18 @@ impl<'p> Slots<'p> {
         Ok(())
     }
 
+    /// Takes the modules over as they were written, if there are any.
+    pub(super) fn take_over(&mut self) -> Result<(), ConfigError> {
+        self.check()?;
+        if self.has_modules() { self.shared.take_over() } else { Ok(()) }
+    }
+
     fn expects_any(&self) -> bool {
         self.expected.iter().any(|expected| *expected != 0)
     }
 
     /// Whether there is any module.
-    pub(super) fn has_modules(&self) -> bool {
+    fn has_modules(&self) -> bool {
         self.shared.configuration(|configuration| configuration.slaves().iter().any(is_module))
     }
 

@@ -13,7 +13,7 @@ use mobgate::settings::{Settings, SlaveSettings};
 use mobgate_description::write_esi;
 use roxmltree::{Document, Node};
 
-use crate::bench::MAILBOX_128;
+use crate::bench::{MAILBOX_128, at_most};
 use crate::sdo::category;
 use builder::{build, child, number, text};
 
@@ -232,7 +232,9 @@ fn statement_58_the_gateways_image_fits_into_2048_bytes_and_255_strings() {
         let mut own = [0; sii::SII_BYTES];
         sii::write(device, &mut own).unwrap();
         assert_eq!(used(&own), built.image.len(), "its own has the same size");
-        println!("{}: {} bytes, {} strings", device.order, built.image.len(), built.strings.len());
+        let name = device.order.replace('-', "_");
+        at_most(&format!("sii_bytes_{name}"), built.image.len() as u64, "B", bytes_max as u64);
+        at_most(&format!("sii_strings_{name}"), built.strings.len() as u64, "strings", 255);
     }
 }
 

@@ -19,8 +19,10 @@ use ethercat_subdevice::sub_device::SubDevice;
 use ethercat_subdevice::sync_manager::Channel;
 use mobgate_world::World;
 
+use crate::lan9252::Timing;
 use crate::main_device::{fmmu, sync_manager};
 use crate::sub_device;
+use controllers::{PAUSE, POWER_ON, SPI_PAUSE};
 
 pub use application::{Bench, Shared};
 pub use controllers::{CHOICE, CONTROLLERS, Controller, lan9252_with};
@@ -64,6 +66,25 @@ pub struct Rig<A> {
     // Declared last: its tasks end last.
     /// The world that the device lives in.
     pub world: World<'static>,
+}
+
+impl Controller {
+    /// A device on it, with this application, switched on.
+    pub fn rig<A: Application + 'static>(self, device: &'static Device, application: A) -> Rig<A> {
+        let start = Start { kind: self.kind, pause: PAUSE, edges: self.edges };
+        match self.spi {
+            None => Rig::start(device, application, start, sub_device::direct),
+            Some(interrupt) => {
+                let start = Start { pause: SPI_PAUSE, ..start };
+                let mut rig = Rig::start(device, application, start, |chip| {
+                    let (driver, line, _) = lan9252_with(chip, interrupt, Timing::USUAL);
+                    (driver, line)
+                });
+                rig.world.run_for(POWER_ON);
+                rig
+            }
+        }
+    }
 }
 
 impl Rig<Bench> {

@@ -7,7 +7,7 @@
 //! * a message passes the mailbox ([`mailbox`]) and reaches its protocol by its number: CoE ([`coe`]), which serves the object
 //!   dictionary ([`dictionary`]);
 //! * process data ([`process`]) go to the application and come from it ([`application`]), PDO by PDO as they are assigned
-//!   ([`assignment`]).
+//!   ([`assignment`], [`communication`]).
 //!
 //! A device is a table, values, and a task:
 //!
@@ -68,10 +68,10 @@
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
-//! | [`mailbox::MAILBOX_BYTES_MAX`] | 256 | a few messages are kept in memory |
+//! | [`mailbox::MAILBOX_BYTES_MAX`] | 128 | a few messages are kept in memory |
 //! | [`dictionary::OBJECT_BYTES_MAX`] | 520 | a buffer of 512 bytes, accessed completely |
 //! | [`process::OUTPUTS_BYTES`], [`process::INPUTS_BYTES`] | 512, 584, or as a [`sub_device::SubDevice`] is made | a controller of 4 KiB has 1280 bytes for both images, beside mailboxes of 128 |
-//! | [`assignment::PDOS_SELECTED_MAX`], [`assignment::PDOS_ASSIGNED_MAX`] | 8, 33 | PDOs that a MainDevice assigns: one for each kind of data; those of modules: one for each |
+//! | [`object::PDOS_SELECTED_MAX`], [`object::PDOS_ASSIGNED_MAX`] | 8, 33 | PDOs that a MainDevice assigns: one for each kind of data; those of modules: one for each |
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -80,6 +80,7 @@ pub mod application;
 pub mod assignment;
 pub mod catalogue;
 pub mod coe;
+pub mod communication;
 pub mod device;
 pub mod diagnosis;
 pub mod dictionary;

@@ -103,7 +103,7 @@ fn send(rig: &mut Rig<Objects>, list: &[(u16, u8, Vec<u8>)]) {
 }
 
 /// Sets the SyncManagers and FMMUs up by what the device says that its PDOs are, as MainDevices do; bytes of outputs and inputs.
-fn set_up(rig: &mut Rig<Objects>) -> [u16; 2] {
+pub(crate) fn set_up(rig: &mut Rig<Objects>) -> [u16; 2] {
     let mut logical = LOGICAL;
     [(0, Channel::Outputs, 0x1c12, 2), (1, Channel::Inputs, 0x1c13, 1)].map(
         |(nth, channel, index, direction)| {

@@ -17,6 +17,7 @@ mod history;
 mod input;
 mod job;
 mod keys;
+mod known;
 mod mode;
 mod output;
 mod point_command;

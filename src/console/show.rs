@@ -14,7 +14,8 @@ use super::wait::Wait;
 use crate::fieldbus::{Controller, EthercatPlace, LineWriter};
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
-use crate::language::write_line;
+use crate::language::listed::listed;
+use crate::language::{Words, Wrong, write_line};
 use crate::settings::{Endpoint, PortKind, SERVERS, ServerSettings, Settings, Side};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
@@ -35,6 +36,44 @@ pub(super) enum Show {
     Log,
     Frames,
     Version,
+}
+
+/// What can be shown, and what `help show` says of it.
+pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
+    ("ports", (Show::Ports, "what the ports are, and how they do")),
+    ("servers", (Show::Servers, "the servers of tcp clients that have several")),
+    ("routes", (Show::Routes, "the rules by number; implied: the way back")),
+    ("units", (Show::Units, "the devices: response times, and what went wrong")),
+    ("clients", (Show::Clients, "who is connected")),
+    ("stats", (Show::Stats, "what the ports counted, and how often a minute")),
+    ("points", (Show::Points, "data points: how they do, and their values")),
+    ("devices", (Show::Devices, "the devices that the scanner polls")),
+    ("registers", (Show::Registers, "the gateway's own, where a rule leads to local")),
+    ("config", (Show::Config, "the settings as lines that make them")),
+    ("network", (Show::Network, "the board's own address")),
+    ("log", (Show::Log, "the last transactions")),
+    ("frames", (Show::Frames, "the last frames, as they were on the wire")),
+    ("version", (Show::Version, "what runs here, and for how long")),
+];
+const TOPICS_EXPECTED: &str = listed!(TOPICS);
+
+/// What people type who know other consoles, and what it is called here.
+const ELSEWHERE: &[(&str, &str)] = &[
+    ("run", "config"),
+    ("running-config", "config"),
+    ("rules", "routes"),
+    ("status", "ports"),
+    ("interfaces", "ports"),
+    ("connections", "clients"),
+];
+
+/// The last word of a line as what is to be shown.
+pub(super) fn topic(words: &Words<'_>) -> Result<Show, Wrong> {
+    let word = words.take();
+    let name = |at: usize| TOPICS.get(at).map(|(name, _)| *name);
+    let (show, _) = word.lookup(TOPICS).ok_or_else(|| word.unknown(&name, ELSEWHERE, TOPICS_EXPECTED))?;
+    words.end()?;
+    Ok(show)
 }
 
 /// A table that is being shown. What it shows may change while the stream takes its time.

@@ -10,6 +10,7 @@ use embassy_time::Instant;
 
 use self::identity::Identity;
 use self::plan::Plan;
+use super::layout::{self, Layout};
 use super::output::{NO_ROW, Written};
 use super::probe::{About, Told, harmless, to_first_char};
 use super::session::Session;
@@ -215,7 +216,8 @@ impl Scan {
 
     fn show(&mut self, session: &mut Session<'_, '_>, mut place: usize) -> Wait {
         let gateway = session.gateway;
-        let wait = session.out.row(&mut place, &mut |place, out| {
+        let lines = Layout::fixed(&[]);
+        let wait = layout::row(&mut session.out, &lines, &mut place, &mut |place, out| {
             gateway.settings(|settings| self.write(&self.plan, settings, place, out))
         });
         self.stage = Stage::Found(place);

@@ -83,6 +83,12 @@ impl Editor {
         text(&self.line)
     }
 
+    /// Puts what `write` writes in place of the line, unseen.
+    pub(super) fn replace(&mut self, write: impl FnOnce(&mut dyn core::fmt::Write)) {
+        self.line.clear();
+        write(&mut self.line);
+    }
+
     /// The part of the line before the cursor.
     pub(super) fn before_cursor(&self) -> &str {
         text(self.line.get(..self.cursor).unwrap_or_default())

@@ -1,5 +1,7 @@
 //! What is typed or piped in, as lines.
 
+use core::fmt;
+
 use super::editor::{Editor, Event};
 use super::guard::{Foreign, Guard};
 use super::keys::{Key, Keys, Stripped};
@@ -94,6 +96,14 @@ impl Input {
             Self::Keys(_) => Typed::Leave,
             // The last line may lack its end.
             Self::Text(..) => self.feed(b'\n', out),
+        }
+    }
+
+    /// Puts what `write` writes in place of the line.
+    pub(super) fn replace(&mut self, write: impl FnOnce(&mut dyn fmt::Write)) {
+        // Only a person is asked.
+        if let Self::Keys(editor) = self {
+            editor.replace(write);
         }
     }
 

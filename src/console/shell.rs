@@ -53,12 +53,23 @@ impl<'s, 'g> Shell<'s, 'g> {
             }
             _ => job.step(session, came),
         };
+        let Self { input, session, job, .. } = self;
+        if let (Wait::Change, Job::Scan(scan)) = (wait, &*job) {
+            // What was found is taken over as if it were typed.
+            session.gateway.settings(|settings| input.replace(|line| scan.line(settings, line)));
+        }
         if !matches!(wait, Wait::End) {
             return wait;
         }
+        let was_idle = matches!(job, Job::Idle);
         self.job = Job::Idle;
         self.session.turn = None;
-        self.start()
+        let wait = self.start();
+        match came {
+            // It was no answer to what a command has asked, but begins the next one.
+            Came::Key(byte @ b' '..=b'~') if !was_idle => self.step(Came::Key(byte)),
+            _ => wait,
+        }
     }
 
     fn typed(&mut self, typed: Typed) -> Wait {

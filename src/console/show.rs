@@ -142,7 +142,7 @@ const fn columns(what: Show) -> Columns {
         Show::Routes => &[-3, 15, 7, 18, 4, 15, 7],
         Show::Units => &[15, -4, 11, -10, -10, -10, -10, -9, -9, -9],
         Show::Clients => &[15, 21, -9, -9, -4, -10],
-        Show::Stats => &[15, 13, -10],
+        Show::Stats => &[15, 13, -10, -10],
         Show::Log => &[-9, 15, -4, 15, -6, -8, -10],
         Show::Network => &[4, 18, 15, 17],
         Show::Registers => &[5, 7],
@@ -243,7 +243,7 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
             return NO_ROW;
         }
         let (event, rate) = (event.name(), place.stats.per_minute(*event, now));
-        return Some(write!(out, "{}\t{event}\t{count}\t{rate:>10}", port.name));
+        return Some(write!(out, "{}\t{event}\t{count}\t{rate}\t", port.name));
     }
     let ports = gateway.ports().len().min(settings.ports.len());
     let row = nth - ports * counters;
@@ -255,7 +255,7 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
             return NO_ROW;
         }
         let (code, name) = (error as u8, error.name());
-        return Some(write!(out, "{}\tlast-error\t{code}\t{name}", port.name));
+        return Some(write!(out, "{}\tlast-error\t{code}\t\t{name}", port.name));
     }
     let pool = gateway.pool();
     let (name, count) = match row - ports {
@@ -263,7 +263,7 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
         1 => ("frames", pool.capacity()),
         _ => return None,
     };
-    Some(write!(out, "-\t{name}\t{count}\t"))
+    Some(write!(out, "-\t{name}\t{count}\t\t"))
 }
 
 fn network(

@@ -63,6 +63,11 @@ pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
 pub(crate) fn port(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word)?;
+    if port_words::is_kind(name_word) && !port_words::is_kind(words.peek()) {
+        return Err(
+            name_word.error(Problem::TakenAs("the port's name, which comes first: port NAME KIND ..."))
+        );
+    }
     let draft = Draft::create(words)?;
     // Not `find`: that one also takes a bare number for a name.
     let same = |port: &Option<Port>| port.as_ref().is_some_and(|port| port.name.eq_ignore_ascii_case(&name));

@@ -27,7 +27,7 @@ const LINK: u8 = 0;
 
 /// Keeps the line open and carries out the desk's orders, for ever.
 pub(crate) async fn run<H: SerialHost>(desk: &Desk<'_>, settings: &SerialSettings, host: &mut H) {
-    let mut opening = Opening::new(desk.place().place(), settings);
+    let mut opening = Opening::new(desk.place().place(), settings, desk.is_alone());
     loop {
         let jitter = host.read_jitter();
         let opened = opening.opened(host.open(&settings.device, &settings.line).await, jitter);

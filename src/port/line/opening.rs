@@ -16,12 +16,14 @@ const REOPEN_LONGEST: Duration = Duration::from_secs(5);
 pub(crate) struct Opening<'s> {
     place: &'s PortPlace,
     settings: &'s SerialSettings,
+    /// Somebody tries one speed after the other, and sees it.
+    quiet: bool,
     pause: Duration,
 }
 
 impl<'s> Opening<'s> {
-    pub(crate) fn new(place: &'s PortPlace, settings: &'s SerialSettings) -> Self {
-        Self { place, settings, pause: REOPEN_FIRST }
+    pub(crate) fn new(place: &'s PortPlace, settings: &'s SerialSettings, quiet: bool) -> Self {
+        Self { place, settings, quiet, pause: REOPEN_FIRST }
     }
 
     /// The line that `host` has opened, if it has.
@@ -33,7 +35,9 @@ impl<'s> Opening<'s> {
         let device = self.settings.device.as_str();
         match opened {
             Ok(io) => {
-                log_info!("{} is open", device);
+                if !self.quiet {
+                    log_info!("{} is open", device);
+                }
                 self.place.set_status(Status::Open);
                 self.place.stats.note(LastError::None);
                 self.pause = REOPEN_FIRST;

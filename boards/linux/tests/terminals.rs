@@ -204,21 +204,28 @@ fn a_terminal_that_joined_is_restored_at_signals_and_at_the_gateway_s_end() {
 fn the_prompt_and_what_is_typed_stand_below_every_line_of_the_log() {
     let mut terminal = Terminal::new();
     let program = terminal.whole_gateway();
-    let start = terminal.type_in("", "demo is open");
-    let start = start.replace("\x1b[K", "").replace("\x1b[32m", "").replace("\x1b[0m", "");
+    let start = terminal
+        .type_in("", "mobgate> ")
+        .replace("\x1b[K", "")
+        .replace("\x1b[32m", "")
+        .replace("\x1b[0m", "");
     let seen = |line: &str| line.trim_end_matches('\r').rsplit('\r').next().unwrap().chars().count();
     assert!(start.lines().all(|line| seen(line) <= 80), "{start}");
-    terminal.type_in("", "mobgate> ");
+    // All has been said about the start then.
+    wait_for("the demo's line", || {
+        converse(&mut program.session(), "show ports\n", "tcp server")
+            .contains("19200 8E1    open")
+            .then_some(())
+    });
     terminal.type_in("show por", "show por");
     converse(&mut program.session(), "show version\n", "mobgate 0.");
-    let said = terminal.type_in("", "console session of");
-    let said = said + &terminal.type_in("", "mobgate> show por");
-    assert!(said.ends_with("\r\nmobgate> show por"), "{said:?}");
+    let said = terminal.type_in("", "\nmobgate> show por");
+    assert!(said.contains("console session of"), "{said:?}");
     terminal.type_in("ts\r", "rtu client");
-    terminal.type_in("show\x1b[D\x1b[D", "C");
+    terminal.type_in("show\x1b[D\x1b[D", "\x1b[11C");
     converse(&mut program.session(), "show version\n", "mobgate 0.");
     // The cursor is in its place again, too.
-    terminal.type_in("", "\r\nmobgate> show\r\x1b[11C");
+    terminal.type_in("", "\nmobgate> show\r\x1b[11C");
 }
 
 #[test]

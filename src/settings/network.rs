@@ -167,7 +167,7 @@ impl TcpClientSettings {
             framing: StreamFraming::Mbap,
             unit: None,
             in_flight: 1,
-            timeout: Duration::from_secs(1),
+            timeout: Duration::from_millis(800),
             connect_timeout: Duration::from_secs(3),
             connect_delay: Duration::from_ticks(0),
             request_delay: Duration::from_ticks(0),

@@ -178,7 +178,7 @@ impl SerialClientSettings {
 
     /// One second, no repeats, 100 ms after a broadcast, down after three.
     pub const DEFAULT: Self = Self {
-        timeout: Duration::from_secs(1),
+        timeout: Duration::from_millis(800),
         retries: 0,
         turnaround: Duration::from_millis(100),
         start_delay: Duration::from_ticks(0),

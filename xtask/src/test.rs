@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 
 use crate::install::{self, Group};
-use crate::tools::{Outcome, built, cargo, command, output, run};
+use crate::tools::{Outcome, built, cargo, command, output, program, run};
 
 /// Tests that need the same things.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -33,6 +33,12 @@ impl Suite {
 
 /// Runs these, after what they need has been installed or named.
 pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
+    // Said before the others have taken their time.
+    if suites.contains(&Suite::Package) && !may_be_root()? {
+        return Err(
+            "the package test needs root, or sudo; the others: cargo xtask test workspace qemu".into()
+        );
+    }
     let mut groups: Vec<Group> = suites.iter().flat_map(|suite| suite.needs()).copied().collect();
     groups.dedup();
     // No groups would mean all of them.
@@ -69,6 +75,12 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
             )
         }
     })
+}
+
+/// Whether this is root, or can be by sudo.
+fn may_be_root() -> Outcome<bool> {
+    let is_root = output(&mut command("id", &["-u"]))?.trim() == "0";
+    Ok(is_root || program("sudo").is_some())
 }
 
 /// Each exchanges process data 100 000 times and starts so many times, without failing once.

@@ -98,6 +98,9 @@ pub(crate) fn lint() -> Outcome {
     linked_projects()?;
     rust_version()?;
     run(&mut cargo("clippy", &["--workspace", "--all-targets", "--", "-D", "warnings"]))?;
+    // The program as it is packaged.
+    let packaged = ["--package", "mobgate-linux", "--no-default-features", "--features", "linux_5_11"];
+    run(cargo("clippy", &packaged).args(["--", "-D", "warnings"]))?;
     run(cargo("doc", &["--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings"))?;
     built("target/doc/mobgate/index.html")
 }

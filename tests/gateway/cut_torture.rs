@@ -14,6 +14,8 @@ use mobgate_simulator::share::Share;
 use mobgate_simulator::wire::WireFrame;
 use mobgate_simulator::{Device, Fault, Faults, Master, Random, framing, rig};
 
+use super::cut_through::serial;
+
 /// Registers that differ at every read.
 const FRESH: u8 = 100;
 const TRANSACTIONS: u32 = 150;
@@ -52,12 +54,6 @@ impl Line {
     fn draw(random: &mut Random) -> Self {
         let framing = [Framing::Rtu, Framing::Ascii][random.index(2)];
         Self { framing, baud: [9_600, 19_200, 38_400, 115_200][random.index(4)] }
-    }
-
-    /// Settings of a port on this line.
-    fn port(&self, side: &str) -> String {
-        let format = if self.framing == Framing::Rtu { "8E1" } else { "7E1" };
-        format!("{} {side} {} {format}", self.framing, self.baud)
     }
 }
 
@@ -145,9 +141,9 @@ fn world(seed: u64) -> (u32, Outcome) {
     let settings = format!(
         "port S serial up {} answer-within {}ms\nport C serial down {} timeout 50ms down-after 0 retries 1\nport T tcp server 502\n\
          route S 101-102 * -100 C cut on{policy}\nroute T * * * C\n",
-        up.port("server"),
+        serial(up.framing, "server", up.baud),
         answer_within.as_millis(),
-        down.port("client")
+        serial(down.framing, "client", down.baud)
     );
     let case = format!("seed {seed}, {up:?} to {down:?}{policy}, reads late by {late_reads:?}");
     rig::with_gateway_of(Size { late_reads, ..Size::default() }, seed, &settings, |world, rig| {

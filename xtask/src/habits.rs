@@ -36,8 +36,8 @@ pub(crate) fn release() -> Outcome {
     install::check(&[Group::Release, Group::Deny, Group::Package, Group::Thumb])?;
     cargo_deny(&["advisories"])?;
     test::deb()?;
-    for board in ["nucleo_h743zi", "nucleo_f767zi", "nucleo_f429zi"] {
-        board::run(board, "build", &[])?;
+    for board in board::nucleos()? {
+        board::run(&board, "build", &[])?;
     }
     // What the program and each image are made of, in CycloneDX.
     let linux = root().join("boards/linux");

@@ -91,6 +91,8 @@ mod ports;
 pub mod probe;
 pub mod registers;
 mod reset;
+#[cfg(feature = "bench")] // As above.
+pub mod samples;
 pub mod segment;
 #[cfg(feature = "bench")] // As above.
 pub mod sub_device;

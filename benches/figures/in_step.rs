@@ -1,4 +1,4 @@
-//! Devices that response in order, but however late: how many answers were not the response to their request, and how many good ones
+//! Devices that respond in order, but however late: how many answers were not the response to their request, and how many good ones
 //! there are beside those of an ideal client, whose requests would have transaction numbers.
 //!
 //! The ideal client is computed and not simulated: on the same line it asks the same kind of device, whose faults have the same

@@ -12,7 +12,7 @@ use mobgate_simulator::esc::master::{Storage, main_device, pump};
 use mobgate_simulator::esc::pcap::Pcap;
 use mobgate_simulator::esc::{Chip, Kind, Segment, now};
 
-use crate::chips::simple_device;
+use mobgate_simulator::esc::samples::simple_device;
 
 const FRAME: Duration = Duration::from_micros(50);
 const CYCLES: u8 = 100;

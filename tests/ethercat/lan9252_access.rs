@@ -8,8 +8,8 @@ use ethercat_subdevice::lan9252::{InterruptPin, Lan9252 as Driver, Wiring};
 use mobgate_simulator::esc::Command;
 use mobgate_simulator::lan9252::{Timing, Traffic};
 
-use crate::chips::{INPUTS, OUT_BOX, OUTPUTS};
 use crate::lan9252_bench::{with_driver, with_started};
+use mobgate_simulator::esc::samples::{INPUTS, OUT_BOX, OUTPUTS};
 
 const USER: u16 = 0x0F80;
 /// Memory behind all SyncManagers.

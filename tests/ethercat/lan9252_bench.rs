@@ -9,7 +9,7 @@ use mobgate_simulator::esc::SharedSegment;
 use mobgate_simulator::lan9252::{Spi, Timing};
 use mobgate_simulator::{Lan9252, World};
 
-use crate::chips::line;
+use mobgate_simulator::esc::samples::line;
 
 /// Runs `scenario` in a world of its own; afterwards the driver must have done nothing wrong.
 pub(crate) fn with_driver<F: AsyncFnOnce(&mut Driver<Spi>, &Bench)>(timing: Timing, scenario: F) {
@@ -41,8 +41,8 @@ impl Bench {
     /// Sets SyncManagers and FMMUs, which a reset clears.
     pub(crate) fn set_up(&self) {
         let mut segment = self.segment.borrow_mut();
-        assert_eq!(segment.poke(0, 0x0800, &crate::chips::MANAGERS), 1);
-        assert_eq!(segment.poke(0, 0x0600, &crate::chips::FMMUS), 1);
+        assert_eq!(segment.poke(0, 0x0800, &mobgate_simulator::esc::samples::MANAGERS), 1);
+        assert_eq!(segment.poke(0, 0x0600, &mobgate_simulator::esc::samples::FMMUS), 1);
     }
 
     /// What the chip's memory holds.

@@ -11,8 +11,8 @@ use mobgate_simulator::Random;
 use mobgate_simulator::esc::{Command, Interrupt};
 use mobgate_simulator::lan9252::{Spi, Timing};
 
-use crate::chips::{IN_BOX, INPUTS, OUT_BOX, OUTPUTS};
 use crate::lan9252_bench::{Bench, with_started};
+use mobgate_simulator::esc::samples::{IN_BOX, INPUTS, OUT_BOX, OUTPUTS};
 
 const MAILBOX: u32 = 1 << 8;
 const NEW_OUTPUTS: u32 = 1 << 10;

@@ -7,8 +7,8 @@ use mobgate_simulator::Random;
 use mobgate_simulator::esc::{Command, now};
 use mobgate_simulator::lan9252::{Spi, SpiFaults, Timing};
 
-use crate::chips::{INPUTS, OUTPUTS};
 use crate::lan9252_bench::{Bench, with_driver, with_started};
+use mobgate_simulator::esc::samples::{INPUTS, OUTPUTS};
 
 const USER: u16 = 0x0F80;
 const FREE: u16 = 0x1800;

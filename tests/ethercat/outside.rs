@@ -9,7 +9,7 @@ use mobgate_simulator::esc::packet::{PacketSocket, serve};
 use mobgate_simulator::esc::{Chip, Kind, Segment};
 use mobgate_simulator::own_network::{SEGMENT_END, in_own_network, start_master};
 
-use crate::chips::simple_device;
+use mobgate_simulator::esc::samples::simple_device;
 
 /// Waits until `program` has ended, and sees to it that it ended well.
 pub(crate) async fn ends_well(program: &mut Child) {

@@ -1,21 +1,28 @@
-//! Answers that are passed on while they arrive, where something else comes before them, or they are none.
+//! Answers that are passed on while they arrive: where something else comes before them, or they are none, and beside reads that
+//! share them. What is arriving shares nothing, and what waits is as right as ever.
 
 use embassy_futures::join::{join, join3};
-use embassy_time::{Duration, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use mobgate::settings::Framing;
-use mobgate::stats::Outcome;
+use mobgate::stats::{Event, Outcome};
 use mobgate_simulator::client::Answer;
-use mobgate_simulator::device::rtu;
+use mobgate_simulator::device::{Fresh, rtu};
 use mobgate_simulator::fault::When;
 use mobgate_simulator::rig::{Size, machine};
-use mobgate_simulator::{Device, Fault, Faults, Master, Rig, World, framing, rig};
+use mobgate_simulator::{Client, Device, Fault, Faults, Master, Random, Rig, World, framing, rig};
 
-use super::cut_pairs::{VALUE, is_well};
-use super::cut_through::{READ, between, counts};
+use super::cut_through::{ASCII_OVERDUE, FRESH, PAIRS, READ, SPEEDS, VALUE, between, counts, is_well, pairs};
 
 const EVEN: (u32, u32) = (19_200, 19_200);
 /// Silence between two frames of a unit.
 const PAUSE: Duration = Duration::from_millis(10);
+/// Between a master and a client that ask one after the other.
+const TURN: Duration = Duration::from_millis(50);
+const READ_FRESH: [u8; 5] = [3, 0, FRESH as u8, 0, Fresh::REGISTERS as u8];
+/// What register 7 has, and then.
+const OLD: [u8; 4] = VALUE;
+const NEW: [u8; 4] = [3, 2, 0, 9];
+const WRITE: [u8; 5] = [6, 0, 7, 0, 9];
 
 /// A unit on the line below that answers the next request by these `frames`.
 async fn answers(unit: &mut Master, frames: &[Vec<u8>]) {
@@ -44,6 +51,33 @@ fn asked(speeds: (u32, u32), frames: &[Vec<u8>], check: impl for<'w> FnOnce(&Rig
 fn sent_up(rig: &Rig<'_>) -> usize {
     let end = rig.end("up").number();
     rig.wire("up").frames().iter().filter(|frame| frame.from == end).count()
+}
+
+/// In all pairs of framings, on lines as fast as each other, and with a master's line that is slower, so that a copy begins when
+/// nearly all is there. All rules have this `policy`.
+fn shared(policy: &str, mut play: impl for<'w> FnMut(&str, &mut World<'w>, &Rig<'w>, &Device)) {
+    pairs(&PAIRS, &SPEEDS[..2], policy, |case, _, world, rig, [device, _]| play(case, world, rig, device));
+}
+
+/// The fresh values in `answer`, which were read after `asked`.
+fn fresh(case: &str, answer: &Answer, asked: Instant) -> Fresh {
+    let Answer::Pdu(pdu) = answer else { panic!("{case}: {answer:?}") };
+    let fresh = Fresh::from_response(pdu).unwrap_or_else(|| panic!("{case}: {pdu:02x?}"));
+    assert!(u64::from(fresh.at_us) >= asked.as_micros(), "{case}: read before it was asked for");
+    fresh
+}
+
+/// Asks after `wait`.
+async fn after(wait: Duration, client: &mut Client, request: &[u8]) -> (Instant, Answer) {
+    Timer::after(wait).await;
+    let asked = Instant::now();
+    (asked, client.request(5, request).await)
+}
+
+/// The master asks at once.
+async fn master_asks(master: &mut Master, request: &[u8]) -> (Instant, Answer) {
+    let asked = Instant::now();
+    (asked, master.request(105, request).await)
 }
 
 #[test]
@@ -91,6 +125,34 @@ fn noise_longer_than_any_frame_is_not_begun_though_an_answer_may_seem_to_begin_i
     asked(EVEN, &[[&[6][..], &noise[1..]].concat()], |rig, heard| {
         assert_eq!(heard, Some(rtu::frame(107, &[0x83, 0x0b])));
         assert_eq!(counts(rig, "S")[0], 0);
+    });
+}
+
+#[test]
+fn no_answer_that_was_damaged_or_does_not_fit_is_taken_for_a_good_one() {
+    let write = [6, 0, 50, 1, 2];
+    pairs(&PAIRS, &SPEEDS, "", |case, _, world, rig, devices| {
+        let kinds = [
+            Fault::BadCrc,
+            Fault::FlippedBit,
+            Fault::LostByte,
+            Fault::Truncated,
+            Fault::WrongUnit,
+            Fault::WrongFunction,
+            Fault::WrongLength,
+            Fault::WrongEcho,
+        ];
+        let mut master = rig.master("up").with_patience(Duration::from_secs(2));
+        for (fault, nth) in kinds.into_iter().flat_map(|fault| (0..8).map(move |nth| (fault, nth))) {
+            devices[0].set_faults(Faults::new(nth).with(When::Always, fault));
+            let answer = world.run_until(master.request(105, &write));
+            let taken = matches!(&answer, Answer::Pdu(pdu) if *pdu != [0x86, 0x0b]);
+            assert!(!taken, "{case}, {fault:?}: {answer:?}");
+            devices[0].set_faults(Faults::none());
+            world.run_for(ASCII_OVERDUE);
+            is_well(case, world, &mut master);
+        }
+        assert!(counts(rig, "S")[2] > 0, "{case}: answers were broken off");
     });
 }
 
@@ -147,42 +209,6 @@ fn who_shares_an_answer_that_began_wrongly_is_given_no_part_of_it() {
 }
 
 #[test]
-fn an_answer_that_pauses_where_ascii_may_pause_is_passed_on_to_its_end() {
-    between((Framing::Ascii, 19_200), (Framing::Rtu, 9_600), "", |world, rig, devices| {
-        let pause = Fault::GapInside(Duration::from_micros(2_500));
-        devices[0].set_faults(Faults::new(1).with(When::Always, pause));
-        is_well("", world, &mut rig.master("up"));
-        assert_eq!(counts(rig, "S"), [1, 0, 0]);
-    });
-}
-
-#[test]
-fn an_answer_behind_what_looked_like_its_beginning_is_not_mixed_with_that() {
-    let write = [6, 0, 50, 1, 2];
-    let size = Size { late_reads: Duration::from_millis(12), ..Size::default() };
-    let settings = "port S serial up ascii server 19200 7E1\nport C serial down rtu client 9600 8E1 timeout 100ms\n\
-         route S 101-109 * -100 C cut on\n";
-    rig::with_gateway_of(size, 1, settings, |world, rig| {
-        let (mut master, mut unit) = (rig.master("up"), rig.master("down"));
-        // Two stray characters, which look like unit and function.
-        let frames = [[&[7, 6][..], &rtu::frame(7, &write)].concat()];
-        for nth in 0..60 {
-            world.run_for(Duration::from_micros(200_000 + 317 * nth));
-            let asks = async {
-                master.send(107, &write).await;
-                master.receive().await
-            };
-            let (heard, ()) = world.run_until(join(asks, answers(&mut unit, &frames)));
-            let taken = heard.and_then(|heard| framing::open(Framing::Ascii, &heard.bytes));
-            let is_good = taken.as_ref().is_none_or(|taken| *taken == (107, write.to_vec()));
-            assert!(is_good, "{nth}: {taken:02x?}");
-        }
-        let [cut, _, aborted] = counts(rig, "S");
-        assert!(cut > 0 && aborted == cut, "{cut} were begun, and {aborted} of them broken off");
-    });
-}
-
-#[test]
 fn stray_characters_behind_a_request_do_not_spoil_the_one_behind_its_answer() {
     let settings = "port S serial up rtu server 19200 char-timeout 20ms\nport C serial down rtu client 19200\n\
          route S * * * C cut on\n";
@@ -216,4 +242,154 @@ fn a_board_sleeps_while_an_answer_gathers_unless_it_is_passed_on_meanwhile() {
     let (stored, passed_on) = (reads("off"), reads("on"));
     assert!(stored <= 4, "{stored} reads of 25 characters");
     assert!(passed_on > stored, "{passed_on} reads");
+}
+
+#[test]
+fn a_read_that_is_being_passed_on_is_joined_by_nobody_and_those_who_wait_for_it_share_one() {
+    shared("", |case, world, rig, device| {
+        let mut master = rig.master("up");
+        let (mut first, mut second) = (rig.client(machine(1), 502), rig.client(machine(2), 502));
+        // While the request arrives, while its copy leaves, while its response arrives.
+        for wait_ms in (0..60).step_by(3) {
+            let before = device.counters().all_requests();
+            let wait = Duration::from_millis(wait_ms);
+            let ((asked, ours), (asked_first, one), (asked_second, two)) = world.run_until(join3(
+                master_asks(&mut master, &READ_FRESH),
+                after(wait, &mut first, &READ_FRESH),
+                after(wait, &mut second, &READ_FRESH),
+            ));
+            let ours = fresh(case, &ours, asked);
+            let (one, two) = (fresh(case, &one, asked_first), fresh(case, &two, asked_second));
+            let requests = device.counters().all_requests() - before;
+            let shared = 1
+                + u64::from(one.reads != two.reads)
+                + u64::from(ours.reads != one.reads && ours.reads != two.reads);
+            assert_eq!(requests, shared, "{case}, {wait_ms} ms: {ours:?} {one:?} {two:?}");
+            world.run_for(TURN);
+        }
+        assert!(rig.counted("C", Event::Merged) > 0 && counts(rig, "C")[0] > 0, "{case}");
+    });
+}
+
+#[test]
+fn a_damaged_read_is_answered_from_no_memory_and_joins_no_other() {
+    shared("cache 1s", |case, world, rig, device| {
+        let (mut master, mut client) = (rig.master("up"), rig.client(machine(1), 502));
+        let up = rig.framing("up");
+        let (_, answer) = world.run_until(after(TURN, &mut client, &READ));
+        assert_eq!(answer, Answer::Pdu(OLD.to_vec()), "{case}");
+        for damage in 1..16 {
+            let mut frame = framing::frame(up, 105, &READ);
+            // In the check: the request itself is the one whose answer is in memory.
+            let at = frame.len() - if up == Framing::Rtu { 1 + usize::from(damage) % 2 } else { 3 };
+            frame[at] = if up == Framing::Rtu {
+                frame[at] ^ damage
+            } else {
+                b"0123456789ABCDEF"[usize::from(damage)]
+            };
+            if frame == framing::frame(up, 105, &READ) {
+                continue;
+            }
+            world.run_until(async {
+                master.send_bytes(&frame).await;
+                Timer::after(TURN).await;
+            });
+        }
+        assert_eq!(rig.sent("up").characters, 0, "{case}: no answer to a damaged request");
+        assert_eq!((device.counters().all_requests(), rig.counted("C", Event::Cached)), (1, 0), "{case}");
+    });
+}
+
+#[test]
+fn memory_knows_what_was_passed_on_and_forgets_what_was_written() {
+    shared("cache 10s", |case, world, rig, device| {
+        let (mut master, mut client) = (rig.master("up"), rig.client(machine(1), 502));
+        world.run_for(TURN);
+        let (_, answer) = world.run_until(master_asks(&mut master, &READ));
+        assert_eq!(answer, Answer::Pdu(OLD.to_vec()), "{case}");
+        let (_, answer) = world.run_until(after(TURN, &mut client, &READ));
+        assert_eq!(answer, Answer::Pdu(OLD.to_vec()), "{case}");
+        assert_eq!((device.counters().all_requests(), rig.counted("C", Event::Cached)), (1, 1), "{case}");
+        let (_, answer) = world.run_until(master_asks(&mut master, &WRITE));
+        assert_eq!(answer, Answer::Pdu(WRITE.to_vec()), "{case}");
+        let (_, answer) = world.run_until(after(TURN, &mut client, &READ));
+        assert_eq!(answer, Answer::Pdu(NEW.to_vec()), "{case}");
+        assert_eq!(counts(rig, "C")[0], 2, "{case}: both were passed on while they arrived");
+    });
+}
+
+#[test]
+fn no_read_is_answered_from_memory_across_a_write_that_is_being_passed_on() {
+    shared("cache 10s", |case, world, rig, device| {
+        let (mut master, mut client) = (rig.master("up"), rig.client(machine(1), 502));
+        for wait_ms in 0..60 {
+            device.memory().holding[7] = 0x0507;
+            world.run_until(master_asks(&mut master, &[5, 0, 1, 0, 0]));
+            let (_, answer) = world.run_until(after(TURN, &mut client, &READ));
+            assert_eq!(answer, Answer::Pdu(OLD.to_vec()), "{case}");
+            let writes = device.writes().len();
+            let read = async {
+                let (_, answer) = after(Duration::from_millis(wait_ms), &mut client, &READ).await;
+                (answer, device.writes().len())
+            };
+            let ((_, written), (read, by_then)) =
+                world.run_until(join(master_asks(&mut master, &WRITE), read));
+            assert_eq!(written, Answer::Pdu(WRITE.to_vec()), "{case}");
+            let is_old = read == Answer::Pdu(OLD.to_vec());
+            assert!(is_old || read == Answer::Pdu(NEW.to_vec()), "{case}: {read:?}");
+            assert!(!is_old || by_then == writes, "{case}, {wait_ms} ms: an old value behind the write");
+            world.run_for(TURN);
+        }
+    });
+}
+
+#[test]
+fn whatever_is_asked_side_by_side_is_answered_right() {
+    let mut random = Random::new(7);
+    shared("cache 20ms", |case, world, rig, device| {
+        let mut master = rig.master("up");
+        let (mut first, mut second) = (rig.client(machine(1), 502), rig.client(machine(2), 502));
+        for _ in 0..150 {
+            let waits = [(); 2].map(|()| Duration::from_micros(random.within(0..=40_000)));
+            let ((asked, ours), (asked_first, one), (asked_second, two)) = world.run_until(join3(
+                master_asks(&mut master, &READ_FRESH),
+                after(waits[0], &mut first, &READ_FRESH),
+                after(waits[1], &mut second, &READ_FRESH),
+            ));
+            // A response may be 20 ms older than its question, and the device reads before it answers.
+            let least = |asked: Instant| asked - Duration::from_millis(20);
+            for (answer, asked) in [(ours, asked), (one, asked_first), (two, asked_second)] {
+                fresh(case, &answer, least(asked));
+            }
+            world.run_for(Duration::from_micros(random.within(5_000..=40_000)));
+        }
+        assert!(counts(rig, "C")[0] > 0, "{case}");
+        assert!(device.counters().all_requests() > 150, "{case}");
+    });
+}
+
+#[test]
+fn an_answer_behind_what_looked_like_its_beginning_is_not_mixed_with_that() {
+    let write = [6, 0, 50, 1, 2];
+    let size = Size { late_reads: Duration::from_millis(12), ..Size::default() };
+    let settings = "port S serial up ascii server 19200 7E1\nport C serial down rtu client 9600 8E1 timeout 100ms\n\
+         route S 101-109 * -100 C cut on\n";
+    rig::with_gateway_of(size, 1, settings, |world, rig| {
+        let (mut master, mut unit) = (rig.master("up"), rig.master("down"));
+        // Two stray characters, which look like unit and function.
+        let frames = [[&[7, 6][..], &rtu::frame(7, &write)].concat()];
+        for nth in 0..60 {
+            world.run_for(Duration::from_micros(200_000 + 317 * nth));
+            let asks = async {
+                master.send(107, &write).await;
+                master.receive().await
+            };
+            let (heard, ()) = world.run_until(join(asks, answers(&mut unit, &frames)));
+            let taken = heard.and_then(|heard| framing::open(Framing::Ascii, &heard.bytes));
+            let is_good = taken.as_ref().is_none_or(|taken| *taken == (107, write.to_vec()));
+            assert!(is_good, "{nth}: {taken:02x?}");
+        }
+        let [cut, _, aborted] = counts(rig, "S");
+        assert!(cut > 0 && aborted == cut, "{cut} were begun, and {aborted} of them broken off");
+    });
 }

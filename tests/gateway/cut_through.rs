@@ -1,42 +1,57 @@
-//! Frames that are passed on while they arrive, from RTU line to RTU line, in virtual time.
+//! Frames that are passed on while they arrive, from line to line of either framing, in virtual time.
 
-use embassy_time::{Duration, Instant};
+use embassy_futures::join::join;
+use embassy_time::{Duration, Instant, Timer};
 use mobgate::settings::Framing;
 use mobgate::stats::Event;
-use mobgate_simulator::client::load::ClosedLoop;
-use mobgate_simulator::client::{Answer, Reply};
+use mobgate_simulator::client::Answer;
 use mobgate_simulator::device::rtu;
 use mobgate_simulator::fault::When;
-use mobgate_simulator::rig::{Size, machine};
-use mobgate_simulator::timing::t1_5_ns;
-use mobgate_simulator::{Device, Fault, Faults, Rig, World, rig};
+use mobgate_simulator::rig::machine;
+use mobgate_simulator::timing::chars_ns;
+use mobgate_simulator::{Device, Fault, Faults, Master, Rig, World, framing, rig};
 
 pub(crate) const READ: [u8; 5] = [3, 0, 7, 0, 1];
+/// The response of device 5.
+pub(crate) const VALUE: [u8; 4] = [3, 2, 5, 7];
+/// Its registers that differ at every read.
+pub(crate) const FRESH: u16 = 100;
+/// From RTU, then from ASCII, to each.
+pub(crate) const PAIRS: [(Framing, Framing); 4] = [
+    (Framing::Rtu, Framing::Rtu),
+    (Framing::Rtu, Framing::Ascii),
+    (Framing::Ascii, Framing::Rtu),
+    (Framing::Ascii, Framing::Ascii),
+];
+pub(crate) const SPEEDS: [(u32, u32); 3] = [(19_200, 19_200), (9_600, 115_200), (115_200, 9_600)];
+/// Longer than an ASCII frame may pause.
+pub(crate) const ASCII_OVERDUE: Duration = Duration::from_millis(1_100);
+
+/// Settings of a port on a line: its framing and speed, and the character format that goes with them.
+pub(crate) fn serial(framing: Framing, side: &str, baud: u32) -> String {
+    format!("{framing} {side} {baud} {}", if framing == Framing::Rtu { "8E1" } else { "7E1" })
+}
+
 /// Two RTU lines.
 fn played(up: u32, down: u32, rule: &str, play: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>, &[Device; 2])) {
     between((Framing::Rtu, up), (Framing::Rtu, down), rule, play);
 }
 
-/// A server line in front of a client line with the devices 5 and 6, which the master calls 105 and 106.
+/// A server line and a TCP server in front of a client line with the devices 5 and 6, which the master calls 105 and 106.
 pub(crate) fn between(
     up: (Framing, u32),
     down: (Framing, u32),
     rule: &str,
     play: impl for<'w> FnOnce(&mut World<'w>, &Rig<'w>, &[Device; 2]),
 ) {
-    let format = |framing| if framing == Framing::Rtu { "8E1" } else { "7E1" };
     let settings = format!(
-        "port S serial up {} server {} {}\nport C serial down {} client {} {} timeout 100ms\n\
-         port T tcp server 502\nroute S 101-109 * -100 C {rule}\nroute T * * * C\n",
-        up.0,
-        up.1,
-        format(up.0),
-        down.0,
-        down.1,
-        format(down.0)
+        "port S serial up {}\nport C serial down {} timeout 100ms\nport T tcp server 502\n\
+         route S 101-109 * -100 C {rule}\nroute T * * * C {rule}\n",
+        serial(up.0, "server", up.1),
+        serial(down.0, "client", down.1)
     );
     rig::with_gateway(1, &settings, |world, rig| {
-        let devices = [Device::new(5), Device::new(6)];
+        let devices = [Device::new(5).with_fresh(FRESH), Device::new(6)];
         rig.attach(world, "down", devices.clone());
         world.run_for(Duration::from_secs(1));
         play(world, rig, &devices);
@@ -49,8 +64,26 @@ pub(crate) fn between(
     });
 }
 
-pub(crate) fn damaged() -> Answer {
-    Answer::Wrong(Reply { transaction: 0, protocol: 0, unit: 0, pdu: Vec::new() })
+/// These pairs of framings at all these pairs of speeds; `play` is told which, and how the master speaks.
+pub(crate) fn pairs(
+    framings: &[(Framing, Framing)],
+    speeds: &[(u32, u32)],
+    rule: &str,
+    mut play: impl for<'w> FnMut(&str, Framing, &mut World<'w>, &Rig<'w>, &[Device; 2]),
+) {
+    for (&(up, down), &(fast, slow)) in
+        framings.iter().flat_map(|pair| speeds.iter().map(move |speed| (pair, speed)))
+    {
+        let case = format!("{up} {fast} to {down} {slow}");
+        between((up, fast), (down, slow), rule, |world, rig, devices| play(&case, up, world, rig, devices));
+    }
+}
+
+/// A good request is answered.
+pub(crate) fn is_well(case: &str, world: &mut World<'_>, master: &mut Master) {
+    world.run_for(Duration::from_millis(50));
+    let answer = world.run_until(master.request(105, &READ));
+    assert_eq!(answer, Answer::Pdu(VALUE.to_vec()), "{case}");
 }
 
 /// How often port `name` sent a frame while it arrived, sent a whole one, and broke one off.
@@ -58,29 +91,46 @@ pub(crate) fn counts(rig: &Rig<'_>, name: &str) -> [u32; 3] {
     [Event::Cut, Event::Stored, Event::Aborted].map(|event| rig.counted(name, event))
 }
 
-#[test]
-fn frames_are_passed_on_in_both_directions_while_they_arrive_at_all_pairs_of_speeds() {
-    let speeds = [1_200, 9_600, 19_200, 38_400, 115_200];
-    for (up, down) in speeds.into_iter().flat_map(|up| speeds.map(|down| (up, down))) {
-        played(up, down, "", |world, rig, devices| {
-            let mut master = rig.master("up");
-            let write = [16, 0, 50, 0, 3, 6, 1, 2, 3, 4, 5, 6];
-            let requests: [(&[u8], &[u8]); 4] = [
-                (&READ, &[3, 2, 5, 7]),
-                (&write, &write[..5]),
-                (&[3, 0, 50, 0, 3], &[3, 6, 1, 2, 3, 4, 5, 6]),
-                (&[3, 0xff, 0, 0, 1], &[0x83, 2]),
-            ];
-            for (request, answer) in requests {
-                let heard = world.run_until(master.request(105, request));
-                assert_eq!(heard, Answer::Pdu(answer.to_vec()), "{up} to {down}");
-                world.run_for(Duration::from_millis(50));
-            }
-            assert_eq!(counts(rig, "C"), [4, 0, 0], "{up} to {down}");
-            assert_eq!(counts(rig, "S")[2], 0, "{up} to {down}");
-            assert_eq!(devices[0].counters().bad_crc, 0);
-        });
+/// What the gateway has sent on `wire` has not waited for a character anywhere.
+fn assert_no_pause(case: &str, rig: &Rig<'_>, wire: &str) {
+    let end = rig.end(wire);
+    let frames = rig.wire(wire).frames();
+    for frame in frames.iter().filter(|frame| frame.from == end.number()) {
+        let took = frame.end_ns - frame.start_ns;
+        let length = chars_ns(&end.line(), frame.bytes.len() as u64);
+        assert!(took <= length, "{case}: {took} ns for {:02x?}", frame.bytes);
     }
+}
+
+#[test]
+fn frames_are_passed_on_in_both_directions_between_all_pairs_of_framings_and_speeds() {
+    let speeds = [1_200, 9_600, 19_200, 38_400, 115_200];
+    let speeds = speeds.map(|up| speeds.map(|down| (up, down)));
+    pairs(&PAIRS, speeds.as_flattened(), "", |case, _, world, rig, devices| {
+        let mut master = rig.master("up");
+        let write = [16, 0, 50, 0, 3, 6, 1, 2, 3, 4, 5, 6];
+        let requests: [(&[u8], &[u8]); 4] = [
+            (&READ, &VALUE),
+            (&write, &write[..5]),
+            (&[3, 0, 50, 0, 3], &[3, 6, 1, 2, 3, 4, 5, 6]),
+            (&[3, 0xff, 0, 0, 1], &[0x83, 2]),
+        ];
+        for (request, answer) in requests {
+            let heard = world.run_until(master.request(105, request));
+            assert_eq!(heard, Answer::Pdu(answer.to_vec()), "{case}");
+            world.run_for(Duration::from_millis(50));
+        }
+        assert_eq!(counts(rig, "C"), [4, 0, 0], "{case}");
+        let [cut, stored, aborted] = counts(rig, "S");
+        // On a slow upper line a response may be whole before the silence behind its request is over.
+        let (up, down) = (rig.end("up").line().baud, rig.end("down").line().baud);
+        assert!(
+            cut + stored == 4 && aborted == 0 && (cut == 4 || up < down),
+            "{case}: {cut} {stored} {aborted}"
+        );
+        assert_eq!(devices[0].counters().bad_crc, 0);
+        ["up", "down"].into_iter().for_each(|wire| assert_no_pause(case, rig, wire));
+    });
 }
 
 #[test]
@@ -100,10 +150,9 @@ fn the_board_relays_all_of_a_frame_between_its_header_and_its_last_character() {
 
 #[test]
 fn a_rule_can_have_frames_stored() {
-    played(19_200, 19_200, "cut off", |world, rig, _| {
-        let answer = world.run_until(rig.master("up").request(105, &READ));
-        assert_eq!(answer, Answer::Pdu(vec![3, 2, 5, 7]));
-        assert_eq!((counts(rig, "C"), counts(rig, "S")), ([0, 1, 0], [0, 1, 0]));
+    pairs(&PAIRS, &SPEEDS[..1], "cut off", |case, _, world, rig, _| {
+        is_well(case, world, &mut rig.master("up"));
+        assert_eq!((counts(rig, "C"), counts(rig, "S")), ([0, 1, 0], [0, 1, 0]), "{case}");
     });
 }
 
@@ -116,10 +165,35 @@ fn what_a_rule_refuses_never_reaches_the_other_line() {
             assert!(matches!(answer, Answer::Pdu(pdu) if pdu[0] == 0x86), "{rule}");
             assert_eq!(rig.sent("down").characters, 0, "{rule}");
             // What it allows is passed on while it arrives, as soon as that is seen.
-            assert_eq!(world.run_until(master.request(105, &READ)), Answer::Pdu(vec![3, 2, 5, 7]), "{rule}");
+            assert_eq!(world.run_until(master.request(105, &READ)), Answer::Pdu(VALUE.to_vec()), "{rule}");
             assert_eq!(counts(rig, "C"), [1, 0, 0], "{rule}");
         });
     }
+}
+
+#[test]
+fn a_request_with_any_bit_of_any_character_turned_is_never_carried_out() {
+    pairs(&PAIRS, &SPEEDS, "", |case, up, world, rig, devices| {
+        let frame = framing::frame(up, 105, &READ);
+        let mut master = rig.master("up");
+        for (at, bit) in (0..frame.len()).flat_map(|at| (0..7).map(move |bit| (at, bit))) {
+            let mut damaged = frame.clone();
+            damaged[at] ^= 1 << bit;
+            world.run_until(master.send_bytes(&damaged));
+            world.run_for(Duration::from_millis(60));
+        }
+        for device in devices {
+            assert_eq!(device.counters().all_requests(), 0, "{case}");
+        }
+        assert_eq!(rig.counted("C", Event::Timeout), 0, "{case}: nobody was waited for");
+        let [cut, stored, aborted] = counts(rig, "C");
+        assert!(
+            cut > frame.len() as u32 && stored == 0 && aborted == cut,
+            "{case}: {cut} {stored} {aborted}"
+        );
+        world.run_for(ASCII_OVERDUE);
+        is_well(case, world, &mut master);
+    });
 }
 
 #[test]
@@ -137,9 +211,25 @@ fn a_damaged_request_stays_damaged_and_costs_the_unit_nothing() {
             assert_eq!(devices[0].counters().bad_crc, 6, "the device has seen every one of them");
             assert_eq!(counts(rig, "C"), [6, 0, 6]);
             assert_eq!(rig.counted("C", Event::Timeout), 0);
-            assert_eq!(world.run_until(master.request(105, &READ)), Answer::Pdu(vec![3, 2, 5, 7]));
+            assert_eq!(world.run_until(master.request(105, &READ)), Answer::Pdu(VALUE.to_vec()));
         });
     }
+}
+
+#[test]
+fn a_damaged_check_goes_on_as_a_wrong_check() {
+    pairs(&PAIRS, &SPEEDS, "", |case, up, world, rig, devices| {
+        let mut frame = framing::frame(up, 105, &READ);
+        // The last half of the CRC, or the last digit of the LRC.
+        let at = if up == Framing::Rtu { frame.len() - 1 } else { frame.len() - 3 };
+        frame[at] = if frame[at] == b'0' { b'1' } else { b'0' };
+        let mut master = rig.master("up");
+        world.run_until(master.send_bytes(&frame));
+        world.run_for(Duration::from_millis(100));
+        assert_eq!(devices[0].counters().bad_crc, 1, "{case}: the device has seen it");
+        assert_eq!(counts(rig, "C"), [1, 0, 1], "{case}");
+        is_well(case, world, &mut master);
+    });
 }
 
 #[test]
@@ -152,7 +242,23 @@ fn a_request_that_breaks_off_is_broken_off_on_the_other_line() {
         }
         assert_eq!(devices[0].counters().all_requests(), 0);
         assert_eq!(counts(rig, "C"), [7, 0, 7]);
-        assert_eq!(world.run_until(master.request(105, &READ)), Answer::Pdu(vec![3, 2, 5, 7]));
+        assert_eq!(world.run_until(master.request(105, &READ)), Answer::Pdu(VALUE.to_vec()));
+    });
+}
+
+#[test]
+fn a_request_that_breaks_off_anywhere_is_broken_off_on_the_other_line() {
+    pairs(&PAIRS, &SPEEDS, "", |case, up, world, rig, devices| {
+        let frame = framing::frame(up, 105, &READ);
+        let mut master = rig.master("up");
+        for length in 1..frame.len() {
+            world.run_until(master.send_bytes(&frame[..length]));
+            world.run_for(ASCII_OVERDUE);
+        }
+        assert_eq!(devices[0].counters().all_requests(), 0, "{case}");
+        let [cut, stored, aborted] = counts(rig, "C");
+        assert!(cut > 0 && stored == 0 && aborted == cut, "{case}: {cut} {stored} {aborted}");
+        is_well(case, world, &mut master);
     });
 }
 
@@ -181,33 +287,13 @@ fn what_answers_a_request_that_broke_off_where_it_looked_whole_is_no_answer_to_t
 
 #[test]
 fn a_malformed_request_is_broken_off_and_answered_by_the_gateway() {
-    played(19_200, 19_200, "", |world, rig, devices| {
+    pairs(&PAIRS, &SPEEDS, "", |case, _, world, rig, devices| {
         // 126 registers are more than a read may ask for.
         let answer = world.run_until(rig.master("up").request(105, &[3, 0, 0, 0, 126]));
-        assert_eq!(answer, Answer::Pdu(vec![0x83, 3]));
-        assert_eq!(devices[0].counters().all_requests(), 0);
-        assert_eq!(counts(rig, "C"), [1, 0, 1]);
+        assert_eq!(answer, Answer::Pdu(vec![0x83, 3]), "{case}");
+        assert_eq!(devices[0].counters().all_requests(), 0, "{case}");
+        assert_eq!(counts(rig, "C"), [1, 0, 1], "{case}");
     });
-}
-
-#[test]
-fn a_response_that_does_not_fit_never_gets_its_last_character() {
-    for (up, down) in [(19_200, 19_200), (9_600, 115_200), (115_200, 9_600)] {
-        for fault in
-            [Fault::WrongFunction, Fault::WrongLength, Fault::WrongEcho, Fault::BadCrc, Fault::Truncated]
-        {
-            played(up, down, "", |world, rig, devices| {
-                devices[0].set_faults(Faults::new(1).with(When::Requests(1..=1), fault));
-                let mut master = rig.master("up");
-                let answer = world.run_until(master.request(105, &[6, 0, 50, 1, 2]));
-                let stored = Answer::Pdu(vec![0x86, 0x0b]);
-                assert!([damaged(), Answer::Silence, stored].contains(&answer), "{fault:?}: {answer:?}");
-                world.run_for(Duration::from_millis(300));
-                let answer = world.run_until(master.request(105, &READ));
-                assert_eq!(answer, Answer::Pdu(vec![3, 2, 5, 7]), "{up} to {down}, after {fault:?}");
-            });
-        }
-    }
 }
 
 #[test]
@@ -224,23 +310,25 @@ fn functions_of_unknown_length_are_stored_and_begun_at_most_once() {
 
 #[test]
 fn a_frame_for_a_busy_line_is_stored_or_passed_on_late() {
-    played(9_600, 9_600, "", |world, rig, _| {
+    pairs(&PAIRS, &[(9_600, 9_600), (9_600, 19_200)], "", |case, _, world, rig, _| {
         let (mut master, mut client) = (rig.master("up"), rig.client(machine(1), 502));
-        for late_ms in [0, 10, 20, 30, 35, 40, 45, 50] {
+        for late_ms in (0..120).step_by(4) {
             let others = async {
-                embassy_time::Timer::after_millis(60 - late_ms).await;
+                Timer::after_millis(120 - late_ms).await;
                 client.request(6, &[3, 0, 0, 0, 10]).await
             };
             let ours = async {
-                embassy_time::Timer::after_millis(60).await;
+                Timer::after_millis(120).await;
                 master.request(105, &READ).await
             };
-            let (others, ours) = world.run_until(embassy_futures::join::join(others, ours));
-            assert!(matches!(others, Answer::Pdu(_)));
-            assert_eq!(ours, Answer::Pdu(vec![3, 2, 5, 7]));
+            let (others, ours) = world.run_until(join(others, ours));
+            assert!(matches!(others, Answer::Pdu(_)), "{case}");
+            assert_eq!(ours, Answer::Pdu(VALUE.to_vec()), "{case}");
+            world.run_for(Duration::from_millis(100));
         }
         let [cut, stored, aborted] = counts(rig, "C");
-        assert!(cut > 0 && stored > 0 && aborted == 0, "{cut} {stored} {aborted}");
+        assert!(cut > 0 && stored > 0 && aborted == 0, "{case}: {cut} {stored} {aborted}");
+        ["up", "down"].into_iter().for_each(|wire| assert_no_pause(case, rig, wire));
     });
 }
 
@@ -254,42 +342,6 @@ fn a_unit_that_is_down_is_refused_though_its_request_was_passed_on_early() {
         // Two of them waited for a proof that did not come.
         assert_eq!((rig.counted("C", Event::Timeout), rig.counted("C", Event::Proof)), (1, 2));
     });
-}
-
-#[test]
-fn an_answer_that_pauses_is_heard_to_its_end_where_reads_are_late() {
-    let late_reads = Duration::from_micros(300);
-    let size = Size { late_reads, ..Size::default() };
-    for (down, registers) in [(9_600, 4), (38_400, 4), (115_200, 1)] {
-        let settings = format!(
-            "port S serial up rtu server 38400\nport C serial down rtu client {down} timeout 50ms retries 0\n\
-             port T tcp server 502\nroute S * * * C cut on\nroute T * * * C\n"
-        );
-        rig::with_gateway_of(size, 1, &settings, |world, rig| {
-            let (device, other) = (Device::new(5), Device::new(6));
-            rig.attach(world, "down", [device.clone(), other]);
-            let mut client = rig.client(machine(1), 502);
-            world.spawn(async move {
-                let load = ClosedLoop::until(Instant::MAX);
-                load.run(&mut client, || (6, READ.to_vec()), |_, _, _| {}).await
-            });
-            let mut master = rig.master("up");
-            let t1_5_us = t1_5_ns(&rig.end("down").line()) / 1_000;
-            for pause_us in (0..1_900).step_by(20) {
-                let pause = Fault::GapInside(Duration::from_micros(pause_us));
-                device.set_faults(Faults::new(1).with(When::Always, pause));
-                let answer = world.run_until(master.request(5, &[3, 0, 7, 0, registers]));
-                let is_good = matches!(answer, Answer::Pdu(pdu) if pdu[..2] == [3, 2 * registers]);
-                // A longer pause ends what the board relays, and spoils an RTU frame.
-                assert!(is_good || pause_us >= t1_5_us, "{down}, a pause of {pause_us} us");
-                world.run_for(Duration::from_millis(20));
-            }
-            assert!(counts(rig, "S")[0] > 0);
-            let end = (rig.end("down"), Framing::Rtu);
-            let hasty = rig.wire("down").hasty_frames(end, late_reads, Duration::from_ticks(0));
-            assert_eq!(hasty, [], "{down}: requests in an answer that pauses");
-        });
-    }
 }
 
 #[test]

@@ -20,6 +20,15 @@ pub(crate) fn image(board: &str) -> PathBuf {
     images().join(format!("mobgate-{}", board.replace('_', "-")))
 }
 
+/// The boards with an STM32, which are alike: the folders `boards/nucleo_...`.
+pub(crate) fn nucleos() -> Outcome<Vec<String>> {
+    let folder = root().join("boards").read_dir().map_err(|error| format!("boards/: {error}"))?;
+    let names = folder.flatten().filter_map(|entry| entry.file_name().into_string().ok());
+    let mut nucleos: Vec<String> = names.filter(|name| name.starts_with("nucleo_")).collect();
+    nucleos.sort();
+    Ok(nucleos)
+}
+
 /// Where the compiler with the standard library's sources is.
 fn debian() -> PathBuf {
     std::env::var_os("DEBIAN_RUST").map_or("/usr/bin".into(), PathBuf::from)

@@ -36,8 +36,8 @@ pub(crate) fn release() -> Outcome {
     install::check(&[Group::Release, Group::Deny, Group::Package, Group::Thumb])?;
     cargo_deny(&["advisories"])?;
     test::deb()?;
-    for board in ["nucleo_h743zi", "nucleo_f767zi", "nucleo_f429zi"] {
-        board::run(board, "build", &[])?;
+    for board in board::nucleos()? {
+        board::run(&board, "build", &[])?;
     }
     // What the program and each image are made of, in CycloneDX.
     let linux = root().join("boards/linux");
@@ -98,6 +98,9 @@ pub(crate) fn lint() -> Outcome {
     linked_projects()?;
     rust_version()?;
     run(&mut cargo("clippy", &["--workspace", "--all-targets", "--", "-D", "warnings"]))?;
+    // The program as it is packaged.
+    let packaged = ["--package", "mobgate-linux", "--no-default-features", "--features", "linux_5_11"];
+    run(cargo("clippy", &packaged).args(["--", "-D", "warnings"]))?;
     run(cargo("doc", &["--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings"))?;
     built("target/doc/mobgate/index.html")
 }

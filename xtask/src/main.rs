@@ -148,8 +148,16 @@ fn carry_out(task: Task) -> Outcome {
         Task::Counts(Words { words }) => {
             install::check(&[Group::Counts])?;
             // Without epoll_pwait2, which many a valgrind does not know.
-            let program =
-                ["--quiet", "--package", "mobgate-linux", "--no-default-features", "--bench", "pty"];
+            let program = [
+                "--quiet",
+                "--package",
+                "mobgate-linux",
+                "--no-default-features",
+                "--features",
+                "demo",
+                "--bench",
+                "pty",
+            ];
             run(cargo("bench", &program).args(["--", "counts", "refusals"]).args(words))
         }
         Task::Peers(choice) => peers::measure(&choice),

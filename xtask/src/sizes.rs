@@ -10,8 +10,6 @@ use std::path::Path;
 use crate::board;
 use crate::tools::{Outcome, command, figure, output, read};
 
-const BOARDS: [&str; 3] = ["nucleo_h743zi", "nucleo_f767zi", "nucleo_f429zi"];
-
 /// Modules of the router's core.
 const CORE: [&str; 11] = [
     "tasks::router",
@@ -59,7 +57,7 @@ const LARGEST: usize = 8;
 
 /// Prints the sizes of these boards' images, or of all.
 pub(crate) fn print(boards: &[String]) -> Outcome {
-    let all = BOARDS.map(str::to_owned);
+    let all = board::nucleos()?;
     for board in if boards.is_empty() { &all } else { boards } {
         let name = board.strip_prefix("nucleo_").unwrap_or(board);
         let lines = read(format!("boards/{board}/src/main.rs"))?.lines().count();

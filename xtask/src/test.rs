@@ -55,6 +55,8 @@ pub(crate) fn run_all(suites: &[Suite], install: bool) -> Outcome {
         Suite::Qemu => run(&mut cargo("test", &["--package", "mobgate-qemu", "--test", "qemu"])),
         Suite::Package => {
             deb()?;
+            // Its demo is the device behind the package's gateway.
+            run(&mut cargo("build", &["--package", "mobgate-linux", "--bin", "mobgate"]))?;
             run(&mut command("tests/package/run", &[""; 0]))
         }
         // Optimised, since a debug build takes a quarter of an hour for them.

@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Args, CommandFactory, Parser, Subcommand};
-use mobgate::settings::{InterfaceName, TcpListen};
+use mobgate::settings::TcpListen;
 
 use crate::demo;
 
@@ -15,10 +15,6 @@ use crate::demo;
 const THIS_MACHINE: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 
 const EXAMPLES: &str = "\
-Examples:
-  mobgate                              the demo: simulated devices behind
-                                       Modbus TCP port 502 or 5020
-  mobgate --demo ethercat              the same as an EtherCAT SubDevice as well
   mobgate --config mobgate.conf        a gateway as the file says
   mobgate --check mobgate.conf         is the file good?
   mobgate console                      the console of the gateway that runs
@@ -39,10 +35,16 @@ Exit codes: 0 ended by a signal, or the checked file is good;
 1 bad configuration, or a port cannot be opened; 2 bad command line.";
 
 /// A Modbus gateway: clients on TCP, devices on serial lines, and rules between.
-///
-/// Without options the demo runs.
+// The demo is a feature.
+#[cfg_attr(feature = "demo", doc = "\nWithout options the demo runs.")]
 #[derive(Debug, Parser)]
-#[command(name = "mobgate", next_line_help = true, version, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
+#[command(
+    name = "mobgate",
+    next_line_help = true,
+    version,
+    after_help = format!("Examples:\n{}{EXAMPLES}", demo::EXAMPLES),
+    args_conflicts_with_subcommands = true
+)]
 pub struct Options {
     /// Something else than running the gateway
     #[command(subcommand)]
@@ -52,18 +54,16 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
 
-    /// Simulate a bus with three devices, the serial device `demo`; with
-    /// `ethercat` also be an EtherCAT SubDevice with them, at the network
-    /// interface ecat1 or INTERFACE
-    #[arg(long, verbatim_doc_comment, value_name = "ethercat[=INTERFACE]", num_args = 0..=1, default_missing_value = "modbus")]
-    pub demo: Option<DemoKind>,
+    /// The demo's, where there is one
+    #[command(flatten)]
+    pub demo: demo::Choice,
 
     /// Let the first TCP server listen there, whatever its settings say
     #[arg(long, value_name = "[ADDR:]PORT", value_parser = listen)]
     pub listen: Option<TcpListen>,
 
     /// Say whether the settings in FILE are good, and end
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "demo", "listen", "console", "socket", "capture"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "listen", "console", "socket", "capture"])]
     pub check: Option<PathBuf>,
 
     /// Write the frames of all ports into FILE (PCAPNG), for Wireshark;
@@ -148,36 +148,6 @@ impl Options {
             _ => error,
         }
     }
-
-    /// Whether the demo's bus is wanted: by name, or because nothing else is.
-    pub fn runs_demo(&self) -> bool {
-        self.demo.is_some() || self.config.is_none()
-    }
-}
-
-/// What the demo shows.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum DemoKind {
-    /// Devices behind Modbus TCP.
-    Modbus,
-    /// The same, and an EtherCAT SubDevice at this network interface.
-    Ethercat(InterfaceName),
-}
-
-impl FromStr for DemoKind {
-    type Err = &'static str;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        match text.split_once('=').unwrap_or((text, demo::INTERFACE)) {
-            ("modbus", _) => Ok(Self::Modbus),
-            ("ethercat", name) => {
-                let name =
-                    InterfaceName::try_from(name).map_err(|_| "an interface has 15 characters at most")?;
-                Ok(Self::Ethercat(name))
-            }
-            _ => Err("expected ethercat or ethercat=INTERFACE, or nothing"),
-        }
-    }
 }
 
 /// Where the console's socket is, if at all.
@@ -230,7 +200,7 @@ fn listen(text: &str) -> Result<TcpListen, String> {
 mod tests {
     use clap::{CommandFactory, Parser};
 
-    use super::{ConsolePort, DemoKind, Options, TcpListen, listen};
+    use super::{ConsolePort, Options, TcpListen, listen};
 
     #[test]
     fn the_options_fit_together() {
@@ -266,19 +236,6 @@ mod tests {
         assert_eq!(listen("[::1]:502"), Ok(ipv6));
         for bad in ["", "0", "65536", "localhost", "1.2.3.4", "1.2.3.4:0", ":5020"] {
             assert!(listen(bad).is_err(), "{bad:?} was taken");
-        }
-    }
-
-    #[test]
-    fn the_demo_is_of_two_kinds() {
-        let kind = |words: &[&str]| Options::try_parse_from(words).map(|options| options.demo);
-        let at = |name: &str| Some(DemoKind::Ethercat(name.try_into().unwrap()));
-        assert_eq!(kind(&["mobgate"]).unwrap(), None);
-        assert_eq!(kind(&["mobgate", "--demo", "--config", "x"]).unwrap(), Some(DemoKind::Modbus));
-        assert_eq!(kind(&["mobgate", "--demo", "ethercat"]).unwrap(), at("ecat1"));
-        assert_eq!(kind(&["mobgate", "--demo", "ethercat=eth1"]).unwrap(), at("eth1"));
-        for bad in ["profinet", "ethercat=sixteen-letters0"] {
-            assert!(kind(&["mobgate", "--demo", bad]).is_err(), "{bad}");
         }
     }
 

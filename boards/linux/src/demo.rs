@@ -1,22 +1,40 @@
-//! The demo: an RS-485 bus inside the program, with three devices that response at the speed of a real line.
+//! The demo: an RS-485 bus inside the program, with three devices that respond at the speed of a real line.
 //!
-//! The wire and the devices are the simulator's, on the wall clock.
+//! The wire and the devices are the simulator's, on the wall clock. Without the feature `demo` no_demo.rs stands here.
 
 use std::f32::consts::TAU;
 use std::fmt::Write as _;
+use std::str::FromStr;
 
+use clap::Args;
+use embassy_executor::Spawner;
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::settings::{LineSettings, TcpListen};
+use mobgate::settings::{InterfaceName, LineSettings, TcpListen};
 use mobgate_simulator::device::serve;
 use mobgate_simulator::{Device, LineEnd, SimSerial, Wire};
 
+use crate::cli::Options;
+use crate::start::Start;
+use crate::tcp::TcpSockets;
+use crate::{ethercat, settings};
+
+mod lines;
+
+pub use lines::{Line, Lines};
+
+/// Command lines that the demo adds to the examples.
+pub(crate) const EXAMPLES: &str = "  mobgate                              the demo: simulated devices behind
+                                       Modbus TCP port 502 or 5020
+  mobgate --demo ethercat              the same as an EtherCAT SubDevice as well
+";
+
 /// The bus's name among the serial devices.
-pub const DEVICE: &str = "demo";
+const DEVICE: &str = "demo";
 /// Ports that the demo tries when the user names none: Modbus TCP's own, and one that needs no privilege.
-pub const TCP_PORTS: [u16; 2] = [502, 5020];
+const TCP_PORTS: [u16; 2] = [502, 5020];
 
 /// The network interface at which the demo is an EtherCAT SubDevice when the user names none.
-pub const INTERFACE: &str = "ecat1";
+const INTERFACE: &str = "ecat1";
 /// The other end of the cable that leads there.
 const OTHER_END: &str = "ecat0";
 
@@ -32,8 +50,98 @@ const RELAYS: u8 = 2;
 /// Unit 3, slow.
 const LAZY: u8 = 3;
 
+/// The demo's option.
+#[derive(Debug, Args)]
+pub struct Choice {
+    /// Simulate a bus with three devices, the serial device `demo`; with
+    /// `ethercat` also be an EtherCAT SubDevice with them, at the network
+    /// interface ecat1 or INTERFACE
+    #[arg(long, verbatim_doc_comment, conflicts_with = "check", value_name = "ethercat[=INTERFACE]", num_args = 0..=1, default_missing_value = "modbus")]
+    pub demo: Option<DemoKind>,
+}
+
+impl Choice {
+    /// Whether it comes with settings of its own, besides a file's.
+    pub(crate) fn has_settings(&self) -> bool {
+        matches!(self.demo, Some(DemoKind::Ethercat(_)))
+    }
+}
+
+/// What the demo shows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum DemoKind {
+    /// Devices behind Modbus TCP.
+    Modbus,
+    /// The same, and an EtherCAT SubDevice at this network interface.
+    Ethercat(InterfaceName),
+}
+
+impl FromStr for DemoKind {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.split_once('=').unwrap_or((text, INTERFACE)) {
+            ("modbus", _) => Ok(Self::Modbus),
+            ("ethercat", name) => {
+                let name =
+                    InterfaceName::try_from(name).map_err(|_| "an interface has 15 characters at most")?;
+                Ok(Self::Ethercat(name))
+            }
+            _ => Err("expected ethercat or ethercat=INTERFACE, or nothing"),
+        }
+    }
+}
+
+/// The demo's settings, on the first of its TCP ports that may be opened.
+pub(crate) fn start(options: &Options, sockets: &TcpSockets) -> Result<Start, String> {
+    if options.config.is_some() {
+        return Err("--demo ethercat has its own settings: start it without --config".to_owned());
+    }
+    let Options { demo, listen, .. } = options;
+    let interface = match &demo.demo {
+        Some(DemoKind::Ethercat(name)) => Some(name.as_str()),
+        Some(DemoKind::Modbus) | None => None,
+    };
+    if let Some(name) = interface {
+        // Who asked for it counts on it.
+        let needs = || ethercat_needs(name);
+        ethercat::check(name).map_err(|fault| format!("--demo ethercat: {fault}\n{}", needs()))?;
+    }
+    let default = TCP_PORTS.map(|port| TcpListen { address: None, port });
+    let candidates = listen.as_ref().map_or(&default[..], std::slice::from_ref);
+    let mut faults = Vec::new();
+    for at in candidates {
+        match sockets.open(at) {
+            Ok(listener) => {
+                let ethercat = interface.map(ethercat_settings).unwrap_or_default();
+                let settings = settings::parse(&(settings_text(at) + &ethercat))?;
+                print!("{}", invitation(at));
+                interface.into_iter().for_each(|name| print!("{}", ethercat_invitation(name)));
+                return Ok(Start { settings, listeners: vec![listener] });
+            }
+            Err(error) => faults.push(format!("TCP port {at}: {error}")),
+        }
+    }
+    Err(faults.join("; "))
+}
+
+/// Starts the demo's devices where they are wanted, by name or because nothing else is; gives what ports open serial lines by.
+pub fn spawn(options: &Options, spawner: Spawner) -> Lines {
+    let wanted = options.demo.demo.is_some() || options.config.is_none();
+    let demo = wanted.then(Demo::default);
+    let lines = Lines { demo: demo.as_ref().map(Demo::serial) };
+    // Spawned once: its place is free.
+    demo.into_iter().for_each(|demo| spawner.spawn(devices(demo).unwrap()));
+    lines
+}
+
+#[embassy_executor::task]
+async fn devices(demo: Demo) {
+    demo.run().await
+}
+
 /// The bus with its devices.
-pub struct Demo {
+struct Demo {
     host: LineEnd,
     devices: LineEnd,
     meter: Device,
@@ -55,12 +163,12 @@ impl Default for Demo {
 
 impl Demo {
     /// A serial host whose device [`DEVICE`] is the gateway's end of the bus.
-    pub fn serial(&self) -> SimSerial {
+    fn serial(&self) -> SimSerial {
         SimSerial::new().with(DEVICE, &self.host)
     }
 
     /// Lets the devices live, for ever.
-    pub async fn run(self) {
+    async fn run(self) {
         let Self { devices, meter, relays, lazy, .. } = self;
         let living = serve(devices, vec![meter.clone(), relays, lazy]);
         embassy_futures::join::join(living, measure(meter)).await;
@@ -98,7 +206,7 @@ fn words(value: f32) -> [u16; 2] {
 }
 
 /// The demo's settings: all units behind the bus, for clients of a TCP server at `listen`.
-pub fn settings_text(listen: &TcpListen) -> String {
+fn settings_text(listen: &TcpListen) -> String {
     let TcpListen { port, .. } = listen;
     format!(
         "mdns off\n\
@@ -109,7 +217,7 @@ pub fn settings_text(listen: &TcpListen) -> String {
 }
 
 /// The settings that make it an EtherCAT SubDevice as well: the meter and the relays are in the process image.
-pub fn ethercat_settings(interface: &str) -> String {
+fn ethercat_settings(interface: &str) -> String {
     format!(
         "port ecat ethercat interface {interface}\n\
          route ecat * * * bus\n\
@@ -119,7 +227,7 @@ pub fn ethercat_settings(interface: &str) -> String {
 }
 
 /// What it takes to be an EtherCAT SubDevice at `interface`.
-pub fn ethercat_needs(interface: &str) -> String {
+fn ethercat_needs(interface: &str) -> String {
     let mut text =
         "It needs an Ethernet interface that is up, and the right to open a raw socket there.".to_owned();
     if interface == INTERFACE {
@@ -134,7 +242,7 @@ pub fn ethercat_needs(interface: &str) -> String {
 }
 
 /// What to type at the MainDevice's end of the cable.
-pub fn ethercat_invitation(interface: &str) -> String {
+fn ethercat_invitation(interface: &str) -> String {
     let master = if interface == INTERFACE { OTHER_END } else { "INTERFACE" };
     format!(
         "An EtherCAT SubDevice with the meter and the relays is at {interface}. A MainDevice at the other end finds it:\n  \
@@ -145,7 +253,7 @@ pub fn ethercat_invitation(interface: &str) -> String {
 }
 
 /// What to type into another terminal.
-pub fn invitation(listen: &TcpListen) -> String {
+fn invitation(listen: &TcpListen) -> String {
     let host = match listen.address {
         Some(address) if !address.is_unspecified() => address.to_string(),
         _ => "127.0.0.1".to_owned(),
@@ -164,4 +272,25 @@ pub fn invitation(listen: &TcpListen) -> String {
         let _ = writeln!(text, "  # {meaning}\n  {command}");
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::DemoKind;
+    use crate::cli::Options;
+
+    #[test]
+    fn the_demo_is_of_two_kinds() {
+        let kind = |words: &[&str]| Options::try_parse_from(words).map(|options| options.demo.demo);
+        let at = |name: &str| Some(DemoKind::Ethercat(name.try_into().unwrap()));
+        assert_eq!(kind(&["mobgate"]).unwrap(), None);
+        assert_eq!(kind(&["mobgate", "--demo", "--config", "x"]).unwrap(), Some(DemoKind::Modbus));
+        assert_eq!(kind(&["mobgate", "--demo", "ethercat"]).unwrap(), at("ecat1"));
+        assert_eq!(kind(&["mobgate", "--demo", "ethercat=eth1"]).unwrap(), at("eth1"));
+        for bad in ["profinet", "ethercat=sixteen-letters0"] {
+            assert!(kind(&["mobgate", "--demo", bad]).is_err(), "{bad}");
+        }
+    }
 }

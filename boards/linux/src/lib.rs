@@ -8,6 +8,8 @@ mod bind;
 pub mod capture;
 pub mod cli;
 pub mod console;
+// One of two: the program that ships links no simulator.
+#[cfg_attr(not(feature = "demo"), path = "no_demo.rs")]
 pub mod demo;
 pub mod describe;
 mod descriptor;
@@ -15,7 +17,6 @@ pub mod ethercat;
 pub mod executor;
 pub mod file;
 mod hint;
-pub mod lines;
 pub mod logging;
 pub mod mdns;
 pub mod merge;

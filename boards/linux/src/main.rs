@@ -18,8 +18,7 @@ use mobgate::scanner::ScannerState;
 use mobgate::settings::{PORTS_MAX, PortId, Settings, TcpListen};
 use mobgate_linux::cli::{Instead, Options};
 use mobgate_linux::console::{SESSIONS_MAX, Sessions, socket};
-use mobgate_linux::demo::Demo;
-use mobgate_linux::lines::Lines;
+use mobgate_linux::demo::{self, Lines};
 use mobgate_linux::reactor::block_on;
 use mobgate_linux::signals::{Signal as Caught, Signals};
 use mobgate_linux::start::prepare;
@@ -27,7 +26,7 @@ use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
 use mobgate_linux::tcp::{Connector, TcpSockets};
 use mobgate_linux::udp::Datagrams;
-use mobgate_linux::{capture, console, describe, ethercat, executor, lines, logging, mdns, settings};
+use mobgate_linux::{capture, console, describe, ethercat, executor, logging, mdns, settings, tty};
 
 /// TCP connections of all servers together. Each takes a descriptor, of which a process has 1024 by default.
 const CONNECTIONS: usize = 256;
@@ -48,7 +47,7 @@ static GATEWAY: Gateway<'static> = Gateway::new(&POOL, &PORT_STATES, &CONNECTION
     .with_scanner(&POINTS)
     .with_ethercat_interfaces(&ETHERCAT)
     .with_capture(&CAPTURE)
-    .with_same_device(lines::are_same);
+    .with_same_device(tty::are_same);
 
 /// The file that frames are written to next, or none.
 static CAPTURE_FILE: capture::Wanted = Signal::new();
@@ -75,11 +74,6 @@ async fn port(id: PortId, mut lines: Lines) {
 #[embassy_executor::task(pool_size = CONNECTIONS)]
 async fn connection(index: usize, mut sockets: TcpSockets) {
     GATEWAY.run_connection(index, &mut sockets).await
-}
-
-#[embassy_executor::task]
-async fn demo_devices(demo: Demo) {
-    demo.run().await
 }
 
 #[embassy_executor::task]
@@ -223,8 +217,7 @@ fn spawn(
     caught: Signals,
     (socket, console): (Option<socket::Listener>, Option<TcpListen>),
 ) {
-    let demo = options.runs_demo().then(Demo::default);
-    let lines = demo.as_ref().map(|demo| Lines::with_demo(demo.serial())).unwrap_or_default();
+    let lines = demo::spawn(&options, spawner);
     // Each pool has room for what is spawned here, and this runs once: no `unwrap` can fail.
     spawner.spawn(router().unwrap());
     spawner.spawn(signals(caught, store.clone()).unwrap());
@@ -233,9 +226,6 @@ fn spawn(
     }
     for index in 0..CONNECTIONS {
         spawner.spawn(connection(index, sockets.clone()).unwrap());
-    }
-    if let Some(demo) = demo {
-        spawner.spawn(demo_devices(demo).unwrap());
     }
     spawner.spawn(ethercat_controller().unwrap());
     spawner.spawn(keep_settings(store.clone()).unwrap());

@@ -6,10 +6,11 @@
 use std::fs::File;
 use std::io::{self, Read as _, Write as _};
 use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::hal::{Flaws, OpenError, OpenErrorKind, SerialHost, SerialLine};
 use mobgate::settings::{Driver, LineSettings, Parity};
@@ -20,8 +21,8 @@ use serial2::rs4xx::{Rs485Config, TransceiverMode};
 use serial2::{CharSize, SerialPort, StopBits};
 
 use crate::descriptor::Descriptor;
-use crate::hint;
 use crate::worker::{self, Worker};
+use crate::{file, hint};
 
 mod low_latency;
 mod receiver;
@@ -30,6 +31,9 @@ use receiver::Receiver;
 
 /// Major device numbers of the slave side of Unix98 PTYs, which have no real line and know no parity.
 const PTY_MAJORS: std::ops::RangeInclusive<u32> = 136..=143;
+
+/// The 16 ms for which an FTDI adapter may hold characters back, and the scheduler's delay.
+const READ_JITTER: Duration = Duration::from_millis(20);
 
 /// Opens `/dev/...` names, links to them such as those under `/dev/serial/by-id`, and bare names (`ttyUSB0`).
 #[derive(Debug, Clone, Copy, Default)]
@@ -72,12 +76,28 @@ impl SerialHost for TtyHost {
             .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "not a serial device"))?;
         Ok(Tty { receiver: Receiver::new(&io), io, rts })
     }
+
+    fn read_jitter(&self) -> Duration {
+        READ_JITTER
+    }
 }
 
 /// The file that `device` names.
-pub(crate) fn path(device: &str) -> PathBuf {
+fn path(device: &str) -> PathBuf {
     // An absolute name replaces the folder it is joined to.
     Path::new("/dev").join(device)
+}
+
+/// Whether two names are one line's: they lead to one device, or will when it is plugged in.
+pub fn are_same(one: &str, other: &str) -> bool {
+    one == other || identity(one) == identity(other)
+}
+
+/// The number of a character device, or else the path at which it is missed.
+fn identity(device: &str) -> Result<u64, PathBuf> {
+    let path = path(device);
+    let number = std::fs::metadata(&path).ok().filter(|facts| facts.file_type().is_char_device());
+    number.map(|facts| facts.rdev()).ok_or_else(|| file::resolve(&path))
 }
 
 fn open(device: PathBuf, line: &LineSettings) -> Result<SerialPort, OpenError> {
@@ -103,9 +123,7 @@ fn prepare_driver(port: &mut SerialPort, line: &LineSettings) -> Result<(), Open
         Driver::Automatic => Ok(()),
         Driver::Rs485 => {
             // The kernel counts in milliseconds: never less than what was asked for.
-            let delay = |time: embassy_time::Duration| {
-                std::time::Duration::from_millis(time.as_micros().div_ceil(1_000))
-            };
+            let delay = |time: Duration| std::time::Duration::from_millis(time.as_micros().div_ceil(1_000));
             let mut config = Rs485Config::new();
             config.set_delay_before_send(delay(line.driver_before));
             config.set_delay_after_send(delay(line.driver_after));

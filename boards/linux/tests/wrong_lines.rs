@@ -9,7 +9,7 @@ use mobgate::scanner::ScannerState;
 use mobgate::settings::{PORTS_MAX, Settings};
 use mobgate_linux::reactor::block_on;
 use mobgate_linux::store::FileStore;
-use mobgate_linux::{lines, settings};
+use mobgate_linux::{settings, tty};
 
 /// What stands before each of them.
 const GOOD: &str = "\
@@ -57,7 +57,7 @@ fn three_hundred_wrong_lines_are_named_by_line_column_and_word() {
     let connections = [const { Connection::new() }; 256];
     let (pool, points) = (FramePool::new(&slots, 0), ScannerState::new());
     let gateway =
-        Gateway::new(&pool, &ports, &connections).with_scanner(&points).with_same_device(lines::are_same);
+        Gateway::new(&pool, &ports, &connections).with_scanner(&points).with_same_device(tty::are_same);
     let file = tempfile::NamedTempFile::new().unwrap();
     let read = |text: &str| {
         fs::write(&file, text).unwrap();

@@ -18,7 +18,7 @@ use crate::system::Board;
 const LINE: LineSettings = LineSettings { baud: 115_200, parity: Parity::None, ..LineSettings::DEFAULT };
 
 /// Takes the settings in `flash` over, unless the button was held, and serves the console on `line`.
-pub fn start(spawner: Spawner, board: Board, line: Line, flash: SettingsFlash, forget: bool) {
+pub(crate) fn start(spawner: Spawner, board: Board, line: Line, flash: SettingsFlash, forget: bool) {
     // Spawned once: its place is free.
     spawner.spawn(run(board, line, flash, forget).unwrap());
 }

@@ -27,7 +27,7 @@ const SPI_HZ: Hertz = Hertz(30_000_000);
 const SPI_CLOCK_HZ_MIN: u32 = 21_000_000;
 
 /// What the controller is wired to.
-pub struct Wires {
+pub(crate) struct Wires {
     spi: Spi<'static, Async, Master>,
     select: Output<'static>,
     /// High when it asks.
@@ -38,7 +38,7 @@ impl Wires {
     /// SPI1 with DMA in mode 0, a pin that selects the controller, and one that it interrupts by. `interrupts` is what
     /// `bind_interrupts!` made. Where no controller drives its line, all bits are read as ones.
     #[expect(clippy::too_many_arguments, reason = "pins and channels, each of its own type")]
-    pub fn new(
+    pub(crate) fn new(
         spi: Peri<'static, SPI1>,
         clock: Peri<'static, PA5>,
         output: Peri<'static, PB5>,
@@ -66,7 +66,7 @@ impl Wires {
 }
 
 /// Starts looking for the controller.
-pub fn start(spawner: Spawner, wires: Wires) {
+pub(crate) fn start(spawner: Spawner, wires: Wires) {
     // Spawned once: its place is free.
     spawner.spawn(run(wires).unwrap());
 }

@@ -10,23 +10,23 @@ use mobgate_flash::{TEXT_BYTES_MAX, text_bytes_max};
 
 /// How the flash of the chip is driven: by interrupt where it can be, see above.
 #[cfg(feature = "f7")]
-pub type Mode = embassy_stm32::flash::Blocking;
+pub(crate) type Mode = embassy_stm32::flash::Blocking;
 /// How the flash of the chip is driven: by interrupt where it can be, see above.
 #[cfg(not(feature = "f7"))]
-pub type Mode = embassy_stm32::flash::Async;
+pub(crate) type Mode = embassy_stm32::flash::Async;
 
 /// Where the settings begin: the last two sectors of 2 MiB, counted from the beginning of the flash. The same numbers stand
 /// in each board's `regions.x`, which keeps the program out of there.
-pub const SETTINGS_START: u32 = 2 * 1024 * 1024 - 2 * MAX_ERASE_SIZE as u32;
+pub(crate) const SETTINGS_START: u32 = 2 * 1024 * 1024 - 2 * MAX_ERASE_SIZE as u32;
 
 const _: () = assert!(text_bytes_max::<SettingsFlash>() == TEXT_BYTES_MAX, "the longest settings fit");
 
 /// The flash as the settings' store needs it.
-pub struct SettingsFlash(Flash<'static, Mode>);
+pub(crate) struct SettingsFlash(Flash<'static, Mode>);
 
 impl SettingsFlash {
     /// All of the chip's flash; the store keeps to its two sectors.
-    pub fn new(flash: Flash<'static, Mode>) -> Self {
+    pub(crate) fn new(flash: Flash<'static, Mode>) -> Self {
         Self(flash)
     }
 }

@@ -16,12 +16,12 @@ use crate::lines::Lines;
 use crate::sockets::Network;
 
 /// Ports of any kind. The F4 has the least memory.
-pub const PORTS: usize = if cfg!(feature = "f4") { 6 } else { 8 };
+pub(crate) const PORTS: usize = if cfg!(feature = "f4") { 6 } else { 8 };
 /// TCP connections of all servers together: sixteen clients (eight on the F4), and one more that is accepted to decide who
 /// goes.
-pub const CONNECTIONS: usize = if cfg!(feature = "f4") { 9 } else { 17 };
+pub(crate) const CONNECTIONS: usize = if cfg!(feature = "f4") { 9 } else { 17 };
 /// Connections to outside servers and UDP servers at a time.
-pub const CONNECTIONS_OUT: usize = 4;
+pub(crate) const CONNECTIONS_OUT: usize = 4;
 /// One frame for each connection and each port.
 const RESERVED: usize = CONNECTIONS + PORTS;
 /// And some for those who ask several things at a time.
@@ -51,7 +51,7 @@ pub(crate) fn gateway() -> &'static Gateway<'static> {
 }
 
 /// The tasks that must answer for the watchdog to be fed.
-pub static LIVENESS: Liveness<{ Task::Port as usize + PORTS + CONNECTIONS }> = Liveness::new();
+pub(crate) static LIVENESS: Liveness<{ Task::Port as usize + PORTS + CONNECTIONS }> = Liveness::new();
 
 /// Numbers of tasks. The ports and then the connections follow the first port.
 #[derive(Clone, Copy)]
@@ -82,7 +82,7 @@ impl fmt::Display for TaskName {
 }
 
 /// Starts routing, the ports and the connections.
-pub fn start(spawner: Spawner, lines: Lines, network: Network) {
+pub(crate) fn start(spawner: Spawner, lines: Lines, network: Network) {
     // Each pool has room for what is spawned here, and this runs once: no `unwrap` can fail.
     spawner.spawn(router().unwrap());
     for index in 0..PORTS {

@@ -17,7 +17,7 @@ const BLINK: Duration = Duration::from_millis(100);
 const HELD_BLINKS: u32 = 50;
 
 /// The lights.
-pub struct Lights {
+pub(crate) struct Lights {
     green: Output<'static>,
     blue: Output<'static>,
     red: Output<'static>,
@@ -25,7 +25,7 @@ pub struct Lights {
 
 impl Lights {
     /// Lights on these pins, off.
-    pub fn new(
+    pub(crate) fn new(
         green: Peri<'static, AnyPin>,
         blue: Peri<'static, AnyPin>,
         red: Peri<'static, AnyPin>,
@@ -63,7 +63,7 @@ impl Lights {
     }
 
     /// Whether the button is held down from now on for 5 s, which the lights show. It connects the pin to 3.3 V.
-    pub async fn button_is_held(&mut self, button: &Input<'static>) -> bool {
+    pub(crate) async fn button_is_held(&mut self, button: &Input<'static>) -> bool {
         for nth in 0..HELD_BLINKS {
             if button.is_low() {
                 self.all(false);

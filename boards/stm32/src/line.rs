@@ -31,10 +31,10 @@ use mobgate::settings::{Driver, LineSettings, Parity as WireParity};
 use crate::registers;
 
 /// Lines of a board, and its console.
-pub const LINES_MAX: usize = 5;
+pub(crate) const LINES_MAX: usize = 5;
 /// Characters that wait to be read: half a tenth of a second at 115200 baud, and twice that where the program stands still while
 /// settings are saved.
-pub const RING_BYTES: usize = if cfg!(feature = "f7") { 1024 } else { 512 };
+pub(crate) const RING_BYTES: usize = if cfg!(feature = "f7") { 1024 } else { 512 };
 /// The hardware's longest time from driver to character and back, in sixteenths of a bit.
 const DRIVER_SIXTEENTHS_MAX: u64 = 31;
 
@@ -62,7 +62,7 @@ static SHIFTS: [Shift; LINES_MAX] = [const {
 }; LINES_MAX];
 
 /// Serves the interrupt of line number `N`'s UART.
-pub struct LineInterrupt<const N: usize>;
+pub(crate) struct LineInterrupt<const N: usize>;
 
 impl<const N: usize, I: Interrupt> Handler<I> for LineInterrupt<N> {
     unsafe fn on_interrupt() {
@@ -117,7 +117,7 @@ impl Drop for Release {
 }
 
 /// A line.
-pub struct Line {
+pub(crate) struct Line {
     setup: Uart<'static, Blocking>,
     uart: Usart,
     shift: &'static Shift,
@@ -129,14 +129,14 @@ pub struct Line {
 }
 
 /// The DMA channels of a line and the requests that they serve.
-pub struct Dma {
+pub(crate) struct Dma {
     receive: (Channel<'static>, Request),
     transmit: (Channel<'static>, Request),
 }
 
 impl Dma {
     /// The channels of UART `T`. `interrupts` is what `bind_interrupts!` made.
-    pub fn new<T: Instance, R: RxDma<T>, W: TxDma<T>>(
+    pub(crate) fn new<T: Instance, R: RxDma<T>, W: TxDma<T>>(
         receive: Peri<'static, R>,
         transmit: Peri<'static, W>,
         interrupts: impl Binding<R::Interrupt, InterruptHandler<R>>
@@ -155,7 +155,7 @@ impl Dma {
 impl Line {
     /// Line number `number`, whose interrupt is bound to [`LineInterrupt`] of the same number. `setup` is with the default
     /// configuration, which every UART has. `driver` is the pin that switches the transceiver, where `setup` has none.
-    pub fn new(
+    pub(crate) fn new(
         number: usize,
         setup: Result<Uart<'static, Blocking>, ConfigError>,
         uart: Usart,
@@ -175,7 +175,7 @@ impl Line {
     }
 
     /// Sets speed, character format and the driver's times, and forgets what was received before.
-    pub fn configure(&mut self, line: &LineSettings) -> Result<(), OpenError> {
+    pub(crate) fn configure(&mut self, line: &LineSettings) -> Result<(), OpenError> {
         let unsupported = |hint| OpenError::new(OpenErrorKind::Unsupported, hint);
         if line.driver == Driver::Rts {
             return Err(unsupported("the board switches the driver by itself: remove the word rts"));

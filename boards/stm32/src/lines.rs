@@ -9,17 +9,17 @@ use mobgate::settings::LineSettings;
 use crate::line::Line;
 
 /// RS-485 lines of each STM32 board.
-pub const LINES: usize = 4;
+pub(crate) const LINES: usize = 4;
 
 /// A line that no port, or one port, has open.
-pub type Place = Mutex<NoopRawMutex, Line>;
+pub(crate) type Place = Mutex<NoopRawMutex, Line>;
 
 /// The board's lines, `uart1` to `uart4`.
 #[derive(Clone, Copy)]
-pub struct Lines(pub &'static [Place; LINES]);
+pub(crate) struct Lines(pub(crate) &'static [Place; LINES]);
 
 /// An open line.
-pub struct OpenLine(MutexGuard<'static, NoopRawMutex, Line>);
+pub(crate) struct OpenLine(MutexGuard<'static, NoopRawMutex, Line>);
 
 impl SerialHost for Lines {
     type Line<'a> = OpenLine;

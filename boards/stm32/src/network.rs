@@ -16,14 +16,14 @@ use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, gateway};
 use crate::sockets::Network;
 
 /// The chip's Ethernet with any PHY, which the boards have as RMII.
-pub type Driver = Ethernet<'static, ETH, GenericPhy<Sma<'static, ETH_SMA>>>;
+pub(crate) type Driver = Ethernet<'static, ETH, GenericPhy<Sma<'static, ETH_SMA>>>;
 
 /// Packets that the Ethernet's DMA holds until they are read.
 const PACKETS: usize = 4;
 /// Those that go out are gone in microseconds.
 const PACKETS_OUT: usize = 2;
 /// What the driver's packets are kept in.
-pub type Packets = PacketQueue<PACKETS_OUT, PACKETS>;
+pub(crate) type Packets = PacketQueue<PACKETS_OUT, PACKETS>;
 
 /// Sockets at a time: accepted connections, made ones and UDP.
 const SOCKETS: usize = CONNECTIONS + CONNECTIONS_OUT;
@@ -36,15 +36,15 @@ static RESOURCES: StaticCell<StackResources<{ SOCKETS + STACK_SOCKETS }>> = Stat
 static POOL: StaticCell<Sockets> = StaticCell::new();
 
 /// The place of the driver's packets.
-pub static PACKET_QUEUE: ConstStaticCell<Packets> = ConstStaticCell::new(Packets::new());
+pub(crate) static PACKET_QUEUE: ConstStaticCell<Packets> = ConstStaticCell::new(Packets::new());
 
 /// The board's Ethernet address, made of the chip's unique number.
-pub fn ethernet_address() -> [u8; 6] {
+pub(crate) fn ethernet_address() -> [u8; 6] {
     mobgate_board::ethernet_address(&uid())
 }
 
 /// Starts the stack over `driver`, at first with DHCP; the settings follow.
-pub fn start(spawner: Spawner, driver: Driver) -> Network {
+pub(crate) fn start(spawner: Spawner, driver: Driver) -> Network {
     // Different boards do not ask in step, nor begin with the same TCP port. It is no secret.
     let seed = uid().iter().fold(0, |seed: u64, &byte| seed.rotate_left(5) ^ u64::from(byte));
     let config = address::stack_config(&OwnNetwork::DEFAULT);

@@ -8,7 +8,7 @@ use mobgate::hal::{Store, StoreError};
 use crate::gateway::gateway;
 
 /// Why the gateway runs without the saved settings.
-pub enum Problem {
+pub(crate) enum Problem {
     /// The button was held.
     Forgotten,
     /// The flash cannot be made to forget them.

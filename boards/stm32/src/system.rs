@@ -12,7 +12,7 @@ use crate::sockets::Network;
 use crate::start::Problem;
 
 /// A board and what it has to report of its start.
-pub struct Board {
+pub(crate) struct Board {
     name: &'static str,
     network: Network,
     cause: &'static str,
@@ -22,7 +22,7 @@ pub struct Board {
 
 impl Board {
     /// Board `name`; asks the chip why it started, and lets it run at full speed.
-    pub fn new(name: &'static str, network: Network) -> Self {
+    pub(crate) fn new(name: &'static str, network: Network) -> Self {
         registers::enable_instruction_cache();
         Self {
             name,

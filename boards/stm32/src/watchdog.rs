@@ -9,12 +9,12 @@ use crate::sockets::Network;
 
 /// The chip starts again when it was not fed for so long. Erasing a sector of an F7 takes 2 s (4 s at worst), and everything
 /// stands still meanwhile. The chip's own oscillator counts, which may be a third faster than it says.
-pub const TIMEOUT_US: u32 = 10_000_000;
+pub(crate) const TIMEOUT_US: u32 = 10_000_000;
 /// Tasks have so long to answer.
 const PERIOD: Duration = Duration::from_millis(500);
 
 /// Asks the tasks, feeds the watchdog while all answer, and shows it. The first silent task is written down.
-pub async fn watch<T: embassy_stm32::wdg::Instance>(
+pub(crate) async fn watch<T: embassy_stm32::wdg::Instance>(
     mut watchdog: IndependentWatchdog<'static, T>,
     mut lights: Lights,
     network: Network,

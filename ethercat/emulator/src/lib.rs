@@ -62,7 +62,9 @@
 #![forbid(unsafe_code)]
 
 mod access;
+#[cfg(feature = "bench")] // Who only is a controller simulates no network.
 pub mod bench;
+#[cfg(feature = "bench")] // As above.
 pub mod cable;
 pub mod chip;
 pub mod command;
@@ -74,12 +76,13 @@ pub mod fmmu;
 pub mod frame;
 #[cfg(feature = "interface")] // It is one of Linux, and takes crates for that.
 pub mod interface;
+#[cfg(feature = "bench")] // As above.
 pub mod lan9252;
 pub mod main_device;
 #[cfg(feature = "ethercrab")] // It is a crate of its own.
 pub mod master;
 mod memory;
-#[cfg(feature = "interface")] // As above.
+#[cfg(all(feature = "bench", feature = "interface"))] // As above.
 pub mod packet;
 mod passing;
 pub mod pcap;
@@ -89,23 +92,29 @@ pub mod probe;
 pub mod registers;
 mod reset;
 mod reset_sequence;
+#[cfg(feature = "bench")] // As above.
+pub mod samples;
 pub mod segment;
+#[cfg(feature = "bench")] // As above.
 pub mod sub_device;
 pub mod sync_manager;
 mod watchdog;
 
+#[cfg(feature = "bench")] // As above.
 pub use cable::{Cable, FrameFaults, SharedSegment};
 pub use chip::{Chip, Kind, SharedChip};
 pub use command::Command;
+#[cfg(feature = "bench")] // As above.
 pub use lan9252::Lan9252;
 pub use main_device::MainDevice;
+#[cfg(feature = "bench")] // As above.
 pub use mobgate_world::{self as world, Random, World};
 pub use pdi::{DirectPdi, Interrupt};
 pub use probe::Answer;
 pub use segment::{Fate, Segment};
 
 // The README's example is a test.
-#[cfg(doctest)]
+#[cfg(all(doctest, feature = "bench"))]
 #[doc = include_str!("../README.md")]
 struct Readme;
 

@@ -1,13 +1,13 @@
 //! AL control as a mailbox, and the process data watchdog.
 
 use embassy_time::{Duration, Timer};
+use ethercat_esc::World;
+use ethercat_esc::{Command, DirectPdi, Interrupt, Segment, now};
 use ethercat_subdevice::esc::Esc;
-use mobgate_simulator::World;
-use mobgate_simulator::esc::{Command, DirectPdi, Interrupt, Segment, now};
 
 use embedded_hal_async::digital::Wait;
 
-use crate::chips::{OUTPUTS, line, ready};
+use ethercat_esc::samples::{OUTPUTS, line, ready};
 
 fn processor_reads(segment: &Segment, address: u16, bytes: usize) -> Vec<u8> {
     let mut into = vec![0; bytes];

@@ -1,11 +1,11 @@
 //! The model of the LAN9252 judges its driver: everything that must not be done is noticed.
 
 use embedded_hal_async::spi::SpiDevice;
-use mobgate_simulator::esc::now;
-use mobgate_simulator::lan9252::{Spi, Timing};
-use mobgate_simulator::{Lan9252, World};
+use ethercat_esc::lan9252::{Spi, Timing};
+use ethercat_esc::now;
+use ethercat_esc::{Lan9252, World};
 
-use crate::chips::ready;
+use ethercat_esc::samples::ready;
 
 const CSR: u16 = 0x300;
 const READ_PLACE: u16 = 0x308;

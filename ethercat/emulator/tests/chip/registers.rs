@@ -1,9 +1,9 @@
 //! Block accesses across the register map, as masters make them.
 
-use mobgate_simulator::World;
-use mobgate_simulator::esc::{Command, Segment};
+use ethercat_esc::World;
+use ethercat_esc::{Command, Segment};
 
-use crate::chips::line;
+use ethercat_esc::samples::line;
 
 #[test]
 fn blocks_may_cross_read_only_and_missing_registers() {

@@ -2,12 +2,12 @@
 
 use embassy_time::Timer;
 use embedded_hal_async::digital::Wait;
+use ethercat_esc::World;
+use ethercat_esc::frame::Builder;
+use ethercat_esc::{Command, DirectPdi, Fate, Interrupt, Segment, now};
 use ethercat_subdevice::esc::Esc;
-use mobgate_simulator::World;
-use mobgate_simulator::esc::frame::Builder;
-use mobgate_simulator::esc::{Command, DirectPdi, Fate, Interrupt, Segment, now};
 
-use crate::chips::line;
+use ethercat_esc::samples::line;
 
 const USER: u16 = 0x0F80;
 

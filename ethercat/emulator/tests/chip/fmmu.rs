@@ -1,9 +1,9 @@
 //! FMMUs: from a logical address to memory, whole bytes and single bits.
 
-use mobgate_simulator::World;
-use mobgate_simulator::esc::Command;
+use ethercat_esc::Command;
+use ethercat_esc::World;
 
-use crate::chips::{line, ready};
+use ethercat_esc::samples::{line, ready};
 
 /// Registers of an FMMU that writes.
 fn window(logical: u32, bytes: u16, bits: (u8, u8), physical: u16, bit: u8) -> Vec<u8> {
@@ -71,7 +71,7 @@ fn a_mailboxs_status_can_be_mapped_behind_the_process_data() {
     let mut segment = ready();
     let chip = segment.chip(0);
     chip.borrow_mut().write(0, 0x1400, &[0; 120]);
-    let status = |segment: &mut mobgate_simulator::esc::Segment| {
+    let status = |segment: &mut ethercat_esc::Segment| {
         let answer = segment.send_logical(Command::Lrw, 0, &[0; 241]);
         assert_eq!(answer.counter, 3);
         answer.data[240]

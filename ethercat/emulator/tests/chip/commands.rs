@@ -1,10 +1,10 @@
 //! The fifteen commands: who takes part, what comes back, what is counted.
 
-use mobgate_simulator::World;
-use mobgate_simulator::esc::frame::Builder;
-use mobgate_simulator::esc::{Answer, Command};
+use ethercat_esc::World;
+use ethercat_esc::frame::Builder;
+use ethercat_esc::{Answer, Command};
 
-use crate::chips::{FMMUS, MANAGERS, line};
+use ethercat_esc::samples::{FMMUS, MANAGERS, line};
 
 /// User memory among the registers, which both sides may write.
 const USER: u16 = 0x0F80;
@@ -124,7 +124,7 @@ fn unknown_commands_pass_unchanged() {
     let mut frame = Builder::default().device(Command::Brd, 0, 0, &[0; 4]).build();
     frame[16] = 15;
     let before = frame.clone();
-    assert!(segment.pass(0, &mut frame, mobgate_simulator::esc::Fate::Intact));
+    assert!(segment.pass(0, &mut frame, ethercat_esc::Fate::Intact));
     assert_eq!(frame[16..], before[16..]);
 }
 
@@ -134,7 +134,7 @@ fn a_frame_that_is_not_ethercat_gets_no_answer() {
     let mut segment = line(1);
     let mut frame = Builder::default().device(Command::Brd, 0, 0, &[0; 4]).build();
     frame[12..14].copy_from_slice(&[0x08, 0x00]);
-    assert!(!segment.pass(0, &mut frame, mobgate_simulator::esc::Fate::Intact));
+    assert!(!segment.pass(0, &mut frame, ethercat_esc::Fate::Intact));
 }
 
 #[test]
@@ -143,7 +143,7 @@ fn a_vlan_tag_does_not_hide_the_datagrams() {
     let mut segment = line(1);
     let mut frame = Builder::default().device(Command::Brd, 0, 0, &[0; 4]).build();
     frame.splice(12..12, [0x81, 0x00, 0x00, 0x05]);
-    assert!(segment.pass(0, &mut frame, mobgate_simulator::esc::Fate::Intact));
+    assert!(segment.pass(0, &mut frame, ethercat_esc::Fate::Intact));
     assert_eq!(frame[34..36], [1, 0], "the working counter");
 }
 
@@ -153,7 +153,7 @@ fn a_length_that_leads_out_of_the_frame_ends_the_list() {
     let mut segment = line(1);
     let mut frame = Builder::default().device(Command::Brd, 0, 0, &[0; 4]).build();
     frame[22] = 0xFF;
-    assert!(segment.pass(0, &mut frame, mobgate_simulator::esc::Fate::Intact));
+    assert!(segment.pass(0, &mut frame, ethercat_esc::Fate::Intact));
     assert_eq!(frame[6], 0x12, "but it has passed");
 }
 
@@ -162,6 +162,6 @@ fn the_source_address_tells_that_the_frame_has_passed() {
     let _world = World::new(1);
     let mut segment = line(1);
     let mut frame = Builder::default().device(Command::Nop, 0, 0, &[]).build();
-    segment.pass(0, &mut frame, mobgate_simulator::esc::Fate::Intact);
+    segment.pass(0, &mut frame, ethercat_esc::Fate::Intact);
     assert_eq!(frame[6..12], [0x12, 0x10, 0x10, 0x10, 0x10, 0x10]);
 }

@@ -12,9 +12,7 @@ use mobgate::settings::Settings;
 use mobgate_net::{Sockets, mdns};
 use mobgate_simulator::World;
 
-use cable::{NEAR, wired};
-
-mod cable;
+use crate::cable::{NEAR, wired};
 
 const GROUP: Ipv4Addr = Ipv4Addr::new(224, 0, 0, 251);
 const PORT: u16 = 5353;

@@ -1,9 +1,6 @@
-//! The serial lines that the program knows: ttys by their file names and, in the demo, the simulated bus.
+//! The serial lines of a program with the demo: ttys by their file names, and the simulated bus.
 
-use std::fs;
 use std::io;
-use std::os::unix::fs::{FileTypeExt, MetadataExt};
-use std::path::PathBuf;
 
 use embassy_time::{Duration, Instant};
 use embedded_io_async::{Error, ErrorKind, ErrorType, Read, Write};
@@ -12,24 +9,13 @@ use mobgate::settings::LineSettings;
 use mobgate_simulator::SimSerial;
 use mobgate_simulator::serial::SimLine;
 
-use crate::demo;
-use crate::file;
-use crate::tty::{self, Tty, TtyHost};
-
-/// The 16 ms for which an FTDI adapter may hold characters back, and the scheduler's delay.
-const READ_JITTER: Duration = Duration::from_millis(20);
+use super::DEVICE;
+use crate::tty::{Tty, TtyHost};
 
 /// Opens ttys, and the demo's bus when there is one.
 #[derive(Clone, Default)]
 pub struct Lines {
-    demo: Option<SimSerial>,
-}
-
-impl Lines {
-    /// The system's ttys and `demo`'s bus besides.
-    pub fn with_demo(demo: SimSerial) -> Self {
-        Self { demo: Some(demo) }
-    }
+    pub(super) demo: Option<SimSerial>,
 }
 
 impl SerialHost for Lines {
@@ -37,26 +23,14 @@ impl SerialHost for Lines {
 
     async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Line, OpenError> {
         match &mut self.demo {
-            Some(demo) if device == demo::DEVICE => demo.open(device, line).await.map(Line::Demo),
+            Some(demo) if device == DEVICE => demo.open(device, line).await.map(Line::Demo),
             _ => TtyHost.open(device, line).await.map(Line::Tty),
         }
     }
 
     fn read_jitter(&self) -> Duration {
-        READ_JITTER
+        TtyHost.read_jitter()
     }
-}
-
-/// Whether two names are one line's: they lead to one device, or will when it is plugged in.
-pub fn are_same(one: &str, other: &str) -> bool {
-    one == other || identity(one) == identity(other)
-}
-
-/// The number of a character device, or else the path at which it is missed.
-fn identity(device: &str) -> Result<u64, PathBuf> {
-    let path = tty::path(device);
-    let number = fs::metadata(&path).ok().filter(|facts| facts.file_type().is_char_device());
-    number.map(|facts| facts.rdev()).ok_or_else(|| file::resolve(&path))
 }
 
 /// An open line.

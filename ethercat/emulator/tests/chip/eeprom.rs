@@ -1,11 +1,11 @@
 //! The EEPROM interface: reading and writing words, who may, and what a wrong check byte does.
 
 use embassy_time::Timer;
-use mobgate_simulator::World;
-use mobgate_simulator::esc::eeprom::Eeprom;
-use mobgate_simulator::esc::{Chip, Kind, Segment};
+use ethercat_esc::World;
+use ethercat_esc::eeprom::Eeprom;
+use ethercat_esc::{Chip, Kind, Segment};
 
-use crate::chips::{eeprom, line};
+use ethercat_esc::samples::{eeprom, line};
 
 fn command(segment: &mut Segment, command: u16, word: u32) -> u16 {
     segment.poke(0, 0x0502, &[&command.to_le_bytes()[..], &word.to_le_bytes()].concat())

@@ -14,9 +14,7 @@ use mobgate::settings::{Host, ServerAddress, Settings, TcpListen};
 use mobgate_net::{Connector, Datagrams, Sockets, TcpSockets, TcpStream, address};
 use mobgate_simulator::World;
 
-use cable::{FAR, NEAR, wired};
-
-mod cable;
+use crate::cable::{FAR, NEAR, wired};
 
 const PORT_502: TcpListen = TcpListen { address: None, port: 502 };
 

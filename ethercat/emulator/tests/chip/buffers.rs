@@ -1,12 +1,12 @@
 //! SyncManagers in buffered mode: three buffers, so that neither side ever waits or sees half of an image.
 
 use embassy_time::{Duration, Timer};
+use ethercat_esc::World;
+use ethercat_esc::sub_device::Paced;
+use ethercat_esc::{Command, DirectPdi, Segment};
 use ethercat_subdevice::esc::Esc;
-use mobgate_simulator::World;
-use mobgate_simulator::esc::{Command, DirectPdi, Segment};
-use mobgate_simulator::sub_device::Paced;
 
-use crate::chips::{INPUTS, OUTPUTS, ready};
+use ethercat_esc::samples::{INPUTS, OUTPUTS, ready};
 
 const FRAMES: u32 = 100_000;
 

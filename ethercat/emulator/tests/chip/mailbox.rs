@@ -1,9 +1,9 @@
 //! SyncManagers in mailbox mode: one buffer that changes hands.
 
-use mobgate_simulator::World;
-use mobgate_simulator::esc::{Command, Fate, Segment, frame::Builder};
+use ethercat_esc::World;
+use ethercat_esc::{Command, Fate, Segment, frame::Builder};
 
-use crate::chips::{IN_BOX, OUT_BOX, ready};
+use ethercat_esc::samples::{IN_BOX, OUT_BOX, ready};
 
 const FULL: u8 = 1 << 3;
 

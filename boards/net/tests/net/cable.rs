@@ -1,6 +1,4 @@
 //! Two embassy-net stacks at the two ends of a cable that can be pulled, in virtual time.
-// Each test file uses a part of it.
-#![allow(dead_code)]
 
 use std::cell::Cell;
 use std::rc::Rc;

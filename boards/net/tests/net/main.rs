@@ -1,0 +1,5 @@
+//! embassy-net's sockets as the gateway uses them, in virtual time.
+
+mod cable;
+mod mdns;
+mod sockets;

@@ -1,0 +1,119 @@
+//! A NUCLEO-144: its UARTs, pins, DMA channels and interrupts, which are the same on all of these boards. boards/README.md has
+//! the connectors.
+
+use embassy_executor::Spawner;
+use embassy_stm32::eth::{self, Ethernet};
+use embassy_stm32::flash::Flash;
+use embassy_stm32::gpio::{Input, Pull};
+use embassy_stm32::interrupt::typelevel;
+use embassy_stm32::usart::{Config as Serial, Uart};
+use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_stm32::{Peripherals, bind_interrupts, dma, exti, pac, peripherals as p};
+use static_cell::{ConstStaticCell, StaticCell};
+
+use crate::flash::SettingsFlash;
+use crate::lights::Lights;
+use crate::line::{Dma, LINES_MAX, Line, LineInterrupt, RING_BYTES};
+use crate::lines::{LINES, Lines, Place};
+use crate::system::Board;
+use crate::{console, gateway, network, watchdog};
+
+bind_interrupts!(struct Interrupts {
+    USART2 => LineInterrupt<0>;
+    USART6 => LineInterrupt<1>;
+    UART4 => LineInterrupt<2>;
+    UART5 => LineInterrupt<3>;
+    USART3 => LineInterrupt<4>;
+    DMA1_STREAM0 => dma::InterruptHandler<p::DMA1_CH0>;
+    DMA1_STREAM1 => dma::InterruptHandler<p::DMA1_CH1>;
+    DMA1_STREAM2 => dma::InterruptHandler<p::DMA1_CH2>;
+    DMA1_STREAM3 => dma::InterruptHandler<p::DMA1_CH3>;
+    DMA1_STREAM4 => dma::InterruptHandler<p::DMA1_CH4>;
+    DMA1_STREAM5 => dma::InterruptHandler<p::DMA1_CH5>;
+    DMA1_STREAM6 => dma::InterruptHandler<p::DMA1_CH6>;
+    DMA1_STREAM7 => dma::InterruptHandler<p::DMA1_CH7>;
+    DMA2_STREAM1 => dma::InterruptHandler<p::DMA2_CH1>;
+    DMA2_STREAM6 => dma::InterruptHandler<p::DMA2_CH6>;
+    DMA2_STREAM0 => dma::InterruptHandler<p::DMA2_CH0>;
+    DMA2_STREAM3 => dma::InterruptHandler<p::DMA2_CH3>;
+    EXTI15_10 => exti::InterruptHandler<typelevel::EXTI15_10>;
+    ETH => eth::InterruptHandler;
+    /// One bank, see `flash`.
+    #[cfg(not(feature = "f7"))]
+    FLASH => embassy_stm32::flash::InterruptHandler;
+});
+
+static RINGS: ConstStaticCell<[[u8; RING_BYTES]; LINES_MAX]> =
+    ConstStaticCell::new([[0; RING_BYTES]; LINES_MAX]);
+static PLACES: StaticCell<[Place; LINES]> = StaticCell::new();
+
+/// Line number `$number` of the peripherals `$p`: its UART, the pins that receive and transmit and the channels that do, and
+/// the pin that switches the transceiver's driver.
+macro_rules! line {
+    ($p:ident, $ring:expr, $number:literal, $uart:ident, $receive:ident, $transmit:ident, $from:ident, $to:ident) => {
+        line!(@ $p, $ring, $number, $uart, $from, $to, None,
+            Uart::new_blocking($p.$uart, $p.$receive, $p.$transmit, Serial::default()))
+    };
+    ($p:ident, $ring:expr, $number:literal, $uart:ident, $receive:ident, $transmit:ident, $from:ident, $to:ident, $driver:ident) => {{
+        // The UARTs of the F4 cannot switch a driver.
+        #[cfg(feature = "f4")]
+        let line = {
+            use embassy_stm32::gpio::{Level, Output, Speed};
+            line!(@ $p, $ring, $number, $uart, $from, $to, Some(Output::new($p.$driver, Level::Low, Speed::High)),
+                Uart::new_blocking($p.$uart, $p.$receive, $p.$transmit, Serial::default()))
+        };
+        #[cfg(not(feature = "f4"))] // As above.
+        let line = line!(@ $p, $ring, $number, $uart, $from, $to, None,
+            Uart::new_blocking_with_de($p.$uart, $p.$receive, $p.$transmit, $p.$driver, Serial::default()));
+        line
+    }};
+    (@ $p:ident, $ring:expr, $number:literal, $uart:ident, $from:ident, $to:ident, $driver:expr, $setup:expr) => {
+        Line::new($number, $setup, pac::$uart, Dma::new::<p::$uart, _, _>($p.$from, $p.$to, Interrupts), $driver, $ring)
+    };
+}
+
+/// Runs the gateway on the board `name`, whose clocks are set.
+pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
+    let mut lights = Lights::new(p.PB0.into(), p.PB7.into(), p.PB14.into());
+    let forget = lights.button_is_held(&Input::new(p.PC13, Pull::Down)).await;
+
+    let [ring1, ring2, ring3, ring4, ring5] = RINGS.take();
+    let lines = [
+        line!(p, ring1, 0, USART2, PD6, PD5, DMA1_CH5, DMA1_CH6, PD4),
+        line!(p, ring2, 1, USART6, PC7, PC6, DMA2_CH1, DMA2_CH6, PG12),
+        line!(p, ring3, 2, UART4, PC11, PC10, DMA1_CH2, DMA1_CH4, PA15),
+        line!(p, ring4, 3, UART5, PD2, PC12, DMA1_CH0, DMA1_CH7, PC8),
+    ];
+    let lines = Lines(PLACES.init(lines.map(Place::new)));
+    let terminal = line!(p, ring5, 4, USART3, PD9, PD8, DMA1_CH1, DMA1_CH3);
+
+    let (packets, address) = (network::PACKET_QUEUE.take(), network::ethernet_address());
+    let ethernet = Ethernet::new(
+        packets, p.ETH, Interrupts, p.PA1, p.PA7, p.PC4, p.PC5, p.PG13, p.PB13, p.PG11, address, p.ETH_SMA,
+        p.PA2, p.PC1,
+    );
+
+    let network = network::start(spawner, ethernet);
+    let board = Board::new(name, network);
+    gateway::start(spawner, lines, network);
+    // Images without EtherCAT are smaller, see Cargo.toml.
+    #[cfg(feature = "ethercat")]
+    crate::ethercat::start(
+        spawner,
+        crate::ethercat::Wires::new(
+            p.SPI1, p.PA5, p.PB5, p.PA6, p.DMA2_CH3, p.DMA2_CH0, p.PD14, p.PD15, p.EXTI15, Interrupts,
+        ),
+    );
+    // One bank, see `flash`.
+    #[cfg(feature = "f7")]
+    let flash = Flash::new_blocking(p.FLASH);
+    #[cfg(not(feature = "f7"))] // As above.
+    let flash = Flash::new(p.FLASH, Interrupts);
+    console::start(spawner, board, terminal, SettingsFlash::new(flash), forget);
+    // The H7 has a watchdog for each core that it may have.
+    #[cfg(feature = "h7")]
+    let watchdog = p.IWDG1;
+    #[cfg(not(feature = "h7"))] // As above.
+    let watchdog = p.IWDG;
+    watchdog::watch(IndependentWatchdog::new(watchdog, watchdog::TIMEOUT_US), lights, network).await
+}

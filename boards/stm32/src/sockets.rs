@@ -5,7 +5,7 @@ use mobgate_net::Sockets;
 
 /// The board's network.
 #[derive(Clone, Copy)]
-pub struct Network(pub(crate) &'static Sockets);
+pub(crate) struct Network(pub(crate) &'static Sockets);
 
 impl Network {
     pub(crate) fn stack(&self) -> Stack<'static> {

@@ -2,6 +2,8 @@
 
 # So long, in us, may the machine do other things.
 PATIENCE = 5_000_000
+# Starts that may be lost in a row.
+STARTS_MAX = 3
 
 
 class Soem:
@@ -14,8 +16,14 @@ class Soem:
         self.master.open(interface)
 
     def to_pre_op(self):
-        assert self.master.config_init() == 1, "one device"
-        self.device = self.master.slaves[0]
+        # A frame that comes late on a busy machine is lost to SOEM, and so is the state that it asks for: it asks anew, unless the
+        # device has refused something.
+        for _ in range(STARTS_MAX):
+            assert self.master.config_init() == 1, "one device"
+            self.device = self.master.slaves[0]
+            if self.device.state_check(self.soem.PREOP_STATE, PATIENCE) == self.soem.PREOP_STATE:
+                break
+            assert self.device.al_status == 0, hex(self.device.al_status)
         self.wait_for(self.soem.PREOP_STATE)
         self.slow_watchdog()
 

@@ -105,8 +105,8 @@ write UNIT coil|holding ADDRESS [OPTION]... VALUE... via PORT
     (
         "begin",
         of_points(
-            "begin POINT\tbegins a safe write: it is neither read nor
-\twritten until finish
+            "begin POINT\tbegins a safe write, which finish ends
+  The point is neither read nor written until then.
   It ends without a write when nothing is set for 60s.",
             |session, words, job| begun(session.point(PointCommand::Begin, words), job, Job::Point),
         )

@@ -41,7 +41,8 @@ impl Console {
 
     /// Types `command` and gives what is printed behind it, up to the next prompt.
     pub fn run(&mut self, command: &str) -> String {
-        self.type_keys(&format!("{command}\r"));
+        // In front, how wide the terminal is: rows that are looked for stay in one line.
+        self.type_keys(&format!("\x1b[8;24;240t{command}\r"));
         self.read_until(&format!("{command}\r\n"));
         let (mut printed, prompt) = self.read_until_any(&PROMPTS);
         printed.truncate(printed.len() - prompt);

@@ -222,7 +222,7 @@ impl Tap<'_> {
     }
 
     /// Records what was heard on a line until `at`.
-    pub(crate) fn heard(&self, at: Instant, verdict: Event, bytes: &[u8]) {
+    pub(crate) fn received(&self, at: Instant, verdict: Event, bytes: &[u8]) {
         self.record(at, self.requester(), false, verdict, bytes);
     }
 

@@ -107,7 +107,7 @@ impl<'p> FramePool<'p> {
         })
     }
 
-    fn give_back(&self, index: usize) {
+    fn release(&self, index: usize) {
         if index < self.reserved {
             return;
         }
@@ -313,11 +313,11 @@ impl<'p> Frame<'p> {
     }
 
     /// Gives this handle up, unless it is the last one of a frame on which others ride; how many are left.
-    fn let_go(&self) -> Option<u8> {
+    fn release_handle(&self) -> Option<u8> {
         self.with(|slot| {
-            let is_laden = slot.handles == 1 && slot.merged != 0;
-            slot.handles = slot.handles.saturating_sub(u8::from(!is_laden));
-            (!is_laden).then_some(slot.handles)
+            let has_merged = slot.handles == 1 && slot.merged != 0;
+            slot.handles = slot.handles.saturating_sub(u8::from(!has_merged));
+            (!has_merged).then_some(slot.handles)
         })
         .flatten()
     }
@@ -329,12 +329,12 @@ impl<'p> Frame<'p> {
 
 impl Drop for Frame<'_> {
     fn drop(&mut self) {
-        let left = self.let_go().or_else(|| {
-            while self.unload().is_some() {}
-            self.let_go()
+        let left = self.release_handle().or_else(|| {
+            while self.take_merged().is_some() {}
+            self.release_handle()
         });
         if left == Some(0) {
-            self.pool.give_back(usize::from(self.index));
+            self.pool.release(usize::from(self.index));
         }
     }
 }

@@ -272,7 +272,7 @@ impl<'g> Gateway<'g> {
 
     /// Sends a frame home whose PDU is the response by now.
     pub(crate) fn answered(&self, frame: Frame<'_>) {
-        self.send_home(frame, Stage::Response);
+        self.return_to_router(frame, Stage::Response);
     }
 
     /// Sends a frame home that gets no response.
@@ -280,7 +280,7 @@ impl<'g> Gateway<'g> {
         if frame.abandon() {
             return;
         }
-        self.send_home(frame, Stage::Silence);
+        self.return_to_router(frame, Stage::Silence);
     }
 
     /// Answers a request with `exception`.
@@ -294,7 +294,7 @@ impl<'g> Gateway<'g> {
         self.answered(frame);
     }
 
-    fn send_home(&self, frame: Frame<'_>, stage: Stage) {
+    fn return_to_router(&self, frame: Frame<'_>, stage: Stage) {
         frame.set_stage(stage);
         self.inbox.send(frame);
     }

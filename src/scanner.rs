@@ -222,11 +222,11 @@ impl Scanner {
     }
 
     /// What came of the open request to `device`: the response's PDU, or why there is none.
-    pub fn answered(&mut self, device: DeviceId, now: Instant, answer: Result<&[u8], ErrorCode>) {
+    pub fn answered(&mut self, device: DeviceId, now: Instant, response: Result<&[u8], ErrorCode>) {
         let Some(station) = self.stations.get_mut(usize::from(device.0)) else { return };
         let Some(open) = station.open.take() else { return };
         station.pending = true;
-        match answer {
+        match response {
             Err(error) => {
                 let again = station.failed(now, error);
                 station.repeats = again.then_some(open);
@@ -258,15 +258,15 @@ impl Scanner {
                     }
                 }
             }
-            Ok(answer) => {
+            Ok(response) => {
                 station.answered(now, 0);
                 match open {
                     Open::Check => station.check_from = None,
-                    Open::Fetch => match register(answer.get(2..).unwrap_or_default(), 0) {
+                    Open::Fetch => match register(response.get(2..).unwrap_or_default(), 0) {
                         Some(register) => self.go_on(device, Open::Store { register }),
                         None => self.end(device, now, Err(ErrorCode::Unknown), &[]),
                     },
-                    _ => self.end(device, now, Ok(open), answer),
+                    _ => self.end(device, now, Ok(open), response),
                 }
             }
         }

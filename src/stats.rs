@@ -296,8 +296,8 @@ impl Counters {
 
     /// Notes what went wrong.
     pub fn note(&self, error: LastError) {
-        let place = LastError::ALL.iter().position(|known| *known == error).unwrap_or(0);
-        self.last_error.store(place as u8, Ordering::Relaxed);
+        let index = LastError::ALL.iter().position(|known| *known == error).unwrap_or(0);
+        self.last_error.store(index as u8, Ordering::Relaxed);
     }
 
     /// Notes what is wrong with a request that is answered by `exception` at once.
@@ -307,9 +307,9 @@ impl Counters {
     }
 
     /// Counts a response that goes to a client; `cause` is behind it if it is an exception of the gateway.
-    pub(crate) fn answered(&self, answer: &[u8], cause: Cause) {
+    pub(crate) fn answered(&self, response: &[u8], cause: Cause) {
         self.count(Event::Response);
-        if let [function, code] = *answer
+        if let [function, code] = *response
             && function & EXCEPTION_BIT != 0
         {
             self.count(Event::Exception);
@@ -331,8 +331,8 @@ impl Counters {
 
     /// What went wrong last.
     pub fn last_error(&self) -> LastError {
-        let place = self.last_error.load(Ordering::Relaxed);
-        LastError::ALL.get(usize::from(place)).copied().unwrap_or(LastError::None)
+        let index = self.last_error.load(Ordering::Relaxed);
+        LastError::ALL.get(usize::from(index)).copied().unwrap_or(LastError::None)
     }
 
     /// Counts `event`.

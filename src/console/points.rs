@@ -240,11 +240,12 @@ struct DeviceRow<'s> {
 impl fmt::Display for DeviceRow<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, unit, status, inputs, now } = self;
-        let DeviceStatus { requests, answers, exceptions, failures, .. } = status;
-        let heard = if *answers == 0 { text(format_args!("never")) } else { age(status.heard, *now) };
+        let DeviceStatus { requests, responses, exceptions, failures, .. } = status;
+        let heard =
+            if *responses == 0 { text(format_args!("never")) } else { age(status.last_response, *now) };
         write!(
             f,
-            "{name:15} {unit:>4} {requests:>10} {answers:>10} {exceptions:>10} {failures:>10} {heard:>9} "
+            "{name:15} {unit:>4} {requests:>10} {responses:>10} {exceptions:>10} {failures:>10} {heard:>9} "
         )?;
         f.write_str(match status.alive {
             None => "not asked yet",

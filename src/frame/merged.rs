@@ -15,12 +15,12 @@ impl<'p> Frame<'p> {
     }
 
     /// Whether others ride on this frame.
-    pub fn is_laden(&self) -> bool {
+    pub fn has_merged(&self) -> bool {
         self.with(|slot| slot.merged != 0) == Some(true)
     }
 
     /// Takes the first of the frames that ride on this one.
-    pub fn unload(&self) -> Option<Frame<'p>> {
+    pub fn take_merged(&self) -> Option<Frame<'p>> {
         let index = self.with(|slot| slot.merged)?.checked_sub(1)?;
         let merged = Self { pool: self.pool, index };
         let next = merged.with(|slot| mem::take(&mut slot.next));

@@ -48,14 +48,14 @@ impl Gateway<'_> {
         {
             let id = port_state.id;
             let old = self.connections.iter().filter(|connection| connection.state().port == Some(id));
-            old.for_each(|connection| connection.give_to(None));
+            old.for_each(|connection| connection.assign(None));
             port_state.restart();
         }
         for (index, port) in new.ports.iter().enumerate() {
             if let (Some(port), Some(true)) = (port, changed.get(index)) {
                 let free = self.connections.iter().filter(|connection| connection.state().port.is_none());
                 free.take(connections_of(&port.kind))
-                    .for_each(|connection| connection.give_to(Some(PortId(index as u8))));
+                    .for_each(|connection| connection.assign(Some(PortId(index as u8))));
             }
         }
         Ok(())

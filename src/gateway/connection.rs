@@ -72,7 +72,7 @@ impl Connection {
     }
 
     /// The connection is for connections to `port` from now on, or for none.
-    pub(super) fn give_to(&self, port: Option<PortId>) {
+    pub(super) fn assign(&self, port: Option<PortId>) {
         self.update(|connection| connection.port = port);
         self.changed.signal(());
     }

@@ -42,7 +42,7 @@ pub(crate) enum DirectRequestError {
     NoFrame,
     #[error("the port is a server: ask via a client's port")]
     Server,
-    #[error("nothing came back")]
+    #[error("no response")]
     Lost,
     #[error("sent to everybody; nobody answers")]
     Broadcast,

@@ -247,7 +247,7 @@ impl Outstanding {
     }
 
     /// `unit` has sent `response`, whole and undamaged.
-    pub fn heard(&mut self, port: u8, unit: u8, response: &[u8]) -> Settled {
+    pub fn match_response(&mut self, port: u8, unit: u8, response: &[u8]) -> Settled {
         let Some(Fitting { at, entry, several, latest }) = self.fitting(port, unit, response) else {
             let forgotten = self.has_forgotten(port, unit);
             if !forgotten {

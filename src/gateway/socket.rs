@@ -42,7 +42,7 @@ enum Use {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Need {
     /// A request waits.
-    Order,
+    Request,
     /// A server is to be tried again.
     Retry,
 }
@@ -73,8 +73,8 @@ impl State {
         (self.used_for, if self.used_for == Use::Idle { self.used } else { self.opened })
     }
 
-    fn goes_for(&self, need: Need) -> bool {
-        let last = if need == Need::Order { Use::Busy } else { Use::Idle };
+    fn may_be_closed_for(&self, need: Need) -> bool {
+        let last = if need == Need::Request { Use::Busy } else { Use::Idle };
         !self.leaving && self.used_for != Use::None && self.used_for <= last
     }
 }
@@ -103,11 +103,11 @@ impl Socket {
     pub(crate) fn busy(&self, busy: bool) -> bool {
         let state = self.state();
         let used_for = if busy { Use::Busy } else { Use::Idle };
-        let is_news = state.used_for != used_for;
-        if is_news {
+        let has_changed = state.used_for != used_for;
+        if has_changed {
             self.set(State { used_for, used: Instant::now(), ..state });
         }
-        is_news
+        has_changed
     }
 
     /// Whether the connection has been asked to go.
@@ -140,7 +140,7 @@ pub(crate) fn ask_for_one<'s>(
     let mut first: Option<(&Socket, State)> = None;
     for socket in sockets {
         let state = socket.state();
-        if state.goes_for(need) && first.is_none_or(|(_, other)| state.rank() < other.rank()) {
+        if state.may_be_closed_for(need) && first.is_none_or(|(_, other)| state.rank() < other.rank()) {
             first = Some((socket, state));
         }
     }

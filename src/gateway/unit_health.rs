@@ -102,12 +102,12 @@ struct List {
     /// Behind the last one.
     end: u16,
     /// One of its units may be held or down.
-    troubled: bool,
+    needs_check: bool,
     frozen: bool,
 }
 
 impl List {
-    const EMPTY: Self = Self { first: 0, end: 0, troubled: false, frozen: false };
+    const EMPTY: Self = Self { first: 0, end: 0, needs_check: false, frozen: false };
 
     fn slots(self) -> Range<usize> {
         self.first.into()..self.end.into()
@@ -217,19 +217,20 @@ impl Units<'_> {
     }
 
     /// Whether a unit may be held or down: mostly none is, and none has to be looked at by itself.
-    pub fn troubled(&self) -> bool {
-        self.list().troubled
+    pub fn needs_check(&self) -> bool {
+        self.list().needs_check
     }
 
     /// Whether every unit may be asked at `now`, and none counts as down.
-    pub fn all_well(&mut self, now: Instant) -> bool {
-        let troubled = self.troubled() && self.iter().any(|unit| unit.held_until > now || unit.is_down());
-        self.set_troubled(troubled);
-        !troubled
+    pub fn all_healthy(&mut self, now: Instant) -> bool {
+        let needs_check =
+            self.needs_check() && self.iter().any(|unit| unit.held_until > now || unit.is_down());
+        self.set_needs_check(needs_check);
+        !needs_check
     }
 
-    fn set_troubled(&mut self, troubled: bool) {
-        self.all.ports.get_mut(self.port).into_iter().for_each(|list| list.troubled = troubled);
+    fn set_needs_check(&mut self, needs_check: bool) {
+        self.all.ports.get_mut(self.port).into_iter().for_each(|list| list.needs_check = needs_check);
     }
 
     /// Whether `id` counts as down, whatever is due.
@@ -298,7 +299,7 @@ impl Units<'_> {
 
     /// `id` gave no response; after `down_after` such in a row (0: never) it is down. Says whether nothing at all was heard.
     pub fn timed_out(&mut self, id: u8, now: Instant, down_after: u8) -> bool {
-        self.set_troubled(true);
+        self.set_needs_check(true);
         self.frozen_asked_in_vain(id);
         let Some(unit) = self.entry(id) else { return false };
         let silent = !unit.disturbed;

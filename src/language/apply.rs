@@ -133,7 +133,7 @@ fn port(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let draft = Draft::create(words)?;
     // Not `find`: that one also takes a bare number for a name.
     let same = |port: &Option<Port>| port.as_ref().is_some_and(|port| port.name.eq_ignore_ascii_case(&name));
-    let place = settings
+    let endpoint = settings
         .ports
         .iter()
         .position(same)
@@ -141,10 +141,10 @@ fn port(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
         .ok_or_else(|| name_word.error(Problem::PortsFull))?;
     put_port(
         settings,
-        PortId(place as u8),
+        PortId(endpoint as u8),
         Port { name, kind: draft.kind, units: draft.units },
         name_word,
-        draft.place,
+        draft.endpoint,
     )
 }
 
@@ -154,25 +154,25 @@ fn put_port(
     id: PortId,
     port: Port,
     name: Word,
-    place: Word,
+    endpoint: Word,
 ) -> Result<Changed, Wrong> {
     let others = settings.ports.iter().enumerate().filter(|&(at, _)| at != id.index());
     for Port { name, kind: other, .. } in others.filter_map(|(_, other)| other.as_ref()) {
         match (&port.kind, other) {
             (PortKind::Serial(own), PortKind::Serial(other)) if own.device == other.device => {
-                return Err(place.error(Problem::DeviceTaken(name.clone())));
+                return Err(endpoint.error(Problem::DeviceTaken(name.clone())));
             }
             (PortKind::TcpServer(own), PortKind::TcpServer(other)) if own.listen.collides(&other.listen) => {
-                return Err(place.error(Problem::ListenTaken));
+                return Err(endpoint.error(Problem::ListenTaken));
             }
             (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
-                return Err(place.error(Problem::ListenTaken));
+                return Err(endpoint.error(Problem::ListenTaken));
             }
             (PortKind::Ethercat(_), PortKind::Ethercat(_)) => {
-                return Err(place.error(Problem::Points(PointProblem::EthercatTaken)));
+                return Err(endpoint.error(Problem::Points(PointProblem::EthercatTaken)));
             }
             (PortKind::Scanner, PortKind::Scanner) => {
-                return Err(place.error(Problem::Points(PointProblem::ScannerTaken)));
+                return Err(endpoint.error(Problem::Points(PointProblem::ScannerTaken)));
             }
             _ => {}
         }
@@ -270,7 +270,7 @@ fn edit(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
             let (id, old) = existing_port(settings, name_word)?;
             let draft = Draft::edit(old, words)?;
             let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units };
-            put_port(settings, id, port, name_word, draft.place)
+            put_port(settings, id, port, name_word, draft.endpoint)
         }
         _ => {
             let at = route_place(settings, words.take())?;

@@ -65,12 +65,12 @@ impl Field<'_> {
     /// Takes the value from `words`, or from `word`, which is the one that named the setting.
     pub(crate) fn read(self, word: Word, words: &Words) -> Result<(), Wrong> {
         match self {
-            Self::Framing(place, value) => *place = value,
-            Self::Side(place, value) => *place = value,
-            Self::Driver(place, value) => *place = value,
-            Self::Stream(place, value) => *place = value,
-            Self::Flag(place, value) => *place = value,
-            Self::Baud(place, range) => *place = number(word, "a baud rate", range.clone())?,
+            Self::Framing(target, value) => *target = value,
+            Self::Side(target, value) => *target = value,
+            Self::Driver(target, value) => *target = value,
+            Self::Stream(target, value) => *target = value,
+            Self::Flag(target, value) => *target = value,
+            Self::Baud(target, range) => *target = number(word, "a baud rate", range.clone())?,
             Self::Format(line) => (line.data_bits, line.parity, line.stop_bits) = format(word)?,
             value => value.read_value(words.take(), words)?,
         }
@@ -80,34 +80,34 @@ impl Field<'_> {
     /// Takes the value from `word`, and if it is a list from `words` behind it.
     fn read_value(self, word: Word, words: &Words) -> Result<(), Wrong> {
         match self {
-            Self::Time(place, range) => *place = time(word, range)?,
-            Self::AutoTime(place, _) if word.is("auto") => *place = None,
-            Self::AutoTime(place, range) => *place = Some(time(word, range)?),
-            Self::Idle(place, _) if word.text == "0" => *place = Duration::from_ticks(0),
-            Self::Idle(place, range) => *place = time(word, range)?,
+            Self::Time(target, range) => *target = time(word, range)?,
+            Self::AutoTime(target, _) if word.is("auto") => *target = None,
+            Self::AutoTime(target, range) => *target = Some(time(word, range)?),
+            Self::Idle(target, _) if word.text == "0" => *target = Duration::from_ticks(0),
+            Self::Idle(target, range) => *target = time(word, range)?,
             // Limits keep these numbers as small as their places.
-            Self::Small(place, count) => *place = count.read(word)? as u8,
-            Self::Medium(place, count) => *place = count.read(word)? as u16,
-            Self::Unit(place, _) if word.is("auto") => *place = None,
-            Self::Unit(place, count) => *place = Some(count.read(word)? as u8),
-            Self::Id(place, _) if word.is("alias") => *place = None,
-            Self::Id(place, count) => *place = Some(count.read(word)? as u16),
-            Self::Device(place) => *place = device(word)?,
-            Self::Listen(place) => *place = listen(word)?,
-            Self::Server(place) => *place = Some(server_address(word)?),
-            Self::Full(place) => *place = word.keyword(FULL, "displace or refuse")?,
+            Self::Small(target, count) => *target = count.read(word)? as u8,
+            Self::Medium(target, count) => *target = count.read(word)? as u16,
+            Self::Unit(target, _) if word.is("auto") => *target = None,
+            Self::Unit(target, count) => *target = Some(count.read(word)? as u8),
+            Self::Id(target, _) if word.is("alias") => *target = None,
+            Self::Id(target, count) => *target = Some(count.read(word)? as u16),
+            Self::Device(target) => *target = device(word)?,
+            Self::Listen(target) => *target = listen(word)?,
+            Self::Server(target) => *target = Some(server_address(word)?),
+            Self::Full(target) => *target = word.keyword(FULL, "displace or refuse")?,
             Self::Reserve(places, peers, count) => {
                 *places = count.read(word)? as u16;
                 *peers = if *places > 0 { reserved_for(words)? } else { Vec::new() };
             }
-            Self::Allow(place) if word.is("*") => *place = Allowed::everybody(),
-            Self::Allow(place) => place.0 = prefixes(word, words)?,
-            Self::Special(place, broadcast) => *place = meaning(word, words, broadcast)?,
-            Self::Interface(place) => *place = Some(interface(word)?),
-            Self::Line(place) if word.is("none") => *place = None,
-            Self::Line(place) => *place = Some(name(word)?),
-            Self::OnLoss(place) => *place = word.keyword(ON_LOSS, "hold, clear or stop")?,
-            Self::Proofs(place) => *place = Proofs::read(word, words)?,
+            Self::Allow(target) if word.is("*") => *target = Allowed::everybody(),
+            Self::Allow(target) => target.0 = prefixes(word, words)?,
+            Self::Special(target, broadcast) => *target = meaning(word, words, broadcast)?,
+            Self::Interface(target) => *target = Some(interface(word)?),
+            Self::Line(target) if word.is("none") => *target = None,
+            Self::Line(target) => *target = Some(name(word)?),
+            Self::OnLoss(target) => *target = word.keyword(ON_LOSS, "hold, clear or stop")?,
+            Self::Proofs(target) => *target = Proofs::read(word, words)?,
             _ => {}
         }
         Ok(())
@@ -116,11 +116,11 @@ impl Field<'_> {
     /// Whether the word without a value is what the setting says. Others always have something to say.
     fn holds(&self) -> bool {
         match self {
-            Self::Framing(place, value) => *place == value,
-            Self::Side(place, value) => *place == value,
-            Self::Driver(place, value) => *place == value,
-            Self::Stream(place, value) => *place == value,
-            Self::Flag(place, value) => *place == value,
+            Self::Framing(target, value) => *target == value,
+            Self::Side(target, value) => *target == value,
+            Self::Driver(target, value) => *target == value,
+            Self::Stream(target, value) => *target == value,
+            Self::Flag(target, value) => *target == value,
             _ => true,
         }
     }

@@ -12,8 +12,8 @@ pub(crate) fn existing_point<'s>(
     settings: &'s Settings,
     word: Word,
 ) -> Result<(u8, &'s PointSettings), Wrong> {
-    let place = settings.find_point(word.text);
-    let found = place.and_then(|place| Some((place, settings.points.get(usize::from(place))?)));
+    let index = settings.find_point(word.text);
+    let found = index.and_then(|index| Some((index, settings.points.get(usize::from(index))?)));
     found.ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchPoint)))
 }
 
@@ -21,20 +21,20 @@ pub(crate) fn existing_point<'s>(
 pub(crate) fn check_others(
     settings: &Settings,
     point: &PointSettings,
-    place: Option<usize>,
+    index: Option<usize>,
     name: Word,
     address: Word,
 ) -> Result<(), Wrong> {
-    let place = place.unwrap_or(settings.points.len());
-    let others = || settings.points.iter().enumerate().filter(|&(at, _)| at != place).map(|(_, other)| other);
-    let shows = |other: &PointSettings| matches!(other.at, PointAt::Local { of: Some(of), .. } if usize::from(of) == place);
+    let index = index.unwrap_or(settings.points.len());
+    let others = || settings.points.iter().enumerate().filter(|&(at, _)| at != index).map(|(_, other)| other);
+    let shows = |other: &PointSettings| matches!(other.at, PointAt::Local { of: Some(of), .. } if usize::from(of) == index);
     let is_same = |old: &PointSettings| (old.count, old.value) == (point.count, point.value);
     if let PointAt::Local { of: Some(of), .. } = point.at
-        && usize::from(of) >= place
+        && usize::from(of) >= index
     {
         return Err(name.error(Problem::Points(PointProblem::ShowsLater)));
     }
-    let changes = settings.points.get(place).is_some_and(|old| !is_same(old));
+    let changes = settings.points.get(index).is_some_and(|old| !is_same(old));
     let becomes_other = matches!(point.at, PointAt::Local { of: Some(_), .. });
     if others().any(shows) && (changes || becomes_other) {
         return Err(name.error(Problem::Points(PointProblem::PointShown)));

@@ -142,9 +142,9 @@ pub(crate) fn device(settings: &mut Settings, words: &Words) -> Result<Changed, 
             _ => device_label = label(words)?,
         }
     }
-    let place = settings.find_device(&name).map(usize::from);
+    let index = settings.find_device(&name).map(usize::from);
     let new = DeviceSettings { name, device, label: device_label };
-    match place.and_then(|place| settings.devices.get_mut(place)) {
+    match index.and_then(|index| settings.devices.get_mut(index)) {
         Some(old) => *old = new,
         None => settings
             .devices
@@ -181,9 +181,9 @@ pub(crate) fn point(settings: &mut Settings, words: &Words) -> Result<Changed, W
     if u32::from(first) + u32::from(point.cells()) > 65_536 {
         return Err(address_word.error(Problem::Points(PointProblem::AddressesEnd)));
     }
-    let place = settings.find_point(&point.name).map(usize::from);
-    check_others(settings, &point, place, name_word, address_word)?;
-    match place.and_then(|place| settings.points.get_mut(place)) {
+    let index = settings.find_point(&point.name).map(usize::from);
+    check_others(settings, &point, index, name_word, address_word)?;
+    match index.and_then(|index| settings.points.get_mut(index)) {
         Some(old) => *old = point,
         None => settings
             .points
@@ -306,7 +306,7 @@ fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) 
         }
         Key::Of => {
             let word = words.take();
-            let (place, target) = existing_point(settings, word)?;
+            let (index, target) = existing_point(settings, word)?;
             if matches!(target.at, PointAt::Local { of: Some(_), .. }) || target.name == point.name {
                 return Err(word.error(Problem::Points(PointProblem::ShowsAnother)));
             }
@@ -317,7 +317,7 @@ fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) 
             }
             (point.count, point.value) = (target.count, target.value);
             if let PointAt::Local { of, .. } = &mut point.at {
-                *of = Some(place);
+                *of = Some(index);
             }
         }
         Key::Quality => {

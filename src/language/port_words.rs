@@ -23,7 +23,7 @@ pub(crate) struct Draft<'a> {
     /// What special unit ids mean.
     pub(crate) units: UnitPolicy,
     /// The word that names the device or the listening address, or else the line's first: blamed when that is taken.
-    pub(crate) place: Word<'a>,
+    pub(crate) endpoint: Word<'a>,
     /// Bits of [`Key`].
     seen: u64,
     blamed: Blamed<'a>,
@@ -111,12 +111,12 @@ pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
 impl<'a> Draft<'a> {
     /// Reads a new port up to the end of the line.
     pub(crate) fn create(words: &'a Words) -> Result<Self, Wrong> {
-        let (kind, place) = new_port(words)?;
+        let (kind, endpoint) = new_port(words)?;
         let mut seen = Key::Device.bit() | Key::Listen.bit() | Key::Server.bit();
         if let PortKind::TcpClient(TcpClientSettings { server: None, .. }) = kind {
             seen &= !Key::Server.bit();
         }
-        let mut draft = Self::read(kind, UnitPolicy::default(), place, seen, words)?;
+        let mut draft = Self::read(kind, UnitPolicy::default(), endpoint, seen, words)?;
         let end = words.take();
         let (has_clients, has_format) = (draft.has(Key::Clients), draft.has(Key::Format));
         let (has_framing, has_side) =
@@ -148,11 +148,11 @@ impl<'a> Draft<'a> {
     fn read(
         kind: PortKind,
         units: UnitPolicy,
-        place: Word<'a>,
+        endpoint: Word<'a>,
         seen: u64,
         words: &'a Words,
     ) -> Result<Self, Wrong> {
-        let mut draft = Self { kind, units, place, seen, blamed: Blamed::default() };
+        let mut draft = Self { kind, units, endpoint, seen, blamed: Blamed::default() };
         while draft.seen == 0 || !words.peek().is_end() {
             draft.word(words)?;
         }
@@ -172,7 +172,7 @@ impl<'a> Draft<'a> {
         }
         self.seen |= key.bit();
         if matches!(key, Key::Device | Key::Listen | Key::Server) {
-            self.place = words.peek();
+            self.endpoint = words.peek();
         }
         if let Some(sort) = Sort::of(key)
             && let Some(blamed) = self.blamed.0.get_mut(sort as usize)
@@ -206,13 +206,16 @@ impl<'a> Draft<'a> {
         match kind {
             PortKind::Serial(settings) => {
                 if settings.framing == Framing::Rtu && settings.line.data_bits != 8 {
-                    return Err(blamed.get(Sort::Format).unwrap_or(self.place).error(Problem::RtuDataBits));
+                    return Err(blamed
+                        .get(Sort::Format)
+                        .unwrap_or(self.endpoint)
+                        .error(Problem::RtuDataBits));
                 }
                 check_serial(settings, blamed)
             }
             PortKind::TcpServer(settings) => {
                 if settings.reserved > settings.clients {
-                    let word = blamed.get(Sort::Places).unwrap_or(self.place);
+                    let word = blamed.get(Sort::Places).unwrap_or(self.endpoint);
                     return Err(word.error(Problem::ReservedTooMany(settings.clients)));
                 }
                 let TcpServerSettings { idle, pipeline, lifetime, .. } = TcpServerSettings::new(1);
@@ -269,19 +272,19 @@ fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
             return Ok((PortKind::TcpClient(TcpClientSettings::new(None)), word));
         }
     }
-    let place = words.take();
+    let endpoint = words.take();
     let kind = match (medium, side) {
         (Medium::Tcp, Side::Server) => {
-            let listen = listen(place)?;
+            let listen = listen(endpoint)?;
             PortKind::TcpServer(TcpServerSettings { listen, ..TcpServerSettings::new(listen.port) })
         }
         (Medium::Tcp, Side::Client) => {
-            PortKind::TcpClient(TcpClientSettings::new(Some(server_address(place)?)))
+            PortKind::TcpClient(TcpClientSettings::new(Some(server_address(endpoint)?)))
         }
-        (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(place)?)),
-        _ => PortKind::Serial(SerialSettings::new(device(place)?)),
+        (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(endpoint)?)),
+        _ => PortKind::Serial(SerialSettings::new(device(endpoint)?)),
     };
-    Ok((kind, place))
+    Ok((kind, endpoint))
 }
 
 fn check_serial(settings: &mut SerialSettings, blamed: &Blamed) -> Result<(), Wrong> {

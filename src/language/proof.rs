@@ -27,14 +27,14 @@ const PROOFS: &[(&str, Proof)] = &[
 impl Proofs {
     /// `diagnostic, none for 17, read holding 0 count 2 for 20-29`, whose first word is `word`.
     pub(crate) fn read<'w>(mut word: Word<'w>, words: &'w Words) -> Result<Self, Wrong> {
-        let (mut proofs, mut places) = (Self::default(), 0..PROOFS_MAX);
+        let (mut proofs, mut free) = (Self::default(), 0..PROOFS_MAX);
         loop {
             let proof = Proof::read(word, words)?;
             if words.peek().is("for") {
                 words.take();
                 let units = units(words.take())?;
-                let place = places.next().and_then(|place| proofs.of_units.get_mut(place));
-                *place.ok_or_else(|| word.expected(PROOFS_EXPECTED))? = Some((units, proof));
+                let index = free.next().and_then(|index| proofs.of_units.get_mut(index));
+                *index.ok_or_else(|| word.expected(PROOFS_EXPECTED))? = Some((units, proof));
             } else {
                 proofs.all = proof;
             }

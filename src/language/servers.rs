@@ -73,9 +73,9 @@ pub(crate) fn delete_server(settings: &mut Settings, words: &Words) -> Result<Ch
     let id = port(settings, words.take())?;
     let (word, units) = units(words)?;
     words.end()?;
-    let place = settings.servers.iter().position(|server| server.port == id && server.units == units);
-    let place = place.ok_or_else(|| word.error(Problem::NoSuchServer))?;
-    settings.servers.remove(place);
+    let index = settings.servers.iter().position(|server| server.port == id && server.units == units);
+    let index = index.ok_or_else(|| word.error(Problem::NoSuchServer))?;
+    settings.servers.remove(index);
     Ok(Changed::Port(id))
 }
 

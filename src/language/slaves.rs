@@ -55,7 +55,7 @@ pub(crate) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, W
     }
     // One more than there are: it comes behind the others.
     let most = settings.slaves.len().min(SLAVES_MAX.saturating_sub(1));
-    let place = number(word, "the next slave's number, or that of one there is,", 0..=most as u32)?;
+    let index = number(word, "the next slave's number, or that of one there is,", 0..=most as u32)?;
     words.take().keyword(&[("unit", ())], "unit and the slave's unit id")?;
     let mut slave = SlaveSettings::new(small(words.take(), "a unit id", 1..=247)?);
     let mut seen = heapless::Vec::<Key, 8>::new();
@@ -74,7 +74,7 @@ pub(crate) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, W
             Key::OnSilence => on_silence(&mut slave, words)?,
         }
     }
-    match settings.slaves.get_mut(place as usize) {
+    match settings.slaves.get_mut(index as usize) {
         Some(old) => *old = slave,
         // The number was checked.
         None => drop(settings.slaves.push(slave)),
@@ -128,8 +128,8 @@ pub(crate) fn delete_slave(settings: &mut Settings, word: Word) -> Result<Change
     let Some(last) = count.checked_sub(1) else {
         return Err(word.error(Problem::Points(PointProblem::NoSlaves)));
     };
-    let place = number(word, "a slave's number", 0..=last as u32)?;
-    settings.slaves.remove(place as usize);
+    let index = number(word, "a slave's number", 0..=last as u32)?;
+    settings.slaves.remove(index as usize);
     Ok(Changed::Other)
 }
 

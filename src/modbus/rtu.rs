@@ -121,7 +121,7 @@ pub fn response<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> Received<'a
     for start in starts(unit, request, received) {
         match candidate(request, start) {
             Candidate::Whole(frame) => {
-                if let Some(pdu) = answer(request, frame) {
+                if let Some(pdu) = matching_pdu(request, frame) {
                     return Received::Complete(pdu);
                 }
             }
@@ -146,7 +146,7 @@ pub fn response_at_silence<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> 
     }
     for start in starts(unit, request, received) {
         let found = match candidate(request, start) {
-            Candidate::Whole(frame) | Candidate::Open(frame) => answer(request, frame),
+            Candidate::Whole(frame) | Candidate::Open(frame) => matching_pdu(request, frame),
             Candidate::Begun | Candidate::Impossible => None,
         };
         if let Some(pdu) = found {
@@ -198,7 +198,7 @@ fn candidate<'a>(request: &[u8], start: &'a [u8]) -> Candidate<'a> {
 }
 
 /// The PDU of `frame` when its CRC is right and it fits the request.
-fn answer<'a>(request: &[u8], frame: &'a [u8]) -> Option<&'a [u8]> {
+fn matching_pdu<'a>(request: &[u8], frame: &'a [u8]) -> Option<&'a [u8]> {
     let (_, pdu) = decode(frame).ok()?;
     fits(request, pdu).is_ok().then_some(pdu)
 }

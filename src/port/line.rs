@@ -72,7 +72,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
     }
 
     /// What was heard and not consumed.
-    pub(crate) fn heard(&self) -> &[u8] {
+    pub(crate) fn received(&self) -> &[u8] {
         self.received.get(..self.length).unwrap_or(&[])
     }
 
@@ -267,9 +267,9 @@ impl<'s, L: SerialLine> Line<'s, L> {
                 Ok(read) => read?,
                 Err(TimeoutError) => break,
             }
-            let heard = self.heard();
-            let same = heard.iter().zip(missing).take_while(|(heard, sent)| heard == sent).count();
-            if same < heard.len().min(missing.len()) {
+            let received = self.received();
+            let same = received.iter().zip(missing).take_while(|(received, sent)| received == sent).count();
+            if same < received.len().min(missing.len()) {
                 break;
             }
             echoed += same;

@@ -72,13 +72,13 @@ pub(crate) struct Input {
     bytes: [u8; ADU_BYTES_MAX],
     length: usize,
     /// When the last of them came.
-    heard: Instant,
+    received_at: Instant,
 }
 
 impl Input {
     /// Nothing came yet.
     pub(crate) const fn new(framing: StreamFraming) -> Self {
-        Self { framing, bytes: [0; ADU_BYTES_MAX], length: 0, heard: Instant::MIN }
+        Self { framing, bytes: [0; ADU_BYTES_MAX], length: 0, received_at: Instant::MIN }
     }
 
     /// What stands at the front, or why the stream cannot be followed any further. RTU has no transaction id: it is 0.
@@ -133,14 +133,14 @@ impl Input {
     pub(crate) fn grew(&mut self, count: usize) {
         self.length += count;
         if self.framing == StreamFraming::Rtu {
-            self.heard = Instant::now();
+            self.received_at = Instant::now();
         }
     }
 
     /// When what is there is to be looked at again if nothing else comes.
     pub(crate) fn pause_end(&self) -> Instant {
         let waits = self.framing == StreamFraming::Rtu && self.length > 0;
-        if waits { self.heard + RTU_PAUSE } else { Instant::MAX }
+        if waits { self.received_at + RTU_PAUSE } else { Instant::MAX }
     }
 
     fn is_over(&self) -> bool {

@@ -126,7 +126,7 @@ impl Scanner {
         device: DeviceId,
         now: Instant,
         outcome: Result<Open, ErrorCode>,
-        answer: &[u8],
+        response: &[u8],
     ) {
         let Some(station) = self.stations.get(usize::from(device.0)) else { return };
         let turn = self.turn.wrapping_add(1);
@@ -149,7 +149,7 @@ impl Scanner {
                 continue;
             }
             let into = self.values.span_mut(row.input, row.bytes());
-            take_cells(&row, first, answer, &station.device, into);
+            take_cells(&row, first, response, &station.device, into);
             entry.fresh = now;
             let differs = row.differs(&self.values);
             if row.write == Writing::OnChange && self.outputs && differs {

@@ -172,8 +172,8 @@ pub(super) fn store_request(lead: &Row, bit: RegisterBit, register: u16, values:
 }
 
 /// Takes the cells of `row` out of the response to a read from `first` on, into `into`.
-pub(super) fn take_cells(row: &Row, first: u16, answer: &[u8], device: &Device, into: &mut [u8]) {
-    let data = answer.get(2..).unwrap_or_default();
+pub(super) fn take_cells(row: &Row, first: u16, response: &[u8], device: &Device, into: &mut [u8]) {
+    let data = response.get(2..).unwrap_or_default();
     let at = usize::from(row.first.saturating_sub(first));
     if row.kind.is_bits() {
         // What is behind the last bit stays 0.

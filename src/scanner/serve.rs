@@ -76,13 +76,13 @@ impl Scanner {
 
     fn serve_read(&self, function: u8, cells: &Cells, now: Instant) -> Result<Pdu, Exception> {
         let bytes = usize::from(cells.kind.bytes(cells.count));
-        let mut answer = Pdu::from_slice(&[function, bytes as u8]).unwrap_or_default();
-        if bytes > PDU_BYTES_MAX - answer.len() {
+        let mut response = Pdu::from_slice(&[function, bytes as u8]).unwrap_or_default();
+        if bytes > PDU_BYTES_MAX - response.len() {
             return Err(Exception::ILLEGAL_VALUE);
         }
         // There is room, see above.
-        let _ = answer.resize(2 + bytes, 0);
-        let data = answer.get_mut(2..).unwrap_or_default();
+        let _ = response.resize(2 + bytes, 0);
+        let data = response.get_mut(2..).unwrap_or_default();
         let mut at = 0;
         while at < cells.count {
             if let Some(register) = self.quality_register(cells, at, now) {
@@ -96,7 +96,7 @@ impl Scanner {
             copy_cells(cells.kind, (self.input(part.row), part.in_row), (data, at), part.count);
             at += part.count;
         }
-        Ok(answer)
+        Ok(response)
     }
 
     fn serve_write(&mut self, cells: &Cells, data: &[u8], now: Instant) -> Result<(), Exception> {

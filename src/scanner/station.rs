@@ -33,7 +33,7 @@ pub struct DeviceStatus {
     /// Whether it answered when it was asked last; none: it has not been asked yet.
     pub alive: Option<bool>,
     /// When it answered last; [`Instant::MIN`]: never.
-    pub heard: Instant,
+    pub last_response: Instant,
     /// The exception of its last negative answer; 0: none.
     pub exception: u8,
     /// What went wrong last.
@@ -41,7 +41,7 @@ pub struct DeviceStatus {
     /// Requests sent, repeats included.
     pub requests: u32,
     /// Answers, exceptions included.
-    pub answers: u32,
+    pub responses: u32,
     /// Of the responses, the exceptions.
     pub exceptions: u32,
     /// Requests without a response, for whatever reason.
@@ -103,11 +103,11 @@ impl Station {
             held: Instant::MIN,
             status: DeviceStatus {
                 alive: None,
-                heard: Instant::MIN,
+                last_response: Instant::MIN,
                 exception: 0,
                 error: None,
                 requests: 0,
-                answers: 0,
+                responses: 0,
                 exceptions: 0,
                 failures: 0,
                 backs_off_until: None,
@@ -127,8 +127,8 @@ impl Station {
         self.back_off = Duration::from_ticks(0);
         let status = &mut self.status;
         status.alive = Some(true);
-        status.heard = now;
-        status.answers = status.answers.wrapping_add(1);
+        status.last_response = now;
+        status.responses = status.responses.wrapping_add(1);
         if exception != 0 {
             status.exception = exception;
             status.exceptions = status.exceptions.wrapping_add(1);

@@ -82,18 +82,18 @@ impl Settings {
 
     /// The place of the point called `name`.
     pub fn find_point(&self, name: &str) -> Option<u8> {
-        let place = self.points.iter().position(|point| point.name.eq_ignore_ascii_case(name))?;
-        u8::try_from(place).ok()
+        let index = self.points.iter().position(|point| point.name.eq_ignore_ascii_case(name))?;
+        u8::try_from(index).ok()
     }
 
     /// The place of the device called `name`.
     pub fn find_device(&self, name: &str) -> Option<u8> {
-        let place = self.devices.iter().position(|device| device.name.eq_ignore_ascii_case(name))?;
-        u8::try_from(place).ok()
+        let index = self.devices.iter().position(|device| device.name.eq_ignore_ascii_case(name))?;
+        u8::try_from(index).ok()
     }
 
     /// The name of the device at `place`; `?` when there is none.
-    pub fn device_name(&self, place: u8) -> &str {
-        self.devices.get(usize::from(place)).map_or("?", |device| &device.name)
+    pub fn device_name(&self, index: u8) -> &str {
+        self.devices.get(usize::from(index)).map_or("?", |device| &device.name)
     }
 }

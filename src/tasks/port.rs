@@ -58,7 +58,7 @@ impl Gateway<'_> {
                     kind => {
                         let dispatcher = Dispatcher::new(self, at, id, self.upstream(id, kind), alone);
                         let part = play(&dispatcher, kind.as_ref(), lines, connector);
-                        select(port_state.changed.wait(), select(dispatcher.take_in(), part)).await;
+                        select(port_state.changed.wait(), select(dispatcher.receive_requests(), part)).await;
                         dispatcher.close();
                         port_state.sockets.iter().for_each(|socket| self.socket_closed(socket));
                     }

@@ -26,7 +26,7 @@ impl Units<'_> {
         if self.list().frozen || self.all.outstanding.is_unique(port, id, &shape) {
             return Step::Direct;
         }
-        self.set_troubled(true);
+        self.set_needs_check(true);
         match care.proof {
             Proof::Auto => self.find_proof(id, request, care, now),
             Proof::Diagnostic => self.by_diagnostic(now),
@@ -114,7 +114,7 @@ impl Units<'_> {
         let port = self.port as u8;
         self.all.outstanding.sent(port, id, Shape::of_request(request), purpose);
         if let Some(unit) = self.entry(id) {
-            (unit.open, unit.heard, unit.waited) = (true, false, false);
+            (unit.open, unit.responded, unit.waited) = (true, false, false);
         }
     }
 
@@ -125,22 +125,28 @@ impl Units<'_> {
 
     /// `id` has sent `response`, whole and undamaged. Says whether it is the one that is awaited, if that is `awaited` of `id`; or
     /// else what is to be counted.
-    pub fn heard(&mut self, id: u8, response: &[u8], awaited: bool, now: Instant) -> Result<(), Event> {
+    pub fn match_response(
+        &mut self,
+        id: u8,
+        response: &[u8],
+        expected: bool,
+        now: Instant,
+    ) -> Result<(), Event> {
         if self.list().frozen {
-            return if awaited { Ok(()) } else { Err(Event::Unsolicited) };
+            return if expected { Ok(()) } else { Err(Event::Unsolicited) };
         }
         let port = self.port as u8;
         let Settled { whose, passed_diagnostic, is_diagnostic } =
-            self.all.outstanding.heard(port, id, response);
+            self.all.outstanding.match_response(port, id, response);
         let late = match whose {
-            Match::Latest(_) if awaited => None,
+            Match::Latest(_) if expected => None,
             Match::Latest(purpose) | Match::Earlier(purpose) => Some(purpose),
             Match::Several => Some(Purpose::Unsolicited),
             Match::Unsolicited => None,
         };
         let in_step = self.is_in_step(id, false);
         if let Some(unit) = self.known(id) {
-            unit.heard = true;
+            unit.responded = true;
             if in_step && unit.waited {
                 // Nothing is left to be waited for.
                 (unit.waited, unit.held_until) = (false, now);
@@ -161,7 +167,7 @@ impl Units<'_> {
         match (late, whose) {
             (Some(_), _) => {
                 // It may be held now.
-                self.set_troubled(true);
+                self.set_needs_check(true);
                 Err(Event::Late)
             }
             (None, Match::Unsolicited) => Err(Event::Unsolicited),
@@ -180,10 +186,10 @@ impl Units<'_> {
     /// `id` has not answered a proof. Says whether that leaves the request without a response that waited for it: not if something
     /// else was heard. The proof itself does not count towards being down, but the next one waits.
     pub fn not_proved(&mut self, id: u8, now: Instant, down_after: u8) -> bool {
-        self.set_troubled(true);
+        self.set_needs_check(true);
         let Some(unit) = self.entry(id) else { return true };
         (unit.open, unit.by_read) = (false, !unit.by_read);
-        if unit.heard {
+        if unit.responded {
             return false;
         }
         unit.silent = unit.silent.saturating_add(1);

@@ -81,7 +81,7 @@ pub struct Unit {
     pub(super) tried: u8,
     pub(super) is_down: bool,
     /// Something whole has been heard of it since the last request or proof.
-    pub(super) heard: bool,
+    pub(super) responded: bool,
     /// Something was late since it answered in time: then it need not wait for the next probe.
     pub(super) hurried: bool,
     /// Late responses since the last one in time.
@@ -120,7 +120,7 @@ impl Unit {
             silent: 0,
             tried: 0,
             is_down: false,
-            heard: false,
+            responded: false,
             hurried: false,
             late: 0,
             ignored: 0,

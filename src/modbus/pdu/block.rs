@@ -55,12 +55,12 @@ impl Block {
     /// part of the block, or `answer` an exception.
     pub fn part<'a>(
         &self,
-        answer: &[u8],
+        response: &[u8],
         wanted: &Self,
         out: &'a mut [u8; PDU_BYTES_MAX],
     ) -> Option<&'a [u8]> {
         let offset = usize::from(wanted.first.checked_sub(self.first)?);
-        let &[function, _, ref data @ ..] = answer else { return None };
+        let &[function, _, ref data @ ..] = response else { return None };
         if self.hull(wanted)? != *self || function != self.function.get() {
             return None;
         }

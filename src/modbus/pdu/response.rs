@@ -140,19 +140,19 @@ fn counts(request: &[u8], response: &[u8]) -> bool {
 }
 
 /// Whether each group of a function 20 answer has the length that its group of the request asks for.
-fn file_response_groups(request: &[u8], mut answer: &[u8]) -> bool {
+fn file_response_groups(request: &[u8], mut response: &[u8]) -> bool {
     let (asked, _) = request.get(2..).unwrap_or_default().as_chunks::<{ super::FILE_GROUP_BYTES }>();
     for [.., high, low] in asked {
         let bytes = 1 + 2 * usize::from(u16::from_be_bytes([*high, *low]));
-        let Some((length, rest)) = answer.split_first() else {
+        let Some((length, rest)) = response.split_first() else {
             return false;
         };
         match rest.get(bytes..) {
-            Some(rest) if usize::from(*length) == bytes => answer = rest,
+            Some(rest) if usize::from(*length) == bytes => response = rest,
             _ => return false,
         }
     }
-    answer.is_empty()
+    response.is_empty()
 }
 
 /// Whether the fields of `response` that repeat those of `request` are the same.

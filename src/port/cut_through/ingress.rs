@@ -65,8 +65,8 @@ impl<'g> Ingress<'g> {
 
     /// Passes on what is new in `heard`: the unit and what has come behind it, its check included. False when the frame has no
     /// end that could be told: it must be given up.
-    pub(crate) fn take(&mut self, heard: &[u8], end: End) -> bool {
-        let so_far = heard.get(1..).unwrap_or(&[]);
+    pub(crate) fn take(&mut self, received: &[u8], end: End) -> bool {
+        let so_far = received.get(1..).unwrap_or(&[]);
         let length = match end {
             End::At(length) => {
                 self.expect(length);
@@ -77,7 +77,7 @@ impl<'g> Ingress<'g> {
         };
         let (pdu, check) = so_far.split_at_checked(length).unwrap_or((so_far, &[]));
         self.push(pdu);
-        let ((_, passed), body) = (self.frame().crc(), heard.get(..=length));
+        let ((_, passed), body) = (self.frame().crc(), received.get(..=length));
         let of_ascii;
         let crc = match (self.framing, check, body) {
             (Framing::Rtu, _, _) => check.get(..size_of::<u16>()).unwrap_or(check),

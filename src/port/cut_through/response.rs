@@ -64,13 +64,15 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
     }
 
     /// Looks at what was `heard` of a frame that began at `begun` on `line`, and passes it on if its time has come.
-    pub(crate) fn hear(&mut self, heard: &[u8], begun: Instant, line: &Lane) {
-        let (Some(requester), Some((&unit, so_far))) = (self.requester, heard.split_first()) else { return };
+    pub(crate) fn feed(&mut self, received: &[u8], begun: Instant, line: &Lane) {
+        let (Some(requester), Some((&unit, so_far))) = (self.requester, received.split_first()) else {
+            return;
+        };
         let end = pdu::response_end(self.request, so_far);
         match &mut self.passing {
             Passing::Whole => return,
             Passing::Begun(arriving) => {
-                if !arriving.take(heard, end) {
+                if !arriving.take(received, end) {
                     self.passing = Passing::Whole;
                 }
                 return;
@@ -82,18 +84,18 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
         }
         if self.passing.is_due() {
             let mut arriving = Ingress::new(self.frame.rewrite(), line.framing);
-            arriving.take(heard, end);
+            arriving.take(received, end);
             self.passing = Passing::Begun(arriving);
             self.dispatcher.responding(self.frame);
         }
     }
 
     /// The response is `pdu`, which was `heard` right behind the unit if it has been passed on so far.
-    pub(crate) fn whole(&mut self, heard: &[u8], pdu: &[u8]) {
+    pub(crate) fn whole(&mut self, received: &[u8], pdu: &[u8]) {
         match core::mem::replace(&mut self.passing, Passing::Whole) {
             // Its frame may have been given up meanwhile.
             Passing::Begun(arriving)
-                if heard.get(1..=pdu.len()).is_some_and(|begin| core::ptr::eq(begin, pdu)) =>
+                if received.get(1..=pdu.len()).is_some_and(|begin| core::ptr::eq(begin, pdu)) =>
             {
                 arriving.finish(pdu);
             }
@@ -107,8 +109,8 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
     }
 
     /// What was `heard` is not the response, as far as can be told; `silent`: nothing more comes of it.
-    pub(crate) fn not_yet(&mut self, heard: &[u8], silent: bool) {
-        let end = heard.split_first().map(|(_, so_far)| (so_far, pdu::response_end(self.request, so_far)));
+    pub(crate) fn not_yet(&mut self, received: &[u8], silent: bool) {
+        let end = received.split_first().map(|(_, so_far)| (so_far, pdu::response_end(self.request, so_far)));
         match core::mem::replace(&mut self.passing, Passing::Whole) {
             Passing::Begun(arriving) => match end {
                 Some((so_far, end)) if is_whole(so_far, end) => {}

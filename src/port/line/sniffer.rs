@@ -22,7 +22,7 @@ pub use ascii::AsciiSniffer;
 
 /// What was heard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Heard<'a> {
+pub enum Sniffed<'a> {
     /// A request for one of our units, or for everybody.
     Request {
         /// The unit as the master calls it.
@@ -33,7 +33,7 @@ pub enum Heard<'a> {
     /// A request for another unit.
     ForeignRequest,
     /// The response of another unit.
-    ForeignAnswer,
+    ForeignResponse,
     /// No frame, and why.
     Garbage(LastError),
     /// Nothing that could be judged yet.
@@ -74,12 +74,12 @@ impl RtuSniffer {
     /// `silent`: the line has been silent since. `is_ours` knows our units, 0 among them if broadcasts are for us.
     ///
     /// To be called again with the rest until there is [`Heard::Nothing`].
-    pub fn hear<'a>(
+    pub fn feed<'a>(
         &mut self,
         received: &'a [u8],
         silent: bool,
         is_ours: impl Fn(u8) -> bool,
-    ) -> (Heard<'a>, usize) {
+    ) -> (Sniffed<'a>, usize) {
         let was_in_step = self.in_step;
         let whole = silent && was_in_step && is_whole(received);
         let frame = if whole {
@@ -90,20 +90,20 @@ impl RtuSniffer {
         };
         if let Some((end, unit, pdu)) = frame {
             self.in_step = true;
-            let heard = match self.judge(unit, pdu, &is_ours) {
+            let sniffed = match self.judge(unit, pdu, &is_ours) {
                 // It may be data that looks like a frame: the master will ask again.
-                Heard::Request { .. } if !was_in_step => Heard::ForeignAnswer,
-                heard => heard,
+                Sniffed::Request { .. } if !was_in_step => Sniffed::ForeignResponse,
+                sniffed => sniffed,
             };
-            return (heard, end);
+            return (sniffed, end);
         }
         if silent {
             self.in_step = true;
             return match received {
-                [] => (Heard::Nothing, 0),
+                [] => (Sniffed::Nothing, 0),
                 _ => {
                     self.expected = None;
-                    (Heard::Garbage(garbage(received)), received.len())
+                    (Sniffed::Garbage(garbage(received)), received.len())
                 }
             };
         }
@@ -111,9 +111,9 @@ impl RtuSniffer {
             // Longer than any frame, and none at its beginning: the thread is lost.
             self.in_step = false;
             self.expected = None;
-            return (Heard::Garbage(LastError::Length), 1);
+            return (Sniffed::Garbage(LastError::Length), 1);
         }
-        (Heard::Nothing, 0)
+        (Sniffed::Nothing, 0)
     }
 
     /// How many bytes the frame will have at least that `received`, all that was heard and not yet judged, is the beginning of.
@@ -125,7 +125,7 @@ impl RtuSniffer {
             End::Later | End::Unknown => None,
         };
         // The response to a request that was not heard.
-        let unheard = || match so_far {
+        let unknown = || match so_far {
             [1..=4, count, ..] => Some(2 + usize::from(*count)),
             [5 | 6 | 15 | 16, ..] => Some(5),
             _ => None,
@@ -133,7 +133,7 @@ impl RtuSniffer {
         let response = if is_ours(unit) {
             request
         } else {
-            self.response_length(unit, so_far, &is_ours).or_else(unheard)
+            self.response_length(unit, so_far, &is_ours).or_else(unknown)
         };
         let (Some(request), Some(response)) = (request, response) else {
             return (received.len() < FRAME_BYTES_MIN).then_some(FRAME_BYTES_MIN);
@@ -165,12 +165,12 @@ impl RtuSniffer {
         }
         let as_request = pdu::request_length(so_far).and_then(whole);
         // The response to a request that was not heard: a read's says how long it is.
-        let unheard = || match so_far {
+        let unknown = || match so_far {
             [1..=4, count, ..] if !is_ours(unit) => whole(2 + usize::from(*count)),
             [function, _, ..] if function & EXCEPTION_BIT != 0 => whole(2),
             _ => None,
         };
-        as_request.or_else(unheard).or_else(|| self.unlisted(received, is_ours))
+        as_request.or_else(unknown).or_else(|| self.unlisted(received, is_ours))
     }
 
     /// A frame of another unit whose function does not tell its length: it ends where the CRC is good. For a frame of
@@ -202,26 +202,26 @@ impl RtuSniffer {
         }
     }
 
-    fn judge<'a>(&mut self, unit: u8, pdu: &'a [u8], is_ours: &impl Fn(u8) -> bool) -> Heard<'a> {
+    fn judge<'a>(&mut self, unit: u8, pdu: &'a [u8], is_ours: &impl Fn(u8) -> bool) -> Sniffed<'a> {
         let expected = self.expected.take();
         let is_request = is_request(pdu);
         if is_ours(unit) {
             return match is_request {
-                true => Heard::Request { unit, pdu },
+                true => Sniffed::Request { unit, pdu },
                 // Another device has this id, or the master is wrong.
-                false => Heard::Garbage(LastError::Length),
+                false => Sniffed::Garbage(LastError::Length),
             };
         }
         let fits = |expected: &Foreign| expected.unit == unit && pdu::fits(&expected.request, pdu).is_ok();
         if expected.as_ref().is_some_and(fits) || !is_request {
-            return Heard::ForeignAnswer;
+            return Sniffed::ForeignResponse;
         }
         // Nobody answers a broadcast.
         if unit != 0 {
             // A frame's PDU fits.
             self.expected = Pdu::from_slice(pdu).ok().map(|request| Foreign { unit, request });
         }
-        Heard::ForeignRequest
+        Sniffed::ForeignRequest
     }
 }
 

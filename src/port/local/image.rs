@@ -43,6 +43,7 @@ fn word(bytes: &[u8], nth: u16) -> Option<u16> {
 
 /// In tenths of a second, as the age of a point.
 fn age(ethercat: &EthercatState, nth: usize) -> u16 {
-    let heard = ethercat.slave_status(nth).map(|status| status.heard).filter(|heard| *heard != Instant::MIN);
-    age_register(heard.map(|heard| heard.elapsed()))
+    let last =
+        ethercat.slave_status(nth).map(|status| status.last_response).filter(|last| *last != Instant::MIN);
+    age_register(last.map(|last| last.elapsed()))
 }

@@ -70,8 +70,8 @@ struct Answered {
 
 impl Answered {
     /// Whether it is what was heard of `unit` until `heard`.
-    fn is(&self, unit: u8, pdu: &[u8], heard: Instant) -> bool {
-        self.unit == unit && heard < self.until && self.crc == rtu::check(unit, pdu)
+    fn is(&self, unit: u8, pdu: &[u8], received: Instant) -> bool {
+        self.unit == unit && received < self.until && self.crc == rtu::check(unit, pdu)
     }
 }
 
@@ -121,14 +121,14 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             };
             let server = self.server;
             let responses = server.port_state.queue.receive(server.gateway.pool());
-            let begins = self.line.heard().is_empty();
+            let begins = self.line.received().is_empty();
             let next = due.min(quiet).min(self.passing.due());
             match select3(self.line.read(), responses, until(next)).await {
                 // Meanwhile the board has begun to pass on what comes, and to watch for a silence in it.
                 Either3::Third(()) if self.line.is_relayed() && Instant::now() < due => {}
                 Either3::First(read) => {
                     read?;
-                    self.hear(begins);
+                    self.after_read(begins);
                 }
                 Either3::Second(frame) => self.take_response(frame),
                 Either3::Third(()) if Instant::now() >= quiet => self.listen(true),
@@ -149,14 +149,14 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
         else {
             return None;
         };
-        let bytes = sniffer.at_least(self.line.heard(), |unit| self.server.is_ours(unit))?;
+        let bytes = sniffer.at_least(self.line.received(), |unit| self.server.is_ours(unit))?;
         Some(self.line.begun() + self.line.settings.chars(bytes - 1))
     }
 
     /// When the silence will say something about what has been heard.
     fn quiet_at(&self) -> Instant {
         let waits = match &self.sniffer {
-            Sniffer::Rtu(sniffer) => sniffer.needs_silence() || !self.line.heard().is_empty(),
+            Sniffer::Rtu(sniffer) => sniffer.needs_silence() || !self.line.received().is_empty(),
             Sniffer::Ascii(sniffer) => sniffer.in_frame(),
         };
         let silence = self.server.settings.framing.silence(self.line.settings) + self.line.jitter;
@@ -166,10 +166,10 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
     /// A frame has come home: the response that is waited for, a request that gets none, or what is too late.
     fn take_response(&mut self, response: Frame<'g>) {
         let envelope = response.envelope();
-        let is_awaited = envelope.origin.generation == self.server.port_state.generation();
+        let is_expected = envelope.origin.generation == self.server.port_state.generation();
         self.open = match (&self.open, envelope.stage) {
-            (Open::Asked { .. }, Stage::Silence) if is_awaited => Open::None,
-            (Open::Asked { received, .. }, _) if is_awaited => {
+            (Open::Asked { .. }, Stage::Silence) if is_expected => Open::None,
+            (Open::Asked { received, .. }, _) if is_expected => {
                 let delay = self.server.settings.server.reply_delay;
                 Open::Ready { at: self.line.silent_at().max(*received + delay), response }
             }

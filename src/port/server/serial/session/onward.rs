@@ -27,8 +27,8 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             Sniffer::Ascii(_) => !mem::take(&mut self.pauses),
         };
         // What follows at once is an echo, a collision, or stray bits.
-        let is_apart = self.line.pause() >= self.line.settings.gap() / 2;
-        self.passing = if in_step && is_apart { Passing::Open } else { Passing::Whole };
+        let is_separated = self.line.pause() >= self.line.settings.gap() / 2;
+        self.passing = if in_step && is_separated { Passing::Open } else { Passing::Whole };
     }
 
     /// Notes a pause in an ASCII frame before what has just been read.
@@ -39,20 +39,20 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
 
     /// Passes on what has been heard by now, if it is time. Says whether that is a whole RTU request which was passed on.
     pub(super) fn pass_on(&mut self) -> bool {
-        let heard = match &self.sniffer {
-            Sniffer::Rtu(_) => self.line.heard(),
-            Sniffer::Ascii(sniffer) => sniffer.heard(),
+        let received = match &self.sniffer {
+            Sniffer::Rtu(_) => self.line.received(),
+            Sniffer::Ascii(sniffer) => sniffer.received(),
         };
-        let Some((&unit, so_far)) = heard.split_first() else { return false };
+        let Some((&unit, so_far)) = received.split_first() else { return false };
         let end = pdu::request_end(so_far);
         if let Passing::Open | Passing::At(_) = self.passing {
             self.passing = self.plan(unit, so_far, end);
         }
         if self.passing.is_due() {
-            self.passing = self.server.hand_on(unit, self.begun).map_or(Passing::Whole, Passing::Begun);
+            self.passing = self.server.start_ingress(unit, self.begun).map_or(Passing::Whole, Passing::Begun);
         }
         let Passing::Begun(arriving) = &mut self.passing else { return false };
-        if !arriving.take(heard, end) {
+        if !arriving.take(received, end) {
             self.passing = Passing::Whole;
             // The next such function is not begun.
             self.wary = true;
@@ -93,7 +93,7 @@ impl<'g> Server<'_, 'g> {
     }
 
     /// Sends the frame of a request that began at `begun` to the router, before it is there.
-    fn hand_on(&self, unit: u8, begun: Instant) -> Option<Ingress<'g>> {
+    fn start_ingress(&self, unit: u8, begun: Instant) -> Option<Ingress<'g>> {
         let (writer, frame) = self.take_frame()?;
         let envelope = self.envelope(unit, begun);
         let framing = self.settings.framing;

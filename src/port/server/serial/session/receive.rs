@@ -8,7 +8,7 @@ use crate::hal::SerialLine;
 use crate::modbus::ascii::COLON;
 use crate::modbus::{PDU_BYTES_MAX, rtu};
 use crate::port::cut_through::ingress::Passing;
-use crate::port::line::sniffer::Heard;
+use crate::port::line::sniffer::Sniffed;
 use crate::stats::{Event, LastError};
 
 /// What was judged, copied so that the line can go on.
@@ -32,7 +32,7 @@ const STRAY_BYTES_MAX: usize = rtu::FRAME_BYTES_MIN - 1;
 
 impl<L: SerialLine> Session<'_, '_, L> {
     /// Passes on and judges what has just been read; `begins`: nothing else had been heard.
-    pub(super) fn hear(&mut self, begins: bool) {
+    pub(super) fn after_read(&mut self, begins: bool) {
         if !self.is_stray() {
             self.interrupted();
         }
@@ -62,12 +62,12 @@ impl<L: SerialLine> Session<'_, '_, L> {
 
     /// Whether what has been heard may be stray bits right behind a request that was over at its last character.
     fn is_stray(&self) -> bool {
-        let few = self.line.heard().len() <= STRAY_BYTES_MAX;
-        few && matches!(self.open, Open::Asked { received, .. } if !self.is_apart(received))
+        let few = self.line.received().len() <= STRAY_BYTES_MAX;
+        few && matches!(self.open, Open::Asked { received, .. } if !self.is_separated(received))
     }
 
     /// Whether what is being heard began after a silence since `active`, or nearly so.
-    fn is_apart(&self, active: Instant) -> bool {
+    fn is_separated(&self, active: Instant) -> bool {
         self.line.begun() >= active + self.line.settings.gap() / 2
     }
 
@@ -85,7 +85,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
     /// Judges what has been heard so far.
     pub(super) fn listen(&mut self, silent: bool) {
         loop {
-            if let (Sniffer::Ascii(_), Some(&COLON)) = (&self.sniffer, self.line.heard().first()) {
+            if let (Sniffer::Ascii(_), Some(&COLON)) = (&self.sniffer, self.line.received().first()) {
                 self.begin();
             }
             let mut request = Request::new();
@@ -95,7 +95,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
                 self.interrupted();
             }
             let event = match judged {
-                Judged::Nothing if count > 0 && !self.line.heard().is_empty() => continue,
+                Judged::Nothing if count > 0 && !self.line.received().is_empty() => continue,
                 Judged::Nothing => break,
                 Judged::Echo => Event::Noise,
                 Judged::Passed | Judged::Request(_) => {
@@ -120,7 +120,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
             self.passing = Passing::Whole;
         }
         // The beginning of the next frame.
-        if !self.line.heard().is_empty() && !self.is_stray() {
+        if !self.line.received().is_empty() && !self.is_stray() {
             self.interrupted();
         }
     }
@@ -130,26 +130,26 @@ impl<L: SerialLine> Session<'_, '_, L> {
     fn judge(&mut self, silent: bool, request: &mut Request) -> (Judged, usize) {
         let Self { server, line, tap, sniffer, passing, answered, .. } = self;
         let is_ours = |unit| server.is_ours(unit);
-        let (heard, count) = match sniffer {
-            Sniffer::Rtu(sniffer) => sniffer.hear(line.heard(), silent, is_ours),
+        let (sniffed, count) = match sniffer {
+            Sniffer::Rtu(sniffer) => sniffer.feed(line.received(), silent, is_ours),
             Sniffer::Ascii(sniffer) if silent && sniffer.in_frame() => (sniffer.overdue(), 0),
-            Sniffer::Ascii(sniffer) => sniffer.hear(line.heard(), is_ours),
+            Sniffer::Ascii(sniffer) => sniffer.feed(line.received(), is_ours),
         };
-        let judged = match heard {
-            Heard::Request { unit, pdu }
+        let judged = match sniffed {
+            Sniffed::Request { unit, pdu }
                 if answered.take().is_some_and(|own| own.is(unit, pdu, line.active)) =>
             {
                 Judged::Echo
             }
-            Heard::Request { pdu, .. } if server.finish(passing, pdu, line.active) => Judged::Passed,
-            Heard::Request { unit, pdu } => {
+            Sniffed::Request { pdu, .. } if server.finish(passing, pdu, line.active) => Judged::Passed,
+            Sniffed::Request { unit, pdu } => {
                 // It fits: it is no longer than a PDU may be.
                 let _ = request.extend_from_slice(pdu);
                 Judged::Request(unit)
             }
-            Heard::ForeignRequest | Heard::ForeignAnswer => Judged::Foreign,
-            Heard::Garbage(error) => Judged::Garbage(error),
-            Heard::Nothing => Judged::Nothing,
+            Sniffed::ForeignRequest | Sniffed::ForeignResponse => Judged::Foreign,
+            Sniffed::Garbage(error) => Judged::Garbage(error),
+            Sniffed::Nothing => Judged::Nothing,
         };
         let verdict = match judged {
             Judged::Nothing => None,
@@ -159,7 +159,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
             Judged::Garbage(_) => Some(Event::Noise),
         };
         if let Some(verdict) = verdict {
-            tap.heard(line.active, verdict, line.heard().get(..count).unwrap_or(&[]));
+            tap.received(line.active, verdict, line.received().get(..count).unwrap_or(&[]));
         }
         line.consume(count);
         (judged, count)

@@ -40,7 +40,7 @@ pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 64 };
 pub const ALL_UNITS_MAX: usize = if cfg!(feature = "small") { 48 } else { 256 };
 
 /// How long reads are not joined that ask a unit which did not take that.
-pub const JOIN_PAUSE: Duration = Duration::from_secs(60);
+pub const COMBINE_PAUSE: Duration = Duration::from_secs(60);
 
 /// Whether a unit may be asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -240,13 +240,13 @@ impl Units<'_> {
 
     /// Whether reads of `id` may be joined at `now`.
     pub fn combines(&self, id: u8, now: Instant) -> bool {
-        self.find(id).is_none_or(|unit| unit.join_after <= now)
+        self.find(id).is_none_or(|unit| unit.combine_after <= now)
     }
 
     /// `id` refused a joined read.
     pub fn refused_combined(&mut self, id: u8, now: Instant) {
         if let Some(unit) = self.entry(id) {
-            unit.join_after = now + JOIN_PAUSE;
+            unit.combine_after = now + COMBINE_PAUSE;
         }
     }
 
@@ -289,7 +289,7 @@ impl Units<'_> {
 
     /// `id` answered, but the response was damaged on its way, by `error`: it is alive.
     pub fn corrupt(&mut self, id: u8, error: Event) {
-        self.frozen_asked_in_vain(id);
+        self.timed_out_while_frozen(id);
         if let Some(unit) = self.entry(id) {
             unit.count(error);
             unit.open = false;
@@ -300,7 +300,7 @@ impl Units<'_> {
     /// `id` gave no response; after `down_after` such in a row (0: never) it is down. Says whether nothing at all was heard.
     pub fn timed_out(&mut self, id: u8, now: Instant, down_after: u8) -> bool {
         self.set_needs_check(true);
-        self.frozen_asked_in_vain(id);
+        self.timed_out_while_frozen(id);
         let Some(unit) = self.entry(id) else { return false };
         let silent = !unit.disturbed;
         if silent {
@@ -309,13 +309,13 @@ impl Units<'_> {
         unit.open = false;
         unit.timeouts = unit.timeouts.wrapping_add(1);
         // There are devices that do not answer what is too much for them.
-        unit.join_after = now + JOIN_PAUSE;
+        unit.combine_after = now + COMBINE_PAUSE;
         unit.unanswered(now, down_after);
         silent
     }
 
     /// While nothing is learned, it is not known either what `id` may still answer.
-    fn frozen_asked_in_vain(&mut self, id: u8) {
+    fn timed_out_while_frozen(&mut self, id: u8) {
         if self.list().frozen {
             self.sent_in_part(id);
         }

@@ -101,7 +101,7 @@ pub struct Unit {
     /// No request before this time: the next probe is not due, or a late response may come.
     pub held_until: Instant,
     /// Reads are not joined before this time.
-    pub(super) join_after: Instant,
+    pub(super) combine_after: Instant,
 }
 
 impl Unit {
@@ -130,7 +130,7 @@ impl Unit {
             unproven: false,
             reads: [NO_READ; READS_MAX],
             held_until: Instant::MIN,
-            join_after: Instant::MIN,
+            combine_after: Instant::MIN,
         }
     }
 }

@@ -1,10 +1,10 @@
-//! The ASCII half: frames have their beginnings and ends in them, so neither silences nor readings are needed.
+//! The sniffer for ASCII lines: frames are delimited, so neither silences nor two readings are needed.
 
 use super::{Sniffed, is_request};
 use crate::modbus::ascii::{AsciiError, COLON, Decoder, LINE_FEED};
 use crate::stats::LastError;
 
-/// Listens on an ASCII line.
+/// Sniffs an ASCII line.
 pub struct AsciiSniffer {
     decoder: Decoder,
     delimiter: u8,
@@ -37,7 +37,7 @@ impl AsciiSniffer {
         self.decoder.in_frame()
     }
 
-    /// What has come of the frame that has begun and not ended: unit, PDU, LRC.
+    /// The bytes of the incomplete frame: unit, PDU, LRC.
     pub fn received(&self) -> &[u8] {
         if self.in_frame() { self.decoder.bytes() } else { &[] }
     }
@@ -48,7 +48,7 @@ impl AsciiSniffer {
         Sniffed::Garbage(LastError::Gap)
     }
 
-    /// Takes characters up to the end of a frame, or up to where another one begins, and says how many those were.
+    /// Consumes characters up to the end of a frame or the start of another, and returns how many.
     pub fn feed(&mut self, received: &[u8], is_ours: impl Fn(u8) -> bool) -> (Sniffed<'_>, usize) {
         let next = received.iter().skip(1).position(|&character| character == COLON);
         let received = next.and_then(|at| received.get(..=at)).unwrap_or(received);
@@ -64,7 +64,7 @@ impl AsciiSniffer {
         (sniffed, end.map_or(received.len(), |(count, _)| count))
     }
 
-    /// Judges the frame that has just ended well.
+    /// Judges the frame that has just ended with a valid LRC.
     fn judge(&self, is_ours: impl Fn(u8) -> bool) -> Sniffed<'_> {
         let Some((&unit, [pdu @ .., _])) = self.decoder.bytes().split_first() else {
             return Sniffed::Nothing;

@@ -1,10 +1,9 @@
-//! How connections to outside servers share sockets, when there are more servers than those: those of one port the ones that it
-//! may have, and those of all ports the board's.
+//! How connections to outside servers share sockets when there are more servers than sockets: the servers of one port share the
+//! port's, and those of all ports the board's.
 //!
-//! Who finds none left asks for one. The connection that has been quiet for longest is closed for it; where none is quiet, an
-//! attempt is given up that no request waits for; when all are busy, the one that was opened first takes no more requests and
-//! goes as soon as those that are open have ended. So all servers get their turn, and a server that cannot be reached holds
-//! no socket while it backs off.
+//! A connection without a socket asks for one. The connection that has been idle longest is closed for it; if none is idle, a
+//! retry that no request waits for is abandoned; if all are busy, the one opened first takes no new requests and closes once its
+//! open requests have ended. So all servers get their turn, and an unreachable server holds no socket while it backs off.
 
 use core::cell::Cell;
 

@@ -1,7 +1,7 @@
-//! The line language: one line changes the settings, or changes nothing and says which word is wrong.
+//! Executes one line: it changes the settings, or changes nothing and reports the wrong word.
 //!
-//! [`apply`] reads the whole line against the settings as they are, and only then puts the change in place. The
-//! console, the configuration file and what `show config` prints use the same lines.
+//! [`apply`] parses the whole line against the current settings before it changes them. The console, the configuration file and
+//! `show config` use the same lines.
 
 use core::mem::discriminant;
 use core::num::NonZeroU16;
@@ -22,12 +22,12 @@ use crate::settings::{
     Settings,
 };
 
-/// What a good line did.
+/// The effect of a valid line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Applied {
-    /// Whether the settings are others now; false for blank lines and comments.
+    /// Whether the settings have changed; false for blank lines and comments.
     pub changed: bool,
-    /// What is unlikely to be meant.
+    /// A likely mistake.
     pub warning: Option<Warning>,
 }
 
@@ -62,7 +62,7 @@ const VERBS: &[(&str, Verb)] = &[
     ("mdns", Verb::Mdns),
 ];
 
-/// Changes `settings` as `line` says; a bad line changes nothing.
+/// Changes `settings` by `line`; an invalid line changes nothing.
 pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> {
     if line.len() > LINE_BYTES_MAX {
         return Err(LineError::too_long());
@@ -112,7 +112,7 @@ fn change(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     }
 }
 
-/// Gives `each` the words that stand in rows and behind port names, besides names, numbers and addresses.
+/// Calls `each` with all keywords of rows and ports.
 pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
     port_words::keywords(each);
     port_keys::keywords(each);
@@ -120,7 +120,7 @@ pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
     if SERVERS {
         servers::keywords(each);
     }
-    // No word of a line that is refused.
+    // Not keywords of lines that are refused.
     if POINTS {
         point_words::keywords(each);
         slaves::keywords(each);
@@ -131,7 +131,7 @@ fn port(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word)?;
     let draft = Draft::create(words)?;
-    // Not `find`: that one also takes a bare number for a name.
+    // Not `find`, which also accepts a bare number for a name.
     let same = |port: &Option<Port>| port.as_ref().is_some_and(|port| port.name.eq_ignore_ascii_case(&name));
     let endpoint = settings
         .ports
@@ -148,7 +148,7 @@ fn port(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     )
 }
 
-/// Checks `port` against all the others and the rules, then puts it at `id`.
+/// Checks `port` against all others and the rules, then stores it at `id`.
 fn put_port(
     settings: &mut Settings,
     id: PortId,
@@ -197,7 +197,7 @@ fn put_port(
     Ok(Changed::Port(id))
 }
 
-/// An error if there are servers of the port at `id`.
+/// Fails if the port at `id` has server lines.
 fn check_no_servers(settings: &Settings, id: PortId, word: Word) -> Result<(), Wrong> {
     match settings.servers_of(id).count() {
         0 => Ok(()),
@@ -205,7 +205,7 @@ fn check_no_servers(settings: &Settings, id: PortId, word: Word) -> Result<(), W
     }
 }
 
-/// An error if there are devices or slaves, and the port at `id` is the one that asks them.
+/// Fails if there are devices or slaves that the port at `id` polls.
 fn check_unused(settings: &Settings, id: PortId, word: Word) -> Result<(), Wrong> {
     match settings.port(id).map(|port| &port.kind) {
         Some(PortKind::Scanner) if !settings.devices.is_empty() => {
@@ -218,7 +218,7 @@ fn check_unused(settings: &Settings, id: PortId, word: Word) -> Result<(), Wrong
     }
 }
 
-/// Reads a row and puts it at place `at`, counted from 0, instead of the rule there or before it.
+/// Parses a rule and stores it at index `at`, in place of the rule there or before it.
 fn put_route(settings: &mut Settings, words: &Words, at: usize, replace: bool) -> Result<Changed, Wrong> {
     let first = words.peek();
     let route = route(settings, words)?;
@@ -352,7 +352,7 @@ fn existing_port<'s>(settings: &'s Settings, word: Word) -> Result<(PortId, &'s 
     id.and_then(|id| Some((id, settings.port(id)?))).ok_or_else(|| word.error(Problem::NoSuchPort))
 }
 
-/// The place, from 0, of the rule whose number is `word`.
+/// The index of the rule with number `word`.
 fn route_place(settings: &Settings, word: Word) -> Result<usize, Wrong> {
     let number = number(word, "a rule's number", 1..=ROUTES_MAX as u32)? as usize;
     let count = settings.routes.len();

@@ -1,5 +1,5 @@
-//! What points say about each other and about devices: local points do not overlap, what is shown stays, values fit the memory;
-//! and what goes when a device or a point is deleted.
+//! Checks between points and devices: local points do not overlap, a point that others show stays, and values fit the memory.
+//! Also deletes devices and points.
 
 use super::changed::Changed;
 use super::point_problem::PointProblem;
@@ -17,7 +17,7 @@ pub(crate) fn existing_point<'s>(
     found.ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchPoint)))
 }
 
-/// What `point` says about other points, if it is to stand at `place`, or behind them.
+/// Checks `point` against the others; `index` is its index, if it exists already.
 pub(crate) fn check_others(
     settings: &Settings,
     point: &PointSettings,
@@ -53,7 +53,7 @@ pub(crate) fn check_others(
 
 type Span = (Kind, u32, u32);
 
-/// The cells that a point takes in the gateway's own unit.
+/// The cells that a point occupies in the gateway's own unit.
 fn spans(point: &PointSettings) -> impl Iterator<Item = Span> {
     let (own, quality) = match point.at {
         PointAt::Device { .. } => (None, None),
@@ -75,7 +75,7 @@ fn meet(one: Span, other: Span) -> bool {
     one.0 == other.0 && one.1 < other.2 && other.1 < one.2
 }
 
-/// Takes the device or the point that `word` names out of the settings.
+/// Deletes the device that `word` names.
 pub(crate) fn delete_device(settings: &mut Settings, word: Word) -> Result<Changed, Wrong> {
     let missing = || word.error(Problem::Points(PointProblem::NoSuchDevice));
     let gone = settings.find_device(word.text).ok_or_else(missing)?;

@@ -1,11 +1,11 @@
-//! Settings of serial lines: speed, format, gaps, who switches the driver, and how each side asks or answers.
+//! Settings of serial lines: speed, format, gaps, driver control, and those of either side.
 
 use embassy_time::{Duration, TICK_HZ};
 use heapless::String;
 
 use crate::settings::{DEVICE_BYTES_MAX, PROOFS_MAX, Proof, Proofs, Side};
 
-/// How frames look on a serial line.
+/// The framing of a serial line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Framing {
     /// Binary frames ended by silence.
@@ -17,7 +17,7 @@ pub enum Framing {
 /// A serial port.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SerialSettings {
-    /// The board's name for the line: `uart1`, `/dev/ttyUSB0`.
+    /// The board's name of the line: `uart1`, `/dev/ttyUSB0`.
     pub device: String<DEVICE_BYTES_MAX>,
     /// RTU or ASCII.
     pub framing: Framing,
@@ -25,9 +25,9 @@ pub struct SerialSettings {
     pub side: Side,
     /// Speed, format and gaps.
     pub line: LineSettings,
-    /// How requests are sent; used when `side` is [`Side::Client`].
+    /// For [`Side::Client`].
     pub client: SerialClientSettings,
-    /// How requests are answered; used when `side` is [`Side::Server`].
+    /// For [`Side::Server`].
     pub server: SerialServerSettings,
 }
 
@@ -60,13 +60,13 @@ pub struct LineSettings {
     pub gap: Option<Duration>,
     /// Longest silence inside a frame; `None` is the general rule (a frame ends after the gap).
     pub char_timeout: Option<Duration>,
-    /// Who switches the transceiver's driver.
+    /// Who controls the transceiver's driver.
     pub driver: Driver,
     /// From switching the driver on to the first start bit.
     pub driver_before: Duration,
     /// From the last stop bit to switching the driver off.
     pub driver_after: Duration,
-    /// The adapter hears itself: what comes back is compared with what was sent, and dropped.
+    /// The adapter receives its own transmission, which is compared and dropped.
     pub echo: bool,
 }
 

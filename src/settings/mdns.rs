@@ -5,12 +5,12 @@ use crate::settings::HostName;
 /// Whether the gateway announces itself, and under which name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Mdns {
-    /// It does.
+    /// It announces itself.
     On {
         /// The name; if empty, the board's DHCP name, or else the machine's name.
         name: HostName,
     },
-    /// It does not.
+    /// It is silent.
     Off,
 }
 

@@ -1,4 +1,4 @@
-//! The public function codes (Application Protocol V1.1b3, clause 5.1), their names, and which may be repeated.
+//! The public function codes (Application Protocol V1.1b3, clause 5.1), their names, and which of them may be repeated.
 
 /// 01: read coils.
 pub const READ_COILS: u8 = 1;
@@ -12,9 +12,9 @@ pub const READ_INPUT_REGISTERS: u8 = 4;
 pub const WRITE_SINGLE_COIL: u8 = 5;
 /// 06: write one register.
 pub const WRITE_SINGLE_REGISTER: u8 = 6;
-/// 07: read eight outputs that a device keeps for its state.
+/// 07: read eight status outputs of a device.
 pub const READ_EXCEPTION_STATUS: u8 = 7;
-/// 08: tests and counters, told apart by a sub-function.
+/// 08: tests and counters, by sub-function.
 pub const DIAGNOSTICS: u8 = 8;
 /// 0B: status word and number of completed messages.
 pub const GET_COMM_EVENT_COUNTER: u8 = 11;
@@ -34,22 +34,22 @@ pub const WRITE_FILE_RECORD: u8 = 21;
 pub const MASK_WRITE_REGISTER: u8 = 22;
 /// 17: write registers, then read registers.
 pub const READ_WRITE_MULTIPLE_REGISTERS: u8 = 23;
-/// 18: read a queue of registers; it is not emptied.
+/// 18: read a queue of registers without emptying it.
 pub const READ_FIFO_QUEUE: u8 = 24;
-/// 2B: a tunnel, told apart by its MEI type.
+/// 2B: a tunnel, by MEI type.
 pub const ENCAPSULATED_INTERFACE: u8 = 43;
 
 /// MEI type of function 43: read device identification.
 pub const MEI_DEVICE_IDENTIFICATION: u8 = 14;
 
-/// Whether `request` means something to a unit that does not answer (Serial Line 2.1: broadcasts are writes).
+/// Whether `request` makes sense as a broadcast, which has no response (Serial Line 2.1: broadcasts are writes).
 ///
-/// Diagnostics (8) count: a restart may be wanted of all. Codes that the gateway does not know are left to the user.
+/// Includes diagnostics (8), as a restart may be meant for all. Unknown codes are left to the user.
 pub fn is_broadcastable(request: &[u8]) -> bool {
     !is_read(request) && !matches!(request, [] | [READ_WRITE_MULTIPLE_REGISTERS | ENCAPSULATED_INTERFACE, ..])
 }
 
-/// How much of `request`, a write, its response repeats; `None` for functions whose answer says more (clause 6).
+/// The part of `request`, a write, that its response repeats; `None` for functions whose response has more (clause 6).
 pub fn confirmation(request: &[u8]) -> Option<&[u8]> {
     match *request.first()? {
         WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER | WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS => {
@@ -62,8 +62,8 @@ pub fn confirmation(request: &[u8]) -> Option<&[u8]> {
 
 /// Whether `request` changes nothing, so that repeating it is harmless.
 ///
-/// Not so: diagnostics (8), whose sub-functions restart the device and clear its counters; the tunnel (43) but for the device
-/// identification, because its MEI type 13 carries CANopen writes; and every code that the gateway does not know.
+/// False for diagnostics (8), whose sub-functions restart the device and clear its counters; for the tunnel (43) except device
+/// identification, because its MEI type 13 carries CANopen writes; and for unknown codes.
 pub const fn is_read(request: &[u8]) -> bool {
     matches!(
         *request,
@@ -83,7 +83,7 @@ pub const fn is_read(request: &[u8]) -> bool {
     )
 }
 
-/// The function's name for logs; an exception's code gives the name of the function that it answers.
+/// The function's name for logs; an exception has the name of its function.
 pub const fn name(function: u8) -> &'static str {
     match function & !super::EXCEPTION_BIT {
         READ_COILS => "read coils",

@@ -1,4 +1,4 @@
-//! What a gateway can see for itself in a request, before it takes a device's time.
+//! Validation of requests, before they take up a device's time.
 
 use super::function::{
     DIAGNOSTICS, ENCAPSULATED_INTERFACE, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG, MASK_WRITE_REGISTER,
@@ -23,10 +23,10 @@ const REGISTER_BITS: usize = 16;
 /// Most registers written by function 23, whose header is longer.
 const READ_WRITE_REGISTERS_MAX: u16 = 121;
 
-/// Whether a server could accept this request: the exception that it gets instead, if not.
+/// Whether a server could accept this request; if not, the exception that it gets.
 ///
-/// A public function must have a possible length, byte count and quantity. Addresses are the device's affair, and an
-/// unknown function passes at any length.
+/// A public function must have a valid length, byte count and quantity. Addresses are up to the device, and an unknown function
+/// is accepted at any length.
 pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
     let Some((&function, fields)) = pdu.split_first() else {
         return Err(Exception::ILLEGAL_VALUE);
@@ -42,16 +42,16 @@ pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
     }
 }
 
-/// Whether `request` is a read whose answer no PDU could hold.
+/// Whether `request` is a read whose response would not fit a PDU.
 pub(crate) fn is_beyond_response(request: &[u8]) -> bool {
     let is_read = matches!(request, [READ_COILS..=READ_INPUT_REGISTERS, ..]);
-    // A response begins with the same function code, and more of it tells a read nothing.
+    // A read's response length depends on the request only, so the request serves for both.
     let length = response_length(request, request);
     is_read && matches!(length, ResponseLength::Known(length) if length > PDU_BYTES_MAX)
 }
 
-/// The length of the request that begins with `so_far`, the function code included, where its function tells it; a frame
-/// of another length is no request.
+/// The length of the request beginning with `so_far`, including the function code, where its function determines it; a frame of
+/// another length is not a request.
 pub fn request_length(so_far: &[u8]) -> Option<usize> {
     let counted = |at: usize| Some(at + 1 + usize::from(*so_far.get(at)?));
     match so_far {
@@ -78,7 +78,7 @@ pub fn request_length(so_far: &[u8]) -> Option<usize> {
     }
 }
 
-/// Whether `fields`, what stands behind the function code, can belong to `function`.
+/// Whether `fields`, the bytes after the function code, are valid for `function`.
 fn possible(function: u8, fields: &[u8]) -> bool {
     match (function, fields) {
         (READ_COILS | READ_DISCRETE_INPUTS, fields) => reads(fields, READ_BITS_MAX),
@@ -88,7 +88,7 @@ fn possible(function: u8, fields: &[u8]) -> bool {
         (READ_EXCEPTION_STATUS | GET_COMM_EVENT_COUNTER | GET_COMM_EVENT_LOG | REPORT_SERVER_ID, fields) => {
             fields.is_empty()
         }
-        // Data has two bytes or, for sub-function 0, "N x 2"; devices exist that take any, so let them judge.
+        // Data has two bytes or, for sub-function 0, "N x 2"; some devices accept any, so let them judge.
         (DIAGNOSTICS, fields) => fields.len() >= 2,
         (WRITE_MULTIPLE_COILS, fields) => writes(fields, WRITE_BITS_MAX, 1),
         (WRITE_MULTIPLE_REGISTERS, fields) => writes(fields, WRITE_REGISTERS_MAX, REGISTER_BITS),
@@ -115,7 +115,7 @@ fn reads(fields: &[u8], max: u16) -> bool {
     matches!(fields, [_, _, high, low] if (1..=max).contains(&u16::from_be_bytes([*high, *low])))
 }
 
-/// Address, a quantity from 1 to `max`, and the bytes that so many things of `bits` take, counted and there.
+/// Address, a quantity from 1 to `max`, and a byte count that agrees with the quantity of `bits` each and with the length.
 fn writes(fields: &[u8], max: u16, bits: usize) -> bool {
     let Some((head @ &[_, _, high, low], [count, data @ ..])) = fields.split_first_chunk() else {
         return false;
@@ -124,7 +124,7 @@ fn writes(fields: &[u8], max: u16, bits: usize) -> bool {
     reads(head, max) && usize::from(*count) == bytes && data.len() == bytes
 }
 
-/// One or more groups of function 21, each with as many registers as it says (clause 6.15).
+/// One or more groups of function 21, each as long as it says (clause 6.15).
 fn file_groups(mut groups: &[u8]) -> bool {
     if groups.is_empty() {
         return false;

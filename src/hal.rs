@@ -248,10 +248,10 @@ pub enum StoreError {
     #[error("the settings do not fit: {0} bytes at most")]
     Full(usize),
     /// Somebody else has changed the stored text.
-    #[error("the file was edited since it was read: `load` takes it over, `save force` writes over it")]
+    #[error("the file was edited since it was read: `load` applies it, `save force` overwrites it")]
     Edited,
     /// The stored text is corrupt.
-    #[error("the saved settings are damaged")]
+    #[error("the saved settings are corrupt")]
     Damaged,
     /// The medium failed.
     #[error("writing the settings failed")]

@@ -69,10 +69,10 @@ pub const ROWS_MAX: usize = 136;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Full {
     /// [`DEVICES_MAX`] devices exist.
-    #[error("there are {DEVICES_MAX} devices, the most there can be")]
+    #[error("there are {DEVICES_MAX} devices, the maximum")]
     Devices,
     /// [`ROWS_MAX`] rows exist.
-    #[error("there are {ROWS_MAX} rows, the most there can be")]
+    #[error("there are {ROWS_MAX} rows, the maximum")]
     Rows,
     /// The values take [`VALUE_BYTES_MAX`] bytes.
     #[error("the values take more than {VALUE_BYTES_MAX} bytes")]

@@ -10,7 +10,7 @@ use crate::settings::{EthercatSettings, Name, Port, PortKind, Settings, StreamFr
 pub enum ApplyError {
     /// The TCP servers need more connections than the board has.
     #[error(
-        "the TCP servers want {wanted} connections (one more each than its clients), this board has {connections}"
+        "the TCP servers need {wanted} connections (one more each than their clients), this board has {connections}"
     )]
     Connections {
         /// Connections needed.
@@ -27,7 +27,7 @@ pub enum ApplyError {
         other: Name,
     },
     /// The board's network does not belong to the gateway.
-    #[error("network lines are for boards with a network of their own; here the operating system sets it")]
+    #[error("network lines are for boards with a network of their own; here the operating system manages it")]
     Network,
     /// The board runs fewer ports.
     #[error("this board runs {0} ports at most")]
@@ -47,7 +47,7 @@ pub enum ApplyError {
     #[error("the EtherCAT controller is wired to this board: there is no network interface to choose")]
     WiredController,
     /// The board has no memory for a capture.
-    #[error("this board keeps no frames")]
+    #[error("this board has no capture")]
     NoCapture,
     /// The data points need more than there is.
     #[error(transparent)]

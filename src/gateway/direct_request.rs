@@ -36,15 +36,15 @@ const OPENING_PATIENCE: Duration = Duration::from_secs(3);
 /// Why there is no response, or no request was sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum DirectRequestError {
-    #[error("another console is asking")]
+    #[error("another console is sending a request")]
     Taken,
     #[error("no frame is free")]
     NoFrame,
-    #[error("the port is a server: ask via a client's port")]
+    #[error("the port is a server: use a client port")]
     Server,
     #[error("no response")]
     Lost,
-    #[error("sent to everybody; nobody answers")]
+    #[error("broadcast sent; there is no response")]
     Broadcast,
 }
 

@@ -9,7 +9,7 @@ use crate::settings::POINTS_MAX;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum PointProblem {
     /// There is no scanner port.
-    #[error("no port asks devices: type port NAME scanner first")]
+    #[error("there is no scanner port: type port NAME scanner first")]
     NoScanner,
     /// The port has no settings.
     #[error("a scanner has nothing to set")]
@@ -18,16 +18,16 @@ pub enum PointProblem {
     #[error("another port is the scanner")]
     ScannerTaken,
     /// There is another EtherCAT port.
-    #[error("another port is that of EtherCAT")]
+    #[error("another port is the EtherCAT port")]
     EthercatTaken,
     /// The port polls devices.
-    #[error("this port asks the devices: delete those first")]
+    #[error("this port polls the devices: delete them first")]
     ScannerInUse,
     /// There is no EtherCAT port.
-    #[error("no port asks for EtherCAT: type port NAME ethercat first")]
+    #[error("there is no EtherCAT port: type port NAME ethercat first")]
     NoEthercat,
     /// The port polls the slaves of the process image.
-    #[error("this port asks the slaves: delete those first")]
+    #[error("this port polls the slaves: delete them first")]
     EthercatInUse,
     /// There are no slaves.
     #[error("there are no slaves")]
@@ -39,16 +39,16 @@ pub enum PointProblem {
     #[error("there is no point of this name")]
     NoSuchPoint,
     /// [`DEVICES_MAX`] devices exist.
-    #[error("there are {DEVICES_MAX} devices already, the most there can be")]
+    #[error("there are {DEVICES_MAX} devices already, the maximum")]
     DevicesFull,
     /// [`POINTS_MAX`] points exist.
-    #[error("there are {POINTS_MAX} points already, the most there can be")]
+    #[error("there are {POINTS_MAX} points already, the maximum")]
     PointsFull,
     /// The values of all points are more than [`VALUE_BYTES_MAX`] bytes.
     #[error("the values of all points would take more than {VALUE_BYTES_MAX} bytes")]
     ValuesFull,
     /// Points refer to the device.
-    #[error("points are in this device: delete those first")]
+    #[error("points refer to this device: delete them first")]
     DeviceInUse,
     /// Other points show the variable.
     #[error("another point shows this one: delete or change that first")]
@@ -57,7 +57,7 @@ pub enum PointProblem {
     #[error("has no variable of its own")]
     ShowsAnother,
     /// A point must follow the one it shows, so that the lines can be read in order.
-    #[error("stands before the point that it would show: delete it first")]
+    #[error("comes before the point that it would show: delete it first")]
     ShowsLater,
     /// Bits cannot be shown as numbers.
     #[error("has bits where the other has numbers")]
@@ -69,13 +69,13 @@ pub enum PointProblem {
     #[error("is for registers only")]
     BitsHaveNoType,
     /// A value of several bits must use all of them.
-    #[error("expected a multiple of {0}: a value is so many bits")]
+    #[error("expected a multiple of {0}: a value has that many bits")]
     PartOfValue(u16),
     /// A bit of a register is one value, 0 or 1.
     #[error("a bit of a register has neither count nor type")]
     BitOfRegister,
     /// Number and type come from the point that is shown.
-    #[error("cannot stand with of: the other point has the values")]
+    #[error("cannot be combined with of: the other point has the values")]
     ValuesOfAnother,
     /// The table cannot be written.
     #[error("discrete inputs and input registers cannot be written")]

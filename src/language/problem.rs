@@ -105,10 +105,10 @@ pub enum Problem {
     #[error("there is no rule of this number (there are {0})")]
     NoSuchRoute(usize),
     /// [`PORTS_MAX`] ports exist.
-    #[error("there are {PORTS_MAX} ports already, the most there can be")]
+    #[error("there are {PORTS_MAX} ports already, the maximum")]
     PortsFull,
     /// [`ROUTES_MAX`] rules exist.
-    #[error("there are {ROUTES_MAX} rules already, the most there can be")]
+    #[error("there are {ROUTES_MAX} rules already, the maximum")]
     RoutesFull,
     /// The board has no data points.
     #[error("this board has no data points")]
@@ -117,7 +117,7 @@ pub enum Problem {
     #[error(fmt = fmt_points)]
     Points(PointProblem),
     /// The port does not have server lines.
-    #[error("is no tcp client without an address: only that has server lines")]
+    #[error("is not a tcp client without an address: only that has server lines")]
     NotManyServers,
     /// For clients with several servers.
     #[error("is for a tcp client without an address, which has several servers")]
@@ -137,7 +137,7 @@ pub enum Problem {
         units: UnitRange,
     },
     /// There is no room for another server.
-    #[error("there are {0} servers already, the most there can be")]
+    #[error("there are {0} servers already, the maximum")]
     ServersFull(usize),
     /// There is no server with these units.
     #[error("no server line of this port has these units")]
@@ -158,7 +158,7 @@ pub enum Problem {
     #[error("only used with rtu: by Modbus TCP, transaction ids tell responses apart")]
     RtuOnly,
     /// A setting for requests on a port without requests.
-    #[error("cannot be set with capture, which takes no requests")]
+    #[error("cannot be set with capture, which accepts no requests")]
     NoRequests,
     /// For the server side.
     #[error("is for the server side only")]
@@ -167,7 +167,7 @@ pub enum Problem {
     #[error("needs rs485 or rts")]
     DriverOnly,
     /// More reserved connections than connections.
-    #[error("more places are reserved than the {0} that there are")]
+    #[error("more connections are reserved than the {0} there are")]
     ReservedTooMany(u16),
     /// The port of this name has this device.
     #[error("port {0} has this device")]
@@ -179,10 +179,10 @@ pub enum Problem {
     #[error("{0} {verb} this port: delete or edit first", verb = .0.verb("names", "name"))]
     PortInUse(Rules),
     /// Rules name IP addresses for clients that would have none.
-    #[error("{0} {verb} it with an IP address, which askers on a serial line have not", verb = .0.verb("names", "name"))]
+    #[error("{0} {verb} it with an IP address; serial clients have none", verb = .0.verb("names", "name"))]
     RulesNeedTcp(Rules),
     /// An IP address for clients that have none.
-    #[error("askers of this source have no IP address: expected *")]
+    #[error("clients of this source have no IP address: expected *")]
     PeerOfSerial,
     /// A gateway outside the own network.
     #[error("is not another host of the same network")]
@@ -278,7 +278,7 @@ impl fmt::Display for Warning {
                 write!(f, "{takers} {} all {its} requests", takers.verb("takes", "take"))
             }
             Self::NoServer { rule, unit, port } => {
-                write!(f, "{rule} leads to unit {unit} of port {port}, for which no server line is: 0A")
+                write!(f, "{rule} leads to unit {unit} of port {port}, which has no server line: 0A")
             }
             Self::Circle { rule, unit, port } => {
                 write!(f, "{rule} leads unit {unit} in a circle: its requests come back by port {port}")

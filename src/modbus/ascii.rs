@@ -21,7 +21,7 @@ const BYTES_MAX: usize = PDU_BYTES_MAX + 2;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum AsciiError {
     /// A character other than `0` to `9` and `A` to `F` in the frame.
-    #[error("character {0:02X}h is no hexadecimal digit")]
+    #[error("character {0:02X}h is not a hexadecimal digit")]
     NotHex(u8),
     /// The carriage return came after half a byte.
     #[error("odd number of hexadecimal digits")]

@@ -22,7 +22,7 @@ pub enum Refused {
     #[error("no device is read for it")]
     NoDevice,
     /// The device does not respond, and is being left alone: a read would come too early.
-    #[error("its device does not answer, and is tried again in {}s", .0.as_secs() + 1)]
+    #[error("its device does not respond; next attempt in {}s", .0.as_secs() + 1)]
     BackingOff(Duration),
     /// A safe write has begun, and not ended.
     #[error("a safe write has begun")]
@@ -31,7 +31,7 @@ pub enum Refused {
     #[error("no safe write has begun")]
     NotBlocked,
     /// Another requester's command is in progress.
-    #[error("another's command is under way")]
+    #[error("another requester's command is in progress")]
     Taken,
     /// There is no such command.
     #[error("there is no such command")]

@@ -1,5 +1,4 @@
-//! Conversion between floats and decimal text: the float nearest to a text, and the shortest text that reads back the same. Both
-//! are exact.
+//! Exact conversion between floats and decimal text: the nearest float, and the shortest text that reads back the same.
 //!
 //! The routines in `core` are fast, but take 20 kB of tables and code. Here a number is an array of decimal digits, doubled and
 //! halved as by hand: fast enough for a console.

@@ -386,7 +386,7 @@ proptest! {
         prop_assert_eq!(drain(&mut queue).len(), inside.len());
     }
 
-    /// However many requesters come and go, an order's ticket is the one with which it came.
+    /// However many requesters come and go, a request keeps the entry with which it was pushed.
     #[test]
     fn who_asked_is_known_of_every_order_that_waits(steps in prop::collection::vec(0_u16..300, 1..400)) {
         let mut queue = PortQueue::new();

@@ -196,7 +196,7 @@ fn listen(text: &str) -> Result<TcpListen, String> {
             TcpListen { address: Some(both.ip()), port: both.port() }
         }
     };
-    if parsed.port == 0 { Err("port 0 is none".to_owned()) } else { Ok(parsed) }
+    if parsed.port == 0 { Err("port must be 1-65535".to_owned()) } else { Ok(parsed) }
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ pub enum Misfit {
     #[error("the response has the wrong length")]
     Length,
     /// A field that should repeat the request's differs.
-    #[error("the response repeats the request wrongly")]
+    #[error("the response does not repeat the request's fields")]
     Echo,
 }
 

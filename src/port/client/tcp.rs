@@ -31,7 +31,7 @@ const SOCKET_PAUSE: Duration = Duration::from_millis(50);
 const ID_STRIDE: u16 = 4_099;
 
 const CLOSED_AT_ONCE: OpenError =
-    OpenError::new(OpenErrorKind::Refused, "the server closes the connection without an answer");
+    OpenError::new(OpenErrorKind::Refused, "the server closes the connection without a response");
 const NO_SERVER: OpenError = OpenError::new(OpenErrorKind::NotFound, "");
 
 /// Serves the dispatcher's requests, for ever.

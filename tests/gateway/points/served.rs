@@ -254,7 +254,7 @@ fn a_device_that_is_left_alone_says_how_long() {
     assert_eq!(scanner.read(id, at(1_000)), Err(Refused::BackingOff(Duration::from_secs(14))));
     assert_eq!(
         Refused::BackingOff(Duration::from_millis(1_500)).to_string(),
-        "its device does not answer, and is tried again in 2s"
+        "its device does not respond; next attempt in 2s"
     );
     let status = |ms| scanner.device_status(device, at(ms)).unwrap();
     assert_eq!((status(14_999).backs_off_until, status(15_000).backs_off_until), (Some(at(15_000)), None));

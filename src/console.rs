@@ -17,6 +17,8 @@ mod history;
 mod input;
 mod job;
 mod keys;
+mod known;
+mod layout;
 mod mode;
 mod output;
 mod point_command;
@@ -79,7 +81,7 @@ where
     let mut skips = false;
     loop {
         stream.write_all(shell.session.out.text.as_bytes()).await?;
-        shell.session.out.text.clear();
+        shell.session.out.clear();
         let is_idle = matches!(wait, Wait::Key);
         let came = if matches!(wait, Wait::Sent) {
             WaitEvent::Nothing

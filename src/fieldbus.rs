@@ -10,7 +10,6 @@ mod chip;
 mod config_error;
 mod configuration;
 mod controller;
-mod description;
 mod diagnosis;
 mod image;
 mod keeping;
@@ -31,19 +30,24 @@ mod slots;
 mod status;
 mod texts;
 
+#[doc(hidden)] // Public for tests/ only.
 pub use application::GatewayObjects;
 pub use chip::Controller;
 pub use config_error::ConfigError;
+#[doc(hidden)] // Public for tests/ only.
 pub use configuration::Configuration;
 #[cfg(feature = "long-images")] // What they need is a feature.
 pub use controller::{LongSubDevice, long_device, serve_long};
 pub use controller::{device, serve};
-pub use description::write_esi;
+#[doc(hidden)] // Public for tests/ only.
 pub use keeping::Keep;
+#[doc(hidden)] // Public for tests/ only.
 pub use layout::DeviceLayout;
+#[doc(hidden)] // Public for tests/ only.
 pub use line::{LineWriter, Speed};
-pub use modular::MODULAR;
+pub use modular::{LONG_MODULAR, MODULAR, Module};
 pub use objects::{DEVICE, LONG_DEVICE, REASON_BYTES};
+#[doc(hidden)] // Public for tests/ only.
 pub use request::{REQUEST_BYTES_MAX, RequestState, Requests};
 pub use room::Room;
 pub use shared::EthercatState;

@@ -25,12 +25,19 @@ mod envelope;
 mod merged;
 mod slot;
 mod transaction;
+mod writer;
 
+#[doc(hidden)] // Public for tests/ only.
 pub use self::channel::Channel;
+#[doc(hidden)] // Public for tests/ only.
 pub use self::envelope::{Cause, Envelope, Origin, ReplyTo, Stage};
+pub use self::slot::Slot;
 use self::slot::SlotState;
-pub use self::slot::{Fill, FrameFull, Slot};
+#[doc(hidden)] // Public for tests/ only.
+pub use self::slot::{Fill, FrameFull};
 pub(crate) use self::transaction::Transaction;
+#[doc(hidden)] // Public for tests/ only.
+pub use self::writer::FrameWriter;
 
 /// The pool over a board's slots.
 pub struct FramePool<'p> {
@@ -51,12 +58,6 @@ impl<'p> FramePool<'p> {
     /// A pool over `slots`, of which the first `reserved` belong to owners 0 to `reserved - 1`.
     pub const fn new(slots: &'p [Slot], reserved: usize) -> Self {
         Self { slots, reserved, shared: Mutex::new(RefCell::new(Shared { first: 0, fresh: reserved })) }
-    }
-
-    /// A frame for `owner`: its reserved one if that is free, else a shared one, else none.
-    pub fn take(&'p self, owner: usize) -> Option<(FrameWriter<'p>, Frame<'p>)> {
-        let frame = self.claim(owner, None)?;
-        Some((FrameWriter { frame: frame.share() }, frame))
     }
 
     /// Like [`take`](FramePool::take), with `pdu` and `envelope` filled in; none also if the PDU is longer than
@@ -125,6 +126,7 @@ impl<'p> FramePool<'p> {
 }
 
 /// A handle to a frame; the slot is free again when the last one is dropped.
+#[doc(hidden)] // Public for tests/ only.
 pub struct Frame<'p> {
     pool: &'p FramePool<'p>,
     index: u16,
@@ -272,14 +274,6 @@ impl<'p> Frame<'p> {
         })
     }
 
-    /// Empties the frame and returns a writer for its new content (a response replacing the request).
-    pub fn rewrite(&self) -> FrameWriter<'p> {
-        self.with(|slot| {
-            slot.restart();
-        });
-        FrameWriter { frame: self.share() }
-    }
-
     /// Replaces the content by `pdu`, which must fit.
     pub fn replace(&self, pdu: &[u8]) -> Result<(), FrameFull> {
         let replaced = self.with(|slot| {
@@ -336,64 +330,5 @@ impl Drop for Frame<'_> {
         if left == Some(0) {
             self.pool.release(usize::from(self.index));
         }
-    }
-}
-
-/// Fills a frame; dropped before [`FrameWriter::finish`] it marks the frame broken.
-pub struct FrameWriter<'p> {
-    frame: Frame<'p>,
-}
-
-impl<'p> FrameWriter<'p> {
-    /// The frame that is being filled.
-    pub fn frame(&self) -> &Frame<'p> {
-        &self.frame
-    }
-
-    /// Appends `bytes`, all or none of them, and wakes the reader.
-    pub fn push(&mut self, bytes: &[u8]) -> Result<(), FrameFull> {
-        let appended = self.frame.with(|slot| {
-            let length = usize::from(slot.length);
-            slot.pdu.get_mut(length..length + bytes.len())?.copy_from_slice(bytes);
-            slot.length += bytes.len() as u8;
-            slot.waiting.wake();
-            Some(())
-        });
-        appended.flatten().ok_or(FrameFull)
-    }
-
-    /// The PDU will have `length` bytes.
-    pub fn expect(&mut self, length: usize) {
-        self.frame.with(|slot| slot.expected = length.min(PDU_BYTES_MAX) as u8);
-    }
-
-    /// Appends a byte of the CRC, which has not been checked yet.
-    pub fn push_crc(&mut self, byte: u8) {
-        self.frame.with(|slot| {
-            if let Some(place) = slot.crc.get_mut(usize::from(slot.crc_bytes)) {
-                *place = byte;
-                slot.crc_bytes += 1;
-                slot.waiting.wake();
-            }
-        });
-    }
-
-    /// Marks the frame complete and valid; returns whether it is still wanted or was [abandoned](Frame::abandon).
-    pub fn finish(self) -> bool {
-        let finished = self.frame.with(|slot| {
-            let wanted = slot.fill == Fill::Filling;
-            if wanted {
-                slot.fill = Fill::Complete;
-                slot.waiting.wake();
-            }
-            wanted
-        });
-        finished == Some(true)
-    }
-}
-
-impl Drop for FrameWriter<'_> {
-    fn drop(&mut self) {
-        self.frame.abandon();
     }
 }

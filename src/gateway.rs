@@ -27,15 +27,18 @@ pub(crate) mod direct_request;
 mod ethercat;
 pub(crate) mod events;
 mod keep_settings;
+#[doc(hidden)] // Public for tests/ only.
 pub mod outstanding;
 mod points;
 mod port_state;
 pub mod reconfigure;
+#[doc(hidden)] // Public for tests/ only.
 pub mod response_times;
 pub mod saved;
 mod shared;
 pub(crate) mod socket;
 pub(crate) mod turns;
+#[doc(hidden)] // Public for tests/ only.
 pub mod unit_health;
 
 pub use self::check::ApplyError;

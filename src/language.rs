@@ -5,9 +5,11 @@
 
 mod apply;
 mod changed;
+mod changes;
 mod ethercat;
 mod field;
 mod line;
+pub(crate) mod listed;
 mod loader;
 mod mdns;
 mod option;
@@ -28,21 +30,20 @@ mod route_words;
 mod servers;
 mod slaves;
 mod values;
+mod verbs;
 mod words;
 
 #[cfg(test)]
 mod tests;
 
-pub(crate) use self::apply::option_words;
 pub use self::apply::{Applied, apply};
 pub(crate) use self::line::LineBuffer;
 pub use self::loader::{LoadError, Loader, Observer};
-pub(crate) use self::mdns::keywords as mdns_words;
-pub(crate) use self::own_network::keywords as network_words;
 pub use self::point_problem::PointProblem;
 pub(crate) use self::point_words::{KINDS, ORDERS, ORDERS_EXPECTED, TYPES, TYPES_EXPECTED};
 pub use self::print::{SPEED_BYTES_MAX, write_line};
 pub use self::problem::{LineError, Problem, WORD_BYTES_MAX, Warning};
 pub(crate) use self::route_words::units as parse_units;
 pub(crate) use self::values::{medium, number, parse_number, small, time};
+pub(crate) use self::verbs::{Offer, VERBS, Verb, Verbs};
 pub(crate) use self::words::{Word, Words, Wrong, find_word};

@@ -90,7 +90,9 @@ pub mod gateway;
 pub mod hal;
 pub mod language;
 pub mod modbus;
+#[doc(hidden)] // Public for tests/ only.
 pub mod port;
+#[doc(hidden)] // Public for tests/ only.
 pub mod routing;
 pub mod scanner;
 pub mod settings;

@@ -10,10 +10,14 @@
 
 use heapless::Vec;
 
+#[doc(hidden)] // Public for tests/ only.
 pub mod ascii;
+#[doc(hidden)] // Public for tests/ only.
 pub mod crc;
+#[doc(hidden)] // Public for tests/ only.
 pub mod delta;
 mod exception;
+#[doc(hidden)] // Public for tests/ only.
 pub mod pdu;
 pub mod rtu;
 pub mod tcp;

@@ -41,18 +41,29 @@ use crate::modbus::Exception;
 use crate::modbus::pdu::EXCEPTION_BIT;
 
 pub(crate) use self::bits::copy_bits;
+#[doc(hidden)] // Public for tests/ only.
 pub use self::byte_order::ByteOrder;
+#[doc(hidden)] // Public for tests/ only.
 pub use self::commands::Refused;
+#[doc(hidden)] // Public for tests/ only.
 pub use self::form::{Form, RegisterBit};
+#[doc(hidden)] // Public for tests/ only.
 pub use self::gather::Pdu;
+#[doc(hidden)] // Public for tests/ only.
 pub use self::kind::{Kind, Modicon};
+#[doc(hidden)] // Public for tests/ only.
 pub use self::operation::Operation;
+#[doc(hidden)] // Public for tests/ only.
 pub use self::program::{ABANDONED_AFTER, REQUESTERS};
+#[doc(hidden)] // Public for tests/ only.
 pub use self::row::{DeviceId, Reading, Row, RowId, SCAN, Writing};
 pub(crate) use self::serve::age_register;
 pub use self::state::ScannerState;
+#[doc(hidden)] // Public for tests/ only.
 pub use self::station::{BACK_OFF_FIRST, BACK_OFF_LONGEST, BACK_OFF_STEP, Device, DeviceStatus, REPEATS};
+#[doc(hidden)] // Public for tests/ only.
 pub use self::status::{ErrorCode, Status};
+#[doc(hidden)] // Public for tests/ only.
 pub use self::typed::{TypedValue, ValueType};
 pub use self::values::VALUE_BYTES_MAX;
 
@@ -67,6 +78,7 @@ pub const ROWS_MAX: usize = 136;
 
 /// The scanner is full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[doc(hidden)] // Public for tests/ only.
 pub enum Full {
     /// [`DEVICES_MAX`] devices exist.
     #[error("there are {DEVICES_MAX} devices, the maximum")]
@@ -91,6 +103,7 @@ pub struct Request {
 }
 
 /// The devices, their rows and values.
+#[doc(hidden)] // Public for tests/ only.
 pub struct Scanner {
     stations: Vec<Station, DEVICES_MAX>,
     entries: Vec<Entry, ROWS_MAX>,

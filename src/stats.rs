@@ -10,6 +10,7 @@ use crate::modbus::Exception;
 use crate::modbus::pdu::{self, EXCEPTION_BIT};
 
 mod log;
+#[doc(hidden)] // Public for tests/ only.
 pub mod response_tail;
 
 /// The events that a port counts.

@@ -11,7 +11,7 @@ const BAUD: u32 = 19_200;
 const FILE: &str = "docs/paper.svg";
 const REGISTERS: [u8; 11] = [1, 5, 10, 20, 30, 40, 50, 65, 80, 100, 125];
 
-/// Draws lines by the formulas and circles where they were measured, into [`FILE`].
+/// Draws lines by the formula and dots where it was measured, into [`FILE`].
 pub(crate) fn draw() -> Result<(), Box<dyn std::error::Error>> {
     std::fs::create_dir_all("docs")?;
     let measured: Vec<_> =
@@ -19,13 +19,18 @@ pub(crate) fn draw() -> Result<(), Box<dyn std::error::Error>> {
     let area = SVGBackend::new(FILE, (800, 450)).into_drawing_area();
     area.fill(&WHITE)?;
     let mut chart = ChartBuilder::on(&area)
-        .caption(format!("One router at {BAUD} baud 8E1, device turnaround 1 ms"), ("sans-serif", 20))
+        .caption(
+            format!(
+                "Towards Multi-port Modbus Gateway: one router, {BAUD} baud 8E1. Lines: formula, dots: measured"
+            ),
+            ("sans-serif", 20),
+        )
         .margin(15)
         .x_label_area_size(40)
         .y_label_area_size(55)
         .build_cartesian_2d(0.0..130.0, 0.9..2.2)?;
     let mesh = &mut chart.configure_mesh();
-    mesh.x_desc("registers read").y_desc("times the direct transaction").draw()?;
+    mesh.x_desc("registers read, device turnaround 1 ms").y_desc("times the direct transaction").draw()?;
     let curves = [("store and forward", RED, 0), ("cut-through", BLUE, 1)];
     for (name, colour, which) in curves {
         let formula =
@@ -39,6 +44,6 @@ pub(crate) fn draw() -> Result<(), Box<dyn std::error::Error>> {
     }
     chart.configure_series_labels().background_style(WHITE).border_style(BLACK).draw()?;
     area.present()?;
-    println!("{FILE}: lines are formulas, circles are measured");
+    println!("{FILE}: lines: formula, dots: measured");
     Ok(())
 }

@@ -1,4 +1,7 @@
 //! The commands: what a line begins.
+//!
+//! A command is declared once, in [`COMMANDS`]: its name, its help, its completion, and what it does. The verbs of the settings'
+//! language are declared there; all of them are done by [`Session::change`].
 
 use embassy_time::Instant;
 
@@ -6,81 +9,239 @@ use super::ask::Ask;
 use super::frames::Frames;
 use super::help::Help;
 use super::job::Job;
+use super::known::Known;
 use super::point_command::PointCommand;
 use super::session::Session;
-use super::show::{Show, Table};
+use super::show::{self, Show, TOPICS, Table};
 use super::wait::{Begun, Wait};
-use crate::language::{Words, Wrong};
+use crate::language::listed::listed;
+use crate::language::{Offer, Problem, VERBS, Verb, Verbs, Word, Words, Wrong};
 
-/// What a command's first word asks for.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Command {
-    Help,
-    /// A line of the settings' language.
-    Settings,
-    Show,
-    Clear,
-    Ask(Ask),
-    Scan,
-    Tune,
-    Capture,
-    Watch,
-    /// What is done with a data point at once.
-    Point(PointCommand),
-    Save,
-    /// A command that has no words of its own.
-    Alone(Wait),
+/// Begins what the words behind a command say: one that takes more than this step becomes the job.
+type Run = for<'g> fn(&mut Session<'_, 'g>, &Words<'_>, &mut Job<'g>) -> Result<Wait, Wrong>;
+
+const PORTS: &[Offer] = &[Offer::Ports];
+const POINTS: &[Offer] = &[Offer::Points];
+
+/// The commands that are no lines of settings.
+const COMMANDS: Verbs<Run> = &[
+    (
+        "show",
+        command("show TOPIC\thow things are: ports, units, routes, ...", |session, words, job| {
+            let show = show::topic(words)?;
+            *job = match show {
+                Show::Frames => Job::Frames(Frames::last(session.gateway)),
+                show => Job::Show(Table::new(show)),
+            };
+            Ok(Wait::Sent)
+        })
+        .then(&[Offer::Each(|each| TOPICS.iter().for_each(|(word, _)| each(word)))], &[]),
+    ),
+    (
+        "ping",
+        command("ping UNIT via PORT\tasks a unit for a sign of life (function 8)", |session, words, job| {
+            begun(session.ask(Ask::Ping, words), job, Job::Ask)
+        }),
+    ),
+    (
+        "scan",
+        command(
+            "scan PORT [OPTION]...\tfinds the devices on a serial client's line
+  OPTION: BAUD, units A-B, timeout T, function N
+  At each speed it tries 8E1, 8N1, 8O1 and 8N2 (ascii: 7E1, 7N2, 7O1, 8N1).
+  Without words: 9600 19200 38400 115200 57600 4800 2400 1200, units 1-247,
+  60ms and some characters, function 3. Who responds later is asked again.
+  A key or a line stops it. Meanwhile others who ask by the port get 0A;
+  behind it the port is as before, or as found if you take that over.
+  scan P1 9600 19200 units 1-32",
+            |session, words, job| begun(session.scan(words), job, Job::Scan),
+        )
+        .then(PORTS, &[]),
+    ),
+    (
+        "tune",
+        command(
+            "tune PORT [OPTION]...\tmeasures response times, proposes a timeout
+tune PORT [units A-B] [count N]
+  Asks each unit N times (2000), those that have responded so far unless
+  some are named, with a timeout of 3s. Other traffic goes on.
+  A key or a line stops it, and then it proposes nothing.",
+            |session, words, job| begun(session.tune(words), job, Job::Tune),
+        )
+        .then(PORTS, &[]),
+    ),
+    (
+        "read",
+        command(
+            "read UNIT|POINT ...\treads at once, and shows the values
+read POINT
+read UNIT coil|discrete|input|holding ADDRESS [OPTION]... via PORT
+  OPTION: count N, as u16|i16|u32|i32|f32, order 0123|2301|1032|3210",
+            |session, words, job| session.access(PointCommand::Read, Ask::Read, words, job),
+        )
+        .then(POINTS, POINTS),
+    ),
+    (
+        "write",
+        command(
+            "write UNIT|POINT ...\twrites at once
+write POINT [[at N] VALUE...]\tsets its values, from value N on; between
+\tbegin and finish they are only set
+write UNIT coil|holding ADDRESS [OPTION]... VALUE... via PORT
+  OPTION: as u16|i16|u32|i32|f32, order 0123|2301|1032|3210",
+            |session, words, job| session.access(PointCommand::Write, Ask::Write, words, job),
+        )
+        .then(POINTS, POINTS),
+    ),
+    (
+        "mark",
+        of_points(
+            "mark DEVICE FUNCTION FROM-TO\treads or writes all points there at once
+  FUNCTION: 1 to 4 reads, 5, 6, 15 or 16 writes",
+            |session, words, job| begun(session.point(PointCommand::Mark, words), job, Job::Point),
+        )
+        .then(&[Offer::Devices], &[Offer::Devices]),
+    ),
+    (
+        "begin",
+        of_points(
+            "begin POINT\tbegins a safe write: it is neither read nor
+\twritten until finish
+  It ends without a write when nothing is set for 60s.",
+            |session, words, job| begun(session.point(PointCommand::Begin, words), job, Job::Point),
+        )
+        .then(POINTS, POINTS),
+    ),
+    (
+        "finish",
+        of_points("finish POINT\tends a safe write: the point is written", |session, words, job| {
+            begun(session.point(PointCommand::Finish, words), job, Job::Point)
+        })
+        .then(POINTS, POINTS),
+    ),
+    (
+        "clear",
+        command(
+            "clear stats|log\tforgets counters or transactions
+clear stats\tsets counters to zero, those of units too
+clear log\tforgets the transactions",
+            |session, words, _| {
+                session.clear(topic(words, TOPICS_CLEAR, TOPICS_CLEAR_EXPECTED)?);
+                Ok(Wait::End)
+            },
+        )
+        .then(&[Offer::Each(|each| TOPICS_CLEAR.iter().for_each(|(word, _)| each(word)))], &[]),
+    ),
+    (
+        "capture",
+        command(
+            "capture FILE|off\twrites frames into a file, for Wireshark
+capture FILE\ta new one (PCAPNG); on Linux
+capture off\tends that
+  By network, on boards too: port wire tcp server 5029 capture, then
+  nc BOARD 5029 | wireshark -k -i -",
+            |session, words, _| session.capture(words),
+        ),
+    ),
+    (
+        "watch",
+        command(
+            "watch [points]\tshows what comes, until a key or a line
+watch\tframes of all ports
+watch points\tdata points whose status or values change",
+            |session, words, job| {
+                if words.peek().is_end() {
+                    *job = Job::Frames(Frames::to_come(session.gateway));
+                    return Ok(Wait::Sent);
+                }
+                topic(words, &[("points", ())], "points")?;
+                begun(session.watch_points(), job, Job::Point)
+            },
+        )
+        .then(&[Offer::Words(&["points"])], &[]),
+    ),
+    (
+        "save",
+        command(
+            "save [force]\tkeeps the settings for the next start
+save\ttill then the prompt is mobgate*>
+save force\talso where the file was edited since it was read",
+            |_, words, _| save(words),
+        )
+        .then(&[Offer::Words(&["force"])], &[]),
+    ),
+    ("load", command("load\ttakes the saved settings back", |_, words, _| alone(words, Wait::Load))),
+    (
+        "reboot",
+        command("reboot\tstarts again with the saved settings", |session, words, _| {
+            let wait = alone(words, Wait::Reboot)?;
+            session.out.line(format_args!("starting again"));
+            Ok(wait)
+        }),
+    ),
+    ("exit", command("exit\tends this session", |_, words, _| alone(words, Wait::Exit))),
+    (
+        "help",
+        command("help [WORD]\tthis list, or all about a command", |_, words, job| {
+            let word = words.take();
+            words.end()?;
+            *job = Job::Help(if word.is_end() { Help::overview(known) } else { Help::of(find(word)?) });
+            Ok(Wait::Sent)
+        })
+        .then(&[Offer::Verbs], &[]),
+    ),
+];
+
+const fn command(help: &'static str, run: Run) -> Verb<Run> {
+    Verb::new(help, run)
 }
 
-/// Every command, in the order of `help`.
-pub(super) const COMMANDS: &[(&str, Command)] = &[
-    ("help", Command::Help),
-    ("port", Command::Settings),
-    ("server", Command::Settings),
-    ("route", Command::Settings),
-    ("device", Command::Settings),
-    ("point", Command::Settings),
-    ("slave", Command::Settings),
-    ("edit", Command::Settings),
-    ("insert", Command::Settings),
-    ("move", Command::Settings),
-    ("delete", Command::Settings),
-    ("network", Command::Settings),
-    ("mdns", Command::Settings),
-    ("show", Command::Show),
-    ("read", Command::Point(PointCommand::Read)),
-    ("write", Command::Point(PointCommand::Write)),
-    ("mark", Command::Point(PointCommand::Mark)),
-    ("begin", Command::Point(PointCommand::Begin)),
-    ("finish", Command::Point(PointCommand::Finish)),
-    ("clear", Command::Clear),
-    ("ping", Command::Ask(Ask::Ping)),
-    ("scan", Command::Scan),
-    ("tune", Command::Tune),
-    ("capture", Command::Capture),
-    ("watch", Command::Watch),
-    ("save", Command::Save),
-    ("load", Command::Alone(Wait::Load)),
-    ("reboot", Command::Alone(Wait::Reboot)),
-    ("exit", Command::Alone(Wait::Exit)),
+/// A command of data points, where there are any.
+const fn of_points(help: &'static str, run: Run) -> Verb<Run> {
+    command(help, run).of_points(|session, _, _| Ok(session.fail(&Problem::NoPoints)))
+}
+
+/// What people type who know other consoles, and what it is called here.
+const ELSEWHERE: &[(&str, &str)] = &[
+    ("?", "help"),
+    ("quit", "exit"),
+    ("q", "exit"),
+    ("logout", "exit"),
+    ("ls", "show config"),
+    ("list", "show config"),
+    ("config", "show config"),
+    ("status", "show ports"),
+    ("ports", "show ports"),
+    ("units", "show units"),
+    ("log", "show log"),
+    ("version", "show version"),
+    ("undo", "load (takes the saved settings back) or delete"),
+    ("no", "delete"),
+    ("remove", "delete"),
+    ("set", "edit"),
+    ("commit", "save"),
+    ("restart", "reboot"),
 ];
 
-pub(super) const TOPICS_SHOW: &[(&str, Show)] = &[
-    ("ports", Show::Ports),
-    ("servers", Show::Servers),
-    ("routes", Show::Routes),
-    ("units", Show::Units),
-    ("clients", Show::Clients),
-    ("stats", Show::Stats),
-    ("points", Show::Points),
-    ("devices", Show::Devices),
-    ("registers", Show::Registers),
-    ("config", Show::Config),
-    ("network", Show::Network),
-    ("log", Show::Log),
-    ("frames", Show::Frames),
-    ("version", Show::Version),
-];
+/// The command at this place.
+pub(super) fn known(at: usize) -> Option<Known> {
+    match VERBS.get(at) {
+        Some(verb) => Some(Known::new(verb)),
+        None => COMMANDS.get(at.checked_sub(VERBS.len())?).map(Known::new),
+    }
+}
+
+/// All commands.
+pub(super) fn commands() -> impl Iterator<Item = Known> {
+    (0..).map_while(known)
+}
+
+/// The command that `word` names.
+pub(super) fn find(word: Word<'_>) -> Result<Known, Wrong> {
+    let name = |at| known(at).map(|known| known.name);
+    let found = commands().find(|known| word.is(known.name));
+    found.ok_or_else(|| word.unknown(&name, ELSEWHERE, "a command (see help)"))
+}
 
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Clear {
@@ -88,15 +249,8 @@ pub(super) enum Clear {
     Log,
 }
 
-pub(super) const TOPICS_CLEAR: &[(&str, Clear)] = &[("stats", Clear::Stats), ("log", Clear::Log)];
-
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Watch {
-    Points,
-}
-
-/// What is watched besides frames.
-pub(super) const TOPICS_WATCH: &[(&str, Watch)] = &[("points", Watch::Points)];
+const TOPICS_CLEAR: &[(&str, Clear)] = &[("stats", Clear::Stats), ("log", Clear::Log)];
+const TOPICS_CLEAR_EXPECTED: &str = listed!(TOPICS_CLEAR);
 
 impl<'g> Session<'_, 'g> {
     /// Begins what the words of a line say: a command that takes more than this step becomes the `job`.
@@ -105,52 +259,32 @@ impl<'g> Session<'_, 'g> {
         if verb.is_end() {
             return Ok(Wait::End);
         }
-        let begins_with_digit = words.peek().begins_with_digit();
-        Ok(match verb.keyword(COMMANDS, "a command (see help)")? {
-            Command::Settings => self.change(),
-            Command::Show => {
-                *job = match topic(words, TOPICS_SHOW, SHOW_EXPECTED)? {
-                    Show::Frames => Job::Frames(Frames::last(self.gateway)),
-                    show => Job::Show(Table::new(show)),
-                };
-                Wait::Sent
-            }
-            Command::Help => {
-                *job = Job::Help(Help::parse(words)?);
-                Wait::Sent
-            }
-            Command::Ask(ask) => return begun(self.ask(ask, words), job, Job::Ask),
-            Command::Scan => return begun(self.scan(words), job, Job::Scan),
-            Command::Tune => return begun(self.tune(words), job, Job::Tune),
-            Command::Capture => return self.capture(words),
-            // Names begin with a letter.
-            Command::Point(PointCommand::Read) if begins_with_digit => {
-                return begun(self.ask(Ask::Read, words), job, Job::Ask);
-            }
-            Command::Point(PointCommand::Write) if begins_with_digit => {
-                return begun(self.ask(Ask::Write, words), job, Job::Ask);
-            }
-            Command::Point(command) => return begun(self.point(command, words), job, Job::Point),
-            Command::Clear => {
-                self.clear(topic(words, TOPICS_CLEAR, "stats or log")?);
-                Wait::End
-            }
-            Command::Watch if !words.peek().is_end() => match topic(words, TOPICS_WATCH, "points")? {
-                Watch::Points => return begun(self.watch_points(), job, Job::Point),
-            },
-            Command::Watch => {
-                *job = Job::Frames(Frames::to_come(self.gateway));
-                Wait::Sent
-            }
-            Command::Save => save(words)?,
-            Command::Alone(wait) => {
-                words.end()?;
-                if let Wait::Reboot = wait {
-                    self.out.line(format_args!("starting again"));
-                }
-                wait
-            }
-        })
+        let command = verb.lookup(COMMANDS);
+        if command.is_none() {
+            find(verb)?;
+        }
+        if words.peek().is("?") {
+            *job = Job::Help(Help::of(find(verb)?));
+            return Ok(Wait::Sent);
+        }
+        match command {
+            Some(command) => (command.run)(self, words, job),
+            None => Ok(self.change()),
+        }
+    }
+
+    /// `read` and `write`, of a point or past the rules of a unit, which is a number: names begin with a letter.
+    fn access(
+        &mut self,
+        command: PointCommand,
+        ask: Ask,
+        words: &Words<'_>,
+        job: &mut Job<'g>,
+    ) -> Result<Wait, Wrong> {
+        if words.peek().begins_with_digit() {
+            return begun(self.ask(ask, words), job, Job::Ask);
+        }
+        begun(self.point(command, words), job, Job::Point)
     }
 
     fn clear(&self, what: Clear) {
@@ -175,6 +309,12 @@ fn begun<'g, J>(begun: Begun<J>, job: &mut Job<'g>, make: fn(J) -> Job<'g>) -> R
     Ok(wait)
 }
 
+/// A command that has no words of its own.
+fn alone(words: &Words<'_>, wait: Wait) -> Result<Wait, Wrong> {
+    words.end()?;
+    Ok(wait)
+}
+
 /// `save`, or `save force`.
 fn save(words: &Words<'_>) -> Result<Wait, Wrong> {
     let whatever = !words.peek().is_end();
@@ -184,9 +324,6 @@ fn save(words: &Words<'_>) -> Result<Wait, Wrong> {
     words.end()?;
     Ok(Wait::Save { whatever })
 }
-
-const SHOW_EXPECTED: &str = "ports, servers, routes, units, clients, stats, points, devices, registers, config, network, \
-     log, frames or version";
 
 /// The last word of a line as a topic of `table`.
 fn topic<T: Copy>(words: &Words, table: &[(&'static str, T)], expected: &'static str) -> Result<T, Wrong> {

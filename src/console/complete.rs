@@ -2,8 +2,8 @@
 
 use heapless::String;
 
-use super::command::{COMMANDS, TOPICS_CLEAR, TOPICS_SHOW, TOPICS_WATCH};
-use crate::language::{WORD_BYTES_MAX, mdns_words, network_words, option_words};
+use super::command::commands;
+use crate::language::{Offer, WORD_BYTES_MAX};
 use crate::settings::Settings;
 
 /// What can be done about a word that was begun.
@@ -56,48 +56,22 @@ pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut
     };
     let done = before.get(..before.len() - begun.len()).unwrap_or_default();
     let mut words = done.split_whitespace();
-    let verb = words.next();
-    let is = |word: &str| verb.is_some_and(|verb| verb.eq_ignore_ascii_case(word));
-    let second = words.next().is_none();
-    let is_one_of = |words: &[&str]| words.iter().any(|word| is(word));
-    let ports = |offer: &mut dyn FnMut(&str)| {
-        settings.ports.iter().flatten().for_each(|port| offer(&port.name));
+    let offers = match words.next() {
+        None => &[Offer::Verbs],
+        Some(verb) => match commands().find(|command| command.name.eq_ignore_ascii_case(verb)) {
+            Some(command) if words.next().is_none() => command.second,
+            Some(command) => command.later,
+            None => &[],
+        },
     };
-    if verb.is_none() || (is("help") && second) {
-        COMMANDS.iter().for_each(|(word, _)| offer(word));
-    } else if is("show") && second {
-        TOPICS_SHOW.iter().for_each(|(word, _)| offer(word));
-    } else if is("clear") && second {
-        TOPICS_CLEAR.iter().for_each(|(word, _)| offer(word));
-    } else if is("watch") && second {
-        TOPICS_WATCH.iter().for_each(|(word, _)| offer(word));
-    } else if is_one_of(&["insert", "move"]) && second {
-        offer("route");
-    } else if is("edit") && second {
-        ["port", "route"].into_iter().for_each(offer);
-    } else if is("network") {
-        network_words().for_each(offer);
-    } else if is("mdns") {
-        mdns_words().for_each(offer);
-    } else if is("delete") && second {
-        ["port", "server", "route", "routes", "device", "point", "slave", "slaves"]
-            .into_iter()
-            .for_each(offer);
-    } else if is_one_of(&["read", "write", "begin", "finish"]) {
-        settings.points.iter().for_each(|point| offer(&point.name));
-    } else if is("mark") {
-        settings.devices.iter().for_each(|device| offer(&device.name));
-    } else if is_one_of(&["device", "point"]) {
-        settings.devices.iter().for_each(|device| offer(&device.name));
-        settings.points.iter().for_each(|point| offer(&point.name));
-        offer("local");
-        option_words(&mut |word| offer(word));
-    } else if is_one_of(&["scan", "tune"]) && second {
-        ports(offer);
-    } else if is_one_of(&["port", "server", "route", "edit", "insert", "delete"]) {
-        ports(offer);
-        if !second {
-            option_words(&mut |word| offer(word));
+    for words in offers {
+        match *words {
+            Offer::Words(words) => words.iter().for_each(|word| offer(word)),
+            Offer::Each(each) => each(&mut |word| offer(word)),
+            Offer::Verbs => commands().for_each(|command| offer(command.name)),
+            Offer::Ports => settings.ports.iter().flatten().for_each(|port| offer(&port.name)),
+            Offer::Devices => settings.devices.iter().for_each(|device| offer(&device.name)),
+            Offer::Points => settings.points.iter().for_each(|point| offer(&point.name)),
         }
     }
 }

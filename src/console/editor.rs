@@ -9,13 +9,14 @@ use heapless::{String, Vec};
 
 use super::history::History;
 use super::keys::{Key, Keys};
-use super::output::Output;
+use super::output::{COLUMNS, Output};
 use crate::settings::LINE_BYTES_MAX;
 
 /// Bytes of echo that one key can cause.
-const ECHO_BYTES_MAX: usize = 192;
-/// Columns of a terminal. A longer line scrolls sideways, because how a terminal wraps is not known.
-const COLUMNS: usize = 80;
+const ECHO_BYTES_MAX: usize = COLUMNS_MAX + 32;
+/// Columns that are used. A longer line scrolls sideways, because how a terminal wraps is not known.
+const COLUMNS_MIN: usize = 20;
+const COLUMNS_MAX: usize = 160;
 const BELL: char = '\x07';
 /// Said at the first Ctrl-C of the two.
 const STOP_HINT: &str = "press Ctrl-C again to stop the gateway\r\n";
@@ -31,6 +32,8 @@ pub(super) enum Event {
     LineTooLong,
     /// Complete the word at the cursor.
     Complete,
+    /// The terminal has so many columns.
+    Columns(usize),
     /// End the session.
     Leave,
     /// End the program.
@@ -40,6 +43,8 @@ pub(super) enum Event {
 /// The line being edited.
 pub(super) struct Editor {
     prompt: &'static str,
+    /// Of the terminal.
+    columns: usize,
     /// Ctrl-C on an empty line, twice in a row, ends the program; whether the first one has come.
     stops: bool,
     stop_asked: bool,
@@ -60,6 +65,7 @@ impl Editor {
     pub(super) fn new(prompt: &'static str, stops: bool) -> Self {
         Self {
             prompt,
+            columns: COLUMNS,
             stops,
             stop_asked: false,
             keys: Keys::default(),
@@ -75,6 +81,12 @@ impl Editor {
     /// The line as it stands.
     pub(super) fn line(&self) -> &str {
         text(&self.line)
+    }
+
+    /// Puts what `write` writes in place of the line, unseen.
+    pub(super) fn replace(&mut self, write: impl FnOnce(&mut dyn core::fmt::Write)) {
+        self.line.clear();
+        write(&mut self.line);
     }
 
     /// The part of the line before the cursor.
@@ -130,6 +142,12 @@ impl Editor {
                 self.redraw();
             }
             Key::Complete => return Event::Complete,
+            Key::Columns(columns) => {
+                let columns = usize::from(columns);
+                self.columns = columns.clamp(COLUMNS_MIN, COLUMNS_MAX);
+                self.redraw();
+                return Event::Columns(columns);
+            }
             Key::Cancel if stop_asked => {
                 self.print("^C\r\n");
                 return Event::Stop;
@@ -165,7 +183,7 @@ impl Editor {
 
     /// Draws prompt and line anew and puts the cursor in its place.
     pub(super) fn redraw(&mut self) {
-        let room = COLUMNS - 1 - self.prompt.len().min(COLUMNS / 2);
+        let room = self.columns - 1 - self.prompt.len().min(self.columns / 2);
         let first = self.cursor.saturating_sub(room);
         let last = self.line.len().min(first + room);
         let shown = text(self.line.get(first..last).unwrap_or_default());
@@ -189,7 +207,7 @@ impl Editor {
             return self.bell();
         }
         self.cursor += 1;
-        let fits = self.prompt.len() + self.line.len() < COLUMNS;
+        let fits = self.prompt.len() + self.line.len() < self.columns;
         if fits && self.cursor == self.line.len() {
             let _ = self.echo.push(char::from(byte));
         } else {

@@ -16,7 +16,7 @@ pub enum Foreign {
     Tls,
     /// Negotiation of a telnet client.
     Telnet,
-    /// A first line with control characters.
+    /// A first line with NUL, which no terminal sends and binary protocols do.
     NotText,
     /// A first line that is longer than any of the console.
     TooLong,
@@ -73,7 +73,7 @@ impl Guard {
         match byte {
             TLS_HANDSHAKE if is_first => Some(Foreign::Tls),
             TELNET_IAC if is_first => Some(Foreign::Telnet),
-            _ if byte.is_ascii_control() && !byte.is_ascii_whitespace() => Some(Foreign::NotText),
+            0 => Some(Foreign::NotText),
             _ if self.matched == HTTP.len() => Some(Foreign::Http),
             _ if self.count > LINE_BYTES_MAX => Some(Foreign::TooLong),
             _ => None,
@@ -103,11 +103,11 @@ mod tests {
     }
 
     #[test]
-    fn tls_telnet_and_control_characters_are_known_by_a_byte() {
+    fn tls_telnet_and_binary_protocols_are_known_by_a_byte() {
         assert_eq!(found(b"\x16\x03\x01\x02\x00"), Some(Foreign::Tls));
         assert_eq!(found(b"\xff\xfd\x03"), Some(Foreign::Telnet));
         assert_eq!(found(b"\x00\x03\x00\x08!"), Some(Foreign::NotText));
-        assert_eq!(found(b"show\x1b[A"), Some(Foreign::NotText));
+        assert_eq!(found(b"show\x1b[A\x03"), None);
     }
 
     #[test]

@@ -1,7 +1,10 @@
 //! What is typed or piped in, as lines.
 
+use core::fmt;
+
 use super::editor::{Editor, Event};
 use super::guard::{Foreign, Guard};
+use super::keys::{Key, Keys, Stripped};
 use super::mode::{Mode, PROMPT};
 use super::output::Output;
 use crate::language::{LineBuffer, LineError};
@@ -12,8 +15,8 @@ use crate::language::{LineBuffer, LineError};
 pub(super) enum Input {
     /// By a person at a terminal.
     Keys(Editor),
-    /// Out of lines of text, which come over a network if they are watched.
-    Text(LineBuffer, Option<Guard>),
+    /// Out of lines of text, which come over a network if they are watched. Keys that a terminal sends among them say nothing.
+    Text(LineBuffer, Keys, Option<Guard>),
 }
 
 /// What a byte made of the line.
@@ -24,6 +27,8 @@ pub(super) enum Typed {
     Line,
     /// It cannot be run.
     Wrong(LineError),
+    /// The terminal has so many columns.
+    Columns(usize),
     /// The word at the cursor is to be completed.
     Complete,
     /// The session shall end.
@@ -39,8 +44,8 @@ impl Input {
         match mode {
             Mode::Echo => Self::Keys(Editor::new(PROMPT, false)),
             Mode::Foreground => Self::Keys(Editor::new(PROMPT, true)),
-            Mode::Plain => Self::Text(LineBuffer::default(), None),
-            Mode::Network => Self::Text(LineBuffer::default(), Some(Guard::default())),
+            Mode::Plain => Self::Text(LineBuffer::default(), Keys::default(), None),
+            Mode::Network => Self::Text(LineBuffer::default(), Keys::default(), Some(Guard::default())),
         }
     }
 
@@ -52,7 +57,7 @@ impl Input {
                 editor.start();
                 editor.echo_to(out);
             }
-            Self::Text(line, _) => line.clear(),
+            Self::Text(line, ..) => line.clear(),
         }
     }
 
@@ -67,15 +72,21 @@ impl Input {
                     Event::Line => Typed::Line,
                     Event::LineTooLong => Typed::Wrong(LineError::too_long()),
                     Event::Complete => Typed::Complete,
+                    Event::Columns(columns) => Typed::Columns(columns),
                     Event::Leave => Typed::Leave,
                     Event::Stop => Typed::Stop,
                 }
             }
-            Self::Text(line, guard) => match guard.as_mut().and_then(|guard| guard.feed(byte)) {
-                Some(foreign) => Typed::Foreign(foreign),
-                None if line.feed(byte) => line.text().err().map_or(Typed::Line, Typed::Wrong),
-                None => Typed::More,
-            },
+            Self::Text(line, keys, guard) => {
+                if let Some(foreign) = guard.as_mut().and_then(|guard| guard.feed(byte)) {
+                    return Typed::Foreign(foreign);
+                }
+                match keys.strip(byte) {
+                    Stripped::Text if line.feed(byte) => line.text().err().map_or(Typed::Line, Typed::Wrong),
+                    Stripped::Key(Key::Columns(columns)) => Typed::Columns(columns.into()),
+                    _ => Typed::More,
+                }
+            }
         }
     }
 
@@ -88,11 +99,19 @@ impl Input {
         }
     }
 
+    /// Puts what `write` writes in place of the line.
+    pub(super) fn replace(&mut self, write: impl FnOnce(&mut dyn fmt::Write)) {
+        // Only a person is asked.
+        if let Self::Keys(editor) = self {
+            editor.replace(write);
+        }
+    }
+
     /// The line that is to be run.
     pub(super) fn line(&self) -> &str {
         match self {
             Self::Keys(editor) => editor.line(),
-            Self::Text(line, _) => line.text().unwrap_or_default(),
+            Self::Text(line, ..) => line.text().unwrap_or_default(),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::ask::Question;
 use super::frames::Frames;
-use super::help::Help;
+use super::help::{Help, TYPED_COLUMNS};
 use super::points::PointJob;
 use super::scan::Scan;
 use super::session::Session;
@@ -32,7 +32,7 @@ impl Job<'_> {
             Self::Idle => Wait::End,
             Self::Help(help) => match help.next() {
                 Some((typed, does)) => {
-                    session.out.line(format_args!("{typed:32} {does}"));
+                    session.out.line(format_args!("{typed:TYPED_COLUMNS$} {does}"));
                     Wait::Sent
                 }
                 None => Wait::End,

@@ -21,6 +21,8 @@ pub(super) enum Key {
     Cancel,
     /// Ctrl-D: leaves on an empty line, else deletes to the right.
     Leave,
+    /// The terminal says how many columns it has (xterm, "Ps = 8": the size of the text area in characters).
+    Columns(u16),
     /// A byte that is no key of this editor.
     Unknown,
 }
@@ -35,11 +37,22 @@ pub(super) enum Keys {
     Escape,
     /// `ESC O`.
     Application,
-    /// `ESC [` and the first number so far; later ones (Shift, Ctrl) say nothing to the editor.
+    /// `ESC [`, and the first and the last number so far.
     Control {
         number: u8,
+        last: u16,
         first: bool,
     },
+}
+
+/// What a byte is among lines of text.
+pub(super) enum Stripped {
+    /// Of the text.
+    Text,
+    /// Of a key, which it completes.
+    Key(Key),
+    /// Of a key that is not complete.
+    Nothing,
 }
 
 const ESCAPE: u8 = 0x1b;
@@ -52,28 +65,39 @@ impl Keys {
             Self::Ground | Self::AfterCr => self.plain(byte),
             Self::Escape => {
                 *self = match byte {
-                    b'[' => Self::Control { number: 0, first: true },
+                    b'[' => Self::Control { number: 0, last: 0, first: true },
                     b'O' => Self::Application,
                     ESCAPE => Self::Escape,
                     _ => Self::Ground,
                 };
                 None
             }
-            Self::Application => Some(final_byte(byte, 0)),
-            Self::Control { number, first } => match byte {
-                b'0'..=b'9' if first => {
-                    let number = number.saturating_mul(10).saturating_add(byte - b'0');
-                    *self = Self::Control { number, first };
+            Self::Application => Some(final_byte(byte, 0, 0)),
+            Self::Control { number, last, first } => match byte {
+                b'0'..=b'9' => {
+                    let last = last.saturating_mul(10).saturating_add((byte - b'0').into());
+                    let number = if first { u8::try_from(last).unwrap_or(u8::MAX) } else { number };
+                    *self = Self::Control { number, last, first };
                     None
                 }
                 // Parameter and intermediate bytes (ECMA-48, 5.4).
                 0x20..=0x3f => {
-                    *self = Self::Control { number, first: false };
+                    *self = Self::Control { number, last: 0, first: false };
                     None
                 }
-                _ => Some(final_byte(byte, number)),
+                _ => Some(final_byte(byte, number, last)),
             },
         }
+    }
+
+    /// Takes a byte of lines of text.
+    pub(super) fn strip(&mut self, byte: u8) -> Stripped {
+        let is_text = !byte.is_ascii_control() || byte.is_ascii_whitespace();
+        if byte == b'\n' || *self == Self::Ground && is_text {
+            *self = Self::Ground;
+            return Stripped::Text;
+        }
+        self.feed(byte).map_or(Stripped::Nothing, Stripped::Key)
     }
 
     fn plain(&mut self, byte: u8) -> Option<Key> {
@@ -113,7 +137,7 @@ impl Keys {
 }
 
 /// The key of a sequence that ends with `byte`.
-fn final_byte(byte: u8, number: u8) -> Key {
+fn final_byte(byte: u8, number: u8, last: u16) -> Key {
     match (byte, number) {
         (b'A', _) => Key::Earlier,
         (b'B', _) => Key::Later,
@@ -122,6 +146,7 @@ fn final_byte(byte: u8, number: u8) -> Key {
         (b'H', _) | (b'~', 1 | 7) => Key::Home,
         (b'F', _) | (b'~', 4 | 8) => Key::End,
         (b'~', 3) => Key::DeleteRight,
+        (b't', 8) => Key::Columns(last),
         _ => Key::Unknown,
     }
 }
@@ -152,6 +177,12 @@ mod tests {
             keys(b"\x1b[3~\x1b[1;5C\x1b[15~x"),
             [Key::DeleteRight, Key::Right, Key::Unknown, Key::Insert(b'x')]
         );
+    }
+
+    #[test]
+    fn a_terminal_tells_its_columns() {
+        assert_eq!(keys(b"\x1b[8;24;132tx"), [Key::Columns(132), Key::Insert(b'x')]);
+        assert_eq!(keys(b"\x1b[4;24;132t\x1b[8;1;99999999t"), [Key::Unknown, Key::Columns(u16::MAX)]);
     }
 
     #[test]

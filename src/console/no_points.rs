@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use super::layout::Columns;
 use super::output::Written;
 use super::point_command::PointCommand;
 use super::session::Session;
@@ -29,6 +30,9 @@ impl Session<'_, '_> {
         Ok((None, self.fail(&Problem::NoPoints)))
     }
 }
+
+pub(super) const COLUMNS: Columns = &[];
+pub(super) const DEVICE_COLUMNS: Columns = &[];
 
 /// `show points`
 pub(super) fn row(_: &Source<'_, '_>, _: usize, _: &mut dyn fmt::Write) -> Written {

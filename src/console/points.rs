@@ -5,6 +5,7 @@ use core::fmt;
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
+use super::layout::{self, Columns, Layout};
 use super::output::{NO_ROW, Written};
 use super::point_command::PointCommand;
 use super::rows::{LINE_VALUES_MAX, Values, age, text};
@@ -25,8 +26,11 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const LOOK: Duration = Duration::from_millis(10);
 /// How often a watcher looks.
 const WATCH: Duration = Duration::from_millis(100);
-const POINTS: &str = "POINT           WHERE           TABLE      WIRE MODICON STATUS; VALUES";
-const DEVICES: &str = "DEVICE          UNIT   REQUESTS    ANSWERS EXCEPTIONS   FAILURES     HEARD STATE";
+const POINTS: &str = "POINT\tWHERE\tTABLE\tWIRE\tMODICON\tSTATUS; VALUES";
+const DEVICES: &str = "DEVICE\tUNIT\tREQUESTS\tANSWERS\tEXCEPTIONS\tFAILURES\tHEARD\tSTATE";
+/// The columns of these tables, but for the last ones.
+pub(super) const COLUMNS: Columns = &[15, 15, 8, -6, -7];
+pub(super) const DEVICE_COLUMNS: Columns = &[15, -4, -10, -10, -10, -10, -9];
 /// Bytes of the values of one point: as many as a frame holds.
 const POINT_BYTES_MAX: usize = 250;
 
@@ -135,7 +139,8 @@ fn lines_of(
     most: usize,
 ) -> Wait {
     let (gateway, now) = (session.gateway, Instant::now());
-    session.out.row(line, &mut |line, out| {
+    let layout = Layout::fixed(COLUMNS);
+    layout::row(&mut session.out, &layout, line, &mut |line, out| {
         gateway.settings(|settings| point(settings, place, id, (line, most), now, out))
     })
 }
@@ -199,7 +204,7 @@ fn head(
     };
     write!(
         out,
-        "{:15} {whence:15} {:8} {wire:>6} {modicon:>7} {:04X}h {status}; {old}; {label}",
+        "{}\t{whence}\t{}\t{wire}\t{modicon}\t{:04X}h {status}; {old}; {label}",
         point.name,
         point.kind,
         status.bits()
@@ -243,10 +248,7 @@ impl fmt::Display for DeviceRow<'_> {
         let DeviceStatus { requests, responses, exceptions, failures, .. } = status;
         let heard =
             if *responses == 0 { text(format_args!("never")) } else { age(status.last_response, *now) };
-        write!(
-            f,
-            "{name:15} {unit:>4} {requests:>10} {responses:>10} {exceptions:>10} {failures:>10} {heard:>9} "
-        )?;
+        write!(f, "{name}\t{unit}\t{requests}\t{responses}\t{exceptions}\t{failures}\t{heard}\t")?;
         f.write_str(match status.alive {
             None => "not asked yet",
             Some(true) => "alive",

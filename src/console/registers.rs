@@ -30,9 +30,9 @@ pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Writ
     if !POINTS {
         return None;
     }
-    titled("FIRST TABLE   WHAT", place, out, |nth, out| {
+    titled("FIRST\tTABLE\tWHAT", place, out, |nth, out| {
         let Some((first, table, what, whose)) = line(source, nth)? else { return NO_ROW };
-        Some(write!(out, "{first:04X}h {table:7} {what}{whose}"))
+        Some(write!(out, "{first:04X}h\t{table}\t{what}{whose}"))
     })
 }
 

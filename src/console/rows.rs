@@ -169,15 +169,16 @@ pub(super) struct Row<'s> {
 impl fmt::Display for Row<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { settings, route } = self;
-        let peer = match route.peer {
-            Some(peer) => text(format_args!("{peer}")),
-            None => text(format_args!("*")),
-        };
         let kind = if is_implied(settings, route) { "implied" } else { "rule" };
         let (source, destination) = (settings.name(route.source), settings.destination(route.destination));
-        write!(f, "{source:15} {:7} {peer:18} {:4} {destination:15} ", route.units, route.tag)?;
-        let everything = if route.policy == Policy::default() { " all" } else { "" };
-        write!(f, "{kind:7}{everything}{}", route.policy)
+        write!(f, "{source}\t{}\t", route.units)?;
+        match route.peer {
+            Some(peer) => write!(f, "{peer}"),
+            None => f.write_str("*"),
+        }?;
+        write!(f, "\t{}\t{destination}\t", route.tag)?;
+        let everything = if route.policy == Policy::default() { "all" } else { "" };
+        write!(f, "{kind}\t{everything}{}", route.policy)
     }
 }
 
@@ -191,9 +192,9 @@ impl fmt::Display for LogRow<'_> {
         let Self { settings, entry } = self;
         let LogEntry { unit, target, function, .. } = entry;
         let name = |id: PortId| settings.name(id);
-        let took = text(format_args!("{}", Time(Duration::from_micros(entry.took_us.into()))));
+        let took = Time(Duration::from_micros(entry.took_us.into()));
         let (source, destination) = (name(entry.source), entry.destination.map_or("-", name));
-        write!(f, "{source:15} {unit:>4} {destination:15} {target:>6} {function:>8} {took:>10} ")?;
+        write!(f, "{source}\t{unit}\t{destination}\t{target}\t{function}\t{took}\t")?;
         match entry.outcome {
             Outcome::Response => f.write_str("answer"),
             Outcome::Exception(exception) => write!(f, "{exception}"),

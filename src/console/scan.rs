@@ -6,10 +6,11 @@
 
 use core::fmt;
 
-use embassy_time::Instant;
+use embassy_time::{Duration, Instant};
 
 use self::identity::Identity;
-use self::plan::Plan;
+use self::plan::{Plan, SLOW};
+use super::layout::{self, Layout};
 use super::output::{NO_ROW, Written};
 use super::probe::{About, Told, harmless, to_first_char};
 use super::session::Session;
@@ -24,11 +25,15 @@ use crate::settings::{Destination, LineSettings, PortId, PortKind, Settings, Sid
 use crate::stats::Event;
 
 mod identity;
+mod offer;
 mod plan;
 
 /// What is heard and cannot be read.
-const STRANGE: [Event; 6] =
-    [Event::Parity, Event::Framing, Event::Noise, Event::BadCheck, Event::Short, Event::WrongUnit];
+const STRANGE: [Event; 5] = [Event::Parity, Event::Framing, Event::Noise, Event::BadCheck, Event::Short];
+/// Good frames that are no response to what was asked last, but may be one to what was asked before.
+const LATE: [Event; 4] = [Event::WrongUnit, Event::Misfit, Event::Late, Event::Unsolicited];
+/// Stands for the speed and format of a unit that may be slow: it is asked again.
+const SLOW_UNIT: u8 = u8::MAX;
 /// What a character of another format is.
 const FLAWS: [Event; 2] = [Event::Parity, Event::Framing];
 /// Read device identification, the basic objects, from the first on.
@@ -50,6 +55,9 @@ pub(super) struct Scan {
     /// How often something was counted at the port before: at this speed and format, and before this request.
     strange: u32,
     flaws: u32,
+    late: u32,
+    /// Units that may be slow are asked again.
+    again: bool,
 }
 
 /// How far a scan is: what it does next.
@@ -61,11 +69,17 @@ enum Stage {
     Opening,
     /// It asks the next unit.
     Unit,
+    /// All were asked: late responses may come.
+    Listening,
     /// A unit is asked for something harmless, or who it is, by this question.
     Asked,
     Identified(&'static [u8]),
     /// Everything has been tried: it shows what was found, from this place on.
     Found(usize),
+    /// The lines that were shown are taken over if a person wants that.
+    Offered,
+    /// They are taken over, from this place on.
+    Taken(usize),
 }
 
 impl Session<'_, '_> {
@@ -90,6 +104,8 @@ impl Session<'_, '_> {
             unit: 0,
             strange: 0,
             flaws: 0,
+            late: 0,
+            again: false,
         };
         Ok((Some(scan), Wait::Sent))
     }
@@ -106,6 +122,15 @@ impl Scan {
     pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         match (self.stage, came) {
             (Stage::Found(place), _) => return self.show(session, place),
+            (Stage::Offered, WaitEvent::Key(b'y' | b'Y')) => {
+                session.out.line(format_args!("yes"));
+                return self.take_over(session, 1);
+            }
+            (Stage::Offered, _) => {
+                session.out.end();
+                return Wait::End;
+            }
+            (Stage::Taken(place), _) => return self.take_over(session, place),
             (_, WaitEvent::Typed(_)) => self.end(session),
             (Stage::Line, _) => return self.next_line(session),
             (Stage::Opening, WaitEvent::Opened(Err(error))) => {
@@ -118,10 +143,12 @@ impl Scan {
             }
             (Stage::Opening, _) => {
                 self.strange = session.heard(self.plan.port, &STRANGE);
+                self.late = session.heard(self.plan.port, &LATE);
                 self.unit = self.plan.units.first.into();
                 self.stage = Stage::Unit;
             }
             (Stage::Unit, _) => return self.next_unit(session),
+            (Stage::Listening, _) => return self.end_of_units(session),
             (Stage::Asked, WaitEvent::Answer(asked)) => return self.asked(session, asked.is_ok()),
             (Stage::Identified(question), WaitEvent::Answer(asked)) => {
                 // An exception has another function code.
@@ -164,17 +191,14 @@ impl Scan {
     /// Asks the next unit that is still missing at this speed and format.
     fn next_unit(&mut self, session: &mut Session<'_, '_>) -> Wait {
         let last = usize::from(self.plan.units.last);
-        while self.at.get(self.unit).is_some_and(|at| *at > 0) {
+        let due = if self.again { SLOW_UNIT } else { 0 };
+        while self.unit <= last && self.at.get(self.unit).is_some_and(|at| *at != due) {
             self.unit += 1;
         }
         if self.unit > last {
-            let strange = session.heard(self.plan.port, &STRANGE).wrapping_sub(self.strange);
-            if strange > 0 {
-                let what = "things heard that cannot be read: another speed or format, or noise";
-                session.out.line(format_args!("{:12} {strange} {what}", self.line.speed()));
-            }
-            self.stage = Stage::Line;
-            return Wait::Sent;
+            self.stage = Stage::Listening;
+            let rest = if self.again { Duration::from_ticks(0) } else { self.plan.rest(&self.line) };
+            return Wait::Rest(rest);
         }
         if self.told.is_due() {
             session.out.line(format_args!("{:12} unit {}", self.line.speed(), self.unit));
@@ -184,11 +208,47 @@ impl Scan {
         session.ask_unit(self.unit as u8, harmless(self.plan.function), true)
     }
 
+    /// All units were asked at this speed and format. Where a response came late, some are asked again.
+    fn end_of_units(&mut self, session: &mut Session<'_, '_>) -> Wait {
+        self.note_late(session);
+        let speed = self.line.speed();
+        let slow = self.at.iter().filter(|at| **at == SLOW_UNIT).count();
+        if slow > 0 && !self.again {
+            let timeout = Time(SLOW);
+            session.out.line(format_args!("{speed:12} slower units: timeout {timeout}, {slow} asked again"));
+            self.again = true;
+            self.stage = Stage::Opening;
+            return Wait::Open { line: self.line, timeout: SLOW, alone: true };
+        }
+        self.again = false;
+        self.at.iter_mut().filter(|at| **at == SLOW_UNIT).for_each(|at| *at = 0);
+        let strange = session.heard(self.plan.port, &STRANGE).wrapping_sub(self.strange);
+        if strange > 0 {
+            let what = "things heard that cannot be read: another speed or format, or noise";
+            session.out.line(format_args!("{speed:12} {strange} {what}"));
+        }
+        self.stage = Stage::Line;
+        Wait::Sent
+    }
+
+    /// If a response came late, it is that of one of the units that were asked last.
+    fn note_late(&mut self, session: &Session<'_, '_>) {
+        let late = session.heard(self.plan.port, &LATE);
+        if late == self.late || self.again || self.plan.patience(&self.line) >= SLOW {
+            return;
+        }
+        self.late = late;
+        let count = self.plan.slow_units(&self.line).min(self.unit);
+        let asked = self.at.iter_mut().take(self.unit).skip(self.plan.units.first.into());
+        asked.rev().take(count).filter(|at| **at == 0).for_each(|at| *at = SLOW_UNIT);
+    }
+
     /// A unit was asked, or the line is not open any more.
     fn asked(&mut self, session: &mut Session<'_, '_>, answered: bool) -> Wait {
         let unit = self.unit;
         self.unit += 1;
         self.stage = Stage::Unit;
+        self.note_late(session);
         match session.turn.as_ref().and_then(Turn::outcome) {
             // With a faulty character it was sent in another format, whatever its CRC says.
             Some(Ok(took)) if answered && session.heard(self.plan.port, &FLAWS) == self.flaws => {
@@ -215,10 +275,17 @@ impl Scan {
 
     fn show(&mut self, session: &mut Session<'_, '_>, mut place: usize) -> Wait {
         let gateway = session.gateway;
-        let wait = session.out.row(&mut place, &mut |place, out| {
+        let lines = Layout::fixed(&[]);
+        let wait = layout::row(&mut session.out, &lines, &mut place, &mut |place, out| {
             gateway.settings(|settings| self.write(&self.plan, settings, place, out))
         });
         self.stage = Stage::Found(place);
+        let is_offered = matches!(wait, Wait::End) && session.line_number.is_none();
+        if is_offered && gateway.settings(|settings| self.is_clear(settings)) {
+            session.out.put(format_args!("y takes this over; any other key leaves it: "));
+            self.stage = Stage::Offered;
+            return Wait::Key;
+        }
         wait
     }
 
@@ -245,11 +312,15 @@ impl Scan {
         if is_routed || nth > plan.lines_count() {
             return None;
         }
-        let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
-        let server = settings.ports.iter().flatten().find(|port| is_server(&port.kind));
-        let source = server.map_or("SOURCE", |port| port.name.as_str());
+        let source = source(settings).unwrap_or("SOURCE");
         Some(write!(out, "route {source} {first}-{last} * * {name}"))
     }
+}
+
+/// The port whose clients may ask what was found.
+fn source(settings: &Settings) -> Option<&str> {
+    let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
+    settings.ports.iter().flatten().find(|port| is_server(&port.kind)).map(|port| port.name.as_str())
 }
 
 /// The function that was answered, and with which exception if it was one.

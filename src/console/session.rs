@@ -36,12 +36,13 @@ impl<'s, 'g> Session<'s, 'g> {
         gateway: &'s Gateway<'g>,
         system: &'s dyn System,
         line_end: &'static str,
+        columns: Option<usize>,
         line_number: Option<u32>,
     ) -> Self {
         Self {
             gateway,
             system,
-            out: Output::new(line_end),
+            out: Output::new(line_end, columns),
             line_number,
             line_writer: None,
             turn: None,

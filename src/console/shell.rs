@@ -4,6 +4,7 @@ use super::complete::{Completion, candidates, complete};
 use super::input::{Input, Typed};
 use super::job::Job;
 use super::mode::{Ended, Mode, PROMPT, PROMPT_UNSAVED};
+use super::output::COLUMNS;
 use super::session::Session;
 use super::wait::{Wait, WaitEvent};
 use crate::gateway::Gateway;
@@ -21,8 +22,9 @@ pub(super) struct Shell<'s, 'g> {
 
 impl<'s, 'g> Shell<'s, 'g> {
     pub(super) fn new(gateway: &'s Gateway<'g>, system: &'s dyn System, mode: Mode) -> Self {
-        let (line_end, line_number) = if mode.edits() { ("\r\n", None) } else { ("\n", Some(0)) };
-        let session = Session::new(gateway, system, line_end, line_number);
+        let (line_end, columns, line_number) =
+            if mode.edits() { ("\r\n", Some(COLUMNS), None) } else { ("\n", None, Some(0)) };
+        let session = Session::new(gateway, system, line_end, columns, line_number);
         Self { input: Input::new(mode), session, job: Job::Idle, ended: false }
     }
 
@@ -51,12 +53,23 @@ impl<'s, 'g> Shell<'s, 'g> {
             }
             _ => job.step(session, came),
         };
+        let Self { input, session, job, .. } = self;
+        if let (Wait::Change, Job::Scan(scan)) = (wait, &*job) {
+            // What was found is taken over as if it were typed.
+            session.gateway.settings(|settings| input.replace(|line| scan.line(settings, line)));
+        }
         if !matches!(wait, Wait::End) {
             return wait;
         }
+        let was_idle = matches!(job, Job::Idle);
         self.job = Job::Idle;
         self.session.turn = None;
-        self.start()
+        let wait = self.start();
+        match came {
+            // It was no response to what a command has asked, but begins the next one.
+            WaitEvent::Key(byte @ b' '..=b'~') if !was_idle => self.step(WaitEvent::Key(byte)),
+            _ => wait,
+        }
     }
 
     fn typed(&mut self, typed: Typed) -> Wait {
@@ -66,6 +79,10 @@ impl<'s, 'g> Shell<'s, 'g> {
         }
         match typed {
             Typed::More => Wait::Key,
+            Typed::Columns(columns) => {
+                session.out.columns = Some(columns);
+                Wait::Key
+            }
             Typed::Line => {
                 let words = Words::new(input.line());
                 session.begin(&words, job).unwrap_or_else(|Wrong| session.fail(&words.wrong()))

@@ -4,6 +4,7 @@ use core::fmt;
 
 use embassy_time::Instant;
 
+use super::layout::{self, Columns, Layout};
 use super::output::{NO_ROW, Written};
 use super::points;
 use super::registers;
@@ -14,7 +15,8 @@ use super::wait::Wait;
 use crate::fieldbus::{Controller, EthercatState, LineWriter};
 use crate::gateway::unit_health::{UNITS_MAX, Unit};
 use crate::hal::{NetworkState, System};
-use crate::language::write_line;
+use crate::language::listed::listed;
+use crate::language::{Words, Wrong, write_line};
 use crate::settings::{Endpoint, PortKind, SERVERS, ServerSettings, Settings, Side};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
@@ -37,29 +39,68 @@ pub(super) enum Show {
     Version,
 }
 
+/// What can be shown, and what `help show` says of it.
+pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
+    ("ports", (Show::Ports, "what the ports are, and how they do")),
+    ("servers", (Show::Servers, "the servers of tcp clients that have several")),
+    ("routes", (Show::Routes, "the rules by number; implied: the way back")),
+    ("units", (Show::Units, "the devices: response times, and what went wrong")),
+    ("clients", (Show::Clients, "who is connected")),
+    ("stats", (Show::Stats, "what the ports counted, and how often a minute")),
+    ("points", (Show::Points, "data points: how they do, and their values")),
+    ("devices", (Show::Devices, "the devices that the scanner polls")),
+    ("registers", (Show::Registers, "the gateway's own, where a rule leads to local")),
+    ("config", (Show::Config, "the settings as lines that make them")),
+    ("network", (Show::Network, "the board's own address")),
+    ("log", (Show::Log, "the last transactions")),
+    ("frames", (Show::Frames, "the last frames, as they were on the wire")),
+    ("version", (Show::Version, "what runs here, and for how long")),
+];
+const TOPICS_EXPECTED: &str = listed!(TOPICS);
+
+/// What people type who know other consoles, and what it is called here.
+const ELSEWHERE: &[(&str, &str)] = &[
+    ("run", "config"),
+    ("running-config", "config"),
+    ("rules", "routes"),
+    ("status", "ports"),
+    ("interfaces", "ports"),
+    ("connections", "clients"),
+];
+
+/// The last word of a line as what is to be shown.
+pub(super) fn topic(words: &Words<'_>) -> Result<Show, Wrong> {
+    let word = words.take();
+    let name = |at: usize| TOPICS.get(at).map(|(name, _)| *name);
+    let (show, _) = word.lookup(TOPICS).ok_or_else(|| word.unknown(&name, ELSEWHERE, TOPICS_EXPECTED))?;
+    words.end()?;
+    Ok(show)
+}
+
 /// A table that is being shown. What it shows may change while the stream takes its time.
 pub(super) struct Table {
     what: Show,
     place: usize,
     now: Instant,
+    /// When the first row has been looked for.
+    layout: Option<Layout>,
 }
 
 impl Table {
     pub(super) fn new(what: Show) -> Self {
-        Self { what, place: 0, now: Instant::now() }
+        Self { what, place: 0, now: Instant::now(), layout: None }
     }
 
     /// Shows the next row.
     pub(super) fn step(&mut self, session: &mut Session<'_, '_>) -> Wait {
         let Session { gateway, system, out, .. } = session;
         let (gateway, system) = (*gateway, *system);
-        let Self { what, place, now } = *self;
-        let mut next = place;
-        let wait = out.row(&mut next, &mut |place, out| {
+        let Self { what, now, .. } = *self;
+        let mut write = |place, out: &mut dyn fmt::Write| {
             gateway.settings(|settings| write(&Source { gateway, settings, now }, system, what, place, out))
-        });
-        self.place = next;
-        wait
+        };
+        let layout = self.layout.get_or_insert_with(|| Layout::of(columns(what), out.columns, &mut write));
+        layout::row(out, layout, &mut self.place, &mut write)
     }
 }
 
@@ -76,7 +117,7 @@ fn write(
          row: fn(&Source<'_, '_>, usize, &mut dyn fmt::Write) -> Written,
          out: &mut dyn fmt::Write| { titled(heading, place, out, |nth, out| row(source, nth, out)) };
     match what {
-        Show::Ports => port(source, place, out),
+        Show::Ports => table(PORTS, port, out),
         Show::Servers => table(SERVER_LINES, server, out),
         Show::Routes => table(ROUTES, route, out),
         Show::Units => table(UNITS, unit, out),
@@ -93,24 +134,35 @@ fn write(
     }
 }
 
-const SERVER_LINES: &str = "PORT            UNITS   TAG  WHERE                 STATUS";
-const ROUTES: &str = " NO SOURCE          UNITS   IP                 TAG  DESTINATION     KIND    POLICY";
-const UNITS: &str = "PORT            UNIT STATE         REQUESTS    ANSWERS EXCEPTIONS   TIMEOUTS      LAST       P50       P99 TROUBLES";
-const CLIENTS: &str = "PORT            PEER                      SINCE     QUIET OPEN   REQUESTS PLACE";
-const STATS: &str = "PORT            EVENT              COUNT PER-MINUTE";
-const NETWORK: &str = "LINK ADDRESS            GATEWAY         ETHERNET          SETTING";
-const LOG: &str = "      AGE SOURCE          UNIT DESTINATION     TARGET FUNCTION       TOOK OUTCOME";
-
-fn port(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
-    let Source { gateway, settings, .. } = *source;
-    // Device names are 6 to 96 characters long.
-    let mut width = "WHERE".len();
-    for port in settings.ports.iter().flatten() {
-        describe(&port.kind, &mut |_, place, _| width = width.max(cell(place).len()));
+/// The columns of a table, but for the last one; none where lines are as they are.
+const fn columns(what: Show) -> Columns {
+    match what {
+        Show::Ports => &[15, 12, 0, 12],
+        Show::Servers => &[15, 7, 4, 21],
+        Show::Routes => &[-3, 15, 7, 18, 4, 15, 7],
+        Show::Units => &[15, -4, 11, -10, -10, -10, -10, -9, -9, -9],
+        Show::Clients => &[15, 21, -9, -9, -4, -10],
+        Show::Stats => &[15, 13, -10, -10],
+        Show::Log => &[-9, 15, -4, 15, -6, -8, -10],
+        Show::Network => &[4, 18, 15, 17],
+        Show::Registers => &[5, 7],
+        Show::Points => points::COLUMNS,
+        Show::Devices => points::DEVICE_COLUMNS,
+        Show::Config | Show::Frames | Show::Version => &[],
     }
-    let Some(row) = place.checked_sub(1) else {
-        return Some(write!(out, "PORT            ROLE         {:width$} LINE         STATUS", "WHERE"));
-    };
+}
+
+const PORTS: &str = "PORT\tROLE\tWHERE\tLINE\tSTATUS";
+const SERVER_LINES: &str = "PORT\tUNITS\tTAG\tWHERE\tSTATUS";
+const ROUTES: &str = "NO\tSOURCE\tUNITS\tIP\tTAG\tDESTINATION\tKIND\tPOLICY";
+const UNITS: &str = "PORT\tUNIT\tSTATE\tREQUESTS\tANSWERS\tEXCEPTIONS\tTIMEOUTS\tLAST\tP50\tP99\tTROUBLES";
+const CLIENTS: &str = "PORT\tPEER\tSINCE\tQUIET\tOPEN\tREQUESTS\tPLACE";
+const STATS: &str = "PORT\tEVENT\tCOUNT\tPER-MINUTE";
+const NETWORK: &str = "LINK\tADDRESS\tGATEWAY\tETHERNET\tSETTING";
+const LOG: &str = "AGE\tSOURCE\tUNIT\tDESTINATION\tTARGET\tFUNCTION\tTOOK\tOUTCOME";
+
+fn port(source: &Source<'_, '_>, row: usize, out: &mut dyn fmt::Write) -> Written {
+    let Source { gateway, settings, .. } = *source;
     let Some((port, place)) = source.port(row)? else { return NO_ROW };
     let status = StatusText(place.status());
     // Who had the last word about the line of the EtherCAT port.
@@ -119,9 +171,9 @@ fn port(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Writ
     let writer = writer.filter(|writer| *writer != LineWriter::Settings);
     let mut written = Ok(());
     describe(&port.kind, &mut |role, place, line| {
-        let (role, place, line) = (cell(role), cell(place), cell(line));
+        let line = cell(line);
         let line = line.trim_ascii();
-        written = write!(out, "{:15} {role:12} {place:width$} {line:12} {status}", port.name);
+        written = write!(out, "{}\t{role}\t{place}\t{line}\t{status}", port.name);
     });
     Some(written.and_then(|()| writer.map_or(Ok(()), |writer| write!(out, ", {writer}"))))
 }
@@ -133,14 +185,14 @@ fn server(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writ
     }
     let ServerSettings { port, units, at, tag } = settings.servers.get(nth)?;
     let status = StatusText(gateway.server_status(nth, None)?);
-    let (port, at) = (settings.name(*port), cell(at));
-    Some(write!(out, "{port:15} {units:7} {tag:4} {at:21} {status}"))
+    let port = settings.name(*port);
+    Some(write!(out, "{port}\t{units}\t{tag}\t{at}\t{status}"))
 }
 
 fn route(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
     let settings = source.settings;
     let route = settings.routes.get(nth)?;
-    let row = write!(out, "{:>3} {}", nth + 1, Row { settings, route });
+    let row = write!(out, "{}\t{}", nth + 1, Row { settings, route });
     let warn = |warning| write!(out, "  # {warning}");
     Some(row.and_then(|()| settings.rule_warning(nth).map_or(Ok(()), warn)))
 }
@@ -159,8 +211,8 @@ fn unit(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writte
     let gap = if advice.is_empty() || unit.errors().next().is_none() { "" } else { "; " };
     Some(write!(
         out,
-        "{:15} {id:>4} {state:11} {requests:>10} {responses:>10} {exceptions:>10} {timeouts:>10} \
-         {last:>9} {half:>9} {most:>9} {troubles}{gap}{advice}",
+        "{}\t{id}\t{state}\t{requests}\t{responses}\t{exceptions}\t{timeouts}\t{last}\t{half}\t{most}\t\
+         {troubles}{gap}{advice}",
         port.name
     ))
 }
@@ -170,11 +222,11 @@ fn client(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writ
     let state = gateway.connections().get(nth)?.state();
     let (Some(port), Some(peer)) = (state.port, state.peer) else { return NO_ROW };
     let port = settings.name(port);
-    let peer = text(format_args!("{}", Endpoint(peer)));
+    let peer = Endpoint(peer);
     let (since, quiet) = (age(state.since, now), age(state.last_request, now));
     let (open, requests) = (state.open_requests, state.requests);
     let place = if state.marked { "reserved" } else { "ordinary" };
-    Some(write!(out, "{port:15} {peer:21} {since:>9} {quiet:>9} {open:>4} {requests:>10} {place}"))
+    Some(write!(out, "{port}\t{peer}\t{since}\t{quiet}\t{open}\t{requests}\t{place}"))
 }
 
 /// First the counters of all ports, then what went wrong at them last, then the frames.
@@ -191,7 +243,7 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
             return NO_ROW;
         }
         let (event, rate) = (event.name(), place.stats.per_minute(*event, now));
-        return Some(write!(out, "{:15} {event:13} {count:>10} {rate:>10}", port.name));
+        return Some(write!(out, "{}\t{event}\t{count}\t{rate}\t", port.name));
     }
     let ports = gateway.ports().len().min(settings.ports.len());
     let row = nth - ports * counters;
@@ -203,7 +255,7 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
             return NO_ROW;
         }
         let (code, name) = (error as u8, error.name());
-        return Some(write!(out, "{:15} {:13} {code:>10} {name}", port.name, "last-error"));
+        return Some(write!(out, "{}\tlast-error\t{code}\t\t{name}", port.name));
     }
     let pool = gateway.pool();
     let (name, count) = match row - ports {
@@ -211,7 +263,7 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
         1 => ("frames", pool.capacity()),
         _ => return None,
     };
-    Some(write!(out, "{:15} {name:13} {count:>10}", "-"))
+    Some(write!(out, "-\t{name}\t{count}\t\t"))
 }
 
 fn network(
@@ -234,7 +286,7 @@ fn network(
     let gateway = gateway.map_or(text(format_args!("-")), |gateway| text(format_args!("{gateway}")));
     let [a, b, c, d, e, f] = hardware;
     let hardware = text(format_args!("{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{f:02x}"));
-    Some(write!(out, "{link:4} {shown:18} {gateway:15} {hardware} {}", settings.own_network()))
+    Some(write!(out, "{link}\t{shown}\t{gateway}\t{hardware}\t{}", settings.own_network()))
 }
 
 /// First what the board and its controller have to tell, then the transactions, the oldest first.
@@ -254,7 +306,7 @@ fn event(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut d
     titled(LOG, row, out, |nth, out| {
         let Some(entry) = gateway.log().newest(LOG_ENTRIES_MAX.checked_sub(nth + 1)?) else { return NO_ROW };
         let age = age(entry.at, now);
-        Some(write!(out, "{age:>9} {}", LogRow { settings, entry }))
+        Some(write!(out, "{age}\t{}", LogRow { settings, entry }))
     })
 }
 

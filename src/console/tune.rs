@@ -143,12 +143,12 @@ impl Tune {
     /// Goes on behind what `came`.
     pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         match (self.stage, came) {
-            (_, WaitEvent::Typed(_)) => self.propose(session),
-            (Stage::Unit, _) => self.next_unit(session),
-            (Stage::Opening, WaitEvent::Opened(Err(error))) => {
-                session.fail(&error);
-                self.propose(session)
+            (_, WaitEvent::Typed(_)) => {
+                session.out.line(format_args!("stopped: too little is known to propose anything"));
+                Wait::End
             }
+            (Stage::Unit, _) => self.next_unit(session),
+            (Stage::Opening, WaitEvent::Opened(Err(error))) => session.fail(&error),
             (Stage::Opening, _) => {
                 match self.function {
                     Some(_) => self.begin(Stage::Gap, GAP_REQUESTS, GAP_LOST_MAX),

@@ -17,8 +17,6 @@ pub(super) enum Wait {
     /// So long, or that something is typed.
     Pause(Duration),
     /// So long, whatever is typed.
-    // Only points want that.
-    #[cfg_attr(not(feature = "points"), expect(dead_code))]
     Rest(Duration),
     /// The response to the session's question, or that something is typed if that ends it.
     Answer {

@@ -1,5 +1,7 @@
 //! Why a configuration cannot be used, or not be kept.
 
+use ethercat_subdevice::al_state::AlStatusCode;
+
 use crate::scanner::Kind;
 
 /// Why a configuration cannot be used, or not be kept. Slaves count from 0, as in the names of 2001h to 2004h.
@@ -75,4 +77,16 @@ pub enum ConfigError {
     /// The store for settings failed.
     #[error("the settings could not be saved")]
     NotSaved,
+}
+
+impl ConfigError {
+    /// The code by which SafeOp is refused.
+    pub(super) const fn al_status(self) -> AlStatusCode {
+        match self {
+            Self::InputsFull { .. } => AlStatusCode::InvalidInputMapping,
+            Self::OutputsFull { .. } => AlStatusCode::InvalidOutputMapping,
+            Self::OtherModule { .. } => AlStatusCode::ModulesDiffer,
+            _ => AlStatusCode::InconsistentSettings,
+        }
+    }
 }

@@ -11,9 +11,9 @@ use super::chip::Controller;
 use super::modular::MODULAR;
 use super::objects::DEVICE;
 
-#[cfg(feature = "long-images")] // As what serves it.
-use super::objects::LONG_DEVICE;
 use super::shared::EthercatState;
+#[cfg(feature = "long-images")] // As what serves them.
+use super::{modular::LONG_MODULAR, objects::LONG_DEVICE};
 use crate::scanner::ScannerState;
 
 /// Between two looks for a controller that does not answer. A look is a few bytes on the bus.
@@ -25,16 +25,18 @@ static FIXED: Device = DEVICE;
 static WITH_MODULES: Device = MODULAR;
 #[cfg(feature = "long-images")] // As what serves it.
 static LONG: Device = LONG_DEVICE;
+#[cfg(feature = "long-images")] // As what serves it.
+static LONG_WITH_MODULES: Device = LONG_MODULAR;
 
 /// What the gateway is as a SubDevice: with process data of a fixed form, or with modules.
 pub fn device(modules: bool) -> &'static Device {
     if modules { &WITH_MODULES } else { &FIXED }
 }
 
-/// The same with a place for long images. A modular device has none.
+/// The same with a place for long images.
 #[cfg(feature = "long-images")] // As above.
 pub fn long_device(modules: bool) -> &'static Device {
-    if modules { &WITH_MODULES } else { &LONG }
+    if modules { &LONG_WITH_MODULES } else { &LONG }
 }
 
 /// The gateway as a SubDevice with buffers for long images.

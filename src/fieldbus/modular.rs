@@ -3,14 +3,15 @@
 //!
 //! Slot n has its settings at 8nn0h, its values at 6nn0h to 6nn3h and 7nn0h to 7nn1h, and its PDOs at 1600h + n and 1A00h + n.
 
+use ethercat_subdevice::application::Address;
 use ethercat_subdevice::device::{Device, Identity};
 use ethercat_subdevice::object::{Access, DataType, Entries, Entry, Mapped, Object, PADDING, PdoRules, Runs};
 use ethercat_subdevice::standard;
 use ethercat_subdevice::sync_manager::Channel;
 
-use super::configuration::{ORDERS, TYPES};
-use super::modules::{SLOT_STEP, Table, pdo_bytes, tables};
-use super::objects::{self, BEHIND_STATES, DEVICE, FLAGS, MODBUS, UART, count, joined};
+use super::configuration::{ORDERS, TYPES, setting};
+use super::modules::{SLOT_STEP, Table, VARIANTS, ident, is_module, pdo_bytes, tables};
+use super::objects::{self, BEHIND_STATES, DEVICE, FLAGS, LONG_DEVICE, MODBUS, UART, count, joined};
 use super::slaves::{self, ANY_U16, SLAVES};
 use crate::scanner::ValueType;
 use crate::settings::SlaveSettings;
@@ -22,30 +23,46 @@ pub(super) const OWN_BYTES: u32 = 2;
 /// Entries of a PDO at most: its sub-indices 1 to 254.
 pub(super) const PDO_ENTRIES_MAX: usize = 254;
 
-const IDENTITY: Identity = Identity { product: DEVICE.identity.product + 1, ..DEVICE.identity };
+/// The same product with modules is the next one.
+const fn with_modules(identity: Identity) -> Identity {
+    Identity { product: identity.product.wrapping_add(1), ..identity }
+}
 
 const NAME: &str = "mobgate EtherCAT to Modbus gateway, modular";
+const LONG_NAME: &str = "mobgate EtherCAT to Modbus gateway, modular, long images";
 
 /// The gateway as a modular device.
 pub const MODULAR: Device =
     Device { identity: IDENTITY, name: NAME, order: "mobgate-modular", objects: OBJECTS, ..DEVICE };
 
+/// The same behind a controller with memory for longer images.
+pub const LONG_MODULAR: Device = Device {
+    identity: LONG_IDENTITY,
+    name: LONG_NAME,
+    order: "mobgate-modular-long",
+    objects: LONG_OBJECTS,
+    ..LONG_DEVICE
+};
+
+const IDENTITY: Identity = with_modules(DEVICE.identity);
+const LONG_IDENTITY: Identity = with_modules(LONG_DEVICE.identity);
+
 const FILLED_UP: Mapped = Mapped { index: PADDING, sub: 0, count: 1, bits: 0 };
 
-const COMMON: &[Object] = &[
-    standard::device_type(0x0000_1389),
-    standard::device_name(NAME),
-    standard::hardware_version("1"),
-    standard::software_version(env!("CARGO_PKG_VERSION")),
-    objects::STORE,
-    objects::RESTORE,
-    standard::identity(IDENTITY_ENTRIES),
-    standard::ERROR_SETTINGS,
-    standard::DIAGNOSIS_HISTORY,
-    standard::TIME_STAMP,
-];
-const IDENTITY_ENTRIES: &[Entry] = &standard::identity_entries(IDENTITY);
+/// What a product is called, and who made it.
+const fn named(name: &'static str, identity: &'static [Entry]) -> [Object; 7] {
+    [
+        standard::device_type(0x0000_1389),
+        standard::device_name(name),
+        standard::hardware_version("1"),
+        standard::software_version(env!("CARGO_PKG_VERSION")),
+        objects::STORE,
+        objects::RESTORE,
+        standard::identity(identity),
+    ]
+}
 
+const COMMON: &[Object] = &[standard::ERROR_SETTINGS, standard::DIAGNOSIS_HISTORY, standard::TIME_STAMP];
 const PROCESS_DATA: &[Object] = &[
     Object::mapping(
         STATUS_PDO,
@@ -69,8 +86,8 @@ const MODULES: &[Object] = &[
         0xf000,
         "Modular device profile",
         &[
-            Entry::number("Index distance", DataType::U16, SLOT_STEP as u64),
-            Entry::number("Maximum number of modules", DataType::U16, SLAVES as u64),
+            Entry::number("Index distance", DataType::U16, SLOT_STEP as u32),
+            Entry::number("Maximum number of modules", DataType::U16, SLAVES as u32),
         ],
     ),
     Object::array(
@@ -84,7 +101,7 @@ const MODULES: &[Object] = &[
         0xf030,
         "Configured module ident list",
         SLAVES,
-        Entry::setting("Module ident", DataType::U32, 0, (0, u32::MAX as u64))
+        Entry::setting("Module ident", DataType::U32, 0, (0, u32::MAX))
             .with_access(standard::SELECTABLE.and(Access::SETTING))
             .numbered(),
     ),
@@ -96,8 +113,17 @@ const MODULES: &[Object] = &[
     ),
 ];
 
-const PARTS: &[&[Object]] = &[COMMON, PROCESS_DATA, BEHIND_STATES, MODULES];
+const PARTS: &[&[Object]] =
+    &[&named(NAME, &standard::identity_entries(IDENTITY)), COMMON, PROCESS_DATA, BEHIND_STATES, MODULES];
+const LONG_PARTS: &[&[Object]] = &[
+    &named(LONG_NAME, &standard::identity_entries(LONG_IDENTITY)),
+    COMMON,
+    PROCESS_DATA,
+    BEHIND_STATES,
+    MODULES,
+];
 const OBJECTS: &[Object] = &joined::<{ count(PARTS) }>(PARTS);
+const LONG_OBJECTS: &[Object] = &joined::<{ count(LONG_PARTS) }>(LONG_PARTS);
 
 /// 8nn0h: the entries of 2100h + nn, and more.
 const SETTINGS: &[Entry] = &{
@@ -117,9 +143,9 @@ const SETTINGS: &[Entry] = &{
         Entry::setting("OnSilence", DataType::U8, 0, (0, 2)),
         Entry::setting("Substitute", DataType::U16, 0, ANY_U16),
         Entry::setting("CheckBeforePoll", DataType::U8, 0, (0, 1)),
-        Entry::setting("TypeOfInRegisters", DataType::U8, 0, (0, TYPES.len() as u64 - 1)),
-        Entry::setting("TypeOfOutRegisters", DataType::U8, 0, (0, TYPES.len() as u64 - 1)),
-        Entry::setting("Order", DataType::U8, 0, (0, ORDERS.len() as u64 - 1)),
+        Entry::setting("TypeOfInRegisters", DataType::U8, 0, (0, TYPES.len() as u32 - 1)),
+        Entry::setting("TypeOfOutRegisters", DataType::U8, 0, (0, TYPES.len() as u32 - 1)),
+        Entry::setting("Order", DataType::U8, 0, (0, ORDERS.len() as u32 - 1)),
     ];
     let mut left = values.as_mut_slice();
     while let [entry, behind @ ..] = left {
@@ -129,9 +155,6 @@ const SETTINGS: &[Entry] = &{
     }
     values
 };
-
-/// How many those are.
-pub(super) const SETTINGS_ENTRIES: u8 = SETTINGS.len() as u8;
 
 const INFORMATION: &[Entry] = &[
     Entry::reading("Module ident", DataType::U32),
@@ -193,7 +216,7 @@ pub(super) fn object(slave: &SlaveSettings, slot: usize, first: u16) -> Option<O
         0xa000 => ("Diagnosis of module", Entries::Record(slaves::STATUS)),
         _ => {
             let table = tables(slave, channel).find(|table| table.index == first)?;
-            let (name, value) = named(&table);
+            let (name, value) = values_of(&table);
             (name, Entries::Array(u8::try_from(table.values).ok()?, value))
         }
     };
@@ -201,7 +224,7 @@ pub(super) fn object(slave: &SlaveSettings, slot: usize, first: u16) -> Option<O
 }
 
 /// The name of a table, and what its values are.
-fn named(table: &Table) -> (&'static str, Entry) {
+fn values_of(table: &Table) -> (&'static str, Entry) {
     let data_type = match table.value_type {
         ValueType::Bit => DataType::Bool,
         ValueType::U16 => DataType::U16,
@@ -247,4 +270,51 @@ fn runs(slave: &SlaveSettings, slot: usize, channel: Channel) -> Option<Runs> {
 /// Whether the PDOs of a module can list its values.
 pub(super) fn fits(slave: &SlaveSettings) -> bool {
     [Channel::Outputs, Channel::Inputs].into_iter().all(|channel| runs(slave, 0, channel).is_some())
+}
+
+/// A Modbus device as a module, as it is in slot 0: what description files tell about it.
+#[derive(Debug, Clone, Copy)]
+pub struct Module(SlaveSettings);
+
+impl Module {
+    /// How many slots there are.
+    pub const SLOTS: u8 = SLAVES;
+    /// How far apart the objects of two slots are.
+    pub const INDEX_STEP: u16 = SLOT_STEP;
+    /// The bits of an ident that tell modules with the same process data apart.
+    pub const VARIANTS: u32 = VARIANTS;
+
+    /// `slave` as a module, if it can be one.
+    pub fn of(slave: &SlaveSettings) -> Option<Self> {
+        (is_module(slave) && fits(slave)).then_some(Self(*slave))
+    }
+
+    /// The device that it is.
+    pub fn slave(&self) -> &SlaveSettings {
+        &self.0
+    }
+
+    /// Tells modules with other process data apart.
+    pub fn ident(&self) -> u32 {
+        ident(&self.0)
+    }
+
+    /// Its object at `index`.
+    pub fn object(&self, index: u16) -> Option<Object> {
+        object(&self.0, 0, slot_of(index)?.1)
+    }
+
+    /// All its objects but PDOs.
+    pub fn objects(&self) -> impl Iterator<Item = Object> {
+        let indices = indices().filter(|&index| index >= 0x6000);
+        indices
+            .filter_map(|index| slot_of(index).filter(|(slot, _)| *slot == 0))
+            .filter_map(|(_, first)| has(&self.0, first).then(|| object(&self.0, 0, first)).flatten())
+    }
+
+    /// What has to be written so that it is this one.
+    pub fn settings(&self) -> impl Iterator<Item = (Address, u32)> {
+        (1..=SETTINGS.len() as u8)
+            .filter_map(|sub| Some((Address { index: 0x8000, sub }, setting(&self.0, usize::from(sub) - 1)?)))
+    }
 }

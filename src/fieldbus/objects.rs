@@ -64,7 +64,7 @@ pub const LONG_DEVICE: Device = Device {
 };
 
 pub(super) const MODBUS: &[Entry] =
-    &[Entry::setting("NumSlave", DataType::U16, SLAVES_FIRST as u64, (0, SLAVES as u64))];
+    &[Entry::setting("NumSlave", DataType::U16, SLAVES_FIRST as u32, (0, SLAVES as u32))];
 
 pub(super) const FLAGS: &[Entry] = &[
     Entry::setting("ConfigUpdateFlag", DataType::U16, 0, (0, 1)),
@@ -86,7 +86,7 @@ const CHECK: Entry = Entry::setting("CheckBeforePoll", DataType::U8, 0, (0, 1));
 /// 0: hold, 1: clear, 2: substitute.
 const ON_SILENCE: Entry = Entry::setting("OnSilence", DataType::U8, 0, (0, 2));
 
-const SUBSTITUTE: Entry = Entry::setting("Substitute", DataType::U16, 0, (0, u16::MAX as u64));
+const SUBSTITUTE: Entry = Entry::setting("Substitute", DataType::U16, 0, (0, u16::MAX as u32));
 
 /// Health in bits 0 and 1, its inputs in bits 2 and 3 (see 2180h), a bit that turns with every response (7), and the exception of
 /// its last negative answer (8 to 15).
@@ -103,7 +103,7 @@ const REQUEST: &[Entry] = &[
     Entry::reading("AnswerPdu", DataType::OctetsUpTo(PDU_BYTES_MAX as u16)),
     Entry::reading("Error", DataType::U8),
     // How many bytes of 2034h are the request that is to be sent.
-    Entry::setting("SendParts", DataType::U8, 0, (2, REQUEST_BYTES_MAX as u64)).with_access(Access::WRITE),
+    Entry::setting("SendParts", DataType::U8, 0, (2, REQUEST_BYTES_MAX as u32)).with_access(Access::WRITE),
 ];
 
 /// Unit and PDU four bytes at a time, for MainDevices that write no more than that by SDO.
@@ -112,7 +112,7 @@ const REQUEST_PART: Entry =
 
 /// The number of whoever asks, a MainDevice or one of its tasks, in the high byte; in the low one what is to be done, and when it is
 /// read how that is doing: as the holding registers of the own unit.
-const POINT_COMMAND: Entry = Entry::setting("Command", DataType::U16, 0, (0, u16::MAX as u64))
+const POINT_COMMAND: Entry = Entry::setting("Command", DataType::U16, 0, (0, u16::MAX as u32))
     .with_access(Access::READ.and(Access::WRITE));
 
 /// Count is written last, and has the others carried out.
@@ -125,7 +125,7 @@ const fn range_entry(name: &'static str) -> Entry {
 
 /// What is written is a word (CiA 301, 7.5.2.13 and 14), what is read is that it is done on command.
 const fn on_command(name: &'static str) -> Entry {
-    Entry::setting(name, DataType::U32, 1, (0, u32::MAX as u64)).with_access(Access::READ.and(Access::WRITE))
+    Entry::setting(name, DataType::U32, 1, (0, u32::MAX)).with_access(Access::READ.and(Access::WRITE))
 }
 
 /// All entries of an object, one behind the other from the first on.

@@ -302,11 +302,7 @@ impl EthercatState {
         if exchanging && modular && !self.is_told(settings) {
             return Err(ConfigError::ModulesInUse);
         }
-        let room = match (exchanging, modules) {
-            (true, _) => room,
-            (false, true) => Room::MOST,
-            (false, false) => self.most(),
-        };
+        let room = if exchanging { room } else { self.most() };
         layouts(&settings.slaves, room).try_for_each(|layout| layout.map(|_| ()))
     }
 

@@ -50,11 +50,11 @@ pub(super) const fn default_unit(nth: u16) -> u8 {
     if nth < SLAVES_FIRST as u16 { nth as u8 + 1 } else { 1 }
 }
 
-pub(super) const ANY_U16: (u64, u64) = (0, u16::MAX as u64);
+pub(super) const ANY_U16: (u32, u32) = (0, u16::MAX as u32);
 
 pub(super) const fn configuration(unit: u8) -> [Entry; 10] {
     [
-        Entry::setting("Id", DataType::U16, unit as u64, (1, 247)),
+        Entry::setting("Id", DataType::U16, unit as u32, (1, 247)),
         Entry::setting("NumCoils", DataType::U16, 0, ANY_U16),
         Entry::setting("CoilsAddress", DataType::U16, 0, ANY_U16),
         Entry::setting("NumSwitches", DataType::U16, 0, ANY_U16),
@@ -105,7 +105,7 @@ pub(super) const HEALTH: Entry = Entry::input("Health", DataType::U8);
 pub(super) const STATUS: &[Entry] = &[
     HEALTH,
     // Never, until it does.
-    Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX as u64),
+    Entry::reading("AnsweredBeforeMs", DataType::U32).with_default(u32::MAX),
     Entry::reading("ExceptionCode", DataType::U8),
     Entry::reading("LastError", DataType::U8),
     Entry::reading("Requests", DataType::U32),

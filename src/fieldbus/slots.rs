@@ -11,7 +11,7 @@ use super::config_error::ConfigError;
 use super::layout::{DeviceLayout, Start};
 use super::modular::{OWN_BYTES, STATUS_PDO, fits, has, indices, object, slot_of};
 use super::modules::{VARIANTS, ident, is_module, pdo_bytes, put_inputs, put_value, tables, take_outputs};
-use super::room::{IMAGE_BYTES, Room};
+use super::room::Room;
 use super::shared::EthercatState;
 use super::slaves::SLAVES_MAX;
 use crate::settings::SlaveSettings;
@@ -88,11 +88,11 @@ impl<'p> Slots<'p> {
         if usize::from(self.next.nth) > slot {
             self.next = Start::default();
         }
-        let next = &mut self.next;
+        let (next, room) = (&mut self.next, self.shared.most());
         self.shared.configuration(|configuration| {
             let mut placed = None;
             for slave in configuration.slaves().get(usize::from(next.nth)..=slot)? {
-                placed = Some((*slave, next.lay_out(slave, Room::MOST).ok()?));
+                placed = Some((*slave, next.lay_out(slave, room).ok()?));
             }
             placed
         })
@@ -104,10 +104,10 @@ impl<'p> Slots<'p> {
     }
 
     /// Whether the modules are what the MainDevice expects, and have room in the process data.
-    pub(super) fn check(&mut self) -> Result<(), ConfigError> {
+    fn check(&mut self) -> Result<(), ConfigError> {
         // They may be others than those whose process data were exchanged last.
         self.next = Start::default();
-        let (mut inputs, mut outputs) = (OWN_BYTES, 0);
+        let (most, mut inputs, mut outputs) = (self.shared.most(), OWN_BYTES, 0);
         for (slot, &expected) in self.expected.iter().enumerate() {
             let slave = slot as u8;
             let module = self.module(slot);
@@ -117,11 +117,11 @@ impl<'p> Slots<'p> {
                 if !fits(&module) {
                     return Err(ConfigError::EntriesFull { slave });
                 }
-                if inputs > IMAGE_BYTES.into() {
-                    return Err(ConfigError::InputsFull { slave, room: IMAGE_BYTES });
+                if inputs > most.inputs.into() {
+                    return Err(ConfigError::InputsFull { slave, room: most.inputs });
                 }
-                if outputs > IMAGE_BYTES.into() {
-                    return Err(ConfigError::OutputsFull { slave, room: IMAGE_BYTES });
+                if outputs > most.outputs.into() {
+                    return Err(ConfigError::OutputsFull { slave, room: most.outputs });
                 }
             }
             let expected = if expected == 0 { 0 } else { expected & !VARIANTS };
@@ -132,12 +132,18 @@ impl<'p> Slots<'p> {
         Ok(())
     }
 
+    /// Takes the modules over as they were written, if there are any.
+    pub(super) fn take_over(&mut self) -> Result<(), ConfigError> {
+        self.check()?;
+        if self.has_modules() { self.shared.take_over() } else { Ok(()) }
+    }
+
     fn expects_any(&self) -> bool {
         self.expected.iter().any(|expected| *expected != 0)
     }
 
     /// Whether there is any module.
-    pub(super) fn has_modules(&self) -> bool {
+    fn has_modules(&self) -> bool {
         self.shared.configuration(|configuration| configuration.slaves().iter().any(is_module))
     }
 
@@ -212,7 +218,7 @@ impl<'p> Slots<'p> {
 impl EthercatState {
     /// Whether devices are modules, in the SubDevice as it is now. Its PDOs are those of after power-on.
     pub(super) fn set_modular(&self, modular: bool) {
-        let room = if modular { Room::MOST } else { Room::FIRST };
+        let room = if modular { self.most() } else { Room::FIRST };
         self.update(|state| (state.modular, state.room) = (modular, room));
     }
 

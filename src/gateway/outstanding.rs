@@ -19,10 +19,7 @@ use heapless::Vec;
 
 use crate::modbus::Exception;
 use crate::modbus::crc::crc16;
-use crate::modbus::pdu::function::{
-    DIAGNOSTICS, READ_COILS, READ_DISCRETE_INPUTS, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS,
-    READ_WRITE_MULTIPLE_REGISTERS, WRITE_FILE_RECORD,
-};
+use crate::modbus::pdu::function::{DIAGNOSTICS, Form};
 use crate::modbus::pdu::{EXCEPTION_BIT, confirmation};
 use crate::settings::PORTS_MAX;
 
@@ -46,11 +43,12 @@ pub struct Shape {
 impl Shape {
     /// The shape of the normal response to `request`, a PDU. Its exceptions share only the function.
     pub fn of_request(request: &[u8]) -> Self {
-        let count = |high: u8, low: u8| u16::from_be_bytes([high, low]);
-        let key = match *request {
-            [READ_COILS | READ_DISCRETE_INPUTS, _, _, high, low] => Some(count(high, low).div_ceil(8)),
-            [READ_HOLDING_REGISTERS | READ_INPUT_REGISTERS, _, _, high, low]
-            | [READ_WRITE_MULTIPLE_REGISTERS, _, _, high, low, ..] => Some(count(high, low).wrapping_mul(2)),
+        let key = match (Form::of(request), request) {
+            (Some(Form::Read(cells)), &[_, _, _, high, low])
+            | (Some(Form::ReadWrite { read: cells, .. }), &[_, _, _, high, low, ..]) => {
+                // A request that passed its check asks for no more than one byte can count.
+                Some(cells.bytes(u16::from_be_bytes([high, low])) as u16)
+            }
             _ => repeated(request),
         };
         Self { function: function(request), key }
@@ -58,10 +56,8 @@ impl Shape {
 
     /// The shape of `response`, a PDU.
     fn of_response(response: &[u8]) -> Self {
-        let key = match *response {
-            [READ_COILS..=READ_INPUT_REGISTERS | READ_WRITE_MULTIPLE_REGISTERS, count, ..] => {
-                Some(u16::from(count))
-            }
+        let key = match (Form::of(response), response) {
+            (Some(Form::Read(_) | Form::ReadWrite { .. }), &[_, count, ..]) => Some(u16::from(count)),
             _ => repeated(response),
         };
         Self { function: function(response), key }
@@ -80,10 +76,10 @@ fn function(pdu: &[u8]) -> u8 {
 
 /// A checksum of the fields that request and response have in common, compared instead of the bytes.
 fn repeated(pdu: &[u8]) -> Option<u16> {
-    let fields = match pdu {
-        [DIAGNOSTICS, 0, 0, ..] | [WRITE_FILE_RECORD, ..] => Some(pdu),
+    let fields = match (Form::of(pdu), pdu) {
+        (Some(Form::Diagnostics), [_, 0, 0, ..]) | (Some(Form::WriteFile), _) => Some(pdu),
         // The data of other sub-functions is up to the device.
-        [DIAGNOSTICS, _, _, ..] => pdu.get(..3),
+        (Some(Form::Diagnostics), [_, _, _, ..]) => pdu.get(..3),
         _ => confirmation(pdu),
     };
     fields.map(crc16)

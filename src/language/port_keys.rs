@@ -1,5 +1,6 @@
 //! The keywords of ports.
 
+use super::values::parse_number;
 use super::words::Word;
 use crate::scanner::POINTS;
 use crate::settings::{Driver, Framing, PortKind, Side, StreamFraming};
@@ -116,6 +117,11 @@ impl Key {
 /// Whether `word` is a keyword of TCP clients, and so cannot be a server name.
 pub(crate) fn is_of_tcp_client(word: Word) -> bool {
     word.lookup(TCP_CLIENT_KEYS).is_some()
+}
+
+/// Whether `word` sets something in a serial line: then it is no device's name.
+pub(crate) fn is_of_serial(word: Word) -> bool {
+    word.lookup(SERIAL_KEYS).is_some() || parse_number(word.text).is_some()
 }
 
 /// Keywords with their keys, in printing order.

@@ -5,7 +5,7 @@
 
 use super::field::Field;
 use super::point_problem::PointProblem;
-use super::port_keys::{Key, UNIT_KEYS, is_of_tcp_client};
+use super::port_keys::{Key, UNIT_KEYS, is_of_serial, is_of_tcp_client};
 use super::port_values::{device, server_address};
 use super::problem::Problem;
 use super::values::{listen, parse_number};
@@ -102,6 +102,13 @@ const MEDIA: [(&str, Medium); 5] = [
 
 const SIDES: &[(&str, Side)] =
     &[("server", Side::Server), ("slave", Side::Server), ("client", Side::Client), ("master", Side::Client)];
+
+const DEVICE_FIRST: &str = "the device, which comes first: port NAME serial DEVICE rtu|ascii client|server";
+
+/// Whether a port's kind stands where its name belongs.
+pub(crate) fn is_kind(word: Word) -> bool {
+    word.lookup(&MEDIA).is_some()
+}
 
 /// Calls `each` with the keywords that begin a port.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
@@ -282,6 +289,7 @@ fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
             PortKind::TcpClient(TcpClientSettings::new(Some(server_address(endpoint)?)))
         }
         (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(endpoint)?)),
+        _ if is_of_serial(endpoint) => return Err(endpoint.error(Problem::TakenAs(DEVICE_FIRST))),
         _ => PortKind::Serial(SerialSettings::new(device(endpoint)?)),
     };
     Ok((kind, endpoint))

@@ -89,6 +89,9 @@ pub enum Problem {
         /// Longest.
         high: Duration,
     },
+    /// A word of the line stands where a name belongs, which was left out.
+    #[error("was taken as {0}")]
+    TakenAs(&'static str),
     /// The line sets the same thing twice.
     #[error("is set twice in this line")]
     Twice,

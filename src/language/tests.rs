@@ -171,7 +171,10 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("port X tcp server 1 idle 60", "\"60\": expected a time with its unit"),
         ("port X tcp server 1 idle 100ms", "expected a time from 1s to 86400s"),
         ("port X tcp server 1 pipeline 17", "expected requests from 1 to 16"),
-        ("port X tcp server 1 clients 4 reserve 5 for ::1", "\"5\": more connections are reserved than the 4"),
+        (
+            "port X tcp server 1 clients 4 reserve 5 for ::1",
+            "\"5\": more connections are reserved than the 4",
+        ),
         ("port X tcp server 1 reserve 2", "end of line: expected for and the addresses"),
         ("port X tcp server 1 reserve 1 for ::1,::2,::3,::4,::5", "\"::5\": expected at most 4 prefixes"),
         ("port X tcp server 502", "\"502\": another port listens there"),
@@ -238,10 +241,7 @@ fn a_port_that_becomes_serial_must_not_have_rules_by_address() {
     let mut settings = load(PORTS);
     apply_all(&mut settings, &["route P502 1 10.0.0.1 * P1"]);
     let error = apply(&mut settings, "port P502 serial uart9 rtu server").unwrap_err().to_string();
-    assert_eq!(
-        error,
-        "column 6: \"P502\": rule 1 names it with an IP address; serial clients have none"
-    );
+    assert_eq!(error, "column 6: \"P502\": rule 1 names it with an IP address; serial clients have none");
 }
 
 #[test]

@@ -22,7 +22,7 @@ pub(crate) struct Word<'a> {
 }
 
 /// The keywords of a table by index: tables have values of many types.
-type Keywords<'t> = &'t dyn Fn(usize) -> Option<&'static str>;
+pub(crate) type Keywords<'t> = &'t dyn Fn(usize) -> Option<&'static str>;
 
 /// A word is wrong; [`Words::wrong`] has the details. Nearly every parsing function may fail, and errors pass through many of
 /// them, so this is empty.
@@ -58,16 +58,23 @@ impl Word<'_> {
         expected: &'static str,
     ) -> Result<T, Wrong> {
         self.lookup(table)
-            .ok_or_else(|| self.unknown(&|at| table.get(at).map(|&(keyword, _)| keyword), expected))
+            .ok_or_else(|| self.unknown(&|at| table.get(at).map(|&(keyword, _)| keyword), &[], expected))
     }
 
     fn place(&self, keywords: Keywords) -> Option<usize> {
         (0..).map_while(keywords).position(|keyword| self.is(keyword))
     }
 
-    fn unknown(&self, keywords: Keywords, expected: &'static str) -> Wrong {
+    /// The error that this is none of the keywords, with the nearest one, or what `elsewhere` has for the word.
+    pub(crate) fn unknown(
+        &self,
+        keywords: Keywords,
+        elsewhere: &[(&str, &'static str)],
+        expected: &'static str,
+    ) -> Wrong {
         let near = (0..).map_while(keywords).find(|keyword| is_near(self.text, keyword));
-        self.error(Problem::Expected { expected, near })
+        let other = || elsewhere.iter().find(|(word, _)| self.is(word)).map(|(_, keyword)| *keyword);
+        self.error(Problem::Expected { expected, near: near.or_else(other) })
     }
 
     /// Reports `problem` with this word.

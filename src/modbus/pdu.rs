@@ -14,7 +14,7 @@ mod response;
 pub use super::exception::EXCEPTION_BIT;
 pub use ahead::{End, request_end, response_end};
 pub use block::Block;
-pub use extent::{Extent, Touched, touched};
+pub use extent::{Extent, Touched, addresses_end, touched};
 pub use function::{confirmation, is_broadcastable, is_read, name as function_name};
 pub(crate) use request::is_beyond_response;
 pub use request::{check_request, request_length};

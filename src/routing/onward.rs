@@ -1,9 +1,7 @@
 //! Cut-through decision: where a request that is still arriving at a serial line may be forwarded to, judging by its beginning.
 
-use crate::modbus::pdu::function::{
-    ENCAPSULATED_INTERFACE, MASK_WRITE_REGISTER, READ_COILS, READ_WRITE_MULTIPLE_REGISTERS,
-    WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_REGISTER,
-};
+use crate::modbus::pdu::addresses_end;
+use crate::modbus::pdu::function::ENCAPSULATED_INTERFACE;
 use crate::routing::{meaning, rule};
 use crate::settings::{
     Cut, Destination, Driver, Lane, Policy, PortId, PortKind, SerialSettings, Settings, Special,
@@ -72,14 +70,6 @@ fn needed(policy: &Policy, so_far: &[u8]) -> Option<usize> {
         // The MEI type.
         Some(&ENCAPSULATED_INTERFACE) => Some(2),
         Some(_) if !policy.looks_at_addresses() => Some(1),
-        // Address and quantity, or value.
-        Some(
-            &(READ_COILS..=WRITE_SINGLE_REGISTER
-            | WRITE_MULTIPLE_COILS
-            | WRITE_MULTIPLE_REGISTERS
-            | MASK_WRITE_REGISTER),
-        ) => Some(5),
-        Some(&READ_WRITE_MULTIPLE_REGISTERS) => Some(9),
-        Some(_) => None,
+        Some(_) => addresses_end(so_far),
     }
 }

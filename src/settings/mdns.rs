@@ -10,7 +10,7 @@ pub enum Mdns {
         /// The name; if empty, the board's DHCP name, or else the machine's name.
         name: HostName,
     },
-    /// It is silent.
+    /// It does not.
     Off,
 }
 

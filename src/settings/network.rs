@@ -157,7 +157,7 @@ pub struct TcpClientSettings {
 }
 
 impl TcpClientSettings {
-    /// Modbus TCP to `server` with the defaults: one request in flight, 1 s response time-out, 3 s to connect, closed after a
+    /// Modbus TCP to `server` with the defaults: one request in flight, 800 ms response time-out, 3 s to connect, closed after a
     /// minute, no repeats, down after three time-outs; for several servers 8 connections, or as many as possible.
     pub fn new(server: Option<ServerAddress>) -> Self {
         Self {
@@ -166,7 +166,7 @@ impl TcpClientSettings {
             framing: StreamFraming::Mbap,
             unit: None,
             in_flight: 1,
-            timeout: Duration::from_secs(1),
+            timeout: Duration::from_millis(800),
             connect_timeout: Duration::from_secs(3),
             connect_delay: Duration::from_ticks(0),
             request_delay: Duration::from_ticks(0),

@@ -3,9 +3,7 @@
 use embassy_time::Duration;
 
 use crate::modbus::Exception;
-use crate::modbus::pdu::function::{
-    WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER,
-};
+use crate::modbus::pdu::function::Form;
 use crate::modbus::pdu::{self, Extent, Touched};
 use crate::settings::Functions;
 
@@ -158,15 +156,7 @@ impl Policy {
 
     /// Whether the forbidden `request` is confirmed without being executed.
     pub(crate) fn ignores(&self, request: &[u8]) -> bool {
-        let has_echo = matches!(
-            request.first(),
-            Some(
-                &(WRITE_SINGLE_COIL
-                    | WRITE_SINGLE_REGISTER
-                    | WRITE_MULTIPLE_COILS
-                    | WRITE_MULTIPLE_REGISTERS)
-            )
-        );
+        let has_echo = matches!(Form::of(request), Some(Form::WriteOne(_) | Form::WriteMany(_)));
         self.forbidden == Forbidden::Ignore && has_echo
     }
 }

@@ -176,9 +176,9 @@ impl SerialClientSettings {
         self.late_window.unwrap_or(self.timeout)
     }
 
-    /// One second, no repeats, 100 ms after a broadcast, down after three time-outs.
+    /// 800 ms, no repeats, 100 ms after a broadcast, down after three time-outs.
     pub const DEFAULT: Self = Self {
-        timeout: Duration::from_secs(1),
+        timeout: Duration::from_millis(800),
         retries: 0,
         turnaround: Duration::from_millis(100),
         start_delay: Duration::from_ticks(0),

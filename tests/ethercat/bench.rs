@@ -11,6 +11,14 @@ pub(crate) fn gateway_objects() -> GatewayObjects<'static> {
     GatewayObjects::new(place_with("port ecat ethercat"))
 }
 
+/// Prints a figure, and demands that it is at most so much.
+pub(crate) fn at_most(name: &str, value: u64, unit: &str, most: u64) {
+    let verdict = if value <= most { "ok" } else { "short" };
+    // The name of the test is on this line already where tests run one by one.
+    println!("\nfigure {name} {value} {unit} <={most} {verdict}");
+    assert!(value <= most, "{name}: {value} {unit}");
+}
+
 /// What a gateway with such settings shares with its SubDevice.
 pub(crate) fn place_with(lines: &str) -> &'static EthercatState {
     // A place is there for as long as the gateway runs: here, as long as the test.

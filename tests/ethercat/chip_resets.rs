@@ -9,7 +9,7 @@ use mobgate_simulator::random::each_seed;
 use mobgate_simulator::sub_device::direct;
 use mobgate_simulator::{Lan9252, Random};
 
-use crate::bench::{Bench, ERROR, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, lan9252_with};
+use crate::bench::{Bench, ERROR, INIT, MAILBOX_128, OP, PRE_OP, Rig, SAFE_OP, at_most, lan9252_with};
 
 const SEEDS: u64 = 1_000;
 /// From the reset until the application knows.
@@ -45,7 +45,7 @@ fn seen(rig: &Rig<Bench>, state: u16, seed: u64) {
 }
 
 /// What a MainDevice does that finds a device in another state than it left it.
-fn back_to_pre_op(rig: &mut Rig<Bench>, seed: u64) {
+fn back_to_pre_op(rig: &mut Rig<Bench>, seed: u64) -> Duration {
     let begin = Instant::now();
     loop {
         rig.write(0x0120, &(INIT | ERROR).to_le_bytes());
@@ -58,7 +58,9 @@ fn back_to_pre_op(rig: &mut Rig<Bench>, seed: u64) {
         }
         assert!(begin.elapsed() < BACK, "seed {seed}: {:?} after {:?}", rig.status(), begin.elapsed());
     }
+    let took = begin.elapsed();
     assert!(rig.upload(0x1000, 0).is_ok(), "seed {seed}: the mailbox works");
+    took
 }
 
 /// Lets a device in `state` do what it does there for `cycles`.
@@ -73,6 +75,7 @@ fn live(rig: &mut Rig<Bench>, state: u16, cycles: usize) {
 
 #[test]
 fn a_chip_that_is_reset_is_seen_in_every_state_and_started_anew() {
+    let mut longest = Duration::MIN;
     each_seed(SEEDS, |seed| {
         let mut random = Random::new(seed);
         let state = [INIT, PRE_OP, SAFE_OP, OP][random.index(4)];
@@ -87,10 +90,11 @@ fn a_chip_that_is_reset_is_seen_in_every_state_and_started_anew() {
         chip.reset();
         rig.pass(SEEN_MS);
         seen(&rig, state, seed);
-        back_to_pre_op(&mut rig, seed);
+        longest = longest.max(back_to_pre_op(&mut rig, seed));
         let failures = rig.application().faults.len();
         assert!((1..=3).contains(&failures), "seed {seed}: {failures} failures told of one");
     });
+    at_most("chip_reset_back_in_pre_op", longest.as_millis(), "ms", BACK.as_millis());
 }
 
 #[test]

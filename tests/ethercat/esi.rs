@@ -5,14 +5,15 @@ mod schema;
 
 use std::collections::BTreeMap;
 
+use ethercat_description::{esi, sii};
 use ethercat_subdevice::device::Device;
-use ethercat_subdevice::{esi, sii};
-use mobgate::fieldbus::{DEVICE, LONG_DEVICE, MODULAR, write_esi};
+use mobgate::fieldbus::{DEVICE, LONG_DEVICE, LONG_MODULAR, MODULAR};
 use mobgate::language::apply;
 use mobgate::settings::{Settings, SlaveSettings};
+use mobgate_description::write_esi;
 use roxmltree::{Document, Node};
 
-use crate::bench::MAILBOX_128;
+use crate::bench::{MAILBOX_128, at_most};
 use crate::sdo::category;
 use builder::{build, child, number, text};
 
@@ -83,7 +84,9 @@ fn the_schema_notices_order_missing_and_unknown_elements_and_wrong_content() {
 #[test]
 fn statement_41_each_type_is_declared_once_and_has_the_size_that_is_said_where_it_is_used() {
     let gateway = file_of_gateway();
-    for (file, nth) in [(&gateway, 0), (&gateway, 1), (&gateway, 2), (&file_of(&MAILBOX_128), 0)] {
+    for (file, nth) in
+        [(&gateway, 0), (&gateway, 1), (&gateway, 2), (&gateway, 3), (&file_of(&MAILBOX_128), 0)]
+    {
         let document = Document::parse(file).unwrap();
         let document = document.descendants().filter(|node| node.has_tag_name("Device")).nth(nth).unwrap();
         let mut sizes = BTreeMap::new();
@@ -112,7 +115,7 @@ fn statement_41_each_type_is_declared_once_and_has_the_size_that_is_said_where_i
                 _ => {}
             }
         }
-        assert!(used > 30, "{used}");
+        assert!(used > 20, "{used}");
     }
 }
 
@@ -132,8 +135,14 @@ fn the_file_says_how_long_images_may_be_and_where_they_lie() {
     // Beside the image, inputs may have 69 bytes that tell how good they are.
     assert_eq!(sizes(devices[0]), [[0x1100, 120, 512], [0x1700, 120, 584]]);
     assert_eq!(sizes(devices[1]), [[0x1100, 120, 1_500], [0x2298, 120, 1_555]]);
-    let types: Vec<_> = devices.iter().map(|device| text(*device, "Type")).collect();
-    assert_eq!(types, ["mobgate", "mobgate-long", "mobgate-modular"]);
+    // The modular one begins with none.
+    assert_eq!(sizes(devices[3]), [[0x1100, 0, 1_500], [0x2298, 2, 1_555]]);
+    let codes = devices.iter().map(|device| {
+        let code = child(*device, "Type").unwrap().attribute("ProductCode").unwrap();
+        (text(*device, "Type"), number(code))
+    });
+    let expected = [("mobgate", 1), ("mobgate-long", 3), ("mobgate-modular", 2), ("mobgate-modular-long", 4)];
+    assert_eq!(codes.collect::<Vec<_>>(), expected);
     for (index, bytes) in [("#x1605", 476), ("#x1A08", 462)] {
         let pdo = devices[1].children().find(|node| text(*node, "Index") == index).unwrap();
         let entries = pdo.children().filter(|node| node.has_tag_name("Entry"));
@@ -192,6 +201,7 @@ fn statement_41_an_eeprom_image_that_others_make_from_the_file_is_the_devices_ow
         (&GATEWAY, &gateway, 0),
         (&LONG_GATEWAY, &gateway, 1),
         (&MODULAR, &gateway, 2),
+        (&LONG_MODULAR, &gateway, 3),
         (&MAILBOX_128, &small, 0),
     ] {
         let mut own = [0; sii::SII_BYTES];
@@ -210,16 +220,21 @@ fn statement_41_an_eeprom_image_that_others_make_from_the_file_is_the_devices_ow
 #[test]
 fn statement_58_the_gateways_image_fits_into_2048_bytes_and_255_strings() {
     let file = file_of_gateway();
-    for (device, nth, bytes_max) in
-        [(&GATEWAY, 0, EEPROM_BYTES_MAX), (&LONG_GATEWAY, 1, sii::SII_BYTES), (&MODULAR, 2, EEPROM_BYTES_MAX)]
-    {
+    for (device, nth, bytes_max) in [
+        (&GATEWAY, 0, EEPROM_BYTES_MAX),
+        (&LONG_GATEWAY, 1, sii::SII_BYTES),
+        (&MODULAR, 2, EEPROM_BYTES_MAX),
+        (&LONG_MODULAR, 3, EEPROM_BYTES_MAX),
+    ] {
         let built = build(&Document::parse(&file).unwrap(), nth);
         assert!(built.image.len() <= bytes_max, "{} bytes", built.image.len());
         assert!(built.strings.len() <= 255, "{} strings", built.strings.len());
         let mut own = [0; sii::SII_BYTES];
         sii::write(device, &mut own).unwrap();
         assert_eq!(used(&own), built.image.len(), "its own has the same size");
-        println!("{}: {} bytes, {} strings", device.order, built.image.len(), built.strings.len());
+        let name = device.order.replace('-', "_");
+        at_most(&format!("sii_bytes_{name}"), built.image.len() as u64, "B", bytes_max as u64);
+        at_most(&format!("sii_strings_{name}"), built.strings.len() as u64, "strings", 255);
     }
 }
 
@@ -275,6 +290,17 @@ fn each_slave_of_the_settings_is_a_module_beside_common_ones_with_its_start_up_l
     assert_eq!(commands[13], (14, "04", "TypeOfInRegisters"));
     assert_eq!(commands[15], (16, "01", "Order"));
 
+    let dictionary = first.descendants().find(|node| node.has_tag_name("Objects")).unwrap();
+    let objects: Vec<_> = dictionary.children().filter(|node| node.has_tag_name("Object")).collect();
+    let indices: Vec<_> = objects.iter().map(|object| text(*object, "Index")).collect();
+    assert_eq!(
+        indices,
+        ["#x6000", "#x6001", "#x6002", "#x6003", "#x7000", "#x7001", "#x8000", "#x9000", "#xA000"]
+    );
+    for object in objects {
+        assert_eq!(child(object, "Index").unwrap().attribute("DependOnSlot"), Some("true"));
+    }
+
     let entries = first.descendants().filter(|node| node.has_tag_name("Entry"));
     let entries: Vec<_> = entries.map(|entry| (text(entry, "Name"), text(entry, "DataType"))).collect();
     assert_eq!(entries[..2], [("Coil 1", "BOOL"), ("Coil 2", "BOOL")]);
@@ -282,10 +308,12 @@ fn each_slave_of_the_settings_is_a_module_beside_common_ones_with_its_start_up_l
     assert!(entries.contains(&("Holding register 3", "INT")));
 
     let slots = document.descendants().filter(|node| node.has_tag_name("Slots")).collect::<Vec<_>>();
-    assert_eq!(slots.len(), 1, "of the modular device");
-    let device = slots[0].parent().unwrap();
-    assert_eq!(text(device, "Name"), MODULAR.name);
-    let coe = child(child(device, "Mailbox").unwrap(), "CoE").unwrap();
-    assert_eq!(coe.attribute("PdoAssign"), Some("false"), "modules say which PDOs there are");
-    assert_eq!(text(child(coe, "InitCmd").unwrap(), "Index"), "#x2000", "so many slots are there");
+    assert_eq!(slots.len(), 2, "of the modular devices");
+    for (slots, modular) in slots.into_iter().zip([&MODULAR, &LONG_MODULAR]) {
+        let device = slots.parent().unwrap();
+        assert_eq!(text(device, "Name"), modular.name);
+        let coe = child(child(device, "Mailbox").unwrap(), "CoE").unwrap();
+        assert_eq!(coe.attribute("PdoAssign"), Some("false"), "modules say which PDOs there are");
+        assert_eq!(text(child(coe, "InitCmd").unwrap(), "Index"), "#x2000", "so many slots are there");
+    }
 }

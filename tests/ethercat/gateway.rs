@@ -13,7 +13,7 @@ mod lights;
 mod line;
 mod long_images;
 pub(crate) mod matrix;
-mod modules;
+pub(crate) mod modules;
 mod modules_on_a_wire;
 mod objects;
 mod points;

@@ -1,9 +1,9 @@
 //! Conformance: SDO, and what the gateway's objects take (statements 29 to 37).
 
+use ethercat_description::{esi, sii};
 use ethercat_subdevice::al_state::{AlState, AlStatusCode};
 use ethercat_subdevice::coe::abort::Abort;
 use ethercat_subdevice::device::Device;
-use ethercat_subdevice::sii;
 use ethercat_subdevice::sync_manager::Channel;
 use mobgate::fieldbus::{DEVICE, GatewayObjects};
 
@@ -317,7 +317,7 @@ fn statement_36_identity_types_and_sizes_agree_everywhere() {
     sii::write(&GATEWAY, &mut image).unwrap();
     assert_eq!(rig.upload_complete(0x1018, 1).unwrap(), image[0x10..0x20]);
     let mut description = String::new();
-    ethercat_subdevice::esi::write(&GATEWAY, &mut description).unwrap();
+    esi::write(&GATEWAY, &mut description).unwrap();
     for number in image[0x10..0x1c].as_chunks::<4>().0 {
         assert!(description.contains(&format!("#x{:08X}", u32::from_le_bytes(*number))));
     }

@@ -1,6 +1,7 @@
 //! Conformance: the state machine, its error codes, the process data watchdog (statements 1 to 20).
 
 use embassy_time::Duration;
+use ethercat_description::sii;
 use ethercat_subdevice::al_state::{AlState, AlStatusCode};
 use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
 use ethercat_subdevice::sync_manager::Channel;
@@ -22,8 +23,8 @@ fn in_state(state: u16) -> Rig<Bench> {
 #[test]
 fn statement_01_after_power_on_it_is_in_init_without_error_and_needs_no_processor_for_that() {
     let _world = World::new(1);
-    let mut image = [0; ethercat_subdevice::sii::SII_BYTES];
-    ethercat_subdevice::sii::write(&MAILBOX_128, &mut image).unwrap();
+    let mut image = [0; sii::SII_BYTES];
+    sii::write(&MAILBOX_128, &mut image).unwrap();
     let mut alone = Segment::new([Chip::new(Kind::LAN9252, image.to_vec())]);
     assert_eq!(alone.fetch(0, 0x0130, 6).unwrap(), [1, 0, 0, 0, 0, 0]);
     assert_eq!(alone.fetch(0, 0x0110, 1).unwrap()[0] & 1, 1, "the EEPROM was loaded");

@@ -11,7 +11,6 @@ use std::rc::Rc;
 use embassy_time::{Duration, Instant, Timer, with_timeout};
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
-use ethercat_subdevice::sii;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercat_subdevice::sync_manager::Channel;
 use mobgate::fieldbus::DEVICE;
@@ -187,7 +186,7 @@ impl Madness {
 
     async fn set_up_channel(&mut self, channel: Channel) {
         let [start_low, start_high] = GATEWAY.memory.start(channel).to_le_bytes();
-        let [low, high] = sii::default_length(&GATEWAY, channel).to_le_bytes();
+        let [low, high] = GATEWAY.default_bytes(channel).to_le_bytes();
         let block = [start_low, start_high, low, high, channel.control(), 0, 1, 0];
         self.write(channel.registers(), &block).await;
     }

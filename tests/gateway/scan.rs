@@ -2,10 +2,10 @@
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
-use mobgate::settings::{Framing, LineSettings, Parity, PortId};
+use mobgate::settings::{Framing, LineSettings, Parity, PortId, PortKind, Settings};
 use mobgate::stats::Event;
 use mobgate_simulator::client::Answer;
-use mobgate_simulator::console::{typed, typed_slowly};
+use mobgate_simulator::console::{typed, typed_at_terminal, typed_slowly};
 use mobgate_simulator::fault::When;
 use mobgate_simulator::rig::machine;
 use mobgate_simulator::wire::Flaw;
@@ -168,4 +168,47 @@ fn words_that_make_no_sense_are_refused() {
             assert!(shown.starts_with("error: line 1, ") && shown.contains(error), "{line}: {shown}");
         }
     });
+}
+
+#[test]
+fn a_unit_that_answers_late_is_asked_again_and_found_too() {
+    // The last one of the range, and one in its midst.
+    for range in ["units 1-3", "units 1-20"] {
+        rig::with_gateway(1, SETTINGS, |world, rig| {
+            let slow = Device::new(3).with_turnaround(Duration::from_millis(300));
+            rig.attach(world, "uart1", [Device::new(1), Device::new(2), slow]);
+            let shown = world.run_until(typed(rig.gateway, &format!("scan bus 115200 {range}")));
+            assert!(shown.contains("115200 8E1   slower units: timeout 500ms, "), "{shown}");
+            assert!(
+                shown.contains("unit   3 115200 8E1   301.8") && shown.contains("# units 1,2,3\n"),
+                "{shown}"
+            );
+            assert!(!shown.contains("cannot be read"), "{shown}");
+            assert!(!shown.contains("takes this over"), "nobody is asked who types no keys: {shown}");
+        });
+    }
+}
+
+#[test]
+fn what_was_found_is_taken_over_by_one_key_and_left_by_any_other() {
+    let settings = "port bus serial uart1 rtu client 115200 8E1\nport P502 tcp server 502\n";
+    for (key, speed, rules) in [("y", 9_600, 1), ("n", 115_200, 0)] {
+        rig::with_gateway(1, settings, |world, rig| {
+            attach(world, rig, line(9_600, Parity::None), &[3, 7]);
+            let keys = [
+                (Duration::from_ticks(0), "scan bus 9600 units 1-9\r"),
+                (Duration::from_secs(20), key),
+                (Duration::from_secs(1), "\x15show routes\r"),
+            ];
+            let shown = world.run_until(typed_at_terminal(rig.gateway, &keys));
+            assert!(shown.contains("y takes this over; any other key leaves it: "), "{shown}");
+            assert!(!shown.contains("error"), "{shown}");
+            let baud = |settings: &Settings| match &settings.ports[0].as_ref().unwrap().kind {
+                PortKind::Serial(serial) => serial.line.baud,
+                _ => 0,
+            };
+            assert_eq!(rig.gateway.settings(baud), speed);
+            assert_eq!(rig.gateway.settings(|settings| settings.routes.len()), rules);
+        });
+    }
 }

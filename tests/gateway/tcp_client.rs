@@ -49,6 +49,24 @@ fn value(unit: u8) -> Answer {
 }
 
 #[test]
+fn by_default_a_client_that_waits_for_a_second_sees_0b_and_not_its_own_time_out() {
+    let silent = "port bus serial uart1 rtu client\nport P502 tcp server 502\nroute P502 5 * * bus\n";
+    for (settings, at_tcp) in [(silent.to_owned(), false), (settings(""), true)] {
+        with_gateway(1, &settings, |world, rig| {
+            // Who is there and does not answer.
+            match at_tcp {
+                true => rig.attach_tcp(world, PLC, [Device::new(9)]),
+                false => rig.attach(world, "uart1", [Device::new(9)]),
+            }
+            world.run_for(2 * SECOND);
+            let (code, took) = exception(world, rig, 5, &READ);
+            assert_eq!(code, Some(0x0b));
+            assert!(took < 950 * MS, "{took}");
+        });
+    }
+}
+
+#[test]
 fn a_request_reaches_a_device_behind_tcp_and_its_answer_comes_back() {
     for words in ["", "idle 0", "in-flight 16", "rtu"] {
         with_gateway(1, &settings(words), |world, rig| {
@@ -59,7 +77,7 @@ fn a_request_reaches_a_device_behind_tcp_and_its_answer_comes_back() {
             }
             world.run_for(2 * SECOND);
             // What comes by a new connection without transaction ids is discarded for the late window.
-            let took = if words == "rtu" { SECOND + MS } else { MS };
+            let took = if words == "rtu" { 801 * MS } else { MS };
             assert_eq!(ask(world, rig, 5, &READ), (value(5), took));
             assert_eq!(ask(world, rig, 5, &WRITE).0, Answer::Pdu(WRITE.to_vec()));
             assert_eq!(device.writes().len(), 1);

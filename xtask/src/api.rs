@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::tools::{Outcome, command, read, root, run};
+use crate::tools::{Outcome, command, figure, read, root, run};
 
 /// Packages that others build upon.
 const PACKAGES: [&str; 2] = ["mobgate", "ethercat-subdevice"];
@@ -17,9 +17,13 @@ pub(crate) fn check(write: bool) -> Outcome {
     let mut changed = Vec::new();
     for package in PACKAGES {
         let now = list(package)?;
+        println!("{package}: {} public items", now.lines.len());
+        if package == "mobgate" {
+            figure("core_public_items", now.items as f64, "items", Some(400.0));
+        }
+        let now = now.lines;
         let file = format!("xtask/api/{package}.txt");
         let text: String = now.iter().flat_map(|line| [line, "\n"]).collect();
-        println!("{package}: {} public items", now.len());
         if write {
             let file = root().join(file);
             std::fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
@@ -38,7 +42,7 @@ pub(crate) fn check(write: bool) -> Outcome {
     }
 }
 
-fn list(package: &str) -> Outcome<BTreeSet<String>> {
+fn list(package: &str) -> Outcome<Listed> {
     // Another folder than that of builds: some crates look at the variable, and would be built anew.
     let words =
         ["rustdoc", "--quiet", "--locked", "--lib", "--target-dir", "target/api", "--package", package];
@@ -48,14 +52,22 @@ fn list(package: &str) -> Outcome<BTreeSet<String>> {
     let name = package.replace('-', "_");
     let text = read(format!("target/api/doc/{name}.json"))?;
     let json: Value = serde_json::from_str(&text).map_err(|error| format!("{name}.json: {error}"))?;
-    let mut api = Api { index: &json["index"], lines: BTreeSet::new() };
+    let mut api = Api { index: &json["index"], listed: Listed::default() };
     api.item(&json["root"], "");
-    Ok(api.lines)
+    Ok(api.listed)
+}
+
+/// What of a crate is public and documented: what is hidden is for its own tests.
+#[derive(Default)]
+struct Listed {
+    lines: BTreeSet<String>,
+    /// Those with a page or a heading of their own: neither fields nor variants nor methods of traits.
+    items: usize,
 }
 
 struct Api<'j> {
     index: &'j Value,
-    lines: BTreeSet<String>,
+    listed: Listed,
 }
 
 impl Api<'_> {
@@ -76,7 +88,9 @@ impl Api<'_> {
         let name = item["name"].as_str().unwrap_or_default();
         let own = if path.is_empty() { name.to_owned() } else { format!("{path}::{name}") };
         if kind != "impl" && kind != "module" {
-            self.lines.insert(format!("{own}: {}", declaration(&item["span"], kind)));
+            let is_new = self.listed.lines.insert(format!("{own}: {}", declaration(&item["span"], kind)));
+            let is_item = item["visibility"] == "public" && kind != "struct_field";
+            self.listed.items += usize::from(is_new && is_item);
         }
         let inside = if kind == "impl" { path } else { &own };
         let parts = ["items", "impls", "variants"].map(|part| &inner[part]);
@@ -106,7 +120,7 @@ impl Api<'_> {
         if self.index[import["id"].to_string()].is_null() {
             // Of another crate.
             let source = import["source"].as_str().unwrap_or_default();
-            self.lines.insert(format!("{path}::{name}: use {source}"));
+            self.listed.lines.insert(format!("{path}::{name}: use {source}"));
         }
         self.item(&import["id"], path);
     }

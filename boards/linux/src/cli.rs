@@ -2,10 +2,11 @@
 
 use std::convert::Infallible;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use clap::{Args, Parser, Subcommand};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use mobgate::settings::{InterfaceName, TcpListen};
 
 use crate::demo;
@@ -15,30 +16,33 @@ const THIS_MACHINE: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 
 const EXAMPLES: &str = "\
 Examples:
-  mobgate                                  the demo: simulated devices behind Modbus TCP port 502 or 5020
-  mobgate --demo ethercat                  the same, and an EtherCAT SubDevice at the network interface ecat1
-  mobgate --config /etc/mobgate.conf       a gateway as the file says
-  mobgate --check /etc/mobgate.conf        is the file good?
-  mobgate console                          the console of the gateway that runs, from another terminal
-  mobgate console show ports               one line of it
-  mobgate esi mobgate.xml                  the EtherCAT SubDevice's description; `sii FILE`: its EEPROM's content
+  mobgate                              the demo: simulated devices behind
+                                       Modbus TCP port 502 or 5020
+  mobgate --demo ethercat              the same as an EtherCAT SubDevice as well
+  mobgate --config mobgate.conf        a gateway as the file says
+  mobgate --check mobgate.conf         is the file good?
+  mobgate console                      the console of the gateway that runs
+  mobgate console show ports           one line of it
+  mobgate esi mobgate.xml              the description of the SubDevice;
+                                       `sii FILE`: its EEPROM's content
 
 A configuration file:
-  port P1   serial /dev/ttyUSB0 rtu client 19200 8E1
-  port P502 tcp server 502
-  route P502 1-247 * * P1
+  port P1    serial /dev/ttyUSB0 rtu client 19200 8E1
+  port P5502 tcp server 5502
+  route P5502 1-247 * * P1
 
-In the program's own terminal Ctrl-C ends a command, then clears the line, and twice on an empty line stops the gateway.
-SIGHUP reads the file again, SIGTERM and SIGINT end the program. RUST_LOG sets what is logged (info, debug, ...).
+In the program's own terminal Ctrl-C ends a command, then clears the line,
+and twice on an empty line stops the gateway. SIGHUP reads the file again,
+SIGTERM and SIGINT end the program. RUST_LOG sets what is logged (info, ...).
 
-Exit codes: 0 ended by a signal, or the checked file is good; 1 bad configuration, or a port cannot be opened;
-2 bad command line.";
+Exit codes: 0 ended by a signal, or the checked file is good;
+1 bad configuration, or a port cannot be opened; 2 bad command line.";
 
-/// A Modbus gateway: clients on TCP, devices on serial lines, and rules that say who reaches whom.
+/// A Modbus gateway: clients on TCP, devices on serial lines, and rules between.
 ///
 /// Without options the demo runs.
 #[derive(Debug, Parser)]
-#[command(version, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
+#[command(name = "mobgate", next_line_help = true, version, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
 pub struct Options {
     /// Something else than running the gateway
     #[command(subcommand)]
@@ -48,12 +52,13 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
 
-    /// Simulate a bus with three devices, the serial device `demo`; with `ethercat` also be an EtherCAT SubDevice with them, at
-    /// the network interface ecat1 or INTERFACE
-    #[arg(long, value_name = "ethercat[=INTERFACE]", num_args = 0..=1, default_missing_value = "modbus")]
+    /// Simulate a bus with three devices, the serial device `demo`; with
+    /// `ethercat` also be an EtherCAT SubDevice with them, at the network
+    /// interface ecat1 or INTERFACE
+    #[arg(long, verbatim_doc_comment, value_name = "ethercat[=INTERFACE]", num_args = 0..=1, default_missing_value = "modbus")]
     pub demo: Option<DemoKind>,
 
-    /// Let the first TCP server listen there instead of where its settings say
+    /// Let the first TCP server listen there, whatever its settings say
     #[arg(long, value_name = "[ADDR:]PORT", value_parser = listen)]
     pub listen: Option<TcpListen>,
 
@@ -61,27 +66,33 @@ pub struct Options {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "demo", "listen", "console", "socket", "capture"])]
     pub check: Option<PathBuf>,
 
-    /// Write the frames of all ports into FILE (PCAPNG), for Wireshark; the console's `capture` does so while it runs
-    #[arg(long, value_name = "FILE")]
+    /// Write the frames of all ports into FILE (PCAPNG), for Wireshark;
+    /// the console's `capture` does so while it runs
+    #[arg(long, verbatim_doc_comment, value_name = "FILE")]
     pub capture: Option<PathBuf>,
 
-    /// Offer the console on a socket at PATH, for root, this user and the group mobgate [default: /run/mobgate/console, or else
-    /// $XDG_RUNTIME_DIR/mobgate/console, or else mobgate-UID/console in the folder for temporary files]
-    #[arg(long, value_name = "PATH|off")]
+    /// Offer the console on a socket at PATH, for root, this user and the
+    /// group mobgate [default: /run/mobgate/console, or else
+    /// $XDG_RUNTIME_DIR/mobgate/console, or else mobgate-UID/console in
+    /// the folder for temporary files]
+    #[arg(long, verbatim_doc_comment, value_name = "PATH|off")]
     pub socket: Option<SocketPlace>,
 
-    /// Offer the console on a TCP port as well, to whoever can reach it and without a password [default: off]
-    #[arg(long, value_name = "[ADDR:]PORT|off")]
+    /// Offer the console on a TCP port as well, to whoever can reach it
+    /// and without a password [default: off]
+    #[arg(long, verbatim_doc_comment, value_name = "[ADDR:]PORT|off")]
     pub console: Option<ConsolePort>,
 }
 
 /// What is done instead of running the gateway.
 #[derive(Debug, Subcommand)]
 pub enum Instead {
-    /// Join the console of the gateway that runs on this machine, or have it carry out LINE
+    /// Join the console of the running gateway, or run LINE there
     ///
-    /// Ctrl-D leaves. Lines may also come by a pipe. Exit codes: 0 all was carried out; 1 a line was refused; 2 bad command line;
-    /// 3 no gateway was reached, or it has ended the session.
+    /// Ctrl-D leaves. Lines may also come by a pipe. Exit codes: 0 all was
+    /// carried out; 1 a line was refused; 2 bad command line; 3 no gateway
+    /// was reached, or it has ended the session.
+    #[command(verbatim_doc_comment)]
     Console(Join),
     /// Write a file about the gateway as an EtherCAT SubDevice
     #[command(flatten)]
@@ -103,15 +114,15 @@ pub struct Join {
 /// Files that say what the gateway is as an EtherCAT SubDevice.
 #[derive(Debug, Subcommand)]
 pub enum Make {
-    /// Write the image for the EEPROM of the EtherCAT controller (SII) into FILE
+    /// Write the EEPROM image of the EtherCAT controller (SII) to FILE
     Sii {
-        /// Of the gateway as a modular device, which it is by the setting `port NAME ethercat modules`
+        /// Of the modular device: `port NAME ethercat modules`
         #[arg(long)]
         modules: bool,
         /// Where to
         file: PathBuf,
     },
-    /// Write the description for EtherCAT configuration tools (ESI) into FILE
+    /// Write the description for EtherCAT tools (ESI) to FILE
     Esi {
         /// Describe each slave of the settings in FILE as a module too
         #[arg(long, value_name = "FILE")]
@@ -122,6 +133,22 @@ pub enum Make {
 }
 
 impl Options {
+    /// Those of the command line, or the end of the program with what is wrong with it.
+    pub fn of_command_line() -> Self {
+        Self::try_parse().unwrap_or_else(|error| Self::lead_on(error).exit())
+    }
+
+    /// Says of a file that stands where a command belongs how it is meant.
+    fn lead_on(error: clap::Error) -> clap::Error {
+        match error.get(ContextKind::InvalidSubcommand) {
+            Some(ContextValue::String(word)) if word.contains(['.', '/']) || Path::new(word).exists() => {
+                let what = format!("a settings file needs its option: mobgate --config {word}");
+                Self::command().error(ErrorKind::InvalidSubcommand, what)
+            }
+            _ => error,
+        }
+    }
+
     /// Whether the demo's bus is wanted: by name, or because nothing else is.
     pub fn runs_demo(&self) -> bool {
         self.demo.is_some() || self.config.is_none()
@@ -208,6 +235,28 @@ mod tests {
     #[test]
     fn the_options_fit_together() {
         Options::command().debug_assert();
+    }
+
+    #[test]
+    fn help_fits_into_eighty_columns() {
+        let mut command = Options::command();
+        command.build();
+        let short_and_long =
+            |command: &mut clap::Command| format!("{}{}", command.render_help(), command.render_long_help());
+        let own = short_and_long(&mut command);
+        let all = command.get_subcommands_mut().map(short_and_long).fold(own, |all, one| all + &one);
+        let long: Vec<_> = all.lines().filter(|line| line.chars().count() > 80).collect();
+        assert!(long.is_empty(), "{long:#?}");
+    }
+
+    #[test]
+    fn a_file_where_a_command_belongs_leads_to_the_option() {
+        for file in ["mobgate.conf", "/etc/x", "."] {
+            let said = Options::lead_on(Options::try_parse_from(["mobgate", file]).unwrap_err()).to_string();
+            assert!(said.contains(&format!("mobgate --config {file}")), "{said}");
+        }
+        let said = Options::lead_on(Options::try_parse_from(["mobgate", "start"]).unwrap_err()).to_string();
+        assert!(!said.contains("--config"), "{said}");
     }
 
     #[test]

@@ -161,7 +161,7 @@ pub fn invitation(listen: &TcpListen) -> String {
     ] {
         let command = format!("mbpoll -m tcp -p {port} {options} {host}{value}");
         // Writing to a String cannot fail.
-        let _ = writeln!(text, "  {command:<66} # {meaning}");
+        let _ = writeln!(text, "  # {meaning}\n  {command}");
     }
     text
 }

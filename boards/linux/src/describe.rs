@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use ethercat_subdevice::sii;
-use mobgate::fieldbus::{device, write_esi};
+use ethercat_description::sii;
+use mobgate::fieldbus::device;
 use mobgate::settings::SlaveSettings;
+use mobgate_description::write_esi;
 
 use crate::cli::Make;
 use crate::settings;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// The same text for ever. A text is leaked once, however often it is asked for, and the callers' texts are few:
-/// one for each group of the system, two for the program's path, and some for each network interface that somebody has named.
+/// one for each group of the system and each device that no group may open, two for the program's path, and some for each network interface that somebody has named.
 pub(crate) fn keep(text: String) -> &'static str {
     static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
@@ -17,10 +17,22 @@ pub(crate) fn keep(text: String) -> &'static str {
     text
 }
 
-/// What to do when `device` may not be opened: the group that owns it is the one to join.
+/// What a group needs to open a device.
+const READ_AND_WRITE: u32 = 0o060;
+
+/// What to do when `device` may not be opened: the group that owns it is the one to join, if that may.
 pub(crate) fn device_denied(device: &Path) -> &'static str {
     use std::os::unix::fs::MetadataExt;
-    let owner = std::fs::metadata(device).ok().and_then(|facts| group_name(facts.gid()));
+    let facts = std::fs::metadata(device).ok();
+    // The group of root may do more than open this.
+    if facts.as_ref().is_some_and(|facts| facts.gid() == 0 || facts.mode() & READ_AND_WRITE != READ_AND_WRITE)
+    {
+        let device = device.display();
+        return keep(format!(
+            "no group may open it; until it is plugged in again: sudo chgrp dialout {device} && sudo chmod g+rw {device}"
+        ));
+    }
+    let owner = facts.and_then(|facts| group_name(facts.gid()));
     let group = owner.as_deref().unwrap_or("dialout");
     keep(format!("add the user to the group {group}: sudo usermod -aG {group} $USER, then log in again"))
 }
@@ -83,8 +95,11 @@ mod tests {
     }
 
     #[test]
-    fn a_refused_device_names_the_group_that_owns_it() {
-        assert!(device_denied("/dev/null".as_ref()).contains("group root"));
+    fn a_refused_device_names_the_group_that_owns_it_and_never_that_of_root() {
+        let hint = device_denied("/dev/tty".as_ref());
+        assert!(hint.contains("usermod -aG tty") || hint.contains("no group"), "{hint}");
+        let hint = device_denied("/dev/null".as_ref());
+        assert!(!hint.contains("usermod") && hint.contains("chgrp dialout /dev/null"), "{hint}");
     }
 
     #[test]

@@ -20,6 +20,7 @@ pub mod logging;
 pub mod mdns;
 pub mod merge;
 pub mod reactor;
+mod screen;
 pub mod settings;
 pub mod signals;
 mod sink;

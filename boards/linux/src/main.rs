@@ -5,7 +5,6 @@ use std::path::Path;
 use std::process::{Command, ExitCode};
 use std::rc::Rc;
 
-use clap::Parser;
 use embassy_executor::Spawner;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
@@ -163,13 +162,14 @@ impl System for Process {
 }
 
 fn main() -> ExitCode {
-    let options = Options::parse();
+    let options = Options::of_command_line();
     let ended = match (&options.instead, &options.check) {
         (Some(Instead::Console(join)), _) => return console::client::run(join),
         (Some(Instead::Make(make)), _) => describe::write(make).map(|()| End::Stop),
         (None, Some(file)) => check(file).map(|()| End::Stop),
         (None, None) => run(options),
     };
+    logging::finish();
     match ended {
         Ok(End::Stop) => return ExitCode::SUCCESS,
         Ok(End::Restart) => eprintln!("mobgate: cannot start again: {}", restart()),
@@ -190,7 +190,7 @@ fn check(file: &Path) -> Result<(), String> {
 }
 
 fn run(options: Options) -> Result<End, String> {
-    logging::start();
+    logging::start().map_err(|error| format!("no thread for the log: {error}"))?;
     // First of all: who sees a port open may send a signal.
     let caught = Signals::catch().map_err(|error| format!("signals cannot be caught: {error}"))?;
     let sockets = TcpSockets::default();

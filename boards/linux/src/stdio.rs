@@ -4,7 +4,7 @@
 //! else that has it open, the shell included. On a terminal the console edits and echoes by itself, so the
 //! terminal is put into raw mode until [`RawMode`] is dropped.
 
-use std::io::{self, Read as _, Stdout, Write as _, stdin, stdout};
+use std::io::{self, Read as _, stdin};
 use std::os::unix::net::UnixStream;
 use std::thread;
 
@@ -16,6 +16,7 @@ use rustix::termios::{
 };
 
 use crate::descriptor::Descriptor;
+use crate::screen::{self, Screen};
 use crate::sink::Sink;
 
 /// Standard input and output as one stream.
@@ -23,7 +24,7 @@ use crate::sink::Sink;
 pub struct Stdio {
     /// What a thread has read.
     input: Descriptor<UnixStream>,
-    output: Sink<Stdout>,
+    output: Sink<Screen>,
     ended: bool,
 }
 
@@ -33,9 +34,10 @@ impl Stdio {
         if isatty(stdin()) && tcgetpgrp(stdin()).is_ok_and(|foreground| foreground != getpgrp()) {
             return Err(io::Error::other("in the background of a terminal"));
         }
+        let is_terminal = screen::is_shared();
         let (ours, theirs) = UnixStream::pair()?;
-        thread::Builder::new().name("stdin".into()).spawn(move || hand_on(theirs))?;
-        Ok(Self { input: Descriptor::new(ours)?, output: Sink::new(stdout())?, ended: false })
+        thread::Builder::new().name("stdin".into()).spawn(move || hand_on(stdin(), theirs, is_terminal))?;
+        Ok(Self { input: Descriptor::new(ours)?, output: Sink::new(Screen)?, ended: false })
     }
 
     /// Whether a read has met the end of input.
@@ -66,15 +68,27 @@ impl Write for Stdio {
     }
 }
 
-/// Hands standard input on until one of the two ends.
-fn hand_on(mut to: UnixStream) {
+/// Hands on what is typed until one of the two ends. A console at a terminal is told how wide that is, at first and whenever Enter is
+/// pressed.
+pub(crate) fn hand_on(mut from: impl io::Read, mut to: impl io::Write, terminal: bool) {
+    let report = || screen::size_report().filter(|_| terminal).unwrap_or_default();
     let mut piece = [0; 4096];
+    let mut told = report();
+    if to.write_all(told.as_bytes()).is_err() {
+        return;
+    }
     loop {
-        match stdin().read(&mut piece) {
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Ok(count @ 1..) if to.write_all(&piece[..count]).is_ok() => {}
+        let typed = match from.read(&mut piece) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            Ok(count @ 1..) => &piece[..count],
             _ => return,
+        };
+        let size = if typed.contains(&b'\r') { report() } else { told.clone() };
+        let news = if size == told { "" } else { &size };
+        if to.write_all(&[news.as_bytes(), typed].concat()).is_err() {
+            return;
         }
+        told = size;
     }
 }
 

@@ -84,9 +84,12 @@ fn open(device: PathBuf, line: &LineSettings) -> Result<SerialPort, OpenError> {
     let mut port = SerialPort::open(&device, |settings: serial2::Settings| Ok(settings))
         .map_err(|error| refusal(&error, &device))?;
     claim(&port).map_err(|error| refusal(&error.into(), &device))?;
-    configure(&mut port, line)
-        .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "speed or character format"))?;
-    prepare_driver(&mut port, line)?;
+    let configured = configure(&mut port, line)
+        .map_err(|_| OpenError::new(OpenErrorKind::Unsupported, "speed or character format"));
+    if let Err(error) = configured.and_then(|()| prepare_driver(&mut port, line)) {
+        release(&port);
+        return Err(error);
+    }
     low_latency::request(&port, &device);
     // What came in before belongs to nobody's request.
     let _ = tcflush(&port, QueueSelector::IFlush);
@@ -118,6 +121,11 @@ fn prepare_driver(port: &mut SerialPort, line: &LineSettings) -> Result<(), Open
 fn claim(port: &SerialPort) -> Result<(), Errno> {
     flock(port, FlockOperation::NonBlockingLockExclusive)?;
     ioctl_tiocexcl(port)
+}
+
+/// Lets other programs open the line again: the exclusive mode of a PTY outlives this descriptor as long as its other side is open.
+fn release(port: &impl AsFd) {
+    let _ = ioctl_tiocnxcl(port);
 }
 
 fn configure(port: &mut SerialPort, line: &LineSettings) -> io::Result<()> {
@@ -204,9 +212,8 @@ impl Write for Tty {
 
 impl Drop for Tty {
     fn drop(&mut self) {
-        // Closing a tty waits for its output, up to 30 s when a device holds it back; and the exclusive mode of a PTY
-        // outlives this descriptor as long as its other side is open.
+        // Closing a tty waits for its output, up to 30 s when a device holds it back.
         let _ = tcflush(&self.io, QueueSelector::IOFlush);
-        let _ = ioctl_tiocnxcl(&self.io);
+        release(&self.io);
     }
 }

@@ -11,6 +11,13 @@ use common::{Program, ask, free_port, mobgate, output, wait_for};
 
 mod common;
 
+#[test]
+fn a_port_that_a_test_was_given_is_nobody_elses() {
+    let given = common::free_port();
+    assert!(!common::reserve(given), "although nobody listens there yet");
+    assert_ne!(common::free_port(), given);
+}
+
 /// A good file but for its seventh line.
 const BAD_LINE_7: &str = "\
 # lines

@@ -199,6 +199,7 @@ fn a_second_gateway_finds_the_socket_in_use_and_one_that_was_killed_leaves_it_fr
 
 #[test]
 fn by_default_the_socket_is_in_a_folder_of_its_own_and_is_found_there() {
+    mobgate_simulator::own_network::require_user_namespaces();
     // In namespaces of their own: with a /run that can be written to, and with one that cannot.
     let script = r#"
         mount -t tmpfs -o "$3" run /run

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use ethercat_esc::Command as Datagram;
 use ethercat_esc::frame::{Builder, FRAME_BYTES_MAX, datagrams};
 use ethercat_esc::interface::Interface;
+use mobgate::fieldbus::long_device;
 use mobgate_simulator::own_network::{
     MASTER_END, SEGMENT_END, in_own_network, ip, lay_cable, python, start_master,
 };
@@ -45,6 +46,11 @@ fn becomes(program: &Program, status: &str) {
     });
 }
 
+/// Registers of the EEPROM interface: control and status, address, data.
+const EEPROM_CONTROL: u16 = 0x0502;
+const EEPROM_ADDRESS: u16 = 0x0504;
+const EEPROM_DATA: u16 = 0x0508;
+
 /// The MainDevice's end of the cable.
 struct MainDevice(Interface);
 
@@ -79,6 +85,16 @@ impl MainDevice {
         let mut back = wait_for("the frame", || self.send(&frame, Duration::from_secs(1)));
         let datagram = datagrams(&mut back).next().unwrap();
         (datagram.data().to_vec(), datagram.counter())
+    }
+
+    /// The product code in the EEPROM.
+    fn product(&self) -> u32 {
+        self.ask(Datagram::Bwr, EEPROM_ADDRESS, &0x0a_u32.to_le_bytes());
+        self.ask(Datagram::Bwr, EEPROM_CONTROL, &[0x00, 0x01]);
+        wait_for("the EEPROM", || {
+            (self.ask(Datagram::Brd, EEPROM_CONTROL, &[0; 2]).0[1] < 0x80).then_some(())
+        });
+        u32::from_le_bytes(self.ask(Datagram::Brd, EEPROM_DATA, &[0; 4]).0.try_into().unwrap())
     }
 }
 
@@ -157,6 +173,25 @@ fn an_interface_that_is_missing_down_or_taken_away_is_named_and_used_when_it_is_
         let silent = || master.send(&frame, Duration::from_millis(100)).is_none().then_some(());
         wait_for("silence", silent);
         assert!(!console(&program, "show version").contains("EtherCAT"));
+    });
+}
+
+#[test]
+fn the_eeprom_is_that_of_the_device_with_or_without_modules_as_the_port_is_set() {
+    let test = "the_eeprom_is_that_of_the_device_with_or_without_modules_as_the_port_is_set";
+    in_own_network(test, || {
+        let program = with_console(ALONE);
+        becomes(&program, "open");
+        let master = MainDevice::new();
+        let fixed = long_device(false).identity.product;
+        let modular = long_device(true).identity.product;
+        assert_ne!(fixed, modular);
+        assert_eq!(master.product(), fixed);
+        for (words, product) in [("modules", modular), ("no-modules", fixed), ("modules", modular)] {
+            assert!(console(&program, &format!("edit port ecat {words}")).is_empty());
+            wait_for(words, || (master.product() == product).then_some(()));
+            becomes(&program, "open");
+        }
     });
 }
 

@@ -261,6 +261,7 @@ fn what_an_interrupted_save_has_left_goes_at_the_start() {
 /// Starts the program by `sh` behind the options of unshare(1) in a namespace of its own, after `prepare`, where `$1` is the
 /// folder of its file. Saves there, and gives what the console says, with the program.
 fn save_where(unshare: &[&str], prepare: &str) -> (Program, String) {
+    mobgate_simulator::own_network::require_user_namespaces();
     let folder = tempfile::tempdir().unwrap();
     let (port, console) = (free_port(), free_port());
     let config = folder.path().join("mobgate.conf");

@@ -1,13 +1,18 @@
 //! The console at a terminal: the program's own, and one that joins a gateway by `mobgate console`.
 
 use std::fs::File;
+use std::net::{Ipv4Addr, TcpStream};
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
-use rustix::termios::{LocalModes, OptionalActions, SpecialCodeIndex, tcgetattr, tcsetattr};
+use rustix::termios::{
+    LocalModes, OptionalActions, SpecialCodeIndex, Winsize, tcgetattr, tcsetattr, tcsetwinsize,
+};
 use serial2::SerialPort;
 
-use common::{PATIENCE, Program, converse, free_port, wait_for, with_console};
+use common::{PATIENCE, Program, ask, converse, free_port, wait_for, with_console};
 
 mod common;
 
@@ -48,6 +53,17 @@ impl Terminal {
         Program::start_on(&mut command, self.open(), tempfile::tempdir().unwrap(), port)
     }
 
+    /// A gateway with the demo's bus whose log is on the terminal as well.
+    fn whole_gateway(&self) -> Whole {
+        let (port, folder) = (free_port(), tempfile::tempdir().unwrap());
+        let socket = folder.path().join("console");
+        let mut command = self.command();
+        command.env_remove("RUST_LOG").env_remove("JOURNAL_STREAM").arg("--socket").arg(&socket);
+        command.args(["--listen", &format!("127.0.0.1:{port}")]).stdout(self.open()).stderr(self.open());
+        let child = command.spawn().unwrap();
+        Whole { child, port, socket, _folder: folder }
+    }
+
     /// A session at the console of `program`.
     fn join(&self, program: &Program) -> Child {
         let mut command = self.command();
@@ -64,6 +80,30 @@ impl Terminal {
     /// Types `keys`, and reads until `answer` has come.
     fn type_in(&mut self, keys: &str, answer: &str) -> String {
         converse(&mut self.keyboard, keys, answer)
+    }
+}
+
+/// A program whose terminal has all that it says.
+struct Whole {
+    child: Child,
+    port: u16,
+    socket: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+impl Whole {
+    /// A session at the socket, which is a line of the log.
+    fn session(&self) -> UnixStream {
+        let session = wait_for("the socket", || UnixStream::connect(&self.socket).ok());
+        session.set_read_timeout(Some(PATIENCE)).unwrap();
+        session
+    }
+}
+
+impl Drop for Whole {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 
@@ -158,4 +198,61 @@ fn a_terminal_that_joined_is_restored_at_signals_and_at_the_gateway_s_end() {
         assert_eq!(status(client).code(), Some(3));
         assert!(terminal.is_cooked(), "the gateway's end left the terminal raw");
     }
+}
+
+#[test]
+fn the_prompt_and_what_is_typed_stand_below_every_line_of_the_log() {
+    let mut terminal = Terminal::new();
+    let program = terminal.whole_gateway();
+    let start = terminal
+        .type_in("", "mobgate> ")
+        .replace("\x1b[K", "")
+        .replace("\x1b[32m", "")
+        .replace("\x1b[0m", "");
+    let seen = |line: &str| line.trim_end_matches('\r').rsplit('\r').next().unwrap().chars().count();
+    assert!(start.lines().all(|line| seen(line) <= 80), "{start}");
+    // All has been said about the start then.
+    wait_for("the demo's line", || {
+        converse(&mut program.session(), "show ports\n", "tcp server")
+            .contains("19200 8E1    open")
+            .then_some(())
+    });
+    terminal.type_in("show por", "show por");
+    converse(&mut program.session(), "show version\n", "mobgate 0.");
+    let said = terminal.type_in("", "\nmobgate> show por");
+    assert!(said.contains("console session of"), "{said:?}");
+    terminal.type_in("ts\r", "rtu client");
+    terminal.type_in("show\x1b[D\x1b[D", "\x1b[11C");
+    converse(&mut program.session(), "show version\n", "mobgate 0.");
+    // The cursor is in its place again, too.
+    terminal.type_in("", "\nmobgate> show\r\x1b[11C");
+}
+
+#[test]
+fn a_terminal_that_nobody_reads_delays_no_request() {
+    let terminal = Terminal::new();
+    let program = terminal.whole_gateway();
+    for _ in 0..400 {
+        converse(&mut program.session(), "show version\n", "mobgate 0.");
+    }
+    let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, program.port)).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    assert_eq!(ask(&mut stream, 2, &[1, 0, 0, 0, 8])[..2], [1, 1]);
+}
+
+#[test]
+fn a_table_is_as_wide_as_the_terminal_and_follows_it() {
+    let resize = |terminal: &Terminal, columns| {
+        let size = Winsize { ws_row: 24, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
+        tcsetwinsize(&terminal.end, size).unwrap();
+    };
+    let program = with_console("port P502 tcp server {port}\nroute P502 1 * * local\n");
+    let mut terminal = Terminal::new();
+    resize(&terminal, 132);
+    let client = terminal.join(&program);
+    terminal.type_in("show routes\r", "NO SOURCE          UNITS   IP                 TAG  DESTINATION");
+    resize(&terminal, 80);
+    terminal.type_in("show routes\r", "NO SOURCE UNITS IP TAG DESTINATION KIND POLICY\r\n");
+    terminal.keyboard.write_all(b"\x04").unwrap();
+    assert_eq!(status(client).code(), Some(0));
 }

@@ -8,6 +8,7 @@
 #![deny(unsafe_code)]
 
 pub mod address;
+mod closing;
 mod connector;
 pub mod mdns;
 // One of two: images that have no names have no resolver either.

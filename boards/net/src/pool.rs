@@ -10,7 +10,7 @@ use embassy_sync::signal::Signal;
 use heapless::Vec;
 use mobgate::hal::{OpenError, OpenErrorKind};
 
-use crate::tcp;
+use crate::closing::end;
 
 /// Most sockets that a pool holds.
 pub const SOCKETS_MAX: usize = 32;
@@ -49,7 +49,7 @@ impl Sockets {
         loop {
             let next = self.dropped.borrow_mut().pop();
             match next {
-                Some(mut socket) => tcp::end(socket.get()).await,
+                Some(mut socket) => end(socket.get()).await,
                 None => self.news.wait().await,
             }
         }

@@ -1,24 +1,21 @@
-//! Accepted TCP connections, and how any connection is set up and ended.
+//! Accepted TCP connections, and how any connection is set up.
 
 use core::net::{IpAddr, SocketAddr};
 
 use embassy_net::tcp::{Error, State, TcpSocket};
 use embassy_net::{IpEndpoint, IpListenEndpoint};
-use embassy_time::{Duration, with_timeout};
+use embassy_time::Duration;
 use embedded_io_async::{ErrorType, Read, Write};
 use mobgate::hal::{self, OpenError, OpenErrorKind, TcpHost};
 use mobgate::settings::TcpListen;
 
+use crate::closing::end;
 use crate::pool::{PooledTcp, Sockets};
 
 /// Time after which a peer that acknowledges nothing is gone.
 const PEER_TIMEOUT: Duration = Duration::from_secs(30);
 /// A quiet peer is asked so often whether it is still there.
 const KEEPALIVE: Duration = Duration::from_secs(10);
-/// Time that an orderly end of a connection may take.
-const CLOSE_MAX: Duration = Duration::from_millis(250);
-/// Time in which a reset leaves, if the network takes it at all.
-const RESET_MAX: Duration = Duration::from_millis(20);
 
 pub(crate) const IPV4_ONLY: OpenError = OpenError::new(OpenErrorKind::Unsupported, "this board speaks IPv4");
 
@@ -116,23 +113,6 @@ impl Drop for TcpStream {
         {
             pooled.sockets().end_later(pooled);
         }
-    }
-}
-
-/// Ends a connection: in an orderly way if the peer agrees in time, else by a reset.
-pub(crate) async fn end(socket: &mut TcpSocket<'static>) {
-    socket.close();
-    let orderly = async {
-        // What the peer still sends is read until it ends its side, too: unread bytes would become a reset, which may
-        // overtake the last response.
-        let mut rest = [0; 64];
-        while socket.read(&mut rest).await.is_ok_and(|count| count > 0) {}
-        socket.flush().await
-    };
-    if !matches!(with_timeout(CLOSE_MAX, orderly).await, Ok(Ok(()))) {
-        socket.abort();
-        // A link that is down takes no reset: the peer finds out by itself.
-        let _ = with_timeout(RESET_MAX, socket.flush()).await;
     }
 }
 

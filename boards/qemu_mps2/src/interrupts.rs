@@ -1,12 +1,7 @@
-//! The interrupt table.
+//! The interrupts, by their numbers.
 
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
-
-use crate::{clock, ethernet, uart};
-
-/// Interrupts that the table has room for: the last one in use is 21.
-const INTERRUPTS: usize = 32;
 
 /// An interrupt, by its number.
 #[derive(Clone, Copy)]
@@ -16,7 +11,7 @@ pub(crate) const TIMER_0: Interrupt = Interrupt(8);
 pub(crate) const TIMER_1: Interrupt = Interrupt(9);
 pub(crate) const ETHERNET: Interrupt = Interrupt(13);
 /// The receivers' interrupts; each transmitter's is the next.
-pub(crate) const UARTS: [Interrupt; uart::COUNT] =
+pub(crate) const UARTS: [Interrupt; 5] =
     [Interrupt(0), Interrupt(2), Interrupt(4), Interrupt(18), Interrupt(20)];
 
 // SAFETY: the numbers are constants, below the number of interrupts that the processor has.
@@ -30,41 +25,4 @@ unsafe impl InterruptNumber for Interrupt {
 pub(crate) fn enable(interrupt: Interrupt) {
     // SAFETY: no critical section here counts on single interrupts being masked.
     unsafe { NVIC::unmask(interrupt) }
-}
-
-type Handler = extern "C" fn();
-
-/// Where the processor looks its handlers up; cortex-m-rt puts it behind those of exceptions.
-#[unsafe(link_section = ".vector_table.interrupts")]
-#[unsafe(no_mangle)]
-static __INTERRUPTS: [Handler; INTERRUPTS] = {
-    let mut table: [Handler; INTERRUPTS] = [unexpected; INTERRUPTS];
-    table[TIMER_0.0 as usize] = clock::on_timer;
-    table[TIMER_1.0 as usize] = uart::on_idle;
-    table[ETHERNET.0 as usize] = ethernet::on_interrupt;
-    let receive: [Handler; uart::COUNT] = [
-        uart::on_receive::<0>,
-        uart::on_receive::<1>,
-        uart::on_receive::<2>,
-        uart::on_receive::<3>,
-        uart::on_receive::<4>,
-    ];
-    let transmit: [Handler; uart::COUNT] = [
-        uart::on_transmit::<0>,
-        uart::on_transmit::<1>,
-        uart::on_transmit::<2>,
-        uart::on_transmit::<3>,
-        uart::on_transmit::<4>,
-    ];
-    let mut index = 0;
-    while index < uart::COUNT {
-        table[UARTS[index].0 as usize] = receive[index];
-        table[UARTS[index].0 as usize + 1] = transmit[index];
-        index += 1;
-    }
-    table
-};
-
-extern "C" fn unexpected() {
-    panic!("an interrupt that nobody enabled");
 }

@@ -4,20 +4,15 @@ use embassy_time::Duration;
 use mobgate::hal::{OpenError, OpenErrorKind, SerialHost};
 use mobgate::settings::{Driver, LineSettings};
 
+use crate::names::number;
 use crate::uart::{CLOCK_HZ, DIVISOR_MIN, Line};
 
 /// The UART that the console is on.
 pub(crate) const CONSOLE: usize = 0;
 /// The UART that tells figures.
 pub(crate) const FIGURES: usize = 4;
-const NAMES: [(&str, usize); 3] = [("uart1", 1), ("uart2", 2), ("uart3", 3)];
 /// QEMU does not pace bytes: what comes from the host may pause at any byte for as long as the host is busy.
 const READ_JITTER: Duration = Duration::from_millis(50);
-
-/// The UART of a line.
-pub(crate) fn number(device: &str) -> Option<usize> {
-    NAMES.iter().find(|(name, _)| *name == device).map(|(_, number)| *number)
-}
 
 /// Opens lines.
 pub(crate) struct Lines;

@@ -14,6 +14,7 @@ mod gateway;
 mod interrupts;
 mod lines;
 mod measure;
+mod names;
 mod network;
 mod register;
 mod relay;
@@ -21,6 +22,7 @@ mod ring;
 mod semihosting;
 mod transmitter;
 mod uart;
+mod vectors;
 
 use embassy_net::Runner;
 use mobgate::settings::PortId;

@@ -1,5 +1,6 @@
 //! What this board is measured by: instructions spent while awake, and the depth of the stack.
 
+use core::convert::Infallible;
 use core::fmt::Write as _;
 use core::ptr::addr_of;
 use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
@@ -10,8 +11,6 @@ use cortex_m_rt::STACK_PAINT_VALUE;
 use embedded_io_async::{Read, Write};
 use heapless::String;
 use mobgate_net::Sockets;
-
-use crate::uart::Line;
 
 /// SysTick has 24 bits. It counts down, and sums of its differences are right modulo 2^24 without a look at each.
 const ROUND: u32 = 0x00ff_ffff;
@@ -191,7 +190,10 @@ fn stack_bytes() -> usize {
 
 /// Answers each byte on `line` with a line of figures, for ever: `b` asks for the ticks, `w` and `p` for waits and for what was
 /// passed on, since the last such question, `m` for memory.
-pub(crate) async fn report(mut line: Line, sockets: &'static Sockets) {
+pub(crate) async fn report(
+    mut line: impl Read<Error = Infallible> + Write<Error = Infallible>,
+    sockets: &'static Sockets,
+) {
     let mut asked = [0; 1];
     loop {
         let Ok(_) = line.read(&mut asked).await;

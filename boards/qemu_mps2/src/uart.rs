@@ -17,15 +17,15 @@ use mobgate::hal::Relay;
 use mobgate::hal::{Flaws, SerialLine};
 
 use crate::interrupts::{self, Interrupt};
-use crate::lines;
 use crate::measure::{self, Wait};
+use crate::names;
 use crate::register::Register;
 use crate::relay::{self, Step};
 use crate::ring::{RING_BYTES, Ring};
 use crate::transmitter::{self, Transmitter};
 
 /// UARTs of the machine.
-pub(crate) const COUNT: usize = 5;
+pub(crate) const COUNT: usize = interrupts::UARTS.len();
 /// The clock that baud rates are divided from.
 pub(crate) const CLOCK_HZ: u32 = 25_000_000;
 /// Least divisor that the hardware takes.
@@ -302,7 +302,7 @@ impl Drop for Line {
 
 impl SerialLine for Line {
     fn relay(&mut self, from: &str, mut relay: Relay) -> bool {
-        let Some(from) = lines::number(from) else { return false };
+        let Some(from) = names::number(from) else { return false };
         critical_section::with(|section| {
             if !relay::is_free() {
                 return false;

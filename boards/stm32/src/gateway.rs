@@ -13,7 +13,7 @@ use mobgate_net::{Connector, Datagrams, TcpSockets};
 use static_cell::StaticCell;
 
 use crate::lines::Lines;
-use crate::network::Network;
+use crate::sockets::Network;
 
 /// Ports of any kind. The F4 has the least memory.
 pub const PORTS: usize = if cfg!(feature = "f4") { 6 } else { 8 };
@@ -45,7 +45,7 @@ pub(crate) fn gateway() -> &'static Gateway<'static> {
         let gateway = Gateway::new(&POOL, &PORT_STATES, connections).with_own_network();
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "ethercat")]
-        let gateway = crate::ethercat::join(gateway).with_capture(&CAPTURE);
+        let gateway = crate::places::join(gateway).with_capture(&CAPTURE);
         gateway
     })
 }

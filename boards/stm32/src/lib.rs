@@ -22,7 +22,11 @@ pub mod lights;
 pub mod line;
 pub mod lines;
 pub mod network;
+// Images without are smaller, see Cargo.toml.
+#[cfg(feature = "ethercat")]
+mod places;
 mod registers;
+pub mod sockets;
 pub mod start;
 pub mod system;
 pub mod watchdog;

@@ -44,7 +44,7 @@ impl Lights {
     pub(crate) async fn show_ethercat(&mut self, time: Duration) -> bool {
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "ethercat")]
-        return crate::ethercat::light_for(self, time).await;
+        return crate::places::light_for(self, time).await;
         #[cfg(not(feature = "ethercat"))] // As above.
         {
             Timer::after(time).await;
@@ -62,14 +62,6 @@ impl Lights {
         }
     }
 
-    /// Lets EtherCAT's two lights shine, or not.
-    // Images without it are smaller, see Cargo.toml.
-    #[cfg(feature = "ethercat")]
-    pub(crate) fn set_ethercat(&mut self, run: bool, error: bool) {
-        self.green.set_level(run.into());
-        self.red.set_level(error.into());
-    }
-
     /// Whether the button is held down from now on for 5 s, which the lights show. It connects the pin to 3.3 V.
     pub async fn button_is_held(&mut self, button: &Input<'static>) -> bool {
         for nth in 0..HELD_BLINKS {
@@ -82,5 +74,14 @@ impl Lights {
         }
         self.all(true);
         true
+    }
+}
+
+// Images without it are smaller, see Cargo.toml.
+#[cfg(feature = "ethercat")]
+impl ethercat_subdevice::indicators::Lamps for Lights {
+    fn shine(&mut self, run: bool, error: bool) {
+        self.green.set_level(run.into());
+        self.red.set_level(error.into());
     }
 }

@@ -4,7 +4,7 @@ use core::pin::pin;
 
 use embassy_executor::Spawner;
 use embassy_futures::join::join3;
-use embassy_net::{Runner, Stack, StackResources};
+use embassy_net::{Runner, StackResources};
 use embassy_stm32::eth::{Ethernet, GenericPhy, PacketQueue, Sma};
 use embassy_stm32::peripherals::{ETH, ETH_SMA};
 use embassy_stm32::uid::uid;
@@ -13,6 +13,7 @@ use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, gateway};
+use crate::sockets::Network;
 
 /// The chip's Ethernet with any PHY, which the boards have as RMII.
 pub type Driver = Ethernet<'static, ETH, GenericPhy<Sma<'static, ETH_SMA>>>;
@@ -36,16 +37,6 @@ static POOL: StaticCell<Sockets> = StaticCell::new();
 
 /// The place of the driver's packets.
 pub static PACKET_QUEUE: ConstStaticCell<Packets> = ConstStaticCell::new(Packets::new());
-
-/// The board's network.
-#[derive(Clone, Copy)]
-pub struct Network(pub(crate) &'static Sockets);
-
-impl Network {
-    pub(crate) fn stack(&self) -> Stack<'static> {
-        self.0.stack()
-    }
-}
 
 /// The board's Ethernet address, made of the chip's unique number.
 pub fn ethernet_address() -> [u8; 6] {

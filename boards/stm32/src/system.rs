@@ -7,8 +7,8 @@ use heapless::String;
 use mobgate::hal::{NetworkState, System};
 use mobgate_board::last_words::WORDS_BYTES_MAX;
 
-use crate::network::Network;
 use crate::registers;
+use crate::sockets::Network;
 use crate::start::Problem;
 
 /// A board and what it has to report of its start.

@@ -5,7 +5,7 @@ use embassy_time::Duration;
 
 use crate::gateway::{LIVENESS, TaskName, gateway};
 use crate::lights::Lights;
-use crate::network;
+use crate::sockets::Network;
 
 /// The chip starts again when it was not fed for so long. Erasing a sector of an F7 takes 2 s (4 s at worst), and everything
 /// stands still meanwhile. The chip's own oscillator counts, which may be a third faster than it says.
@@ -17,7 +17,7 @@ const PERIOD: Duration = Duration::from_millis(500);
 pub async fn watch<T: embassy_stm32::wdg::Instance>(
     mut watchdog: IndependentWatchdog<'static, T>,
     mut lights: Lights,
-    network: network::Network,
+    network: Network,
 ) -> ! {
     watchdog.unleash();
     let mut noted = false;

@@ -15,13 +15,14 @@ use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::application::Application;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::esc::Esc;
-use ethercat_subdevice::sii;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercat_subdevice::sync_manager::Channel;
 use mobgate_world::World;
 
+use crate::lan9252::Timing;
 use crate::main_device::{fmmu, sync_manager};
 use crate::sub_device;
+use controllers::{PAUSE, POWER_ON, SPI_PAUSE};
 
 pub use application::{Bench, Shared};
 pub use controllers::{CHOICE, CONTROLLERS, Controller, lan9252_with};
@@ -65,6 +66,25 @@ pub struct Rig<A> {
     // Declared last: its tasks end last.
     /// The world that the device lives in.
     pub world: World<'static>,
+}
+
+impl Controller {
+    /// A device on it, with this application, switched on.
+    pub fn rig<A: Application + 'static>(self, device: &'static Device, application: A) -> Rig<A> {
+        let start = Start { kind: self.kind, pause: PAUSE, edges: self.edges };
+        match self.spi {
+            None => Rig::start(device, application, start, sub_device::direct),
+            Some(interrupt) => {
+                let start = Start { pause: SPI_PAUSE, ..start };
+                let mut rig = Rig::start(device, application, start, |chip| {
+                    let (driver, line, _) = lan9252_with(chip, interrupt, Timing::USUAL);
+                    (driver, line)
+                });
+                rig.world.run_for(POWER_ON);
+                rig
+            }
+        }
+    }
 }
 
 impl Rig<Bench> {
@@ -208,14 +228,14 @@ impl<A: Application + 'static> Rig<A> {
 
     /// Exchanges process data in one frame: outputs all `fill`; the inputs and the working counter.
     pub fn cycle(&mut self, fill: u8) -> (Vec<u8>, u16) {
-        let outputs = sii::default_length(self.device, Channel::Outputs);
+        let outputs = self.device.default_bytes(Channel::Outputs);
         self.exchange(&vec![fill; outputs.into()])
     }
 
     /// The same with these outputs.
     pub fn exchange(&mut self, outputs: &[u8]) -> (Vec<u8>, u16) {
         let mut data = outputs.to_vec();
-        data.resize(outputs.len() + usize::from(sii::default_length(self.device, Channel::Inputs)), 0);
+        data.resize(outputs.len() + usize::from(self.device.default_bytes(Channel::Inputs)), 0);
         self.exchanged = Instant::now();
         let answer = self.segment.send_logical(Command::Lrw, LOGICAL, &data);
         self.world.run_for(self.pause);

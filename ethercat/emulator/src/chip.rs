@@ -4,17 +4,16 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::task::Waker;
 
+use ethercat_description::sii;
 use ethercat_subdevice::device::Device;
-use ethercat_subdevice::sii;
 
 use crate::Nanos;
 use crate::dc::Clock;
 use crate::eeprom::Eeprom;
 use crate::events::Events;
 use crate::memory::Memory;
-use crate::pdi::SharedChip;
 use crate::registers::*;
-use crate::reset::ResetSequence;
+use crate::reset_sequence::ResetSequence;
 use crate::sync_manager::SyncManagers;
 use crate::watchdog::Watchdog;
 
@@ -64,6 +63,9 @@ impl Kind {
         eeprom_reads_eight: false,
     };
 }
+
+/// A chip that frames and the processor share.
+pub type SharedChip = Rc<RefCell<Chip>>;
 
 /// A controller chip with its EEPROM.
 #[derive(Debug)]

@@ -88,18 +88,19 @@ mod ports;
 pub mod probe;
 pub mod registers;
 mod reset;
+mod reset_sequence;
 pub mod segment;
 pub mod sub_device;
 pub mod sync_manager;
 mod watchdog;
 
 pub use cable::{Cable, FrameFaults, SharedSegment};
-pub use chip::{Chip, Kind};
+pub use chip::{Chip, Kind, SharedChip};
 pub use command::Command;
 pub use lan9252::Lan9252;
 pub use main_device::MainDevice;
 pub use mobgate_world::{self as world, Random, World};
-pub use pdi::{DirectPdi, Interrupt, SharedChip};
+pub use pdi::{DirectPdi, Interrupt};
 pub use probe::Answer;
 pub use segment::{Fate, Segment};
 

@@ -6,7 +6,6 @@
 use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::al_state::AlState;
 use ethercat_subdevice::device::Device;
-use ethercat_subdevice::sii::default_length;
 use ethercat_subdevice::sync_manager::Channel;
 
 use crate::frame::{Builder, datagrams};
@@ -29,7 +28,7 @@ const LOGICAL: u32 = 0;
 /// The block of registers that sets a SyncManager up as `device` wants it after power-on.
 pub fn sync_manager(device: &Device, channel: Channel) -> [u8; 8] {
     let [start_low, start_high] = device.memory.start(channel).to_le_bytes();
-    let length = default_length(device, channel);
+    let length = device.default_bytes(channel);
     let [length_low, length_high] = length.to_le_bytes();
     [start_low, start_high, length_low, length_high, channel.control(), 0, u8::from(length > 0), 0]
 }
@@ -38,10 +37,10 @@ pub fn sync_manager(device: &Device, channel: Channel) -> [u8; 8] {
 pub fn fmmu(device: &Device, channel: Channel, logical: u32) -> Option<(u16, [u8; 16])> {
     let (nth, logical, way) = match channel {
         Channel::Outputs => (0, logical, 2),
-        Channel::Inputs => (1, logical + u32::from(default_length(device, Channel::Outputs)), 1),
+        Channel::Inputs => (1, logical + u32::from(device.default_bytes(Channel::Outputs)), 1),
         Channel::MailboxOut | Channel::MailboxIn => return None,
     };
-    let length = default_length(device, channel);
+    let length = device.default_bytes(channel);
     let mut block = [0; 16];
     block[0..4].copy_from_slice(&logical.to_le_bytes());
     block[4..6].copy_from_slice(&length.to_le_bytes());
@@ -146,7 +145,7 @@ impl<'d> MainDevice<'d> {
     }
 
     fn bytes(&self, channel: Channel) -> usize {
-        default_length(self.device, channel).into()
+        self.device.default_bytes(channel).into()
     }
 
     /// Lets a frame with one datagram pass, and gives the SubDevice time; the datagram's data.

@@ -1,9 +1,7 @@
 //! The processor's side of a chip (I, PDI): accesses, and the interrupt line.
 
-use std::cell::RefCell;
 use std::convert::Infallible;
 use std::future::poll_fn;
-use std::rc::Rc;
 use std::task::Poll;
 
 use embassy_futures::select::select;
@@ -12,12 +10,9 @@ use embedded_hal::digital::ErrorType;
 use embedded_hal_async::digital::Wait;
 use ethercat_subdevice::esc::{Esc, EscError};
 
-use crate::chip::Chip;
+use crate::chip::SharedChip;
 use crate::registers::AL_EVENT;
 use crate::{Nanos, now};
-
-/// A chip that frames and the processor share.
-pub type SharedChip = Rc<RefCell<Chip>>;
 
 /// Direct access to a chip's registers and memory, without a bus between; an access takes no time.
 pub struct DirectPdi(SharedChip);

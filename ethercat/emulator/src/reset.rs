@@ -7,27 +7,10 @@ use crate::registers::*;
 use crate::sync_manager::SyncManagers;
 use crate::watchdog::Watchdog;
 
-/// What must be written to a reset register, one after the other.
-const MAGIC: [u8; 3] = *b"RES";
 /// Process data memory after power-on: anything but zeros.
 const UNDEFINED: u8 = 0xA5;
 /// Ports: two with MII, two absent.
 const PORTS: u8 = 0x0F;
-
-/// How much of the magic has been written.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct ResetSequence(usize);
-
-impl ResetSequence {
-    /// Takes a written byte; whether the magic is complete.
-    pub(crate) fn step(&mut self, byte: u8) -> bool {
-        self.0 = match self.0 {
-            at if MAGIC[at] == byte => at + 1,
-            _ => usize::from(MAGIC[0] == byte),
-        };
-        self.0 == MAGIC.len() && std::mem::take(&mut self.0) > 0
-    }
-}
 
 impl Chip {
     /// Starts the chip anew, as at power-on. The EEPROM keeps its content, the clock runs on.

@@ -3,8 +3,6 @@
 //! A request passes [`AlMachine::request`], which says what to do; whoever does it reports back by [`AlMachine::reached`] or
 //! [`AlMachine::refused`]. What AL status and its code then read is [`AlMachine::status`] and [`AlMachine::code`].
 
-use crate::indicators::Indicators;
-
 /// A state of the SubDevice. The values are those of AL control and AL status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
@@ -119,7 +117,7 @@ pub struct AlMachine {
     state: AlState,
     fault: Option<AlStatusCode>,
     /// The fault was no refusal: the device fell, or began, by itself.
-    fell: bool,
+    pub(crate) fell: bool,
     identification: Option<u16>,
 }
 
@@ -140,11 +138,6 @@ impl AlMachine {
     /// The error that has not been acknowledged.
     pub const fn fault(&self) -> Option<AlStatusCode> {
         self.fault
-    }
-
-    /// What the device's lights show.
-    pub const fn indicators(&self) -> Indicators {
-        Indicators { state: self.state, fault: self.fault, fell: self.fell }
     }
 
     /// What the register AL status must read.

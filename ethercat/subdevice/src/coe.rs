@@ -4,6 +4,7 @@ pub mod abort;
 pub mod emergency;
 pub mod information;
 pub mod sdo;
+mod service;
 
 use crate::application::Application;
 use crate::catalogue::Catalogue;
@@ -12,34 +13,10 @@ use crate::mailbox::{MailboxError, Payload};
 use emergency::Emergencies;
 use information::Information;
 use sdo::SdoServer;
+use service::Service;
 
 /// Bytes of the header in front of each service.
 const HEADER_BYTES: usize = 2;
-
-/// The service of a message; the number stands in bits 15:12 of the header.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-enum Service {
-    Emergency = 1,
-    SdoRequest = 2,
-    SdoResponse = 3,
-    SdoInformation = 8,
-}
-
-impl Service {
-    /// A message of this service.
-    fn message(self, parts: &[&[u8]]) -> Payload {
-        let mut payload = Payload::new();
-        let header = u16::from(self as u8) << 12;
-        // Callers cut their data to the mailbox's size, which is a payload's capacity at most.
-        let mut kept = payload.extend_from_slice(&header.to_le_bytes());
-        for part in parts {
-            kept = kept.and_then(|()| payload.extend_from_slice(part));
-        }
-        debug_assert!(kept.is_ok(), "a message is cut to the mailbox's size");
-        payload
-    }
-}
 
 /// All services' state.
 #[derive(Debug, Default)]

@@ -77,9 +77,7 @@ impl Device {
 
     /// Whether a SyncManager is used, as the EEPROM and the ESI file say it: some MainDevices never switch on one that is not.
     pub fn is_enabled(&self, channel: Channel) -> bool {
-        self.is_modular(channel)
-            || matches!(channel, Channel::MailboxOut | Channel::MailboxIn)
-            || self.default_bytes(channel) > 0
+        self.is_modular(channel) || self.default_bytes(channel) > 0
     }
 
     /// Whether a MainDevice can say which PDOs a SyncManager carries.
@@ -93,10 +91,14 @@ impl Device {
         self.object(0x1c10 + channel as u16).map(|object| object.entries)
     }
 
-    /// Bytes of a SyncManager's process data after power-on.
-    pub fn default_bytes(&self, channel: Channel) -> usize {
+    /// A SyncManager's bytes after power-on.
+    pub fn default_bytes(&self, channel: Channel) -> u16 {
+        if matches!(channel, Channel::MailboxOut | Channel::MailboxIn) {
+            return self.memory.mailbox_bytes;
+        }
         let pdos = self.objects.iter().filter(|object| object.pdo() == Some(channel));
-        pdos.filter(|pdo| self.is_assigned(channel, pdo.index)).map(Object::pdo_bytes).sum()
+        // They are not longer than the controller's memory.
+        pdos.filter(|pdo| self.is_assigned(channel, pdo.index)).map(|pdo| pdo.pdo_bytes() as u16).sum()
     }
 
     /// The most bytes of a SyncManager's process data.

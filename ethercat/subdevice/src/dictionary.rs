@@ -6,11 +6,11 @@ use heapless::Vec;
 
 use crate::al_state::AlState;
 use crate::application::{Address, Application};
-use crate::assignment::{Communication, PDOS_SELECTED_MAX};
 use crate::catalogue::Catalogue;
 use crate::coe::abort::Abort;
+use crate::communication::Communication;
 use crate::device::Device;
-use crate::object::{Access, DataType, Entries, Entry, Object, Value};
+use crate::object::{Access, DataType, Entries, Entry, Object, PDOS_SELECTED_MAX, Value};
 
 /// Bytes of an object at most, also when it is accessed completely: 512 bytes of a buffer, and a count.
 pub const OBJECT_BYTES_MAX: usize = 520;
@@ -127,7 +127,7 @@ impl<A: Application> Dictionary<'_, A> {
         let place = into.get_mut(start..).unwrap_or_default();
         let at = Address { index: object.index, sub };
         let length = match entry.value {
-            Value::Number(number) => put(number, place),
+            Value::Number(number) => put(number.into(), place),
             Value::Text(text) => {
                 place.copy_from_slice(text.as_bytes());
                 place.len()
@@ -165,7 +165,7 @@ impl<A: Application> Dictionary<'_, A> {
         }
         if entry.data_type.is_number() {
             let number = number(bytes);
-            if number < entry.range.0 {
+            if number < entry.range.0.into() {
                 return Err(Abort::TooSmall);
             }
             if number > entry.greatest() {

@@ -7,7 +7,7 @@ use core::fmt::{self, Display};
 
 use embassy_time::{Duration, Instant, Timer};
 
-use crate::al_state::{AlState, AlStatusCode};
+use crate::al_state::{AlMachine, AlState, AlStatusCode};
 
 /// The shortest time that a light is on or off: that of flickering.
 pub const FLICKER: Duration = Duration::from_millis(50);
@@ -73,6 +73,13 @@ pub struct Indicators {
     pub fault: Option<AlStatusCode>,
     /// Whether the device fell into that state by itself.
     pub fell: bool,
+}
+
+impl AlMachine {
+    /// What the device's lights show.
+    pub const fn indicators(&self) -> Indicators {
+        Indicators { state: self.state(), fault: self.fault(), fell: self.fell }
+    }
 }
 
 impl Indicators {

@@ -13,6 +13,7 @@
 //! outputs by [`read_agreed`](crate::esc::read_agreed), or let the MainDevice send a sequence number or check sum with them.
 
 mod bus;
+mod direction;
 mod fifo;
 mod registers;
 mod start;
@@ -23,6 +24,7 @@ use embedded_hal_async::spi::SpiDevice;
 use crate::esc::{CycleCost, Esc, EscError};
 use crate::registers::Events;
 use bus::Bus;
+use direction::Direction;
 
 /// The first address of process data memory.
 const PROCESS_RAM: u16 = 0x1000;
@@ -104,8 +106,8 @@ pub struct Lan9252<SPI> {
     checked: Instant,
     /// A register access is under way: its future was dropped, or it failed.
     register_open: bool,
-    reading: fifo::Direction,
-    writing: fifo::Direction,
+    reading: Direction,
+    writing: Direction,
     incidents: Incidents,
 }
 
@@ -119,8 +121,8 @@ impl<SPI: SpiDevice> Lan9252<SPI> {
             restarted: false,
             checked: Instant::MIN,
             register_open: false,
-            reading: fifo::Direction::READ,
-            writing: fifo::Direction::WRITE,
+            reading: Direction::READ,
+            writing: Direction::WRITE,
             incidents: Incidents::default(),
         }
     }

@@ -7,7 +7,7 @@
 //! * a message passes the mailbox ([`mailbox`]) and reaches its protocol by its number: CoE ([`coe`]), which serves the object
 //!   dictionary ([`dictionary`]);
 //! * process data ([`process`]) go to the application and come from it ([`application`]), PDO by PDO as they are assigned
-//!   ([`assignment`]).
+//!   ([`assignment`], [`communication`]).
 //!
 //! A device is a table, values, and a task:
 //!
@@ -58,19 +58,20 @@
 //! }
 //! #
 //! # // It is good for an EEPROM as well.
-//! # ethercat_subdevice::sii::write(&DEVICE, &mut [0; ethercat_subdevice::sii::SII_BYTES]).unwrap();
+//! # use ethercat_description::sii;
+//! # sii::write(&DEVICE, &mut [0; sii::SII_BYTES]).unwrap();
 //! ```
 //!
 //! The example `digital_io` runs one against a controller in software. What happened to a device is told by the diagnosis history
-//! ([`diagnosis`]), and by emergencies. What it is stands in one table ([`device`], [`object`], [`standard`]), from which the MainDevice's other sources are
-//! made too: the controller's EEPROM ([`sii`]) and the description file ([`esi`]).
+//! ([`diagnosis`]), and by emergencies. What it is stands in one table ([`device`], [`object`], [`standard`]), from which the crate `ethercat-description` makes
+//! the MainDevice's other sources too: the controller's EEPROM (SII) and the description file (ESI).
 //!
 //! | limit | value | why |
 //! | --- | --- | --- |
-//! | [`mailbox::MAILBOX_BYTES_MAX`] | 256 | a few messages are kept in memory |
+//! | [`mailbox::MAILBOX_BYTES_MAX`] | 128 | a few messages are kept in memory |
 //! | [`dictionary::OBJECT_BYTES_MAX`] | 520 | a buffer of 512 bytes, accessed completely |
 //! | [`process::OUTPUTS_BYTES`], [`process::INPUTS_BYTES`] | 512, 584, or as a [`sub_device::SubDevice`] is made | a controller of 4 KiB has 1280 bytes for both images, beside mailboxes of 128 |
-//! | [`assignment::PDOS_SELECTED_MAX`], [`assignment::PDOS_ASSIGNED_MAX`] | 8, 33 | PDOs that a MainDevice assigns: one for each kind of data; those of modules: one for each |
+//! | [`object::PDOS_SELECTED_MAX`], [`object::PDOS_ASSIGNED_MAX`] | 8, 33 | PDOs that a MainDevice assigns: one for each kind of data; those of modules: one for each |
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -79,11 +80,11 @@ pub mod application;
 pub mod assignment;
 pub mod catalogue;
 pub mod coe;
+pub mod communication;
 pub mod device;
 pub mod diagnosis;
 pub mod dictionary;
 pub mod esc;
-pub mod esi;
 pub mod indicators;
 pub mod lan9252;
 pub mod mailbox;
@@ -91,7 +92,6 @@ pub mod object;
 pub mod prelude;
 pub mod process;
 pub mod registers;
-pub mod sii;
 pub mod standard;
 pub mod sub_device;
 pub mod sync_manager;

@@ -8,11 +8,15 @@ mod types;
 
 use core::fmt;
 
-use crate::assignment::{PDOS_ASSIGNED_MAX, PDOS_SELECTED_MAX};
 use crate::sync_manager::Channel;
 
 pub use runs::{Mapped, PADDING, RUNS_MAX, Runs};
 pub use types::{Access, DataType};
+
+/// PDOs that a SyncManager carries at most: one for each of 32 modules, and one for the device.
+pub const PDOS_ASSIGNED_MAX: usize = 33;
+/// PDOs that a MainDevice can assign to a SyncManager.
+pub const PDOS_SELECTED_MAX: usize = 8;
 
 /// An object: an index with one or more entries.
 #[derive(Debug, Clone, Copy)]
@@ -70,8 +74,8 @@ pub struct Entry {
     pub access: Access,
     /// Where its value comes from.
     pub value: Value,
-    /// The least and the greatest number that may be written.
-    pub range: (u64, u64),
+    /// The least and the greatest number that may be written; `u32::MAX` is no bound. Small, since a device has hundreds of entries.
+    pub range: (u32, u32),
 }
 
 /// The name of an entry, with what tells it from others alike.
@@ -92,15 +96,15 @@ impl fmt::Display for Label {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Value {
     /// From the table: a number.
-    Number(u64),
+    Number(u32),
     /// From the table: a text.
     Text(&'static str),
     /// From the stack; the number is its value after power-on.
-    Stack(u64),
+    Stack(u32),
     /// From the stack, as hardware and settings make it: there is no value that it has after power-on.
     Computed,
     /// From the application; the number is its value after power-on.
-    Application(u64),
+    Application(u32),
 }
 
 impl Entry {
@@ -108,9 +112,9 @@ impl Entry {
     pub const ABSENT: Self = Self { access: Access(0), ..Self::number("", DataType::U8, 0) };
 
     /// A number that never changes.
-    pub const fn number(name: &'static str, data_type: DataType, value: u64) -> Self {
+    pub const fn number(name: &'static str, data_type: DataType, value: u32) -> Self {
         let value = Value::Number(value);
-        Self { name, number: None, data_type, access: Access::READ, value, range: (0, u64::MAX) }
+        Self { name, number: None, data_type, access: Access::READ, value, range: (0, u32::MAX) }
     }
 
     /// A text that never changes.
@@ -135,13 +139,13 @@ impl Entry {
     }
 
     /// A value of the application that may be written, in every state, as long as it is a number in `least..=greatest`.
-    pub const fn setting(name: &'static str, data_type: DataType, default: u64, range: (u64, u64)) -> Self {
+    pub const fn setting(name: &'static str, data_type: DataType, default: u32, range: (u32, u32)) -> Self {
         let access = Access::READ.and(Access::WRITE).and(Access::SETTING);
         Self { value: Value::Application(default), access, range, ..Self::number(name, data_type, 0) }
     }
 
     /// A value that the stack keeps.
-    pub const fn of_stack(name: &'static str, data_type: DataType, default: u64, access: Access) -> Self {
+    pub const fn of_stack(name: &'static str, data_type: DataType, default: u32, access: Access) -> Self {
         Self { value: Value::Stack(default), access, ..Self::number(name, data_type, 0) }
     }
 
@@ -164,7 +168,7 @@ impl Entry {
 
     /// A value of the application that is another number than 0 after power-on.
     #[must_use]
-    pub const fn with_default(self, value: u64) -> Self {
+    pub const fn with_default(self, value: u32) -> Self {
         Self { value: Value::Application(value), ..self }
     }
 
@@ -174,7 +178,7 @@ impl Entry {
             Value::Number(value) | Value::Stack(value) | Value::Application(value)
                 if self.data_type.is_number() =>
             {
-                Some(value)
+                Some(value as u64)
             }
             _ => None,
         }
@@ -182,8 +186,10 @@ impl Entry {
 
     /// The greatest number that may be written.
     pub const fn greatest(&self) -> u64 {
-        let (greatest, of_type) = (self.range.1, self.data_type.greatest());
-        if greatest < of_type { greatest } else { of_type }
+        match self.range.1 as u64 {
+            greatest if greatest < u32::MAX as u64 && greatest < self.data_type.greatest() => greatest,
+            _ => self.data_type.greatest(),
+        }
     }
 }
 
@@ -260,7 +266,7 @@ impl Object {
             }
             Entries::Constants(values, entry) => {
                 let &value = values.get(usize::from(sub) - 1)?;
-                Some(Entry { value: Value::Number(value.into()), ..entry })
+                Some(Entry { value: Value::Number(value), ..entry })
             }
             Entries::Record(entries) => {
                 entries.get(usize::from(sub) - 1).copied().filter(|entry| *entry != Entry::ABSENT)
@@ -271,7 +277,7 @@ impl Object {
             }),
             Entries::Mapping(..) => {
                 let value = self.mapped().nth(usize::from(sub) - 1)?;
-                Some(Entry::number("Mapped entry", DataType::U32, value.into()))
+                Some(Entry::number("Mapped entry", DataType::U32, value))
             }
             Entries::Variable(_) => None,
         }
@@ -281,7 +287,7 @@ impl Object {
         const NAME: &str = "Number of entries";
         match self.entries {
             Entries::Assignment(initial, access) => {
-                Entry::of_stack(NAME, DataType::U8, initial.len() as u64, access)
+                Entry::of_stack(NAME, DataType::U8, initial.len() as u32, access)
             }
             _ => Entry::number(NAME, DataType::U8, self.sub_max().into()),
         }

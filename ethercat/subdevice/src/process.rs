@@ -3,8 +3,8 @@
 use embassy_time::Instant;
 
 use crate::application::Application;
-use crate::assignment::Communication;
 use crate::catalogue::Catalogue;
+use crate::communication::Communication;
 use crate::device::Device;
 
 /// Bytes of outputs that a SubDevice has a buffer for, unless it is made with another: both images fit into 4 KiB.

@@ -6,7 +6,7 @@ use crate::object::{Access, DataType, Entries, Entry, Object, Value};
 
 /// 1000h, device type: the profile's number.
 pub const fn device_type(profile: u32) -> Object {
-    Object::variable(0x1000, Entry::number("Device type", DataType::U32, profile as u64))
+    Object::variable(0x1000, Entry::number("Device type", DataType::U32, profile))
 }
 
 /// 1008h, device name.
@@ -32,10 +32,10 @@ pub const fn identity(entries: &'static [Entry]) -> Object {
 /// The entries of 1018h.
 pub const fn identity_entries(identity: Identity) -> [Entry; 4] {
     [
-        Entry::number("Vendor ID", DataType::U32, identity.vendor as u64),
-        Entry::number("Product code", DataType::U32, identity.product as u64),
-        Entry::number("Revision number", DataType::U32, identity.revision as u64),
-        Entry::number("Serial number", DataType::U32, identity.serial as u64),
+        Entry::number("Vendor ID", DataType::U32, identity.vendor),
+        Entry::number("Product code", DataType::U32, identity.product),
+        Entry::number("Revision number", DataType::U32, identity.revision),
+        Entry::number("Serial number", DataType::U32, identity.serial),
     ]
 }
 
@@ -55,7 +55,7 @@ pub const DIAGNOSIS_HISTORY: Object = {
     const ENTRIES: [Entry; FIRST_MESSAGE as usize - 1 + MESSAGES] = {
         let message = Entry::reading("Diagnosis message", DataType::Octets(MESSAGE_BYTES as u16));
         let mut entries = [message; FIRST_MESSAGE as usize - 1 + MESSAGES];
-        entries[0] = Entry::number("Maximum messages", DataType::U8, MESSAGES as u64);
+        entries[0] = Entry::number("Maximum messages", DataType::U8, MESSAGES as u32);
         entries[1] = Entry::reading("Newest message", DataType::U8);
         entries[2] = Entry::reading("Newest acknowledged message", DataType::U8).with_access(SETTING);
         entries[3] = Entry::reading("New messages available", DataType::Bool);
@@ -91,12 +91,12 @@ pub const fn tx_assignment(initial: &'static [u16], access: Access) -> Object {
 }
 
 /// Synchronisation types offered: free run (bit 0) and with the SyncManager's event (bit 1).
-const SYNC_TYPES: u64 = 0b11;
+const SYNC_TYPES: u32 = 0b11;
 /// 2 in 1C32h:08 or 1C33h:08 has what is counted there begin anew.
 pub const RESET_COUNTERS: u16 = 2;
 
 /// The last one is 20h.
-const fn synchronisation(default: u64) -> [Entry; 32] {
+const fn synchronisation(default: u32) -> [Entry; 32] {
     const RESET: Access = Access::READ.and(Access::WRITE);
     let mut entries = [Entry::ABSENT; 32];
     entries[0x00] = Entry::of_stack("Synchronisation type", DataType::U16, default, SELECTABLE);

@@ -14,16 +14,15 @@ use embassy_time::{Duration, Instant, Timer};
 
 use crate::al_state::{AlMachine, AlState};
 use crate::application::Application;
-use crate::assignment::{Communication, Synchronisation};
 use crate::catalogue::Catalogue;
 use crate::coe::Coe;
+use crate::communication::{Communication, Synchronisation};
 use crate::device::Device;
 use crate::esc::{CycleCost, Esc, EscError};
 use crate::mailbox::Mailbox;
 use crate::process::{INPUTS_BYTES, Images, OUTPUTS_BYTES};
 use crate::registers::{AL_EVENT_MASK, Events};
 use crate::sync_manager::Channel;
-use data::Seen;
 
 /// How long Op may wait for the first outputs.
 pub const OUTPUTS_WAIT: Duration = Duration::from_millis(1_000);
@@ -44,6 +43,17 @@ pub const RESTART_PAUSE: Duration = Duration::from_millis(10);
 /// PDI control: the SyncManager is off, and the repeat request that was served.
 const PDI_CONTROL_OFF: u8 = 1 << 0;
 const PDI_CONTROL_REPEAT: u8 = 1 << 1;
+
+/// What was seen of the interrupt, behind all that clears events of process data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Seen {
+    /// Nobody looked.
+    Nothing,
+    /// It was not asked for.
+    Quiet,
+    /// It was asked for.
+    DirectRequestState,
+}
 
 /// A SubDevice on a controller, for an application.
 ///

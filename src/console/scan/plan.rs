@@ -9,7 +9,7 @@ use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, REPORT_S
 use crate::settings::{Framing, LineSettings, Parity, PortId, Settings, UnitRange};
 
 /// Speeds, unless others are named: the likely ones first.
-const BAUDS: [u32; 8] = [9_600, 19_200, 38_400, 57_600, 115_200, 4_800, 2_400, 1_200];
+const BAUDS: [u32; 8] = [9_600, 19_200, 38_400, 115_200, 57_600, 4_800, 2_400, 1_200];
 /// Formats in RTU, the likely ones first, and two stop bits behind one: a receiver that wants one takes two as well.
 const RTU_FORMATS: [Format; 4] =
     [(8, Parity::Even, 1), (8, Parity::None, 1), (8, Parity::Odd, 1), (8, Parity::None, 2)];
@@ -22,6 +22,8 @@ type Format = (u8, Parity, u8);
 /// A unit has so long for the first character of its response, and some characters more.
 const PATIENCE: Duration = Duration::from_millis(60);
 const PATIENCE_CHARS: usize = 6;
+/// So long has a unit for its response where one was heard late, and so long is listened behind the last one.
+pub(super) const SLOW: Duration = Duration::from_millis(500);
 /// What a unit may be given by a word.
 const TIMEOUT: core::ops::RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(10);
 const EXPECTED: &str = "a baud rate, units, timeout or function";
@@ -99,13 +101,23 @@ impl Plan {
         self.timeout.unwrap_or_else(|| PATIENCE + line.gap() + line.chars(PATIENCE_CHARS))
     }
 
+    /// How long is listened behind the last unit for responses that are late.
+    pub(super) fn rest(&self, line: &LineSettings) -> Duration {
+        SLOW.checked_sub(self.patience(line)).unwrap_or(Duration::from_ticks(0))
+    }
+
+    /// How many units may be asked before the response of a slow one comes.
+    pub(super) fn slow_units(&self, line: &LineSettings) -> usize {
+        (SLOW.as_ticks() / self.patience(line).as_ticks().max(1)) as usize + 1
+    }
+
     /// How long it takes from line number `nth` on, if no unit is there.
     pub(super) fn time_from(&self, nth: usize) -> Duration {
         let units = u32::from(self.units.last.saturating_sub(self.units.first)) + 1;
         let request = self.framing.chars_of(harmless(self.function).len());
         let mut sum = Duration::from_ticks(0);
         for line in (nth..).map_while(|nth| self.line(nth)) {
-            sum += (line.chars(request) + self.patience(&line) + line.gap()) * units;
+            sum += (line.chars(request) + self.patience(&line) + line.gap()) * units + self.rest(&line);
         }
         sum
     }

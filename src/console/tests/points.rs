@@ -91,6 +91,6 @@ fn a_line_that_stops_a_command_is_no_command_itself_however_long_it_is() {
         // As it comes from somebody who types the first line, and the second one when it is watched.
         let printed = session(gateway, &mut Memory::default(), Mode::Plain, script, 13);
         assert!(!printed.contains("error"), "{printed}");
-        assert!(printed.ends_with("exit                             ends this session\n"), "{printed}");
+        assert!(printed.ends_with("exit                          ends this session\n"), "{printed}");
     });
 }

@@ -36,3 +36,92 @@ fn an_error_at_the_terminal_has_no_line_number() {
         assert!(printed.contains(expected), "{printed:?}");
     });
 }
+
+/// The lines of the screen that `keys` leave behind, without the redrawing of prompts.
+fn screen(gateway: &Gateway<'_>, keys: &str) -> Vec<String> {
+    let printed = typed(gateway, keys);
+    let plain = |line: &str| line.rsplit('\r').next().unwrap_or_default().to_string();
+    printed
+        .replace("\r\n", "\n")
+        .replace("\x1b[K", "")
+        .lines()
+        .map(plain)
+        .filter(|line| !line.contains('\x1b'))
+        .collect()
+}
+
+/// A gateway that has a lot to tell.
+fn busy(gateway: &Gateway<'_>) {
+    pipe(gateway, SETTINGS);
+    pipe(gateway, "port P3 serial /dev/serial/by-id/usb-FTDI_FT232R rtu client\n");
+    let place = gateway.port_state(PortId(0)).unwrap();
+    let now = embassy_time::Instant::now();
+    for event in Event::ALL {
+        place.stats.count(event);
+    }
+    for _ in 0..1_000 {
+        place.units(|units| units.asked(247));
+    }
+    place.units(|units| units.timed_out(247, now, 1));
+    gateway.log().push(LogEntry {
+        at: now,
+        source: PortId(2),
+        destination: Some(PortId(0)),
+        unit: 107,
+        target: 7,
+        function: 3,
+        outcome: Outcome::Exception(Exception::GATEWAY_NO_RESPONSE),
+        took_us: 300_500,
+    });
+}
+
+const TABLES: [&str; 8] = ["ports", "routes", "units", "clients", "stats", "log", "points", "registers"];
+
+#[test]
+fn eighty_columns_are_enough_for_every_table_and_error() {
+    with_gateway(|gateway| {
+        busy(gateway);
+        for line in
+            TABLES.map(|table| format!("show {table}\r")).iter().map(String::as_str).chain(["show prots\r"])
+        {
+            for shown in screen(gateway, line) {
+                assert!(shown.chars().count() <= 80, "{line}: {shown:?}");
+            }
+            // Nothing is lost by it.
+            let words = |text: &str| text.split_whitespace().map(String::from).collect::<Vec<_>>();
+            let all = screen(gateway, line).join(" ");
+            let expected = pipe(gateway, &line.replace('\r', "\n")).replace("line 1, ", "");
+            assert_eq!(words(&all), words(&expected), "{line}");
+        }
+    });
+}
+
+#[test]
+fn columns_are_as_wide_as_they_must_be_and_what_has_no_room_stands_below() {
+    with_gateway(|gateway| {
+        busy(gateway);
+        assert_eq!(
+            screen(gateway, "show routes\r"),
+            [
+                "NO SOURCE UNITS   IP             TAG  DESTINATION KIND    POLICY",
+                " 1 P502   101-132 192.168.1.0/24 -100 P1          rule    readonly priority high",
+                " 2 P502   1-64    *              *    P1          rule    all",
+                " 3 P1     1-64    *              *    P502        implied all",
+            ]
+        );
+        let wide = screen(gateway, "\x1b[8;24;132tshow routes\r");
+        assert_eq!(wide.join("\n") + "\n", pipe(gateway, "show routes"));
+    });
+}
+
+#[test]
+fn keys_of_a_terminal_among_lines_of_text_are_ignored() {
+    with_gateway(|gateway| {
+        for mode in [Mode::Plain, Mode::Network] {
+            let lines = "\x1b[A\x1b[Dsh\x03ow\x1bOD ver\x01sion\x7f\x1b\nshow ver\x1b[1;5Csion\n";
+            let said = session(gateway, &mut Memory::default(), mode, lines, 3);
+            assert_eq!(said.lines().filter(|line| line.starts_with("mobgate 0.")).count(), 2, "{said:?}");
+            assert!(!said.contains("error"), "{said:?}");
+        }
+    });
+}

@@ -1,9 +1,6 @@
 //! The length of a PDU, judged by its beginning, for frames that are cut through.
 
-use super::function::{
-    DIAGNOSTICS, ENCAPSULATED_INTERFACE, READ_FILE_RECORD, READ_WRITE_MULTIPLE_REGISTERS, WRITE_FILE_RECORD,
-    WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS,
-};
+use super::function::Form;
 use super::{EXCEPTION_BIT, ResponseLength, request_length, response_length};
 use crate::modbus::PDU_BYTES_MAX;
 
@@ -24,23 +21,22 @@ pub fn request_end(so_far: &[u8]) -> End {
         return within(length);
     }
     // The index of the byte count or sub-function.
-    let told_by = match so_far {
-        [] => 1,
-        [WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS, ..] => 6,
-        [READ_FILE_RECORD | WRITE_FILE_RECORD | ENCAPSULATED_INTERFACE, ..] => 2,
-        [READ_WRITE_MULTIPLE_REGISTERS, ..] => 10,
-        [DIAGNOSTICS, ..] => 3,
-        _ => 0,
+    let told_by = match Form::of(so_far) {
+        Some(Form::WriteMany(_)) => 6,
+        Some(Form::ReadFile | Form::WriteFile | Form::Tunnel) => 2,
+        Some(Form::ReadWrite { .. }) => 10,
+        Some(Form::Diagnostics) => 3,
+        _ => usize::from(so_far.is_empty()),
     };
     if so_far.len() < told_by { End::Later } else { End::Unknown }
 }
 
 /// Where the response to `request` beginning with `so_far` ends; unknown also if it cannot be that response.
 pub fn response_end(request: &[u8], so_far: &[u8]) -> End {
+    let counts_bytes = matches!(Form::of(so_far), Some(Form::Read(_) | Form::ReadWrite { .. }));
     match (response_length(request, so_far), so_far) {
-        // A read's response has a byte count.
-        (ResponseLength::Known(length), [1..=4 | READ_WRITE_MULTIPLE_REGISTERS, count, ..])
-            if usize::from(*count) + 2 != length =>
+        (ResponseLength::Known(length), [_, count, ..])
+            if counts_bytes && usize::from(*count) + 2 != length =>
         {
             End::Unknown
         }

@@ -3,8 +3,7 @@
 use core::num::NonZeroU8;
 
 use super::Extent;
-use super::function::{READ_COILS, READ_DISCRETE_INPUTS, READ_INPUT_REGISTERS};
-use super::request::{READ_BITS_MAX, READ_REGISTERS_MAX};
+use super::function::{Cells, Form};
 use crate::modbus::PDU_BYTES_MAX;
 
 /// The block read by functions 1 to 4.
@@ -20,7 +19,7 @@ pub struct Block {
 impl Block {
     /// The block read by `request`, if it is such a read with a valid quantity that does not wrap around the last address.
     pub fn of(request: &[u8]) -> Option<Self> {
-        let &[function @ READ_COILS..=READ_INPUT_REGISTERS, a, b, c, d] = request else { return None };
+        let &[function, a, b, c, d] = request else { return None };
         let (first, quantity) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
         let function = NonZeroU8::new(function)?;
         Self { function, first, last: first.checked_add(quantity.checked_sub(1)?)? }.if_readable()
@@ -62,10 +61,11 @@ impl Block {
         if self.hull(wanted)? != *self || function != self.function.get() {
             return None;
         }
-        let bytes = wanted.data_bytes();
+        let cells = self.cells()?;
+        let bytes = cells.bytes(wanted.quantity());
         out[..2].copy_from_slice(&[function, bytes as u8]);
         let part = out.get_mut(2..2 + bytes)?;
-        if self.is_bits() {
+        if cells.bits == 1 {
             copy_bits(data.get(offset / 8..)?, offset % 8, wanted.quantity().into(), part);
         } else {
             part.copy_from_slice(data.get(2 * offset..2 * offset + bytes)?);
@@ -74,8 +74,7 @@ impl Block {
     }
 
     fn if_readable(self) -> Option<Self> {
-        let most = if self.is_bits() { READ_BITS_MAX } else { READ_REGISTERS_MAX };
-        (self.last - self.first < most).then_some(self)
+        (self.last - self.first < self.cells()?.most).then_some(self)
     }
 
     fn quantity(&self) -> u16 {
@@ -83,13 +82,12 @@ impl Block {
         self.last - self.first + 1
     }
 
-    fn is_bits(&self) -> bool {
-        matches!(self.function.get(), READ_COILS | READ_DISCRETE_INPUTS)
-    }
-
-    fn data_bytes(&self) -> usize {
-        let quantity = usize::from(self.quantity());
-        if self.is_bits() { quantity.div_ceil(8) } else { 2 * quantity }
+    /// What it asks for; none for other functions than reads.
+    fn cells(&self) -> Option<Cells> {
+        match Form::of(&[self.function.get()])? {
+            Form::Read(cells) => Some(cells),
+            _ => None,
+        }
     }
 }
 

@@ -1,9 +1,6 @@
 //! The data addresses that a request accesses, for rules that restrict them.
 
-use super::function::{
-    MASK_WRITE_REGISTER, READ_COILS, READ_FIFO_QUEUE, READ_INPUT_REGISTERS, READ_WRITE_MULTIPLE_REGISTERS,
-    WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL, WRITE_SINGLE_REGISTER,
-};
+use super::function::Form;
 use super::is_read;
 
 /// Most registers that function 24 reads: the count at the requested address, and the queue after it (clause 6.18).
@@ -39,17 +36,27 @@ pub fn touched(request: &[u8]) -> Touched {
         Some(Extent { write, first, last: u32::from(first) + u32::from(count).saturating_sub(1) })
     };
     let one = |extent: Option<Extent>| extent.map(|extent| [Some(extent), None]);
-    let cells = match request.first().copied().unwrap_or(0) {
-        READ_COILS..=READ_INPUT_REGISTERS => one(extent(false, 1, word(3))),
-        WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER | MASK_WRITE_REGISTER => one(extent(true, 1, Some(1))),
-        WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS => one(extent(true, 1, word(3))),
-        READ_WRITE_MULTIPLE_REGISTERS => {
+    let cells = match Form::of(request) {
+        Some(Form::Read(_)) => one(extent(false, 1, word(3))),
+        Some(Form::WriteOne(_) | Form::MaskWrite) => one(extent(true, 1, Some(1))),
+        Some(Form::WriteMany(_)) => one(extent(true, 1, word(3))),
+        Some(Form::ReadWrite { .. }) => {
             let both = extent(false, 1, word(3)).zip(extent(true, 5, word(7)));
             both.map(|(read, written)| [Some(read), Some(written)])
         }
-        READ_FIFO_QUEUE => one(extent(false, 1, Some(FIFO_REGISTERS_MAX))),
+        Some(Form::ReadFifo) => one(extent(false, 1, Some(FIFO_REGISTERS_MAX))),
         _ if is_read(request) => return Touched::Other,
         _ => None,
     };
     cells.map_or(Touched::Unknown, Touched::Cells)
+}
+
+/// How many bytes of a request with the code of `so_far` say which addresses it touches; none where that takes all of them.
+pub fn addresses_end(so_far: &[u8]) -> Option<usize> {
+    match Form::of(so_far)? {
+        // Address and quantity, or value.
+        Form::Read(_) | Form::WriteOne(_) | Form::WriteMany(_) | Form::MaskWrite => Some(5),
+        Form::ReadWrite { .. } => Some(9),
+        _ => None,
+    }
 }

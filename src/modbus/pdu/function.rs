@@ -1,4 +1,5 @@
-//! The public function codes (Application Protocol V1.1b3, clause 5.1), their names, and which of them may be repeated.
+//! The public function codes (Application Protocol V1.1b3, clause 5.1): one table says what requests and responses of each look
+//! like. All rules about functions follow from it.
 
 /// 01: read coils.
 pub const READ_COILS: u8 = 1;
@@ -42,20 +43,152 @@ pub const ENCAPSULATED_INTERFACE: u8 = 43;
 /// MEI type of function 43: read device identification.
 pub const MEI_DEVICE_IDENTIFICATION: u8 = 14;
 
-/// Whether `request` makes sense as a broadcast, which has no response (Serial Line 2.1: broadcasts are writes).
+/// A public function.
+#[derive(Debug, Clone, Copy)]
+pub struct Function {
+    /// Its code.
+    pub code: u8,
+    /// Its name for logs.
+    pub name: &'static str,
+    /// What its requests and responses look like.
+    pub form: Form,
+}
+
+/// What requests and responses of a function look like, and so what they do. Sizes include the function code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// Address and quantity; the response has a byte count and so much data.
+    Read(Cells),
+    /// Address and value; the response repeats both.
+    WriteOne(Cells),
+    /// Address, quantity, byte count and data; the response repeats the first two.
+    WriteMany(Cells),
+    /// Address and two masks; the response repeats all.
+    MaskWrite,
+    /// What is read as in a read, what is written as in a write.
+    ReadWrite {
+        /// What is read.
+        read: Cells,
+        /// What is written.
+        write: Cells,
+    },
+    /// An address; the response has the number of bytes and of registers in two bytes each.
+    ReadFifo,
+    /// The code alone; the response has so many bytes.
+    Status(usize),
+    /// The code alone; the response has a byte count.
+    Report,
+    /// The same, and the events come behind three words (clause 6.10).
+    EventLog,
+    /// A sub-function and data.
+    Diagnostics,
+    /// Byte count and groups; the response has groups of the lengths asked for.
+    ReadFile,
+    /// Byte count and groups; the response repeats all.
+    WriteFile,
+    /// An MEI type and what that says.
+    Tunnel,
+}
+
+/// What one address holds, and how many of them a request can have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cells {
+    /// 1 or 16.
+    pub bits: u8,
+    /// Most in one request.
+    pub most: u16,
+}
+
+impl Cells {
+    /// The bytes that a quantity of them takes.
+    pub fn bytes(self, quantity: u16) -> usize {
+        (usize::from(quantity) * usize::from(self.bits)).div_ceil(8)
+    }
+}
+
+/// Coils or discrete inputs, at most so many.
+const fn bits(most: u16) -> Cells {
+    Cells { bits: 1, most }
+}
+
+/// Registers, at most so many.
+const fn registers(most: u16) -> Cells {
+    Cells { bits: 16, most }
+}
+
+/// All public functions.
+pub const FUNCTIONS: [Function; 19] = {
+    const fn row(code: u8, name: &'static str, form: Form) -> Function {
+        Function { code, name, form }
+    }
+    [
+        row(READ_COILS, "read coils", Form::Read(bits(2000))),
+        row(READ_DISCRETE_INPUTS, "read discrete inputs", Form::Read(bits(2000))),
+        row(READ_HOLDING_REGISTERS, "read holding registers", Form::Read(registers(125))),
+        row(READ_INPUT_REGISTERS, "read input registers", Form::Read(registers(125))),
+        row(WRITE_SINGLE_COIL, "write single coil", Form::WriteOne(bits(1))),
+        row(WRITE_SINGLE_REGISTER, "write single register", Form::WriteOne(registers(1))),
+        row(READ_EXCEPTION_STATUS, "read exception status", Form::Status(2)),
+        row(DIAGNOSTICS, "diagnostics", Form::Diagnostics),
+        row(GET_COMM_EVENT_COUNTER, "get comm event counter", Form::Status(5)),
+        row(GET_COMM_EVENT_LOG, "get comm event log", Form::EventLog),
+        row(WRITE_MULTIPLE_COILS, "write multiple coils", Form::WriteMany(bits(1968))),
+        row(WRITE_MULTIPLE_REGISTERS, "write multiple registers", Form::WriteMany(registers(123))),
+        row(REPORT_SERVER_ID, "report server id", Form::Report),
+        row(READ_FILE_RECORD, "read file record", Form::ReadFile),
+        row(WRITE_FILE_RECORD, "write file record", Form::WriteFile),
+        row(MASK_WRITE_REGISTER, "mask write register", Form::MaskWrite),
+        row(
+            READ_WRITE_MULTIPLE_REGISTERS,
+            "read/write multiple registers",
+            Form::ReadWrite { read: registers(125), write: registers(121) },
+        ),
+        row(READ_FIFO_QUEUE, "read FIFO queue", Form::ReadFifo),
+        row(ENCAPSULATED_INTERFACE, "encapsulated interface transport", Form::Tunnel),
+    ]
+};
+
+/// Where each code stands in the table, which is looked up several times for each frame: index + 1; 0: nowhere.
+#[allow(clippy::indexing_slicing)] // Computed by the compiler, which would say so.
+const INDEX: [u8; ENCAPSULATED_INTERFACE as usize + 1] = {
+    let mut index = [0; ENCAPSULATED_INTERFACE as usize + 1];
+    let mut at = 0;
+    while at < FUNCTIONS.len() {
+        index[FUNCTIONS[at].code as usize] = at as u8 + 1;
+        at += 1;
+    }
+    index
+};
+
+impl Function {
+    /// The function with this code; none for an exception, too.
+    pub fn of(code: u8) -> Option<&'static Self> {
+        let at = INDEX.get(usize::from(code))?.checked_sub(1)?;
+        FUNCTIONS.get(usize::from(at))
+    }
+}
+
+impl Form {
+    /// The form of requests, or of normal responses, with the code of `pdu`.
+    pub fn of(pdu: &[u8]) -> Option<Self> {
+        Some(Function::of(*pdu.first()?)?.form)
+    }
+}
+
+/// Whether `request` means something to a unit that does not answer (Serial Line 2.1: broadcasts are writes).
 ///
 /// Includes diagnostics (8), as a restart may be meant for all. Unknown codes are left to the user.
 pub fn is_broadcastable(request: &[u8]) -> bool {
-    !is_read(request) && !matches!(request, [] | [READ_WRITE_MULTIPLE_REGISTERS | ENCAPSULATED_INTERFACE, ..])
+    !request.is_empty()
+        && !is_read(request)
+        && !matches!(Form::of(request), Some(Form::ReadWrite { .. } | Form::Tunnel))
 }
 
-/// The part of `request`, a write, that its response repeats; `None` for functions whose response has more (clause 6).
+/// How much of `request`, a write, its response repeats; `None` for functions whose response says more (clause 6).
 pub fn confirmation(request: &[u8]) -> Option<&[u8]> {
-    match *request.first()? {
-        WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER | WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS => {
-            request.get(..5)
-        }
-        MASK_WRITE_REGISTER => request.get(..7),
+    match Form::of(request)? {
+        Form::WriteOne(_) | Form::WriteMany(_) => request.get(..5),
+        Form::MaskWrite => request.get(..7),
         _ => None,
     }
 }
@@ -64,47 +197,17 @@ pub fn confirmation(request: &[u8]) -> Option<&[u8]> {
 ///
 /// False for diagnostics (8), whose sub-functions restart the device and clear its counters; for the tunnel (43) except device
 /// identification, because its MEI type 13 carries CANopen writes; and for unknown codes.
-pub const fn is_read(request: &[u8]) -> bool {
-    matches!(
-        *request,
-        [
-            READ_COILS
-                | READ_DISCRETE_INPUTS
-                | READ_HOLDING_REGISTERS
-                | READ_INPUT_REGISTERS
-                | READ_EXCEPTION_STATUS
-                | GET_COMM_EVENT_COUNTER
-                | GET_COMM_EVENT_LOG
-                | REPORT_SERVER_ID
-                | READ_FILE_RECORD
-                | READ_FIFO_QUEUE,
-            ..
-        ] | [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, ..]
-    )
+pub fn is_read(request: &[u8]) -> bool {
+    match Form::of(request) {
+        Some(
+            Form::Read(_) | Form::ReadFifo | Form::Status(_) | Form::Report | Form::EventLog | Form::ReadFile,
+        ) => true,
+        Some(Form::Tunnel) => request.get(1) == Some(&MEI_DEVICE_IDENTIFICATION),
+        _ => false,
+    }
 }
 
 /// The function's name for logs; an exception has the name of its function.
-pub const fn name(function: u8) -> &'static str {
-    match function & !super::EXCEPTION_BIT {
-        READ_COILS => "read coils",
-        READ_DISCRETE_INPUTS => "read discrete inputs",
-        READ_HOLDING_REGISTERS => "read holding registers",
-        READ_INPUT_REGISTERS => "read input registers",
-        WRITE_SINGLE_COIL => "write single coil",
-        WRITE_SINGLE_REGISTER => "write single register",
-        READ_EXCEPTION_STATUS => "read exception status",
-        DIAGNOSTICS => "diagnostics",
-        GET_COMM_EVENT_COUNTER => "get comm event counter",
-        GET_COMM_EVENT_LOG => "get comm event log",
-        WRITE_MULTIPLE_COILS => "write multiple coils",
-        WRITE_MULTIPLE_REGISTERS => "write multiple registers",
-        REPORT_SERVER_ID => "report server id",
-        READ_FILE_RECORD => "read file record",
-        WRITE_FILE_RECORD => "write file record",
-        MASK_WRITE_REGISTER => "mask write register",
-        READ_WRITE_MULTIPLE_REGISTERS => "read/write multiple registers",
-        READ_FIFO_QUEUE => "read FIFO queue",
-        ENCAPSULATED_INTERFACE => "encapsulated interface transport",
-        _ => "unlisted function",
-    }
+pub fn name(function: u8) -> &'static str {
+    Function::of(function & !super::EXCEPTION_BIT).map_or("unlisted function", |function| function.name)
 }

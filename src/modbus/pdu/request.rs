@@ -1,29 +1,10 @@
 //! Validation of requests, before they take up a device's time.
 
-use super::function::{
-    DIAGNOSTICS, ENCAPSULATED_INTERFACE, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG, MASK_WRITE_REGISTER,
-    MEI_DEVICE_IDENTIFICATION, READ_COILS, READ_DISCRETE_INPUTS, READ_EXCEPTION_STATUS, READ_FIFO_QUEUE,
-    READ_FILE_RECORD, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS, READ_WRITE_MULTIPLE_REGISTERS,
-    REPORT_SERVER_ID, WRITE_FILE_RECORD, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL,
-    WRITE_SINGLE_REGISTER,
-};
+use super::function::{Cells, Form, MEI_DEVICE_IDENTIFICATION};
 use super::{ResponseLength, file_response_length, response_length};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 
-/// Most coils or inputs in one read.
-pub(super) const READ_BITS_MAX: u16 = 2000;
-/// Most registers in one read.
-pub(super) const READ_REGISTERS_MAX: u16 = 125;
-/// Most coils in one write.
-const WRITE_BITS_MAX: u16 = 1968;
-/// Most registers in one write.
-const WRITE_REGISTERS_MAX: u16 = 123;
-/// Bits of a register.
-const REGISTER_BITS: usize = 16;
-/// Most registers written by function 23, whose header is longer.
-const READ_WRITE_REGISTERS_MAX: u16 = 121;
-
-/// Whether a server could accept this request; if not, the exception that it gets.
+/// Whether a server could accept this request: the exception that it gets instead, if not.
 ///
 /// A public function must have a valid length, byte count and quantity. Addresses are up to the device, and an unknown function
 /// is accepted at any length.
@@ -35,7 +16,7 @@ pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
     if !(1..super::EXCEPTION_BIT).contains(&function) {
         return Err(Exception::ILLEGAL_FUNCTION);
     }
-    if pdu.len() <= PDU_BYTES_MAX && possible(function, fields) {
+    if pdu.len() <= PDU_BYTES_MAX && Form::of(pdu).is_none_or(|form| possible(form, fields)) {
         Ok(())
     } else {
         Err(Exception::ILLEGAL_VALUE)
@@ -44,7 +25,7 @@ pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
 
 /// Whether `request` is a read whose response would not fit a PDU.
 pub(crate) fn is_beyond_response(request: &[u8]) -> bool {
-    let is_read = matches!(request, [READ_COILS..=READ_INPUT_REGISTERS, ..]);
+    let is_read = matches!(Form::of(request), Some(Form::Read(_)));
     // A read's response length depends on the request only, so the request serves for both.
     let length = response_length(request, request);
     is_read && matches!(length, ResponseLength::Known(length) if length > PDU_BYTES_MAX)
@@ -54,74 +35,62 @@ pub(crate) fn is_beyond_response(request: &[u8]) -> bool {
 /// another length is not a request.
 pub fn request_length(so_far: &[u8]) -> Option<usize> {
     let counted = |at: usize| Some(at + 1 + usize::from(*so_far.get(at)?));
-    match so_far {
-        [
-            READ_COILS
-            | READ_DISCRETE_INPUTS
-            | READ_HOLDING_REGISTERS
-            | READ_INPUT_REGISTERS
-            | WRITE_SINGLE_COIL
-            | WRITE_SINGLE_REGISTER,
-            ..,
-        ] => Some(5),
-        [READ_EXCEPTION_STATUS | GET_COMM_EVENT_COUNTER | GET_COMM_EVENT_LOG | REPORT_SERVER_ID, ..] => {
-            Some(1)
-        }
-        [DIAGNOSTICS, 0, 1..=4 | 10..=18 | 20, ..] => Some(5),
-        [WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS, ..] => counted(5),
-        [READ_FILE_RECORD | WRITE_FILE_RECORD, ..] => counted(1),
-        [MASK_WRITE_REGISTER, ..] => Some(7),
-        [READ_WRITE_MULTIPLE_REGISTERS, ..] => counted(9),
-        [READ_FIFO_QUEUE, ..] => Some(3),
-        [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, ..] => Some(4),
-        _ => None,
+    match Form::of(so_far)? {
+        Form::Read(_) | Form::WriteOne(_) => Some(5),
+        Form::Status(_) | Form::Report | Form::EventLog => Some(1),
+        Form::Diagnostics => is_public(so_far).then_some(5),
+        Form::WriteMany(_) => counted(5),
+        Form::ReadFile | Form::WriteFile => counted(1),
+        Form::MaskWrite => Some(7),
+        Form::ReadWrite { .. } => counted(9),
+        Form::ReadFifo => Some(3),
+        Form::Tunnel => (so_far.get(1) == Some(&MEI_DEVICE_IDENTIFICATION)).then_some(4),
     }
 }
 
-/// Whether `fields`, the bytes after the function code, are valid for `function`.
-fn possible(function: u8, fields: &[u8]) -> bool {
-    match (function, fields) {
-        (READ_COILS | READ_DISCRETE_INPUTS, fields) => reads(fields, READ_BITS_MAX),
-        (READ_HOLDING_REGISTERS | READ_INPUT_REGISTERS, fields) => reads(fields, READ_REGISTERS_MAX),
-        (WRITE_SINGLE_COIL, fields) => matches!(fields, [_, _, 0x00 | 0xFF, 0x00]),
-        (WRITE_SINGLE_REGISTER, fields) => fields.len() == 4,
-        (READ_EXCEPTION_STATUS | GET_COMM_EVENT_COUNTER | GET_COMM_EVENT_LOG | REPORT_SERVER_ID, fields) => {
-            fields.is_empty()
-        }
+/// Whether `so_far` of a diagnostics request has a public sub-function with data of one word: all but 0, whose data has any length.
+pub(super) fn is_public(so_far: &[u8]) -> bool {
+    matches!(so_far, [_, 0, 1..=4 | 10..=18 | 20, ..])
+}
+
+/// Whether `fields`, what stands behind the function code, can belong to a request of this `form`.
+fn possible(form: Form, fields: &[u8]) -> bool {
+    match (form, fields) {
+        (Form::Read(cells), fields) => reads(fields, cells),
+        (Form::WriteOne(Cells { bits: 1, .. }), fields) => matches!(fields, [_, _, 0x00 | 0xFF, 0x00]),
+        (Form::WriteOne(_), fields) => fields.len() == 4,
+        (Form::Status(_) | Form::Report | Form::EventLog, fields) => fields.is_empty(),
         // Data has two bytes or, for sub-function 0, "N x 2"; some devices accept any, so let them judge.
-        (DIAGNOSTICS, fields) => fields.len() >= 2,
-        (WRITE_MULTIPLE_COILS, fields) => writes(fields, WRITE_BITS_MAX, 1),
-        (WRITE_MULTIPLE_REGISTERS, fields) => writes(fields, WRITE_REGISTERS_MAX, REGISTER_BITS),
-        (READ_FILE_RECORD, [count, groups @ ..]) => {
+        (Form::Diagnostics, fields) => fields.len() >= 2,
+        (Form::WriteMany(cells), fields) => writes(fields, cells),
+        (Form::ReadFile, [count, groups @ ..]) => {
             usize::from(*count) == groups.len() && file_response_length(groups).is_some()
         }
-        (WRITE_FILE_RECORD, [count, groups @ ..]) => {
-            usize::from(*count) == groups.len() && file_groups(groups)
-        }
-        (MASK_WRITE_REGISTER, fields) => fields.len() == 6,
-        (READ_WRITE_MULTIPLE_REGISTERS, fields) => fields.split_at_checked(4).is_some_and(|(read, write)| {
-            reads(read, READ_REGISTERS_MAX) && writes(write, READ_WRITE_REGISTERS_MAX, REGISTER_BITS)
-        }),
-        (READ_FIFO_QUEUE, fields) => fields.len() == 2,
+        (Form::WriteFile, [count, groups @ ..]) => usize::from(*count) == groups.len() && file_groups(groups),
+        (Form::MaskWrite, fields) => fields.len() == 6,
+        (Form::ReadWrite { read, write }, fields) => fields
+            .split_at_checked(4)
+            .is_some_and(|(first, behind)| reads(first, read) && writes(behind, write)),
+        (Form::ReadFifo, fields) => fields.len() == 2,
         // Clause 6.21: read device ID codes 1 to 4, and an object.
-        (ENCAPSULATED_INTERFACE, [MEI_DEVICE_IDENTIFICATION, fields @ ..]) => matches!(fields, [1..=4, _]),
-        (ENCAPSULATED_INTERFACE | READ_FILE_RECORD | WRITE_FILE_RECORD, fields) => !fields.is_empty(),
-        _ => true,
+        (Form::Tunnel, [MEI_DEVICE_IDENTIFICATION, fields @ ..]) => matches!(fields, [1..=4, _]),
+        (Form::Tunnel, fields) => !fields.is_empty(),
+        (Form::ReadFile | Form::WriteFile, []) => false,
     }
 }
 
-/// Address and a quantity from 1 to `max`.
-fn reads(fields: &[u8], max: u16) -> bool {
-    matches!(fields, [_, _, high, low] if (1..=max).contains(&u16::from_be_bytes([*high, *low])))
+/// Address and a quantity from 1 to the most.
+fn reads(fields: &[u8], cells: Cells) -> bool {
+    matches!(fields, [_, _, high, low] if (1..=cells.most).contains(&u16::from_be_bytes([*high, *low])))
 }
 
-/// Address, a quantity from 1 to `max`, and a byte count that agrees with the quantity of `bits` each and with the length.
-fn writes(fields: &[u8], max: u16, bits: usize) -> bool {
+/// Address, a quantity from 1 to the most, and the bytes that so many cells take, counted and there.
+fn writes(fields: &[u8], cells: Cells) -> bool {
     let Some((head @ &[_, _, high, low], [count, data @ ..])) = fields.split_first_chunk() else {
         return false;
     };
-    let bytes = (usize::from(u16::from_be_bytes([high, low])) * bits).div_ceil(8);
-    reads(head, max) && usize::from(*count) == bytes && data.len() == bytes
+    let bytes = cells.bytes(u16::from_be_bytes([high, low]));
+    reads(head, cells) && usize::from(*count) == bytes && data.len() == bytes
 }
 
 /// One or more groups of function 21, each as long as it says (clause 6.15).

@@ -1,12 +1,7 @@
 //! The length of the response to a request, and whether a response matches.
 
-use super::function::{
-    DIAGNOSTICS, ENCAPSULATED_INTERFACE, GET_COMM_EVENT_COUNTER, GET_COMM_EVENT_LOG, MASK_WRITE_REGISTER,
-    MEI_DEVICE_IDENTIFICATION, READ_COILS, READ_DISCRETE_INPUTS, READ_EXCEPTION_STATUS, READ_FIFO_QUEUE,
-    READ_FILE_RECORD, READ_HOLDING_REGISTERS, READ_INPUT_REGISTERS, READ_WRITE_MULTIPLE_REGISTERS,
-    REPORT_SERVER_ID, WRITE_FILE_RECORD, WRITE_MULTIPLE_COILS, WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_COIL,
-    WRITE_SINGLE_REGISTER,
-};
+use super::function::{Form, MEI_DEVICE_IDENTIFICATION};
+use super::request::is_public;
 use super::{EXCEPTION_BIT, file_response_length};
 use crate::modbus::PDU_BYTES_MAX;
 
@@ -51,32 +46,23 @@ pub fn response_length(request: &[u8], so_far: &[u8]) -> ResponseLength {
         Some(&answered) if answered != function => return Silence,
         Some(_) => {}
     }
-    match request {
-        [READ_COILS | READ_DISCRETE_INPUTS, _, _, high, low] => {
-            Known(2 + usize::from(u16::from_be_bytes([*high, *low])).div_ceil(8))
+    let Some(form) = Form::of(request) else { return Silence };
+    match (form, request) {
+        (Form::Read(cells), [_, _, _, high, low])
+        | (Form::ReadWrite { read: cells, .. }, [_, _, _, high, low, ..]) => {
+            Known(2 + cells.bytes(u16::from_be_bytes([*high, *low])))
         }
-        [READ_HOLDING_REGISTERS | READ_INPUT_REGISTERS, _, _, high, low]
-        | [READ_WRITE_MULTIPLE_REGISTERS, _, _, high, low, ..] => {
-            Known(2 + 2 * usize::from(u16::from_be_bytes([*high, *low])))
-        }
-        [READ_EXCEPTION_STATUS] => Known(2),
-        [
-            WRITE_SINGLE_COIL
-            | WRITE_SINGLE_REGISTER
-            | GET_COMM_EVENT_COUNTER
-            | WRITE_MULTIPLE_COILS
-            | WRITE_MULTIPLE_REGISTERS,
-            ..,
-        ] => Known(5),
-        [DIAGNOSTICS, 0, 0, ..] | [MASK_WRITE_REGISTER | WRITE_FILE_RECORD, ..] => Known(request.len()),
+        (Form::Status(length), _) => Known(length),
+        (Form::WriteOne(_) | Form::WriteMany(_), _) => Known(5),
+        (Form::MaskWrite | Form::WriteFile, _) | (Form::Diagnostics, [_, 0, 0, ..]) => Known(request.len()),
         // The public sub-functions respond with one word; others are vendor-specific.
-        [DIAGNOSTICS, 0, 1..=4 | 10..=18 | 20, ..] => Known(5),
-        [GET_COMM_EVENT_LOG | REPORT_SERVER_ID, ..] => match so_far {
+        (Form::Diagnostics, _) if is_public(request) => Known(5),
+        (Form::EventLog | Form::Report, _) => match so_far {
             [_, count, ..] => Known(2 + usize::from(*count)),
             _ => More,
         },
-        [READ_FILE_RECORD, _, groups @ ..] => file_response_length(groups).map_or(Silence, Known),
-        [READ_FIFO_QUEUE, ..] => match so_far {
+        (Form::ReadFile, [_, _, groups @ ..]) => file_response_length(groups).map_or(Silence, Known),
+        (Form::ReadFifo, _) => match so_far {
             [_, high, low, ..] => Known(3 + usize::from(u16::from_be_bytes([*high, *low]))),
             _ => More,
         },
@@ -115,26 +101,20 @@ pub fn fits(request: &[u8], response: &[u8]) -> Result<(), Misfit> {
 
 /// Whether the counts inside `response` agree with its length, which has been checked.
 fn counts(request: &[u8], response: &[u8]) -> bool {
-    match response {
-        [
-            READ_COILS
-            | READ_DISCRETE_INPUTS
-            | READ_HOLDING_REGISTERS
-            | READ_INPUT_REGISTERS
-            | READ_WRITE_MULTIPLE_REGISTERS,
-            count,
-            data @ ..,
-        ] => usize::from(*count) == data.len(),
+    match (Form::of(response), response) {
+        (Some(Form::Read(_) | Form::ReadWrite { .. }), [_, count, data @ ..]) => {
+            usize::from(*count) == data.len()
+        }
         // Status, event counter and message counter precede the events (clause 6.10).
-        [GET_COMM_EVENT_LOG, count, ..] => *count >= 6,
-        [READ_FILE_RECORD, count, groups @ ..] => {
+        (Some(Form::EventLog), [_, count, ..]) => *count >= 6,
+        (Some(Form::ReadFile), [_, count, groups @ ..]) => {
             usize::from(*count) == groups.len() && file_response_groups(request, groups)
         }
         // The number of registers precedes them; it counts neither itself nor the byte count (clause 6.18).
-        [READ_FIFO_QUEUE, _, _, high, low, registers @ ..] => {
+        (Some(Form::ReadFifo), [_, _, _, high, low, registers @ ..]) => {
             2 * usize::from(u16::from_be_bytes([*high, *low])) == registers.len()
         }
-        [READ_FIFO_QUEUE, ..] => false,
+        (Some(Form::ReadFifo), _) => false,
         _ => true,
     }
 }
@@ -157,18 +137,16 @@ fn file_response_groups(request: &[u8], mut response: &[u8]) -> bool {
 
 /// Whether `response` repeats the fields of `request` that it should.
 fn repeats(request: &[u8], response: &[u8]) -> bool {
-    let bytes = match request {
-        [WRITE_SINGLE_COIL | WRITE_SINGLE_REGISTER | WRITE_FILE_RECORD | MASK_WRITE_REGISTER, ..] => {
-            request.len()
-        }
+    let bytes = match (Form::of(request), request) {
+        (Some(Form::WriteOne(_) | Form::WriteFile | Form::MaskWrite), _) => request.len(),
         // Function, address, quantity.
-        [WRITE_MULTIPLE_COILS | WRITE_MULTIPLE_REGISTERS, ..] => 5,
+        (Some(Form::WriteMany(_)), _) => 5,
         // These sub-functions repeat the request's data (clause 6.8.1), the others return a register or counter.
-        [DIAGNOSTICS, 0, 0 | 1 | 3 | 4 | 10 | 20, ..] => request.len(),
-        [DIAGNOSTICS, ..] => 3,
+        (Some(Form::Diagnostics), [_, 0, 0 | 1 | 3 | 4 | 10 | 20, ..]) => request.len(),
+        (Some(Form::Diagnostics), _) => 3,
         // MEI type and read device ID code.
-        [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, ..] => 3,
-        [ENCAPSULATED_INTERFACE, ..] => 2,
+        (Some(Form::Tunnel), [_, MEI_DEVICE_IDENTIFICATION, ..]) => 3,
+        (Some(Form::Tunnel), _) => 2,
         _ => 1,
     };
     request.get(..bytes).is_some_and(|repeated| response.starts_with(repeated))

@@ -135,6 +135,11 @@ impl<'g> Dispatcher<'g> {
         self.id
     }
 
+    /// Whether the console has the port for itself.
+    pub(crate) fn is_alone(&self) -> bool {
+        self.alone
+    }
+
     /// The port's counters, units and channel.
     pub(crate) fn port_state(&self) -> &PortAt<'g> {
         &self.port_state

@@ -16,12 +16,14 @@ const REOPEN_LONGEST: Duration = Duration::from_secs(5);
 pub(crate) struct Opening<'s> {
     port_state: &'s PortState,
     settings: &'s SerialSettings,
+    /// Somebody tries one speed after the other, and sees it.
+    quiet: bool,
     pause: Duration,
 }
 
 impl<'s> Opening<'s> {
-    pub(crate) fn new(port_state: &'s PortState, settings: &'s SerialSettings) -> Self {
-        Self { port_state, settings, pause: REOPEN_FIRST }
+    pub(crate) fn new(port_state: &'s PortState, settings: &'s SerialSettings, quiet: bool) -> Self {
+        Self { port_state, settings, quiet, pause: REOPEN_FIRST }
     }
 
     /// The line if `host` could open it; sets the port's status.
@@ -33,7 +35,9 @@ impl<'s> Opening<'s> {
         let device = self.settings.device.as_str();
         match opened {
             Ok(io) => {
-                log_info!("{} is open", device);
+                if !self.quiet {
+                    log_info!("{} is open", device);
+                }
                 self.port_state.set_status(Status::Open);
                 self.port_state.stats.note(LastError::None);
                 self.pause = REOPEN_FIRST;

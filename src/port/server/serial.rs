@@ -20,7 +20,7 @@ use self::session::Session;
 impl Server<'_, '_> {
     /// Keeps the line open and serves it, for ever.
     pub(crate) async fn run<H: SerialHost>(&self, host: &mut H) {
-        let mut opening = Opening::new(self.port_state, self.settings);
+        let mut opening = Opening::new(self.port_state, self.settings, false);
         loop {
             let jitter = host.read_jitter();
             let opened = host.open(&self.settings.device, &self.settings.line).await;

@@ -67,10 +67,12 @@ const RULES: &[Rule] = &[
             ("RxPdo", Elements("Pdo"), 0, MANY),
             ("TxPdo", Elements("Pdo"), 0, MANY),
             ("Mailbox", Elements("Mailbox"), 0, 1),
+            ("Profile", Elements("Profile"), 0, 1),
         ],
     ),
     Rule {
         name: "Slots",
+        // Attributes have no order in XML. `IdentifyModuleBy` is for tools that follow an older edition of the schema.
         attributes: &[
             ("MaxSlotCount", Integer, false),
             ("SlotPdoIncrement", HexDec, false),

@@ -1,18 +1,21 @@
 //! The same routine in virtual time: ethercrab, and frames of our own.
 
 use ethercat_subdevice::application::Application;
+use ethercat_subdevice::device::Device;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercat_subdevice::sync_manager::Channel;
 use ethercrab::{EtherCrabWireRead, EtherCrabWireSized, SubIndex};
 use ethercrab_wire::WireError;
 use mobgate::fieldbus::GatewayObjects;
 use mobgate_simulator::World;
+use mobgate_simulator::esc::Command;
 use mobgate_simulator::sub_device::{
     Dispatcher, SharedEcho, cable, direct, image, line_of, spawn, with_master,
 };
 
-use super::{GATEWAY, Listing, cycles, entries, number};
-use crate::bench::{INIT, OP, PRE_OP, Rig, gateway_objects};
+use super::{GATEWAY, Listing, WITH_MODULES, cycles, entries, modules, number};
+use crate::bench::{INIT, LOGICAL, OP, PRE_OP, Rig, SAFE_OP, at_most, gateway_objects};
+use crate::gateway::modules::set_up;
 use crate::information::list;
 
 /// Starts of a plain `cargo test`: more than in real time.
@@ -67,18 +70,24 @@ impl Listed {
 
 /// Prints how many cycles had a short working counter, which none may have.
 fn demand(name: &str, short: u64) {
-    let verdict = if short == 0 { "ok" } else { "short" };
-    // The name of the test is on this line already where tests run one by one.
-    println!("\nfigure {name}_short {short} of {} <=0 {verdict}", cycles());
-    assert_eq!(short, 0, "cycles with a short working counter");
+    at_most(&format!("{name}_short"), short, &format!("of {}", cycles()), 0);
 }
 
 /// The gateway's SubDevice with this application, and ethercrab, which does as `script` says.
 fn with_ethercrab(application: impl Application, script: impl AsyncFnOnce(Dispatcher<'_>)) {
+    ethercrab_with(&GATEWAY, application, script);
+}
+
+/// The same of another device.
+fn ethercrab_with(
+    device: &'static Device,
+    application: impl Application,
+    script: impl AsyncFnOnce(Dispatcher<'_>),
+) {
     let mut world = World::new(1);
-    let line = line_of(&GATEWAY);
+    let line = line_of(device);
     let (esc, interrupt) = direct(line.borrow().chip(0));
-    spawn(&world, SubDevice::new(&GATEWAY, esc, application), interrupt);
+    spawn(&world, SubDevice::new(device, esc, application), interrupt);
     with_master(&mut world, cable(line), script);
 }
 
@@ -142,27 +151,46 @@ fn read_all_objects_by_ethercrab() {
 #[test]
 fn ethercrab_exchanges_as_often_as_the_others() {
     with_ethercrab(SharedEcho::default(), async |dispatcher| {
-        let group = dispatcher.to_pre_op().await.unwrap();
-        let group = dispatcher.to_op(group, 1).await.unwrap();
-        let mut short = 0;
-        for number in 2..u64::from(cycles()) + 2 {
-            short += u64::from(dispatcher.exchange(&group, number).await.unwrap().1 != 3);
-        }
-        demand("ethercrab", short);
+        demand("ethercrab", exchange_by_ethercrab(dispatcher).await);
     });
 }
 
 #[test]
-fn ethercrab_starts_again_and_again() {
-    with_ethercrab(SharedEcho::default(), async |dispatcher| {
-        for number in 1..=u64::from(starts()) {
-            let group = dispatcher.to_pre_op().await.unwrap();
-            let group = dispatcher.to_op(group, 2 * number).await.unwrap();
-            assert_eq!(dispatcher.exchange(&group, 2 * number + 1).await.unwrap().1, 3);
-            let group = group.into_safe_op(dispatcher.master).await.unwrap();
-            group.into_pre_op(dispatcher.master).await.unwrap().into_init(dispatcher.master).await.unwrap();
-        }
+fn ethercrab_exchanges_the_process_data_of_modules_as_often_as_the_others() {
+    ethercrab_with(&WITH_MODULES, modules().0, async |dispatcher| {
+        demand("ethercrab_modules", exchange_by_ethercrab(dispatcher).await);
     });
+}
+
+/// How many cycles in Op have a short working counter.
+async fn exchange_by_ethercrab(dispatcher: Dispatcher<'_>) -> u64 {
+    let group = dispatcher.to_pre_op().await.unwrap();
+    let group = dispatcher.to_op(group, 1).await.unwrap();
+    let mut short = 0;
+    for number in 2..u64::from(cycles()) + 2 {
+        short += u64::from(dispatcher.exchange(&group, number).await.unwrap().1 != 3);
+    }
+    short
+}
+
+#[test]
+fn ethercrab_starts_again_and_again() {
+    with_ethercrab(SharedEcho::default(), start_by_ethercrab);
+}
+
+#[test]
+fn ethercrab_starts_modules_again_and_again() {
+    ethercrab_with(&WITH_MODULES, modules().0, start_by_ethercrab);
+}
+
+async fn start_by_ethercrab(dispatcher: Dispatcher<'_>) {
+    for number in 1..=u64::from(starts()) {
+        let group = dispatcher.to_pre_op().await.unwrap();
+        let group = dispatcher.to_op(group, 2 * number).await.unwrap();
+        assert_eq!(dispatcher.exchange(&group, 2 * number + 1).await.unwrap().1, 3);
+        let group = group.into_safe_op(dispatcher.master).await.unwrap();
+        group.into_pre_op(dispatcher.master).await.unwrap().into_init(dispatcher.master).await.unwrap();
+    }
 }
 
 #[test]
@@ -192,7 +220,7 @@ fn raw_frames_exchange_as_often_as_the_others() {
     let bytes = GATEWAY.default_bytes(Channel::Outputs);
     let mut short = 0;
     for number in 1..=u64::from(cycles()) {
-        short += u64::from(raw.exchange(&image(number, bytes)).1 != 3);
+        short += u64::from(raw.exchange(&image(number, bytes.into())).1 != 3);
     }
     demand("raw", short);
     let application = raw.application();
@@ -210,6 +238,41 @@ fn raw_frames_start_again_and_again() {
     for start in 1..=starts() {
         raw.bring_to(OP);
         assert_eq!(raw.cycle(start as u8).1, 3, "start {start}");
+        assert_eq!(raw.request(INIT), (INIT, 0), "start {start}");
+    }
+}
+
+/// With modules, which are there by the settings: to Op, and what is exchanged there.
+fn start_modules(raw: &mut Rig<GatewayObjects<'static>>) -> Vec<u8> {
+    raw.bring_to(PRE_OP);
+    let [outputs, inputs] = set_up(raw);
+    let image = vec![0x5a; usize::from(outputs + inputs)];
+    assert_eq!(raw.request(SAFE_OP), (SAFE_OP, 0));
+    assert_eq!(exchange_modules(raw, &image), 3);
+    assert_eq!(raw.request(OP), (OP, 0));
+    image
+}
+
+/// The working counter of a cycle.
+fn exchange_modules(raw: &mut Rig<GatewayObjects<'static>>, image: &[u8]) -> u16 {
+    let counter = raw.segment.send_logical(Command::Lrw, LOGICAL, image).counter;
+    raw.pass(1);
+    counter
+}
+
+#[test]
+fn raw_frames_exchange_the_process_data_of_modules_as_often_as_the_others() {
+    let mut raw = Rig::with_application(&WITH_MODULES, modules().0);
+    let image = start_modules(&mut raw);
+    let short = (0..cycles()).filter(|_| exchange_modules(&mut raw, &image) != 3).count();
+    demand("raw_modules", short as u64);
+}
+
+#[test]
+fn raw_frames_start_modules_again_and_again() {
+    let mut raw = Rig::with_application(&WITH_MODULES, modules().0);
+    for start in 1..=starts() {
+        start_modules(&mut raw);
         assert_eq!(raw.request(INIT), (INIT, 0), "start {start}");
     }
 }

@@ -4,7 +4,7 @@ use embassy_time::{Duration, Instant, Timer};
 use ethercat_subdevice::device::Device as Description;
 use ethercat_subdevice::sub_device::SubDevice;
 use ethercrab::subdevice_group::{Op, PreOp};
-use mobgate::fieldbus::{DEVICE, EthercatState, GatewayObjects, LONG_DEVICE, LongSubDevice, device};
+use mobgate::fieldbus::{DEVICE, EthercatState, GatewayObjects, LongSubDevice, device, long_device};
 use mobgate::gateway::Gateway;
 use mobgate::settings::LineSettings;
 use mobgate_simulator::device::serve;
@@ -19,7 +19,6 @@ use mobgate_simulator::{Device, World};
 use super::virtual_devices::{Virtual, virtual_devices};
 
 static GATEWAY: Description = DEVICE;
-static LONG_GATEWAY: Description = LONG_DEVICE;
 /// What makes the gateway a modular device.
 const MODULES: &str = " modules";
 
@@ -114,15 +113,22 @@ pub(crate) fn with_long_wire(
     devices: Vec<Device>,
     script: impl AsyncFnOnce(Dispatcher<'_>, &Gateway<'_>),
 ) {
-    let segment = line_of_kind(kind, &LONG_GATEWAY);
+    let device = long_device(settings.contains(MODULES));
+    let segment = line_of_kind(kind, device);
     let size = Size { ethercat: EthercatState::long, ..size() };
     with_gateway_on(Clock::Virtual, size, 1, settings, |world, rig| {
         serve_devices(world, rig, baud, devices);
         let (esc, interrupt) = direct(segment.borrow().chip(0));
-        let objects = GatewayObjects::new(rig.gateway.ethercat().unwrap());
-        spawn(world, LongSubDevice::with_buffers(&LONG_GATEWAY, esc, objects), interrupt);
+        let objects = objects_of(rig.gateway);
+        spawn(world, LongSubDevice::with_buffers(device, esc, objects), interrupt);
         with_master(world, cable(segment.clone()), async |dispatcher| script(dispatcher, rig.gateway).await);
     });
+}
+
+/// The gateway's objects, as its settings want them.
+fn objects_of<'g>(gateway: &'g Gateway<'_>) -> GatewayObjects<'g> {
+    let place = gateway.ethercat().unwrap();
+    if gateway.ethercat_modules() { GatewayObjects::modular(place) } else { GatewayObjects::new(place) }
 }
 
 /// The devices answer on the wire.
@@ -144,11 +150,8 @@ fn with_gateway_of(
     with_gateway_on(clock, size(), 1, settings, |world, rig| {
         serve_devices(world, rig, baud, devices);
         let (esc, interrupt) = direct(segment.borrow().chip(0));
-        let place = rig.gateway.ethercat().unwrap();
-        let modules = rig.gateway.ethercat_modules();
-        let objects = if modules { GatewayObjects::modular(place) } else { GatewayObjects::new(place) };
-        let objects = objects.with_points(rig.gateway.scanner());
-        spawn(world, SubDevice::new(device(modules), esc, objects), interrupt);
+        let objects = objects_of(rig.gateway).with_points(rig.gateway.scanner());
+        spawn(world, SubDevice::new(device(rig.gateway.ethercat_modules()), esc, objects), interrupt);
         scenario(world, rig);
     });
 }

@@ -4,12 +4,13 @@ use embassy_time::{Duration, Timer};
 use embedded_hal_async::digital::Wait;
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::lan9252::{Lan9252 as Driver, Wiring};
-use mobgate::fieldbus::{Controller, DEVICE, serve};
+use mobgate::fieldbus::{Controller, DEVICE, EthercatState, LONG_DEVICE, serve, serve_long};
 use mobgate::gateway::Status;
-use mobgate_simulator::esc::SharedSegment;
+use mobgate_simulator::esc::{Kind, SharedSegment};
 use mobgate_simulator::lan9252::Timing;
-use mobgate_simulator::rig::with_gateway;
-use mobgate_simulator::sub_device::{cable, line_of, with_master};
+use mobgate_simulator::rig::{Size, with_gateway, with_gateway_on};
+use mobgate_simulator::sub_device::{cable, direct, line_of, line_of_kind, with_master};
+use mobgate_simulator::world::Clock;
 use mobgate_simulator::{Lan9252, World};
 
 static GATEWAY: Device = DEVICE;
@@ -100,6 +101,30 @@ fn the_setting_modules_makes_it_another_device_at_once_also_in_op() {
             let group = dispatcher.to_pre_op().await.unwrap();
             dispatcher.to_op(group, 0).await.unwrap();
         });
+    });
+}
+
+#[test]
+fn the_setting_modules_makes_a_gateway_with_long_images_the_modular_one_with_long_images() {
+    static LONG: Device = LONG_DEVICE;
+    let size = Size { ethercat: EthercatState::long, ..Size::default() };
+    with_gateway_on(Clock::Virtual, size, 1, SETTINGS, |world, rig| {
+        let place = rig.gateway.ethercat().unwrap();
+        let line = line_of_kind(Kind::IP_CORE, &LONG);
+        let (esc, mut interrupt) = direct(line.borrow().chip(0));
+        world.spawn(async move {
+            serve_long(place, None, esc, async || interrupt.wait_for_high().await.unwrap()).await;
+        });
+        world.run_for(Duration::from_secs(2));
+        let fixed = LONG.identity.product;
+        for _ in 0..2 {
+            assert_eq!(product(world, &line), (fixed, None));
+            rig.console("edit port ecat modules").unwrap();
+            world.run_for(Duration::from_millis(200));
+            assert_eq!(product(world, &line), (fixed + 1, Some(32)));
+            rig.console("edit port ecat no-modules").unwrap();
+            world.run_for(Duration::from_millis(200));
+        }
     });
 }
 

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use embassy_time::Timer;
+use ethercat_description::esi;
 use ethercat_subdevice::device::Device as Description;
-use ethercat_subdevice::esi;
 use mobgate::fieldbus::{DEVICE, GatewayObjects};
 use mobgate::language::apply;
 use mobgate::settings::Settings;

@@ -97,6 +97,8 @@ fn statement_61_lamps_follow_in_the_times_of_etg_1300_and_the_console_says_the_s
         });
         let shown = world.run_until(async { typed(rig.gateway, "show version\n").await });
         assert!(shown.contains("EtherCAT controller present, PreOp, RUN blinking, ERR off"), "{shown}");
+        // The first change is somewhere within a phase.
+        world.run_for(Duration::from_millis(200));
         seen.0.borrow_mut().clear();
         world.run_for(Duration::from_secs(2));
         let changes = seen.0.borrow().clone();

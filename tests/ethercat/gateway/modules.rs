@@ -2,10 +2,12 @@
 
 use ethercat_subdevice::device::Device;
 use ethercat_subdevice::sync_manager::Channel;
-use mobgate::fieldbus::{GatewayObjects, MODULAR};
+use mobgate::fieldbus::{GatewayObjects, LONG_MODULAR, MODULAR};
 use mobgate_simulator::Random;
 use mobgate_simulator::esc::Command;
+use mobgate_simulator::sub_device::direct;
 
+use super::bench::MS;
 use crate::bench::{ERROR, LOGICAL, OP, PRE_OP, Rig, SAFE_OP, place_with};
 use crate::information::{ask, list};
 
@@ -101,7 +103,7 @@ fn send(rig: &mut Rig<Objects>, list: &[(u16, u8, Vec<u8>)]) {
 }
 
 /// Sets the SyncManagers and FMMUs up by what the device says that its PDOs are, as MainDevices do; bytes of outputs and inputs.
-fn set_up(rig: &mut Rig<Objects>) -> [u16; 2] {
+pub(crate) fn set_up(rig: &mut Rig<Objects>) -> [u16; 2] {
     let mut logical = LOGICAL;
     [(0, Channel::Outputs, 0x1c12, 2), (1, Channel::Inputs, 0x1c13, 1)].map(
         |(nth, channel, index, direction)| {
@@ -274,6 +276,17 @@ fn what_does_not_fit_is_refused_with_its_reason() {
         assert!(text.starts_with(reason), "{text}");
         assert_eq!(rig.download(0x8000, 14, &[5]), Err(0x0609_0031), "no such type");
     }
+}
+
+#[test]
+fn modules_that_the_controllers_memory_does_not_hold_are_refused() {
+    static LONG: Device = LONG_MODULAR;
+    let place = place_with("port ecat ethercat modules");
+    // 4 KiB hold no inputs behind 1500 bytes of outputs.
+    let mut rig = Rig::reached_by(&LONG, GatewayObjects::modular(place), MS, direct);
+    rig.bring_to(PRE_OP);
+    send(&mut rig, &start_up_list(&[Module { discrete: 8, ..Module::default() }]));
+    assert_eq!(rig.request(SAFE_OP), (PRE_OP | ERROR, 0x24));
 }
 
 #[test]

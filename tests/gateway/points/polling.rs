@@ -217,7 +217,7 @@ fn a_gateway_without_memory_for_points_refuses_them_and_changes_nothing() {
 fn with_one_frame_for_itself_a_scanner_asks_one_device_after_the_other_and_leaves_none_out() {
     use mobgate::settings::PORTS_MAX;
     use mobgate_simulator::rig::{Size, with_gateway_of};
-    let mut settings = "port bus serial uart1 rtu client 19200 8E1
+    let mut settings = "port bus serial uart1 rtu client 19200 8E1 timeout 1s
         port scan scanner
         route scan 1-247 * * bus\n"
         .to_owned();

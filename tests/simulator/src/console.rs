@@ -16,13 +16,22 @@ pub async fn typed(gateway: &Gateway<'_>, text: &str) -> String {
 
 /// Types each of `parts` so long after the one before, and gives what the console of `gateway` prints.
 pub async fn typed_slowly(gateway: &Gateway<'_>, parts: &[(Duration, &str)]) -> String {
+    typed_in(gateway, parts, Mode::Plain).await
+}
+
+/// The same at a terminal, which sends keys.
+pub async fn typed_at_terminal(gateway: &Gateway<'_>, parts: &[(Duration, &str)]) -> String {
+    typed_in(gateway, parts, Mode::Echo).await
+}
+
+async fn typed_in(gateway: &Gateway<'_>, parts: &[(Duration, &str)], mode: Mode) -> String {
     let mut at = Instant::now();
     let parts = parts.iter().map(|&(pause, text)| {
         at += pause;
         (at, text.as_bytes())
     });
     let mut terminal = Terminal { parts: parts.collect(), printed: Vec::new() };
-    let Ok(_) = run(gateway, &mut terminal, &mut NoStore, &Simulator, Mode::Plain).await;
+    let Ok(_) = run(gateway, &mut terminal, &mut NoStore, &Simulator, mode).await;
     String::from_utf8_lossy(&terminal.printed).into_owned()
 }
 

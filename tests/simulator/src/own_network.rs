@@ -27,6 +27,7 @@ pub fn in_own_network(test: &str, body: impl FnOnce()) {
         prepare();
         return body();
     }
+    require_user_namespaces();
     let output = again().args(["--exact", test, "--nocapture"]).output();
     let output = output.expect("unshare is installed: apt-get install util-linux");
     let said = [output.stdout, output.stderr].concat();
@@ -35,6 +36,25 @@ pub fn in_own_network(test: &str, body: impl FnOnce()) {
     assert!(said.contains("1 passed"), "the test's name is {test}:\n{said}");
     // For its figures.
     print!("{said}");
+}
+
+/// Ends a test by its name, and with what to do, where the system gives its user no namespaces.
+///
+/// # Panics
+/// When it does not.
+pub fn require_user_namespaces() {
+    let tried = Command::new("unshare").args(["--user", "--map-root-user", "true"]).output();
+    let tried = tried.expect("unshare is installed: apt-get install util-linux");
+    let test = std::thread::current().name().unwrap_or("this test").to_owned();
+    assert!(
+        tried.status.success(),
+        "{test} needs user namespaces: {}allow them by one of\n  \
+         sudo sysctl -w kernel.unprivileged_userns_clone=1                 # Debian\n  \
+         sudo sysctl -w kernel.apparmor_restrict_unprivileged_userns=0     # Ubuntu\n  \
+         sudo sysctl -w user.max_user_namespaces=15000                     # where there are none at all\n\
+         or, in a container, run that with --security-opt seccomp=unconfined",
+        String::from_utf8_lossy(&tried.stderr)
+    );
 }
 
 /// Whether this program runs in a network of its own.

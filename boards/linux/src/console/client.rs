@@ -3,7 +3,7 @@
 //! At a terminal each key goes to the gateway's line editor and what it draws comes back, so the terminal is raw till the end, also
 //! if that is a signal. Otherwise lines go there, from the command line or from standard input, and only answers come back.
 
-use std::io::{self, IsTerminal, Read, Write, stdin, stdout};
+use std::io::{self, IsTerminal, Read as _, Write as _, stdin, stdout};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::process::ExitCode;
@@ -17,7 +17,7 @@ use signal_hook::low_level::emulate_default_handler;
 use super::hello::{Hello, carried_out};
 use super::socket;
 use crate::cli::Join;
-use crate::stdio::RawMode;
+use crate::stdio::{RawMode, hand_on};
 
 /// A line was refused.
 const REFUSED: u8 = 1;
@@ -43,7 +43,9 @@ fn converse(join: &Join) -> Result<Option<bool>, String> {
     let fault = |error: io::Error| format!("console: {error}");
     if !join.line.is_empty() {
         greet(&stream, Hello::Lines);
-        send(&stream, (join.line.join(" ") + "\n").as_bytes());
+        let line = join.line.join(" ") + "\n";
+        hand_on(line.as_bytes(), &stream, stdout().is_terminal());
+        let _ = stream.shutdown(Shutdown::Write);
         return print(&stream).map_err(fault);
     }
     let terminal = stdin().is_terminal() && stdout().is_terminal();
@@ -51,7 +53,11 @@ fn converse(join: &Join) -> Result<Option<bool>, String> {
     greet(&stream, if terminal { Hello::Terminal } else { Hello::Lines });
     let to = stream.try_clone().map_err(fault)?;
     // Of its own, because the gateway may want its responses to be read before it reads on.
-    thread::spawn(move || send(&to, stdin()));
+    thread::spawn(move || {
+        hand_on(stdin(), &to, terminal);
+        // Where the session ends first there is nobody to tell.
+        to.shutdown(Shutdown::Write)
+    });
     // At a terminal the user has seen what came of each line.
     print(&stream).map(|all| if terminal { all.map(|_| true) } else { all }).map_err(fault)
 }
@@ -89,19 +95,6 @@ impl Drop for Raw {
     fn drop(&mut self) {
         self.leave();
     }
-}
-
-/// Sends `input` till its end. Where the session ends first there is nobody to tell.
-fn send(mut stream: &UnixStream, mut input: impl Read) {
-    let mut piece = [0; 4096];
-    loop {
-        match input.read(&mut piece) {
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Ok(count @ 1..) if stream.write_all(&piece[..count]).is_ok() => {}
-            _ => break,
-        }
-    }
-    let _ = stream.shutdown(Shutdown::Write);
 }
 
 /// Prints what comes till the end of the session; gives what its last byte says.

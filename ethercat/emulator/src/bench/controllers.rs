@@ -2,33 +2,28 @@
 
 use crate::Lan9252;
 use crate::lan9252::{Spi, Timing};
-use crate::sub_device::direct;
 use crate::{Interrupt, Kind, SharedChip};
 use embassy_time::Duration;
-use ethercat_subdevice::application::Application;
-use ethercat_subdevice::device::Device;
 use ethercat_subdevice::lan9252::{InterruptPin, Lan9252 as Driver, Wiring};
-
-use super::{Rig, Start};
 
 /// Says on which controller the suite runs.
 pub const CHOICE: &str = "MOBGATE_CONTROLLER";
 /// Between two frames, where an access takes no time, and on an SPI.
-const PAUSE: Duration = Duration::from_micros(50);
-const SPI_PAUSE: Duration = Duration::from_millis(2);
+pub(super) const PAUSE: Duration = Duration::from_micros(50);
+pub(super) const SPI_PAUSE: Duration = Duration::from_millis(2);
 /// A LAN9252 is ready 20 ms after its driver has reset it.
-const POWER_ON: Duration = Duration::from_millis(50);
+pub(super) const POWER_ON: Duration = Duration::from_millis(50);
 
 /// A controller, and how the processor reaches it.
 #[derive(Debug, Clone, Copy)]
 pub struct Controller {
     /// As it is asked for.
     pub name: &'static str,
-    kind: Kind,
+    pub(super) kind: Kind,
     /// It is a LAN9252 on an SPI, with this pin; else it is reached directly.
-    spi: Option<InterruptPin>,
+    pub(super) spi: Option<InterruptPin>,
     /// The processor notes rising edges of its line instead of looking at the level.
-    edges: bool,
+    pub(super) edges: bool,
 }
 
 /// All of them; the first is the one by default.
@@ -74,22 +69,5 @@ impl Controller {
         let Ok(name) = std::env::var(CHOICE) else { return usual };
         let chosen = CONTROLLERS.into_iter().find(|controller| controller.name == name);
         chosen.unwrap_or_else(|| panic!("no controller is called {name}"))
-    }
-
-    /// A device on it, with this application, switched on.
-    pub fn rig<A: Application + 'static>(self, device: &'static Device, application: A) -> Rig<A> {
-        let start = Start { kind: self.kind, pause: PAUSE, edges: self.edges };
-        match self.spi {
-            None => Rig::start(device, application, start, direct),
-            Some(interrupt) => {
-                let start = Start { pause: SPI_PAUSE, ..start };
-                let mut rig = Rig::start(device, application, start, |chip| {
-                    let (driver, line, _) = lan9252_with(chip, interrupt, Timing::USUAL);
-                    (driver, line)
-                });
-                rig.world.run_for(POWER_ON);
-                rig
-            }
-        }
     }
 }

@@ -19,7 +19,7 @@ const IDENTITY: Identity =
     Identity { vendor: 0x1234_5678, product: 0x9abc_def0, revision: 0x11, serial: 0x22 };
 const IDENTITY_ENTRIES: &[Entry] = &standard::identity_entries(IDENTITY);
 
-const ANY: (u64, u64) = (0, u64::MAX);
+const ANY: (u32, u32) = (0, u32::MAX);
 
 const RECORD: &[Entry] = &[
     Entry::setting("Byte", DataType::U8, 0, (0, 100)),

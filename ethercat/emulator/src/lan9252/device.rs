@@ -1,8 +1,8 @@
 //! The system registers.
 
+use super::conditions::{SpiFaults, Timing, Traffic};
 use super::csr::Csr;
 use super::fifo::{Fifo, or_nothing};
-use super::{SpiFaults, Timing, Traffic};
 use crate::{Nanos, SharedChip};
 use mobgate_world::random::Random;
 

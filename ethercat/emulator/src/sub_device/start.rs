@@ -349,8 +349,8 @@ pub fn exchange_images_on<const OUTPUTS: usize, const INPUTS: usize>(
 
 /// What the counters of the frames add up to in which ethercrab exchanges process data, inputs first.
 fn working_counter(device: &Device) -> u16 {
-    let inputs = device.default_bytes(Channel::Inputs);
-    let bytes = inputs + device.default_bytes(Channel::Outputs);
+    let inputs = usize::from(device.default_bytes(Channel::Inputs));
+    let bytes = inputs + usize::from(device.default_bytes(Channel::Outputs));
     let frames = (0..bytes).step_by(DATA_BYTES);
     frames
         .map(|first| u16::from(first < inputs) + 2 * u16::from((first + DATA_BYTES).min(bytes) > inputs))

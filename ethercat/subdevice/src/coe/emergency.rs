@@ -1,6 +1,6 @@
 //! Emergencies: an error or its end, said once without being asked (ETG.1000.6, clause 5.6.4).
 
-use super::Service;
+use super::service::Service;
 use crate::al_state::AlStatusCode;
 use crate::mailbox::Payload;
 

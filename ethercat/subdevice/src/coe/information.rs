@@ -7,8 +7,8 @@ use core::fmt::Write;
 
 use heapless::Vec;
 
-use super::Service;
 use super::abort::Abort;
+use super::service::Service;
 use crate::application::Application;
 use crate::catalogue::Catalogue;
 use crate::dictionary::Dictionary;
@@ -165,7 +165,7 @@ impl Information {
     fn entry(&mut self, sub: u8, wanted: u8, entry: Entry) -> Result<(), Refusal> {
         let default = entry.default_number().filter(|_| wanted & value_info::DEFAULT != 0);
         let bounded = entry.data_type.is_number() && entry.access.any(Access::WRITE);
-        let least = (bounded && wanted & value_info::LEAST != 0).then_some(entry.range.0);
+        let least = (bounded && wanted & value_info::LEAST != 0).then_some(u64::from(entry.range.0));
         let greatest = (bounded && wanted & value_info::GREATEST != 0).then_some(entry.greatest());
         let values =
             [(value_info::DEFAULT, default), (value_info::LEAST, least), (value_info::GREATEST, greatest)];

@@ -1,7 +1,7 @@
 //! The SDO server: reads and writes of objects, in one message or in segments (ETG.1000.6, clause 5.6.2).
 
-use super::Service;
 use super::abort::Abort;
+use super::service::Service;
 use crate::application::{Address, Application};
 use crate::dictionary::{Bytes, Dictionary, OBJECT_BYTES_MAX, Target};
 use crate::mailbox::Payload;

@@ -8,6 +8,7 @@
 use embedded_hal_async::spi::SpiDevice;
 
 use super::bus::STREAM_BYTES;
+use super::direction::Direction;
 use super::registers::{BUSY, COMMAND, DATA, POLLS_MAX, READ, command};
 use super::{AL_EVENT, Lan9252, PROCESS_RAM};
 use crate::esc::EscError;
@@ -15,30 +16,6 @@ use crate::esc::EscError;
 const ABORT: u32 = 1 << 30;
 /// After so many transfers in a row that were not finished in time the chip is reset.
 const STUCK_MAX: u8 = 2;
-
-/// One of the two engines.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Direction {
-    /// Where its FIFO is.
-    port: u16,
-    /// Its address and length register; the command register is right behind.
-    place: u16,
-    /// A transfer is under way: its future was dropped, or it failed.
-    open: bool,
-    /// So many transfers in a row were not finished in time.
-    stuck: u8,
-    /// Whether the level of the FIFO must be watched.
-    watched: bool,
-}
-
-impl Direction {
-    pub(super) const READ: Self = Self { port: 0x000, place: 0x308, open: false, stuck: 0, watched: true };
-    pub(super) const WRITE: Self = Self { port: 0x020, place: 0x310, open: false, stuck: 0, watched: true };
-
-    fn command(self) -> u16 {
-        self.place + 4
-    }
-}
 
 /// Double words that wait, or for which there is room, in a command register.
 fn count(status: u32) -> usize {

@@ -3,7 +3,7 @@
 use embassy_time::{Duration, Timer};
 use embedded_hal_async::spi::SpiDevice;
 
-use super::fifo::Direction;
+use super::direction::Direction;
 use super::registers::{BUSY, COMMAND, POLLS_MAX};
 use super::{Health, InterruptPin, Lan9252};
 use crate::esc::EscError;

@@ -1,7 +1,7 @@
 //! What a PDO carries: runs of entries, and what fills it up.
 
-/// Runs of entries that a PDO carries at most.
-pub const RUNS_MAX: usize = 8;
+/// Runs of entries that a PDO carries at most: every object has room for them.
+pub const RUNS_MAX: usize = 6;
 
 /// What a PDO carries, in order.
 #[derive(Debug, Clone, Copy)]

@@ -2,23 +2,12 @@
 
 use embassy_time::Instant;
 
-use super::{FREE_RUN_CYCLE, SubDevice};
+use super::{FREE_RUN_CYCLE, Seen, SubDevice};
 use crate::al_state::AlState;
 use crate::application::Application;
 use crate::esc::{Esc, EscError, agree, read_agreed};
 use crate::registers::Events;
 use crate::sync_manager::Channel;
-
-/// What was seen of the interrupt, behind all that clears events of process data.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Seen {
-    /// Nobody looked.
-    Nothing,
-    /// It was not asked for.
-    Quiet,
-    /// It was asked for.
-    DirectRequestState,
-}
 
 impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevice<E, A, OUTPUTS, INPUTS> {
     /// The events, and new outputs with them.

@@ -1,6 +1,6 @@
 //! XML, as far as it is needed: elements in elements, indented, their text escaped.
 
-use core::fmt::{Arguments, Display, Error, Formatter, Write};
+use std::fmt::{Arguments, Display, Error, Formatter, Write};
 
 /// Writes elements.
 pub(super) struct Xml<'w, W> {

@@ -3,15 +3,17 @@
 //! The schema enforces the order of elements, so they are written in that order.
 
 mod dictionary;
+mod entries;
 mod modules;
 mod xml;
 
-use core::fmt::{Error, Write};
+use std::fmt::{Error, Write};
 
-use crate::device::Device;
-use crate::object::{DataType, Entries, Entry, Object, PADDING};
-use crate::sii::{SII_BYTES, SiiFull, coe_details, default_length, write as write_sii};
-use crate::sync_manager::{Channel, MAILBOX_BYTES_MIN};
+use crate::sii::{SII_BYTES, SiiFull, coe_details, write as write_sii};
+use entries::{Place, write_entries};
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::object::Object;
+use ethercat_subdevice::sync_manager::{Channel, MAILBOX_BYTES_MIN};
 use modules::NoModule;
 use xml::Xml;
 
@@ -21,14 +23,20 @@ pub use modules::{Command, Module, Slots};
 const PROFILE: u16 = 5001;
 
 /// Writes the description of `device`.
+///
+/// # Errors
+/// When it does not fit into an EEPROM, or nothing can be written there.
 pub fn write(device: &Device, into: &mut impl Write) -> Result<(), EsiError> {
-    write_file(&[(device, None)], core::iter::empty::<NoModule>, into)
+    write_file::<NoModule>(&[(device, None)], &[], into)
 }
 
 /// Writes the description of devices of one vendor and group, some of which have slots, and of the `modules` that can be in those.
-pub fn write_file<M: Module, I: Iterator<Item = M>>(
+///
+/// # Errors
+/// When a description does not fit into an EEPROM, or nothing can be written there.
+pub fn write_file<M: Module>(
     devices: &[(&Device, Option<Slots>)],
-    modules: impl Fn() -> I,
+    modules: &[M],
     into: &mut impl Write,
 ) -> Result<(), EsiError> {
     let Some((first, _)) = devices.first() else { return Err(EsiError::Write) };
@@ -55,10 +63,10 @@ pub fn write_file<M: Module, I: Iterator<Item = M>>(
                     })
                 })
             })?;
-            match modules().next() {
-                None => Ok(()),
-                Some(_) => xml.within("Modules", format_args!(""), |xml| {
-                    modules().try_for_each(|module| modules::write(xml, &module))
+            match modules {
+                [] => Ok(()),
+                modules => xml.within("Modules", format_args!(""), |xml| {
+                    modules.iter().try_for_each(|module| modules::write(xml, module))
                 }),
             }
         })
@@ -95,7 +103,7 @@ fn write_device<W: Write>(xml: &mut Xml<'_, W>, device: &Device, slots: Option<&
     xml.text("GroupType", format_args!("{}", device.group))?;
     xml.within("Profile", format_args!(""), |xml| {
         xml.text("ProfileNo", format_args!("{PROFILE}"))?;
-        xml.within("Dictionary", format_args!(""), |xml| dictionary::write(xml, device))?;
+        dictionary::write(xml, device.objects, Place::Device)?;
         write_texts(xml, device)
     })?;
     for usage in ["Outputs", "Inputs", "MBoxState"] {
@@ -151,7 +159,7 @@ fn write_sync_manager<W: Write>(
         Channel::Outputs => "Outputs",
         Channel::Inputs => "Inputs",
     };
-    let length = default_length(device, channel);
+    let length = device.default_bytes(channel);
     let bounds = match channel {
         Channel::MailboxOut | Channel::MailboxIn => (length.max(MAILBOX_BYTES_MIN), length),
         Channel::Outputs | Channel::Inputs => (0, device.bytes_max(channel)),
@@ -191,98 +199,13 @@ fn write_pdo<W: Write>(
     }
 }
 
-/// Whose objects an index is one of.
-#[derive(Clone, Copy)]
-enum Place {
-    /// The device's: it is as it is.
-    Device,
-    /// A module's: it is that in slot 0.
-    Slot,
-}
-
-impl core::fmt::Display for Place {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Device => Ok(()),
-            Self::Slot => f.write_str(" DependOnSlot=\"true\""),
-        }
-    }
-}
-
-/// What `pdo` carries, of the objects that `object` finds.
-fn write_entries<W: Write>(
-    xml: &mut Xml<'_, W>,
-    pdo: &Object,
-    whose: Place,
-    object: impl Fn(u16) -> Option<Object>,
-) -> Result<(), Error> {
-    pdo.mapped().try_for_each(|mapped| {
-        let [bits, sub, index @ ..] = mapped.to_le_bytes();
-        let index = u16::from_le_bytes(index);
-        if index == PADDING {
-            return xml.within("Entry", format_args!(""), |xml| {
-                xml.text("Index", format_args!("#x{index:04X}"))?;
-                xml.text("BitLen", format_args!("{bits}"))
-            });
-        }
-        let object = object(index).ok_or(Error)?;
-        let entry = object.entry(sub).ok_or(Error)?;
-        xml.within("Entry", format_args!(""), |xml| {
-            xml.element("Index", format_args!("{whose}"), format_args!("#x{index:04X}"))?;
-            xml.text("SubIndex", format_args!("{sub}"))?;
-            xml.text("BitLen", format_args!("{bits}"))?;
-            xml.text("Name", format_args!("{}", entry.label()))?;
-            // An EEPROM may have no room for a name of each entry; which one it is stands in the comment then.
-            if let (Entries::Array(_, Entry { number: None, .. }), Some(place)) =
-                (&object.entries, sub.checked_sub(1))
-            {
-                write_place(xml, entry, place)?;
-            }
-            xml.text("DataType", format_args!("{}", TypeName(entry.data_type)))
-        })
-    })
-}
-
-/// Which element of an array an entry is, counted from 0; of bytes which ones.
-fn write_place<W: Write>(xml: &mut Xml<'_, W>, entry: Entry, place: u8) -> Result<(), Error> {
-    match entry.data_type {
-        DataType::Octets(bytes) => {
-            let first = u16::from(place) * bytes;
-            xml.text("Comment", format_args!("{} {first} to {}", entry.name, first + bytes - 1))
-        }
-        _ => xml.text("Comment", format_args!("{} {place}", entry.name)),
-    }
-}
-
 /// What CoE offers, as attributes.
 struct CoeDetails<'d>(&'d Device);
 
-impl core::fmt::Display for CoeDetails<'_> {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+impl std::fmt::Display for CoeDetails<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         coe_details(self.0)
             .iter()
             .try_for_each(|(attribute, _, offered)| write!(f, " {attribute}=\"{offered}\""))
-    }
-}
-
-/// The name of a type in the file.
-struct TypeName(DataType);
-
-impl core::fmt::Display for TypeName {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self.0 {
-            DataType::Bool => f.write_str("BOOL"),
-            DataType::I16 => f.write_str("INT"),
-            DataType::I32 => f.write_str("DINT"),
-            DataType::F32 => f.write_str("REAL"),
-            DataType::U8 => f.write_str("USINT"),
-            DataType::U16 => f.write_str("UINT"),
-            DataType::U32 => f.write_str("UDINT"),
-            DataType::U64 => f.write_str("ULINT"),
-            DataType::Text(bytes) => write!(f, "STRING({bytes})"),
-            DataType::Octets(bytes) | DataType::OctetsUpTo(bytes) => {
-                write!(f, "ARRAY [0..{}] OF BYTE", bytes.saturating_sub(1))
-            }
-        }
     }
 }

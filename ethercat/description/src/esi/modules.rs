@@ -1,12 +1,14 @@
 //! Slots and modules in the ESI file (ETG.2000): what can be put where, and what a MainDevice writes for it at start.
 
-use core::fmt::{Display, Error, Write};
+use std::fmt::{Display, Error, Write};
 
+use ethercat_subdevice::application::Address;
+use ethercat_subdevice::object::Object;
+use ethercat_subdevice::sync_manager::Channel;
+
+use super::dictionary;
+use super::entries::{Place, write_entries};
 use super::xml::{Hex, Xml};
-use super::{Place, write_entries};
-use crate::application::Address;
-use crate::object::Object;
-use crate::sync_manager::Channel;
 
 /// The slots of a device, all of one kind.
 #[derive(Debug, Clone, Copy)]
@@ -48,6 +50,9 @@ pub trait Module {
     /// Its object at `index`; PDOs are those at 1600h and 1A00h.
     fn object(&self, index: u16) -> Option<Object>;
 
+    /// All its objects but PDOs.
+    fn objects(&self) -> impl Iterator<Item = Object>;
+
     /// What is written at start.
     fn start_up(&self) -> impl Iterator<Item = Command>;
 }
@@ -72,8 +77,12 @@ impl Module for NoModule {
         match *self {}
     }
 
+    fn objects(&self) -> impl Iterator<Item = Object> {
+        std::iter::empty()
+    }
+
     fn start_up(&self) -> impl Iterator<Item = Command> {
-        core::iter::empty()
+        std::iter::empty()
     }
 }
 
@@ -118,7 +127,9 @@ pub(super) fn write<W: Write, M: Module>(xml: &mut Xml<'_, W>, module: &M) -> Re
                     write_command(xml, &command, Place::Slot, |index| module.object(index))
                 })
             })
-        })
+        })?;
+        let objects: Vec<_> = module.objects().collect();
+        xml.within("Profile", format_args!(""), |xml| dictionary::write(xml, &objects, Place::Slot))
     })
 }
 

@@ -2,29 +2,31 @@
 //!
 //! An object with several values has a type of its own, `DT` and its index; values of one kind stand in it as an array.
 
-use core::fmt::{Error, Write};
+use std::fmt::{Error, Write};
 
-use super::TypeName;
+use ethercat_subdevice::object::{Access, DataType, Entries, Entry, Object, Value};
+
+use super::entries::{Place, TypeName};
 use super::xml::{Hex, Xml};
-use crate::device::Device;
-use crate::object::{Access, DataType, Entries, Entry, Object, Value};
 
 /// Bits of sub-index 0 with what fills it up to the first value.
 const COUNT_BITS: usize = 16;
 
-pub(super) fn write<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(), Error> {
-    xml.within("DataTypes", format_args!(""), |xml| {
-        write_base_types(xml, device)?;
-        device.objects.iter().try_for_each(|object| write_type(xml, object))
-    })?;
-    xml.within("Objects", format_args!(""), |xml| {
-        device.objects.iter().try_for_each(|object| write_object(xml, object))
+pub(super) fn write<W: Write>(xml: &mut Xml<'_, W>, objects: &[Object], whose: Place) -> Result<(), Error> {
+    xml.within("Dictionary", format_args!(""), |xml| {
+        xml.within("DataTypes", format_args!(""), |xml| {
+            write_base_types(xml, objects)?;
+            objects.iter().try_for_each(|object| write_type(xml, object))
+        })?;
+        xml.within("Objects", format_args!(""), |xml| {
+            objects.iter().try_for_each(|object| write_object(xml, object, whose))
+        })
     })
 }
 
 /// Each type that some entry has, once, and that of the bytes in arrays.
-fn write_base_types<W: Write>(xml: &mut Xml<'_, W>, device: &Device) -> Result<(), Error> {
-    let types = || device.objects.iter().flat_map(types_of);
+fn write_base_types<W: Write>(xml: &mut Xml<'_, W>, objects: &[Object]) -> Result<(), Error> {
+    let types = || objects.iter().flat_map(types_of);
     if types().any(|data_type| matches!(data_type, DataType::Octets(_) | DataType::OctetsUpTo(_))) {
         xml.within("DataType", format_args!(""), |xml| {
             xml.text("Name", format_args!("BYTE"))?;
@@ -118,9 +120,9 @@ fn write_sub_items<W: Write>(xml: &mut Xml<'_, W>, object: &Object) -> Result<()
     })
 }
 
-fn write_object<W: Write>(xml: &mut Xml<'_, W>, object: &Object) -> Result<(), Error> {
+fn write_object<W: Write>(xml: &mut Xml<'_, W>, object: &Object, whose: Place) -> Result<(), Error> {
     xml.within("Object", format_args!(""), |xml| {
-        xml.text("Index", format_args!("#x{:04X}", object.index))?;
+        xml.element("Index", format_args!("{whose}"), format_args!("#x{:04X}", object.index))?;
         xml.text("Name", format_args!("{}", object.name))?;
         if let Entries::Variable(entry) = object.entries {
             xml.text("Type", format_args!("{}", TypeName(entry.data_type)))?;

@@ -2,10 +2,11 @@
 
 use crc::{Algorithm, Crc};
 
-use crate::device::Device;
-use crate::object::{Object, PADDING};
-use crate::sync_manager::Channel;
-use strings::{Strings, Text};
+use ethercat_subdevice::device::Device;
+use ethercat_subdevice::object::{Object, PADDING};
+use ethercat_subdevice::sync_manager::Channel;
+
+use strings::Strings;
 
 mod strings;
 
@@ -76,11 +77,11 @@ pub fn write(device: &Device, into: &mut [u8; SII_BYTES]) -> Result<(), SiiFull>
     let strings = Strings::of(device).ok_or(SiiFull)?;
     let mut writer = Writer { bytes: categories, at: 0 };
     writer.category(Category::Strings, |writer| {
-        writer.put(&[strings.count()])?;
+        let strings = strings.all();
+        writer.put(&[strings.len() as u8])?;
         strings.iter().try_for_each(|text| {
-            let letters = text.letters().ok_or(SiiFull)?;
-            writer.put(&[letters.len() as u8])?;
-            writer.put(letters.as_bytes())
+            writer.put(&[text.len() as u8])?;
+            writer.put(text.as_bytes())
         })
     })?;
     writer.category(Category::General, |writer| writer.put(&general(device, &strings)))?;
@@ -132,13 +133,13 @@ fn general(device: &Device, strings: &Strings) -> [u8; 32] {
     let details = coe_details(device).into_iter().filter(|(_, _, offered)| *offered);
     let details = details.fold(COE_SDO, |details, (_, bit, _)| details | bit);
     let fields = [
-        (0x00, strings.index(Text::Fixed(device.group))),
-        (0x02, strings.index(Text::Fixed(device.order))),
-        (0x03, strings.index(Text::Fixed(device.name))),
+        (0x00, strings.index(device.group)),
+        (0x02, strings.index(device.order)),
+        (0x03, strings.index(device.name)),
         (0x05, details),
         (0x0b, GENERAL_FLAGS),
         // For readers of an older format.
-        (0x0e, strings.index(Text::Fixed(device.group))),
+        (0x0e, strings.index(device.group)),
         (0x10, ports_low),
         (0x11, ports_high),
     ];
@@ -149,19 +150,11 @@ fn general(device: &Device, strings: &Strings) -> [u8; 32] {
 }
 
 fn sync_manager(device: &Device, channel: Channel) -> [u8; 8] {
-    let length = default_length(device, channel);
+    let length = device.default_bytes(channel);
     let [start_low, start_high] = device.memory.start(channel).to_le_bytes();
     let [length_low, length_high] = length.to_le_bytes();
     let enable = u8::from(device.is_enabled(channel));
     [start_low, start_high, length_low, length_high, channel.control(), 0, enable, channel.purpose()]
-}
-
-/// A SyncManager's length after power-on.
-pub fn default_length(device: &Device, channel: Channel) -> u16 {
-    match channel {
-        Channel::MailboxOut | Channel::MailboxIn => device.memory.mailbox_bytes,
-        Channel::Outputs | Channel::Inputs => device.default_bytes(channel) as u16,
-    }
 }
 
 fn write_pdo(
@@ -174,7 +167,7 @@ fn write_pdo(
     let assigned = device.is_assigned(channel, pdo.index);
     let sync_manager = if assigned { channel as u8 } else { NOT_ASSIGNED };
     writer.put(&pdo.index.to_le_bytes())?;
-    writer.put(&[pdo.sub_max(), sync_manager, 0, strings.index(Text::Fixed(pdo.name))])?;
+    writer.put(&[pdo.sub_max(), sync_manager, 0, strings.index(pdo.name)])?;
     writer.put(&PDO_FIXED.to_le_bytes())?;
     pdo.mapped().try_for_each(|mapped| {
         let [bits, sub, index @ ..] = mapped.to_le_bytes();
@@ -186,7 +179,7 @@ fn write_pdo(
         writer.put(&index.to_le_bytes())?;
         writer.put(&[
             sub,
-            strings.index(Text::Entry(entry.label())),
+            strings.index(&entry.label().to_string()),
             entry.data_type.code() as u8,
             bits,
             0,

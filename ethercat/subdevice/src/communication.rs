@@ -1,0 +1,222 @@
+//! What the stack itself keeps behind objects: which PDOs are assigned, and how the application is synchronised.
+
+use crate::application::Application;
+use crate::assignment::{Assignment, Pdos};
+use crate::catalogue::Catalogue;
+use crate::coe::abort::Abort;
+use crate::device::Device;
+use crate::object::{Object, PDOS_SELECTED_MAX};
+use crate::standard::RESET_COUNTERS;
+use crate::sync_manager::Channel;
+
+/// What an assignment is of the objects that there are.
+impl Assignment {
+    /// The assigned PDOs.
+    pub fn pdos<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> impl Iterator<Item = Object> {
+        self.indices().filter_map(|index| catalogue.object(index))
+    }
+
+    /// Bytes of all assigned PDOs.
+    pub fn bytes<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> u16 {
+        match self.pdos {
+            Pdos::Listed { .. } => self.pdos(catalogue).map(|pdo| pdo.pdo_bytes()).sum::<usize>() as u16,
+            Pdos::Modules { bytes, .. } => bytes,
+        }
+    }
+
+    /// What the list is after a write at a sub-index: sub-index 0 last, and 0 before the others are written (ETG.1020).
+    pub fn with<A: Application>(
+        mut self,
+        catalogue: &Catalogue<'_, A>,
+        sub: u8,
+        value: u16,
+    ) -> Result<Self, Abort> {
+        let Pdos::Listed { count, pdos } = &mut self.pdos else { return Err(Abort::ReadOnly) };
+        match sub.checked_sub(1) {
+            None => {
+                if usize::from(value) > PDOS_SELECTED_MAX {
+                    return Err(Abort::PdoLength);
+                }
+                *count = value as u8;
+                self.checked(catalogue)
+            }
+            Some(_) if *count != 0 => Err(Abort::CountNotZero),
+            Some(at) => {
+                *pdos.get_mut(usize::from(at)).ok_or(Abort::NoEntry)? = value;
+                if value != 0 {
+                    self.pdo(catalogue, value)?;
+                }
+                Ok(self)
+            }
+        }
+    }
+
+    /// The list with all of `pdos`.
+    pub fn replaced<A: Application>(
+        mut self,
+        catalogue: &Catalogue<'_, A>,
+        pdos: impl ExactSizeIterator<Item = u16>,
+    ) -> Result<Self, Abort> {
+        if pdos.len() > PDOS_SELECTED_MAX {
+            return Err(Abort::PdoLength);
+        }
+        self.pdos = Pdos::listed(pdos);
+        self.checked(catalogue)
+    }
+
+    fn checked<A: Application>(self, catalogue: &Catalogue<'_, A>) -> Result<Self, Abort> {
+        for (at, index) in self.indices().enumerate() {
+            let pdo = self.pdo(catalogue, index)?;
+            for other in self.indices().skip(at + 1) {
+                if other == index || pdo.excludes(&self.pdo(catalogue, other)?) {
+                    return Err(Abort::Incompatible);
+                }
+            }
+        }
+        if self.bytes(catalogue) > self.room {
+            return Err(Abort::PdoLength);
+        }
+        Ok(self)
+    }
+
+    fn pdo<A: Application>(&self, catalogue: &Catalogue<'_, A>, index: u16) -> Result<Object, Abort> {
+        let object = catalogue.object(index).filter(|object| object.pdo() == Some(self.channel()));
+        object.ok_or(Abort::NotMappable)
+    }
+}
+
+/// When images are exchanged with the application.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Synchronisation {
+    /// Outputs when they come, inputs by the local clock.
+    FreeRun,
+    /// With the SyncManagers' events: inputs are renewed when outputs came or inputs were fetched.
+    SyncManager,
+}
+
+/// How the exchange of images keeps up with the MainDevice: 1C32h and 1C33h from entry 05 on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Timing {
+    /// 05: the shortest cycle in which no image is left out, in nanoseconds; computed before each request of the mailbox.
+    pub minimum_cycle_ns: u32,
+    /// 0B: images that came before the one in front of them was taken.
+    pub missed_events: u16,
+}
+
+impl Timing {
+    const NEW: Self = Self { minimum_cycle_ns: 0, missed_events: 0 };
+
+    fn value(&self, sub: u8) -> Option<u32> {
+        Some(match sub {
+            0x05 => self.minimum_cycle_ns,
+            // Nothing is being measured.
+            0x08 => 0,
+            0x0b => self.missed_events.into(),
+            _ => return None,
+        })
+    }
+}
+
+/// The values that the stack keeps, as they are after power-on until a MainDevice changes them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Communication {
+    /// 1C12h.
+    pub outputs: Assignment,
+    /// 1C13h.
+    pub inputs: Assignment,
+    /// 1C32h:01.
+    outputs_synchronised: u16,
+    /// 1C33h:01.
+    inputs_synchronised: u16,
+    /// What 1C32h and 1C33h tell about the exchange.
+    pub timing: Timing,
+}
+
+impl Communication {
+    const FREE_RUN: u16 = 0x00;
+    const OWN_EVENT: u16 = 0x01;
+    const OUTPUTS_EVENT: u16 = 0x22;
+
+    /// After power-on.
+    pub fn new(device: &Device) -> Self {
+        Self {
+            outputs: Assignment::of_device(device, Channel::Outputs),
+            inputs: Assignment::of_device(device, Channel::Inputs),
+            outputs_synchronised: Self::OWN_EVENT,
+            inputs_synchronised: Self::OUTPUTS_EVENT,
+            timing: Timing::NEW,
+        }
+    }
+
+    /// Counts outputs that were `missed`.
+    pub(crate) fn note_missed(&mut self, missed: bool) {
+        self.timing.missed_events = self.timing.missed_events.saturating_add(missed.into());
+    }
+
+    /// Whether inputs are renewed with the outputs alone (1C33h:01 = 22h), and there are any.
+    pub fn inputs_follow_outputs<A: Application>(&self, catalogue: &Catalogue<'_, A>) -> bool {
+        self.inputs_synchronised == Self::OUTPUTS_EVENT && self.outputs.bytes(catalogue) > 0
+    }
+
+    /// Carries the PDOs that the application says, where it says so.
+    pub fn follow(&mut self, application: &impl Application) {
+        for assignment in [&mut self.outputs, &mut self.inputs] {
+            if let Some(other) = application.assignment(assignment.channel()) {
+                // There is as much room as before.
+                assignment.pdos = other.pdos;
+            }
+        }
+    }
+
+    /// Synchronisation of both directions, if they fit each other.
+    pub fn synchronisation(&self) -> Option<Synchronisation> {
+        match (self.outputs_synchronised, self.inputs_synchronised) {
+            (Self::FREE_RUN, Self::FREE_RUN) => Some(Synchronisation::FreeRun),
+            (Self::OWN_EVENT, Self::OWN_EVENT | Self::OUTPUTS_EVENT) => Some(Synchronisation::SyncManager),
+            _ => None,
+        }
+    }
+
+    /// The assignment behind an object.
+    pub fn assignment(&mut self, index: u16) -> Option<&mut Assignment> {
+        match index {
+            0x1c12 => Some(&mut self.outputs),
+            0x1c13 => Some(&mut self.inputs),
+            _ => None,
+        }
+    }
+
+    /// A value of the stack's.
+    pub fn value(&mut self, index: u16, sub: u8) -> Option<u32> {
+        match (index, sub) {
+            (0x1c32, 1) => Some(self.outputs_synchronised.into()),
+            (0x1c33, 1) => Some(self.inputs_synchronised.into()),
+            (0x1c32 | 0x1c33, _) => self.timing.value(sub),
+            _ => self.assignment(index).map(|assignment| assignment.value(sub).into()),
+        }
+    }
+
+    /// Writes a value of the stack's.
+    pub fn set<A: Application>(
+        &mut self,
+        catalogue: &Catalogue<'_, A>,
+        index: u16,
+        sub: u8,
+        value: u16,
+    ) -> Result<(), Abort> {
+        match (index, sub, value) {
+            (0x1c32, 1, Self::FREE_RUN | Self::OWN_EVENT) => self.outputs_synchronised = value,
+            (0x1c33, 1, Self::FREE_RUN | Self::OWN_EVENT | Self::OUTPUTS_EVENT) => {
+                self.inputs_synchronised = value
+            }
+            (0x1c32 | 0x1c33, 8, 0) => {}
+            (0x1c32 | 0x1c33, 8, RESET_COUNTERS) => self.timing.missed_events = 0,
+            (0x1c32 | 0x1c33, ..) => return Err(Abort::Range),
+            _ => {
+                let assignment = self.assignment(index).ok_or(Abort::General)?;
+                *assignment = assignment.with(catalogue, sub, value)?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,20 @@
+//! What is known of a command besides what it does, be it one of the settings' language or of the console.
+
+use crate::language::{Offer, Verb};
+
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known {
+    pub(super) name: &'static str,
+    pub(super) help: &'static str,
+    pub(super) second: &'static [Offer],
+    pub(super) later: &'static [Offer],
+    /// Whether the image has it.
+    pub(super) exists: bool,
+}
+
+impl Known {
+    pub(super) fn new<Run>((name, verb): &(&'static str, Verb<Run>)) -> Self {
+        let Verb { help, second, later, lacks, .. } = verb;
+        Self { name, help, second, later, exists: lacks.is_none() }
+    }
+}

@@ -1,0 +1,306 @@
+//! What the lines of settings do, each behind its verb.
+
+use core::mem::discriminant;
+use core::num::NonZeroU16;
+
+use super::changed::Changed;
+use super::listed::listed;
+use super::point_problem::PointProblem;
+use super::port_words::Draft;
+use super::problem::Problem;
+use super::route_words::route;
+use super::values::{name, number};
+use super::words::{Word, Words, Wrong};
+use super::{
+    mdns, own_network, point_checks, point_words, port_keys, port_words, route_words, servers, slaves,
+};
+use crate::scanner::POINTS;
+use crate::settings::{
+    Destination, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings,
+};
+
+/// Carries out a line behind its verb.
+pub(crate) type Change = fn(&mut Settings, &Words<'_>) -> Result<Changed, Wrong>;
+
+/// What stands for a verb that the image lacks.
+pub(crate) fn absent(_: &mut Settings, _: &Words<'_>) -> Result<Changed, Wrong> {
+    Ok(Changed::Nothing)
+}
+
+/// `network ...`
+pub(crate) fn network(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
+    settings.network = Some(own_network::own_network(words)?);
+    Ok(Changed::Other)
+}
+
+/// `mdns ...`
+pub(crate) fn mdns_line(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
+    settings.mdns = mdns::mdns(words)?;
+    Ok(Changed::Other)
+}
+
+/// `route ...`: a rule behind the others.
+pub(crate) fn add_route(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
+    put_route(settings, words, settings.routes.len(), false)
+}
+
+/// Calls `each` with all keywords of rows and ports.
+pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
+    port_words::keywords(each);
+    port_keys::keywords(each);
+    route_words::keywords(each);
+    if SERVERS {
+        servers::keywords(each);
+    }
+    // No word of a line that is refused.
+    if POINTS {
+        point_words::keywords(each);
+        slaves::keywords(each);
+    }
+}
+
+/// `port ...`
+pub(crate) fn port(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
+    let name_word = words.take();
+    let name = name(name_word)?;
+    if port_words::is_kind(name_word) && !port_words::is_kind(words.peek()) {
+        return Err(
+            name_word.error(Problem::TakenAs("the port's name, which comes first: port NAME KIND ..."))
+        );
+    }
+    let draft = Draft::create(words)?;
+    // Not `find`, which also accepts a bare number for a name.
+    let same = |port: &Option<Port>| port.as_ref().is_some_and(|port| port.name.eq_ignore_ascii_case(&name));
+    let place = settings
+        .ports
+        .iter()
+        .position(same)
+        .or_else(|| settings.ports.iter().position(Option::is_none))
+        .ok_or_else(|| name_word.error(Problem::PortsFull))?;
+    put_port(
+        settings,
+        PortId(place as u8),
+        Port { name, kind: draft.kind, units: draft.units },
+        name_word,
+        draft.endpoint,
+    )
+}
+
+/// Checks `port` against all others and the rules, then stores it at `id`.
+fn put_port(
+    settings: &mut Settings,
+    id: PortId,
+    port: Port,
+    name: Word,
+    endpoint: Word,
+) -> Result<Changed, Wrong> {
+    let others = settings.ports.iter().enumerate().filter(|&(at, _)| at != id.index());
+    for Port { name, kind: other, .. } in others.filter_map(|(_, other)| other.as_ref()) {
+        match (&port.kind, other) {
+            (PortKind::Serial(own), PortKind::Serial(other)) if own.device == other.device => {
+                return Err(endpoint.error(Problem::DeviceTaken(name.clone())));
+            }
+            (PortKind::TcpServer(own), PortKind::TcpServer(other)) if own.listen.collides(&other.listen) => {
+                return Err(endpoint.error(Problem::ListenTaken));
+            }
+            (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
+                return Err(endpoint.error(Problem::ListenTaken));
+            }
+            (PortKind::Ethercat(_), PortKind::Ethercat(_)) => {
+                return Err(endpoint.error(Problem::Points(PointProblem::EthercatTaken)));
+            }
+            (PortKind::Scanner, PortKind::Scanner) => {
+                return Err(endpoint.error(Problem::Points(PointProblem::ScannerTaken)));
+            }
+            _ => {}
+        }
+    }
+    let has_lines = matches!(&port.kind, PortKind::TcpClient(client) if client.server.is_none());
+    if !has_lines {
+        check_no_servers(settings, id, name)?;
+    }
+    let changes = |old: &Port| discriminant(&old.kind) != discriminant(&port.kind);
+    if settings.port(id).is_some_and(changes) {
+        check_unused(settings, id, name)?;
+    }
+    if !port.kind.has_peers() {
+        let by_address = settings.routes.iter().map(|route| route.source == id && route.peer.is_some());
+        if let Some(rules) = Rules::of(by_address) {
+            return Err(name.error(Problem::RulesNeedTcp(rules)));
+        }
+    }
+    if let Some(slot) = settings.ports.get_mut(id.index()) {
+        *slot = Some(port);
+    }
+    Ok(Changed::Port(id))
+}
+
+/// Fails if the port at `id` has server lines.
+fn check_no_servers(settings: &Settings, id: PortId, word: Word) -> Result<(), Wrong> {
+    match settings.servers_of(id).count() {
+        0 => Ok(()),
+        count => Err(word.error(Problem::ServersInUse(count))),
+    }
+}
+
+/// Fails if there are devices or slaves that the port at `id` polls.
+fn check_unused(settings: &Settings, id: PortId, word: Word) -> Result<(), Wrong> {
+    match settings.port(id).map(|port| &port.kind) {
+        Some(PortKind::Scanner) if !settings.devices.is_empty() => {
+            Err(word.error(Problem::Points(PointProblem::ScannerInUse)))
+        }
+        Some(PortKind::Ethercat(_)) if !settings.slaves.is_empty() => {
+            Err(word.error(Problem::Points(PointProblem::EthercatInUse)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Parses a rule and stores it at index `at`, in place of the rule there or before it.
+fn put_route(settings: &mut Settings, words: &Words, at: usize, replace: bool) -> Result<Changed, Wrong> {
+    let first = words.peek();
+    let route = route(settings, words)?;
+    if let Some(same) = settings.routes.iter().position(|other| *other == route)
+        && !(replace && same == at)
+    {
+        let number = NonZeroU16::MIN.saturating_add(same as u16);
+        return Err(first.error(Problem::SameRoute(number)));
+    }
+    match settings.routes.get_mut(at).filter(|_| replace) {
+        Some(old) => *old = route,
+        None => settings.routes.insert(at, route).map_err(|_| first.error(Problem::RoutesFull))?,
+    }
+    Ok(Changed::Rule(at))
+}
+
+#[derive(Clone, Copy)]
+enum Thing {
+    Port,
+    Server,
+    Route,
+    Routes,
+    Device,
+    Point,
+    Slave,
+    Slaves,
+}
+
+/// What can be deleted.
+const THINGS: &[(&str, Thing)] = &[
+    ("port", Thing::Port),
+    ("server", Thing::Server),
+    ("route", Thing::Route),
+    ("routes", Thing::Routes),
+    ("device", Thing::Device),
+    ("point", Thing::Point),
+    ("slave", Thing::Slave),
+    ("slaves", Thing::Slaves),
+];
+const THINGS_EXPECTED: &str = listed!(THINGS);
+const ROUTE: (&str, Thing) = ("route", Thing::Route);
+
+/// The words for what can be deleted.
+pub(crate) fn things() -> impl Iterator<Item = &'static str> {
+    THINGS.iter().map(|(word, _)| *word)
+}
+
+/// `edit ...`
+pub(crate) fn edit(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
+    match words.take().keyword(&[("port", Thing::Port), ROUTE], "port or route")? {
+        Thing::Port => {
+            let name_word = words.take();
+            let (id, old) = existing_port(settings, name_word)?;
+            let draft = Draft::edit(old, words)?;
+            let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units };
+            put_port(settings, id, port, name_word, draft.endpoint)
+        }
+        _ => {
+            let at = route_place(settings, words.take())?;
+            put_route(settings, words, at, true)
+        }
+    }
+}
+
+/// `insert route ...`
+pub(crate) fn insert_route(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
+    words.take().keyword(&[ROUTE], "route")?;
+    let at = route_place(settings, words.take())?;
+    put_route(settings, words, at, false)
+}
+
+/// `move route ...`
+pub(crate) fn move_route(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
+    words.take().keyword(&[ROUTE], "route")?;
+    let from = route_place(settings, words.take())?;
+    let to = route_place(settings, words.take())?;
+    words.end()?;
+    let span = settings.routes.get_mut(from.min(to)..=from.max(to)).unwrap_or_default();
+    if from < to {
+        span.rotate_left(1)
+    } else {
+        span.rotate_right(1)
+    }
+    Ok(Changed::Rule(to))
+}
+
+/// `delete ...`
+pub(crate) fn delete(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
+    match words.take().keyword(THINGS, THINGS_EXPECTED)? {
+        Thing::Port => {
+            let word = words.take();
+            let (id, _) = existing_port(settings, word)?;
+            words.end()?;
+            let names = |route: &Route| route.source == id || route.destination == Destination::Port(id);
+            if let Some(rules) = Rules::of(settings.routes.iter().map(names)) {
+                return Err(word.error(Problem::PortInUse(rules)));
+            }
+            check_unused(settings, id, word)?;
+            check_no_servers(settings, id, word)?;
+            if let Some(slot) = settings.ports.get_mut(id.index()) {
+                *slot = None;
+            }
+        }
+        Thing::Server => return servers::delete_server(settings, words),
+        Thing::Route => {
+            let at = route_place(settings, words.take())?;
+            words.end()?;
+            settings.routes.remove(at);
+        }
+        Thing::Routes => {
+            words.end()?;
+            settings.routes.clear();
+        }
+        _ if !POINTS => return Err(words.take().error(Problem::NoPoints)),
+        Thing::Slaves => {
+            words.end()?;
+            settings.slaves.clear();
+        }
+        thing => {
+            let word = words.take();
+            words.end()?;
+            return match thing {
+                Thing::Device => point_checks::delete_device(settings, word),
+                Thing::Point => point_checks::delete_point(settings, word),
+                _ => slaves::delete_slave(settings, word),
+            };
+        }
+    }
+    Ok(Changed::Other)
+}
+
+fn existing_port<'s>(settings: &'s Settings, word: Word) -> Result<(PortId, &'s Port), Wrong> {
+    if word.is_end() {
+        return Err(word.expected("a port name"));
+    }
+    let id = settings.find(word.text);
+    id.and_then(|id| Some((id, settings.port(id)?))).ok_or_else(|| word.error(Problem::NoSuchPort))
+}
+
+/// The index of the rule with number `word`.
+fn route_place(settings: &Settings, word: Word) -> Result<usize, Wrong> {
+    let number = number(word, "a rule's number", 1..=ROUTES_MAX as u32)? as usize;
+    let count = settings.routes.len();
+    if number <= count { Ok(number - 1) } else { Err(word.error(Problem::NoSuchRoute(count))) }
+}
+
+const _: () = assert!(PORTS_MAX <= u8::MAX as usize, "PortId is a byte");

@@ -1,0 +1,62 @@
+//! The keywords of a table as an error names them: "port, route or mdns". Made at build time, so that no list is written twice.
+
+/// The text for a table of keywords with their values.
+macro_rules! listed {
+    ($table:expr) => {{
+        const BYTES: [u8; $crate::language::listed::bytes($table)] = $crate::language::listed::list($table);
+        match core::str::from_utf8(&BYTES) {
+            Ok(text) => text,
+            Err(_) => "",
+        }
+    }};
+}
+pub(crate) use listed;
+
+/// What stands between two keywords of which so many follow.
+const fn between(rest: usize) -> &'static [u8] {
+    if rest == 1 { b" or " } else { b", " }
+}
+
+/// The length of the text.
+pub(crate) const fn bytes<T>(mut table: &[(&str, T)]) -> usize {
+    let mut count = 0;
+    while let [(word, _), rest @ ..] = table {
+        count += word.len();
+        if !rest.is_empty() {
+            count += between(rest.len()).len();
+        }
+        table = rest;
+    }
+    count
+}
+
+/// The text, which has `N` bytes.
+pub(crate) const fn list<const N: usize, T>(mut table: &[(&str, T)]) -> [u8; N] {
+    let mut text = [0; N];
+    let mut left: &mut [u8] = &mut text;
+    while let [(word, _), rest @ ..] = table {
+        left = copy(word.as_bytes(), left);
+        if !rest.is_empty() {
+            left = copy(between(rest.len()), left);
+        }
+        table = rest;
+    }
+    text
+}
+
+/// Copies `from` to the beginning of `into`; gives the rest of that.
+const fn copy<'i>(from: &[u8], into: &'i mut [u8]) -> &'i mut [u8] {
+    let Some((place, rest)) = into.split_at_mut_checked(from.len()) else { return &mut [] };
+    place.copy_from_slice(from);
+    rest
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_last_word_stands_behind_an_or() {
+        assert_eq!(listed!(&[("port", 1), ("route", 2), ("mdns", 3)]), "port, route or mdns");
+        assert_eq!(listed!(&[("on", true), ("off", false)]), "on or off");
+        assert_eq!(listed!(&[("route", ())]), "route");
+    }
+}

@@ -1,4 +1,4 @@
-//! Filling a frame that may have been handed on already.
+//! Filling a frame, possibly while others already read it.
 
 use super::{Fill, Frame, FrameFull, FramePool};
 use crate::modbus::PDU_BYTES_MAX;

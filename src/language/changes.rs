@@ -1,4 +1,4 @@
-//! What the lines of settings do, each behind its verb.
+//! What the lines of settings do, verb by verb.
 
 use core::mem::discriminant;
 use core::num::NonZeroU16;
@@ -19,10 +19,10 @@ use crate::settings::{
     Destination, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings,
 };
 
-/// Carries out a line behind its verb.
+/// Executes the words after a verb.
 pub(crate) type Change = fn(&mut Settings, &Words<'_>) -> Result<Changed, Wrong>;
 
-/// What stands for a verb that the image lacks.
+/// Stands in for a verb that the image lacks.
 pub(crate) fn absent(_: &mut Settings, _: &Words<'_>) -> Result<Changed, Wrong> {
     Ok(Changed::Nothing)
 }
@@ -39,7 +39,7 @@ pub(crate) fn mdns_line(settings: &mut Settings, words: &Words<'_>) -> Result<Ch
     Ok(Changed::Other)
 }
 
-/// `route ...`: a rule behind the others.
+/// `route ...`: appends a rule.
 pub(crate) fn add_route(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
     put_route(settings, words, settings.routes.len(), false)
 }
@@ -52,7 +52,7 @@ pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
     if SERVERS {
         servers::keywords(each);
     }
-    // No word of a line that is refused.
+    // Not keywords of lines that are refused.
     if POINTS {
         point_words::keywords(each);
         slaves::keywords(each);
@@ -199,7 +199,7 @@ const THINGS: &[(&str, Thing)] = &[
 const THINGS_EXPECTED: &str = listed!(THINGS);
 const ROUTE: (&str, Thing) = ("route", Thing::Route);
 
-/// The words for what can be deleted.
+/// The keywords for what can be deleted.
 pub(crate) fn things() -> impl Iterator<Item = &'static str> {
     THINGS.iter().map(|(word, _)| *word)
 }

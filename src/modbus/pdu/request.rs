@@ -4,7 +4,7 @@ use super::function::{Cells, Form, MEI_DEVICE_IDENTIFICATION};
 use super::{ResponseLength, file_response_length, response_length};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 
-/// Whether a server could accept this request: the exception that it gets instead, if not.
+/// Whether a server could accept this request; if not, the exception that it gets.
 ///
 /// A public function must have a valid length, byte count and quantity. Addresses are up to the device, and an unknown function
 /// is accepted at any length.
@@ -48,12 +48,13 @@ pub fn request_length(so_far: &[u8]) -> Option<usize> {
     }
 }
 
-/// Whether `so_far` of a diagnostics request has a public sub-function with data of one word: all but 0, whose data has any length.
+/// Whether `so_far` begins a diagnostics request with a public sub-function and one word of data: all but 0, whose data has any
+/// length.
 pub(super) fn is_public(so_far: &[u8]) -> bool {
     matches!(so_far, [_, 0, 1..=4 | 10..=18 | 20, ..])
 }
 
-/// Whether `fields`, what stands behind the function code, can belong to a request of this `form`.
+/// Whether `fields`, the bytes after the function code, are valid for a request of this `form`.
 fn possible(form: Form, fields: &[u8]) -> bool {
     match (form, fields) {
         (Form::Read(cells), fields) => reads(fields, cells),
@@ -79,12 +80,12 @@ fn possible(form: Form, fields: &[u8]) -> bool {
     }
 }
 
-/// Address and a quantity from 1 to the most.
+/// Address and a valid quantity.
 fn reads(fields: &[u8], cells: Cells) -> bool {
     matches!(fields, [_, _, high, low] if (1..=cells.most).contains(&u16::from_be_bytes([*high, *low])))
 }
 
-/// Address, a quantity from 1 to the most, and the bytes that so many cells take, counted and there.
+/// Address, a valid quantity, and a byte count that agrees with the quantity and the length.
 fn writes(fields: &[u8], cells: Cells) -> bool {
     let Some((head @ &[_, _, high, low], [count, data @ ..])) = fields.split_first_chunk() else {
         return false;

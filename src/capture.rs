@@ -1,8 +1,8 @@
-//! The last frames as they were on the wire: a ring of bounded size that can be followed while it fills.
+//! Capture: the last frames as they were on the wire, in a bounded ring that can be followed while it fills.
 //!
-//! A frame is kept with the time of its last bit, its direction, and what became of it, in the words of the counters. Frames of the
-//! serial lines are always kept, those of networks while somebody follows the ring: there are more of them, and they cost time.
-//! Who follows looks often enough; what was overwritten before that is missing, and counted.
+//! A frame is kept with the time of its last bit, its direction, and its outcome, named like the counters. Frames of serial lines
+//! are always kept; those of networks only while somebody follows the ring, since they are more numerous and cost time. A
+//! follower that polls too rarely misses frames, which are counted.
 
 use core::cell::{Cell, RefCell};
 use core::sync::atomic::{AtomicU8, Ordering};
@@ -24,15 +24,15 @@ pub use self::bytes::BYTES_MAX;
 use self::bytes::Bytes;
 pub use self::export::Export;
 
-/// Whether frames are kept at all; without the feature `capture` nothing of it takes memory.
+/// Whether frames are kept; without the feature `capture` nothing here takes memory.
 pub const CAPTURE: bool = cfg!(feature = "capture");
-/// Frames that the ring remembers; half as many with the feature `small`.
+/// Frames in the ring; half as many with the feature `small`.
 pub const FRAMES_MAX: usize = if cfg!(feature = "small") { 32 } else { 64 };
 
-/// Bytes of one frame, where frames are kept.
+/// Bytes kept of one frame.
 const FRAME_BYTES_MAX: usize = if CAPTURE { FRAME_CHARS_MAX } else { 0 };
 
-/// How a frame is framed.
+/// The framing of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameKind {
     /// RTU, on a serial line or in a TCP stream.
@@ -41,21 +41,21 @@ pub enum FrameKind {
     Ascii,
     /// Modbus TCP.
     Tcp,
-    /// Modbus TCP in a datagram.
+    /// Modbus TCP over UDP.
     Udp,
 }
 
-/// What is known of a frame besides its bytes.
+/// A frame's header in the capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Head {
-    /// When its last bit had passed, as far as the gateway knows.
+    /// Time of its last bit, as far as the gateway knows.
     pub at: Instant,
-    /// The port it was at.
+    /// The port.
     pub port: PortId,
-    /// How it is framed.
+    /// Its framing.
     pub kind: FrameKind,
-    /// The requester's TCP or UDP port, by which conversations are told apart; where the gateway asks, or a line does, the number of
-    /// the port, from 1 on.
+    /// The requester's TCP or UDP port, which distinguishes conversations; for requests of the gateway or a serial master, the
+    /// number of the gateway's port, from 1.
     pub requester: u16,
     /// Whether the gateway sent it.
     pub sent: bool,
@@ -67,15 +67,15 @@ pub struct Head {
 /// A frame of the ring.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Captured {
-    /// What is known of it.
+    /// Its header.
     pub head: Head,
-    /// What was on the wire.
+    /// The bytes on the wire.
     pub bytes: Vec<u8, FRAME_BYTES_MAX>,
-    /// Frames between this one and the one that was looked at before, which are lost.
+    /// Frames lost between the previous one and this one.
     pub missed: u32,
 }
 
-/// The ring.
+/// The capture ring.
 pub struct Capture {
     ring: Mutex<CriticalSectionRawMutex, RefCell<Ring>>,
     followers: AtomicU8,
@@ -85,7 +85,7 @@ pub struct Capture {
 struct Ring {
     heads: Deque<Head, FRAMES_MAX>,
     bytes: Bytes,
-    /// The number of the oldest one.
+    /// Number of the oldest frame.
     first: u32,
 }
 
@@ -100,23 +100,23 @@ impl Capture {
         }
     }
 
-    /// Says when the gateway's clock began, in microseconds since the year 1970 did; a board that does not know has begun then.
+    /// Sets the start of the gateway's clock, in microseconds since 1970; without it the epoch is the start of the clock.
     pub fn set_epoch(&self, epoch_us: u64) {
         self.epoch_us.lock(|epoch| epoch.set(epoch_us));
     }
 
-    /// Follows the ring from now on; meanwhile frames of networks are kept, too.
+    /// Follows the ring from now on; meanwhile frames of networks are kept too.
     pub fn follow(&self) -> Following<'_> {
         self.followers.fetch_add(1, Ordering::Relaxed);
         Following { capture: self, cursor: self.end() }
     }
 
-    /// The number of the frame that comes next.
+    /// The number of the next frame.
     pub fn end(&self) -> u32 {
         self.ring.lock(|ring| ring.borrow().end())
     }
 
-    /// Takes the frame with the number `cursor`, or the oldest there is behind it, and moves on.
+    /// Returns the frame with number `cursor`, or the oldest one after it, and advances the cursor.
     pub fn next(&self, cursor: &mut u32) -> Option<Captured> {
         self.ring.lock(|ring| ring.borrow().get(cursor))
     }
@@ -126,13 +126,13 @@ impl Capture {
     }
 }
 
-/// Somebody who follows the ring.
+/// A follower of the ring.
 pub struct Following<'c> {
     capture: &'c Capture,
     cursor: u32,
 }
 
-/// The frames that are there by now; later there may be more.
+/// Ends when no frame is left for now; more may follow.
 impl Iterator for Following<'_> {
     type Item = Captured;
 
@@ -185,7 +185,7 @@ impl Ring {
     }
 }
 
-/// Where the frames of one port are recorded, if the board has room for that.
+/// Records the frames of one port, if the board keeps a capture.
 #[derive(Clone, Copy)]
 pub(crate) struct Tap<'g> {
     pub(crate) capture: Option<&'g Capture>,
@@ -194,12 +194,12 @@ pub(crate) struct Tap<'g> {
 }
 
 impl Tap<'_> {
-    /// Records a frame that the gateway has sent on a line, whose last bit leaves at `at`.
+    /// Records a frame sent on a line, whose last bit leaves at `at`.
     pub(crate) fn sent(&self, at: Instant, verdict: Event, bytes: &[u8]) {
         self.record(at, self.requester(), true, verdict, bytes);
     }
 
-    /// Records a frame that the gateway has sent on a line while it arrived: in RTU with the CRC that came, if that is known.
+    /// Records a frame that was cut through to a line; in RTU with its received CRC, if known.
     pub(crate) fn forwarded(
         &self,
         at: Instant,
@@ -221,18 +221,18 @@ impl Tap<'_> {
         }
     }
 
-    /// Records what was heard on a line until `at`.
-    pub(crate) fn heard(&self, at: Instant, verdict: Event, bytes: &[u8]) {
+    /// Records what was received from a line until `at`.
+    pub(crate) fn received(&self, at: Instant, verdict: Event, bytes: &[u8]) {
         self.record(at, self.requester(), false, verdict, bytes);
     }
 
-    /// The gateway, or the line's master, as who asks.
+    /// The requester on a line: its master, or the gateway.
     pub(crate) fn requester(&self) -> u16 {
         u16::from(self.port.0) + 1
     }
 
-    /// Records a frame in a network whose request came or comes from the port `requester`, if somebody wants to see it: mostly nobody
-    /// does, and then it is not asked for either.
+    /// Records a frame on a network, in a conversation with the requester's port `requester`, if anybody follows. `requester` is
+    /// only called then.
     pub(crate) fn passed(&self, requester: impl FnOnce() -> u16, sent: bool, verdict: Event, bytes: &[u8]) {
         if self.capture.is_some_and(|capture| capture.followers.load(Ordering::Relaxed) > 0) {
             self.record(Instant::now(), requester(), sent, verdict, bytes);

@@ -1,10 +1,10 @@
-//! The one logging facade: `log` on hosts, `defmt` on boards, nothing without either feature.
+//! The logging facade: `log` on hosts, `defmt` on boards, nothing without either feature.
 
 macro_rules! logger {
     ($name:ident, $level:ident, $d:tt) => {
         macro_rules! $name {
                     ($d($arg:tt)*) => {{
-                        // Which logger there is depends on what the board links, so it is a feature of the build.
+                        // Which logger exists depends on what the board links, hence a feature.
                         #[cfg(feature = "log")]
                         ::log::$level!($d($arg)*);
                         #[cfg(all(feature = "defmt", not(feature = "log")))]

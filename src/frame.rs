@@ -1,13 +1,13 @@
-//! The frame pool: every request and its response live in one slot, from the port that received it and back to it.
+//! The frame pool: every request and its response share one slot, from the port that received the request and back to it.
 //!
-//! A server-side port takes a frame, fills it with a PDU and an [`Envelope`], and hands it on; the router, the
-//! destination's queue and the client-side port pass the same frame along; the response is written into it and it
-//! goes home. So a transaction costs one slot, nothing else is allocated on its way, and every channel has room by
-//! construction. A [`Frame`] can be handed on while its [`FrameWriter`] is still filling it: readers wait for more
-//! with [`Frame::more_than`], and a writer that is dropped unfinished leaves the frame broken.
+//! A server-side port takes a frame, fills it with a PDU and an [`Envelope`], and sends it to the router, which passes it on to
+//! the destination's queue and so to the client-side port; the response overwrites the request, and the frame returns. A
+//! transaction therefore costs one slot and no other allocation, and every channel has room by construction. A [`Frame`] can be
+//! passed on while its [`FrameWriter`] is still filling it: readers wait for more with [`Frame::more_than`], and a writer dropped
+//! before it has finished marks the frame broken.
 //!
-//! The first slots are reserved, one for each owner that asks with its number; the rest is shared. An owner can
-//! always have one frame, however many the others hold.
+//! The first slots are reserved, one per owner number; the rest are shared. So an owner can always have one frame, however many
+//! the others hold.
 
 use core::cell::RefCell;
 use core::future::poll_fn;
@@ -46,7 +46,7 @@ pub struct FramePool<'p> {
     shared: Mutex<CriticalSectionRawMutex, RefCell<Shared>>,
 }
 
-/// The shared slots that are free: those that were used before in a list, those that never were by their number.
+/// The free shared slots: those used before in a list, the others by number.
 struct Shared {
     /// First of the list: index + 1; 0: empty.
     first: u16,
@@ -55,13 +55,13 @@ struct Shared {
 }
 
 impl<'p> FramePool<'p> {
-    /// A pool over `slots`, of which the first `reserved` belong to the owners 0 to `reserved - 1`.
+    /// A pool over `slots`, of which the first `reserved` belong to owners 0 to `reserved - 1`.
     pub const fn new(slots: &'p [Slot], reserved: usize) -> Self {
         Self { slots, reserved, shared: Mutex::new(RefCell::new(Shared { first: 0, fresh: reserved })) }
     }
 
-    /// A frame for `owner`, as [`take`](FramePool::take) finds it, which holds all of `pdu` in its `envelope`; none also when the
-    /// PDU is longer than [`PDU_BYTES_MAX`].
+    /// Like [`take`](FramePool::take), with `pdu` and `envelope` filled in; none also if the PDU is longer than
+    /// [`PDU_BYTES_MAX`].
     pub fn fill(&'p self, owner: usize, pdu: &[u8], envelope: Envelope) -> Option<Frame<'p>> {
         if pdu.len() > PDU_BYTES_MAX {
             return None;
@@ -84,7 +84,7 @@ impl<'p> FramePool<'p> {
         Some(Frame { pool: self, index: index as u16 })
     }
 
-    /// Frames that nobody holds.
+    /// How many frames are free.
     pub fn free(&self) -> usize {
         let free = |slot: &&Slot| slot.0.lock(|slot| slot.borrow().handles == 0);
         self.slots.iter().filter(free).count()
@@ -108,7 +108,7 @@ impl<'p> FramePool<'p> {
         })
     }
 
-    fn give_back(&self, index: usize) {
+    fn release(&self, index: usize) {
         if index < self.reserved {
             return;
         }
@@ -133,7 +133,7 @@ pub struct Frame<'p> {
 }
 
 impl<'p> Frame<'p> {
-    /// The envelope. Only a frame that was never addressed has an empty one.
+    /// The envelope; empty only in a frame that was never addressed.
     pub fn envelope(&self) -> Envelope {
         let mut envelope = Envelope::EMPTY;
         self.with(|slot| {
@@ -154,7 +154,7 @@ impl<'p> Frame<'p> {
         self.read(|envelope| envelope.origin)
     }
 
-    /// Writes the envelope anew.
+    /// Replaces the envelope.
     pub fn address(&self, envelope: Envelope) {
         self.with(|slot| slot.envelope = Some(envelope));
     }
@@ -164,17 +164,17 @@ impl<'p> Frame<'p> {
         self.read(|envelope| envelope.target)
     }
 
-    /// Whether it is the request or the response.
+    /// Whether the frame holds the request or the response.
     pub fn stage(&self) -> Stage {
         self.read(|envelope| envelope.stage)
     }
 
-    /// Whose answers will do for it.
+    /// How it may share transactions and cached responses.
     pub fn sharing(&self) -> Sharing {
         self.read(|envelope| envelope.sharing)
     }
 
-    /// Notes whether it is the request or the response from now on.
+    /// Sets whether the frame holds the request or the response.
     pub fn set_stage(&self, stage: Stage) {
         self.amend(|envelope| envelope.stage = stage);
     }
@@ -183,24 +183,24 @@ impl<'p> Frame<'p> {
         self.with(|slot| slot.envelope.as_mut().map(change));
     }
 
-    /// Notes what is behind the exception that the request is going to get.
+    /// Notes the cause of the exception that the request will get.
     pub fn blame(&self, cause: Cause) {
         self.amend(|envelope| envelope.cause = cause);
     }
 
-    /// What the port notes that carries the frame's order out.
+    /// What the client-side port has noted of the transaction.
     pub(crate) fn transaction(&self) -> Transaction {
         let mut transaction = Transaction::NONE;
         self.with(|slot| transaction = slot.transaction);
         transaction
     }
 
-    /// Changes that.
+    /// Changes what is noted of the transaction.
     pub(crate) fn amend_transaction(&self, change: impl FnOnce(&mut Transaction)) {
         self.with(|slot| change(&mut slot.transaction));
     }
 
-    /// A second handle to the same frame, whose holder notes `transaction` of it.
+    /// A second handle to the frame, with `transaction` noted in it.
     pub(crate) fn share_for(&self, transaction: Transaction) -> Self {
         self.with(|slot| {
             slot.transaction = transaction;
@@ -209,15 +209,15 @@ impl<'p> Frame<'p> {
         Self { pool: self.pool, index: self.index }
     }
 
-    /// Calls `f` with the bytes of the PDU that are there.
+    /// Calls `f` with the bytes of the PDU that have arrived.
     pub fn pdu<R: Default>(&self, f: impl FnOnce(&[u8]) -> R) -> R {
         self.with(|slot| slot.pdu.get(..usize::from(slot.length)).map(f)).flatten().unwrap_or_default()
     }
 
-    /// The bytes of the PDU that are there.
+    /// The bytes of the PDU that have arrived.
     pub fn content(&self) -> Pdu {
         let mut content = Pdu::new();
-        // There is room: it is no longer than a PDU may be.
+        // Fits: no longer than a PDU may be.
         self.pdu(|pdu| content.extend_from_slice(pdu).unwrap_or_default());
         content
     }
@@ -227,29 +227,29 @@ impl<'p> Frame<'p> {
         self.pdu(|pdu| pdu.first().copied().unwrap_or(0))
     }
 
-    /// Bytes that are there, and whether more come; of a frame that is not complete the CRC counts.
+    /// How many bytes have arrived, and the fill state. The CRC of an incomplete frame counts.
     pub fn filled(&self) -> (usize, Fill) {
         self.with(|slot| (slot.arrived(), slot.fill)).unwrap_or((0, Fill::Broken))
     }
 
-    /// How long the PDU of a frame that is being filled will be, once its writer knows.
+    /// The final length of the PDU, once the writer knows it.
     pub fn expected(&self) -> Option<usize> {
         self.with(|slot| usize::from(slot.expected)).filter(|&length| length > 0)
     }
 
-    /// What has come of the CRC of a frame that was filled while it arrived.
+    /// The part of the CRC that has arrived, for a frame that is being cut through.
     pub fn crc(&self) -> ([u8; 2], usize) {
         self.with(|slot| (slot.crc, usize::from(slot.crc_bytes))).unwrap_or_default()
     }
 
-    /// The CRC with which the frame came while it was passed on, if it goes on under the same unit id.
+    /// The received CRC of a cut-through frame, if its unit id is not translated.
     pub(crate) fn own_crc(&self) -> Option<u16> {
         let Envelope { unit, target, .. } = self.envelope();
         let (crc, there) = self.crc();
         (there == crc.len() && unit == target).then(|| u16::from_le_bytes(crc))
     }
 
-    /// Breaks the frame if it is still being filled: nobody here wants it that way. Says whether it was.
+    /// Marks the frame broken if it is still being filled, since this destination needs it whole; returns whether it was.
     pub fn abandon(&self) -> bool {
         let abandoned = self.with(|slot| {
             let filling = slot.fill == Fill::Filling;
@@ -262,7 +262,7 @@ impl<'p> Frame<'p> {
         abandoned == Some(true)
     }
 
-    /// Waits until more than `length` bytes are there or no more come. One waiter at a time.
+    /// Waits until more than `length` bytes have arrived or no more will. One waiter at a time.
     pub fn more_than(&self, length: usize) -> impl Future<Output = (usize, Fill)> {
         poll_fn(move |cx| {
             let (filled, fill) = self.filled();
@@ -289,7 +289,7 @@ impl<'p> Frame<'p> {
         if replaced == Some(true) { Ok(()) } else { Err(FrameFull) }
     }
 
-    /// Whether this is a handle to the same frame as `other`, of the same pool.
+    /// Whether both are handles to the same frame.
     pub fn is(&self, other: &Self) -> bool {
         self.index == other.index
     }
@@ -306,12 +306,12 @@ impl<'p> Frame<'p> {
         Self { pool: self.pool, index: self.index }
     }
 
-    /// Gives this handle up, unless it is the last one of a frame on which others ride; how many are left.
-    fn let_go(&self) -> Option<u8> {
+    /// Drops this handle and returns how many are left; none if it is the last of a frame with merged ones, which go first.
+    fn release_handle(&self) -> Option<u8> {
         self.with(|slot| {
-            let is_laden = slot.handles == 1 && slot.merged != 0;
-            slot.handles = slot.handles.saturating_sub(u8::from(!is_laden));
-            (!is_laden).then_some(slot.handles)
+            let has_merged = slot.handles == 1 && slot.merged != 0;
+            slot.handles = slot.handles.saturating_sub(u8::from(!has_merged));
+            (!has_merged).then_some(slot.handles)
         })
         .flatten()
     }
@@ -323,12 +323,12 @@ impl<'p> Frame<'p> {
 
 impl Drop for Frame<'_> {
     fn drop(&mut self) {
-        let left = self.let_go().or_else(|| {
-            while self.unload().is_some() {}
-            self.let_go()
+        let left = self.release_handle().or_else(|| {
+            while self.take_merged().is_some() {}
+            self.release_handle()
         });
         if left == Some(0) {
-            self.pool.give_back(usize::from(self.index));
+            self.pool.release(usize::from(self.index));
         }
     }
 }

@@ -1,8 +1,8 @@
-//! The gateway: what all tasks share.
+//! The gateway: the state that all tasks share.
 //!
-//! A board keeps the frame pool, the port places and the connections in statics of their own, builds a [`Gateway`] over
-//! them, and runs [`Gateway::route`] once, [`Gateway::run_port`] for every port place and [`Gateway::run_connection`] for
-//! every TCP connection that it can hold. [`Gateway::apply`] takes settings over and restarts what differs.
+//! A board keeps the frame pool, the port states and the connections in statics, builds a [`Gateway`] over them, and runs
+//! [`Gateway::route`] once, [`Gateway::run_port`] for every port and [`Gateway::run_connection`] for every TCP connection it can
+//! hold. [`Gateway::apply`] puts new settings in force and restarts what has changed.
 
 use core::cell::RefCell;
 use core::sync::atomic::AtomicBool;
@@ -52,7 +52,7 @@ use self::socket::Socket;
 use self::turns::Turns;
 use self::unit_health::AllUnits;
 
-/// All that the tasks share.
+/// The state that all tasks share.
 pub struct Gateway<'g> {
     pool: &'g FramePool<'g>,
     ports: &'g [PortState],
@@ -62,34 +62,34 @@ pub struct Gateway<'g> {
     /// The global queue: every port sends, only the router receives.
     pub(crate) inbox: Channel,
     settings: Shared<Settings>,
-    /// Settings that are being changed, loaded or saved.
+    /// Settings being changed, loaded or saved.
     pub(crate) draft: Draft,
-    /// Whether the settings in force are others than those that were loaded or saved last.
+    /// Whether the settings in force differ from those last loaded or saved.
     unsaved: AtomicBool,
-    /// Whether two names are one serial line's.
+    /// Whether two device names mean the same serial line.
     same_device: fn(&str, &str) -> bool,
-    /// Whether the settings say the board's own address.
+    /// Whether the settings include the board's own address.
     owns_network: bool,
     network_changed: Signal<CriticalSectionRawMutex, ()>,
     mdns_changed: Signal<CriticalSectionRawMutex, ()>,
     log: Log,
-    /// Whose requests are refused share these.
+    /// Turns shared by connections whose requests are refused.
     pub(crate) turns: Turns,
-    /// What a console asks past the rules.
+    /// Requests from a console, past the rules.
     pub(crate) direct_request: DirectRequestState,
-    /// What the own unit has done.
+    /// Event counter and log of the own unit.
     events: Shared<Events>,
     scanner: Option<&'g ScannerState>,
     capture: Option<&'g Capture>,
     ethercat: Option<&'g EthercatState>,
-    /// Whether the settings say at which network interface its controller is.
+    /// Whether the settings name the network interface of the EtherCAT controller.
     ethercat_interfaces: bool,
     ethercat_changed: Signal<CriticalSectionRawMutex, ()>,
 }
 
 impl<'g> Gateway<'g> {
-    /// A gateway without settings over a board's frames, port places and connections. The pool reserves a frame for each
-    /// connection first, then for each port.
+    /// A gateway without settings over a board's frames, port states and connections. The pool reserves one frame for each
+    /// connection, then one for each port.
     pub const fn new<const N: usize>(
         pool: &'g FramePool<'g>,
         ports: &'g Ports<N>,
@@ -121,51 +121,51 @@ impl<'g> Gateway<'g> {
         }
     }
 
-    /// For a board whose serial lines have several names each: it says whether two of them are one line's.
+    /// For boards whose serial lines have several names each: `same_device` tells whether two are the same line.
     #[must_use]
     pub const fn with_same_device(mut self, same_device: fn(&str, &str) -> bool) -> Self {
         self.same_device = same_device;
         self
     }
 
-    /// The gateway with data points, which take memory of their own.
+    /// Adds data points, which take memory of their own.
     #[must_use]
     pub const fn with_scanner(mut self, scanner: &'g ScannerState) -> Self {
         self.scanner = Some(scanner);
         self
     }
 
-    /// The gateway with a ring of the last frames, which takes memory of its own.
+    /// Adds a capture ring, which takes memory of its own.
     #[must_use]
     pub const fn with_capture(mut self, capture: &'g Capture) -> Self {
         self.capture = Some(capture);
         self
     }
 
-    /// The last frames of the serial lines, if the board has memory for them.
+    /// The capture ring, if the board has memory for it.
     pub fn capture(&self) -> Option<&'g Capture> {
         if CAPTURE { self.capture } else { None }
     }
 
-    /// The data points, if the board has memory for them. Point N of the settings is row N, device N is device N.
+    /// The data points, if the board has memory for them. Row N is point N of the settings, and devices likewise.
     pub fn scanner(&self) -> Option<&'g ScannerState> {
         if POINTS { self.scanner } else { None }
     }
 
-    /// For a board whose Ethernet is the gateway's own: the settings say its address, and the board follows them by
+    /// For boards whose Ethernet belongs to the gateway: the settings include its address, and the board follows
     /// [`new_network`](Self::new_network). Elsewhere such settings are refused.
     pub const fn with_own_network(mut self) -> Self {
         self.owns_network = true;
         self
     }
 
-    /// Waits until the settings say another way to come by the board's address; one task may wait.
+    /// Waits until the settings change how the board gets its address; one task may wait.
     pub async fn new_network(&self) -> OwnNetwork {
         self.network_changed.wait().await;
         self.settings(Settings::own_network)
     }
 
-    /// Waits until multicast DNS may have something else to say: another name or other servers; one task may wait.
+    /// Waits until multicast DNS may have something new to announce: another name or other servers; one task may wait.
     pub async fn new_mdns(&self) {
         self.mdns_changed.wait().await;
     }
@@ -175,28 +175,28 @@ impl<'g> Gateway<'g> {
         self.pool
     }
 
-    /// The port places; a port's id is its index.
+    /// The port states; a port's id is its index.
     pub fn ports(&self) -> &'g [PortState] {
         self.ports
     }
 
-    /// The port place `id`, if the board has it.
+    /// The state of port `id`, if the board has it.
     pub fn port_state(&self, id: PortId) -> Option<PortAt<'g>> {
         Some(PortAt { state: self.ports.get(id.index())?, units: self.units, id })
     }
 
-    /// All of them, with the units behind each.
+    /// All port states, with the units of each.
     pub fn port_states(&self) -> impl Iterator<Item = PortAt<'g>> {
         (0..self.ports.len()).filter_map(|index| self.port_state(PortId(index as u8)))
     }
 
-    /// How the server of this line of the settings is doing, of which `new` is noted before if that is said.
+    /// The status of server number `server` in the settings, as it was before `new` is stored, if given.
     pub(crate) fn server_status(&self, server: usize, new: Option<Status>) -> Option<Status> {
         let status = self.servers.get(server)?;
         Some(status.lock(|status| new.map_or_else(|| status.get(), |new| status.replace(new))))
     }
 
-    /// A port's connection has ended: whoever waits for its socket is woken.
+    /// A port's connection has ended: wakes the port that waits for its socket.
     pub(crate) fn socket_closed(&self, socket: &Socket) {
         let waits = |(id, link): (PortId, u8)| self.ports.get(id.index())?.sockets.get(usize::from(link));
         if let Some(socket) = socket.closed().and_then(waits) {
@@ -204,7 +204,7 @@ impl<'g> Gateway<'g> {
         }
     }
 
-    /// The places for TCP connections.
+    /// The slots for TCP connections.
     pub fn connections(&self) -> &'g [Connection] {
         self.connections
     }
@@ -214,7 +214,7 @@ impl<'g> Gateway<'g> {
         &self.log
     }
 
-    /// Calls `f` with what the own unit has done.
+    /// Calls `f` with the event counter and log of the own unit.
     pub(crate) fn events<R>(&self, f: impl FnOnce(&mut Events) -> R) -> R {
         self.events.lock(|events| f(&mut events.borrow_mut()))
     }
@@ -229,30 +229,30 @@ impl<'g> Gateway<'g> {
         self.unsaved.load(Relaxed)
     }
 
-    /// Notes whether they have; gives what was noted before.
+    /// Sets whether they have; returns the previous value.
     pub fn set_unsaved(&self, unsaved: bool) -> bool {
         let before = self.has_unsaved();
         self.unsaved.store(unsaved, Relaxed);
         before
     }
 
-    /// Changes the settings in force. Who changes more than what is looked up for each request tells the ports of it.
+    /// Changes the settings in force. A caller that changes more than what is looked up per request must notify the ports.
     pub(crate) fn change_settings<R>(&self, f: impl FnOnce(&mut Settings) -> R) -> R {
         self.settings.lock(|settings| f(&mut settings.borrow_mut()))
     }
 
-    /// A frame for what the port `id` itself hears; its connections take theirs by their own numbers.
+    /// A frame for something received by port `id`; its connections use their own reservations.
     pub(crate) fn take_for_port(&self, id: PortId) -> Option<(FrameWriter<'g>, Frame<'g>)> {
-        // The pool's first frames are the connections', the next are the ports'.
+        // The pool's first frames are reserved for the connections, the next ones for the ports.
         self.pool.take(self.connections.len() + id.index())
     }
 
-    /// The same with all of what was heard.
+    /// The same, filled with a complete PDU.
     pub(crate) fn fill_for_port(&self, id: PortId, pdu: &[u8], envelope: Envelope) -> Option<Frame<'g>> {
         self.pool.fill(self.connections.len() + id.index(), pdu, envelope)
     }
 
-    /// Whether a response to `origin` would find nobody.
+    /// Whether the requester at `origin` is gone.
     pub(crate) fn is_gone(&self, origin: Origin) -> bool {
         match origin.reply_to {
             ReplyTo::Connection(connection) => {
@@ -268,36 +268,36 @@ impl<'g> Gateway<'g> {
                 port_state.is_none_or(|port_state| port_state.generation() != origin.generation)
             }
             ReplyTo::Console => !self.direct_request.waits_for(origin.generation),
-            // Nobody waits, so nobody can have gone.
+            // Nobody waits, so nobody can be gone.
             ReplyTo::Nobody => false,
         }
     }
 
-    /// Sends a frame home whose PDU is the response by now.
+    /// Returns to the router a frame that holds its response.
     pub(crate) fn answered(&self, frame: Frame<'_>) {
-        self.send_home(frame, Stage::Response);
+        self.return_to_router(frame, Stage::Response);
     }
 
-    /// Sends a frame home that gets no response.
+    /// Returns to the router a frame that gets no response.
     pub(crate) fn unanswered(&self, frame: Frame<'_>) {
         if frame.abandon() {
             return;
         }
-        self.send_home(frame, Stage::Silence);
+        self.return_to_router(frame, Stage::Silence);
     }
 
     /// Answers a request with `exception`.
     pub(crate) fn refuse(&self, frame: Frame<'_>, exception: Exception) {
-        // A request that is still arriving: whoever sent it sends it again when it is whole, and can be answered.
+        // Still arriving: its sender sends it again once it is complete.
         if frame.abandon() {
             return;
         }
-        // Two bytes always fit.
+        // Fits: two bytes always do.
         let _ = frame.replace(&exception.response(frame.function()));
         self.answered(frame);
     }
 
-    fn send_home(&self, frame: Frame<'_>, stage: Stage) {
+    fn return_to_router(&self, frame: Frame<'_>, stage: Stage) {
         frame.set_stage(stage);
         self.inbox.send(frame);
     }

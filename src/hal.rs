@@ -1,7 +1,7 @@
-//! What a board must give: serial lines, TCP sockets, a place for settings, facts about itself.
+//! What a board provides: serial lines, TCP and UDP sockets, storage for settings, and facts about itself.
 //!
-//! A board implements these traits over its hardware; the core's port tasks own the implementors and open what
-//! the settings name. Everything is polled from one executor, so no trait asks for `Send`.
+//! A board implements these traits over its hardware; the core's port tasks own the implementors and open what the settings name.
+//! Everything is polled from one executor, so no trait requires `Send`.
 
 use core::fmt;
 use core::net::SocketAddr;
@@ -15,12 +15,12 @@ mod relay;
 
 pub use self::relay::Relay;
 
-/// Why something could not be opened, with what the user can do about it.
+/// Why something could not be opened, with a hint for the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OpenError {
-    /// What went wrong, in the class that the core may act on.
+    /// The class of the error, on which the core may act.
     pub kind: OpenErrorKind,
-    /// A sentence for the user ("add yourself to the group dialout"); empty when there is nothing to add.
+    /// A hint for the user ("add yourself to the group dialout"), or empty.
     pub hint: &'static str,
 }
 
@@ -35,9 +35,9 @@ pub enum OpenErrorKind {
     InUse,
     /// The hardware cannot do these settings.
     Unsupported,
-    /// The other side refused the connection.
+    /// The peer refused the connection.
     Refused,
-    /// The other side did not answer in time.
+    /// The peer did not respond in time.
     TimedOut,
     /// The board has no socket left.
     Exhausted,
@@ -68,30 +68,28 @@ impl fmt::Display for OpenError {
     }
 }
 
-/// Opens serial lines by the name that stands in a port's settings (`uart1`, `/dev/ttyUSB0`).
+/// Opens serial lines by the device name in a port's settings (`uart1`, `/dev/ttyUSB0`).
 ///
-/// A line's `read` waits for at least one byte and returns what is there; `Ok(0)` or an error means that the
-/// line is gone (an adapter was unplugged) and is opened again with back-off. Dropping a pending `read` loses
-/// no byte. `write` takes bytes for transmission and may return before they have left; the core computes when
-/// they have. Dropping the line closes it.
+/// A line's `read` waits for at least one byte and returns what is available; `Ok(0)` or an error means that the line is gone (an
+/// adapter was unplugged), and it is reopened with back-off. Dropping a pending `read` loses no byte. `write` accepts bytes for
+/// transmission and may return before they have left; the core computes when they have. Dropping the line closes it.
 pub trait SerialHost {
     /// An open line.
     type Line<'a>: SerialLine
     where
         Self: 'a;
 
-    /// Opens `device` with `line`'s speed and character format.
+    /// Opens `device` with the speed and character format of `line`.
     async fn open(&mut self, device: &str, line: &LineSettings) -> Result<Self::Line<'_>, OpenError>;
 
-    /// How much later than on the wire bytes may be read: an operating system's scheduling, a USB adapter's buffer.
-    /// Silence inside a frame is believed only when it lasts that much longer.
+    /// How far reads may lag behind the wire, because of an operating system's scheduling or a USB adapter's buffer. A silence
+    /// inside a frame counts only if it lasts that much longer.
     fn read_jitter(&self) -> Duration {
         Duration::from_ticks(0)
     }
 
-    /// Whether what is written a character at a time leaves without gaps, however busy the board is: its transmitters are
-    /// fed by interrupt or DMA, and its tasks wake in time. Then frames are passed on while they arrive, unless a rule
-    /// says otherwise.
+    /// Whether characters written one at a time leave without gaps however busy the board is: its transmitters are fed by
+    /// interrupt or DMA, and its tasks wake in time. Then cut-through is on by default.
     fn never_underruns(&self) -> bool {
         false
     }
@@ -99,100 +97,102 @@ pub trait SerialHost {
 
 /// An open serial line.
 pub trait SerialLine: Read + Write {
-    /// Whether [`rest`](SerialLine::rest) is ever worth its while here.
+    /// Whether [`rest`](SerialLine::rest) is useful on this board.
     const RESTS: bool = false;
 
-    /// Switches the transceiver's driver on before a frame, and off when its last bit should have left; a line that knows
-    /// better when that is waits for it. Called only where the settings leave the driver to the gateway
-    /// ([`Driver::Rts`](crate::settings::Driver::Rts)); `open` refuses those settings where it cannot be done.
+    /// Switches the transceiver's driver on before a frame, and off when the last bit should have left; an implementation that
+    /// knows that time more precisely waits for it. Called only where the settings leave the driver to the gateway
+    /// ([`Driver::Rts`](crate::settings::Driver::Rts)); `open` rejects those settings if the board cannot do it.
     async fn drive(&mut self, _on: bool) -> Result<(), Self::Error> {
         Ok(())
     }
 
-    /// None of the characters that come before `until` is needed earlier: where each of them would wake a sleeping program,
-    /// that time passes here without a look at the line, and they are read afterwards, all at once. Says whether it has; it has
-    /// not where characters are best read as they come, or that time is too short. Dropping the pending future loses none.
+    /// Lets characters accumulate until `until`, none of which is needed earlier, instead of waking a sleeping program for each
+    /// of them. Returns whether that time has passed; it has not where reading each character is preferable, or the time is too
+    /// short. Dropping the pending future loses no character.
     async fn rest(&mut self, _until: Instant) -> bool {
         false
     }
 
-    /// Lets what the open line `from` of this board hears be sent here, as `relay` makes it, without a task that wakes for each
-    /// character. It begins with what that line has heard and `read` has not given yet. Says whether the board does that; then
+    /// Sends on this line what the open line `from` of this board receives, transformed by `relay`, without waking a task for
+    /// each character. It starts with what `from` has received and `read` has not returned yet. Returns whether the board does
+    /// it; in that case
     ///
-    /// - it does so until the relay is over, or `from` has been silent for longer than its t1.5, by as much as
-    ///   [reads may be late](SerialHost::read_jitter),
-    /// - `from` gives what it heard meanwhile afterwards, all at once, and [`is_relayed`](Self::is_relayed) until then,
+    /// - it continues until the relay is over, or until `from` has been silent for longer than its t1.5 plus [the read
+    ///   jitter](SerialHost::read_jitter),
+    /// - `from` returns what it received only afterwards, all at once; until then [`is_relayed`](Self::is_relayed),
     /// - nothing else is written here before [`end_relay`](Self::end_relay).
     fn relay(&mut self, _from: &str, _relay: Relay) -> bool {
         false
     }
 
-    /// Ends what [`relay`](Self::relay) began, if it is not over, and gives what is left of it.
+    /// Ends what [`relay`](Self::relay) began, if it is not over, and returns what was left of it.
     fn end_relay(&mut self) -> Option<Relay> {
         None
     }
 
-    /// Whether another line is sending what this one hears, or has sent what `read` has not given yet: that is no silence.
+    /// Whether another line is sending what this one receives, or has sent what `read` has not returned yet: the line is not
+    /// silent then.
     fn is_relayed(&self) -> bool {
         false
     }
 
-    /// For how long the line had been silent when `read` gave what was relayed until then; nothing where it was not.
+    /// How long the line had been silent when `read` returned the relayed characters; zero if it had not.
     fn silence(&self) -> Duration {
         Duration::from_ticks(0)
     }
 
-    /// The characters that the receiver found faulty since it was asked last, of those that `read` has given or dropped. A
-    /// line whose receiver does not tell has none.
+    /// Returns and clears the receive errors of the characters that `read` has returned or dropped. A line without error
+    /// detection has none.
     fn take_flaws(&mut self) -> Flaws {
         Flaws::default()
     }
 }
 
-/// Characters that a serial line's receiver found faulty.
+/// Receive errors of a serial line, in characters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Flaws {
-    /// With a wrong parity bit.
+    /// Parity errors.
     pub parity: u32,
-    /// Without their stop bit; a break counts as one.
+    /// Missing stop bits; a break counts as one.
     pub framing: u32,
-    /// Come too early for those before them to have been taken; how many were lost nobody knows.
+    /// Overruns; the number of lost characters is unknown.
     pub overruns: u32,
 }
 
 /// Accepts TCP connections, one at a time; every connection task owns one.
 ///
-/// Several hosts may be told to accept at the same address at once: they share the listening socket.
+/// Several hosts may accept at the same address: they share the listening socket.
 pub trait TcpHost {
-    /// An accepted connection, Nagle off, keepalive and user time-out set.
+    /// An accepted connection, with Nagle off, keepalive and user time-out set.
     type Stream<'a>: TcpStream
     where
         Self: 'a;
 
-    /// Opens the listening socket at `listen`, if this board has such and it is not open yet, so that a fault shows
-    /// before the first client comes.
+    /// Opens the listening socket at `listen`, where a board has such sockets, so that errors appear before the first client
+    /// connects.
     fn listen(&mut self, listen: &TcpListen) -> Result<(), OpenError>;
 
-    /// Waits for the next connection at `listen` and gives it with the peer's address. Dropping the pending
-    /// future loses no connection.
+    /// Waits for the next connection at `listen` and returns it with the peer's address. Dropping the pending future loses no
+    /// connection.
     async fn accept(&mut self, listen: &TcpListen) -> Result<(Self::Stream<'_>, SocketAddr), OpenError>;
 }
 
 /// Makes TCP connections to outside servers, several at a time; every port task has one.
 pub trait TcpConnect {
-    /// A connection, Nagle off, keepalive and user time-out set.
+    /// A connection, with Nagle off, keepalive and user time-out set.
     type Stream<'a>: TcpStream
     where
         Self: 'a;
 
-    /// Connects to `server`, whose name is looked up if it has one; [`OpenErrorKind::Exhausted`] when all of the board's sockets
-    /// are in use. The caller limits the time: dropping the pending future gives up.
+    /// Connects to `server`, resolving its name if it has one; [`OpenErrorKind::Exhausted`] when all sockets of the board are in
+    /// use. The caller limits the time: dropping the pending future gives up.
     async fn connect(&self, server: &ServerAddress) -> Result<Self::Stream<'_>, OpenError>;
 }
 
-/// A TCP connection. `read` gives `Ok(0)` at the peer's FIN; dropping a pending `read` loses no byte.
+/// A TCP connection. `read` returns `Ok(0)` after the peer's FIN; dropping a pending `read` loses no byte.
 pub trait TcpStream: Read + Write {
-    /// Ends the connection in an orderly way, within a bounded time.
+    /// Closes the connection in an orderly way, within a bounded time.
     async fn close(self);
 }
 
@@ -207,92 +207,92 @@ pub trait UdpHost {
     async fn bind(&mut self, listen: &TcpListen) -> Result<Self::Socket<'_>, OpenError>;
 }
 
-/// A UDP socket. Datagrams may be lost, doubled or overtake each other; dropping a pending `receive` loses none.
+/// A UDP socket. Datagrams may be lost, duplicated or reordered; dropping a pending `receive` loses none.
 pub trait UdpSocket {
-    /// Waits for a datagram, and gives its length and who sent it. One that is longer than `into` is cut off there.
+    /// Waits for a datagram, and returns its length and sender. A longer one than `into` is truncated.
     async fn receive(&mut self, into: &mut [u8]) -> Result<(usize, SocketAddr), SocketLost>;
 
-    /// Sends a datagram. That nobody is there to receive it is no error.
+    /// Sends a datagram. An absent receiver is no error.
     async fn send(&mut self, datagram: &[u8], to: SocketAddr) -> Result<(), SocketLost>;
 }
 
-/// A socket that cannot be used any more, and must be opened again.
+/// The socket has failed and must be reopened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SocketLost;
 
-/// Where the settings' text is kept. Replaced as a whole, so that a power cut leaves the old or the new text.
+/// Storage for the text of the settings. Replaced as a whole: a power cut leaves either the old or the new text.
 pub trait Store {
-    /// Reads up to `into.len()` bytes of the saved text from `offset` on; 0 at its end or when nothing is saved.
+    /// Reads up to `into.len()` bytes of the saved text from `offset`; 0 at its end or when nothing is saved.
     async fn read(&mut self, offset: usize, into: &mut [u8]) -> Result<usize, StoreError>;
 
-    /// Appends `text` to the new version that is being written; the first call starts one.
+    /// Appends `text` to the new version; the first call starts one.
     async fn append(&mut self, text: &[u8]) -> Result<(), StoreError>;
 
-    /// Makes the appended text the saved one, at once and whole.
+    /// Replaces the saved text by the new version, atomically.
     async fn commit(&mut self) -> Result<(), StoreError>;
 
-    /// The gateway has taken over what was read last. What somebody else writes from now on is not to be lost.
+    /// The gateway has applied the text read last: later changes by somebody else must not be overwritten.
     fn taken_over(&mut self) {}
 
-    /// Whether the next version replaces what is there even if somebody else has written it.
+    /// Whether the next version replaces the stored text even if somebody else has changed it.
     fn overwrite(&mut self, _whatever: bool) {}
 }
 
 /// Why settings could not be read or written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum StoreError {
-    /// This board or this run has no place for settings.
+    /// This board, or this run, has no storage for settings.
     #[error("there is no place to save settings: {0}")]
     Absent(&'static str),
     /// The text does not fit.
     #[error("the settings do not fit: {0} bytes at most")]
     Full(usize),
-    /// Somebody else has written what is stored.
-    #[error("the file was edited since it was read: `load` takes it over, `save force` writes over it")]
+    /// Somebody else has changed the stored text.
+    #[error("the file was edited since it was read: `load` applies it, `save force` overwrites it")]
     Edited,
-    /// What is stored is not what was written.
-    #[error("the saved settings are damaged")]
+    /// The stored text is corrupt.
+    #[error("the saved settings are corrupt")]
     Damaged,
-    /// The medium refused.
+    /// The medium failed.
     #[error("writing the settings failed")]
     Failed,
-    /// The medium refused, and says why.
+    /// The medium failed, with the reason.
     #[error("the settings file cannot be read or written: {0}")]
     Refused(&'static str),
 }
 
-/// How a board's own network does.
+/// The state of a board's own network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NetworkState {
-    /// Whether the cable is in.
+    /// Whether the link is up.
     pub link: bool,
-    /// The address in use, if there is one yet.
+    /// The address in use, if any.
     pub address: Option<StaticAddress>,
     /// The Ethernet address.
     pub hardware: [u8; 6],
 }
 
-/// The board itself: its name, its serial lines' names, and how to start it again.
+/// The board itself: its name, its serial lines, and how to restart it.
 pub trait System {
     /// The board's name, for `show version`.
     fn name(&self) -> &str;
 
-    /// How the board's own network does; `None` where an operating system has it.
+    /// The state of the board's own network; `None` where an operating system manages it.
     fn network(&self) -> Option<NetworkState> {
         None
     }
 
-    /// Writes what the board itself has to report, line `n` (from 0) without its line end: why it started, what its last run
-    /// died of. `None` behind the last line.
+    /// Writes line `n` (from 0, without line end) of the board's own report: why it started, and how its last run ended. `None`
+    /// after the last line.
     fn write_event(&self, _n: usize, _out: &mut dyn fmt::Write) -> Option<fmt::Result> {
         None
     }
 
-    /// Writes frames into a new `file` from now on, in place of the one before; `None`: no more.
+    /// Starts writing captured frames to a new `file`, instead of the previous one; `None` stops.
     fn capture(&self, _file: Option<&str>) -> Result<(), OpenError> {
         Err(OpenError::new(OpenErrorKind::Unsupported, "no files here: port NAME tcp server 5029 capture"))
     }
 
-    /// Starts the gateway again with the saved settings; may return when that takes a moment.
+    /// Restarts the gateway with the saved settings; may return before it happens.
     fn reboot(&self);
 }

@@ -1,6 +1,6 @@
-//! The language of the settings: a line changes them, or changes nothing and says which word is wrong.
+//! The configuration language: a line changes the settings, or changes nothing and reports the wrong word.
 //!
-//! [`apply`] reads a line, typed at the console or read from a configuration file; [`write_line`] prints the lines that recreate
+//! [`apply`] executes a line from the console or a configuration file; [`write_line`] prints the lines that recreate the
 //! settings.
 
 mod apply;

@@ -1,9 +1,9 @@
 //! The ports: what each role does between its line or socket and the router.
 //!
-//! A port of [`server`] turns what an outside client sends into requests for the router and gives the responses back; one of
-//! [`client`] takes requests from its queue and asks outside servers. [`line`](mod@line) is the serial line under both; frames between two
-//! lines are passed on while they arrive by [`cut_through`]; [`local`] is the gateway's own unit. Ports know framing and timing,
-//! nothing of rules.
+//! A [`server`] port turns the frames of an outside client into requests for the router and sends the responses back; a
+//! [`client`] port takes requests from its queue and sends them to outside servers. [`line`](mod@line) is the serial line under
+//! both, [`cut_through`] forwards frames between two lines while they are still arriving, and [`local`] is the gateway's own
+//! unit. Ports know framing and timing; they know nothing of rules.
 
 pub mod client;
 pub mod cut_through;
@@ -11,7 +11,7 @@ pub mod line;
 pub mod local;
 pub mod server;
 
-// One of two: what an `async` function awaits stays in it, also behind a constant.
+// A separate file, not a `cfg!` branch: what an `async` function awaits stays in its future even behind a false constant.
 #[cfg_attr(not(feature = "points"), path = "port/no_scanner.rs")]
 pub(crate) mod scanner;
 pub(crate) mod stream;

@@ -1,7 +1,7 @@
-//! Routing rules and their matching: which port a request goes to, and under which unit id.
+//! Routing rules and their matching: which port a request goes to, and with which unit id.
 //!
-//! A rule has the five columns of the MobGate paper (Source, Slave ID, IP, TAG, Destination) and, behind them, a
-//! policy: functions and addresses that pass, and a priority. Rules are tried in table order; the first that matches decides.
+//! A rule has the five columns of the MobGate paper (Source, Slave ID, IP, TAG, Destination), followed by a policy: the functions
+//! and addresses allowed, and a priority. Rules are tried in table order; the first match decides.
 
 mod onward;
 
@@ -15,49 +15,50 @@ use crate::settings::{
     Special,
 };
 
-/// Whether `route` only says that answers return: it leads to a side that asks, or comes from one that answers.
+/// Whether `route` is only a return path for responses: it leads to a port that only sends requests, or starts at one that only
+/// responds.
 ///
-/// The paper's tables list these ways back. Answers always return to their requester, so such a rule never matches.
+/// The paper's tables list these return paths. Responses always return to their requester, so such a rule never matches.
 pub fn is_implied(settings: &Settings, route: &Route) -> bool {
     let asks = |id: PortId| settings.port(id).is_some_and(|port| port.kind.side() == Side::Server);
     !asks(route.source) || matches!(route.destination, Destination::Port(id) if asks(id))
 }
 
-/// What the routing table says of a request.
+/// The routing table's decision for a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Decision {
-    /// To the port, for the unit as it is called there.
+    /// Forward it to a port.
     Forward {
         /// The destination.
         port: PortId,
-        /// The translated unit id.
+        /// The unit id on that port.
         unit: u8,
-        /// Rank in the destination's queue.
+        /// Priority in the destination's queue.
         priority: Priority,
-        /// Whose answers will do for it.
+        /// How it may share transactions and cached responses.
         sharing: Sharing,
-        /// What may be read along with it.
+        /// The addresses that a combined read may cover.
         addresses: AddressRange,
     },
-    /// To the gateway's own unit.
+    /// Pass it to the gateway's own unit.
     Local,
-    /// No response.
+    /// Drop it without response.
     Discard,
-    /// An exception of the gateway.
+    /// Refuse it with an exception of the gateway.
     Refuse(Exception),
-    /// The response of a write that was carried out, though nothing is.
+    /// Confirm it like an executed write, without doing anything.
     Ignore {
-        /// It would have gone to all units of a line: they do not answer.
+        /// Its destination was a broadcast, which has no response.
         broadcast: bool,
     },
-    /// A broadcast to every line that [`leads_to`] says.
+    /// Broadcast it to every line for which [`leads_to`] holds.
     AllLines,
-    /// No rule matches, or the unit means nothing here: 0Ah to a TCP client, silence on a shared serial line.
+    /// No rule matches, or the unit id has no meaning here: 0Ah to a TCP client, silence on a shared serial line.
     NoRule,
 }
 
-/// Whether a rule leads requests from `source` for `unit` anywhere, whatever comes of them: on a serial line, whether the
-/// unit is ours.
+/// Whether any rule routes requests from `source` for `unit`, whatever the outcome; on a serial line, whether the unit belongs to
+/// the gateway.
 pub fn is_routed(settings: &Settings, source: PortId, unit: u8) -> bool {
     match meaning(settings, source, unit) {
         Special::Rules => rule(settings, source, unit, None).is_some(),
@@ -67,12 +68,12 @@ pub fn is_routed(settings: &Settings, source: PortId, unit: u8) -> bool {
     }
 }
 
-/// What the rules of `source` take `unit` for.
+/// The meaning of `unit` at `source`, where it is a special one.
 pub(crate) fn meaning(settings: &Settings, source: PortId, unit: u8) -> Special {
     settings.port(source).map_or(Special::Rules, |port| port.units.of(unit))
 }
 
-/// The first rule that matches. A way back never does: it would swallow what a rule behind it is for.
+/// The first rule that matches. Return paths are skipped, or they would hide the rules after them.
 fn rule(settings: &Settings, source: PortId, unit: u8, peer: Option<IpAddr>) -> Option<&Route> {
     let mut matching = settings.routes.iter().filter(|route| route.matches(source, unit, peer));
     matching.find(|route| !is_implied(settings, route))
@@ -110,7 +111,7 @@ pub fn decide(
         Destination::Discard => Decision::Discard,
         Destination::NoPath => Decision::Refuse(Exception::GATEWAY_NO_PATH),
         Destination::Port(port) => match route.tag.apply(unit) {
-            // Nobody would answer, and nothing would have been done.
+            // As a broadcast it would have no response and no effect.
             Some(0) if is_line(settings, port) && !pdu::is_broadcastable(request) => {
                 Decision::Refuse(Exception::ILLEGAL_FUNCTION)
             }
@@ -124,8 +125,8 @@ pub fn decide(
     }
 }
 
-/// Whether a broadcast from `source` by `peer` goes out on the serial line `port`, and with which rank: when rules lead there
-/// for any units, and all of them let `request` pass, since it reaches the units of all.
+/// Whether a broadcast from `source` by `peer` goes out on the serial line `port`, and with which priority: rules must lead there
+/// for some unit, and all of them must allow `request`, since it reaches all units.
 pub fn leads_to(
     settings: &Settings,
     source: PortId,
@@ -145,7 +146,7 @@ pub fn leads_to(
     ranks.all(|rank| rank.is_some()).then_some(first)
 }
 
-/// The rules above rule `n` that take all units which it names, of those that are `for_the_same` peers.
+/// The rules above rule `n` that match all units it names, for the same peers.
 pub(crate) fn takers(settings: &Settings, n: usize, for_the_same: impl Fn(&Route) -> bool) -> Option<Rules> {
     let rule = settings.routes.get(n)?;
     let above = settings.routes.get(..n)?;
@@ -170,13 +171,13 @@ pub(crate) fn takers(settings: &Settings, n: usize, for_the_same: impl Fn(&Route
     }
 }
 
-/// Whether the rules of `port` are ever asked for `unit`.
+/// Whether the rules of `port` are ever consulted for `unit`.
 fn is_asked(settings: &Settings, port: PortId, unit: u8) -> bool {
-    // What a special unit may be replaced by is none itself.
+    // A unit that replaces a special one is not special itself.
     meaning(settings, port, unit) == Special::Rules
 }
 
-/// Whether `port` is a serial line that the gateway asks on.
+/// Whether `port` is a serial line with the gateway as master.
 fn is_line(settings: &Settings, port: PortId) -> bool {
     let kind = settings.port(port).map(|port| &port.kind);
     matches!(kind, Some(PortKind::Serial(serial)) if serial.side == Side::Client)

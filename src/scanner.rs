@@ -1,15 +1,15 @@
-//! Data points: what the gateway reads from devices by itself, again and again, and writes to them; pure, with time as a value.
+//! Data points: what the gateway polls from devices, and writes to them. Pure, with time as a value.
 //!
-//! A [`Row`] ties cells of a device to values in a bounded memory. Every 200 ms, or with a period of its own, a row that is
-//! due is *marked for reading*; whoever writes its variable marks it for writing. [`Scanner::next`] makes a request of the
-//! marked rows: writes first, then reads in the order in which they were marked, neighbours gathered into one frame; one
-//! request is open for each device at a time. [`Scanner::answered`] stores what came of it. A device that gives no response is
-//! asked twice more, then left alone for 15 s, and tried again by one attempt after 15, 17, ... 29, 30 s.
+//! A [`Row`] maps cells of a device to values in a bounded memory. Every 200 ms, or with a period of its own, a row that is due
+//! is *marked for reading*; a change of its variable marks it for writing. [`Scanner::next`] makes a request of the marked rows:
+//! writes first, then reads in the order in which they were marked, with neighbours gathered into one frame; each device has at
+//! most one request in flight. [`Scanner::answered`] stores the result. A device that does not respond is asked twice more, then
+//! left alone for 15 s, and tried again with single attempts after 15, 17, ... 29, 30 s.
 //!
-//! The same scanner serves tables of data points, whose variables are read and written in one place, and process images,
-//! whose inputs and outputs are places apart: there outputs are written when they differ from what was read back
-//! ([`Writing::OnChange`]). A row without a device is what outside clients see ([`Scanner::serve`]). What is done at once is asked
-//! for at the console, or by programs behind the gateway, which have commands of their own ([`Scanner::start`]).
+//! The same scanner serves tables of data points, whose variables are read and written in one place, and process images, with
+//! separate inputs and outputs: there outputs are written when they differ from what was read back ([`Writing::OnChange`]). A row
+//! without a device is visible to outside clients ([`Scanner::serve`]). Immediate reads and writes are requested at the console,
+//! or by programs behind the gateway with commands of their own ([`Scanner::start`]).
 
 mod bits;
 mod byte_order;
@@ -67,38 +67,38 @@ pub use self::status::{ErrorCode, Status};
 pub use self::typed::{TypedValue, ValueType};
 pub use self::values::VALUE_BYTES_MAX;
 
-/// Whether the gateway can ask devices by itself, for data points or as an EtherCAT SubDevice: the feature `points`. An image
-/// without it holds nothing of what stands behind this constant.
+/// Whether the gateway can poll devices, for data points or as an EtherCAT SubDevice: the feature `points`. Without it, code that
+/// depends on this constant is left out of the image.
 pub const POINTS: bool = cfg!(feature = "points");
 
-/// Devices that a scanner asks.
+/// Devices of a scanner.
 pub const DEVICES_MAX: usize = if POINTS { 32 } else { 0 };
-/// Rows of a scanner: the four tables of every device, and some that take two frames.
+/// Rows of a scanner: the four tables of every device, and some that need two frames.
 pub const ROWS_MAX: usize = 136;
 
-/// A scanner has no room for more.
+/// The scanner is full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[doc(hidden)] // Public for tests/ only.
 pub enum Full {
-    /// [`DEVICES_MAX`] devices are there.
-    #[error("there are {DEVICES_MAX} devices, the most there can be")]
+    /// [`DEVICES_MAX`] devices exist.
+    #[error("there are {DEVICES_MAX} devices, the maximum")]
     Devices,
-    /// [`ROWS_MAX`] rows are there.
-    #[error("there are {ROWS_MAX} rows, the most there can be")]
+    /// [`ROWS_MAX`] rows exist.
+    #[error("there are {ROWS_MAX} rows, the maximum")]
     Rows,
     /// The values take [`VALUE_BYTES_MAX`] bytes.
     #[error("the values take more than {VALUE_BYTES_MAX} bytes")]
     Values,
 }
 
-/// A request that is to be sent.
+/// A request to send.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Request {
     /// The device, for [`Scanner::answered`].
     pub device: DeviceId,
     /// Its unit id.
     pub unit: u8,
-    /// What is asked.
+    /// The request.
     pub pdu: Pdu,
 }
 
@@ -108,11 +108,11 @@ pub struct Scanner {
     stations: Vec<Station, DEVICES_MAX>,
     entries: Vec<Entry, ROWS_MAX>,
     values: Values,
-    /// When it was started: the raster of the scans begins there.
+    /// When it was started: the origin of the scan raster.
     started: Instant,
-    /// Counts what is marked.
+    /// Counts marks.
     turn: u32,
-    /// The device that is looked at first.
+    /// The device to look at first.
     first: usize,
     /// Whether outputs are written that differ from what was read back.
     outputs: bool,
@@ -132,7 +132,7 @@ impl Scanner {
         }
     }
 
-    /// Forgets everything; the raster of the scans begins at `now`.
+    /// Removes everything; the scan raster begins at `now`.
     pub fn restart(&mut self, now: Instant) {
         self.forget_devices();
         self.values.clear();
@@ -140,13 +140,13 @@ impl Scanner {
         self.outputs = false;
     }
 
-    /// Forgets devices and rows; the values stay.
+    /// Removes devices and rows; the values stay.
     pub fn forget_devices(&mut self) {
         self.stations.clear();
         self.entries.clear();
     }
 
-    /// Room for `bytes` of values, as the first one's place; all of them are 0.
+    /// Allocates `bytes` of values, initially 0, and returns the index of the first.
     pub fn allocate(&mut self, bytes: u16) -> Result<u16, Full> {
         self.values.allocate(bytes).ok_or(Full::Values)
     }
@@ -158,7 +158,7 @@ impl Scanner {
         Ok(id)
     }
 
-    /// Adds a row, whose places in the memory have been allocated. It is due at once.
+    /// Adds a row, whose memory has been allocated. It is due at once.
     pub fn add_row(&mut self, row: Row, now: Instant) -> Result<RowId, Full> {
         let id = RowId(self.entries.len() as u8);
         let since = now.saturating_duration_since(self.started);
@@ -166,8 +166,8 @@ impl Scanner {
         Ok(id)
     }
 
-    /// Adds rows for the cells of `range`, which may be more than one frame holds: as many rows as it takes frames, one behind
-    /// the other in the memory. Nothing is added when there is no room for all.
+    /// Adds rows for the cells of `range`: as many as it takes frames, contiguous in memory. Nothing is added unless there is
+    /// room for all.
     pub fn add_range(&mut self, range: Row, now: Instant) -> Result<(), Full> {
         let mut most = range.kind.cells_max(range.write != Writing::Never);
         if range.form == Form::Wide {
@@ -200,7 +200,7 @@ impl Scanner {
         self.entries.len()
     }
 
-    /// The next request that is to be sent at `now`; none while there is nothing to do.
+    /// The next request to send at `now`, if any.
     pub fn next(&mut self, now: Instant) -> Option<Request> {
         self.abandon(now);
         self.mark_due(now);
@@ -221,7 +221,7 @@ impl Scanner {
         self.stations.iter().any(may) || self.due() <= now
     }
 
-    /// When [`Scanner::next`] has something new, if nothing happens until then.
+    /// When [`Scanner::next`] should be called again, if nothing happens until then.
     pub fn due(&self) -> Instant {
         let rows =
             self.entries.iter().filter_map(|entry| entry.due(self.held(entry)).map(|due| self.started + due));
@@ -234,12 +234,12 @@ impl Scanner {
         rows.chain(held).chain(abandoned).min().unwrap_or(Instant::MAX)
     }
 
-    /// What came of the open request to `device`: the response's PDU, or why there is none.
-    pub fn answered(&mut self, device: DeviceId, now: Instant, answer: Result<&[u8], ErrorCode>) {
+    /// The outcome of the pending request to `device`: the response's PDU, or why there is none.
+    pub fn answered(&mut self, device: DeviceId, now: Instant, response: Result<&[u8], ErrorCode>) {
         let Some(station) = self.stations.get_mut(usize::from(device.0)) else { return };
         let Some(open) = station.open.take() else { return };
         station.pending = true;
-        match answer {
+        match response {
             Err(error) => {
                 let again = station.failed(now, error);
                 station.repeats = again.then_some(open);
@@ -253,7 +253,7 @@ impl Scanner {
                     && function & EXCEPTION_BIT != 0
                     && Exception(*exception) == Exception::ILLEGAL_FUNCTION =>
             {
-                // No more than a sign of life: what it was asked for is done otherwise from now on.
+                // Only a sign of life: the request is done another way from now on.
                 station.answered(now, 0);
                 station.refuses_masks = true;
                 self.go_on(device, Open::Fetch);
@@ -271,22 +271,22 @@ impl Scanner {
                     }
                 }
             }
-            Ok(answer) => {
+            Ok(response) => {
                 station.answered(now, 0);
                 match open {
                     Open::Check => station.check_from = None,
-                    Open::Fetch => match register(answer.get(2..).unwrap_or_default(), 0) {
+                    Open::Fetch => match register(response.get(2..).unwrap_or_default(), 0) {
                         Some(register) => self.go_on(device, Open::Store { register }),
                         None => self.end(device, now, Err(ErrorCode::Unknown), &[]),
                     },
-                    _ => self.end(device, now, Ok(open), answer),
+                    _ => self.end(device, now, Ok(open), response),
                 }
             }
         }
     }
 
-    /// The open request to `device` has not been sent: the gateway itself has answered it by `exception`, since a rule forbids it,
-    /// or since too many requests wait. The device knows nothing of that, so it says nothing about the device.
+    /// The pending request to `device` was not sent: the gateway itself refused it with `exception`, because of a rule or a full
+    /// queue. That says nothing about the device.
     pub fn refused(&mut self, device: DeviceId, now: Instant, exception: Exception) {
         let Some(station) = self.stations.get_mut(usize::from(device.0)) else { return };
         let Some(open) = station.open.take() else { return };
@@ -297,13 +297,13 @@ impl Scanner {
         };
         let crowded = error == ErrorCode::Connection;
         if open == Open::Mask && error == ErrorCode::Function {
-            // A rule for devices that do not know function 22.
+            // A rule may forbid function 22 for devices that do not know it.
             station.refuses_masks = true;
             return self.go_on(device, Open::Fetch);
         }
         station.not_sent(error);
         if crowded {
-            // Asked again at once, it would be refused again.
+            // A repeat at once would be refused again.
             station.held = now + SCAN;
             self.unanswered(device, error, false);
         } else if open == Open::Check {
@@ -313,14 +313,14 @@ impl Scanner {
         }
     }
 
-    /// What has been asked and not answered is asked again: the responses will not come.
+    /// The responses to pending requests will not arrive: they are repeated.
     pub fn forget_open(&mut self) {
         for at in 0..self.stations.len() {
             let device = DeviceId(at as u8);
             let Some(station) = self.stations.get_mut(at) else { break };
             station.pending = true;
             if let Some(open) = station.open.take() {
-                // By then a register may be another one.
+                // The register may have changed meanwhile.
                 self.go_on(device, if let Open::Store { .. } = open { Open::Fetch } else { open });
             }
         }
@@ -330,7 +330,7 @@ impl Scanner {
         self.stations.get(usize::from(device.0))
     }
 
-    /// Until when the row's device is left alone, counted from the start.
+    /// Until when the row's device is left alone, counted from the scanner's start.
     fn held(&self, entry: &Entry) -> Duration {
         let station = entry.row.device.and_then(|device| self.station(device));
         station

@@ -1,4 +1,4 @@
-//! Counters of a port, by event, and the ring of the last transactions.
+//! Counters of a port, by event, and the log of the last transactions.
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
@@ -13,105 +13,105 @@ mod log;
 #[doc(hidden)] // Public for tests/ only.
 pub mod response_tail;
 
-/// What a port counts.
+/// The events that a port counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
-    /// A request came in from an outside client, or left for an outside server.
+    /// A request was received from an outside client, or sent to an outside server.
     Request,
-    /// A response went out to an outside client, or came in from an outside server; exceptions included.
+    /// A response was sent to an outside client, or received from an outside server; includes exceptions.
     Response,
     /// Of the responses, those that are exceptions.
     Exception,
     /// No response in time.
     Timeout,
-    /// Of the time-outs, those in which nothing at all was heard.
+    /// Of the time-outs, those in which nothing at all was received.
     Silent,
-    /// Characters that came before those before them were taken, as the line's receiver tells.
+    /// Receiver overrun.
     Overrun,
-    /// A response with a bad check or cut short.
+    /// A response that was corrupt or truncated.
     Corrupt,
-    /// Of the damaged responses, those that were whole, but with a bad CRC or LRC.
+    /// Of the corrupt responses, those with a bad CRC or LRC.
     BadCheck,
-    /// Of the damaged responses, those whose end was missing.
+    /// Of the corrupt responses, those that were truncated.
     Short,
-    /// A character with a wrong parity bit, as the line's receiver tells.
+    /// A character with a parity error.
     Parity,
-    /// A character without its stop bit, as the line's receiver tells: another speed or format, or the wires are swapped.
+    /// A character without a stop bit: a different speed or format, or swapped wires.
     Framing,
-    /// Bytes that are no frame.
+    /// Bytes that are not a frame.
     Noise,
-    /// A response of another unit than the one asked.
+    /// A response from another unit than the one asked.
     WrongUnit,
-    /// A response that does not fit the request; often a late one to an earlier request.
+    /// A response that does not match the request; often a late one to an earlier request.
     Misfit,
-    /// A response on a serial line that came when its time was over.
+    /// A response on a serial line after its time-out.
     Late,
-    /// A good frame of a unit on a serial line that answers nothing that was sent to it.
+    /// A valid frame from a unit on a serial line that matches nothing sent to it.
     Unsolicited,
-    /// The gateway's own request came back: the line hears itself, and its settings do not say `echo`.
+    /// The echo of the gateway's own request, on a line whose settings do not say `echo`.
     Echo,
-    /// A request by which a unit was to prove that it has answered all earlier ones.
+    /// A request sent to prove that a unit has answered all earlier ones.
     Proof,
-    /// A read sent once more.
+    /// A read that was repeated.
     Retry,
     /// A read that shared the transaction of another one.
     Merged,
-    /// A transaction of several reads that the unit refused, so that each was sent by itself.
+    /// A combined read that the unit refused, so that its reads were sent one by one.
     Parted,
-    /// A read that was answered from memory.
+    /// A read that was answered from the cache.
     Cached,
     /// Failed at once because the unit is down.
     UnitDown,
-    /// Not sent: its time was over before its turn came.
+    /// Not sent: expired while waiting.
     Expired,
-    /// Not sent, or its response dropped: the requester is gone.
+    /// Not sent, or the response dropped: the requester is gone.
     RequesterGone,
-    /// Refused: too many wait.
+    /// Refused: the queue is full.
     QueueFull,
     /// Refused by a rule's function policy, or malformed.
     Refused,
-    /// A write that a rule forbids, answered as if it had been carried out.
+    /// A write forbidden by a rule, but confirmed as if it had been executed.
     Ignored,
-    /// No rule, or the port that the rule names is off.
+    /// No rule matches, or the rule's port is off.
     NoPath,
     /// Dropped by a `discard` rule.
     Discarded,
-    /// The port could not read on because its share of frames was in use.
+    /// Reading paused because the port's share of frames was in use.
     BackPressure,
-    /// A response that no open request waits for: a late one, or one with an unknown transaction id.
+    /// A response that no pending request waits for: a late one, or one with an unknown transaction id.
     Stray,
-    /// A connection was accepted, or made.
+    /// A connection was accepted or made.
     Connected,
     /// A connection was closed by the other side.
     Left,
-    /// A connection was closed, or a datagram dropped, because its address is not allowed.
+    /// A connection was closed, or a datagram dropped, because the address is not allowed.
     Unwelcome,
     /// A connection was closed to make room, or refused because there was none.
     Crowded,
-    /// A connection was closed because its client was silent or did not read.
+    /// A connection was closed because its client was idle or did not read.
     Stalled,
-    /// A request that came twice, and was not carried out again.
+    /// A duplicate of an open request, which was not executed again.
     Duplicate,
-    /// Bytes from a client that are no Modbus TCP, or a frame of a MainDevice that is not whole.
+    /// Bytes from a client that are not Modbus TCP, or an incomplete frame from a MainDevice.
     Malformed,
-    /// The line, or the connection to a server, was lost and is opened again.
+    /// The line, or the connection to a server, was lost and is reopened.
     LineLost,
-    /// Somebody else was sending at the same time: the echo of a frame was not the frame.
+    /// Somebody else was sending at the same time: the echo differed from the frame sent.
     Collision,
-    /// A client was answered 06h.
+    /// A client got 06h.
     Busy,
     /// A frame for or from another unit on a shared bus.
     Foreign,
-    /// A frame that was passed on while it arrived at another serial line.
+    /// A frame that was cut through from another serial line.
     Cut,
-    /// A request of a master on another serial line, or the response to one, that was sent when it was whole.
+    /// A request from a master on another serial line, or its response, that was sent only when complete.
     Stored,
-    /// A frame that was begun while it arrived, and did not come to a good end.
+    /// A cut-through frame that was broken off or turned out corrupt.
     Aborted,
 }
 
 impl Event {
-    /// Every event, in the order in which they are shown.
+    /// Every event, in display order.
     pub const ALL: [Self; 46] = [
         Self::Request,
         Self::Response,
@@ -214,7 +214,7 @@ impl Event {
     }
 }
 
-/// What went wrong last at a serial port, with the numbers that controllers show for it.
+/// The last error of a serial port, with the numbers that controllers display.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum LastError {
@@ -226,24 +226,24 @@ pub enum LastError {
     Checksum = 4,
     /// A frame too short, or with a length that its function cannot have.
     Length = 5,
-    /// A request for an address that is not there (exception 02).
+    /// A request with an address that does not exist (exception 02).
     Address = 6,
-    /// A request with a function that is not there or not allowed (exception 01).
+    /// A request with a function that does not exist or is not allowed (exception 01).
     Function = 7,
-    /// A read of more than a response can hold (exception 03).
+    /// A read longer than a response can hold (exception 03).
     Response = 8,
-    /// A request with a value or quantity that cannot be (exception 03).
+    /// A request with an invalid value or quantity (exception 03).
     Value = 9,
-    /// Too wide a gap between two characters.
+    /// A gap between two characters that is too long.
     Gap = 10,
-    /// An ASCII frame that is too long, has an unexpected character, or no line feed.
+    /// An ASCII frame that is too long, has an invalid character, or lacks its line feed.
     Ascii = 11,
     /// The line has not been opened yet.
     NotStarted = 12,
 }
 
 impl LastError {
-    /// Every cause; first that of a port at the start, so that counters are all zeros then.
+    /// Every error, starting with the initial one, so that the initial state is all zeros.
     pub const ALL: [Self; 11] = [
         Self::NotStarted,
         Self::None,
@@ -276,12 +276,12 @@ impl LastError {
     }
 }
 
-/// One counter for each event, which wraps around; and what went wrong last.
+/// One wrapping counter per event, and the last error.
 pub struct Counters {
     events: [AtomicU32; Event::ALL.len()],
-    /// Place in [`LastError::ALL`].
+    /// Index in [`LastError::ALL`].
     last_error: AtomicU8,
-    /// The clock's seconds when they were all zero.
+    /// The clock's seconds when the counters were cleared.
     since_s: AtomicU32,
 }
 
@@ -295,22 +295,22 @@ impl Counters {
         }
     }
 
-    /// Notes what went wrong.
+    /// Sets the last error.
     pub fn note(&self, error: LastError) {
-        let place = LastError::ALL.iter().position(|known| *known == error).unwrap_or(0);
-        self.last_error.store(place as u8, Ordering::Relaxed);
+        let index = LastError::ALL.iter().position(|known| *known == error).unwrap_or(0);
+        self.last_error.store(index as u8, Ordering::Relaxed);
     }
 
-    /// Notes what is wrong with a request that is answered by `exception` at once.
+    /// Sets the last error for a request refused with `exception`.
     pub(crate) fn note_refused(&self, request: &[u8], exception: Exception) {
         let cause = if pdu::is_beyond_response(request) { Cause::Length } else { Cause::Silence };
         self.note_exception(exception, cause);
     }
 
-    /// Counts a response that goes to a client; `cause` is behind it if it is an exception of the gateway.
-    pub(crate) fn answered(&self, answer: &[u8], cause: Cause) {
+    /// Counts a response sent to a client; `cause` explains an exception of the gateway.
+    pub(crate) fn answered(&self, response: &[u8], cause: Cause) {
         self.count(Event::Response);
-        if let [function, code] = *answer
+        if let [function, code] = *response
             && function & EXCEPTION_BIT != 0
         {
             self.count(Event::Exception);
@@ -318,7 +318,7 @@ impl Counters {
         }
     }
 
-    /// Notes what an exception that a client gets says of its request.
+    /// Sets the last error by the exception that a client gets.
     fn note_exception(&self, exception: Exception, cause: Cause) {
         match (exception, cause) {
             (Exception::BUSY, _) => self.count(Event::Busy),
@@ -330,10 +330,10 @@ impl Counters {
         }
     }
 
-    /// What went wrong last.
+    /// The last error.
     pub fn last_error(&self) -> LastError {
-        let place = self.last_error.load(Ordering::Relaxed);
-        LastError::ALL.get(usize::from(place)).copied().unwrap_or(LastError::None)
+        let index = self.last_error.load(Ordering::Relaxed);
+        LastError::ALL.get(usize::from(index)).copied().unwrap_or(LastError::None)
     }
 
     /// Counts `event`.
@@ -341,32 +341,32 @@ impl Counters {
         self.add(event, 1);
     }
 
-    /// Counts `event` so many `times`.
+    /// Counts `event` `times` times.
     pub(crate) fn add(&self, event: Event, times: u32) {
         if let Some(counter) = self.events.get(event as usize) {
             counter.fetch_add(times, Ordering::Relaxed);
         }
     }
 
-    /// How often `event` was counted in a minute, on the average since the counters were zero.
+    /// The average of `event` per minute since the counters were cleared.
     pub fn per_minute(&self, event: Event, now: Instant) -> u32 {
         let seconds = now.as_secs().saturating_sub(self.since_s.load(Ordering::Relaxed).into()).max(1);
         u32::try_from(u64::from(self.get(event)) * 60 / seconds).unwrap_or(u32::MAX)
     }
 
-    /// Sets one counter to zero.
+    /// Clears one counter.
     pub(crate) fn reset(&self, event: Event) {
         if let Some(counter) = self.events.get(event as usize) {
             counter.store(0, Ordering::Relaxed);
         }
     }
 
-    /// How often `event` was counted.
+    /// The count of `event`.
     pub fn get(&self, event: Event) -> u32 {
         self.events.get(event as usize).map_or(0, |counter| counter.load(Ordering::Relaxed))
     }
 
-    /// Sets all to zero; a port that works has no last error any more.
+    /// Clears all counters; a working port has no last error any more.
     pub fn clear(&self, now: Instant) {
         self.since_s.store(now.as_secs() as u32, Ordering::Relaxed);
         if !matches!(self.last_error(), LastError::NotStarted | LastError::Port) {

@@ -1,4 +1,4 @@
-//! The futures that a board runs as its tasks: the router, one for each port, one for each TCP connection.
+//! The futures that a board runs as its tasks: the router, one per port, one per TCP connection.
 
 mod connection;
 mod port;

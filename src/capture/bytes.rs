@@ -1,25 +1,25 @@
-//! The bytes of the ring's frames, moved by the frame.
+//! A ring buffer for the bytes of captured frames, added and removed frame by frame.
 
 use heapless::Vec;
 
-/// Bytes of them all.
+/// Size of the buffer.
 pub const BYTES_MAX: usize = if cfg!(feature = "small") { 1_024 } else { 2_048 };
 
 /// A queue of bytes.
 pub(super) struct Bytes {
     bytes: [u8; BYTES_MAX],
-    /// Where the oldest one is, and how many there are.
+    /// Position of the oldest byte, and how many there are.
     start: usize,
     length: usize,
 }
 
 impl Bytes {
-    /// None.
+    /// An empty buffer.
     pub(super) const fn new() -> Self {
         Self { bytes: [0; BYTES_MAX], start: 0, length: 0 }
     }
 
-    /// Bytes that there is room for.
+    /// Size of the buffer.
     pub(super) const fn room(&self) -> usize {
         BYTES_MAX - self.length
     }
@@ -31,7 +31,7 @@ impl Bytes {
         self.length -= count;
     }
 
-    /// Appends `bytes`, for which there is room.
+    /// Appends `bytes`, which must fit.
     pub(super) fn append(&mut self, bytes: &[u8]) {
         let end = (self.start + self.length) % BYTES_MAX;
         let (before, behind) = bytes.split_at(bytes.len().min(BYTES_MAX - end));
@@ -43,7 +43,7 @@ impl Bytes {
         self.length += bytes.len();
     }
 
-    /// `count` bytes behind the oldest `before`.
+    /// `count` bytes, after the oldest `before`.
     pub(super) fn get<const N: usize>(&self, before: usize, count: usize) -> Vec<u8, N> {
         self.bytes.iter().cycle().skip((self.start + before) % BYTES_MAX).take(count).copied().collect()
     }

@@ -1,4 +1,4 @@
-//! The ring as a PCAPNG file that grows: into a file, or to whoever has connected.
+//! Exports the capture as a growing PCAPNG file, to a file or a TCP client.
 
 use embedded_io_async::Write;
 
@@ -6,8 +6,8 @@ use super::{Capture, Captured, Following, pcapng};
 use crate::gateway::Gateway;
 use crate::settings::PortId;
 
-/// Who gets the frames that come from now on. Nobody waits for him: what is overwritten before he has taken it is missing, and he
-/// is told how many frames that are.
+/// A receiver of the frames from now on. It never blocks others: frames overwritten before it has read them are lost, and their
+/// number is reported to it.
 pub struct Export<'c> {
     capture: &'c Capture,
     following: Following<'c>,
@@ -15,7 +15,7 @@ pub struct Export<'c> {
 }
 
 impl<'c> Export<'c> {
-    /// Writes what a file begins with: the section, and each port as an interface. `None` on a board that keeps no frames.
+    /// Writes the beginning of the file: the section, and each port as an interface. `None` on a board without capture.
     pub async fn begin<W: Write>(gateway: &Gateway<'c>, out: &mut W) -> Result<Option<Self>, W::Error> {
         let Some(capture) = gateway.capture() else { return Ok(None) };
         let export = Self { capture, following: capture.follow(), dropped: 0 };
@@ -27,7 +27,7 @@ impl<'c> Export<'c> {
         Ok(Some(export))
     }
 
-    /// Writes the next frame, if there is one; says whether there was.
+    /// Writes the next frame, if there is one; returns whether there was.
     pub async fn write_next<W: Write>(&mut self, out: &mut W) -> Result<bool, W::Error> {
         let Some(frame) = self.following.next() else { return Ok(false) };
         let epoch_us = self.capture.epoch_us.lock(core::cell::Cell::get);

@@ -1,23 +1,23 @@
-//! Frames as a PCAPNG file that Wireshark decodes without settings: exported PDUs (link type 252) that name their dissector.
+//! PCAPNG files that Wireshark decodes without configuration: exported PDUs (link type 252) that name their dissector.
 //!
-//! RTU frames go to the dissector `mbrtu`, those of Modbus TCP to `mbtcp` and `mbudp`; what is no frame, and ASCII, is shown as bytes.
-//! Clauses are those of draft-ietf-opsawg-pcapng; numbers are little-endian, in the order of the section's magic.
+//! RTU frames go to the dissector `mbrtu`, those of Modbus TCP to `mbtcp` and `mbudp`; ASCII frames and bytes that are no frame
+//! are shown as bytes. Clauses are those of draft-ietf-opsawg-pcapng; numbers are little-endian, as the section's magic declares.
 
 use heapless::Vec;
 
 use super::{Captured, FrameKind, Head};
 use crate::stats::Event;
 
-/// Room for every block, but for a frame's bytes.
+/// Size of the largest block without a frame's bytes.
 const BLOCK_BYTES_MAX: usize = 80;
-/// A block, or what stands before or behind a frame in one.
+/// A block, or the part of one before or after a frame.
 pub type Block = Vec<u8, BLOCK_BYTES_MAX>;
 
 const SECTION_HEADER: u32 = 0x0a0d_0d0a;
 const INTERFACE: u32 = 1;
 const INTERFACE_STATISTICS: u32 = 5;
 const ENHANCED_PACKET: u32 = 6;
-/// `LINKTYPE_WIRESHARK_UPPER_PDU`: tags in front of each packet.
+/// `LINKTYPE_WIRESHARK_UPPER_PDU`: tags precede each packet.
 const UPPER_PDU: u16 = 252;
 const TAG_END: u16 = 0;
 const TAG_DISSECTOR: u16 = 12;
@@ -26,7 +26,7 @@ const TAG_SOURCE_PORT: u16 = 25;
 const TAG_DESTINATION_PORT: u16 = 26;
 const PORT_TYPE_TCP: u32 = 2;
 const PORT_TYPE_UDP: u32 = 3;
-/// The port by which dissectors tell requests from answers.
+/// The port by which dissectors distinguish requests from responses.
 const MODBUS_PORT: u32 = 502;
 const OPTION_COMMENT: u16 = 1;
 const OPTION_FLAGS: u16 = 2;
@@ -37,29 +37,29 @@ const OUTBOUND: u32 = 2;
 const CRC_ERROR: u32 = 1 << 24;
 const TOO_SHORT: u32 = 1 << 26;
 
-/// The blocks at a file's beginning, but for the interfaces: the section's header.
+/// The section header block, which begins the file.
 pub fn header() -> Block {
     block(SECTION_HEADER, |block| {
         put(block, &0x1a2b_3c4d_u32.to_le_bytes());
-        // Version 1.0; the section's length is not known.
+        // Version 1.0; the length of the section is unknown.
         put(block, &[1, 0, 0, 0]);
         put(block, &u64::MAX.to_le_bytes());
     })
 }
 
-/// The next interface: a line called `name`.
+/// The block of the next interface, called `name`.
 pub fn interface(name: &str) -> Block {
     block(INTERFACE, |block| {
         put(block, &UPPER_PDU.to_le_bytes());
-        // Reserved, and no limit of length.
+        // Reserved, and no snapshot length.
         put(block, &[0; 6]);
         option(block, OPTION_NAME, name.as_bytes());
         option(block, 0, &[]);
     })
 }
 
-/// The number of frames that are missing so far, with the time of the one behind them. They may have been of any interface: it stands
-/// with the first.
+/// The number of frames lost so far, with the time of the next one. They may belong to any interface; the count is stored with
+/// the first.
 pub fn statistics(head: &Head, epoch_us: u64, dropped: u64) -> Block {
     let at = epoch_us.wrapping_add(head.at.as_micros());
     block(INTERFACE_STATISTICS, |block| {
@@ -71,8 +71,8 @@ pub fn statistics(head: &Head, epoch_us: u64, dropped: u64) -> Block {
     })
 }
 
-/// What stands before and behind a frame's bytes; its port is the interface. The gateway's clock began `epoch_us` microseconds
-/// after the year 1970 did.
+/// The parts before and after a frame's bytes; its port is the interface. `epoch_us`: start of the gateway's clock, in
+/// microseconds since 1970.
 pub fn packet(frame: &Captured, epoch_us: u64) -> (Block, Block) {
     let tags = tags(frame);
     let at = epoch_us.wrapping_add(frame.head.at.as_micros());
@@ -83,7 +83,7 @@ pub fn packet(frame: &Captured, epoch_us: u64) -> (Block, Block) {
     option(&mut behind, OPTION_FLAGS, &flags(frame).to_le_bytes());
     option(&mut behind, 0, &[]);
     let mut before = Block::new();
-    // Kind and length twice, five fields.
+    // Type, two lengths, and five fields.
     let whole = 8 + 20 + length + behind.len() as u32 + 4;
     let interface = u32::from(frame.head.port.0);
     for field in [ENHANCED_PACKET, whole, interface, (at >> 32) as u32, at as u32, length, length] {
@@ -104,7 +104,7 @@ fn flags(frame: &Captured) -> u32 {
         }
 }
 
-/// The tags that tell what a packet is, big-endian.
+/// The tags that describe a packet, big-endian.
 fn tags(frame: &Captured) -> Vec<u8, 48> {
     let Head { kind, verdict, requester, .. } = frame.head;
     let dissector: Option<&[u8]> = match (verdict, kind) {
@@ -116,7 +116,7 @@ fn tags(frame: &Captured) -> Vec<u8, 48> {
     };
     let mut tags = Vec::new();
     let mut tag = |tag: u16, value: &[u8]| {
-        // There is room: all of them take 40 bytes.
+        // Fits: all of them take 40 bytes.
         let _ = tags.extend_from_slice(&tag.to_be_bytes());
         let _ = tags.extend_from_slice(&(value.len() as u16).to_be_bytes());
         let _ = tags.extend_from_slice(value);
@@ -125,7 +125,7 @@ fn tags(frame: &Captured) -> Vec<u8, 48> {
         tag(TAG_DISSECTOR, dissector);
         let [source, destination] = match verdict {
             Event::Request | Event::Echo => [requester.into(), MODBUS_PORT],
-            // Of others on a shared bus: the dissector guesses.
+            // Of other devices on a shared bus: the dissector guesses.
             Event::Foreign => [0, 0],
             _ => [MODBUS_PORT, requester.into()],
         };
@@ -140,7 +140,7 @@ fn tags(frame: &Captured) -> Vec<u8, 48> {
     tags
 }
 
-/// A block of `kind` with its length before and behind `body`.
+/// A block of `kind`, with its length before and after `body`.
 fn block(kind: u32, body: impl FnOnce(&mut Block)) -> Block {
     let mut block = Block::new();
     put(&mut block, &kind.to_le_bytes());
@@ -161,12 +161,12 @@ fn option(block: &mut Block, code: u16, value: &[u8]) {
     pad(block, value.len());
 }
 
-/// Fills up what has so many bytes to whole words.
+/// Pads `bytes` to a multiple of four.
 fn pad(block: &mut Block, bytes: usize) {
     (bytes..bytes.next_multiple_of(4)).for_each(|_| put(block, &[0]));
 }
 
 fn put(block: &mut Block, bytes: &[u8]) {
-    // There is room, see BLOCK_BYTES_MAX: names have their limits.
+    // Fits, see BLOCK_BYTES_MAX: names have limits.
     let _ = block.extend_from_slice(bytes);
 }

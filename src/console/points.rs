@@ -245,9 +245,10 @@ struct DeviceRow<'s> {
 impl fmt::Display for DeviceRow<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, unit, status, inputs, now } = self;
-        let DeviceStatus { requests, answers, exceptions, failures, .. } = status;
-        let heard = if *answers == 0 { text(format_args!("never")) } else { age(status.heard, *now) };
-        write!(f, "{name}\t{unit}\t{requests}\t{answers}\t{exceptions}\t{failures}\t{heard}\t")?;
+        let DeviceStatus { requests, responses, exceptions, failures, .. } = status;
+        let heard =
+            if *responses == 0 { text(format_args!("never")) } else { age(status.last_response, *now) };
+        write!(f, "{name}\t{unit}\t{requests}\t{responses}\t{exceptions}\t{failures}\t{heard}\t")?;
         f.write_str(match status.alive {
             None => "not asked yet",
             Some(true) => "alive",

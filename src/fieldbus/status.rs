@@ -42,7 +42,7 @@ impl EthercatState {
     pub(crate) fn state_word(&self, nth: usize) -> u16 {
         let Some(status) = self.slave_status(nth) else { return 0 };
         let inputs = self.inputs_are(nth, &status);
-        let turns = if status.answers & 1 == 1 { TURNS } else { 0 };
+        let turns = if status.responses & 1 == 1 { TURNS } else { 0 };
         u16::from_le_bytes([health(&status) | inputs << 2, status.exception]) | turns
     }
 
@@ -54,12 +54,12 @@ impl EthercatState {
         let Some(status) = status else { return (sub <= 8).then_some(never) };
         Some(match sub {
             0 => health(&status).into(),
-            1 if status.heard == Instant::MIN => never,
-            1 => u32::try_from(status.heard.elapsed().as_millis()).unwrap_or(u32::MAX),
+            1 if status.last_response == Instant::MIN => never,
+            1 => u32::try_from(status.last_response.elapsed().as_millis()).unwrap_or(u32::MAX),
             2 => status.exception.into(),
             3 => status.error.map_or(0, |error| error as u32),
             4 => status.requests,
-            5 => status.answers,
+            5 => status.responses,
             6 => status.exceptions,
             7 => status.failures,
             8 => self.inputs_are(nth, &status).into(),

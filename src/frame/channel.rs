@@ -1,4 +1,4 @@
-//! The channels that frames go through from task to task.
+//! Channels that carry frames from task to task.
 
 use core::cell::RefCell;
 use core::future::poll_fn;
@@ -13,9 +13,8 @@ use super::{Frame, FramePool};
 
 /// A channel of frames: many senders, one receiver, first in, first out.
 ///
-/// The links are in the slots, so a channel costs a few bytes, has room for every frame of the pool, and sending
-/// is a plain function that cannot fail, block or be cancelled half-way. That is why it is not
-/// `embassy_sync::channel`, whose capacity is an array in each channel.
+/// The links are in the slots, so a channel takes a few bytes and has room for every frame of the pool, and sending is a plain
+/// function that cannot fail, block, or be cancelled half-way. `embassy_sync::channel` would need an array in each channel.
 pub struct Channel(Mutex<CriticalSectionRawMutex, RefCell<Ends>>);
 
 struct Ends {
@@ -45,7 +44,7 @@ impl Channel {
             }
             ends.last = link;
             ends.receiver.wake();
-            // The channel holds the handle from here on, as an index.
+            // The channel now owns the handle, as an index.
             mem::forget(frame);
         });
     }
@@ -55,7 +54,7 @@ impl Channel {
         self.0.lock(|ends| ends.borrow_mut().take_first(pool))
     }
 
-    /// Drops all that is there: nobody waits for it any more.
+    /// Drops all frames; nobody waits for them any more.
     pub(crate) fn clear(&self, pool: &FramePool<'_>) {
         while self.try_receive(pool).is_some() {}
     }

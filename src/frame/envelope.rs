@@ -1,4 +1,4 @@
-//! What the gateway knows of a frame besides its PDU: who asked, for which unit, until when, and how far it is.
+//! The envelope: everything the gateway knows of a frame besides its PDU, such as requester, unit, deadline and stage.
 
 use core::net::IpAddr;
 
@@ -9,99 +9,99 @@ use crate::settings::{AddressRange, PortId, Priority, Sharing};
 /// What the gateway knows of a frame besides its PDU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Envelope {
-    /// Who asked; the frame goes back there.
+    /// The requester, to which the frame returns.
     pub origin: Origin,
-    /// The MBAP transaction id to give back; 0 from serial lines, which have one request open at a time.
+    /// The MBAP transaction id of the response; 0 from serial lines, which have one request open at a time.
     pub transaction: u16,
     /// The requester's address, on TCP.
     pub peer: Option<IpAddr>,
-    /// The unit id as the requester wrote it.
+    /// The unit id on the requester's side.
     pub unit: u8,
     /// The unit id on the destination's side, set by the router.
     pub target: u8,
     /// The port that the router sent it to.
     pub destination: Option<PortId>,
-    /// Rank in the destination's queue, set by the router.
+    /// Priority in the destination's queue, set by the router.
     pub priority: Priority,
-    /// Whose answers will do for it, set by the router.
+    /// Whether it may share transactions and cached responses, set by the router.
     pub sharing: Sharing,
-    /// The addresses that its rule allows, set by the router: nothing else is read along with it.
+    /// The addresses that its rule allows, set by the router: a combined read covers nothing else.
     pub addresses: AddressRange,
     /// When the request was complete.
     pub received: Instant,
-    /// From here on the request is not sent any more.
+    /// The request must not be sent after this.
     pub deadline: Instant,
-    /// How often it was sent again.
+    /// How often it has been repeated.
     pub repeats: u8,
     /// Whether the PDU is the request or its response.
     pub stage: Stage,
-    /// Whether the response may be passed on while it arrives.
+    /// Whether the response may be cut through.
     pub cut: bool,
-    /// The requester repeats its requests and spares units that are down by itself: no port does that for it.
+    /// The requester repeats and backs off by itself, so that no port does.
     pub paced: bool,
-    /// What is behind an exception of the gateway.
+    /// The cause of an exception from the gateway.
     pub cause: Cause,
 }
 
-/// What is behind an exception of the gateway, where its code does not tell.
+/// The cause of an exception from the gateway, where the code is ambiguous.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
-    /// Behind 0B: no response came in time.
+    /// 0B: no response in time.
     Silence,
-    /// Behind 0B: the response was damaged on its way.
+    /// 0B: the response was corrupt.
     Corruption,
-    /// Behind 0B: the connection broke.
+    /// 0B: the connection broke.
     Connection,
-    /// Behind 03: the response would be longer than a PDU may be.
+    /// 03: the response would be longer than a PDU may be.
     Length,
-    /// Nobody has been asked: a rule forbids it, too many requests wait, or the request's time was over.
+    /// Not sent: forbidden by a rule, refused by a full queue, or expired.
     Unsent,
 }
 
-/// Who asked.
+/// The requester.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Origin {
     /// The port that received the request.
     pub port: PortId,
-    /// Where at that port the response goes.
+    /// Where the port sends the response.
     pub reply_to: ReplyTo,
-    /// Which connection in a row it is at that connection, or which request in a row on that line: a response for an earlier one
-    /// must not reach its successor.
+    /// Number of the connection in its slot, or of the request on its line: a response to an earlier one must not reach its
+    /// successor.
     pub generation: u16,
 }
 
-/// The way back to whoever asked.
-// From 1 on: then no envelope at all is the 0, and a free slot is all zeros, which take no place in a board's flash.
+/// Where the response goes.
+// From 1 on, so that an empty envelope is 0 and a free slot all zeros, which take no flash on a board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u16)]
 pub enum ReplyTo {
-    /// To the TCP connection at this place.
+    /// The TCP connection with this index.
     Connection(u16) = 1,
     /// To the port itself: the master on its serial line.
     Line,
-    /// To the port itself, which tells what it has open by `transaction`.
+    /// The port itself, which finds its request by `transaction`.
     Port,
-    /// To the console that asks past the rules.
+    /// The console, which sends requests past the rules.
     Console,
-    /// None: a broadcast on a serial line, for whose answer nobody waits.
+    /// Nobody: a broadcast from a serial line.
     Nobody,
 }
 
-/// Where in its life a frame is.
+/// The stages of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
     /// The PDU is the request.
     Request,
-    /// The PDU is the response, and whoever asked has been given the frame before it was whole.
+    /// The PDU is the response, passed to the requester before it was complete.
     Responding,
     /// The PDU is the response.
     Response,
-    /// There is no response, and none is to be given: a broadcast, a discarded request.
+    /// There is no response and will be none: a broadcast, or a discarded request.
     Silence,
 }
 
 impl Envelope {
-    /// A request for `unit` that is not yet routed. From a network, `peer` and `transaction` are to be added.
+    /// An unrouted request for `unit`. Requests from a network add `peer` and `transaction`.
     pub const fn request(origin: Origin, unit: u8, received: Instant, deadline: Instant) -> Self {
         Self { origin, unit, target: unit, received, deadline, ..Self::EMPTY }
     }

@@ -1,26 +1,26 @@
-//! Frames that travel with another one, whose response is theirs.
+//! Merged frames: requests linked to the one whose response serves them too.
 
 use core::mem;
 
 use super::Frame;
 
 impl<'p> Frame<'p> {
-    /// Lets `merged`, which rides on no frame and is in no channel, ride on this one, in front of those that do so already.
+    /// Links `merged`, which must be in no channel, to this frame, in front of those already linked.
     pub fn merge(&self, merged: Frame<'p>) {
         let link = merged.index + 1;
         let behind = self.with(|slot| mem::replace(&mut slot.merged, link));
         merged.with(|slot| slot.next = behind.unwrap_or(0));
-        // This frame holds the handle from here on, as an index.
+        // This frame now owns the handle, as an index.
         mem::forget(merged);
     }
 
-    /// Whether others ride on this frame.
-    pub fn is_laden(&self) -> bool {
+    /// Whether other frames are merged into this one.
+    pub fn has_merged(&self) -> bool {
         self.with(|slot| slot.merged != 0) == Some(true)
     }
 
-    /// Takes the first of the frames that ride on this one.
-    pub fn unload(&self) -> Option<Frame<'p>> {
+    /// Unlinks and returns the first merged frame.
+    pub fn take_merged(&self) -> Option<Frame<'p>> {
         let index = self.with(|slot| slot.merged)?.checked_sub(1)?;
         let merged = Self { pool: self.pool, index };
         let next = merged.with(|slot| mem::take(&mut slot.next));

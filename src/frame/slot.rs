@@ -10,14 +10,14 @@ use super::envelope::Envelope;
 use super::transaction::Transaction;
 use crate::modbus::PDU_BYTES_MAX;
 
-/// How far a frame's PDU is.
+/// How complete a frame's PDU is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fill {
-    /// More bytes come.
+    /// More bytes follow.
     Filling,
-    /// All bytes are there.
+    /// All bytes have arrived.
     Complete,
-    /// The writer gave up: what is there must not be used.
+    /// The writer gave up: the content must not be used.
     Broken,
 }
 
@@ -29,18 +29,18 @@ pub(super) struct SlotState {
     pub(super) transaction: Transaction,
     pub(super) pdu: [u8; PDU_BYTES_MAX],
     pub(super) length: u8,
-    /// How long the PDU will be, once that is known; else 0.
+    /// The final length of the PDU, or 0 while unknown.
     pub(super) expected: u8,
-    /// The CRC of unit and PDU, as long as nobody knows whether it is good: as it came, or, of an ASCII frame, one that is as
-    /// right or wrong as its LRC; and how much of it is there.
+    /// The CRC of unit and PDU while it is unchecked (for an ASCII frame, one that is right or wrong as its LRC is), and how many
+    /// bytes of it have arrived.
     pub(super) crc: [u8; 2],
     pub(super) crc_bytes: u8,
-    /// Handles to this slot, the writer's included; 0: free.
+    /// Handles to this slot, including the writer's; 0: free.
     pub(super) handles: u8,
     pub(super) fill: Fill,
-    /// The next slot in the list or channel that this one is in: its index + 1; 0: the last one.
+    /// Index + 1 of the next slot in the same list or channel; 0: none.
     pub(super) next: u16,
-    /// The first of the frames that ride on this one: its index + 1; 0: none.
+    /// Index + 1 of the first frame merged into this one; 0: none.
     pub(super) merged: u16,
     pub(super) waiting: WakerRegistration,
 }
@@ -73,7 +73,7 @@ impl SlotState {
         self.fill = Fill::Filling;
     }
 
-    /// Puts all of `pdu` here, of which what is longer than a PDU may be is left out.
+    /// Stores `pdu`, truncated to the length of a PDU.
     pub(super) fn put(&mut self, pdu: &[u8]) {
         let length = pdu.len().min(PDU_BYTES_MAX);
         if let (Some(place), Some(pdu)) = (self.pdu.get_mut(..length), pdu.get(..length)) {
@@ -83,7 +83,7 @@ impl SlotState {
         self.fill = Fill::Complete;
     }
 
-    /// What is there.
+    /// How many bytes have arrived.
     pub(super) fn arrived(&self) -> usize {
         let check = if self.fill == Fill::Complete { 0 } else { self.crc_bytes };
         usize::from(self.length) + usize::from(check)

@@ -1,21 +1,21 @@
-//! What a port notes of a request that it carries out: what the response is good for.
+//! What a client-side port notes of the request it has on the wire.
 
 use embassy_time::Instant;
 
 use crate::modbus::pdu::Block;
 
-/// What a port notes of a request that it carries out. It lies in the frame: a port has few of those that there are.
+/// What a client-side port notes of a transaction. Stored in the frame, as a port has only a few of the gateway's transactions.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Transaction {
     /// Whether it may change something in its unit.
     pub(crate) writes: bool,
-    /// What its requester wants, if that is a block.
+    /// The block the requester reads, if it is a block.
     pub(crate) asked: Option<Block>,
-    /// What is asked for in its place, where others have combined.
+    /// The block of the combined read sent instead, if any.
     pub(crate) combined: Option<Block>,
-    /// When it was given out.
+    /// When it was sent.
     pub(crate) since: Instant,
-    /// Writes that had ended by then.
+    /// How many writes had ended by then.
     pub(crate) writes_ended: u16,
 }
 

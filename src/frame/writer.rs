@@ -1,9 +1,9 @@
-//! Filling a frame that may have been handed on already.
+//! Filling a frame, possibly while others already read it.
 
 use super::{Fill, Frame, FrameFull, FramePool};
 use crate::modbus::PDU_BYTES_MAX;
 
-/// Fills a frame; dropped before [`FrameWriter::finish`] it leaves the frame broken.
+/// Fills a frame; dropped before [`FrameWriter::finish`] it marks the frame broken.
 pub struct FrameWriter<'p> {
     frame: Frame<'p>,
 }
@@ -31,7 +31,7 @@ impl<'p> FrameWriter<'p> {
         self.frame.with(|slot| slot.expected = length.min(PDU_BYTES_MAX) as u8);
     }
 
-    /// Appends a byte of the CRC behind the PDU, of which it is not known yet whether it is good.
+    /// Appends a byte of the CRC, which has not been checked yet.
     pub fn push_crc(&mut self, byte: u8) {
         self.frame.with(|slot| {
             if let Some(place) = slot.crc.get_mut(usize::from(slot.crc_bytes)) {
@@ -42,8 +42,7 @@ impl<'p> FrameWriter<'p> {
         });
     }
 
-    /// Marks the frame complete; the PDU is good. Says whether anybody wants it: it may have been
-    /// [abandoned](Frame::abandon).
+    /// Marks the frame complete and valid; returns whether it is still wanted or was [abandoned](Frame::abandon).
     pub fn finish(self) -> bool {
         let finished = self.frame.with(|slot| {
             let wanted = slot.fill == Fill::Filling;
@@ -64,7 +63,7 @@ impl Drop for FrameWriter<'_> {
 }
 
 impl<'p> FramePool<'p> {
-    /// A frame for `owner`: its reserved one if that is at home, else a shared one, else none.
+    /// A frame for `owner`: its reserved one if that is free, else a shared one, else none.
     pub fn take(&'p self, owner: usize) -> Option<(FrameWriter<'p>, Frame<'p>)> {
         let frame = self.claim(owner, None)?;
         Some((FrameWriter { frame: frame.share() }, frame))
@@ -72,7 +71,7 @@ impl<'p> FramePool<'p> {
 }
 
 impl<'p> Frame<'p> {
-    /// Empties the frame and gives a writer for its new content (a response in the request's place).
+    /// Empties the frame and returns a writer for its new content (a response replacing the request).
     pub fn rewrite(&self) -> FrameWriter<'p> {
         self.with(|slot| {
             slot.restart();

@@ -1,4 +1,4 @@
-//! Takes settings over: what differs is started again, everything else goes on.
+//! Puts settings in force: restarts what has changed, and leaves everything else running.
 
 use embassy_time::Instant;
 
@@ -8,8 +8,8 @@ use super::{Gateway, Status};
 use crate::settings::{PORTS_MAX, PortId, SERVERS_MAX, Settings};
 
 impl Gateway<'_> {
-    /// Takes `new` over: rules and what special units mean from the next request on; ports that differ in kind or its
-    /// settings are started again, the others go on.
+    /// Puts `new` in force. Rules and special units apply from the next request on; ports whose kind or settings differ are
+    /// restarted, the others keep running.
     pub fn apply(&self, new: &Settings) -> Result<(), ApplyError> {
         self.check(new)?;
         let mut points = Reloaded::Nothing;
@@ -22,9 +22,9 @@ impl Gateway<'_> {
         self.settings.lock(|settings| {
             let mut settings = settings.borrow_mut();
             for (changed, (old, new)) in changed.iter_mut().zip(settings.ports.iter().zip(&new.ports)) {
-                // A name or what special units mean is looked up anew for each request.
+                // Names and special units are looked up for each request, so they need no restart.
                 *changed = old.as_ref().map(|port| &port.kind) != new.as_ref().map(|port| &port.kind);
-                // What it has asked so far is nobody's question any more.
+                // The data points behind its pending requests may be gone.
                 *changed |= points == Reloaded::All && new.as_ref().is_some_and(is_scanner);
             }
             for (index, changed) in changed.iter_mut().enumerate() {
@@ -48,20 +48,20 @@ impl Gateway<'_> {
         {
             let id = port_state.id;
             let old = self.connections.iter().filter(|connection| connection.state().port == Some(id));
-            old.for_each(|connection| connection.give_to(None));
+            old.for_each(|connection| connection.assign(None));
             port_state.restart();
         }
         for (index, port) in new.ports.iter().enumerate() {
             if let (Some(port), Some(true)) = (port, changed.get(index)) {
                 let free = self.connections.iter().filter(|connection| connection.state().port.is_none());
                 free.take(connections_of(&port.kind))
-                    .for_each(|connection| connection.give_to(Some(PortId(index as u8))));
+                    .for_each(|connection| connection.assign(Some(PortId(index as u8))));
             }
         }
         Ok(())
     }
 
-    /// How servers are doing is noted by the places of their lines: where those move, it moves with them.
+    /// The status of a server is stored by its index in the settings: moves it when the indexes change.
     fn move_server_statuses(&self, old: &Settings, new: &Settings) {
         let mut statuses = [Status::Off; SERVERS_MAX];
         for (status, line) in statuses.iter_mut().zip(&new.servers) {

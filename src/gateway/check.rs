@@ -1,24 +1,24 @@
-//! Whether a board can have settings: what each of them asks for, against what there is.
+//! Checks whether a board can run given settings.
 
 use super::Gateway;
 use crate::fieldbus::ConfigError;
 use crate::scanner::Full;
 use crate::settings::{EthercatSettings, Name, Port, PortKind, Settings, StreamFraming};
 
-/// Why settings were not taken over.
+/// Why settings were rejected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ApplyError {
-    /// The TCP servers want more connections than the board has.
+    /// The TCP servers need more connections than the board has.
     #[error(
-        "the TCP servers want {wanted} connections (one more each than its clients), this board has {connections}"
+        "the TCP servers need {wanted} connections (one more each than their clients), this board has {connections}"
     )]
     Connections {
-        /// Connections wanted.
+        /// Connections needed.
         wanted: usize,
-        /// Connections there are.
+        /// Connections available.
         connections: usize,
     },
-    /// Two ports are on one line, which has several names.
+    /// Two ports use the same line under different names.
     #[error("ports {one} and {other} are on the same device")]
     SameDevice {
         /// The first port.
@@ -26,8 +26,8 @@ pub enum ApplyError {
         /// The second one.
         other: Name,
     },
-    /// The board's network is not the gateway's.
-    #[error("network lines are for boards with a network of their own; here the operating system sets it")]
+    /// The board's network does not belong to the gateway.
+    #[error("network lines are for boards with a network of their own; here the operating system manages it")]
     Network,
     /// The board runs fewer ports.
     #[error("this board runs {0} ports at most")]
@@ -46,19 +46,19 @@ pub enum ApplyError {
     /// The board has one.
     #[error("the EtherCAT controller is wired to this board: there is no network interface to choose")]
     WiredController,
-    /// The board has no memory for frames.
-    #[error("this board keeps no frames")]
+    /// The board has no memory for a capture.
+    #[error("this board has no capture")]
     NoCapture,
-    /// The data points take more than there is.
+    /// The data points need more than there is.
     #[error(transparent)]
     Points(#[from] Full),
-    /// The slaves of the EtherCAT port cannot be asked.
+    /// The slaves of the EtherCAT port are invalid.
     #[error(transparent)]
     Slaves(#[from] ConfigError),
 }
 
 impl ApplyError {
-    /// The word to blame in the line that asks for what there is not; it may be another word than those of that line.
+    /// The word to blame in the line that needs what the board lacks; it may also come from another line.
     pub(crate) fn word<'s>(&self, settings: &'s Settings) -> &'s str {
         match self {
             Self::Network => "network",
@@ -77,7 +77,7 @@ impl ApplyError {
 }
 
 impl Gateway<'_> {
-    /// Whether the board can have `new`.
+    /// Whether the board can run `new`.
     pub(crate) fn check(&self, new: &Settings) -> Result<(), ApplyError> {
         let wanted = new.ports.iter().flatten().map(|port| connections_of(&port.kind)).sum();
         if wanted > self.connections.len() {
@@ -110,7 +110,7 @@ impl Gateway<'_> {
         self.check_devices(new)
     }
 
-    /// An error if two ports are on one serial line.
+    /// Fails if two ports use the same serial line.
     fn check_devices(&self, new: &Settings) -> Result<(), ApplyError> {
         let serial = || new.ports.iter().flatten().filter_map(|port| Some((&port.name, device(port)?)));
         for (nth, (other, name)) in serial().enumerate() {
@@ -122,7 +122,7 @@ impl Gateway<'_> {
     }
 }
 
-/// What a serial port calls its line.
+/// The device name of a serial port.
 fn device(port: &Port) -> Option<&str> {
     match &port.kind {
         PortKind::Serial(serial) => Some(&serial.device),
@@ -138,7 +138,7 @@ pub(super) fn is_scanner(port: &Port) -> bool {
     matches!(port.kind, PortKind::Scanner)
 }
 
-/// Connections that a port needs: its clients, and one that is accepted to decide who goes.
+/// The connections a port needs: one per client, and one to accept newcomers.
 pub(super) fn connections_of(kind: &PortKind) -> usize {
     match kind {
         PortKind::TcpServer(server) => usize::from(server.clients) + 1,

@@ -1,4 +1,4 @@
-//! What the tasks share of a TCP connection: who sits there, and what is to become of it.
+//! The shared state of a TCP connection slot: the connected client, and signals to it.
 
 use core::cell::RefCell;
 use core::net::SocketAddr;
@@ -12,37 +12,37 @@ use super::shared::Shared;
 use crate::frame::Channel;
 use crate::settings::PortId;
 
-/// What the tasks share of one place for a TCP connection.
+/// A slot for a TCP connection, as the tasks share it.
 pub struct Connection {
-    /// Answers for the connection; only the router sends, only the connection receives.
+    /// Responses for the connection; only the router sends, only the connection receives.
     pub(crate) responses: Channel,
-    /// The connection was given to another port, or its port has changed.
+    /// The slot was assigned to another port, or its port has changed.
     pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
-    /// The connection must go, to make room for another one.
+    /// The connection must close to make room.
     pub(crate) leave: Signal<CriticalSectionRawMutex, ()>,
     state: Shared<ConnectionState>,
 }
 
-/// Who sits in a connection.
+/// The client on a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ConnectionState {
-    /// The TCP server that the connection belongs to.
+    /// The TCP server that the slot is assigned to.
     pub port: Option<PortId>,
     /// The connected client.
     pub peer: Option<SocketAddr>,
-    /// Whether the client may use reserved places.
+    /// Whether the client may use reserved connections.
     pub marked: bool,
-    /// Whether the connection was told to leave.
+    /// Whether the connection has been told to close.
     pub leaving: bool,
-    /// Counts the connections of this connection.
+    /// Counts the clients of this slot.
     pub generation: u16,
-    /// When the client came.
+    /// When the client connected.
     pub since: Instant,
-    /// When its last request came, or a part of one, or the client itself.
+    /// When its last request, or a part of one, arrived, or the client connected.
     pub last_request: Instant,
-    /// Requests that are not answered yet.
+    /// Requests without a response so far.
     pub open_requests: u8,
-    /// Requests of this connection.
+    /// Requests from this client.
     pub requests: u32,
 }
 
@@ -61,7 +61,7 @@ impl ConnectionState {
 }
 
 impl Connection {
-    /// An empty connection.
+    /// An unused slot.
     pub const fn new() -> Self {
         Self {
             responses: Channel::new(),
@@ -71,18 +71,18 @@ impl Connection {
         }
     }
 
-    /// The connection is for connections to `port` from now on, or for none.
-    pub(super) fn give_to(&self, port: Option<PortId>) {
+    /// Assigns the slot to `port`, or to none.
+    pub(super) fn assign(&self, port: Option<PortId>) {
         self.update(|connection| connection.port = port);
         self.changed.signal(());
     }
 
-    /// Who sits here.
+    /// The client.
     pub fn state(&self) -> ConnectionState {
         self.update(|state| *state)
     }
 
-    /// Calls `change` with who sits here, to look at or to change.
+    /// Calls `change` with the client's state.
     pub(crate) fn update<R>(&self, change: impl FnOnce(&mut ConnectionState) -> R) -> R {
         self.state.lock(|state| change(&mut state.borrow_mut()))
     }

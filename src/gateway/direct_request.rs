@@ -1,7 +1,7 @@
-//! What a console asks a unit at a port, past the rules: one request at a time, answered as any other.
+//! Direct requests: a console's requests to a unit behind a port, past the rules. One at a time, served like any other.
 //!
-//! A console may also try other settings at a serial client's line: the port is started again with them, in its own task, and
-//! again with its own as soon as the console has done, whatever ended it.
+//! A console may also try other line settings on a serial client: its port restarts with them, and restarts with its own as soon
+//! as the console is done, for whatever reason.
 
 use core::cell::Cell;
 use core::sync::atomic::Ordering;
@@ -19,37 +19,37 @@ mod state;
 use self::state::Trial;
 pub(crate) use self::state::{DirectRequestState, Failure, Outcome};
 
-/// A request that has not been sent by then is not sent any more.
+/// A request still unsent after this is dropped.
 const LIFETIME: Duration = Duration::from_secs(10);
 
-/// Longest wait: the port may become another one just then, and its slowest unit is not slower.
+/// Longest wait for a response: as long as the largest response time-out allowed, in case the port has just been reconfigured.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// How often a console looks for a free frame, and how long.
+/// How often a console looks for a free frame, and for how long.
 const FRAME_PAUSE: Duration = Duration::from_millis(10);
 const FRAME_PATIENCE: Duration = Duration::from_secs(1);
 
-/// How often a console looks whether a line is open with the settings that it tries, and how long.
+/// How often a console checks whether a line with trial settings is open, and for how long.
 const OPENING_LOOK: Duration = Duration::from_millis(1);
 const OPENING_PATIENCE: Duration = Duration::from_secs(3);
 
-/// Why nothing was asked, or nothing came back.
+/// Why there is no response, or no request was sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum DirectRequestError {
-    #[error("another console is asking")]
+    #[error("another console is sending a request")]
     Taken,
     #[error("no frame is free")]
     NoFrame,
-    #[error("the port is a server: ask via a client's port")]
+    #[error("the port is a server: use a client port")]
     Server,
-    #[error("nothing came back")]
+    #[error("no response")]
     Lost,
-    #[error("sent to everybody; nobody answers")]
+    #[error("broadcast sent; there is no response")]
     Broadcast,
 }
 
-/// The console's turn to ask. When it ends, a port that it has tried something at gets its own settings back, and answers that
-/// still come find nobody.
+/// A console's exclusive use of direct requests. When dropped, a port with trial settings gets its own back, and responses that
+/// still arrive are dropped.
 pub(crate) struct Turn<'t, 'g> {
     gateway: &'t Gateway<'g>,
     port: PortId,
@@ -68,7 +68,7 @@ impl Drop for Turn<'_, '_> {
 }
 
 impl Turn<'_, '_> {
-    /// Starts the port again with `line` and `timeout`, and waits until it is open.
+    /// Restarts the port with `line` and `timeout`, and waits until it is open.
     pub(crate) async fn try_on(
         &self,
         line: LineSettings,
@@ -93,12 +93,13 @@ impl Turn<'_, '_> {
         }
     }
 
-    /// What came of the last request on a serial line; `None` when it was not sent.
+    /// The outcome of the last request on a serial line; `None` if it was not sent.
     pub(crate) fn outcome(&self) -> Option<Outcome> {
         self.gateway.direct_request.outcome.lock(Cell::get)
     }
 
-    /// Asks `unit` what `pdu` says, where its response goes, and says how long that took. The port spares no unit that is down.
+    /// Sends `pdu` to `unit`, replaces it by the response, and returns the time that took. A unit that is down is asked all the
+    /// same.
     pub(crate) async fn ask(&self, unit: u8, pdu: &mut Pdu) -> Result<Duration, DirectRequestError> {
         let Self { gateway, port } = *self;
         let generation = gateway.direct_request.generation.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
@@ -107,7 +108,7 @@ impl Turn<'_, '_> {
         let (origin, now) = (Origin { port, reply_to: ReplyTo::Console, generation }, Instant::now());
         let asked = Envelope::request(origin, unit, now, now + LIFETIME);
         let asked = Envelope { destination: Some(port), paced: true, ..asked };
-        // A request is no longer than a PDU may be.
+        // Fits: no longer than a PDU may be.
         let frame = loop {
             match gateway.pool().fill(usize::MAX, pdu, asked) {
                 Some(frame) => break frame,
@@ -125,7 +126,7 @@ impl Turn<'_, '_> {
                 continue;
             }
             pdu.clear();
-            // It has room for every PDU.
+            // Fits: it has room for every PDU.
             answered.pdu(|response| pdu.extend_from_slice(response).unwrap_or_default());
             return match envelope.stage {
                 Stage::Response => Ok(now.elapsed()),
@@ -136,7 +137,7 @@ impl Turn<'_, '_> {
 }
 
 impl<'g> Gateway<'g> {
-    /// The turn to ask units behind the client-side `port`.
+    /// Claims direct requests to units behind the client-side `port`.
     pub(crate) fn turn(&self, port: PortId) -> Result<Turn<'_, 'g>, DirectRequestError> {
         if self.settings(|settings| settings.port(port).is_none_or(|port| port.kind.side() == Side::Server)) {
             return Err(DirectRequestError::Server);

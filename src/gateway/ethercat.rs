@@ -1,4 +1,4 @@
-//! The gateway's EtherCAT side: what the SubDevice shares with it, and how its controller is found.
+//! The gateway's EtherCAT side: the state shared with the SubDevice, and where its controller is.
 
 use ethercat_subdevice::esc::EscError;
 
@@ -9,47 +9,47 @@ use crate::scanner::POINTS;
 use crate::settings::{InterfaceName, Settings};
 
 impl<'g> Gateway<'g> {
-    /// The gateway of a board with an EtherCAT controller, whose SubDevice has the objects of `port_state`.
+    /// For boards with an EtherCAT controller, whose SubDevice has the objects of `port_state`.
     #[must_use]
     pub const fn with_ethercat(mut self, port_state: &'g EthercatState) -> Self {
         self.ethercat = Some(port_state);
         self
     }
 
-    /// The same for a board without one, which is a SubDevice at a network interface that the settings name.
+    /// For boards without one, which become a SubDevice at a network interface named in the settings.
     #[must_use]
     pub const fn with_ethercat_interfaces(mut self, port_state: &'g EthercatState) -> Self {
         self.ethercat_interfaces = true;
         self.with_ethercat(port_state)
     }
 
-    /// What the SubDevice shares, if the board has one.
+    /// The state shared with the SubDevice, if the board has one.
     pub fn ethercat(&self) -> Option<&'g EthercatState> {
         if POINTS { self.ethercat } else { None }
     }
 
-    /// The network interface that the settings name for the EtherCAT controller.
+    /// The network interface of the EtherCAT controller, from the settings.
     pub fn ethercat_interface(&self) -> Option<InterfaceName> {
         self.settings(|settings| settings.ethercat()?.interface.clone())
     }
 
-    /// Whether they want a modular SubDevice there.
+    /// Whether the settings ask for a modular SubDevice there.
     pub fn ethercat_modules(&self) -> bool {
         self.settings(|settings| settings.ethercat().is_some_and(|port| port.modules))
     }
 
-    /// Waits until settings have been taken over that may say otherwise; one task may wait.
+    /// Waits until new settings that may change it are in force; one task may wait.
     pub async fn new_ethercat_interface(&self) {
         self.ethercat_changed.wait().await;
     }
 
-    /// How the EtherCAT controller is doing that the board has or `settings` lead to.
+    /// The status of the EtherCAT controller that the board has or `settings` name.
     pub(crate) fn ethercat_controller(&self, settings: &Settings) -> Option<Controller> {
         let led_to = !self.ethercat_interfaces || settings.ethercat().is_some();
         self.ethercat().filter(|_| led_to).map(EthercatState::controller)
     }
 
-    /// The EtherCAT side of taking `new` settings over.
+    /// The EtherCAT part of putting `new` settings in force.
     pub(super) fn follow_ethercat(&self, new: &Settings, other_slaves: bool) {
         let Some(ethercat) = self.ethercat() else { return };
         let before = ethercat.line_writer();
@@ -64,7 +64,7 @@ impl<'g> Gateway<'g> {
     }
 }
 
-/// The status of the port whose controller this is.
+/// The status of the controller's port.
 impl From<Controller> for Status {
     fn from(controller: Controller) -> Self {
         match controller {

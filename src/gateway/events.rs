@@ -1,4 +1,4 @@
-//! What the gateway's own unit has done: the communication event counter and log (Application Protocol 6.9 and 6.10).
+//! The communication event counter and event log of the own unit (Application Protocol 6.9 and 6.10).
 
 use heapless::Deque;
 
@@ -8,27 +8,27 @@ use crate::settings::{PORTS_MAX, PortId};
 
 /// Bytes of the event log (6.10).
 const LOG_BYTES_MAX: usize = 64;
-/// A message was received, and came to everybody (6.10).
+/// A message was received; with the flag for a broadcast (6.10).
 const RECEIVED: u8 = 0x80;
 const BROADCAST: u8 = 0x40;
-/// A response was sent; an exception 1 to 3, 4, 5 or 6, or 7.
+/// A response was sent, with flags for exceptions 1 to 3, 4, 5 or 6, and 7.
 const SENT: u8 = 0x40;
 const READ_EXCEPTION: u8 = 0x01;
 const ABORT_EXCEPTION: u8 = 0x02;
 const BUSY_EXCEPTION: u8 = 0x04;
 const NAK_EXCEPTION: u8 = 0x08;
-/// The own unit only listened when a message was received, has begun to, or has restarted communications.
+/// Listen-only mode was on when a message was received, was entered, or communications were restarted.
 const LISTENED: u8 = 0x20;
 const BEGAN_TO_LISTEN: u8 = 0x04;
 const RESTARTED: u8 = 0x00;
 
-/// What the own unit has done last.
+/// Event counter and event log.
 pub(crate) struct Events {
-    /// Messages that were carried out, other than those that ask for this number.
+    /// Messages completed, except those that read this counter.
     completed: u16,
     /// Newest last.
     log: Deque<u8, LOG_BYTES_MAX>,
-    /// The ports by which the own unit only listens, a bit each.
+    /// The ports in listen-only mode, one bit each.
     listens: u16,
 }
 
@@ -39,7 +39,7 @@ impl Events {
         Self { completed: 0, log: Deque::new(), listens: 0 }
     }
 
-    /// Notes a message to the own unit and how it ended.
+    /// Logs a message to the own unit and its outcome.
     pub(crate) fn note(&mut self, request: &[u8], broadcast: bool, response: Result<(), Exception>) {
         let fetches = matches!(request, [GET_COMM_EVENT_COUNTER | GET_COMM_EVENT_LOG, ..]);
         if response.is_ok() && !fetches {
@@ -56,24 +56,24 @@ impl Events {
         self.push(SENT | exception);
     }
 
-    /// Whether the own unit only listens to what comes by `port`.
+    /// Whether `port` is in listen-only mode.
     pub(crate) fn listens_only(&self, port: PortId) -> bool {
         self.listens & bit(port) != 0
     }
 
-    /// It only listens to `port` from now on.
+    /// Puts `port` into listen-only mode.
     pub(crate) fn listen_only(&mut self, port: PortId) {
         self.listens |= bit(port);
         self.push(RECEIVED);
         self.push(BEGAN_TO_LISTEN);
     }
 
-    /// It has heard a message to which it only listens.
+    /// Logs a message received in listen-only mode.
     pub(crate) fn listened(&mut self) {
         self.push(RECEIVED | LISTENED);
     }
 
-    /// It answers at `port` again, and counts from 0.
+    /// Ends listen-only mode at `port`, and resets the counter.
     pub(crate) fn restart(&mut self, port: PortId, clears_log: bool) {
         self.listens &= !bit(port);
         self.clear_count();
@@ -83,7 +83,7 @@ impl Events {
         self.push(RESTARTED);
     }
 
-    /// Sets the event count to 0.
+    /// Resets the event counter.
     pub(crate) fn clear_count(&mut self) {
         self.completed = 0;
     }
@@ -96,7 +96,7 @@ impl Events {
         let _ = self.log.push_back(event);
     }
 
-    /// Status word (no program runs) and event count.
+    /// Status word (no program is running) and event counter.
     pub(crate) fn counter(&self) -> [u8; 4] {
         let [high, low] = self.completed.to_be_bytes();
         [0, 0, high, low]
@@ -107,7 +107,7 @@ impl Events {
         self.log.len()
     }
 
-    /// Those.
+    /// The events, newest first.
     pub(crate) fn newest_first(&self) -> impl Iterator<Item = u8> {
         self.log.iter().rev().copied()
     }

@@ -1,4 +1,4 @@
-//! What a MainDevice changes in the settings: slaves, the line of the port, and that they are saved.
+//! Settings changed by a MainDevice: slaves, the line of the port, and saving.
 
 use super::{Gateway, reconfigure};
 use crate::fieldbus::{EthercatState, Keep, Speed};
@@ -6,8 +6,8 @@ use crate::hal::Store;
 use crate::settings::{LineSettings, PortKind, SerialSettings};
 
 impl Gateway<'_> {
-    /// Saves the settings into `store` whenever a MainDevice asks for that (1010h, 1011h), for ever; without a SubDevice it ends.
-    /// A board with an EtherCAT controller runs it once.
+    /// Saves the settings to `store` whenever a MainDevice asks for it (1010h, 1011h), for ever; returns if there is no
+    /// SubDevice. A board with an EtherCAT controller runs it once.
     pub async fn keep_settings(&self, store: &mut impl Store) {
         let Some(ethercat) = self.ethercat() else { return };
         loop {
@@ -26,12 +26,12 @@ impl Gateway<'_> {
         }
     }
 
-    /// Puts what a MainDevice has had taken over into the settings.
+    /// Copies the configuration accepted from a MainDevice into the settings.
     pub(crate) fn adopt(&self, ethercat: &EthercatState) {
         if !ethercat.has_changed() {
             return;
         }
-        // A MainDevice that brings the same ones each time it starts changes nothing.
+        // A MainDevice that sends the same configuration at each start changes nothing.
         if !self.settings(|settings| ethercat.is_told(settings)) {
             self.set_unsaved(true);
         }
@@ -40,7 +40,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Sets the line of the EtherCAT port as the MainDevice wants it.
+    /// Sets the line of the EtherCAT port to what the MainDevice wants.
     fn set_speed(&self, speed: Speed) {
         let changed = self.change_settings(|settings| {
             let id = settings.ethercat_line()?;

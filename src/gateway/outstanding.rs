@@ -1,18 +1,19 @@
-//! Which requests the units of all ports may still answer: pure.
+//! Outstanding requests: which earlier requests the units of all ports may still respond to. Pure.
 //!
-//! RTU and ASCII have no transaction numbers. A request that was sent is *outstanding* until it is settled, however long that
-//! takes: its response may come late, behind a later request. What is assumed of everything between the gateway and the
-//! device, and the device itself, is that responses keep the order of the requests, that none is sent twice, and that
-//! broadcasts are not answered. Any response, and any request, may be lost. Then:
+//! RTU and ASCII have no transaction ids. A request that was sent is *outstanding* until it is settled, however long that takes:
+//! its response may arrive late, after a later request. The only assumptions about the device and everything in between are that
+//! responses keep the order of the requests, that none is sent twice, and that broadcasts get no response. Any response, and any
+//! request, may be lost. Then:
 //!
-//! * A response that fits one outstanding request alone is the response to that one, and settles it with all before it.
-//! * A response that fits several is the response to one of them, and nobody knows to which: no requester gets it. Whichever it
-//!   is, the first of them and all before it are settled.
+//! * A response that fits only one outstanding request belongs to it, and settles it and all before it.
+//! * A response that fits several belongs to one of them, but it is unknown which: no requester gets it. Whichever it is, the
+//!   first of them and all before it are settled.
 //! * A request is sent when no other of its function is outstanding: then its normal and its exception response fit it alone.
-//!   Otherwise a *proof* goes first: a request whose normal response fits nothing that was sent before it.
+//!   Otherwise a *proof* goes first: a request whose normal response fits nothing sent before it.
 //!
-//! What is remembered of a request is the [`Shape`] of its responses. Where a unit has more outstanding than there is room
-//! for, the shapes are forgotten, and any response fits until a proof with a number of its own ([`DIAGNOSTIC_PROOF`]) is answered.
+//! What is stored of a request is the [`Shape`] of its responses. When a unit has more outstanding requests than there is room
+//! for, their shapes are forgotten, and any response may belong to them until a proof with a unique number ([`DIAGNOSTIC_PROOF`])
+//! is answered.
 
 use heapless::Vec;
 
@@ -22,25 +23,25 @@ use crate::modbus::pdu::function::{DIAGNOSTICS, Form};
 use crate::modbus::pdu::{EXCEPTION_BIT, confirmation};
 use crate::settings::PORTS_MAX;
 
-/// Requests that are remembered for one unit.
+/// Requests stored for one unit.
 pub const OF_UNIT_MAX: usize = 8;
-/// Requests that are remembered for all units of all ports: few units have any, but for the one that is open.
+/// Requests stored for all units of all ports: few units have more than the one in flight.
 pub const OUTSTANDING_MAX: usize = if cfg!(feature = "small") { 32 } else { 256 };
-/// A request of function 8, sub-function 0, which is answered by its own bytes, without the number that follows.
+/// A request of function 8, sub-function 0, which the unit repeats as its response; the number that follows is left out.
 pub const DIAGNOSTIC_PROOF: [u8; 3] = [DIAGNOSTICS, 0, 0];
-/// Unit ids of a port, in words of 32 bits.
+/// The unit ids of a port, as a bit map of 32-bit words.
 const UNIT_WORDS: usize = 8;
 
-/// What the responses to a request look like, as far as they can be told from those to others.
+/// What responses to a request look like, as far as that distinguishes them from others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shape {
     function: u8,
-    /// The byte count of a read; the check of the fields that a response repeats; none where the function is all there is.
+    /// The byte count of a read, or a checksum of the fields that the response repeats; none where only the function is known.
     key: Option<u16>,
 }
 
 impl Shape {
-    /// The shape of the normal response to `request`, a PDU. Any of its exceptions has the function alone.
+    /// The shape of the normal response to `request`, a PDU. Its exceptions share only the function.
     pub fn of_request(request: &[u8]) -> Self {
         let key = match (Form::of(request), request) {
             (Some(Form::Read(cells)), &[_, _, _, high, low])
@@ -73,11 +74,11 @@ fn function(pdu: &[u8]) -> u8 {
     pdu.first().map_or(0, |function| function & !EXCEPTION_BIT)
 }
 
-/// The check of what requests and responses have in common, which is compared in place of the bytes.
+/// A checksum of the fields that request and response have in common, compared instead of the bytes.
 fn repeated(pdu: &[u8]) -> Option<u16> {
     let fields = match (Form::of(pdu), pdu) {
         (Some(Form::Diagnostics), [_, 0, 0, ..]) | (Some(Form::WriteFile), _) => Some(pdu),
-        // The data of other sub-functions are the device's affair.
+        // The data of other sub-functions is up to the device.
         (Some(Form::Diagnostics), [_, _, _, ..]) => pdu.get(..3),
         _ => confirmation(pdu),
     };
@@ -87,17 +88,17 @@ fn repeated(pdu: &[u8]) -> Option<u16> {
 /// Why a request was sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// Somebody wants its response.
+    /// A requester wants its response.
     Request,
-    /// It is a proof by function 8 with a number.
+    /// A proof by function 8 with a number.
     Diagnostic,
-    /// It is a proof by a read.
+    /// A proof by a read.
     Read,
-    /// Nobody sent it: a response like this came unsolicited, and more may come.
+    /// Not sent: a response like this arrived unsolicited, and more may follow.
     Unsolicited,
 }
 
-/// One request that may still be answered.
+/// A request that may still be answered.
 #[derive(Debug, Clone, Copy)]
 struct Entry {
     port: u8,
@@ -109,9 +110,9 @@ struct Entry {
 /// Which request a response belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Match {
-    /// To the latest one alone, which may be the one whose response is awaited.
+    /// Only to the latest one, whose response may be the expected one.
     Latest(Purpose),
-    /// To an earlier one alone.
+    /// Only to an earlier one.
     Earlier(Purpose),
     /// To one of several.
     Several,
@@ -119,28 +120,28 @@ pub enum Match {
     Unsolicited,
 }
 
-/// What a response has told.
+/// What a response reveals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Settled {
     /// Which request it belongs to.
     pub whose: Match,
-    /// A proof by function 8 was sent before that request, and has not been answered.
+    /// A proof by function 8 was sent before that request and has not been answered.
     pub passed_diagnostic: bool,
-    /// It answers a proof by function 8, one way or another.
+    /// It answers a proof by function 8, normally or with an exception.
     pub is_diagnostic: bool,
 }
 
-/// The outstanding requests of all ports, each unit's in the order in which they were sent.
+/// The outstanding requests of all ports, each unit's in order of sending.
 pub struct Outstanding {
     entries: Vec<Entry, OUTSTANDING_MAX>,
-    /// A bit for each unit of which more was outstanding than is remembered.
+    /// A bit for each unit with more outstanding requests than could be stored.
     forgotten: [[u32; UNIT_WORDS]; PORTS_MAX],
-    /// Of the last proof by function 8, if there was one.
+    /// Number of the last proof by function 8, if any.
     number: Option<u16>,
 }
 
 impl Outstanding {
-    /// Nothing has been sent.
+    /// Nothing outstanding.
     pub const fn new() -> Self {
         Self { entries: Vec::new(), forgotten: [[0; UNIT_WORDS]; PORTS_MAX], number: None }
     }
@@ -160,25 +161,25 @@ impl Outstanding {
         word.is_some_and(|word| word >> (unit % 32) & 1 == 1)
     }
 
-    /// Whether nothing is outstanding but, if `open`, the request whose response is awaited.
+    /// Whether nothing is outstanding except, with `open`, the request whose response is expected.
     pub fn is_in_step(&self, port: u8, unit: u8, open: bool) -> bool {
         self.of(port, unit).count() <= usize::from(open) && !self.has_forgotten(port, unit)
     }
 
-    /// Whether the normal response of such a `shape` and an exception would fit no other request than that one.
+    /// Whether the normal response of `shape` and an exception would fit no other request.
     pub fn is_unique(&self, port: u8, unit: u8, shape: &Shape) -> bool {
         let same_function = |(_, entry): (usize, &Entry)| entry.shape.function == shape.function;
         !self.has_forgotten(port, unit) && !self.of(port, unit).any(same_function)
     }
 
-    /// Whether a normal response of such a `shape` would fit no other request than that one.
+    /// Whether a normal response of `shape` would fit no other request.
     pub fn proves(&self, port: u8, unit: u8, shape: &Shape) -> bool {
         !self.has_forgotten(port, unit) && !self.of(port, unit).any(|(_, entry)| entry.shape.fits(shape))
     }
 
-    /// A proof by function 8, with a number that is not outstanding. `seed` is any number that is another at each start.
+    /// A proof by function 8 with a number that is not outstanding. `seed` should differ at each start.
     pub fn diagnostic(&mut self, seed: u64) -> [u8; 5] {
-        // A generator of all 65536 numbers (the multiplier is 1 more than a multiple of 4, the step is odd).
+        // A full-period generator over 16 bits (multiplier 1 modulo 4, odd increment).
         let last = self.number.unwrap_or(seed as u16);
         let number = last.wrapping_mul(25_173).wrapping_add(13_849);
         self.number = Some(number);
@@ -187,14 +188,14 @@ impl Outstanding {
         [function, high, low, number_high, number_low]
     }
 
-    /// A request of this `shape` is sent now.
+    /// A request of this `shape` is being sent.
     pub fn sent(&mut self, port: u8, unit: u8, shape: Shape, purpose: Purpose) {
         self.make_room(port, unit);
         // There is room now.
         let _ = self.entries.push(Entry { port, unit, purpose, shape });
     }
 
-    /// A response like `response` came that nobody has asked for: others may follow.
+    /// An unsolicited `response` arrived; others like it may follow.
     fn note_unsolicited(&mut self, port: u8, unit: u8, response: &[u8]) {
         self.make_room(port, unit);
         let at = self.of(port, unit).next().map_or(self.entries.len(), |(at, _)| at);
@@ -203,7 +204,7 @@ impl Outstanding {
         let _ = self.entries.insert(at, Entry { port, unit, purpose: Purpose::Unsolicited, shape });
     }
 
-    /// Room for one more of `unit`, if need be at the price of the memory of what is outstanding at a unit.
+    /// Makes room for one more request of `unit`, forgetting the shapes of some unit's requests if necessary.
     fn make_room(&mut self, port: u8, unit: u8) {
         if self.of(port, unit).count() >= OF_UNIT_MAX {
             self.forget(port, unit);
@@ -214,7 +215,7 @@ impl Outstanding {
         }
     }
 
-    /// What is outstanding at `unit` is no longer known: anything may be.
+    /// Forgets what is outstanding at `unit`: it may be anything.
     pub fn forget(&mut self, port: u8, unit: u8) {
         self.settle_all(port, unit);
         if let Some(word) = self.word(port, unit) {
@@ -230,7 +231,7 @@ impl Outstanding {
         }
     }
 
-    /// Takes the first entries of `unit` out, up to the one at `last`; says whether another proof by function 8 was among them.
+    /// Removes the first entries of `unit`, up to `last`; returns whether another proof by function 8 was among them.
     fn settle(&mut self, port: u8, unit: u8, last: usize) -> bool {
         let (mut at, mut diagnostics) = (0, false);
         self.entries.retain(|entry| {
@@ -242,8 +243,8 @@ impl Outstanding {
         diagnostics
     }
 
-    /// `unit` has sent `response`, whole and undamaged.
-    pub fn heard(&mut self, port: u8, unit: u8, response: &[u8]) -> Settled {
+    /// `unit` has sent a valid `response`.
+    pub fn match_response(&mut self, port: u8, unit: u8, response: &[u8]) -> Settled {
         let Some(Fitting { at, entry, several, latest }) = self.fitting(port, unit, response) else {
             let forgotten = self.has_forgotten(port, unit);
             if !forgotten {
@@ -253,10 +254,10 @@ impl Outstanding {
             return Settled { whose, passed_diagnostic: false, is_diagnostic: false };
         };
         let is_diagnostic = entry.purpose == Purpose::Diagnostic;
-        // A number of its own tells it from all that has been forgotten.
+        // Its number distinguishes it from everything that has been forgotten.
         let has_number = is_diagnostic && !is_exception(response);
         if self.has_forgotten(port, unit) && !has_number {
-            // It may be the response to the latest one: then what was sent before that will not be answered.
+            // If it belongs to the latest request, those before it will not be answered any more.
             let mut before = self.of(port, unit).rev().skip(1);
             let passed_diagnostic = before.any(|(_, entry)| entry.purpose == Purpose::Diagnostic);
             return Settled { whose: Match::Several, passed_diagnostic, is_diagnostic };
@@ -269,17 +270,17 @@ impl Outstanding {
         if !is_proof(response) {
             return Settled { whose, passed_diagnostic: false, is_diagnostic };
         }
-        // One that came unsolicited may come again.
+        // What came unsolicited may come again.
         let settled = if entry.purpose == Purpose::Unsolicited { at.checked_sub(1) } else { Some(at) };
         let passed_diagnostic = settled.is_some_and(|last| self.settle(port, unit, last));
-        // Whatever was forgotten was sent before.
+        // Everything forgotten was sent before this.
         if let Some(word) = self.word(port, unit) {
             *word &= !(1 << (unit % 32));
         }
         Settled { whose, passed_diagnostic, is_diagnostic }
     }
 
-    /// The first request of `unit` that `response` fits, if there is one.
+    /// The first request of `unit` that `response` fits, if any.
     fn fitting(&self, port: u8, unit: u8, response: &[u8]) -> Option<Fitting> {
         let (shape, exception) = (Shape::of_response(response), is_exception(response));
         let mut fitting = self.of(port, unit).filter(|(_, entry)| match exception {
@@ -297,9 +298,9 @@ impl Outstanding {
 struct Fitting {
     at: usize,
     entry: Entry,
-    /// There are others that it fits.
+    /// Whether it fits others too.
     several: bool,
-    /// Where the latest request of the unit is.
+    /// Index of the unit's latest request.
     latest: usize,
 }
 
@@ -313,7 +314,7 @@ impl Default for Outstanding {
     }
 }
 
-/// Whether `response` was certainly sent by the device: a gateway between may send these exceptions by itself.
+/// Whether `response` certainly comes from the device: an intermediate gateway may generate these exceptions.
 fn is_proof(response: &[u8]) -> bool {
     match *response {
         [function, code] if function & EXCEPTION_BIT != 0 => !matches!(

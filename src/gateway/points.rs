@@ -1,24 +1,23 @@
-//! Data points as the rows of a scanner, and what new settings do to those that there are.
+//! Loads data points into the scanner, and determines what new settings change about the existing ones.
 
 use embassy_time::Instant;
 
 use crate::scanner::{Full, Scanner};
 use crate::settings::Settings;
 
-/// What new settings have done to the points that were there.
+/// What new settings change about the existing points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Reloaded {
-    /// They are the same.
+    /// Nothing.
     Nothing,
-    /// Others came behind them.
+    /// Others were appended.
     Added,
-    /// All begin anew.
+    /// All restart.
     All,
 }
 
-/// Makes `scanner` ask for the points of `new`, where `old` has been in force: a device is a device there, and a point is
-/// the row at the same place. Points that are added behind the others leave those as they are; after any other change all
-/// begin anew.
+/// Loads the points of `new` into `scanner`, after those of `old`: devices and rows keep the indexes of the settings. Appended
+/// points leave the existing ones alone; after any other change all restart.
 pub(crate) fn load(
     scanner: &mut Scanner,
     old: &Settings,

@@ -1,4 +1,4 @@
-//! What the tasks share of the ports: how each one is doing, its counters, and the units behind it.
+//! The shared state of the ports: status, counters, and the units behind each.
 
 use core::cell::{Cell, RefCell};
 use core::ops::Deref;
@@ -17,43 +17,43 @@ use crate::hal::OpenError;
 use crate::settings::{PortId, SERVERS_MAX, SOCKETS_MAX};
 use crate::stats::{Counters, Event};
 
-/// What the tasks share of one port.
+/// The shared state of one port.
 pub struct PortState {
-    /// What the router has for the port: requests for outside servers, or answers for the master on a serial line. Only the
-    /// router sends, only the port receives.
+    /// From the router: requests for outside servers, or responses for the master of a serial line. Only the router sends, only
+    /// the port receives.
     pub(crate) queue: Channel,
-    /// Counts the requests of the master on a serial line, and the port's runs.
+    /// Counts the requests of a serial master, and the port's restarts.
     generation: AtomicU16,
-    /// The settings of the port have changed.
+    /// The port's settings have changed.
     pub(crate) changed: Signal<CriticalSectionRawMutex, ()>,
     /// The port's counters.
     pub stats: Counters,
     /// The port's connections to outside servers.
     pub(crate) sockets: [Socket; SOCKETS_MAX],
-    /// Requests that wait at a client-side port.
+    /// Requests waiting at a client-side port.
     waiting: AtomicU16,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
 }
 
-/// How a port is doing.
-// `Off` is the 0: then a port's place is all zeros at the start, which take no place in a board's flash.
+/// The status of a port.
+// `Off` is 0, so that the initial state is all zeros, which take no flash on a board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Status {
-    /// Nothing is set here, or the port has just been set.
+    /// Not configured, or just reconfigured.
     Off,
-    /// It works.
+    /// Working.
     Open,
-    /// It works, and connects when the next request comes.
+    /// Working, and connects when the next request arrives.
     Idle,
-    /// It was open and is lost; it is opened again.
+    /// It was open and has been lost; it is being reopened.
     Lost,
     /// It cannot be opened; it is tried again.
     Failed(OpenError),
 }
 
 impl Status {
-    /// The lowest of those of several servers is the port's.
+    /// Order of precedence: of several servers, the lowest is the port's status.
     pub(crate) const fn rank(self) -> u8 {
         match self {
             Self::Open => 0,
@@ -65,7 +65,7 @@ impl Status {
 }
 
 impl PortState {
-    /// A place without a port.
+    /// The state of an unused port.
     pub const fn new() -> Self {
         Self {
             queue: Channel::new(),
@@ -78,7 +78,7 @@ impl PortState {
         }
     }
 
-    /// Requests that wait at a client-side port.
+    /// Requests waiting at a client-side port.
     pub fn waiting(&self) -> u16 {
         self.waiting.load(Ordering::Relaxed)
     }
@@ -87,12 +87,12 @@ impl PortState {
         self.waiting.store(requests as u16, Ordering::Relaxed);
     }
 
-    /// How the port is doing.
+    /// The port's status.
     pub fn status(&self) -> Status {
         self.status.lock(Cell::get)
     }
 
-    /// Answers to requests from before this moment find nobody; the generation of the next request.
+    /// Invalidates responses to earlier requests; returns the generation of the next request.
     pub(crate) fn renew(&self) -> u16 {
         let generation = self.generation.load(Ordering::Relaxed).wrapping_add(1);
         self.generation.store(generation, Ordering::Relaxed);
@@ -103,21 +103,21 @@ impl PortState {
         self.generation.load(Ordering::Relaxed)
     }
 
-    /// Notes how the port is doing; says whether that is news.
+    /// Sets the status; returns whether it has changed.
     pub(crate) fn set_status(&self, status: Status) -> bool {
         self.replace_status(status) != status
     }
 
-    /// Notes how the port is doing; gives what was noted before.
+    /// Sets the status; returns the previous one.
     pub(crate) fn replace_status(&self, status: Status) -> Status {
         self.status.lock(|cell| cell.replace(status))
     }
 }
 
-/// How one of several servers behind a port is doing.
+/// The status of one of several servers behind a port.
 pub(super) type ServerState = Mutex<CriticalSectionRawMutex, Cell<Status>>;
 
-/// What the tasks share of all ports. Boards keep it in a static; it is all zeros at start.
+/// The shared state of all ports. Boards keep it in a static; it is all zeros at start.
 pub struct Ports<const N: usize> {
     pub(super) states: [PortState; N],
     pub(super) units: Shared<AllUnits>,
@@ -125,7 +125,7 @@ pub struct Ports<const N: usize> {
 }
 
 impl<const N: usize> Ports<N> {
-    /// Places without ports.
+    /// All ports unused.
     pub const fn new() -> Self {
         let servers = [const { Mutex::new(Cell::new(Status::Off)) }; SERVERS_MAX];
         let units = Mutex::new(RefCell::new(AllUnits::new()));
@@ -139,7 +139,7 @@ impl<const N: usize> Default for Ports<N> {
     }
 }
 
-/// A port's place, and its units among those of all ports.
+/// A port's state, with access to its units.
 #[derive(Clone, Copy)]
 pub struct PortAt<'g> {
     pub(super) state: &'g PortState,
@@ -156,7 +156,7 @@ impl Deref for PortAt<'_> {
 }
 
 impl<'g> PortAt<'g> {
-    /// The place for as long as the gateway is there.
+    /// The state, for the lifetime of the gateway.
     pub(crate) fn state(&self) -> &'g PortState {
         self.state
     }
@@ -166,23 +166,23 @@ impl<'g> PortAt<'g> {
         self.units.lock(|units| f(&mut units.borrow_mut().of(self.id)))
     }
 
-    /// Something else than the response of `unit` came while that was awaited.
+    /// Something other than the expected response of `unit` was received.
     pub(crate) fn disturbed(&self, unit: u8, event: Event) {
         self.stats.count(event);
         self.units(|units| units.error(unit, event));
     }
 
-    /// The response of `unit` came damaged, by `error`.
+    /// The response of `unit` was corrupt, by `error`.
     pub(crate) fn corrupt(&self, unit: u8, error: Event) {
         self.stats.count(Event::Corrupt);
-        // Faulty characters have been counted by the line.
+        // Already counted by the line.
         if !matches!(error, Event::Parity | Event::Framing) {
             self.stats.count(error);
         }
         self.units(|units| units.corrupt(unit, error));
     }
 
-    /// `unit` answered `took` after the request's end.
+    /// `unit` responded `took` after the end of the request.
     pub(crate) fn answered(&self, unit: u8, took: Duration, exception: bool) {
         self.units(|units| units.answered(unit, took, exception));
         self.stats.count(Event::Response);
@@ -191,7 +191,7 @@ impl<'g> PortAt<'g> {
         }
     }
 
-    /// `unit` gave no response: see [`Units::timed_out`].
+    /// `unit` did not respond: see [`Units::timed_out`].
     pub(crate) fn timed_out(&self, unit: u8, down_after: u8) {
         self.stats.count(Event::Timeout);
         if self.units(|units| units.timed_out(unit, Instant::now(), down_after)) {
@@ -199,7 +199,7 @@ impl<'g> PortAt<'g> {
         }
     }
 
-    /// The port's settings are others: it begins anew.
+    /// Restarts the port after a change of its settings.
     pub(crate) fn restart(&self) {
         self.set_status(Status::Off);
         self.units(|units| units.clear());

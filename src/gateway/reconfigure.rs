@@ -1,7 +1,7 @@
-//! How the settings change as a whole: by a line, or by what a store has.
+//! Changes of the settings: by a line, or by loading from a store.
 //!
-//! There is one draft for all consoles, since settings are large. Whoever changes, saves or loads has it alone till then, and
-//! the gateway takes over what has become of it only if all of it is good.
+//! Settings are large, so all consoles share one draft. Whoever changes, saves or loads holds it exclusively meanwhile, and the
+//! gateway applies it only if all of it is valid.
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex::MutexGuard;
@@ -18,24 +18,24 @@ use crate::settings::Settings;
 /// Why the settings stay as they were.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum Unchanged {
-    /// The line is wrong.
+    /// The line is invalid.
     #[error(transparent)]
     Line(#[from] LineError),
-    /// The store gives nothing.
+    /// The store cannot be read or written.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A line in the store is wrong.
+    /// A line in the store is invalid.
     #[error("saved settings: {0}")]
     Text(#[from] LoadError),
-    /// The board has not what they ask for.
+    /// The board lacks what the settings need.
     #[error(transparent)]
     Apply(#[from] ApplyError),
-    /// The board has not what a line in the store asks for.
+    /// The board lacks what a line in the store needs.
     #[error("saved settings: {0}")]
     Refused(Refused),
 }
 
-/// The first line of a text that asks for what the board has not.
+/// The first line of a text that needs something the board lacks.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("line {line}, column {column}: \"{word}\": {error}")]
 pub struct Refused {
@@ -43,9 +43,9 @@ pub struct Refused {
     pub line: u32,
     /// Where the word starts, in characters from 1.
     pub column: usize,
-    /// The word that asks for it.
+    /// The word that needs it.
     pub word: String<WORD_BYTES_MAX>,
-    /// What there is not.
+    /// What the board lacks.
     pub error: ApplyError,
 }
 
@@ -56,12 +56,12 @@ impl Refused {
     }
 }
 
-/// The draft, with whatever is left in it.
+/// Locks the draft, with whatever it holds.
 pub async fn draft<'s>(gateway: &'s Gateway<'_>) -> MutexGuard<'s, CriticalSectionRawMutex, Settings> {
     gateway.draft.lock().await
 }
 
-/// Changes the settings as `line` says.
+/// Changes the settings by `line`.
 pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>, Unchanged> {
     let mut draft = draft(gateway).await;
     gateway.settings(|settings| draft.clone_from(settings));
@@ -74,11 +74,11 @@ pub async fn change(gateway: &Gateway<'_>, line: &str) -> Result<Option<Warning>
     Ok(applied.warning)
 }
 
-/// Makes the settings the text in `store`, `whatever` somebody else may have written there.
+/// Writes the settings to `store`; `whatever`: even if somebody else has changed the text there.
 pub async fn save(gateway: &Gateway<'_>, store: &mut impl Store, whatever: bool) -> Result<(), StoreError> {
     let mut draft = draft(gateway).await;
     gateway.settings(|settings| draft.clone_from(settings));
-    // What is changed while they are written is not in there.
+    // Changes made while writing are not in the text.
     let unsaved = gateway.set_unsaved(false);
     store.overwrite(whatever);
     let saved = saved::write_store(&draft, store).await;
@@ -88,7 +88,7 @@ pub async fn save(gateway: &Gateway<'_>, store: &mut impl Store, whatever: bool)
     saved
 }
 
-/// Takes over the settings that the text in `store` says, if there is one; says how long it is.
+/// Loads the settings in `store`, if any, and applies them; returns the length of the text.
 pub async fn load(gateway: &Gateway<'_>, store: &mut impl Store) -> Result<usize, Unchanged> {
     let mut draft = draft(gateway).await;
     let bytes = read(gateway, store, &mut draft).await?;
@@ -98,15 +98,15 @@ pub async fn load(gateway: &Gateway<'_>, store: &mut impl Store) -> Result<usize
     Ok(bytes)
 }
 
-/// Reads the settings that the text in `store` says into `draft`, which is of no use after an error; says how long the text is.
-/// The board can have them.
+/// Reads the settings in `store` into `draft`, which is invalid after an error, and checks that the board can run them; returns
+/// the length of the text.
 pub async fn read(
     gateway: &Gateway<'_>,
     store: &mut impl Store,
     draft: &mut Settings,
 ) -> Result<usize, Unchanged> {
     let mut error = None;
-    // Only what all lines say together counts. If the board has not that, once more for the line that asks for it.
+    // Only the sum of all lines can be checked. If the board lacks something, read again to find the line.
     loop {
         let mut refused = None;
         let mut look = |number, line: &str, settings: &Settings| {
@@ -129,7 +129,7 @@ pub async fn read(
     }
 }
 
-/// Takes over `settings`, which were read from `store`.
+/// Applies `settings` read from `store`.
 pub fn take_over(
     gateway: &Gateway<'_>,
     store: &mut impl Store,

@@ -1,30 +1,30 @@
-//! How long answers take: a small histogram with logarithmic steps, from which percentiles are read.
+//! Response times: a small histogram with logarithmic classes, from which percentiles are estimated.
 //!
-//! A class is a factor of 2^(2/3) wide, and a percentile is interpolated in it, so it is right within a quarter or so. When
-//! a class is full all are halved: old responses fade. It takes 20 bytes, so that every unit has one.
+//! A class is a factor of 2^(2/3) wide and percentiles are interpolated, so they are accurate to about a quarter. When a class is
+//! full all are halved, so old responses fade. At 20 bytes, every unit can have one.
 
-/// Upper ends of the classes in microseconds, the last one's excepted, which has none: half a millisecond to two seconds.
+/// Upper limits of the classes in microseconds, except the last, which has none: half a millisecond to two seconds.
 const ENDS_US: [u32; CLASSES - 1] = [
     500, 794, 1_260, 2_000, 3_175, 5_040, 8_000, 12_699, 20_159, 32_000, 50_797, 80_635, 128_000, 203_187,
     322_540, 512_000, 812_749, 1_290_159, 2_048_000,
 ];
 const CLASSES: usize = 20;
 
-/// How long answers take.
+/// A histogram of response times.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ResponseTimes([u8; CLASSES]);
 
 impl ResponseTimes {
-    /// No response yet.
+    /// No responses.
     pub const fn new() -> Self {
         Self([0; CLASSES])
     }
 
-    /// A response took so many microseconds.
+    /// Adds a response that took `took_us` microseconds.
     pub fn add(&mut self, took_us: u32) {
         let class = ENDS_US.partition_point(|end| *end < took_us);
         if self.0.get(class) == Some(&u8::MAX) {
-            // What was there once is not forgotten at once.
+            // Rounded up, so that a class that was used does not vanish at once.
             self.0.iter_mut().for_each(|count| *count = count.div_ceil(2));
         }
         if let Some(count) = self.0.get_mut(class) {
@@ -32,8 +32,7 @@ impl ResponseTimes {
         }
     }
 
-    /// The time in microseconds within which so many `percent` of the responses came; `None` without answers. Beyond two seconds
-    /// it says two seconds.
+    /// The time in microseconds within which `percent` of the responses arrived, at most two seconds; `None` without responses.
     pub fn percentile(&self, percent: u32) -> Option<u32> {
         let total: u32 = self.0.iter().map(|count| u32::from(*count)).sum();
         let wanted = (total * percent).div_ceil(100).max(1);

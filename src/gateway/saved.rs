@@ -13,16 +13,16 @@ const CHUNK_BYTES_MAX: usize = 64;
 /// Why saved settings could not be read.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum ReadError {
-    /// The store gives nothing.
+    /// The store cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The store gives a text that is wrong.
+    /// The text in the store is invalid.
     #[error(transparent)]
     Text(#[from] LoadError),
 }
 
-/// Reads the text in `store` into `settings`, which are of no use after an error; the number of its bytes, 0 when
-/// nothing is saved. `look` sees each line, and the settings behind it.
+/// Reads the text in `store` into `settings`, which are invalid after an error; returns its length, 0 if nothing is saved. `look`
+/// is called after each line.
 pub async fn read_store<'s>(
     store: &mut impl Store,
     settings: &'s mut Settings,
@@ -43,15 +43,15 @@ pub async fn read_store<'s>(
     Ok(offset)
 }
 
-/// Makes `settings` the text in `store`.
+/// Writes `settings` to `store`.
 pub async fn write_store(settings: &Settings, store: &mut impl Store) -> Result<(), StoreError> {
     let mut line = String::<{ LINE_BYTES_MAX + 1 }>::new();
     let mut n = 0;
-    // With settings that are empty the text is one empty line, so that it is not taken for none.
+    // Empty settings are stored as one empty line, to distinguish them from no settings.
     loop {
         let more = write_line(settings, n, &mut line).is_some();
         if more || n == 0 {
-            // Lines of settings fit, see LINE_BYTES_MAX.
+            // Fits, see LINE_BYTES_MAX.
             let _ = line.push('\n');
             store.append(line.as_bytes()).await?;
         }

@@ -1,4 +1,4 @@
-//! What tasks share, behind a critical section.
+//! Types for state that tasks share.
 
 use core::cell::RefCell;
 
@@ -8,8 +8,8 @@ use embassy_sync::mutex;
 
 use crate::settings::Settings;
 
-/// A value that several tasks look at and change.
+/// A value that several tasks read and change, in a critical section.
 pub(crate) type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
 
-/// Settings that are being changed, loaded or saved: by one task at a time, which may wait for a store.
+/// Settings being changed, loaded or saved: by one task at a time, which may wait for a store.
 pub(crate) type Draft = mutex::Mutex<CriticalSectionRawMutex, Settings>;

@@ -1,10 +1,9 @@
-//! How connections to outside servers share sockets, when there are more servers than those: those of one port the ones that it
-//! may have, and those of all ports the board's.
+//! How connections to outside servers share sockets when there are more servers than sockets: the servers of one port share the
+//! port's, and those of all ports the board's.
 //!
-//! Who finds none left asks for one. The connection that has been quiet for longest is closed for it; where none is quiet, an
-//! attempt is given up that no request waits for; when all are busy, the one that was opened first takes no more requests and
-//! goes as soon as those that are open have ended. So all servers get their turn, and a server that cannot be reached holds
-//! no socket while it backs off.
+//! A connection without a socket asks for one. The connection that has been idle longest is closed for it; if none is idle, a
+//! retry that no request waits for is abandoned; if all are busy, the one opened first takes no new requests and closes once its
+//! open requests have ended. So all servers get their turn, and an unreachable server holds no socket while it backs off.
 
 use core::cell::Cell;
 
@@ -15,35 +14,35 @@ use embassy_time::Instant;
 
 use crate::settings::PortId;
 
-/// One of a port's sockets: one connection, or none.
+/// One of a port's sockets, connected or not.
 pub(crate) struct Socket {
     state: Mutex<CriticalSectionRawMutex, Cell<State>>,
-    /// The connection must go, to make room for another one.
+    /// The connection must close, to make room for another.
     pub(crate) leave: Signal<CriticalSectionRawMutex, ()>,
     /// Another connection was closed for this one.
     pub(crate) freed: Signal<CriticalSectionRawMutex, ()>,
 }
 
-/// What a socket is used for; of those that can be given up, the first is the first to go.
-// `None` is the 0: then a port's place is all zeros at the start, which take no place in a board's flash.
+/// What a socket is used for. Of those that may be closed, the lowest is closed first.
+// `None` is 0, so that the initial state is all zeros, which take no flash on a board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Use {
-    /// There is nothing to give up.
+    /// Nothing to close.
     None,
     /// No requests are open.
     Idle,
-    /// A server is tried again that no request waits for.
+    /// Retries a server that no request waits for.
     Retry,
     /// Requests are open.
     Busy,
 }
 
-/// What a socket is asked for.
+/// What a socket is needed for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Need {
-    /// A request waits.
-    Order,
-    /// A server is to be tried again.
+    /// A request is waiting.
+    Request,
+    /// A server's retry is due.
     Retry,
 }
 
@@ -51,11 +50,11 @@ pub(crate) enum Need {
 struct State {
     used_for: Use,
     opened: Instant,
-    /// The last request's beginning or end.
+    /// When the last request began or ended.
     used: Instant,
-    /// It has been asked to go.
+    /// It has been asked to close.
     leaving: bool,
-    /// Who waits for it to be closed.
+    /// The port and connection waiting for it.
     wanted_by: Option<(PortId, u8)>,
 }
 
@@ -68,54 +67,54 @@ impl State {
         wanted_by: None,
     };
 
-    /// The lowest is the first to go.
+    /// The lowest is closed first.
     fn rank(&self) -> (Use, Instant) {
         (self.used_for, if self.used_for == Use::Idle { self.used } else { self.opened })
     }
 
-    fn goes_for(&self, need: Need) -> bool {
-        let last = if need == Need::Order { Use::Busy } else { Use::Idle };
+    fn may_be_closed_for(&self, need: Need) -> bool {
+        let last = if need == Need::Request { Use::Busy } else { Use::Idle };
         !self.leaving && self.used_for != Use::None && self.used_for <= last
     }
 }
 
 impl Socket {
-    /// No connection.
+    /// Not connected.
     pub(crate) const fn new() -> Self {
         Self { state: Mutex::new(Cell::new(State::NONE)), leave: Signal::new(), freed: Signal::new() }
     }
 
-    /// A connection is being opened, for no request if it is a `retry`.
+    /// A connection is being opened; `retry`: not for a request.
     pub(crate) fn opening(&self, retry: bool) {
         self.leave.reset();
         let used_for = if retry { Use::Retry } else { Use::None };
         self.set(State { used_for, opened: Instant::now(), ..State::NONE });
     }
 
-    /// There is a connection now.
+    /// The connection is open.
     pub(crate) fn opened(&self) {
         let now = Instant::now();
         self.leave.reset();
         self.set(State { opened: now, used: now, ..State::NONE });
     }
 
-    /// Whether requests are open on the connection from now on; says whether that is news.
+    /// Sets whether requests are open on the connection; returns whether that has changed.
     pub(crate) fn busy(&self, busy: bool) -> bool {
         let state = self.state();
         let used_for = if busy { Use::Busy } else { Use::Idle };
-        let is_news = state.used_for != used_for;
-        if is_news {
+        let has_changed = state.used_for != used_for;
+        if has_changed {
             self.set(State { used_for, used: Instant::now(), ..state });
         }
-        is_news
+        has_changed
     }
 
-    /// Whether the connection has been asked to go.
+    /// Whether the connection has been asked to close.
     pub(crate) fn is_leaving(&self) -> bool {
         self.state().leaving
     }
 
-    /// There is no connection any more; gives the link of a port that waits for that.
+    /// The connection has been closed; returns the port and connection waiting for the socket.
     pub(crate) fn closed(&self) -> Option<(PortId, u8)> {
         let wanted_by = self.state().wanted_by;
         self.set(State::NONE);
@@ -131,7 +130,7 @@ impl Socket {
     }
 }
 
-/// Asks one of `sockets` to go, for the link of a port that waits for it if that is said; says whether one will.
+/// Asks one of `sockets` to close, on behalf of `wanted_by` if given; returns whether one will.
 pub(crate) fn ask_for_one<'s>(
     sockets: impl IntoIterator<Item = &'s Socket>,
     need: Need,
@@ -140,7 +139,7 @@ pub(crate) fn ask_for_one<'s>(
     let mut first: Option<(&Socket, State)> = None;
     for socket in sockets {
         let state = socket.state();
-        if state.goes_for(need) && first.is_none_or(|(_, other)| state.rank() < other.rank()) {
+        if state.may_be_closed_for(need) && first.is_none_or(|(_, other)| state.rank() < other.rank()) {
             first = Some((socket, state));
         }
     }

@@ -1,4 +1,4 @@
-//! The turns of connections whose requests are refused: one after the other, for all of the gateway together.
+//! Turns for connections whose requests are refused: one after another, for the whole gateway.
 
 use core::cell::Cell;
 
@@ -6,19 +6,19 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Instant};
 
-/// From one turn to the next.
+/// Time between turns.
 const TURN: Duration = Duration::from_millis(2);
 
-/// When those may go on who have brought nothing but refusals.
+/// The time of the next free turn.
 pub(crate) struct Turns(Mutex<CriticalSectionRawMutex, Cell<Instant>>);
 
 impl Turns {
-    /// Nobody waits.
+    /// Nobody is waiting.
     pub(crate) const fn new() -> Self {
         Self(Mutex::new(Cell::new(Instant::MIN)))
     }
 
-    /// The next turn: at `now` if nobody waits.
+    /// The next turn: `now` if nobody is waiting.
     pub(crate) fn take(&self, now: Instant) -> Instant {
         self.0.lock(|next| {
             let turn = next.get().max(now);

@@ -1,10 +1,10 @@
-//! The health of the units behind a client-side port: pure, with time as a value.
+//! The health of the units behind a client-side port. Pure, with time as a value.
 //!
-//! A unit that may still answer earlier requests is *out of step* ([`outstanding`](crate::gateway::outstanding)): [`Units::step`]
-//! says whether a request may be sent as it is, or what proof goes first. A unit that gave several requests in a row no response is
-//! *down*: its requests fail at once, and one in a while goes through as a probe, 1, 2, 4 ... 30 s apart, so that a dead unit
-//! does not slow the living ones. So far apart are proofs, too, that get no response. A unit that refused a joined read, or gave
-//! no response, is asked for less at a time for a while.
+//! A unit that may still respond to earlier requests is *out of step* ([`outstanding`](crate::gateway::outstanding)):
+//! [`Units::step`] tells whether a request may be sent as it is, or which proof goes first. A unit that left several requests in
+//! a row without response is *down*: its requests fail at once, except for a probe after 1, 2, 4 ... 30 s, so that a dead unit
+//! does not slow the others. Unanswered proofs back off likewise. A unit that refused a combined read, or did not respond to it,
+//! gets no combined reads for a while.
 
 mod in_step;
 mod unit;
@@ -25,22 +25,22 @@ use crate::stats::Event;
 /// When a unit may be asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ready {
-    /// At once.
+    /// Now.
     Now,
-    /// Not before this time.
+    /// At this time.
     At(Instant),
-    /// By somebody else.
+    /// By another connection.
     Elsewhere,
 }
 
-/// Units remembered at one port: the servers that it can have, and more than the loads that an RS-485 segment carries. The
-/// quietest healthy one is forgotten when another one comes. The feature `small` remembers fewer.
+/// Units stored per port: as many as servers, and more than an RS-485 segment can carry. The least active healthy one is
+/// forgotten for a new one. The feature `small` stores fewer.
 pub const UNITS_MAX: usize = if cfg!(feature = "small") { 16 } else { 64 };
-/// Units remembered at all ports together, since few ports have as many as they may: see [`AllUnits`].
+/// Units stored for all ports together, since few ports use their maximum: see [`AllUnits`].
 pub const ALL_UNITS_MAX: usize = if cfg!(feature = "small") { 48 } else { 256 };
 
-/// How long reads are not joined that ask a unit which did not take that.
-pub const JOIN_PAUSE: Duration = Duration::from_secs(60);
+/// How long reads of a unit are not combined after it refused a combined read.
+pub const COMBINE_PAUSE: Duration = Duration::from_secs(60);
 
 /// Whether a unit may be asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,29 +54,29 @@ pub enum Gate {
 /// What may be sent to a unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
-    /// The request.
+    /// The request itself.
     Direct,
-    /// This request first, for this purpose: its response proves that nothing else is to come.
+    /// This proof first: its response shows that no earlier one is still to come.
     Prove(Read, Purpose),
-    /// Nothing before the unit's gate opens.
+    /// Nothing until the unit's gate opens.
     Wait,
 }
 
-/// How a port treats a unit that may be out of step.
+/// How a port proves that a unit is in step.
 #[derive(Debug, Clone, Copy)]
 pub struct Care {
-    /// What proves that it is in step.
+    /// The kind of proof.
     pub proof: Proof,
-    /// How long a response may be late where nothing proves anything.
+    /// How late a response may be, where there is no proof.
     pub late_window: Duration,
 }
 
-/// How a unit is doing.
+/// The state of a unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// It answers.
+    /// It responds.
     Up,
-    /// It may still answer earlier requests.
+    /// It may still respond to earlier requests.
     OutOfStep,
     /// It is not asked for a while.
     Held,
@@ -84,30 +84,30 @@ pub enum State {
     Down,
 }
 
-/// The units of all ports, in one memory, in which those of one port stand together.
+/// The units of all ports, in one array, grouped by port.
 ///
-/// When all places are taken, the quietest healthy unit of the port that has most of them is forgotten, so no port can take the
-/// places of others that have few.
+/// When it is full, the least active healthy unit of the port with the most units is forgotten, so no port takes the slots of
+/// those with few.
 pub struct AllUnits {
-    /// Port by port, each port's in the order of their first requests.
+    /// Port by port, each in order of first request.
     units: Vec<Unit, ALL_UNITS_MAX>,
     ports: [List; PORTS_MAX],
     outstanding: Outstanding,
 }
 
-/// Which units are a port's.
+/// A port's part of the array.
 #[derive(Clone, Copy)]
 struct List {
     first: u16,
-    /// Behind the last one.
+    /// Index after the last one.
     end: u16,
     /// One of its units may be held or down.
-    troubled: bool,
+    needs_check: bool,
     frozen: bool,
 }
 
 impl List {
-    const EMPTY: Self = Self { first: 0, end: 0, troubled: false, frozen: false };
+    const EMPTY: Self = Self { first: 0, end: 0, needs_check: false, frozen: false };
 
     fn slots(self) -> Range<usize> {
         self.first.into()..self.end.into()
@@ -115,7 +115,7 @@ impl List {
 }
 
 impl AllUnits {
-    /// None known.
+    /// No units.
     pub const fn new() -> Self {
         Self { units: Vec::new(), ports: [List::EMPTY; PORTS_MAX], outstanding: Outstanding::new() }
     }
@@ -129,7 +129,7 @@ impl AllUnits {
         self.ports.get(port).copied().unwrap_or(List::EMPTY)
     }
 
-    /// Takes the unit at `slot` out, which is one of `port`.
+    /// Removes the unit at `slot`, which belongs to `port`.
     fn remove(&mut self, port: usize, slot: usize) {
         self.units.remove(slot);
         for (other, list) in self.ports.iter_mut().enumerate() {
@@ -138,7 +138,7 @@ impl AllUnits {
         }
     }
 
-    /// Puts `id` behind the units of `port`, and gives its place.
+    /// Appends `id` to the units of `port`, and returns its index.
     fn insert(&mut self, port: usize, id: u8) -> Option<usize> {
         let slot = self.list(port).slots().end;
         self.units.insert(slot, Unit::new(id)).ok()?;
@@ -149,7 +149,7 @@ impl AllUnits {
         Some(slot)
     }
 
-    /// Forgets the quietest healthy unit of `port`.
+    /// Forgets the least active healthy unit of `port`.
     fn forget_one(&mut self, port: usize) {
         let quietness = |slot: &usize| {
             let unit = self.units.get(*slot)?;
@@ -174,7 +174,7 @@ pub struct Units<'u> {
 }
 
 impl Units<'_> {
-    /// The known units in the order of their first request.
+    /// The known units in order of first request.
     pub fn iter(&self) -> impl Iterator<Item = &Unit> {
         self.all.units.get(self.list().slots()).unwrap_or(&[]).iter()
     }
@@ -187,14 +187,14 @@ impl Units<'_> {
         self.iter().find(|unit| unit.id == id)
     }
 
-    /// Forgets all but what the units may still answer.
+    /// Forgets everything except what is outstanding.
     pub fn clear(&mut self) {
         for slot in self.list().slots().rev() {
             self.all.remove(self.port, slot);
         }
     }
 
-    /// While `frozen`, nothing is learned, and nothing proved: who looks for units asks many that are not there.
+    /// While `frozen`, nothing is learned or proved: a scan asks many units that do not exist.
     pub fn freeze(&mut self, frozen: bool) {
         self.all.ports.get_mut(self.port).into_iter().for_each(|list| list.frozen = frozen);
     }
@@ -208,7 +208,7 @@ impl Units<'_> {
         }
     }
 
-    /// When `id` may be asked by somebody who spares units that are down by himself: as soon as no late response can come.
+    /// When a requester with its own back-off may ask `id`, even if it is down: as soon as no late response can arrive.
     pub fn attempt(&self, id: u8, now: Instant) -> Ready {
         match self.find(id) {
             Some(unit) if unit.waited && unit.held_until > now => Ready::At(unit.held_until),
@@ -216,40 +216,41 @@ impl Units<'_> {
         }
     }
 
-    /// Whether a unit may be held or down: mostly none is, and none has to be looked at by itself.
-    pub fn troubled(&self) -> bool {
-        self.list().troubled
+    /// Whether a unit may be held or down. Usually none is, which saves looking at each.
+    pub fn needs_check(&self) -> bool {
+        self.list().needs_check
     }
 
-    /// Whether every unit may be asked at `now`, and none counts as down.
-    pub fn all_well(&mut self, now: Instant) -> bool {
-        let troubled = self.troubled() && self.iter().any(|unit| unit.held_until > now || unit.is_down());
-        self.set_troubled(troubled);
-        !troubled
+    /// Whether every unit may be asked at `now`, and none is down.
+    pub fn all_healthy(&mut self, now: Instant) -> bool {
+        let needs_check =
+            self.needs_check() && self.iter().any(|unit| unit.held_until > now || unit.is_down());
+        self.set_needs_check(needs_check);
+        !needs_check
     }
 
-    fn set_troubled(&mut self, troubled: bool) {
-        self.all.ports.get_mut(self.port).into_iter().for_each(|list| list.troubled = troubled);
+    fn set_needs_check(&mut self, needs_check: bool) {
+        self.all.ports.get_mut(self.port).into_iter().for_each(|list| list.needs_check = needs_check);
     }
 
-    /// Whether `id` counts as down, whatever is due.
+    /// Whether `id` is down, even if a probe is due.
     pub fn is_down(&self, id: u8) -> bool {
         self.find(id).is_some_and(Unit::is_down)
     }
 
-    /// Whether reads of `id` may be joined at `now`.
+    /// Whether reads of `id` may be combined at `now`.
     pub fn combines(&self, id: u8, now: Instant) -> bool {
-        self.find(id).is_none_or(|unit| unit.join_after <= now)
+        self.find(id).is_none_or(|unit| unit.combine_after <= now)
     }
 
-    /// `id` refused a joined read.
+    /// `id` refused a combined read.
     pub fn refused_combined(&mut self, id: u8, now: Instant) {
         if let Some(unit) = self.entry(id) {
-            unit.join_after = now + JOIN_PAUSE;
+            unit.combine_after = now + COMBINE_PAUSE;
         }
     }
 
-    /// A request to `id` is sent.
+    /// A request is sent to `id`.
     pub fn asked(&mut self, id: u8) {
         if let Some(unit) = self.entry(id) {
             unit.requests = unit.requests.wrapping_add(1);
@@ -257,7 +258,7 @@ impl Units<'_> {
         }
     }
 
-    /// `id` answered `took` after the request's end.
+    /// `id` responded `took` after the end of the request.
     pub fn answered(&mut self, id: u8, took: Duration, exception: bool) {
         if let Some(unit) = self.entry(id) {
             unit.responses = unit.responses.wrapping_add(1);
@@ -269,14 +270,14 @@ impl Units<'_> {
         }
     }
 
-    /// Counts `error` with `id`.
+    /// Counts `error` for `id`.
     pub fn error(&mut self, id: u8, error: Event) {
         if let Some(unit) = self.entry(id) {
             unit.count(error);
         }
     }
 
-    /// Sets what was counted to zero; the units' health stays.
+    /// Clears the counters; the units' health stays.
     pub fn clear_counters(&mut self) {
         let slots = self.list().slots();
         for unit in self.all.units.get_mut(slots).unwrap_or(&mut []) {
@@ -286,9 +287,9 @@ impl Units<'_> {
         }
     }
 
-    /// `id` answered, but the response was damaged on its way, by `error`: it is alive.
+    /// `id` responded, so it is alive, but the response was corrupt by `error`.
     pub fn corrupt(&mut self, id: u8, error: Event) {
-        self.frozen_asked_in_vain(id);
+        self.timed_out_while_frozen(id);
         if let Some(unit) = self.entry(id) {
             unit.count(error);
             unit.open = false;
@@ -296,10 +297,11 @@ impl Units<'_> {
         }
     }
 
-    /// `id` gave no response; after `down_after` such in a row (0: never) it is down. Says whether nothing at all was heard.
+    /// `id` did not respond; after `down_after` times in a row (0: never) it is down. Returns whether nothing at all was
+    /// received.
     pub fn timed_out(&mut self, id: u8, now: Instant, down_after: u8) -> bool {
-        self.set_troubled(true);
-        self.frozen_asked_in_vain(id);
+        self.set_needs_check(true);
+        self.timed_out_while_frozen(id);
         let Some(unit) = self.entry(id) else { return false };
         let silent = !unit.disturbed;
         if silent {
@@ -307,20 +309,20 @@ impl Units<'_> {
         }
         unit.open = false;
         unit.timeouts = unit.timeouts.wrapping_add(1);
-        // There are devices that do not answer what is too much for them.
-        unit.join_after = now + JOIN_PAUSE;
+        // Some devices do not respond to reads that are too long for them.
+        unit.combine_after = now + COMBINE_PAUSE;
         unit.unanswered(now, down_after);
         silent
     }
 
-    /// While nothing is learned, it is not known either what `id` may still answer.
-    fn frozen_asked_in_vain(&mut self, id: u8) {
+    /// Nothing is learned, so it is unknown what `id` may still respond to.
+    fn timed_out_while_frozen(&mut self, id: u8) {
         if self.list().frozen {
             self.sent_in_part(id);
         }
     }
 
-    /// The unit `id`, made if it is not known yet; none while nothing is learned.
+    /// The entry of `id`, added if necessary; none while frozen.
     fn entry(&mut self, id: u8) -> Option<&mut Unit> {
         let list = self.list();
         if list.frozen {
@@ -334,7 +336,7 @@ impl Units<'_> {
         self.all.units.get_mut(slot)
     }
 
-    /// Makes a place for `id`.
+    /// Adds an entry for `id`.
     fn remember(&mut self, id: u8) -> Option<usize> {
         if self.list().slots().len() >= UNITS_MAX {
             self.all.forget_one(self.port);

@@ -1,14 +1,14 @@
-//! The rest of an RTU frame that is passed on while it arrives, from where its end is known: a character in, a character out.
+//! A relay: the rest of an RTU frame that is being cut through once its length is known. Each received character is sent at once.
 //!
-//! That is little enough for a board to do it in its receive interrupt, without a task: see
+//! That is simple enough for a board to do in its receive interrupt, without a task: see
 //! [`SerialLine::relay`](crate::hal::SerialLine::relay).
 
-/// What is left to be done.
+/// What remains to be relayed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Relay {
-    /// Characters that have not come yet.
+    /// Characters still to arrive.
     left: u32,
-    /// What changes in the first half of the CRC, where the unit has another id on the other line.
+    /// Bits to change in the first half of the CRC, where the unit id is translated.
     delta: u8,
 }
 
@@ -16,13 +16,13 @@ impl Relay {
     /// Nothing is left.
     pub const OVER: Self = Self { left: 0, delta: 0 };
 
-    /// A frame of which `left` characters are to come, its CRC included; the first half of that differs by the bits of `delta`.
+    /// A frame with `left` characters to come, including its CRC, whose first half changes by the bits of `delta`.
     pub const fn new(left: u32, delta: u8) -> Self {
         Self { left, delta }
     }
 
-    /// Takes the next character, and gives what is to be sent at once. The last one is for the tasks: they know by then whether
-    /// the frame is good.
+    /// Consumes a received character, and returns what to send at once. The last character is left to the tasks, which know by
+    /// then whether the frame is valid.
     #[inline]
     pub const fn step(&mut self, received: u8) -> Option<u8> {
         self.left = self.left.saturating_sub(1);
@@ -33,13 +33,13 @@ impl Relay {
         }
     }
 
-    /// Whether the whole frame has come.
+    /// Whether the whole frame has arrived.
     #[inline]
     pub const fn is_over(&self) -> bool {
         self.left == 0
     }
 
-    /// Characters of those that `before` had left which have been sent since.
+    /// How many of the characters left in `before` have been sent.
     pub(crate) fn sent_since(&self, before: &Self) -> usize {
         before.left.saturating_sub(self.left.max(1)) as usize
     }

@@ -1,7 +1,7 @@
-//! The line language: one line changes the settings, or changes nothing and says which word is wrong.
+//! Executes one line: it changes the settings, or changes nothing and reports the wrong word.
 //!
-//! [`apply`] reads the whole line against the settings as they are, and only then puts the change in place. The
-//! console, the configuration file and what `show config` prints use the same lines.
+//! [`apply`] parses the whole line against the current settings before it changes them. The console, the configuration file and
+//! `show config` use the same lines.
 
 use super::changed::Changed;
 use super::listed::listed;
@@ -10,16 +10,16 @@ use super::verbs::{Lack, VERBS, Verb};
 use super::words::{Words, Wrong};
 use crate::settings::{LINE_BYTES_MAX, Settings};
 
-/// What a good line did.
+/// The effect of a valid line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Applied {
-    /// Whether the settings are others now; false for blank lines and comments.
+    /// Whether the settings have changed; false for blank lines and comments.
     pub changed: bool,
-    /// What is unlikely to be meant.
+    /// A likely mistake.
     pub warning: Option<Warning>,
 }
 
-/// Changes `settings` as `line` says; a bad line changes nothing.
+/// Changes `settings` by `line`; an invalid line changes nothing.
 pub fn apply(settings: &mut Settings, line: &str) -> Result<Applied, LineError> {
     if line.len() > LINE_BYTES_MAX {
         return Err(LineError::too_long());

@@ -7,7 +7,7 @@ use crate::settings::PortId;
 pub(crate) enum Changed {
     Nothing,
     Port(PortId),
-    /// The rule at this place, from 0, is new there.
+    /// The rule at this index is new.
     Rule(usize),
     Other,
 }

@@ -1,4 +1,4 @@
-//! What the lines of settings do, each behind its verb.
+//! What the lines of settings do, verb by verb.
 
 use core::mem::discriminant;
 use core::num::NonZeroU16;
@@ -19,10 +19,10 @@ use crate::settings::{
     Destination, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings,
 };
 
-/// Carries out a line behind its verb.
+/// Executes the words after a verb.
 pub(crate) type Change = fn(&mut Settings, &Words<'_>) -> Result<Changed, Wrong>;
 
-/// What stands for a verb that the image lacks.
+/// Stands in for a verb that the image lacks.
 pub(crate) fn absent(_: &mut Settings, _: &Words<'_>) -> Result<Changed, Wrong> {
     Ok(Changed::Nothing)
 }
@@ -39,12 +39,12 @@ pub(crate) fn mdns_line(settings: &mut Settings, words: &Words<'_>) -> Result<Ch
     Ok(Changed::Other)
 }
 
-/// `route ...`: a rule behind the others.
+/// `route ...`: appends a rule.
 pub(crate) fn add_route(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
     put_route(settings, words, settings.routes.len(), false)
 }
 
-/// Gives `each` the words that stand in rows and behind port names, besides names, numbers and addresses.
+/// Calls `each` with all keywords of rows and ports.
 pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
     port_words::keywords(each);
     port_keys::keywords(each);
@@ -52,7 +52,7 @@ pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
     if SERVERS {
         servers::keywords(each);
     }
-    // No word of a line that is refused.
+    // Not keywords of lines that are refused.
     if POINTS {
         point_words::keywords(each);
         slaves::keywords(each);
@@ -69,7 +69,7 @@ pub(crate) fn port(settings: &mut Settings, words: &Words<'_>) -> Result<Changed
         );
     }
     let draft = Draft::create(words)?;
-    // Not `find`: that one also takes a bare number for a name.
+    // Not `find`, which also accepts a bare number for a name.
     let same = |port: &Option<Port>| port.as_ref().is_some_and(|port| port.name.eq_ignore_ascii_case(&name));
     let place = settings
         .ports
@@ -82,35 +82,35 @@ pub(crate) fn port(settings: &mut Settings, words: &Words<'_>) -> Result<Changed
         PortId(place as u8),
         Port { name, kind: draft.kind, units: draft.units },
         name_word,
-        draft.place,
+        draft.endpoint,
     )
 }
 
-/// Checks `port` against all the others and the rules, then puts it at `id`.
+/// Checks `port` against all others and the rules, then stores it at `id`.
 fn put_port(
     settings: &mut Settings,
     id: PortId,
     port: Port,
     name: Word,
-    place: Word,
+    endpoint: Word,
 ) -> Result<Changed, Wrong> {
     let others = settings.ports.iter().enumerate().filter(|&(at, _)| at != id.index());
     for Port { name, kind: other, .. } in others.filter_map(|(_, other)| other.as_ref()) {
         match (&port.kind, other) {
             (PortKind::Serial(own), PortKind::Serial(other)) if own.device == other.device => {
-                return Err(place.error(Problem::DeviceTaken(name.clone())));
+                return Err(endpoint.error(Problem::DeviceTaken(name.clone())));
             }
             (PortKind::TcpServer(own), PortKind::TcpServer(other)) if own.listen.collides(&other.listen) => {
-                return Err(place.error(Problem::ListenTaken));
+                return Err(endpoint.error(Problem::ListenTaken));
             }
             (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
-                return Err(place.error(Problem::ListenTaken));
+                return Err(endpoint.error(Problem::ListenTaken));
             }
             (PortKind::Ethercat(_), PortKind::Ethercat(_)) => {
-                return Err(place.error(Problem::Points(PointProblem::EthercatTaken)));
+                return Err(endpoint.error(Problem::Points(PointProblem::EthercatTaken)));
             }
             (PortKind::Scanner, PortKind::Scanner) => {
-                return Err(place.error(Problem::Points(PointProblem::ScannerTaken)));
+                return Err(endpoint.error(Problem::Points(PointProblem::ScannerTaken)));
             }
             _ => {}
         }
@@ -135,7 +135,7 @@ fn put_port(
     Ok(Changed::Port(id))
 }
 
-/// An error if there are servers of the port at `id`.
+/// Fails if the port at `id` has server lines.
 fn check_no_servers(settings: &Settings, id: PortId, word: Word) -> Result<(), Wrong> {
     match settings.servers_of(id).count() {
         0 => Ok(()),
@@ -143,7 +143,7 @@ fn check_no_servers(settings: &Settings, id: PortId, word: Word) -> Result<(), W
     }
 }
 
-/// An error if there are devices or slaves, and the port at `id` is the one that asks them.
+/// Fails if there are devices or slaves that the port at `id` polls.
 fn check_unused(settings: &Settings, id: PortId, word: Word) -> Result<(), Wrong> {
     match settings.port(id).map(|port| &port.kind) {
         Some(PortKind::Scanner) if !settings.devices.is_empty() => {
@@ -156,7 +156,7 @@ fn check_unused(settings: &Settings, id: PortId, word: Word) -> Result<(), Wrong
     }
 }
 
-/// Reads a row and puts it at place `at`, counted from 0, instead of the rule there or before it.
+/// Parses a rule and stores it at index `at`, in place of the rule there or before it.
 fn put_route(settings: &mut Settings, words: &Words, at: usize, replace: bool) -> Result<Changed, Wrong> {
     let first = words.peek();
     let route = route(settings, words)?;
@@ -199,7 +199,7 @@ const THINGS: &[(&str, Thing)] = &[
 const THINGS_EXPECTED: &str = listed!(THINGS);
 const ROUTE: (&str, Thing) = ("route", Thing::Route);
 
-/// The words for what can be deleted.
+/// The keywords for what can be deleted.
 pub(crate) fn things() -> impl Iterator<Item = &'static str> {
     THINGS.iter().map(|(word, _)| *word)
 }
@@ -212,7 +212,7 @@ pub(crate) fn edit(settings: &mut Settings, words: &Words<'_>) -> Result<Changed
             let (id, old) = existing_port(settings, name_word)?;
             let draft = Draft::edit(old, words)?;
             let port = Port { name: old.name.clone(), kind: draft.kind, units: draft.units };
-            put_port(settings, id, port, name_word, draft.place)
+            put_port(settings, id, port, name_word, draft.endpoint)
         }
         _ => {
             let at = route_place(settings, words.take())?;
@@ -296,7 +296,7 @@ fn existing_port<'s>(settings: &'s Settings, word: Word) -> Result<(PortId, &'s 
     id.and_then(|id| Some((id, settings.port(id)?))).ok_or_else(|| word.error(Problem::NoSuchPort))
 }
 
-/// The place, from 0, of the rule whose number is `word`.
+/// The index of the rule with number `word`.
 fn route_place(settings: &Settings, word: Word) -> Result<usize, Wrong> {
     let number = number(word, "a rule's number", 1..=ROUTES_MAX as u32)? as usize;
     let count = settings.routes.len();

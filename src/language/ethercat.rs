@@ -1,4 +1,4 @@
-//! The words of a port for an EtherCAT MainDevice.
+//! The keywords of an EtherCAT port.
 
 use core::fmt::{self, Display};
 

@@ -1,4 +1,4 @@
-//! What a word of a port line sets: where that stands in the settings, how it is read, and how it is printed.
+//! The fields of a port that keywords set: where each is stored, how it is parsed, and how it is printed.
 
 use core::fmt::{self, Display};
 use core::ops::RangeInclusive;
@@ -16,16 +16,16 @@ use crate::settings::{
     ServerAddress, Side, Special, StreamFraming, TcpListen, Time,
 };
 
-/// What becomes of a newcomer when all connections are taken: the second word refuses it.
+/// What happens to a newcomer when all connections are taken.
 const FULL: &[(&str, bool); 2] = &[("displace", false), ("refuse", true)];
 
-/// A number that may be set: what it counts, and its limits.
+/// An integer setting: what it counts, and its limits.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Count(pub(crate) &'static str, pub(crate) RangeInclusive<u32>);
 
 /// One setting of a port.
 ///
-/// Words of the first kind have no value behind them: they stand for the value that is named here.
+/// The first variants are keywords without a value: each sets the value given here.
 #[derive(PartialEq)]
 pub(crate) enum Field<'s> {
     Framing(&'s mut Framing, Framing),
@@ -34,15 +34,15 @@ pub(crate) enum Field<'s> {
     Stream(&'s mut StreamFraming, StreamFraming),
     Flag(&'s mut bool, bool),
     Time(&'s mut Duration, &'static RangeInclusive<Duration>),
-    /// None is what the specification says, or another setting.
+    /// None: as in the specification, or taken from another setting.
     AutoTime(&'s mut Option<Duration>, &'static RangeInclusive<Duration>),
-    /// Zero, never, is outside of the limits.
+    /// Zero (never) is allowed besides the range.
     Idle(&'s mut Duration, &'static RangeInclusive<Duration>),
     Small(&'s mut u8, &'static Count),
     Medium(&'s mut u16, &'static Count),
-    /// None is the unit of the rule.
+    /// None: the unit given by the rule.
     Unit(&'s mut Option<u8>, &'static Count),
-    /// None is the alias in the EEPROM.
+    /// None: the station alias in the EEPROM.
     Id(&'s mut Option<u16>, &'static Count),
     Baud(&'s mut u32, &'static RangeInclusive<u32>),
     Format(&'s mut LineSettings),
@@ -53,7 +53,7 @@ pub(crate) enum Field<'s> {
     Full(&'s mut bool),
     Reserve(&'s mut u16, &'s mut Prefixes, &'static Count),
     Allow(&'s mut Allowed),
-    /// Whether that may be [`Special::AllLines`] stands behind it.
+    /// The second field: whether [`Special::AllLines`] is allowed.
     Special(&'s mut Special, bool),
     Interface(&'s mut Option<InterfaceName>),
     Line(&'s mut Option<Name>),
@@ -62,70 +62,70 @@ pub(crate) enum Field<'s> {
 }
 
 impl Field<'_> {
-    /// Takes the value from `words`, or from `word`, which is the one that named the setting.
+    /// Parses the value from `words`, or from `word`, the keyword, if it has none.
     pub(crate) fn read(self, word: Word, words: &Words) -> Result<(), Wrong> {
         match self {
-            Self::Framing(place, value) => *place = value,
-            Self::Side(place, value) => *place = value,
-            Self::Driver(place, value) => *place = value,
-            Self::Stream(place, value) => *place = value,
-            Self::Flag(place, value) => *place = value,
-            Self::Baud(place, range) => *place = number(word, "a baud rate", range.clone())?,
+            Self::Framing(target, value) => *target = value,
+            Self::Side(target, value) => *target = value,
+            Self::Driver(target, value) => *target = value,
+            Self::Stream(target, value) => *target = value,
+            Self::Flag(target, value) => *target = value,
+            Self::Baud(target, range) => *target = number(word, "a baud rate", range.clone())?,
             Self::Format(line) => (line.data_bits, line.parity, line.stop_bits) = format(word)?,
             value => value.read_value(words.take(), words)?,
         }
         Ok(())
     }
 
-    /// Takes the value from `word`, and if it is a list from `words` behind it.
+    /// Parses the value from `word`, followed by the rest of a list in `words`.
     fn read_value(self, word: Word, words: &Words) -> Result<(), Wrong> {
         match self {
-            Self::Time(place, range) => *place = time(word, range)?,
-            Self::AutoTime(place, _) if word.is("auto") => *place = None,
-            Self::AutoTime(place, range) => *place = Some(time(word, range)?),
-            Self::Idle(place, _) if word.text == "0" => *place = Duration::from_ticks(0),
-            Self::Idle(place, range) => *place = time(word, range)?,
-            // Limits keep these numbers as small as their places.
-            Self::Small(place, count) => *place = count.read(word)? as u8,
-            Self::Medium(place, count) => *place = count.read(word)? as u16,
-            Self::Unit(place, _) if word.is("auto") => *place = None,
-            Self::Unit(place, count) => *place = Some(count.read(word)? as u8),
-            Self::Id(place, _) if word.is("alias") => *place = None,
-            Self::Id(place, count) => *place = Some(count.read(word)? as u16),
-            Self::Device(place) => *place = device(word)?,
-            Self::Listen(place) => *place = listen(word)?,
-            Self::Server(place) => *place = Some(server_address(word)?),
-            Self::Full(place) => *place = word.keyword(FULL, "displace or refuse")?,
+            Self::Time(target, range) => *target = time(word, range)?,
+            Self::AutoTime(target, _) if word.is("auto") => *target = None,
+            Self::AutoTime(target, range) => *target = Some(time(word, range)?),
+            Self::Idle(target, _) if word.text == "0" => *target = Duration::from_ticks(0),
+            Self::Idle(target, range) => *target = time(word, range)?,
+            // The limits keep these numbers within their types.
+            Self::Small(target, count) => *target = count.read(word)? as u8,
+            Self::Medium(target, count) => *target = count.read(word)? as u16,
+            Self::Unit(target, _) if word.is("auto") => *target = None,
+            Self::Unit(target, count) => *target = Some(count.read(word)? as u8),
+            Self::Id(target, _) if word.is("alias") => *target = None,
+            Self::Id(target, count) => *target = Some(count.read(word)? as u16),
+            Self::Device(target) => *target = device(word)?,
+            Self::Listen(target) => *target = listen(word)?,
+            Self::Server(target) => *target = Some(server_address(word)?),
+            Self::Full(target) => *target = word.keyword(FULL, "displace or refuse")?,
             Self::Reserve(places, peers, count) => {
                 *places = count.read(word)? as u16;
                 *peers = if *places > 0 { reserved_for(words)? } else { Vec::new() };
             }
-            Self::Allow(place) if word.is("*") => *place = Allowed::everybody(),
-            Self::Allow(place) => place.0 = prefixes(word, words)?,
-            Self::Special(place, broadcast) => *place = meaning(word, words, broadcast)?,
-            Self::Interface(place) => *place = Some(interface(word)?),
-            Self::Line(place) if word.is("none") => *place = None,
-            Self::Line(place) => *place = Some(name(word)?),
-            Self::OnLoss(place) => *place = word.keyword(ON_LOSS, "hold, clear or stop")?,
-            Self::Proofs(place) => *place = Proofs::read(word, words)?,
+            Self::Allow(target) if word.is("*") => *target = Allowed::everybody(),
+            Self::Allow(target) => target.0 = prefixes(word, words)?,
+            Self::Special(target, broadcast) => *target = meaning(word, words, broadcast)?,
+            Self::Interface(target) => *target = Some(interface(word)?),
+            Self::Line(target) if word.is("none") => *target = None,
+            Self::Line(target) => *target = Some(name(word)?),
+            Self::OnLoss(target) => *target = word.keyword(ON_LOSS, "hold, clear or stop")?,
+            Self::Proofs(target) => *target = Proofs::read(word, words)?,
             _ => {}
         }
         Ok(())
     }
 
-    /// Whether the word without a value is what the setting says. Others always have something to say.
+    /// Whether a keyword without a value is in effect; true for all others.
     fn holds(&self) -> bool {
         match self {
-            Self::Framing(place, value) => *place == value,
-            Self::Side(place, value) => *place == value,
-            Self::Driver(place, value) => *place == value,
-            Self::Stream(place, value) => *place == value,
-            Self::Flag(place, value) => *place == value,
+            Self::Framing(target, value) => *target == value,
+            Self::Side(target, value) => *target == value,
+            Self::Driver(target, value) => *target == value,
+            Self::Stream(target, value) => *target == value,
+            Self::Flag(target, value) => *target == value,
             _ => true,
         }
     }
 
-    /// Writes ` KEYWORD VALUE`, unless that is so by `default`.
+    /// Writes ` KEYWORD VALUE`, unless it equals `default`.
     pub(crate) fn write(&self, default: &Self, keyword: &str, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self == default || !self.holds() {
             return Ok(());

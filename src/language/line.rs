@@ -1,20 +1,20 @@
-//! Bytes gathered into lines of bounded length.
+//! Splits bytes into lines of bounded length.
 
 use heapless::Vec;
 
 use super::problem::{LineError, Problem};
 use crate::settings::LINE_BYTES_MAX;
 
-/// The line that is being gathered.
+/// The line being assembled.
 #[derive(Debug, Default)]
 pub(crate) struct LineBuffer {
     bytes: Vec<u8, LINE_BYTES_MAX>,
-    /// Bytes had no room.
+    /// Whether bytes had to be dropped.
     cut: bool,
 }
 
 impl LineBuffer {
-    /// Takes a byte; true when it ends the line. The CR of a CR LF stays: it is a blank to the line language.
+    /// Adds a byte; true when it ends the line. The CR of a CR LF stays; it counts as a blank.
     pub(crate) fn feed(&mut self, byte: u8) -> bool {
         if byte == b'\n' {
             return true;
@@ -23,7 +23,7 @@ impl LineBuffer {
         false
     }
 
-    /// The line, if all of it is here and it is text.
+    /// The line, if it is complete and valid text.
     pub(crate) fn text(&self) -> Result<&str, LineError> {
         if self.cut {
             return Err(LineError::too_long());

@@ -1,4 +1,4 @@
-//! Reads a whole configuration text, piece by piece as a store gives it.
+//! Reads a whole configuration text, in pieces of any size.
 
 use core::fmt;
 
@@ -12,7 +12,7 @@ use crate::settings::Settings;
 pub struct LoadError {
     /// The line's number, from 1.
     pub line: u32,
-    /// What is wrong in it.
+    /// The error in it.
     pub error: LineError,
 }
 
@@ -24,15 +24,15 @@ impl fmt::Display for LoadError {
 
 impl core::error::Error for LoadError {}
 
-/// The byte-order mark that some editors put before a text.
+/// The byte-order mark that some editors write.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
-/// Sees a line with its number, and the settings behind it.
+/// Called for each line with its number, and the settings after it.
 pub type Observer<'l> = dyn FnMut(u32, &str, &Settings) + 'l;
 
-/// Takes a text in pieces of any size and applies its lines to settings that start empty.
+/// Reads a text in pieces and applies its lines to settings that start empty.
 ///
-/// After an error the settings are half of what was meant: the caller throws them away.
+/// After an error the settings are incomplete and must be discarded.
 pub struct Loader<'s> {
     settings: &'s mut Settings,
     line: LineBuffer,
@@ -41,18 +41,18 @@ pub struct Loader<'s> {
 }
 
 impl<'s> Loader<'s> {
-    /// Empties `settings` and starts to fill them.
+    /// Clears `settings` and starts to fill them.
     pub fn new(settings: &'s mut Settings) -> Self {
         settings.clear();
         Self { settings, line: LineBuffer::default(), number: 1, observer: None }
     }
 
-    /// Lets `observer` see every line.
+    /// Calls `observer` for every line.
     pub(crate) fn with_observer(self, observer: &'s mut Observer<'s>) -> Self {
         Self { observer: Some(observer), ..self }
     }
 
-    /// Takes the next piece and applies every line that it ends.
+    /// Reads the next piece and applies every line that it completes.
     pub fn feed(&mut self, piece: &[u8]) -> Result<(), LoadError> {
         for &byte in piece {
             if self.line.feed(byte) {
@@ -64,7 +64,7 @@ impl<'s> Loader<'s> {
         Ok(())
     }
 
-    /// Applies the last line, which may lack its end.
+    /// Applies the last line, which may lack a line end.
     pub fn finish(mut self) -> Result<(), LoadError> {
         self.end_line()
     }

@@ -1,6 +1,6 @@
-//! How the gateway is found on the network: `mdns on name cabinet-7`, `mdns off`.
+//! Discovery by multicast DNS: `mdns on name cabinet-7`, `mdns off`.
 //!
-//! By multicast DNS (RFC 6762) it tells whoever asks which Modbus TCP servers it has (`_modbus._tcp`, RFC 6763).
+//! It announces (RFC 6762) the gateway's Modbus TCP servers (`_modbus._tcp`, RFC 6763).
 
 use core::fmt::{self, Display};
 
@@ -10,12 +10,12 @@ use crate::settings::Mdns;
 
 const SWITCH: &[(&str, bool)] = &[("on", true), ("off", false)];
 
-/// The words that stand in the line.
+/// The keywords of the line.
 pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
     SWITCH.iter().map(|(word, _)| *word).chain(["name"])
 }
 
-/// Reads what stands behind `mdns`.
+/// Parses the words after `mdns`.
 pub(crate) fn mdns(words: &Words) -> Result<Mdns, Wrong> {
     let mdns = if words.take().keyword(SWITCH, "on or off")? {
         let named = option(words, "name")?;

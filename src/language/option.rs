@@ -1,4 +1,4 @@
-//! How options are printed: a keyword with its value, a list of prefixes.
+//! Printing options: a keyword with its value, and lists of prefixes.
 
 use core::fmt::{self, Display};
 

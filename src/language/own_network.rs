@@ -1,6 +1,6 @@
 //! The board's own address: `network dhcp name cabinet-7`, `network address 192.168.1.5/24 gateway 192.168.1.1 dns 192.168.1.1`.
 //!
-//! For boards whose Ethernet is the gateway's own. Where an operating system has the network, these lines are refused.
+//! For boards whose Ethernet belongs to the gateway. Refused where an operating system manages the network.
 
 use core::fmt::{self, Display};
 use core::net::Ipv4Addr;
@@ -19,14 +19,14 @@ enum Addressing {
     Static,
 }
 
-/// What may stand behind an address.
+/// The options after an address.
 #[derive(Clone, Copy)]
 enum Behind {
     Gateway,
     Dns,
 }
 
-/// Names are looked up where servers have some.
+/// A DNS server is only needed where servers have names.
 const OPTIONS: &[(&str, Behind)] = match SERVERS {
     true => &[("gateway", Behind::Gateway), ("dns", Behind::Dns)],
     false => &[("gateway", Behind::Gateway)],
@@ -36,12 +36,12 @@ const OPTIONS_EXPECTED: &str = if SERVERS { "gateway, dns or the end of the line
 
 const ADDRESSING: &[(&str, Addressing)] = &[("dhcp", Addressing::Dhcp), ("address", Addressing::Static)];
 
-/// The words that stand in the line.
+/// The keywords of the line.
 pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
     ADDRESSING.iter().map(|(word, _)| *word).chain(["name"]).chain(OPTIONS.iter().map(|(word, _)| *word))
 }
 
-/// Reads what stands behind `network`.
+/// Parses the words after `network`.
 pub(crate) fn own_network(words: &Words) -> Result<OwnNetwork, Wrong> {
     let network = match words.take().keyword(ADDRESSING, "dhcp or address")? {
         Addressing::Dhcp => {
@@ -68,7 +68,7 @@ pub(crate) fn own_network(words: &Words) -> Result<OwnNetwork, Wrong> {
     Ok(network)
 }
 
-/// The word behind `keyword`, if that is next.
+/// The word after `keyword`, if that is next.
 pub(crate) fn option<'a>(words: &'a Words, keyword: &'static str) -> Result<Option<Word<'a>>, Wrong> {
     if words.peek().is_end() {
         return Ok(None);
@@ -116,7 +116,7 @@ fn mask(prefix: u32) -> u32 {
     u32::MAX.checked_shl(32 - prefix).unwrap_or(0)
 }
 
-/// Whether `address` can be one host's: neither its network nor all of it, and no address for special use.
+/// Whether `address` can be a host: not the network or broadcast address, and not reserved.
 fn is_host(address: Ipv4Addr, prefix: u32) -> bool {
     let host = address.to_bits() & !mask(prefix);
     host != 0

@@ -1,5 +1,5 @@
-//! What points say about each other and about devices: local points do not overlap, what is shown stays, values fit the memory;
-//! and what goes when a device or a point is deleted.
+//! Checks between points and devices: local points do not overlap, a point that others show stays, and values fit the memory.
+//! Also deletes devices and points.
 
 use super::changed::Changed;
 use super::point_problem::PointProblem;
@@ -12,29 +12,29 @@ pub(crate) fn existing_point<'s>(
     settings: &'s Settings,
     word: Word,
 ) -> Result<(u8, &'s PointSettings), Wrong> {
-    let place = settings.find_point(word.text);
-    let found = place.and_then(|place| Some((place, settings.points.get(usize::from(place))?)));
+    let index = settings.find_point(word.text);
+    let found = index.and_then(|index| Some((index, settings.points.get(usize::from(index))?)));
     found.ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchPoint)))
 }
 
-/// What `point` says about other points, if it is to stand at `place`, or behind them.
+/// Checks `point` against the others; `index` is its index, if it exists already.
 pub(crate) fn check_others(
     settings: &Settings,
     point: &PointSettings,
-    place: Option<usize>,
+    index: Option<usize>,
     name: Word,
     address: Word,
 ) -> Result<(), Wrong> {
-    let place = place.unwrap_or(settings.points.len());
-    let others = || settings.points.iter().enumerate().filter(|&(at, _)| at != place).map(|(_, other)| other);
-    let shows = |other: &PointSettings| matches!(other.at, PointAt::Local { of: Some(of), .. } if usize::from(of) == place);
+    let index = index.unwrap_or(settings.points.len());
+    let others = || settings.points.iter().enumerate().filter(|&(at, _)| at != index).map(|(_, other)| other);
+    let shows = |other: &PointSettings| matches!(other.at, PointAt::Local { of: Some(of), .. } if usize::from(of) == index);
     let is_same = |old: &PointSettings| (old.count, old.value) == (point.count, point.value);
     if let PointAt::Local { of: Some(of), .. } = point.at
-        && usize::from(of) >= place
+        && usize::from(of) >= index
     {
         return Err(name.error(Problem::Points(PointProblem::ShowsLater)));
     }
-    let changes = settings.points.get(place).is_some_and(|old| !is_same(old));
+    let changes = settings.points.get(index).is_some_and(|old| !is_same(old));
     let becomes_other = matches!(point.at, PointAt::Local { of: Some(_), .. });
     if others().any(shows) && (changes || becomes_other) {
         return Err(name.error(Problem::Points(PointProblem::PointShown)));
@@ -53,7 +53,7 @@ pub(crate) fn check_others(
 
 type Span = (Kind, u32, u32);
 
-/// The cells that a point takes in the gateway's own unit.
+/// The cells that a point occupies in the gateway's own unit.
 fn spans(point: &PointSettings) -> impl Iterator<Item = Span> {
     let (own, quality) = match point.at {
         PointAt::Device { .. } => (None, None),
@@ -75,7 +75,7 @@ fn meet(one: Span, other: Span) -> bool {
     one.0 == other.0 && one.1 < other.2 && other.1 < one.2
 }
 
-/// Takes the device or the point that `word` names out of the settings.
+/// Deletes the device that `word` names.
 pub(crate) fn delete_device(settings: &mut Settings, word: Word) -> Result<Changed, Wrong> {
     let missing = || word.error(Problem::Points(PointProblem::NoSuchDevice));
     let gone = settings.find_device(word.text).ok_or_else(missing)?;

@@ -1,89 +1,89 @@
-//! What can be wrong with the lines of points, of their devices and of slaves.
+//! Errors in the lines of points, devices and slaves.
 
 use thiserror::Error;
 
 use crate::scanner::{DEVICES_MAX, VALUE_BYTES_MAX};
 use crate::settings::POINTS_MAX;
 
-/// Why a word about them is wrong.
+/// Why a word is wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum PointProblem {
-    /// There is no port that asks devices.
-    #[error("no port asks devices: type port NAME scanner first")]
+    /// There is no scanner port.
+    #[error("there is no scanner port: type port NAME scanner first")]
     NoScanner,
-    /// A port without settings of its own.
+    /// The port has no settings.
     #[error("a scanner has nothing to set")]
     NothingToSet,
-    /// Another port asks devices.
+    /// There is another scanner port.
     #[error("another port is the scanner")]
     ScannerTaken,
-    /// Another port asks for the MainDevice.
-    #[error("another port is that of EtherCAT")]
+    /// There is another EtherCAT port.
+    #[error("another port is the EtherCAT port")]
     EthercatTaken,
-    /// The port asks devices.
-    #[error("this port asks the devices: delete those first")]
+    /// The port polls devices.
+    #[error("this port polls the devices: delete them first")]
     ScannerInUse,
-    /// There is no port that asks for the MainDevice.
-    #[error("no port asks for EtherCAT: type port NAME ethercat first")]
+    /// There is no EtherCAT port.
+    #[error("there is no EtherCAT port: type port NAME ethercat first")]
     NoEthercat,
-    /// The port asks the slaves of the process image.
-    #[error("this port asks the slaves: delete those first")]
+    /// The port polls the slaves of the process image.
+    #[error("this port polls the slaves: delete them first")]
     EthercatInUse,
-    /// There is no slave at all.
+    /// There are no slaves.
     #[error("there are no slaves")]
     NoSlaves,
-    /// No device has this name.
+    /// There is no device with this name.
     #[error("there is no device of this name")]
     NoSuchDevice,
-    /// No point has this name.
+    /// There is no point with this name.
     #[error("there is no point of this name")]
     NoSuchPoint,
     /// [`DEVICES_MAX`] devices exist.
-    #[error("there are {DEVICES_MAX} devices already, the most there can be")]
+    #[error("there are {DEVICES_MAX} devices already, the maximum")]
     DevicesFull,
     /// [`POINTS_MAX`] points exist.
-    #[error("there are {POINTS_MAX} points already, the most there can be")]
+    #[error("there are {POINTS_MAX} points already, the maximum")]
     PointsFull,
     /// The values of all points are more than [`VALUE_BYTES_MAX`] bytes.
     #[error("the values of all points would take more than {VALUE_BYTES_MAX} bytes")]
     ValuesFull,
-    /// Points are read from the device.
-    #[error("points are in this device: delete those first")]
+    /// Points refer to the device.
+    #[error("points refer to this device: delete them first")]
     DeviceInUse,
     /// Other points show the variable.
     #[error("another point shows this one: delete or change that first")]
     PointShown,
-    /// Only a variable of its own can be shown.
+    /// Only a point with its own variable can be shown.
     #[error("has no variable of its own")]
     ShowsAnother,
-    /// A point stands behind the one that it shows, so that lines can be read in their order.
-    #[error("stands before the point that it would show: delete it first")]
+    /// A point must follow the one it shows, so that the lines can be read in order.
+    #[error("comes before the point that it would show: delete it first")]
     ShowsLater,
-    /// A number is no bit.
+    /// Bits cannot be shown as numbers.
     #[error("has bits where the other has numbers")]
     BitsForNumbers,
-    /// A bit is no number.
+    /// Numbers cannot be shown as bits.
     #[error("has numbers where the other has bits")]
     NumbersForBits,
-    /// A bit is a bit.
+    /// Not for tables of bits.
     #[error("is for registers only")]
     BitsHaveNoType,
-    /// A value that takes many bits has none of them left over.
-    #[error("expected a multiple of {0}: a value is so many bits")]
+    /// A value of several bits must use all of them.
+    #[error("expected a multiple of {0}: a value has that many bits")]
     PartOfValue(u16),
     /// A bit of a register is one value, 0 or 1.
     #[error("a bit of a register has neither count nor type")]
     BitOfRegister,
-    /// What a point shows has its own number and type.
-    #[error("cannot stand with of: the other point has the values")]
+    /// Number and type come from the point that is shown.
+    #[error("cannot be combined with of: the other point has the values")]
     ValuesOfAnother,
     /// The table cannot be written.
     #[error("discrete inputs and input registers cannot be written")]
     NotWritable,
-    /// Cells behind address 65535.
+    /// Addresses beyond 65535.
     #[error("the cells go beyond address 65535")]
     AddressesEnd,
-    /// Another point has these cells of the gateway's own unit.
+    /// Another point occupies these cells of the gateway's own unit.
     #[error("another local point has cells there")]
     AddressTaken,
 }

@@ -1,7 +1,7 @@
-//! The words of data points: `device meter unit 5 order 2301`, `point power meter holding 0 count 2 as f32 read high`.
+//! The lines of data points: `device meter unit 5 order 2301`, `point power meter holding 0 count 2 as f32 read high`.
 //!
-//! An address stands behind the name of its table as it is on the wire (`holding 0`), or alone in Modicon's notation
-//! (`40001`); so every number means one thing.
+//! An address follows the name of its table as on the wire (`holding 0`), or stands alone in Modicon notation (`40001`), so
+//! numbers are unambiguous.
 
 use core::ops::RangeInclusive;
 
@@ -91,10 +91,10 @@ const LOCAL_KEYS: &[(&str, Key)] = &[
     ("label", Key::Label),
 ];
 
-/// Gives `each` the words of these lines, besides names and numbers.
+/// Calls `each` with the keywords of these lines.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     DEVICE_KEYS.iter().for_each(|&(keyword, _)| each(keyword));
-    // `label` is one word, though it stands in several lines.
+    // `label` is one keyword, though several lines have it.
     let others = POINT_KEYS.iter().filter(|(_, key)| *key != Key::Label);
     others.for_each(|&(keyword, _)| each(keyword));
     ["of", "quality"].into_iter().for_each(&mut *each);
@@ -102,7 +102,7 @@ pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     TYPES.iter().for_each(|&(keyword, _)| each(keyword));
 }
 
-/// Which words of a line have been.
+/// The keywords a line has had so far.
 #[derive(Default)]
 struct Seen(u16);
 
@@ -118,7 +118,7 @@ impl Seen {
     }
 }
 
-/// Reads a device up to the end of the line, and puts it into the settings.
+/// Parses a device up to the end of the line, and stores it.
 pub(crate) fn device(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word, "a name for the device, as for a port")?;
@@ -142,9 +142,9 @@ pub(crate) fn device(settings: &mut Settings, words: &Words) -> Result<Changed, 
             _ => device_label = label(words)?,
         }
     }
-    let place = settings.find_device(&name).map(usize::from);
+    let index = settings.find_device(&name).map(usize::from);
     let new = DeviceSettings { name, device, label: device_label };
-    match place.and_then(|place| settings.devices.get_mut(place)) {
+    match index.and_then(|index| settings.devices.get_mut(index)) {
         Some(old) => *old = new,
         None => settings
             .devices
@@ -154,7 +154,7 @@ pub(crate) fn device(settings: &mut Settings, words: &Words) -> Result<Changed, 
     Ok(Changed::Other)
 }
 
-/// Reads a point up to the end of the line, checks it against the others, and puts it into the settings.
+/// Parses a point up to the end of the line, checks it against the others, and stores it.
 pub(crate) fn point(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word, "a name for the point, as for a port")?;
@@ -171,7 +171,7 @@ pub(crate) fn point(settings: &mut Settings, words: &Words) -> Result<Changed, W
         label: Label::new(),
     };
     let count_word = options(settings, &mut point, words)?.unwrap_or(address_word);
-    // A row is one frame, both ways.
+    // A row must fit one frame, for reading and for writing.
     let most = kind.cells_max(kind.is_writable())
         / if kind.is_bits() { point.value.bits() } else { point.value.registers() };
     if !(1..=most).contains(&point.count) {
@@ -181,9 +181,9 @@ pub(crate) fn point(settings: &mut Settings, words: &Words) -> Result<Changed, W
     if u32::from(first) + u32::from(point.cells()) > 65_536 {
         return Err(address_word.error(Problem::Points(PointProblem::AddressesEnd)));
     }
-    let place = settings.find_point(&point.name).map(usize::from);
-    check_others(settings, &point, place, name_word, address_word)?;
-    match place.and_then(|place| settings.points.get_mut(place)) {
+    let index = settings.find_point(&point.name).map(usize::from);
+    check_others(settings, &point, index, name_word, address_word)?;
+    match index.and_then(|index| settings.points.get_mut(index)) {
         Some(old) => *old = point,
         None => settings
             .points
@@ -219,7 +219,7 @@ fn address(words: &Words) -> Result<(Kind, u16), Wrong> {
     Ok((kind, medium(words.take(), "an address as it is on the wire", 0..=u16::MAX)?))
 }
 
-/// Reads the words behind the address; gives the one that says how many values there are.
+/// Parses the options after the address; returns the word with the number of values.
 fn options<'w>(
     settings: &Settings,
     point: &mut PointSettings,
@@ -261,7 +261,7 @@ fn options<'w>(
     if let (true, Some(word)) = (point.kind.is_bits(), count)
         && seen.has(Key::As)
     {
-        // Typed are cells, as without a type.
+        // The count is in values of the type.
         let each = point.value.bits();
         if !point.count.is_multiple_of(each) {
             return Err(word.error(Problem::Points(PointProblem::PartOfValue(each))));
@@ -306,7 +306,7 @@ fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) 
         }
         Key::Of => {
             let word = words.take();
-            let (place, target) = existing_point(settings, word)?;
+            let (index, target) = existing_point(settings, word)?;
             if matches!(target.at, PointAt::Local { of: Some(_), .. }) || target.name == point.name {
                 return Err(word.error(Problem::Points(PointProblem::ShowsAnother)));
             }
@@ -317,7 +317,7 @@ fn set(settings: &Settings, point: &mut PointSettings, key: Key, words: &Words) 
             }
             (point.count, point.value) = (target.count, target.value);
             if let PointAt::Local { of, .. } = &mut point.at {
-                *of = Some(place);
+                *of = Some(index);
             }
         }
         Key::Quality => {
@@ -363,7 +363,7 @@ fn name(word: Word, expected: &'static str) -> Result<PointName, Wrong> {
 
 /// `"Boiler 2"`, or a single word.
 fn label(words: &Words) -> Result<Label, Wrong> {
-    // An empty one stands in quotes.
+    // An empty label needs quotes.
     let is_missing = words.peek().is_end();
     let word = words.take_quoted();
     let good = !word.text.contains(|character: char| character == '"' || character.is_control());

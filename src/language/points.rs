@@ -1,4 +1,4 @@
-//! Data points, printed: `device meter unit 2`, `point power meter holding 0 count 3`.
+//! Prints data points: `device meter unit 2`, `point power meter holding 0 count 3`.
 
 use core::fmt::{self, Display};
 
@@ -8,13 +8,12 @@ use super::option::option;
 use crate::scanner::{ByteOrder, Kind, Reading, ValueType, Writing};
 use crate::settings::{DeviceSettings, Label, PointAt, PointSettings, Settings, Time};
 
-/// What the values of a point are that does not say it.
+/// The default type of a point's values.
 pub(crate) const fn usual_type(kind: Kind) -> ValueType {
     if kind.is_bits() { ValueType::Bit } else { ValueType::U16 }
 }
 
-/// When a point is read that says no more than when it is written. The source's rows are neither read nor written if they do not
-/// say so; one that is written only is not read here either.
+/// The default reading of a point, which depends on its writing: one that is only written is not read.
 pub(crate) fn usual_reading(write: Writing) -> Reading {
     match write {
         Writing::Auto | Writing::OnChange => Reading::Manual,
@@ -22,7 +21,7 @@ pub(crate) fn usual_reading(write: Writing) -> Reading {
     }
 }
 
-/// A line that makes the device.
+/// The line that creates the device.
 impl Display for DeviceSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, device, label } = self;
@@ -35,7 +34,7 @@ impl Display for DeviceSettings {
     }
 }
 
-/// Words behind a point's name, which need to know other names.
+/// The words after a point's name; some need the names of others.
 pub(crate) struct PointWords<'s> {
     pub(crate) settings: &'s Settings,
     pub(crate) point: &'s PointSettings,

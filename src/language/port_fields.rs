@@ -1,4 +1,4 @@
-//! Where the words of a port stand in its settings, with the limits of their values.
+//! The fields that the keywords of each kind of port set, with their limits.
 
 use core::ops::RangeInclusive;
 
@@ -12,7 +12,7 @@ use crate::settings::{
     UdpServerSettings, UnitPolicy,
 };
 
-/// A time of at most so many seconds.
+/// A time of at most this many seconds.
 const fn up_to(seconds: u64) -> RangeInclusive<Duration> {
     Duration::from_ticks(0)..=Duration::from_secs(seconds)
 }
@@ -21,7 +21,7 @@ type Times = RangeInclusive<Duration>;
 
 const BAUD: RangeInclusive<u32> = 1..=10_000_000;
 
-/// A gap above a second would make every line useless; 0 is for lines whose other end needs none.
+/// A gap above a second would make any line useless; 0 is for lines that need none.
 const SECOND: Times = up_to(1);
 
 const TEN_SECONDS: Times = up_to(10);
@@ -34,7 +34,7 @@ const CHAR_TIMEOUT: Times = Duration::from_micros(100)..=Duration::from_secs(60)
 
 const TIMEOUT: Times = Duration::from_millis(1)..=Duration::from_secs(3_600);
 
-/// Also for requests that wait, and for responses.
+/// For queued requests, and for responses.
 const LIFETIME: Times = Duration::from_millis(10)..=Duration::from_secs(3_600);
 
 const IDLE: Times = Duration::from_secs(1)..=Duration::from_secs(86_400);
@@ -43,7 +43,7 @@ const RETRIES: Count = Count("retries", 0..=10);
 
 const DOWN_AFTER: Count = Count("time-outs in a row", 0..=255);
 
-/// A board may have room for fewer.
+/// Boards may have fewer.
 const CLIENTS: Count = Count("connections", 1..=1_000);
 
 const RESERVED: Count = Count("places", 0..=1_000);
@@ -53,16 +53,16 @@ const PIPELINE: Count = Count("requests", 1..=16);
 
 const REQUESTS: Count = Count("requests", 1..=UDP_REQUESTS_MAX as u32);
 
-/// A board has few.
+/// Boards have few.
 const SOCKETS: Count = Count("connections", 1..=SOCKETS_MAX as u32);
 
-/// 0 would be none (ETG.1020).
+/// 0 would mean none (ETG.1020).
 const ID: Count = Count("alias, or an id", 1..=u16::MAX as u32);
 
 const UNIT: Count = Count("auto, or a unit id", 0..=255);
 
 impl PortKind {
-    /// What `key` sets here; none if such a port has no such setting.
+    /// The field that `key` sets; none if this kind of port has no such setting.
     pub(crate) fn field(&mut self, key: Key) -> Option<Field<'_>> {
         match self {
             Self::Serial(settings) => settings.field(key),

@@ -1,11 +1,11 @@
-//! The words that set something in a port.
+//! The keywords of ports.
 
 use super::values::parse_number;
 use super::words::Word;
 use crate::scanner::POINTS;
 use crate::settings::{Driver, Framing, PortKind, Side, StreamFraming};
 
-/// What a word of a port line sets.
+/// What a keyword of a port line sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Key {
     Device,
@@ -59,7 +59,7 @@ pub(crate) enum Key {
 }
 
 impl Key {
-    /// A bit for "this line has set it".
+    /// The bit that records that a line has set it.
     pub(crate) const fn bit(self) -> u64 {
         1 << match self {
             Self::Device => 0,
@@ -114,7 +114,7 @@ impl Key {
     }
 }
 
-/// Whether `word` sets something in a TCP client: then it is no server's name.
+/// Whether `word` is a keyword of TCP clients, and so cannot be a server name.
 pub(crate) fn is_of_tcp_client(word: Word) -> bool {
     word.lookup(TCP_CLIENT_KEYS).is_some()
 }
@@ -124,7 +124,7 @@ pub(crate) fn is_of_serial(word: Word) -> bool {
     word.lookup(SERIAL_KEYS).is_some() || parse_number(word.text).is_some()
 }
 
-/// Words with their keys, in the order in which they are printed.
+/// Keywords with their keys, in printing order.
 pub(crate) type Keys = &'static [(&'static str, Key)];
 
 const SERIAL_KEYS: Keys = &[
@@ -139,7 +139,7 @@ const SERIAL_KEYS: Keys = &[
     ("gap", Key::Gap),
     ("rs485", Key::Driver(Driver::Rs485)),
     ("rts", Key::Driver(Driver::Rts)),
-    // For `edit`: a flag has no value that could say so.
+    // For `edit`: resets a flag.
     ("rs232", Key::Driver(Driver::Automatic)),
     ("driver-before", Key::DriverBefore),
     ("driver-after", Key::DriverAfter),
@@ -160,7 +160,7 @@ const TCP_SERVER_KEYS: Keys = &[
     ("listen", Key::Listen),
     ("rtu", Key::Stream(StreamFraming::Rtu)),
     ("capture", Key::Stream(StreamFraming::Capture)),
-    // For `edit`: the flag has no value that could say so.
+    // For `edit`: resets a flag.
     ("mbap", Key::Stream(StreamFraming::Mbap)),
     ("clients", Key::Clients),
     ("idle", Key::Idle),
@@ -174,7 +174,7 @@ const TCP_SERVER_KEYS: Keys = &[
 const TCP_CLIENT_KEYS: Keys = &[
     ("address", Key::Server),
     ("rtu", Key::Stream(StreamFraming::Rtu)),
-    // For `edit`: the flag has no value that could say so.
+    // For `edit`: resets a flag.
     ("mbap", Key::Stream(StreamFraming::Mbap)),
     ("sockets", Key::Sockets),
     ("unit", Key::Unit),
@@ -205,28 +205,28 @@ const WITH_CONTROLLER_KEYS: Keys = &[
     ("on-loss", Key::OnLoss),
     ("id", Key::Id),
     ("modules", Key::Modules(true)),
-    // For `edit`: a flag has no value that could say so.
+    // For `edit`: resets a flag.
     ("no-modules", Key::Modules(false)),
     ("emergencies", Key::Emergencies(true)),
-    // For `edit`: a flag has no value that could say so.
+    // For `edit`: resets a flag.
     ("no-emergencies", Key::Emergencies(false)),
     ("prove-outputs", Key::ProveOutputs(true)),
-    // For `edit`: a flag has no value that could say so.
+    // For `edit`: resets a flag.
     ("no-prove-outputs", Key::ProveOutputs(false)),
 ];
 
-/// The words about unit ids without a device of their own, which every server-side port has: 0, 255, 248 to 254.
+/// The keywords for special unit ids, common to all server-side ports: 0, 255, 248 to 254.
 pub(crate) const UNIT_KEYS: Keys = &[
     ("broadcast", Key::Broadcast),
     ("confirm-broadcast", Key::Confirm(true)),
-    // For `edit`: a flag has no value that could say so.
+    // For `edit`: resets a flag.
     ("no-confirm-broadcast", Key::Confirm(false)),
     ("unit-255", Key::Unit255),
     ("reserved-units", Key::ReservedUnits),
 ];
 
 impl PortKind {
-    /// The words that set something in such a port, and how an error names them.
+    /// The keywords of this kind of port, and how an error lists them.
     pub(crate) const fn words(&self) -> (Keys, &'static str) {
         match self {
             Self::Serial(_) => (SERIAL_KEYS, SERIAL_EXPECTED),
@@ -253,12 +253,12 @@ const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow
 
 const ETHERCAT_EXPECTED: &str = "interface, line, on-loss, id, modules, emergencies or prove-outputs";
 
-/// Gives `each` the words that set something.
+/// Calls `each` with the keywords of all ports.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     let tables = [SERIAL_KEYS, TCP_SERVER_KEYS, TCP_CLIENT_KEYS, UDP_SERVER_KEYS, ETHERCAT_KEYS, UNIT_KEYS];
     for (nth, table) in tables.into_iter().enumerate() {
         for &(keyword, _) in table {
-            // Several ports have a `timeout`: it is one word.
+            // Several ports have a `timeout`: it is one keyword.
             let is_known = |earlier: Keys| earlier.iter().any(|(known, _)| *known == keyword);
             if !tables.into_iter().take(nth).any(is_known) {
                 each(keyword);

@@ -1,4 +1,4 @@
-//! Values that only ports have: devices, formats, servers, lists of prefixes, what unit ids mean.
+//! Values that only ports have: devices, formats, servers, prefix lists, and the meaning of unit ids.
 
 use heapless::{String, Vec};
 
@@ -9,19 +9,19 @@ use crate::settings::{
     RESERVED_MAX, SERVERS, ServerAddress, ServerName, Special,
 };
 
-/// Names the limit as a number.
+/// Contains the limit.
 const DEVICE_EXPECTED: &str = match DEVICE_BYTES_MAX {
     255 => "a serial device such as uart1 or /dev/ttyUSB0, at most 255 characters",
     15 => "a serial device such as uart1, at most 15 characters",
     _ => panic!("another text is needed"),
 };
 
-/// The device name that `word` is.
+/// Parses a device name.
 pub(crate) fn device<const N: usize>(word: Word) -> Result<String<N>, Wrong> {
     graphic(word).ok_or_else(|| word.expected(DEVICE_EXPECTED))
 }
 
-/// The name of a network interface that `word` is. Linux takes no slash in one.
+/// Parses the name of a network interface, which has no slash on Linux.
 pub(crate) fn interface(word: Word) -> Result<InterfaceName, Wrong> {
     let name = graphic(word).filter(|name: &InterfaceName| !name.contains('/'));
     name.ok_or_else(|| word.expected("a network interface such as eth1, at most 15 characters"))
@@ -52,13 +52,13 @@ pub(crate) fn format(word: Word) -> Result<(u8, Parity, u8), Wrong> {
     parsed.ok_or_else(|| word.expected("a format such as 8E1, 7E1, 8N1 or 8N2"))
 }
 
-/// Names the limits.
+/// Contains the limits.
 const SERVER_EXPECTED: &str = match SERVERS {
     true => "the address of a server such as 192.168.1.20 or 192.168.1.20:502, or its name",
     false => "the address of a server such as 192.168.1.20 or 192.168.1.20:502",
 };
 
-/// Where a server is: `192.168.1.20:502`, `[fe80::1]:502`, `meter.example`; without a port number it is Modbus's own.
+/// Parses a server address: `192.168.1.20:502`, `[fe80::1]:502`, `meter.example`; the default port is Modbus's.
 pub(crate) fn server_address(word: Word) -> Result<ServerAddress, Wrong> {
     let by_address = || {
         let (address, port) = parse_endpoint(word.text).filter(|(address, _)| !address.is_unspecified())?;
@@ -78,7 +78,7 @@ pub(crate) fn server_address(word: Word) -> Result<ServerAddress, Wrong> {
     Ok(ServerAddress { host, port: port.unwrap_or(MODBUS_TCP_PORT) })
 }
 
-/// A host's name (RFC 1123 2.1): its last label has a letter, or it would be an address.
+/// A host name (RFC 1123 2.1): its last label has a letter, or it would be an address.
 fn server_name(text: &str) -> Option<ServerName> {
     let is_label = |label: &str| {
         let letters = label.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_');
@@ -89,13 +89,13 @@ fn server_name(text: &str) -> Option<ServerName> {
     if good { ServerName::try_from(text).ok() } else { None }
 }
 
-/// `for 192.168.1.0/24,10.0.0.7`: what stands behind the number of reserved places.
+/// `for 192.168.1.0/24,10.0.0.7`, after the number of reserved connections.
 pub(crate) fn reserved_for(words: &Words) -> Result<Prefixes, Wrong> {
     words.take().keyword(&[("for", ())], "for and the addresses that the places are kept for")?;
     prefixes(words.take(), words)
 }
 
-/// `192.168.1.0/24,10.0.0.7`, of which the first is `word`.
+/// `192.168.1.0/24,10.0.0.7`, of which `word` is the first.
 pub(crate) fn prefixes<'w>(mut word: Word<'w>, words: &'w Words) -> Result<Prefixes, Wrong> {
     let mut prefixes = Vec::new();
     loop {
@@ -112,7 +112,7 @@ pub(crate) fn prefixes<'w>(mut word: Word<'w>, words: &'w Words) -> Result<Prefi
 
 const _: () = assert!(RESERVED_MAX == 4, "the error text of `prefixes` names the number");
 
-/// What stands behind `replace` is a number, so this is not its meaning yet.
+/// The number after `replace` is parsed separately.
 const MEANINGS: &[(&str, Special)] = &[
     ("rules", Special::Rules),
     ("off", Special::Off),
@@ -122,7 +122,7 @@ const MEANINGS: &[(&str, Special)] = &[
 
 const ALL_LINES: (&str, Special) = ("all", Special::AllLines);
 
-/// What a special unit id means: `off`, or `replace 7`.
+/// The meaning of a special unit id: `off`, or `replace 7`.
 pub(crate) fn meaning(word: Word, words: &Words, broadcast: bool) -> Result<Special, Wrong> {
     if broadcast && word.lookup(&[ALL_LINES]).is_some() {
         return Ok(Special::AllLines);

@@ -1,7 +1,7 @@
-//! The words of a port: `serial uart1 rtu client 19200 8E1 timeout 300ms`, `tcp server 502 clients 16`.
+//! The line of a port: `serial uart1 rtu client 19200 8E1 timeout 300ms`, `tcp server 502 clients 16`.
 //!
-//! A [`Draft`] starts from the defaults or from the port as it is, takes word by word in any order, and is checked
-//! as a whole at the end of the line. What a port cannot use is refused, so that no setting is taken and ignored.
+//! A [`Draft`] starts from the defaults or from the port as it is, reads keywords in any order, and is checked at the end of the
+//! line. A setting that the port cannot use is refused, so none is accepted and ignored.
 
 use super::field::Field;
 use super::point_problem::PointProblem;
@@ -17,23 +17,23 @@ use crate::settings::{
     UdpServerSettings, UnitPolicy,
 };
 
-/// A port's settings while a line is read.
+/// A port's settings while its line is read.
 pub(crate) struct Draft<'a> {
     pub(crate) kind: PortKind,
-    /// What special unit ids mean.
+    /// The meaning of special unit ids.
     pub(crate) units: UnitPolicy,
-    /// The word that names the device or the listening address, or else the line's first: blamed when that is taken.
-    pub(crate) place: Word<'a>,
+    /// The word with the device or the listening address, or else the first of the line: blamed when that is taken.
+    pub(crate) endpoint: Word<'a>,
     /// Bits of [`Key`].
     seen: u64,
     blamed: Blamed<'a>,
 }
 
-/// The last word of each sort, for checks over the whole line to blame.
+/// The last word of each sort, to be blamed by checks over the whole line.
 #[derive(Default)]
 struct Blamed<'a>([Option<Word<'a>>; SORTS]);
 
-/// What settings have in common that only mean something beside others.
+/// Settings that only make sense in combination with others.
 #[derive(Clone, Copy)]
 enum Sort {
     Format,
@@ -76,13 +76,13 @@ impl<'a> Blamed<'a> {
         self.0.get(sort as usize).copied().flatten()
     }
 
-    /// An error if the line has a word of this sort.
+    /// Fails if the line has a word of this sort.
     fn refuse(&self, sort: Sort, problem: Problem) -> Result<(), Wrong> {
         self.get(sort).map_or(Ok(()), |word| Err(word.error(problem)))
     }
 }
 
-/// What a port's bytes travel on.
+/// The medium of a port.
 #[derive(Clone, Copy)]
 enum Medium {
     Serial,
@@ -110,20 +110,20 @@ pub(crate) fn is_kind(word: Word) -> bool {
     word.lookup(&MEDIA).is_some()
 }
 
-/// Gives `each` the words that begin a port.
+/// Calls `each` with the keywords that begin a port.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     MEDIA.iter().for_each(|&(keyword, _)| each(keyword));
 }
 
 impl<'a> Draft<'a> {
-    /// Reads a new port up to the end of the line.
+    /// Parses a new port up to the end of the line.
     pub(crate) fn create(words: &'a Words) -> Result<Self, Wrong> {
-        let (kind, place) = new_port(words)?;
+        let (kind, endpoint) = new_port(words)?;
         let mut seen = Key::Device.bit() | Key::Listen.bit() | Key::Server.bit();
         if let PortKind::TcpClient(TcpClientSettings { server: None, .. }) = kind {
             seen &= !Key::Server.bit();
         }
-        let mut draft = Self::read(kind, UnitPolicy::default(), place, seen, words)?;
+        let mut draft = Self::read(kind, UnitPolicy::default(), endpoint, seen, words)?;
         let end = words.take();
         let (has_clients, has_format) = (draft.has(Key::Clients), draft.has(Key::Format));
         let (has_framing, has_side) =
@@ -144,22 +144,22 @@ impl<'a> Draft<'a> {
         Ok(draft)
     }
 
-    /// Reads changes of a port as it is, up to the end of the line.
+    /// Parses changes of an existing port up to the end of the line.
     pub(crate) fn edit(port: &Port, words: &'a Words) -> Result<Self, Wrong> {
         let mut draft = Self::read(port.kind.clone(), port.units, words.peek(), 0, words)?;
         draft.check()?;
         Ok(draft)
     }
 
-    /// Reads the rest of the line on top of what there is. A line that has set nothing so far is not finished.
+    /// Parses the rest of the line. A line that has not set anything is incomplete.
     fn read(
         kind: PortKind,
         units: UnitPolicy,
-        place: Word<'a>,
+        endpoint: Word<'a>,
         seen: u64,
         words: &'a Words,
     ) -> Result<Self, Wrong> {
-        let mut draft = Self { kind, units, place, seen, blamed: Blamed::default() };
+        let mut draft = Self { kind, units, endpoint, seen, blamed: Blamed::default() };
         while draft.seen == 0 || !words.peek().is_end() {
             draft.word(words)?;
         }
@@ -170,7 +170,7 @@ impl<'a> Draft<'a> {
         self.seen & key.bit() != 0
     }
 
-    /// Takes one word, with its value if it has one.
+    /// Parses one keyword, with its value if it has one.
     fn word(&mut self, words: &'a Words) -> Result<(), Wrong> {
         let word = words.take();
         let key = self.key(word)?;
@@ -179,7 +179,7 @@ impl<'a> Draft<'a> {
         }
         self.seen |= key.bit();
         if matches!(key, Key::Device | Key::Listen | Key::Server) {
-            self.place = words.peek();
+            self.endpoint = words.peek();
         }
         if let Some(sort) = Sort::of(key)
             && let Some(blamed) = self.blamed.0.get_mut(sort as usize)
@@ -202,8 +202,8 @@ impl<'a> Draft<'a> {
         word.lookup(UNIT_KEYS).map_or_else(|| word.keyword(keys, expected), Ok)
     }
 
-    /// Checks, behind the last word, what words say about each other: what the port as it is now cannot use is refused, and
-    /// what it no longer can use is forgotten.
+    /// Checks combinations after the last word: what the port cannot use is refused if the line sets it, and reset if it was set
+    /// before.
     fn check(&mut self) -> Result<(), Wrong> {
         let Self { kind, units, blamed, .. } = self;
         if kind.side() == Side::Client {
@@ -213,13 +213,16 @@ impl<'a> Draft<'a> {
         match kind {
             PortKind::Serial(settings) => {
                 if settings.framing == Framing::Rtu && settings.line.data_bits != 8 {
-                    return Err(blamed.get(Sort::Format).unwrap_or(self.place).error(Problem::RtuDataBits));
+                    return Err(blamed
+                        .get(Sort::Format)
+                        .unwrap_or(self.endpoint)
+                        .error(Problem::RtuDataBits));
                 }
                 check_serial(settings, blamed)
             }
             PortKind::TcpServer(settings) => {
                 if settings.reserved > settings.clients {
-                    let word = blamed.get(Sort::Places).unwrap_or(self.place);
+                    let word = blamed.get(Sort::Places).unwrap_or(self.endpoint);
                     return Err(word.error(Problem::ReservedTooMany(settings.clients)));
                 }
                 let TcpServerSettings { idle, pipeline, lifetime, .. } = TcpServerSettings::new(1);
@@ -255,7 +258,7 @@ impl<'a> Draft<'a> {
     }
 }
 
-/// Reads what a new port is, up to the word that names its place.
+/// Parses the kind of a new port, up to the device or address.
 fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
     let word = words.take();
     let medium = word.keyword(&MEDIA, "serial, tcp, udp, scanner or ethercat")?;
@@ -276,20 +279,20 @@ fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
             return Ok((PortKind::TcpClient(TcpClientSettings::new(None)), word));
         }
     }
-    let place = words.take();
+    let endpoint = words.take();
     let kind = match (medium, side) {
         (Medium::Tcp, Side::Server) => {
-            let listen = listen(place)?;
+            let listen = listen(endpoint)?;
             PortKind::TcpServer(TcpServerSettings { listen, ..TcpServerSettings::new(listen.port) })
         }
         (Medium::Tcp, Side::Client) => {
-            PortKind::TcpClient(TcpClientSettings::new(Some(server_address(place)?)))
+            PortKind::TcpClient(TcpClientSettings::new(Some(server_address(endpoint)?)))
         }
-        (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(place)?)),
-        _ if is_of_serial(place) => return Err(place.error(Problem::TakenAs(DEVICE_FIRST))),
-        _ => PortKind::Serial(SerialSettings::new(device(place)?)),
+        (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(endpoint)?)),
+        _ if is_of_serial(endpoint) => return Err(endpoint.error(Problem::TakenAs(DEVICE_FIRST))),
+        _ => PortKind::Serial(SerialSettings::new(device(endpoint)?)),
     };
-    Ok((kind, place))
+    Ok((kind, endpoint))
 }
 
 fn check_serial(settings: &mut SerialSettings, blamed: &Blamed) -> Result<(), Wrong> {
@@ -312,7 +315,7 @@ fn check_serial(settings: &mut SerialSettings, blamed: &Blamed) -> Result<(), Wr
     Ok(())
 }
 
-/// RTU over TCP has no transaction ids: how many requests may be open is no setting there, and stays as it is by `default`.
+/// RTU over TCP has no transaction ids, so the number of requests in flight is fixed.
 fn one_at_a_time(
     framing: StreamFraming,
     blamed: &Blamed,

@@ -1,5 +1,5 @@
-//! Settings as lines that recreate them: the board's network and how it is found there, then ports, their servers, rules in their
-//! order, devices, points and slaves.
+//! Prints settings as the lines that recreate them: network and discovery, ports, servers, rules in order, devices, points and
+//! slaves.
 
 use core::fmt::{self, Display, Write};
 
@@ -19,9 +19,9 @@ use crate::settings::{
 /// Longest baud rate and character format.
 pub const SPEED_BYTES_MAX: usize = 16;
 
-/// Writes line `n` (from 0) of the settings without its line end; `None` behind the last line.
+/// Writes line `n` (from 0) of the settings, without line end; `None` after the last line.
 ///
-/// A line has every value that differs from the default, and always the baud rate and format.
+/// A line has every value that differs from its default, and always the baud rate and format.
 pub fn write_line(settings: &Settings, n: usize, out: &mut dyn Write) -> Option<fmt::Result> {
     let n = match &settings.network {
         Some(network) if n == 0 => return Some(write!(out, "network {network}")),
@@ -94,7 +94,7 @@ fn write_route(settings: &Settings, route: &Route, width: usize, out: &mut dyn W
     write!(out, "{}", route.policy)
 }
 
-/// The words behind a rule's columns, each with a blank before it; nothing for what is the default.
+/// The words after a rule's columns, each preceded by a blank; defaults are omitted.
 impl Display for Policy {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let default = Self::default();
@@ -154,7 +154,7 @@ impl Display for AddressRange {
     }
 }
 
-/// The words behind a port's name: what it is and where, then what is not so by default.
+/// The words after a port's name: its kind and address, then what differs from the defaults.
 struct Behind<'p>(&'p Port);
 
 impl Display for Behind<'_> {
@@ -188,7 +188,7 @@ impl Display for Behind<'_> {
 }
 
 impl PortKind {
-    /// Such a port at the same place with nothing else set; of a serial line also with the same framing and side.
+    /// The same port with default settings; a serial one with the same framing and side.
     fn plain(&self) -> Self {
         match self {
             Self::Serial(SerialSettings { device, framing, side, .. }) => {
@@ -219,7 +219,7 @@ impl LineSettings {
             Parity::Odd => 'O',
         };
         let mut speed = String::new();
-        // It has room for the highest baud rate there is.
+        // Fits the highest baud rate.
         let _ = write!(speed, "{baud} {data_bits}{parity}{stop_bits}");
         speed
     }
@@ -234,7 +234,7 @@ impl Display for Framing {
     }
 }
 
-/// What stands behind the address.
+/// The framing after the address.
 impl Display for StreamFraming {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -279,7 +279,7 @@ impl Display for Tag {
     }
 }
 
-/// `3,4,16` with ranges for three codes and more in a row: `1-6,15`; `43/14` is last.
+/// `3,4,16`, with ranges for three codes and more in a row: `1-6,15`; `43/14` is last.
 impl Display for Functions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (mut code, mut separator) = (1, "");

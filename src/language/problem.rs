@@ -1,4 +1,4 @@
-//! What can be wrong with a line, and what is worth a warning.
+//! Errors and warnings about lines.
 
 use core::fmt;
 use core::num::NonZeroU16;
@@ -14,12 +14,12 @@ use crate::settings::{LINE_BYTES_MAX, Name, PORTS_MAX, ROUTES_MAX, Rules, Time, 
 /// Bytes of a wrong word that an error keeps.
 pub const WORD_BYTES_MAX: usize = 32;
 
-/// A line that changed nothing, and why.
+/// The error of a line that changed nothing.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LineError {
     /// Where the wrong word starts, in characters from 1.
     pub column: usize,
-    /// The wrong word, cut at [`WORD_BYTES_MAX`]; empty at the end of the line.
+    /// The wrong word, truncated to [`WORD_BYTES_MAX`]; empty at the end of the line.
     pub word: String<WORD_BYTES_MAX>,
     /// What is wrong with it.
     pub problem: Problem,
@@ -46,7 +46,7 @@ impl fmt::Display for LineError {
 
 impl core::error::Error for LineError {}
 
-/// As much of a word as an error keeps: the column finds a longer one all the same.
+/// Truncates a word for an error, where the column still identifies it.
 pub(crate) fn cut(text: &str) -> String<WORD_BYTES_MAX> {
     let mut word = String::new();
     for character in text.chars() {
@@ -60,28 +60,28 @@ pub(crate) fn cut(text: &str) -> String<WORD_BYTES_MAX> {
 /// Why a word is wrong.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum Problem {
-    /// Something else belongs here.
+    /// Something else is expected.
     #[error("expected {expected}{}", Suggestion(*near))]
     Expected {
-        /// What belongs here.
+        /// What is expected.
         expected: &'static str,
         /// A keyword that differs by one letter.
         near: Option<&'static str>,
     },
-    /// A number that is none, or out of its range.
+    /// Not a number, or out of range.
     #[error("expected {what} from {low} to {high}")]
     Number {
         /// What is counted.
         what: &'static str,
-        /// Least value.
+        /// Lowest value.
         low: u32,
-        /// Greatest value.
+        /// Highest value.
         high: u32,
     },
-    /// A time that is none, or lacks its unit.
+    /// Not a time, or without a unit.
     #[error("expected a time with its unit, such as 300ms, 1.75ms, 750us, 1s or 2m")]
     TimeUnit,
-    /// A time out of its range.
+    /// A time out of range.
     #[error("expected a time from {} to {}", Time(*low), Time(*high))]
     TimeRange {
         /// Shortest.
@@ -92,129 +92,129 @@ pub enum Problem {
     /// A word of the line stands where a name belongs, which was left out.
     #[error("was taken as {0}")]
     TakenAs(&'static str),
-    /// The line sets the same thing again.
+    /// The line sets the same thing twice.
     #[error("is set twice in this line")]
     Twice,
     /// The whole line is too long.
     #[error("the line is longer than {LINE_BYTES_MAX} bytes")]
     LineTooLong,
-    /// Bytes that are no UTF-8 text.
+    /// Not UTF-8 text.
     #[error("the line is not text (UTF-8)")]
     NotText,
-    /// No port has this name.
+    /// There is no port with this name.
     #[error("there is no port of this name")]
     NoSuchPort,
-    /// No rule has this number.
+    /// There is no rule with this number.
     #[error("there is no rule of this number (there are {0})")]
     NoSuchRoute(usize),
     /// [`PORTS_MAX`] ports exist.
-    #[error("there are {PORTS_MAX} ports already, the most there can be")]
+    #[error("there are {PORTS_MAX} ports already, the maximum")]
     PortsFull,
     /// [`ROUTES_MAX`] rules exist.
-    #[error("there are {ROUTES_MAX} rules already, the most there can be")]
+    #[error("there are {ROUTES_MAX} rules already, the maximum")]
     RoutesFull,
-    /// The gateway asks nothing by itself.
+    /// The board has no data points.
     #[error("this board has no data points")]
     NoPoints,
-    /// Something about points, their devices, or slaves.
+    /// A problem with points, devices or slaves.
     #[error(fmt = fmt_points)]
     Points(PointProblem),
-    /// The port has no servers in lines of their own.
-    #[error("is no tcp client without an address: only that has server lines")]
+    /// The port does not have server lines.
+    #[error("is not a tcp client without an address: only that has server lines")]
     NotManyServers,
-    /// A setting for several servers.
+    /// For clients with several servers.
     #[error("is for a tcp client without an address, which has several servers")]
     HasOneServer,
-    /// A setting for one server.
+    /// For clients with one server.
     #[error("is for a tcp client with an address: server lines have tags")]
     HasManyServers,
-    /// Lines say which servers the port has.
+    /// The port has server lines.
     #[error("{0} server lines name this port: delete them first")]
     ServersInUse(usize),
-    /// Two servers would be asked for one unit.
+    /// Two servers would have the same unit.
     #[error("unit {unit} is in the line server ... unit {units} already")]
     UnitTaken {
         /// The unit.
         unit: u8,
-        /// Those of the other line.
+        /// The units of the other line.
         units: UnitRange,
     },
-    /// As many servers as there can be.
-    #[error("there are {0} servers already, the most there can be")]
+    /// There is no room for another server.
+    #[error("there are {0} servers already, the maximum")]
     ServersFull(usize),
-    /// No server has these units.
+    /// There is no server with these units.
     #[error("no server line of this port has these units")]
     NoSuchServer,
-    /// The feature `servers` is not in the image.
+    /// The feature `servers` is off.
     #[error("on this board a tcp client has one server, at an address")]
     NoServers,
     /// RTU characters have 8 data bits (Serial Line 2.5.1).
     #[error("RTU needs 8 data bits, such as 8E1")]
     RtuDataBits,
-    /// A setting that only means something when requests are sent.
+    /// For the client side.
     #[error("is for the client side only")]
     ClientOnly,
-    /// A number of open requests where there can be one.
+    /// More than one request in flight where only one is possible.
     #[error("cannot be set with rtu, which carries one request at a time")]
     OneAtATime,
     /// Transaction ids tell responses apart.
     #[error("only used with rtu: by Modbus TCP, transaction ids tell responses apart")]
     RtuOnly,
-    /// A setting for requests where there are none.
-    #[error("cannot be set with capture, which takes no requests")]
+    /// A setting for requests on a port without requests.
+    #[error("cannot be set with capture, which accepts no requests")]
     NoRequests,
-    /// A setting that only means something when requests are answered.
+    /// For the server side.
     #[error("is for the server side only")]
     ServerOnly,
-    /// A setting that only means something when somebody switches the transceiver's driver.
+    /// For ports that control the transceiver's driver.
     #[error("needs rs485 or rts")]
     DriverOnly,
-    /// More reserved places than there are.
-    #[error("more places are reserved than the {0} that there are")]
+    /// More reserved connections than connections.
+    #[error("more connections are reserved than the {0} there are")]
     ReservedTooMany(u16),
-    /// The port of this name has this serial line.
+    /// The port of this name has this device.
     #[error("port {0} has this device")]
     DeviceTaken(Name),
-    /// Another port listens there.
+    /// Another port listens at this address.
     #[error("another port listens there")]
     ListenTaken,
-    /// The port is named by rules.
+    /// Rules refer to the port.
     #[error("{0} {verb} this port: delete or edit first", verb = .0.verb("names", "name"))]
     PortInUse(Rules),
-    /// Rules name IP addresses for requesters that would have none.
-    #[error("{0} {verb} it with an IP address, which askers on a serial line have not", verb = .0.verb("names", "name"))]
+    /// Rules name IP addresses for clients that would have none.
+    #[error("{0} {verb} it with an IP address; serial clients have none", verb = .0.verb("names", "name"))]
     RulesNeedTcp(Rules),
-    /// An IP address for requesters that have none.
-    #[error("askers of this source have no IP address: expected *")]
+    /// An IP address for clients that have none.
+    #[error("clients of this source have no IP address: expected *")]
     PeerOfSerial,
-    /// A way to other networks that is not in the own one.
+    /// A gateway outside the own network.
     #[error("is not another host of the same network")]
     GatewayOutside,
     /// The last unit is before the first.
     #[error("the range ends before it starts")]
     UnitsReversed,
-    /// The tag makes a broadcast of a request to one unit, or a unit id that no unit has.
+    /// The tag would turn a request to one unit into a broadcast, or into an invalid unit id.
     #[error("unit {unit} would become {target}, {}", outside(*target))]
     TagOutside {
         /// A unit of the rule.
         unit: u8,
-        /// What would become of it.
+        /// What it would become.
         target: i16,
     },
     /// A rule from a port to itself.
     #[error("source and destination are the same port")]
     ToItself,
-    /// Another rule says the same.
+    /// Another rule is identical.
     #[error("rule {0} is the same")]
     SameRoute(NonZeroU16),
 }
 
-/// What is wrong with this unit as a target.
+/// Why this unit cannot be a target.
 const fn outside(target: i16) -> &'static str {
     if target == 0 { "a broadcast to all units" } else { "but units are 1 to 247, or 255" }
 }
 
-/// Where there are no points, no problem with them arises: their texts need not be in the image.
+/// Without points there are no such problems, so the image need not contain their texts.
 fn fmt_points(problem: &PointProblem, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     if POINTS { fmt::Display::fmt(problem, f) } else { fmt::Display::fmt(&Problem::NoPoints, f) }
 }
@@ -227,39 +227,39 @@ impl fmt::Display for Suggestion {
     }
 }
 
-/// A setting that is taken as it is, but is unlikely to be meant.
+/// A setting that is accepted, but probably a mistake.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Warning {
-    /// A gap below the specification's t3.5: a frame may be cut in two, and devices may take two for one.
+    /// A gap below the specification's t3.5: a frame may be split, and devices may take two for one.
     GapBelowSpecification {
         /// The port.
         port: Name,
         /// Its gap.
         gap: Duration,
-        /// What the specification asks for at this speed.
+        /// The specification's t3.5 at this speed.
         t3_5: Duration,
     },
-    /// Rules that no request comes to.
+    /// Rules that no request reaches.
     NeverMatch {
         /// The rules.
         rules: Rules,
-        /// Those above that take all their requests. None: their units mean something else at their port.
+        /// The rules above that match all their requests; none: their units have another meaning at their port.
         takers: Rules,
     },
-    /// Units that a rule sends to a port none of whose servers is asked for them.
+    /// Units that a rule sends to a port without a server for them.
     NoServer {
         /// The rule.
         rule: Rules,
-        /// The first of the units, as the port calls it.
+        /// The first of the units, by the port's numbering.
         unit: u8,
         /// The port.
         port: Name,
     },
-    /// A request that a rule sends to a server of the gateway itself, and that comes to the same rule again, for ever.
+    /// A request that a rule sends to one of the gateway's own servers, and that reaches the same rule again, for ever.
     Circle {
         /// The rule.
         rule: Rules,
-        /// A unit for which that is so.
+        /// A unit for which that is the case.
         unit: u8,
         /// The server.
         port: Name,
@@ -281,7 +281,7 @@ impl fmt::Display for Warning {
                 write!(f, "{takers} {} all {its} requests", takers.verb("takes", "take"))
             }
             Self::NoServer { rule, unit, port } => {
-                write!(f, "{rule} leads to unit {unit} of port {port}, for which no server line is: 0A")
+                write!(f, "{rule} leads to unit {unit} of port {port}, which has no server line: 0A")
             }
             Self::Circle { rule, unit, port } => {
                 write!(f, "{rule} leads unit {unit} in a circle: its requests come back by port {port}")

@@ -1,4 +1,4 @@
-//! The words of proofs: `diagnostic, none for 17, read holding 0 count 2 for 20-29`.
+//! The `proof` option: `diagnostic, none for 17, read holding 0 count 2 for 20-29`.
 
 use core::fmt::{self, Display};
 
@@ -9,14 +9,14 @@ use super::words::{Word, Words, Wrong};
 use crate::scanner::Kind;
 use crate::settings::{PROOFS_MAX, Proof, Proofs};
 
-/// Names the limit as a number.
+/// Contains the limit.
 const PROOFS_EXPECTED: &str = match PROOFS_MAX {
     2 => "proofs for at most 2 ranges of units",
     4 => "proofs for at most 4 ranges of units",
     _ => panic!("another text is needed"),
 };
 
-/// The read stands for the word alone: what is read stands behind it.
+/// The read's table, address and count follow the keyword.
 const PROOFS: &[(&str, Proof)] = &[
     ("auto", Proof::Auto),
     ("diagnostic", Proof::Diagnostic),
@@ -25,16 +25,16 @@ const PROOFS: &[(&str, Proof)] = &[
 ];
 
 impl Proofs {
-    /// `diagnostic, none for 17, read holding 0 count 2 for 20-29`, whose first word is `word`.
+    /// Parses `diagnostic, none for 17, read holding 0 count 2 for 20-29`, whose first word is `word`.
     pub(crate) fn read<'w>(mut word: Word<'w>, words: &'w Words) -> Result<Self, Wrong> {
-        let (mut proofs, mut places) = (Self::default(), 0..PROOFS_MAX);
+        let (mut proofs, mut free) = (Self::default(), 0..PROOFS_MAX);
         loop {
             let proof = Proof::read(word, words)?;
             if words.peek().is("for") {
                 words.take();
                 let units = units(words.take())?;
-                let place = places.next().and_then(|place| proofs.of_units.get_mut(place));
-                *place.ok_or_else(|| word.expected(PROOFS_EXPECTED))? = Some((units, proof));
+                let index = free.next().and_then(|index| proofs.of_units.get_mut(index));
+                *index.ok_or_else(|| word.expected(PROOFS_EXPECTED))? = Some((units, proof));
             } else {
                 proofs.all = proof;
             }

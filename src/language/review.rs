@@ -1,5 +1,5 @@
-//! What is set, but unlikely to be meant: short gaps, rules that never match or lead to units without a server, requests that
-//! come back to their rule.
+//! Finds likely mistakes in valid settings: short gaps, rules that never match or lead to units without a server, requests that
+//! return to their rule.
 
 use core::net::{IpAddr, Ipv4Addr};
 
@@ -10,17 +10,17 @@ use crate::settings::{
     ServerAddress, Settings, Special, StreamFraming, TcpClientSettings, UnitRange,
 };
 
-/// Hops along which a request is followed, a bound for circles with a shift in them.
+/// Hops along which a request is followed; bounds circles that shift the unit.
 const HOPS_MAX: usize = 16;
 
 impl Settings {
-    /// What is set, but unlikely to be meant.
+    /// All likely mistakes.
     pub fn warnings(&self) -> impl Iterator<Item = Warning> {
         let rules = (0..self.routes.len()).filter_map(|n| self.rule_warning(n));
         self.ports.iter().flatten().filter_map(gap_warning).chain(rules)
     }
 
-    /// What is unlikely to be meant about the rule at place `n`, from 0.
+    /// A likely mistake in the rule at index `n`.
     pub(crate) fn rule_warning(&self, n: usize) -> Option<Warning> {
         let rules = Rules::one(n);
         if let Some(takers) = never_matches(self, n) {
@@ -33,7 +33,7 @@ impl Settings {
         Some(Warning::Circle { rule: rules, unit, port: self.port(server)?.name.clone() })
     }
 
-    /// A warning when rules below the one at place `n` never match because of that one.
+    /// A warning when the rule at index `n` keeps rules below it from matching.
     pub(crate) fn shadow_warning(&self, n: usize) -> Option<Warning> {
         let (mut rules, mut takers) = (Rules::default(), Rules::default());
         for below in n + 1..self.routes.len() {
@@ -45,7 +45,7 @@ impl Settings {
         (rules != Rules::default()).then_some(Warning::NeverMatch { rules, takers })
     }
 
-    /// What is unlikely to be meant about the port at `id`, or a rule that names it.
+    /// A likely mistake in the port at `id`, or in a rule that refers to it.
     pub(crate) fn port_warning(&self, id: PortId) -> Option<Warning> {
         let names =
             |(_, route): &(usize, &Route)| route.source == id || route.destination == Destination::Port(id);
@@ -55,7 +55,7 @@ impl Settings {
     }
 }
 
-/// A warning when `port` keeps less silence between RTU frames than the specification asks for.
+/// A warning when the gap between RTU frames of `port` is shorter than specified.
 fn gap_warning(port: &Port) -> Option<Warning> {
     let PortKind::Serial(SerialSettings { framing: Framing::Rtu, line, .. }) = &port.kind else {
         return None;
@@ -64,8 +64,8 @@ fn gap_warning(port: &Port) -> Option<Warning> {
     (gap < t3_5).then(|| Warning::GapBelowSpecification { port: port.name.clone(), gap, t3_5 })
 }
 
-/// The rules above rule `n` (from 0) that take all requests which it would match; no rules when the units that it names mean
-/// something else at its port. None when there are requests for it, or it is the way back of another rule.
+/// The rules above rule `n` that match all its requests; an empty set when its units have another meaning at its port. None when
+/// requests reach it, or it is the return path of another rule.
 fn never_matches(settings: &Settings, n: usize) -> Option<Rules> {
     let rule = settings.routes.get(n).filter(|rule| !is_implied(settings, rule))?;
     takers(settings, n, |above| match (above.peer, rule.peer) {
@@ -75,8 +75,7 @@ fn never_matches(settings: &Settings, n: usize) -> Option<Rules> {
     })
 }
 
-/// A unit that rule `n` (from 0) sends to a port with several servers, none of which is asked for it. A rule for all units means
-/// those that there are.
+/// A unit that rule `n` sends to a port with several servers, none of which has it. A rule for all units means those that exist.
 fn no_server(settings: &Settings, n: usize) -> Option<(u8, PortId)> {
     let rule = settings.routes.get(n).filter(|rule| SERVERS && !is_implied(settings, rule))?;
     let Destination::Port(client) = rule.destination else { return None };
@@ -91,12 +90,12 @@ fn no_server(settings: &Settings, n: usize) -> Option<(u8, PortId)> {
     targets.find(|unit| !has_server(unit)).map(|unit| (unit, client))
 }
 
-/// The TCP server of the gateway by which what rule `n` (from 0) sends out comes back, and the unit for which it comes to that
-/// rule again, for ever, if there is one.
+/// The gateway's TCP server through which requests sent by rule `n` return to that rule for ever, and a unit for which they do,
+/// if any.
 fn comes_back(settings: &Settings, n: usize) -> Option<(PortId, u8)> {
     let rule = settings.routes.get(n)?;
     let Destination::Port(client) = rule.destination else { return None };
-    // Mostly that is all there is to do.
+    // Usually false, which ends the check.
     leads_back(settings, client).then_some(())?;
     let returns = |unit: &u8| {
         let start = (n, *unit);
@@ -108,7 +107,7 @@ fn comes_back(settings: &Settings, n: usize) -> Option<(PortId, u8)> {
     Some((server, unit))
 }
 
-/// The rule that a request comes to, and for which unit, when rule `n` has sent it on for `unit`.
+/// The rule that a request reaches next, and the unit, when rule `n` has sent it on for `unit`.
 fn next(settings: &Settings, n: usize, unit: u8) -> Option<(usize, u8)> {
     let rule = settings.routes.get(n)?;
     let Destination::Port(client) = rule.destination else { return None };
@@ -122,7 +121,7 @@ fn next(settings: &Settings, n: usize, unit: u8) -> Option<(usize, u8)> {
     settings.routes.iter().position(takes).map(|n| (n, unit))
 }
 
-/// Whether a server of the port `client` is one of the gateway itself.
+/// Whether a server of the port `client` is one of the gateway's own.
 fn leads_back(settings: &Settings, client: PortId) -> bool {
     let Some(PortKind::TcpClient(TcpClientSettings { server, framing, .. })) =
         settings.port(client).map(|port| &port.kind)
@@ -133,8 +132,8 @@ fn leads_back(settings: &Settings, client: PortId) -> bool {
     server.iter().chain(others).any(|at| own_server(settings, at, *framing).is_some())
 }
 
-/// What becomes of a request to `unit` that the port `client` sends to the gateway itself: the unit's number there, the server,
-/// and the address from which it comes, as far as the settings tell: the host may have other addresses.
+/// Where a request to `unit` goes that the port `client` sends to the gateway itself: the unit id there, the server, and the
+/// client's address as far as the settings tell; the host may have other addresses.
 fn hop(settings: &Settings, client: PortId, unit: u8) -> Option<(u8, PortId, IpAddr)> {
     let Some(PortKind::TcpClient(settings_of_client)) = settings.port(client).map(|port| &port.kind) else {
         return None;
@@ -144,7 +143,7 @@ fn hop(settings: &Settings, client: PortId, unit: u8) -> Option<(u8, PortId, IpA
     Some((target, server, from))
 }
 
-/// The gateway's own TCP server `at` this address, and from which one a client of the gateway comes to it.
+/// The gateway's own TCP server `at` this address, and the address from which the gateway's client reaches it.
 fn own_server(settings: &Settings, at: &ServerAddress, framing: StreamFraming) -> Option<(PortId, IpAddr)> {
     let Host::Address(address) = at.host else { return None };
     let listens = |kind: &PortKind| match kind {

@@ -1,4 +1,4 @@
-//! The words of a rule, column by column as in the MobGate paper: source, units, IP, TAG, destination; then options.
+//! The line of a rule, column by column as in the MobGate paper: source, units, IP, TAG, destination; then options.
 
 use core::ops::RangeInclusive;
 
@@ -15,13 +15,13 @@ use crate::settings::{
 const OPTIONS_EXPECTED: &str = "readonly, all, functions 3,4,16, addresses 0-99, writes 10-19, forbidden refuse|ignore, priority high|normal|low, urgent 5,6, merge on|off|adjacent|near N, \
      cache 1s or cut auto|on|off";
 
-/// Of function 43 only the device identification, by its MEI type.
+/// Device identification, without the rest of function 43.
 pub(crate) const IDENTIFICATION: &str = "43/14";
 
-/// How old a response from memory may be.
+/// The maximum age of a cached response.
 const CACHE: RangeInclusive<Duration> = Duration::from_ticks(0)..=Duration::from_secs(60);
 
-/// Reads one row up to the end of the line and checks it against the ports.
+/// Parses one rule up to the end of the line and checks it against the ports.
 pub(crate) fn route(settings: &Settings, words: &Words) -> Result<Route, Wrong> {
     let source_word = words.take();
     let source = port(settings, source_word)?;
@@ -44,7 +44,7 @@ pub(crate) fn port(settings: &Settings, word: Word) -> Result<PortId, Wrong> {
     settings.find(word.text).ok_or_else(|| word.error(Problem::NoSuchPort))
 }
 
-/// The units that `word` names: `7`, `1-64` or `*`.
+/// Parses units: `7`, `1-64` or `*`.
 pub(crate) fn units(word: Word) -> Result<UnitRange, Wrong> {
     if word.text == "*" {
         return Ok(UnitRange::ALL);
@@ -139,7 +139,7 @@ const KEYS: &[(&str, Key)] = &[
 const DESTINATIONS: &[(&str, Destination)] =
     &[("local", Destination::Local), ("discard", Destination::Discard), ("nopath", Destination::NoPath)];
 
-/// Behind the one without a meaning stands how near.
+/// The value without a meaning is followed by a number.
 const MERGES: &[(&str, Option<Merge>)] = &[
     ("on", Some(Merge::Identical)),
     ("off", Some(Merge::Off)),
@@ -154,7 +154,7 @@ const PRIORITIES: &[(&str, Priority)] =
 
 const CUTS: &[(&str, Cut)] = &[("auto", Cut::Auto), ("on", Cut::On), ("off", Cut::Off)];
 
-/// Gives `each` the words of the columns and options.
+/// Calls `each` with the keywords of the columns and options.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     KEYS.iter().for_each(|&(keyword, _)| each(keyword));
     DESTINATIONS.iter().for_each(|&(keyword, _)| each(keyword));
@@ -183,7 +183,7 @@ fn options(words: &Words) -> Result<Policy, Wrong> {
             Key::Cache => policy.sharing.cache_ms = cache(words.take())?,
             Key::Cut => policy.cut = words.take().keyword(CUTS, "auto, on or off")?,
         }
-        // Three of the words say the same thing in different ways.
+        // Three of the keywords set the same thing.
         let thing = if matches!(key, Key::ReadOnly | Key::All) { Key::Functions } else { key };
         if seen & 1 << thing as u8 != 0 {
             return Err(word.error(Problem::Twice));
@@ -208,13 +208,13 @@ fn cache(word: Word) -> Result<u16, Wrong> {
     ms.ok_or_else(|| word.expected("whole milliseconds"))
 }
 
-/// `100`, or `0-99`: addresses as they are on the wire.
+/// `100`, or `0-99`: addresses as on the wire.
 fn addresses(word: Word) -> Result<AddressRange, Wrong> {
     let (first, last) = span(word, 0..=0xffff, "addresses from 0 to 65535, such as 0-99")?;
     Ok(AddressRange { first: first as u16, last: last as u16 })
 }
 
-/// `3,4,16`, with ranges: `1-4,43`, and `43/14` for the device identification alone; or one of the sets that have a name.
+/// `3,4,16`, with ranges: `1-4,43`, and `43/14` for device identification alone; or a named set.
 fn function_list(words: &Words) -> Result<Functions, Wrong> {
     let sets = [("readonly", Functions::READ_ONLY), ("all", Functions::ALL)];
     if let Some(set) = words.peek().lookup(&sets) {

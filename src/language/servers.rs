@@ -1,4 +1,4 @@
-//! The servers behind a `tcp client` port that has several: `server plant unit 1-5 at 192.168.1.20:502`.
+//! The servers of a `tcp client` port without an address: `server plant unit 1-5 at 192.168.1.20:502`.
 //!
 //! A port with an address in its own line has that one server, for all units.
 
@@ -14,7 +14,7 @@ use crate::settings::{
     PORT_SERVERS_MAX, PortId, PortKind, SERVERS_MAX, ServerSettings, Settings, Tag, UnitRange,
 };
 
-/// Gives `each` the words of these lines that no other line has.
+/// Calls `each` with the keywords that only these lines have.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     ["at", "tag"].into_iter().for_each(each);
 }
@@ -35,7 +35,7 @@ fn units<'w>(words: &'w Words) -> Result<(Word<'w>, UnitRange), Wrong> {
     Ok((word, route_words::units(word)?))
 }
 
-/// Reads a server up to the end of the line, and puts it into the settings.
+/// Parses a server up to the end of the line, and stores it.
 pub(crate) fn server(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let port_word = words.take();
     let port = port(settings, port_word)?;
@@ -47,7 +47,7 @@ pub(crate) fn server(settings: &mut Settings, words: &Words) -> Result<Changed, 
         words.take().keyword(&[("tag", ())], "tag or the end of the line")?;
         let word = words.take();
         tag = route_words::tag(word, units)?;
-        // Two units would be one there, or one unit all.
+        // Otherwise two units would become one, or one unit all.
         let one_by_one = units.first == units.last || !matches!(tag, Tag::Set(_));
         if tag != Tag::Keep && (units.first == 0 || !one_by_one) {
             return Err(word.expected("* or a shift for several units, and * for unit 0"));
@@ -68,18 +68,18 @@ pub(crate) fn server(settings: &mut Settings, words: &Words) -> Result<Changed, 
     Ok(Changed::Port(port))
 }
 
-/// Takes the server with these units away.
+/// Deletes the server with these units.
 pub(crate) fn delete_server(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let id = port(settings, words.take())?;
     let (word, units) = units(words)?;
     words.end()?;
-    let place = settings.servers.iter().position(|server| server.port == id && server.units == units);
-    let place = place.ok_or_else(|| word.error(Problem::NoSuchServer))?;
-    settings.servers.remove(place);
+    let index = settings.servers.iter().position(|server| server.port == id && server.units == units);
+    let index = index.ok_or_else(|| word.error(Problem::NoSuchServer))?;
+    settings.servers.remove(index);
     Ok(Changed::Port(id))
 }
 
-/// The words behind the port's name.
+/// The words after the port's name.
 impl Display for ServerSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "unit {:7} at {}", self.units, self.at)?;

@@ -1,7 +1,6 @@
-//! The Modbus devices behind the EtherCAT process image: `slave 0 unit 232 coil 10 count 18 holding 40010 count 4 as f32 read 1s`.
+//! The Modbus devices of the EtherCAT process image: `slave 0 unit 232 coil 10 count 18 holding 40010 count 4 as f32 read 1s`.
 //!
-//! They are in the order of their values in the image. A MainDevice that has a configuration taken over changes them as these
-//! lines do.
+//! They are in the order of their values in the image. A MainDevice's configuration changes them as these lines do.
 
 use core::fmt::{self, Display};
 
@@ -42,27 +41,27 @@ const EXPECTED: &str = "coil, discrete, input, holding, order, read, check or on
 const ON_SILENCE: &[(&str, OnSilence)] =
     &[("hold", OnSilence::Hold), ("clear", OnSilence::Clear), ("substitute", OnSilence::Substitute)];
 
-/// Gives `each` the words of these lines that no other line has.
+/// Calls `each` with the keywords that only these lines have.
 pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
     ["on-silence", "substitute"].into_iter().for_each(each);
 }
 
-/// Reads a device up to the end of the line, and puts it into the settings.
+/// Parses a device up to the end of the line, and stores it.
 pub(crate) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, Wrong> {
     let word = words.take();
     if !settings.ports.iter().flatten().any(|port| matches!(port.kind, PortKind::Ethercat(_))) {
         return Err(word.error(Problem::Points(PointProblem::NoEthercat)));
     }
-    // One more than there are: it comes behind the others.
+    // The number of slaves means a new one, at the end.
     let most = settings.slaves.len().min(SLAVES_MAX.saturating_sub(1));
-    let place = number(word, "the next slave's number, or that of one there is,", 0..=most as u32)?;
+    let index = number(word, "the next slave's number, or that of one there is,", 0..=most as u32)?;
     words.take().keyword(&[("unit", ())], "unit and the slave's unit id")?;
     let mut slave = SlaveSettings::new(small(words.take(), "a unit id", 1..=247)?);
     let mut seen = heapless::Vec::<Key, 8>::new();
     while !words.peek().is_end() {
         let word = words.take();
         let key = word.keyword(KEYS, EXPECTED)?;
-        // There are eight, and none comes twice.
+        // There are eight, and none is repeated.
         if seen.contains(&key) || seen.push(key).is_err() {
             return Err(word.error(Problem::Twice));
         }
@@ -74,7 +73,7 @@ pub(crate) fn slave(settings: &mut Settings, words: &Words) -> Result<Changed, W
             Key::OnSilence => on_silence(&mut slave, words)?,
         }
     }
-    match settings.slaves.get_mut(place as usize) {
+    match settings.slaves.get_mut(index as usize) {
         Some(old) => *old = slave,
         // The number was checked.
         None => drop(settings.slaves.push(slave)),
@@ -122,18 +121,18 @@ fn on_silence(slave: &mut SlaveSettings, words: &Words) -> Result<(), Wrong> {
     Ok(())
 }
 
-/// Takes the device of this number away; those behind it move up.
+/// Deletes the device with this number; those after it move up.
 pub(crate) fn delete_slave(settings: &mut Settings, word: Word) -> Result<Changed, Wrong> {
     let count = settings.slaves.len();
     let Some(last) = count.checked_sub(1) else {
         return Err(word.error(Problem::Points(PointProblem::NoSlaves)));
     };
-    let place = number(word, "a slave's number", 0..=last as u32)?;
-    settings.slaves.remove(place as usize);
+    let index = number(word, "a slave's number", 0..=last as u32)?;
+    settings.slaves.remove(index as usize);
     Ok(Changed::Other)
 }
 
-/// The words behind the number.
+/// The words after the number.
 impl Display for SlaveSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "unit {}", self.unit)?;

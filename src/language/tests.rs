@@ -171,7 +171,10 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("port X tcp server 1 idle 60", "\"60\": expected a time with its unit"),
         ("port X tcp server 1 idle 100ms", "expected a time from 1s to 86400s"),
         ("port X tcp server 1 pipeline 17", "expected requests from 1 to 16"),
-        ("port X tcp server 1 clients 4 reserve 5 for ::1", "\"5\": more places are reserved than the 4"),
+        (
+            "port X tcp server 1 clients 4 reserve 5 for ::1",
+            "\"5\": more connections are reserved than the 4",
+        ),
         ("port X tcp server 1 reserve 2", "end of line: expected for and the addresses"),
         ("port X tcp server 1 reserve 1 for ::1,::2,::3,::4,::5", "\"::5\": expected at most 4 prefixes"),
         ("port X tcp server 502", "\"502\": another port listens there"),
@@ -195,7 +198,7 @@ fn an_error_names_the_column_the_word_and_what_is_expected() {
         ("route P502 64-1 * * P1", "\"64-1\": the range ends before it starts"),
         ("route P502 256 * * P1", "\"256\": expected a unit id from 0 to 255"),
         ("route P502 1 192.168.1 * P1", "\"192.168.1\": expected an IP address"),
-        ("route P2 1 192.168.1.1 * P1", "\"192.168.1.1\": askers of this source"),
+        ("route P2 1 192.168.1.1 * P1", "\"192.168.1.1\": clients of this source"),
         ("route P502 1 * 7 P1", "\"7\": expected * (the unit id stays)"),
         ("route P502 1 * * P502", "\"P502\": source and destination are the same port"),
         ("route P502 1 * * P1 readonly all", "\"all\": is set twice"),
@@ -238,10 +241,7 @@ fn a_port_that_becomes_serial_must_not_have_rules_by_address() {
     let mut settings = load(PORTS);
     apply_all(&mut settings, &["route P502 1 10.0.0.1 * P1"]);
     let error = apply(&mut settings, "port P502 serial uart9 rtu server").unwrap_err().to_string();
-    assert_eq!(
-        error,
-        "column 6: \"P502\": rule 1 names it with an IP address, which askers on a serial line have not"
-    );
+    assert_eq!(error, "column 6: \"P502\": rule 1 names it with an IP address; serial clients have none");
 }
 
 #[test]

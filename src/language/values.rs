@@ -1,4 +1,4 @@
-//! Values inside a line: numbers, times, names, addresses.
+//! Values in a line: numbers, times, names, addresses.
 
 use core::fmt;
 use core::net::{IpAddr, SocketAddr};
@@ -14,7 +14,7 @@ const UNITS_US: [(&str, u64); 5] =
     [("us", 1), ("ms", 1_000), ("s", 1_000_000), ("m", 60_000_000), ("h", 3_600_000_000)];
 
 impl Time {
-    /// Reads a time; `None` without a unit (except 0), or finer than a microsecond.
+    /// Parses a time; `None` without a unit (except 0), or finer than a microsecond.
     fn parse(text: &str) -> Option<Duration> {
         if text == "0" {
             return Some(Duration::from_ticks(0));
@@ -31,13 +31,13 @@ impl Time {
     }
 }
 
-/// An unsigned decimal number of up to nine digits, without a sign.
+/// A decimal number of up to nine digits, without sign.
 fn digits(text: &str) -> Option<u64> {
     let good = (1..=9).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_digit());
     if good { text.parse().ok() } else { None }
 }
 
-/// The time that `word` is, within `range`.
+/// Parses a time within `range`.
 pub(crate) fn time(word: Word, range: &RangeInclusive<Duration>) -> Result<Duration, Wrong> {
     let time = Time::parse(word.text).ok_or_else(|| word.error(Problem::TimeUnit))?;
     if range.contains(&time) {
@@ -46,28 +46,28 @@ pub(crate) fn time(word: Word, range: &RangeInclusive<Duration>) -> Result<Durat
     Err(word.error(Problem::TimeRange { low: *range.start(), high: *range.end() }))
 }
 
-/// The number that `word` is, within `range`; `what` it counts stands in the error.
+/// Parses a number within `range`; the error says `what` it counts.
 pub(crate) fn number(word: Word, what: &'static str, range: RangeInclusive<u32>) -> Result<u32, Wrong> {
     parse_number(word.text)
         .filter(|number| range.contains(number))
         .ok_or_else(|| word.error(Problem::Number { what, low: *range.start(), high: *range.end() }))
 }
 
-/// [`number`] for settings that are a byte.
+/// [`number`] for settings of one byte.
 pub(crate) fn small(word: Word, what: &'static str, range: RangeInclusive<u8>) -> Result<u8, Wrong> {
     let (low, high) = (u32::from(*range.start()), u32::from(*range.end()));
     let value = number(word, what, low..=high)?;
     u8::try_from(value).map_err(|_| word.error(Problem::Number { what, low, high }))
 }
 
-/// [`number`] for settings that are two bytes.
+/// [`number`] for settings of two bytes.
 pub(crate) fn medium(word: Word, what: &'static str, range: RangeInclusive<u16>) -> Result<u16, Wrong> {
     let (low, high) = (u32::from(*range.start()), u32::from(*range.end()));
     let value = number(word, what, low..=high)?;
     u16::try_from(value).map_err(|_| word.error(Problem::Number { what, low, high }))
 }
 
-/// The numbers of `1-64`, the first not above the last; a single one is both. Otherwise an error with what was `expected`.
+/// Parses `1-64`, with the first number not above the last, or a single number. The error says what was `expected`.
 pub(crate) fn span(
     word: Word,
     range: RangeInclusive<u32>,
@@ -87,10 +87,10 @@ pub(crate) fn parse_number(text: &str) -> Option<u32> {
     digits(text).and_then(|number| u32::try_from(number).ok())
 }
 
-/// Words that a rule's destination column takes for something else than a port.
+/// Words that the destination column of a rule takes for something other than a port.
 const RESERVED_NAMES: [&str; 3] = ["local", "discard", "nopath"];
 
-/// Whether `word` may be a name. It starts with a letter, so that a bare number in a rule can mean a TCP port.
+/// Whether `word` may be a name. Names start with a letter, so that a bare number in a rule can mean a TCP port.
 pub(crate) fn is_name(word: Word) -> bool {
     let letters = word.text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte));
     word.text.as_bytes().first().is_some_and(u8::is_ascii_alphabetic)
@@ -98,7 +98,7 @@ pub(crate) fn is_name(word: Word) -> bool {
         && !RESERVED_NAMES.iter().any(|reserved| word.is(reserved))
 }
 
-/// The port name that `word` is.
+/// Parses a port name.
 pub(crate) fn name(word: Word) -> Result<Name, Wrong> {
     let name = if is_name(word) { Name::try_from(word.text).ok() } else { None };
     name.ok_or_else(|| {
@@ -108,7 +108,7 @@ pub(crate) fn name(word: Word) -> Result<Name, Wrong> {
     })
 }
 
-/// The address or prefix that `word` is; bits behind the prefix are cleared.
+/// Parses an address or prefix; bits after the prefix are cleared.
 pub(crate) fn prefix(word: Word) -> Result<IpPrefix, Wrong> {
     parse_prefix(word.text)
         .ok_or_else(|| word.expected("an IP address or prefix, such as 192.168.1.7 or 192.168.1.0/24"))
@@ -145,7 +145,7 @@ fn parse_address(text: &str) -> Option<IpAddr> {
     if IPV6 { text.parse().ok() } else { text.parse().ok().map(IpAddr::V4) }
 }
 
-/// `192.168.1.20:502`, `[fe80::1]:502`, or an address alone.
+/// `192.168.1.20:502`, `[fe80::1]:502`, or just an address.
 pub(crate) fn parse_endpoint(text: &str) -> Option<(IpAddr, Option<u16>)> {
     if let Some(address) = parse_address(text) {
         return Some((address, None));

@@ -1,36 +1,36 @@
-//! The verbs: the words that lines begin with, and all that is known of each.
+//! Verbs: the words that begin a line, with their help and completion.
 //!
-//! A verb is declared once, in a table: [`VERBS`] has those of the settings, the console has a table of its own.
+//! A verb is declared once, in a table: [`VERBS`] has those of the settings, the console has its own.
 
 use super::changes::{self, Change, option_words};
 use super::{mdns, own_network, point_words, servers, slaves};
 use crate::scanner::POINTS;
 use crate::settings::SERVERS;
 
-/// All about a verb, whose line a `Run` carries out.
+/// A verb of the language, and the `Run` that executes its lines.
 #[derive(Clone, Copy)]
 pub(crate) struct Verb<Run> {
-    /// The text of `help VERB`, at most 80 columns wide; its first line is the verb's line of `help`. A tab parts what is typed
-    /// from what it does.
+    /// The text of `help VERB`, at most 80 columns wide; its first line is also the line in `help`. A tab separates the syntax
+    /// from its meaning.
     pub(crate) help: &'static str,
-    /// What may stand right behind the verb, for completion.
+    /// Completions for the word after the verb.
     pub(crate) second: &'static [Offer],
-    /// What may stand behind that.
+    /// Completions for later words.
     pub(crate) later: &'static [Offer],
-    /// What the image has not, without which the verb is refused.
+    /// The feature missing from the image, if any: the verb is refused.
     pub(crate) lacks: Option<Lack>,
     pub(crate) run: Run,
 }
 
-/// Verbs by their names, in the order of `help`.
+/// Verbs by name, in the order of `help`.
 pub(crate) type Verbs<Run> = &'static [(&'static str, Verb<Run>)];
 
-/// Words that may stand at a place.
+/// Completions for a word.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Offer {
     /// These.
     Words(&'static [&'static str]),
-    /// Those that this gives.
+    /// The words passed on by this function.
     Each(fn(&mut dyn FnMut(&'static str))),
     /// All verbs.
     Verbs,
@@ -40,7 +40,7 @@ pub(crate) enum Offer {
     Points,
 }
 
-/// A part of the gateway that is not in every image.
+/// A part of the gateway that some images lack.
 #[derive(Clone, Copy)]
 pub(crate) enum Lack {
     Points,
@@ -53,12 +53,12 @@ impl<Run: Copy> Verb<Run> {
         Self { help, second: &[], later: &[], lacks: None, run }
     }
 
-    /// The same with this behind it.
+    /// Adds completions.
     pub(crate) const fn then(self, second: &'static [Offer], later: &'static [Offer]) -> Self {
         Self { second, later, ..self }
     }
 
-    /// The same where there are data points; else its text and its code are not in the image.
+    /// Replaces the verb by `absent` where there are no data points, so that its text and code are left out of the image.
     pub(crate) const fn of_points(self, absent: Run) -> Self {
         match POINTS {
             true => self,

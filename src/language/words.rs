@@ -1,7 +1,7 @@
-//! Words of a line, with the columns that error texts name.
+//! The words of a line, with their columns for errors.
 //!
-//! Blanks, tabs and commas part words; `#` at the start of a word begins a comment. A comma is remembered, because a
-//! list (`functions 3,4,16`) goes on as long as commas do.
+//! Blanks, tabs and commas separate words; `#` at the start of a word begins a comment. Commas are noted, since a list
+//! (`functions 3,4,16`) continues as long as there are commas.
 
 use core::cell::Cell;
 
@@ -16,16 +16,16 @@ pub(crate) struct Word<'a> {
     pub(crate) text: &'a str,
     /// Where it starts, in characters from 1.
     pub(crate) column: usize,
-    /// Whether a comma stands before it.
+    /// Whether a comma precedes it.
     pub(crate) listed: bool,
     wrong: &'a Cell<Option<LineError>>,
 }
 
-/// The keywords of a table by their places: tables have values of many types.
+/// The keywords of a table by index: tables have values of many types.
 pub(crate) type Keywords<'t> = &'t dyn Fn(usize) -> Option<&'static str>;
 
-/// A word is wrong: [`Words::wrong`] knows which and why. Nearly everything that reads words may fail, and many of them in
-/// a row do: what they hand on must be small.
+/// A word is wrong; [`Words::wrong`] has the details. Nearly every parsing function may fail, and errors pass through many of
+/// them, so this is empty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Wrong;
 
@@ -35,23 +35,23 @@ impl Word<'_> {
         self.text.is_empty()
     }
 
-    /// Whether this is `keyword`, which is written without regard to case.
+    /// Whether this is `keyword`, ignoring case.
     pub(crate) fn is(&self, keyword: &str) -> bool {
         self.text.eq_ignore_ascii_case(keyword)
     }
 
-    /// Whether the word begins as a number.
+    /// Whether the word begins with a digit.
     pub(crate) fn begins_with_digit(&self) -> bool {
         self.text.as_bytes().first().is_some_and(u8::is_ascii_digit)
     }
 
-    /// What `table` has for this keyword.
+    /// The value of this keyword in `table`.
     pub(crate) fn lookup<T: Copy>(&self, table: &[(&'static str, T)]) -> Option<T> {
         let place = self.place(&|at| table.get(at).map(|&(keyword, _)| keyword))?;
         table.get(place).map(|&(_, value)| value)
     }
 
-    /// What `table` has for this keyword; otherwise an error with what was `expected` and the nearest keyword.
+    /// The value of this keyword in `table`; the error says what was `expected` and the nearest keyword.
     pub(crate) fn keyword<T: Copy>(
         &self,
         table: &[(&'static str, T)],
@@ -77,19 +77,19 @@ impl Word<'_> {
         self.error(Problem::Expected { expected, near: near.or_else(other) })
     }
 
-    /// The error that this word is.
+    /// Reports `problem` with this word.
     pub(crate) fn error(&self, problem: Problem) -> Wrong {
         self.wrong.set(Some(LineError::new(self.column, self.text, problem)));
         Wrong
     }
 
-    /// The error that something else was `expected` here.
+    /// Reports that something else was `expected` here.
     pub(crate) fn expected(&self, expected: &'static str) -> Wrong {
         self.error(Problem::Expected { expected, near: None })
     }
 }
 
-/// Reads a line word by word, and keeps what is wrong with it.
+/// Reads a line word by word, and keeps its error.
 pub(crate) struct Words<'a> {
     rest: Cell<&'a str>,
     column: Cell<usize>,
@@ -102,12 +102,12 @@ impl<'a> Words<'a> {
         Self { rest: Cell::new(line), column: Cell::new(1), wrong: Cell::new(None) }
     }
 
-    /// What the last [`Wrong`] was about.
+    /// The details of the last [`Wrong`].
     pub(crate) fn wrong(&self) -> LineError {
         self.wrong.take().unwrap_or_else(LineError::too_long)
     }
 
-    /// The next word, without taking it.
+    /// The next word, without consuming it.
     pub(crate) fn peek(&self) -> Word<'_> {
         let (rest, column) = (self.rest.get(), self.column.get());
         let word = self.take();
@@ -116,7 +116,7 @@ impl<'a> Words<'a> {
         word
     }
 
-    /// Takes the next word.
+    /// Consumes the next word.
     pub(crate) fn take(&self) -> Word<'_> {
         let listed = self.advance_to(|byte| !is_separator(byte)).contains(',');
         let column = self.column.get();
@@ -126,7 +126,7 @@ impl<'a> Words<'a> {
         Word { text: self.advance_to(is_separator), column, listed, wrong: &self.wrong }
     }
 
-    /// Takes the next word, or all that stands between quotes, without them.
+    /// Consumes the next word, or everything between quotes, without them.
     pub(crate) fn take_quoted(&self) -> Word<'_> {
         let (rest, column) = (self.rest.get(), self.column.get());
         let word = self.take();
@@ -139,7 +139,7 @@ impl<'a> Words<'a> {
         Word { text, ..word }
     }
 
-    /// An error unless the line ends here.
+    /// Fails unless the line ends here.
     pub(crate) fn end(&self) -> Result<(), Wrong> {
         let word = self.take();
         if word.is_end() { Ok(()) } else { Err(word.expected("the end of the line")) }
@@ -159,7 +159,7 @@ impl<'a> Words<'a> {
     }
 }
 
-/// Where `text` stands in `line`, or else the first word: its column, and as much of it as an error keeps.
+/// The column of `text` in `line`, or else of the first word, and the word truncated for an error.
 pub(crate) fn find_word(line: &str, text: &str) -> (usize, String<WORD_BYTES_MAX>) {
     let words = Words::new(line);
     let mut found = words.peek();
@@ -176,14 +176,14 @@ pub(crate) fn find_word(line: &str, text: &str) -> (usize, String<WORD_BYTES_MAX
     (found.column, cut(found.text))
 }
 
-/// No byte of a longer character is one.
+/// ASCII only, so no byte of a longer character matches.
 fn is_separator(byte: u8) -> bool {
     byte.is_ascii_whitespace() || byte == b','
 }
 
-/// Whether `typed` is `keyword` with one letter wrong, missing, too many, or with two neighbours swapped.
+/// Whether `typed` is `keyword` with one letter wrong, missing or added, or two neighbours swapped.
 fn is_near(typed: &str, keyword: &str) -> bool {
-    // One or two letters are near to everything.
+    // One or two letters are close to everything.
     if typed.len() < 3 {
         return false;
     }

@@ -1,7 +1,7 @@
 //! ASCII framing: `:`, two hexadecimal digits for each byte of unit, PDU and LRC, carriage return, line feed.
 //!
-//! Clauses are those of Modbus over Serial Line V1.02. Characters bear their own framing here, so the [`Decoder`] takes
-//! them one at a time and needs no clock; who feeds it calls [`Decoder::clear`] when a character is overdue.
+//! Clauses are those of Modbus over Serial Line V1.02. Frames are delimited by characters, so the [`Decoder`] takes one at a time
+//! and needs no clock; its caller calls [`Decoder::clear`] when a character is overdue.
 
 use super::{PDU_BYTES_MAX, PduLength, crc::lrc};
 
@@ -10,43 +10,42 @@ pub const FRAME_CHARS_MAX: usize = 513;
 /// The character that ends a frame, unless diagnostics sub-function 3 changed it.
 pub const LINE_FEED: u8 = b'\n';
 
-/// The character that begins a frame, wherever it comes.
+/// The character that begins a frame, wherever it appears.
 pub const COLON: u8 = b':';
 
 pub(crate) const CARRIAGE_RETURN: u8 = b'\r';
 /// Unit, PDU and LRC.
 const BYTES_MAX: usize = PDU_BYTES_MAX + 2;
 
-/// Why characters are no frame.
+/// Why characters are not a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum AsciiError {
     /// A character other than `0` to `9` and `A` to `F` in the frame.
-    #[error("character {0:02X}h is no hexadecimal digit")]
+    #[error("character {0:02X}h is not a hexadecimal digit")]
     NotHex(u8),
-    /// The carriage return came behind half a byte.
+    /// The carriage return came after half a byte.
     #[error("odd number of hexadecimal digits")]
     Odd,
     /// More bytes than a frame can have.
     #[error("frame longer than {FRAME_CHARS_MAX} characters")]
     Long,
-    /// Not even a unit, a function code and an LRC; the fact is the number of bytes.
+    /// Shorter than unit, function code and LRC; the number of bytes.
     #[error("frame of {0} bytes")]
     Short(usize),
-    /// The frame was damaged.
+    /// The frame is corrupt.
     #[error("LRC {received:02X}h, computed {computed:02X}h")]
     Lrc {
-        /// What the frame says.
+        /// The LRC received.
         received: u8,
-        /// What its bytes give.
+        /// The LRC of its bytes.
         computed: u8,
     },
-    /// This character came behind the carriage return instead of the line feed.
+    /// This character followed the carriage return instead of the line feed.
     #[error("character {0:02X}h instead of the line feed")]
     NoLf(u8),
 }
 
-/// Writes the frame of `unit` and `pdu` into `out`, ended by `end` ([`LINE_FEED`] by default), and gives the part
-/// that it takes.
+/// Encodes `unit` and `pdu` into `out`, with `end` ([`LINE_FEED`] by default) as the last character, and returns the part used.
 pub fn encode<'a>(
     unit: u8,
     pdu: &[u8],
@@ -54,7 +53,7 @@ pub fn encode<'a>(
     end: u8,
 ) -> Result<&'a [u8], PduLength> {
     let pdu = PduLength::check(pdu)?;
-    // The LRC of the PDU less the unit is the LRC of both.
+    // The LRC is the negative sum, so the unit can be subtracted afterwards.
     let check = lrc(pdu).wrapping_sub(unit);
     let mut length = 0;
     let mut put = |character| {
@@ -77,12 +76,12 @@ pub(crate) const fn digits(byte: u8) -> [u8; 2] {
     [digit(byte >> 4), digit(byte & 0xF)]
 }
 
-/// The digit of a number below 16.
+/// The digit for a number below 16.
 const fn digit(nibble: u8) -> u8 {
     if nibble < 10 { b'0' + nibble } else { b'A' + nibble - 10 }
 }
 
-/// The number of a digit; lower case is refused (clause 2.5.2: "0-9, A-F").
+/// The value of a digit; lower case is refused (clause 2.5.2: "0-9, A-F").
 const fn nibble(character: u8) -> Option<u8> {
     match character {
         b'0'..=b'9' => Some(character - b'0'),
@@ -91,20 +90,20 @@ const fn nibble(character: u8) -> Option<u8> {
     }
 }
 
-/// Where the decoder stands in a frame.
+/// Position within a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     /// Waiting for a `:`; anything else is noise.
     Outside,
-    /// At the first digit of a byte.
+    /// First digit of a byte.
     High,
-    /// At the second digit of a byte; this was the first one's number.
+    /// Second digit of a byte, with the value of the first.
     Low(u8),
-    /// Behind the carriage return.
+    /// After the carriage return.
     End,
 }
 
-/// Finds frames in a stream of characters.
+/// Decodes frames from a stream of characters.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     bytes: [u8; BYTES_MAX],
@@ -120,12 +119,12 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// A decoder that waits for a `:`; frames end with `end` ([`LINE_FEED`] by default).
+    /// A decoder waiting for `:`; frames end with `end` ([`LINE_FEED`] by default).
     pub const fn new(end: u8) -> Self {
         Self { bytes: [0; BYTES_MAX], length: 0, state: State::Outside, end }
     }
 
-    /// Forgets a frame that has begun, because its next character is overdue.
+    /// Drops an incomplete frame, because its next character is overdue.
     pub const fn clear(&mut self) {
         self.state = State::Outside;
     }
@@ -135,13 +134,13 @@ impl Decoder {
         self.state != State::Outside
     }
 
-    /// Unit and what else has come of the latest frame, whole or not.
+    /// The bytes of the latest frame, complete or not: unit, PDU, LRC.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.length).unwrap_or_default()
     }
 
-    /// Takes the next character. Gives unit and PDU at the end of a frame, or why the frame that had begun is
-    /// none; characters outside of frames are skipped in silence.
+    /// Consumes the next character. Returns unit and PDU at the end of a frame, or why it is invalid; characters outside of
+    /// frames are ignored.
     pub fn push(&mut self, character: u8) -> Option<Result<(u8, &[u8]), AsciiError>> {
         match self.step(character) {
             Ok(false) => None,
@@ -156,11 +155,11 @@ impl Decoder {
         }
     }
 
-    /// One character further; true at the end of a frame.
+    /// Consumes one character; true at the end of a frame.
     fn step(&mut self, character: u8) -> Result<bool, AsciiError> {
         match (self.state, character) {
             (State::End, character) if character == self.end => return Ok(true),
-            // Clause 2.5.2.1: a new colon empties the buffer, wherever it comes.
+            // Clause 2.5.2.1: a colon empties the buffer, wherever it appears.
             (_, COLON) => {
                 self.length = 0;
                 self.state = State::High;
@@ -182,7 +181,7 @@ impl Decoder {
         Ok(false)
     }
 
-    /// Unit and PDU of the bytes between `:` and carriage return.
+    /// Unit and PDU from the bytes between `:` and carriage return.
     fn judge(&self) -> Result<(u8, &[u8]), AsciiError> {
         let bytes = self.bytes();
         let [unit, pdu @ .., received] = bytes else {

@@ -2,15 +2,15 @@
 
 use crc::{CRC_16_MODBUS, Crc};
 
-/// The table of 256 entries; a static, so that it stays in flash.
+/// The CRC table; a static, so that it stays in flash.
 pub(crate) static MODBUS: Crc<u16> = Crc::<u16>::new(&CRC_16_MODBUS);
 
-/// The CRC of an RTU frame's unit and PDU; on the wire its low byte comes first (Serial Line V1.02, clause 6.2.2).
+/// The CRC over an RTU frame's unit and PDU; sent low byte first (Serial Line V1.02, clause 6.2.2).
 pub fn crc16(bytes: &[u8]) -> u16 {
     MODBUS.checksum(bytes)
 }
 
-/// The LRC of an ASCII frame's unit and PDU: the two's complement of their sum (Serial Line V1.02, clause 6.2.1).
+/// The LRC over an ASCII frame's unit and PDU: the two's complement of their sum (Serial Line V1.02, clause 6.2.1).
 pub fn lrc(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0u8, |sum, &byte| sum.wrapping_add(byte)).wrapping_neg()
 }

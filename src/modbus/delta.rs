@@ -1,33 +1,33 @@
-//! The CRC of a frame whose unit id is changed while it passes, though nobody knows yet whether the frame is good.
+//! Corrects the CRC of a frame whose unit id is translated during cut-through, before the frame has been validated.
 //!
-//! A CRC computed anew would make a damaged frame a valid one. But CRCs are linear: that of a frame with another unit id
-//! differs from the old one by the CRC of the difference, which is `in ^ out` and zeros behind it, from a register that starts
-//! at zero. So what was valid stays valid, and what was damaged stays damaged by the same bits.
+//! Computing a new CRC would make a corrupt frame valid. But CRCs are linear: with another unit id, the CRC changes by the CRC of
+//! the difference, that is of `in ^ out` followed by zeros, with an initial register of zero. So a valid frame stays valid, and a
+//! corrupt one stays corrupt in the same bits.
 
 use crc::Digest;
 
 use super::crc::MODBUS;
 
-/// What the CRC of the characters so far changes by.
+/// The change of the CRC over the characters so far.
 #[derive(Clone)]
 pub struct CrcDelta(Digest<'static, u16>);
 
 impl CrcDelta {
-    /// Behind the unit id, which was `from` and is sent as `to`.
+    /// After the unit id, which is translated from `from` to `to`.
     pub fn new(from: u8, to: u8) -> Self {
         let mut register = MODBUS.digest_with_initial(0);
         register.update(&[from ^ to]);
         Self(register)
     }
 
-    /// `count` characters further, which are sent as they came.
+    /// After `count` more characters, which are sent unchanged.
     pub fn pass(&mut self, count: usize) {
         if !self.is_none() {
             (0..count).for_each(|_| self.0.update(&[0]));
         }
     }
 
-    /// Whether nothing changes: nothing will either.
+    /// Whether the CRC is unchanged, and stays so.
     fn is_none(&self) -> bool {
         self.0.clone().finalize() == 0
     }

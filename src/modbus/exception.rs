@@ -1,8 +1,8 @@
-//! Exceptions: the responses that say why there is no other one.
+//! Exceptions: responses that report why a request failed.
 
 use core::fmt;
 
-/// Set in the function code of a response that is an exception.
+/// Set in the function code of an exception.
 pub const EXCEPTION_BIT: u8 = 0x80;
 
 /// An exception code: a response, not an error (Application Protocol V1.1b3, clause 7).
@@ -12,22 +12,22 @@ pub struct Exception(pub u8);
 impl Exception {
     /// 01: the function is not allowed, or refused by policy.
     pub const ILLEGAL_FUNCTION: Self = Self(0x01);
-    /// 02: the device has no such address.
+    /// 02: the address does not exist in the device.
     pub const ILLEGAL_ADDRESS: Self = Self(0x02);
-    /// 03: a length, quantity or value that the function cannot have.
+    /// 03: an invalid length, quantity or value.
     pub const ILLEGAL_VALUE: Self = Self(0x03);
-    /// 04: the device failed while acting.
+    /// 04: the device failed during execution.
     pub const DEVICE_FAILURE: Self = Self(0x04);
-    /// 05: accepted, will take long.
+    /// 05: accepted, but execution takes long.
     pub const ACKNOWLEDGE: Self = Self(0x05);
-    /// 06: busy, ask again later.
+    /// 06: busy, try again later.
     pub const BUSY: Self = Self(0x06);
-    /// 0A: the gateway has no way to the unit.
+    /// 0A: the gateway has no path to the unit.
     pub const GATEWAY_NO_PATH: Self = Self(0x0A);
-    /// 0B: the unit gave no valid response.
+    /// 0B: no valid response from the unit.
     pub const GATEWAY_NO_RESPONSE: Self = Self(0x0B);
 
-    /// The response PDU that carries this exception as the response to `function`.
+    /// The PDU of this exception in response to `function`.
     pub const fn response(self, function: u8) -> [u8; 2] {
         [function | EXCEPTION_BIT, self.0]
     }

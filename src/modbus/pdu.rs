@@ -1,8 +1,8 @@
-//! The PDU that all framings share: what a request may look like, how long its response is, whether a response fits.
+//! The PDU, common to all framings: validity of requests, length of responses, and whether a response matches its request.
 //!
-//! All functions look at a PDU whose byte 0 is the function code. Nothing is kept between calls, and no function code
-//! is refused for being unknown: the gateway knows the public codes only to see a response's end early and to tell
-//! the right response from a wrong one. Clauses are those of the Application Protocol V1.1b3.
+//! Everything operates on PDUs, whose byte 0 is the function code. No state is kept, and no function code is refused as unknown:
+//! the public codes only serve to find the end of a response early and to check that it matches. Clauses are those of the
+//! Application Protocol V1.1b3.
 
 mod ahead;
 mod block;
@@ -20,11 +20,11 @@ pub(crate) use request::is_beyond_response;
 pub use request::{check_request, request_length};
 pub use response::{Misfit, ResponseLength, fits, response_length};
 
-/// The file record groups of a function 20 request: reference type, file, record, length in registers.
+/// A record group in a function 20 request: reference type, file, record, length in registers.
 const FILE_GROUP_BYTES: usize = 7;
 
-/// Length of the response to a function 20 request with these groups (clause 6.14), each with its own length and reference
-/// type in front; `None` when the groups are malformed or the response would fit no PDU.
+/// Length of the response to a function 20 request with these groups (clause 6.14), each with its own length and reference type;
+/// `None` when the groups are malformed or the response would not fit a PDU.
 fn file_response_length(groups: &[u8]) -> Option<usize> {
     let (groups, rest) = groups.as_chunks::<FILE_GROUP_BYTES>();
     if groups.is_empty() || !rest.is_empty() {

@@ -1,8 +1,8 @@
-//! RTU framing: unit, PDU, CRC, ended by silence; and the search for the response in what a line brings.
+//! RTU framing: unit, PDU, CRC, ended by silence; and the search for a response in the bytes received.
 //!
-//! A client calls [`response`] after every read with everything that came since its request left: a response whose length can
-//! be known ends the wait as soon as it is whole. When the line fell silent for t3.5 it calls
-//! [`response_at_silence`], which also sees responses whose end only the silence tells, and says what else came.
+//! A client calls [`response`] after every read, with all bytes since the request: a response whose length is known is complete
+//! at its last byte. When the line has been silent for t3.5 the client calls [`response_at_silence`], which also accepts
+//! responses that only silence ends, and classifies everything else.
 
 use super::crc::{MODBUS, crc16};
 use super::pdu::{EXCEPTION_BIT, Misfit, ResponseLength, fits, response_length};
@@ -17,10 +17,10 @@ pub const FRAME_BYTES_MAX: usize = 256;
 /// Shortest frame in bytes: unit, function code, CRC.
 pub const FRAME_BYTES_MIN: usize = 4;
 
-/// Bytes of a frame that are not the PDU's: unit and CRC.
+/// Bytes of a frame besides the PDU: unit and CRC.
 pub(crate) const OVERHEAD_BYTES: usize = FRAME_BYTES_MAX - PDU_BYTES_MAX;
 
-/// Why bytes are no frame.
+/// Why bytes are not a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum RtuError {
     /// Fewer bytes than a frame can have.
@@ -29,17 +29,17 @@ pub enum RtuError {
     /// More bytes than a frame can have.
     #[error("frame of {0} bytes, {FRAME_BYTES_MAX} at most")]
     Long(usize),
-    /// The frame was damaged.
+    /// The frame is corrupt.
     #[error("CRC {received:04X}h, computed {computed:04X}h")]
     Crc {
-        /// What the frame says.
+        /// The CRC received.
         received: u16,
-        /// What its bytes give.
+        /// The CRC of its bytes.
         computed: u16,
     },
 }
 
-/// Writes the frame of `unit` and `pdu` into `out` and gives the part that it takes.
+/// Encodes `unit` and `pdu` into `out` and returns the part used.
 pub fn encode<'a>(unit: u8, pdu: &[u8], out: &'a mut [u8; FRAME_BYTES_MAX]) -> Result<&'a [u8], PduLength> {
     let pdu = PduLength::check(pdu)?;
     let no_room = PduLength(pdu.len());
@@ -60,7 +60,7 @@ pub(crate) fn check(unit: u8, pdu: &[u8]) -> u16 {
     crc.finalize()
 }
 
-/// Unit and PDU of a whole frame.
+/// Unit and PDU of a complete frame.
 pub fn decode(frame: &[u8]) -> Result<(u8, &[u8]), RtuError> {
     if frame.len() > FRAME_BYTES_MAX {
         return Err(RtuError::Long(frame.len()));
@@ -79,7 +79,7 @@ pub fn decode(frame: &[u8]) -> Result<(u8, &[u8]), RtuError> {
     Ok((*unit, pdu))
 }
 
-/// Where the frame of `pdu`, a part of `received`, ends in that.
+/// The end of the frame of `pdu`, which is a slice of `received`.
 pub(crate) fn end_of(pdu: &[u8], received: &[u8]) -> usize {
     let before = pdu.as_ptr().addr() - received.as_ptr().addr();
     before + pdu.len() + OVERHEAD_BYTES - 1
@@ -88,40 +88,40 @@ pub(crate) fn end_of(pdu: &[u8], received: &[u8]) -> usize {
 /// What [`response`] found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Received<'a> {
-    /// The response PDU: unit, function, length and CRC are right, and it fits the request.
+    /// The response's PDU: unit, function, length and CRC are right, and it matches the request.
     Complete(&'a [u8]),
-    /// Nothing yet: read on, until the silence.
+    /// Nothing yet: read on, until silence.
     Partial,
 }
 
 /// What [`response_at_silence`] found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AtSilence<'a> {
-    /// The response PDU: the CRC is right, and it fits the request.
+    /// The response's PDU: the CRC is right, and it matches the request.
     Complete(&'a [u8]),
-    /// A good frame of another unit, with its PDU. The response is still awaited (Serial Line V1.02, clause 2.4.1).
+    /// A valid frame of another unit, with its PDU. The response is still expected (Serial Line V1.02, clause 2.4.1).
     WrongUnit(u8, &'a [u8]),
-    /// A good frame of our unit, with its PDU, that does not answer this request: perhaps a late response to an earlier one.
+    /// A valid frame of the unit, with its PDU, that does not match the request: perhaps a late response to an earlier one.
     Misfit(Misfit, &'a [u8]),
-    /// It begins as our response does, and its CRC is wrong: the response came, but damaged.
+    /// It begins like the response, but its CRC is wrong.
     Corrupt,
-    /// It begins as our response does, and its end is missing.
+    /// It begins like the response, but is truncated.
     Short,
     /// Anything else.
     Noise,
 }
 
-/// Looks for `unit`'s response to the PDU `request` in everything `received` since the request left.
+/// Searches all bytes `received` since the request for the response of `unit` to `request`.
 ///
-/// Bytes before and behind the response are skipped: drivers that switch the line make noise at both ends. The first place
-/// at which a response can begin is decisive until it has proved wrong, so that data which looks like a frame is
-/// not taken for one. Whatever is found in some bytes is also found in them with more behind: how a read cuts the
-/// stream makes no difference. The CRC is computed only where unit, function and length are right.
+/// Bytes before and after the response are skipped, as drivers make noise when they switch the line. The first position at which
+/// a response can begin has precedence until it has proved wrong, so that data that looks like a frame is not taken for one. The
+/// result does not depend on how reads split the bytes: what is found in some bytes is also found when more follow. The CRC is
+/// computed only where unit, function and length are right.
 pub fn response<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> Received<'a> {
     for start in starts(unit, request, received) {
         match candidate(request, start) {
             Candidate::Whole(frame) => {
-                if let Some(pdu) = answer(request, frame) {
+                if let Some(pdu) = matching_pdu(request, frame) {
                     return Received::Complete(pdu);
                 }
             }
@@ -132,10 +132,10 @@ pub fn response<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> Received<'a
     Received::Partial
 }
 
-/// Looks at everything `received` since the request left, when the line has fallen silent.
+/// Judges all bytes `received` since the request, when the line has fallen silent.
 ///
-/// A frame that takes all of it is judged first. Otherwise the response may stand among noise, as in [`response`]; one
-/// whose end only the silence tells must reach to the end.
+/// A frame that covers all bytes is judged first. Otherwise the response may be surrounded by noise, as in [`response`]; one that
+/// only silence ends must reach to the end.
 pub fn response_at_silence<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> AtSilence<'a> {
     if let Ok((from, pdu)) = decode(received) {
         return match fits(request, pdu) {
@@ -146,7 +146,7 @@ pub fn response_at_silence<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> 
     }
     for start in starts(unit, request, received) {
         let found = match candidate(request, start) {
-            Candidate::Whole(frame) | Candidate::Open(frame) => answer(request, frame),
+            Candidate::Whole(frame) | Candidate::Open(frame) => matching_pdu(request, frame),
             Candidate::Begun | Candidate::Impossible => None,
         };
         if let Some(pdu) = found {
@@ -161,7 +161,7 @@ pub fn response_at_silence<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> 
     }
 }
 
-/// The tails of `received` that begin with `unit` and the function of `request` or its exception.
+/// The suffixes of `received` that begin with `unit` and the function of `request` or its exception.
 fn starts<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
     let function = request.first().copied();
     let headers = received.windows(2).enumerate();
@@ -173,19 +173,19 @@ fn starts<'a>(unit: u8, request: &[u8], received: &'a [u8]) -> impl Iterator<Ite
     })
 }
 
-/// What the bytes from a possible start on can be.
+/// What the bytes from a possible start can be.
 enum Candidate<'a> {
-    /// A frame of the length that the response must have; what is behind it is cut off.
+    /// A frame of the expected length; bytes after it are cut off.
     Whole(&'a [u8]),
-    /// The beginning of a frame: its end is missing.
+    /// The beginning of a frame.
     Begun,
-    /// A frame whose end only the silence tells.
+    /// A frame that only silence ends.
     Open(&'a [u8]),
-    /// No frame: it would be longer than frames are.
+    /// No frame: it would be too long.
     Impossible,
 }
 
-/// Tells what `start`, which begins with the right unit and function, can be as far as its length goes.
+/// Classifies `start`, which begins with the right unit and function, by length.
 fn candidate<'a>(request: &[u8], start: &'a [u8]) -> Candidate<'a> {
     let frame_bytes = match response_length(request, start.get(1..).unwrap_or_default()) {
         ResponseLength::Known(length) if length > PDU_BYTES_MAX => return Candidate::Impossible,
@@ -197,8 +197,8 @@ fn candidate<'a>(request: &[u8], start: &'a [u8]) -> Candidate<'a> {
     start.get(..frame_bytes).map_or(Candidate::Begun, Candidate::Whole)
 }
 
-/// The PDU of `frame` when its CRC is right and it fits the request.
-fn answer<'a>(request: &[u8], frame: &'a [u8]) -> Option<&'a [u8]> {
+/// The PDU of `frame` if its CRC is right and it matches the request.
+fn matching_pdu<'a>(request: &[u8], frame: &'a [u8]) -> Option<&'a [u8]> {
     let (_, pdu) = decode(frame).ok()?;
     fits(request, pdu).is_ok().then_some(pdu)
 }

@@ -1,4 +1,4 @@
-//! Modbus TCP framing: the MBAP header in front of the PDU, cut out of a stream that has no frame borders.
+//! Modbus TCP framing: the MBAP header before the PDU, and how frames are split off a stream.
 //!
 //! Clauses are those of the Messaging on TCP/IP Implementation Guide V1.0b.
 
@@ -7,23 +7,23 @@ use super::PduLength;
 /// Longest frame in bytes (clause 3.1.3): header and [`PDU_BYTES_MAX`](super::PDU_BYTES_MAX).
 pub const ADU_BYTES_MAX: usize = 260;
 
-/// Bytes up to the length field's end; what it counts comes behind them.
+/// Bytes up to the end of the length field, which counts what follows.
 const PREFIX_BYTES: usize = 6;
-/// Bytes in front of the PDU.
+/// Bytes before the PDU.
 const HEADER_BYTES: usize = 7;
-/// What the length field may say: the unit, and a PDU of 1 to 253 bytes.
+/// Valid lengths: the unit, and a PDU of 1 to 253 bytes.
 const LENGTH: core::ops::RangeInclusive<u16> = 2..=254;
 
-/// The header's fields that differ from frame to frame; the response repeats the request's (clause 3.1.3).
+/// The variable header fields; the response repeats the request's (clause 3.1.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Header {
-    /// Pairs a response with its request.
+    /// Matches a response to its request.
     pub transaction: u16,
-    /// The unit behind the gateway, 255 or 0 for the TCP device itself.
+    /// The unit behind the gateway, or 255 or 0 for the TCP device itself.
     pub unit: u8,
 }
 
-/// What stands at the front of the bytes received so far.
+/// What is at the front of the bytes received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Parsed<'a> {
     /// The beginning of a frame: more bytes are needed.
@@ -34,28 +34,28 @@ pub enum Parsed<'a> {
         header: Header,
         /// Its PDU, 1 to 253 bytes.
         pdu: &'a [u8],
-        /// Bytes that the frame takes at the front of the buffer.
+        /// Bytes to consume.
         consumed: usize,
     },
-    /// A frame of another protocol: to be dropped without a response, the connection stays (clause 4.4.2.1).
+    /// A frame of another protocol: to be dropped without response, the connection stays open (clause 4.4.2.1).
     Skip {
-        /// Bytes that the frame takes at the front of the buffer.
+        /// Bytes to consume.
         consumed: usize,
     },
 }
 
-/// Why a stream cannot be followed any further; the connection is to be closed, since nothing marks the next frame.
+/// Why a stream cannot be followed any further: the connection must be closed, since nothing marks the next frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum MbapError {
-    /// The length field says so many bytes, and 2 to 254 are possible.
+    /// An invalid length field; 2 to 254 are valid.
     #[error("MBAP length {0}, not 2 to 254")]
     Length(u16),
 }
 
-/// Looks at the front of `buffer`, which holds what a stream brought and nobody consumed yet.
+/// Examines the front of `buffer`, the bytes not consumed yet.
 ///
-/// A buffer of [`ADU_BYTES_MAX`] bytes that is full never gives [`Parsed::Incomplete`]. A bad length is seen as soon as its
-/// two bytes are there.
+/// A full buffer of [`ADU_BYTES_MAX`] bytes never yields [`Parsed::Incomplete`]. An invalid length is detected as soon as its two
+/// bytes have arrived.
 pub fn parse(buffer: &[u8]) -> Result<Parsed<'_>, MbapError> {
     let [transaction_high, transaction_low, protocol_high, protocol_low, length_high, length_low, rest @ ..] =
         buffer
@@ -77,7 +77,7 @@ pub fn parse(buffer: &[u8]) -> Result<Parsed<'_>, MbapError> {
     Ok(Parsed::Frame { header: Header { transaction, unit: *unit }, pdu, consumed })
 }
 
-/// Writes the frame of `pdu` into `out` and gives the part that it takes.
+/// Encodes the frame of `pdu` into `out` and returns the part used.
 pub fn encode<'a>(
     header: Header,
     pdu: &[u8],

@@ -1,7 +1,7 @@
-//! The client side: a port takes requests from its queue and asks outside servers, on a serial line or by TCP.
+//! The client side: a port takes requests from its queue and sends them to outside servers, over a serial line or TCP.
 //!
-//! The `dispatcher` has what serial lines and connections have in common: the [`queue`] (who is served next), which [`servers`]
-//! are connected, which responses are in the [`cache`], which requests are [`pending`].
+//! The `dispatcher` holds what serial lines and TCP connections have in common: the [`queue`] (which request is served next), the
+//! [`servers`] and which of them are connected, the [`cache`] of responses, and the [`pending`] requests.
 
 pub mod cache;
 pub(crate) mod connection;

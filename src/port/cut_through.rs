@@ -1,7 +1,7 @@
-//! Frames that are passed on while they arrive, from one serial line to another.
+//! Cut-through: frames forwarded from one serial line to another while they are still arriving.
 //!
-//! [`timing`] says when the copy of a frame may begin; `ingress` hears the request, `egress` sends what is there, `response`
-//! takes the response the same way back.
+//! [`timing`] computes when forwarding may begin; `ingress` fills the frame at the receiving line, `egress` sends it at the
+//! other, and `response` forwards the response in the opposite direction.
 
 pub(crate) mod egress;
 pub(crate) mod ingress;

@@ -1,8 +1,8 @@
-//! An open serial line: what is heard is gathered, with the time of the last activity; what is sent is timed.
+//! An open serial line: collects received bytes and the time of the last activity, and times what is sent.
 //!
-//! The time that a frame spends on the wire is computed, not waited for, unless the gateway itself must switch the
-//! transceiver's driver off behind it. An adapter that hears itself gives its own frame back first: that echo is compared
-//! and dropped.
+//! The time a frame spends on the wire is computed rather than waited for, unless the gateway itself must switch off the
+//! transceiver's driver after it. An adapter that receives its own transmission delivers that echo first; it is compared and
+//! dropped.
 
 use core::pin::pin;
 
@@ -20,36 +20,36 @@ pub mod sniffer;
 
 pub(crate) use opening::Opening;
 
-/// Bytes that may be heard and not yet understood: a frame, and as much noise again, or half of it with the feature `small`.
+/// Receive buffer: a frame and as much noise again, or half as much with the feature `small`.
 const RECEIVE_BYTES_MAX: usize =
     if cfg!(feature = "small") { rtu::FRAME_BYTES_MAX * 3 / 2 } else { rtu::FRAME_BYTES_MAX * 2 };
-/// A line that takes no bytes for so long beyond their time on the wire is lost.
+/// A line that accepts no bytes for this long beyond their time on the wire is lost.
 const STUCK: Duration = Duration::from_secs(2);
-/// The line is gone and must be opened again.
+/// The line is gone and must be reopened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct LineLost;
 
-/// The echo of a frame was not the frame: somebody else was sending.
+/// The echo differs from the frame sent: somebody else was sending too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Collision;
 
-/// An open line, its timing, and what was heard on it.
+/// An open line, its timing, and the bytes received on it.
 pub(crate) struct Line<'s, L> {
     io: L,
     pub(crate) settings: &'s LineSettings,
-    /// How late a read may be behind the wire, on this board.
+    /// How far reads may lag behind the wire on this board.
     pub(crate) jitter: Duration,
     pub(crate) stats: &'s Counters,
-    /// The last activity that is known of, by anybody.
+    /// The last known activity, by anybody.
     pub(crate) active: Instant,
     received: [u8; RECEIVE_BYTES_MAX],
     length: usize,
-    /// What the receiver found wrong with that.
+    /// Errors the receiver reported for the received bytes.
     flaws: Flaws,
-    /// When what was heard began, and the silence before it.
+    /// When the received bytes began, and the silence before them.
     begun: Instant,
     pause: Duration,
-    /// Since when characters have been sent without a pause, and how many.
+    /// Start and length of the current run of characters sent without a pause.
     run: (Instant, usize),
 }
 
@@ -71,28 +71,28 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
     }
 
-    /// What was heard and not consumed.
-    pub(crate) fn heard(&self) -> &[u8] {
+    /// Bytes received and not consumed.
+    pub(crate) fn received(&self) -> &[u8] {
         self.received.get(..self.length).unwrap_or(&[])
     }
 
-    /// When what was heard began, as its length and the last character's arrival tell. Behind a PTY, which has no speed,
-    /// that may seem to be before the clock began.
+    /// When the received bytes began, computed from their number and the arrival of the last one. On a PTY, which has no speed,
+    /// that may precede the start of the clock.
     pub(crate) fn begun(&self) -> Instant {
         self.begun
     }
 
-    /// The silence before what was heard.
+    /// The silence before the received bytes.
     pub(crate) fn pause(&self) -> Duration {
         self.pause
     }
 
-    /// Whether that is more than an RTU frame may have inside.
+    /// Whether that silence is longer than any allowed inside an RTU frame.
     pub(crate) fn pauses(&self) -> bool {
         self.pause > self.settings.t1_5() + self.jitter
     }
 
-    /// Drops the first `count` bytes of what was heard.
+    /// Drops the first `count` received bytes.
     pub(crate) fn consume(&mut self, count: usize) {
         let count = count.min(self.length);
         if count == 0 {
@@ -104,13 +104,13 @@ impl<'s, L: SerialLine> Line<'s, L> {
         self.length -= count;
     }
 
-    /// Drops what was heard.
+    /// Drops the received bytes.
     pub(crate) fn clear(&mut self) {
         self.length = 0;
         self.flaws = Flaws::default();
     }
 
-    /// Why what was heard is not what was sent, if the receiver has seen that.
+    /// The receiver's explanation for corrupt bytes, if it has one.
     pub(crate) fn flaw(&self) -> Option<Event> {
         match self.flaws {
             Flaws { framing: 0, parity: 0, .. } => None,
@@ -119,7 +119,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
     }
 
-    /// Notes the characters that the receiver found faulty.
+    /// Counts the characters that the receiver found faulty.
     fn note_flaws(&mut self) {
         let flaws = self.io.take_flaws();
         if flaws == Flaws::default() {
@@ -138,8 +138,8 @@ impl<'s, L: SerialLine> Line<'s, L> {
         self.active + self.settings.gap()
     }
 
-    /// When a `silence` may have told that nothing more comes. While the board passes on what comes, it watches the silence, and lets us
-    /// read when it has come; unless nothing has come since it began, which was no later than a silence ago: that is to be looked for.
+    /// When `silence` after the last byte may be over. While the board relays, it watches for the silence and wakes the reader
+    /// then, except for a silence that began before the relay did: that one is timed here.
     pub(crate) fn quiet_at(&self, silence: Duration) -> Instant {
         let end = self.active + silence;
         match self.is_relayed() {
@@ -149,10 +149,10 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
     }
 
-    /// Reads what is there behind what was heard already.
+    /// Reads what is available and appends it.
     pub(crate) async fn read(&mut self) -> Result<(), LineLost> {
         if self.length >= rtu::FRAME_BYTES_MAX {
-            // Nobody talks that long: keep the newest part, in which a response may be.
+            // Longer than any frame: keep the newest part, which may contain a response.
             self.consume(self.length - rtu::FRAME_BYTES_MAX / 2);
         }
         match self.io.read(self.received.get_mut(self.length..).unwrap_or(&mut [])).await {
@@ -167,7 +167,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
                     self.begun = begun;
                     self.pause = begun.saturating_duration_since(before);
                 }
-                // A read can be late, and make a beginning seem late, but not early: the earliest is the best to go by.
+                // A late read makes the begin seem late, never early, so the earliest estimate is best.
                 self.begun = self.begun.min(begun);
                 self.length += count;
                 Ok(())
@@ -175,13 +175,13 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
     }
 
-    /// Lets characters gather until `until`, where the board likes that better than to read each as it comes. Says whether that
-    /// time has passed; nobody has looked at the line meanwhile.
+    /// Lets characters accumulate until `until`, where the board prefers that to reading each one. Returns whether that time has
+    /// passed without a read.
     pub(crate) fn rest(&mut self, until: Instant) -> impl Future<Output = bool> {
         self.io.rest(until)
     }
 
-    /// Sends `frame`; what was heard before is dropped. The line counts as active until its last bit has left.
+    /// Sends `frame`; bytes received before are dropped. The line counts as active until the last bit has left.
     pub(crate) async fn send(&mut self, frame: &[u8]) -> Result<Result<(), Collision>, LineLost> {
         self.clear();
         let switched = self.settings.driver == Driver::Rts;
@@ -196,7 +196,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
             _ => return Err(LineLost),
         }
         if switched {
-            // Not before the last stop bit has left: a receiver would take its end for a break.
+            // Not before the last stop bit has left, or receivers see a break.
             Timer::at(end + self.settings.driver_after).await;
             self.drive(false).await?;
         }
@@ -204,7 +204,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
         if self.settings.echo { self.take_echo(frame).await } else { Ok(Ok(())) }
     }
 
-    /// Begins a frame whose characters follow by [`Line::feed`]; what was heard before is dropped.
+    /// Begins a frame whose characters follow by [`Line::feed`]; bytes received before are dropped.
     pub(crate) fn begin(&mut self) {
         self.clear();
         self.run = (Instant::now(), 0);
@@ -226,12 +226,12 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
     }
 
-    /// Lets the board send more characters of a frame, those that the line `from` is about to hear. Says whether it does.
+    /// Lets the board relay more characters of a frame, as they arrive on the line `from`; returns whether it does.
     pub(crate) fn relay(&mut self, from: &str, relay: Relay) -> bool {
         self.io.relay(from, relay)
     }
 
-    /// Ends that, and gives the number of characters that were sent since `begun`.
+    /// Ends the relay; returns the number of characters sent since `begun`.
     pub(crate) fn end_relay(&mut self, begun: &Relay) -> usize {
         let count = self.io.end_relay().map_or(0, |relay| relay.sent_since(begun));
         self.run.1 += count;
@@ -244,8 +244,8 @@ impl<'s, L: SerialLine> Line<'s, L> {
         count
     }
 
-    /// Whether the board is sending at another line what this one hears: then it watches the silence here, and `read` gives
-    /// what has come when that is over, if anything has.
+    /// Whether the board is relaying what this line receives: then it watches for silence here, and `read` returns what has
+    /// arrived once the line is silent.
     pub(crate) fn is_relayed(&self) -> bool {
         self.io.is_relayed()
     }
@@ -257,7 +257,7 @@ impl<'s, L: SerialLine> Line<'s, L> {
         }
     }
 
-    /// Takes the echo of `frame` off what is heard.
+    /// Removes the echo of `frame` from the received bytes.
     async fn take_echo(&mut self, frame: &[u8]) -> Result<Result<(), Collision>, LineLost> {
         let sent = self.active;
         let until = sent + self.settings.gap() + self.jitter;
@@ -267,16 +267,16 @@ impl<'s, L: SerialLine> Line<'s, L> {
                 Ok(read) => read?,
                 Err(TimeoutError) => break,
             }
-            let heard = self.heard();
-            let same = heard.iter().zip(missing).take_while(|(heard, sent)| heard == sent).count();
-            if same < heard.len().min(missing.len()) {
+            let received = self.received();
+            let same = received.iter().zip(missing).take_while(|(received, sent)| received == sent).count();
+            if same < received.len().min(missing.len()) {
                 break;
             }
             echoed += same;
             self.consume(same);
         }
         if echoed == frame.len() {
-            // The echo is the gateway's own activity, which may be read later than it was.
+            // The echo is the gateway's own activity and may be read late, so its read time does not count.
             self.active = if self.length == 0 { sent } else { self.active };
             return Ok(Ok(()));
         }

@@ -1,9 +1,9 @@
-//! The gateway's own unit: answers what a rule sends to `local`.
+//! The gateway's own unit: responds to what a rule sends to `local`.
 //!
-//! Diagnostics (FC 08) and the communication event functions (0B, 0C) speak of the port that the request came by; FC 11h and the
-//! device identification (2Bh/0Eh) say what the gateway is. Where points are `local`, it has them in its tables (FC 01 to
-//! 06, 15, 16); behind them are registers with the state of everything ([`table`]), the EtherCAT process image among it, and
-//! those that start something with points ([`points`]). All else is answered 01h.
+//! Diagnostics (FC 08) and the communication event functions (0B, 0C) report on the port that the request came by; FC 11h and
+//! device identification (2Bh/0Eh) describe the gateway. Points marked `local` are in its tables (FC 01 to 06, 15, 16), followed
+//! by registers with the state of the gateway ([`table`]), which include the EtherCAT process image, and registers that operate
+//! data points ([`points`]). Everything else gets 01h.
 
 use embassy_time::Instant;
 
@@ -31,8 +31,8 @@ const RUNNING: u8 = 0xff;
 /// The gateway's name in FC 11h.
 const SERVER_ID: &[u8] = concat!("mobgate ", env!("CARGO_PKG_VERSION")).as_bytes();
 
-/// Answers `frame` and sends it home.
-// Not a part of the routing task's code: it is a port like the others, which happens to have no task.
+/// Responds to `frame` and returns it to the router.
+// Kept out of the routing task's code: it is a port like the others, though without a task.
 #[inline(never)]
 pub(crate) fn respond(gateway: &Gateway<'_>, frame: Frame<'_>) {
     let request = &frame.content();
@@ -47,7 +47,7 @@ pub(crate) fn respond(gateway: &Gateway<'_>, frame: Frame<'_>) {
     gateway.events(|events| events.note(request, envelope.unit == 0, answered));
     match answered {
         Ok(()) => {
-            // It is no longer than a PDU may be.
+            // Fits: no longer than a PDU may be.
             let _ = frame.replace(&response);
             gateway.answered(frame);
         }
@@ -58,11 +58,11 @@ pub(crate) fn respond(gateway: &Gateway<'_>, frame: Frame<'_>) {
 /// Writes the response to `request`.
 fn by_function(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8], response: &mut Pdu) -> Answered {
     match *request {
-        // A character that is part of frames cannot end them.
+        // A character used inside frames cannot end them.
         [DIAGNOSTICS, 0, 3, b'0'..=b'9' | b'A'..=b'F' | b':' | b'\r', 0] if on_ascii(gateway, envelope) => {
             Err(Exception::ILLEGAL_VALUE)
         }
-        // The port that the request came by changes the character, behind this response.
+        // The serial port changes the character itself, after sending this response.
         [DIAGNOSTICS, 0, 3, _, 0] if on_ascii(gateway, envelope) => put(response, &[request]),
         [DIAGNOSTICS, high, low, ref data @ ..] => diagnostics::respond(
             gateway,
@@ -86,7 +86,7 @@ fn by_function(gateway: &Gateway<'_>, envelope: &Envelope, request: &[u8], respo
     }
 }
 
-/// What the local points say to `request`, and behind them the table of the gateway's state.
+/// Reads and writes of the local points, and of the table of the gateway's state behind them.
 fn from_tables(gateway: &Gateway<'_>, request: &[u8], response: &mut Pdu) -> Answered {
     match from_points(gateway, request) {
         Ok(of_points) => put(response, &[&of_points]),

@@ -1,10 +1,10 @@
-//! What stands for the scanner's port in a gateway that asks nothing by itself: without the feature `points`.
+//! Stands in for the scanner's port without the feature `points`.
 
 use crate::fieldbus::EthercatState;
 use crate::gateway::{Gateway, PortState};
 use crate::settings::PortId;
 
-/// There is nothing to ask for. Settings with such a port are refused before.
+/// Never used: settings with such a port are refused.
 pub(crate) fn run(
     _: &Gateway<'_>,
     port_state: &PortState,

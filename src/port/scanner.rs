@@ -1,8 +1,8 @@
-//! The scanner's port: sends what the data points ask for through the router, by the rules for its name, and gives the scanner
-//! what comes home.
+//! The scanner's port: sends the requests of the data points through the router, by the rules for its name, and passes the
+//! responses to the scanner.
 //!
-//! One request is open for each device at most, and its place among the devices is its transaction id. The scanner repeats
-//! and backs off by itself: no port repeats its requests, and its attempt at a unit that is down is the unit's probe.
+//! At most one request per device is in flight; the device's index is its transaction id. The scanner repeats and backs off on
+//! its own: ports do not repeat its requests, and its attempt at a unit that is down serves as the probe.
 
 use core::future::pending;
 
@@ -18,27 +18,27 @@ use crate::scanner::{DEVICES_MAX, DeviceId, ErrorCode, Pdu, ScannerState};
 use crate::settings::PortId;
 use crate::stats::Event;
 
-/// A request that no port has sent by then is not sent any more: what it would write may be old.
+/// Requests still unsent after this are dropped: a value to write may be out of date.
 const LIFETIME: Duration = Duration::from_secs(10);
-/// When no frame is free, it is tried again after this pause.
+/// Pause before trying again when no frame is free.
 const STARVED: Duration = Duration::from_millis(10);
 
-/// The transaction id of a MainDevice's own request.
+/// Transaction id of a MainDevice's own request.
 const REQUEST: u16 = DEVICES_MAX as u16;
 
-/// A scanner's port.
+/// The port of a scanner.
 struct Port<'s, 'g> {
     gateway: &'s Gateway<'g>,
     port_state: &'s PortState,
     id: PortId,
     scanner: &'s ScannerState,
-    /// The MainDevice whose devices these are, at the EtherCAT port; it asks something besides.
+    /// The EtherCAT port's MainDevice that owns these devices, and sends requests of its own.
     ethercat: Option<&'s EthercatState>,
-    /// What it shows while it runs.
+    /// Status while running.
     status: Status,
 }
 
-/// Asks for what the data points want, or the MainDevice behind `ethercat`, until the port is set anew.
+/// Runs the requests of the data points, or of the MainDevice behind `ethercat`, until the port is reconfigured.
 pub(crate) async fn run(
     gateway: &Gateway<'_>,
     port_state: &PortState,
@@ -56,18 +56,18 @@ pub(crate) async fn run(
             None => pending().await,
         }
     };
-    // First of all: answers that come now may be for devices of before.
+    // Polled first: a response that arrives now may belong to a device of the previous settings.
     select(port_state.changed.wait(), select(renewed, port.run())).await;
     port.close();
 }
 
 impl Port<'_, '_> {
-    /// What a MainDevice asks by itself.
+    /// The MainDevice's own requests.
     fn requests(&self) -> Option<&Requests> {
         self.ethercat.map(EthercatState::requests)
     }
 
-    /// Asks the devices, for ever.
+    /// Polls the devices, for ever.
     async fn run(&self) {
         self.port_state.set_status(self.status);
         loop {
@@ -85,7 +85,7 @@ impl Port<'_, '_> {
         }
     }
 
-    /// Answers that are there or still come are of no use: what was open is asked again.
+    /// Responses that arrive from now on are useless: pending requests are repeated.
     fn close(&self) {
         self.port_state.renew();
         while self.port_state.queue.try_receive(self.gateway.pool()).is_some() {}
@@ -93,7 +93,7 @@ impl Port<'_, '_> {
         self.requests().into_iter().for_each(Requests::lost);
     }
 
-    /// Waits for a request of a MainDevice.
+    /// Waits for a request from the MainDevice.
     async fn asked(&self) {
         match self.requests() {
             Some(requests) => requests.asked().await,
@@ -101,7 +101,7 @@ impl Port<'_, '_> {
         }
     }
 
-    /// Sends all that may be sent now; says whether there were frames enough.
+    /// Sends everything that may be sent now; returns whether there were enough frames.
     fn send(&self) -> bool {
         loop {
             let now = Instant::now();
@@ -111,7 +111,7 @@ impl Port<'_, '_> {
             }
             let Some((mut writer, frame)) = self.gateway.take_for_port(self.id) else { return false };
             let Some((transaction, unit, pdu)) = self.next(now) else { return true };
-            // A PDU fits.
+            // Fits: it is a PDU.
             let _ = writer.push(&pdu);
             writer.finish();
             let origin =
@@ -126,7 +126,7 @@ impl Port<'_, '_> {
         }
     }
 
-    /// What is to be asked next: the request's transaction id, unit and PDU.
+    /// The next request: transaction id, unit and PDU.
     fn next(&self, now: Instant) -> Option<(u16, u8, Pdu)> {
         if let Some((unit, pdu)) = self.requests().and_then(Requests::take) {
             return Some((REQUEST, unit, pdu));
@@ -135,7 +135,7 @@ impl Port<'_, '_> {
         Some((request.device.0.into(), request.unit, request.pdu))
     }
 
-    /// Gives whoever asked what came of a request.
+    /// Passes the outcome of a request to whoever sent it.
     fn take(&self, frame: &Frame<'_>) {
         let Envelope { transaction, stage, cause, .. } = frame.envelope();
         let device = DeviceId(transaction as u8);
@@ -150,7 +150,7 @@ impl Port<'_, '_> {
                 && transaction != REQUEST
                 && Exception(*code) != Exception::GATEWAY_NO_PATH
             {
-                // Whoever refused it has counted that.
+                // Already counted by the port that refused it.
                 return self.scanner.with(|scanner| scanner.refused(device, now, Exception(*code)));
             }
             let outcome = match *pdu {
@@ -166,7 +166,7 @@ impl Port<'_, '_> {
                 Ok(_) => self.port_state.stats.count(Event::Response),
                 Err(ErrorCode::Timeout) => self.port_state.stats.count(Event::Timeout),
                 Err(ErrorCode::Transmission) => self.port_state.stats.count(Event::Corrupt),
-                // Whoever had no way has counted that.
+                // Already counted by the router.
                 Err(_) => {}
             }
             match self.requests() {
@@ -177,7 +177,7 @@ impl Port<'_, '_> {
         frame.pdu(response);
     }
 
-    /// Gives the scanner what came of a request, and has a MainDevice told what that says of the device.
+    /// Passes the outcome of a request to the scanner, and its consequence for the device to the MainDevice.
     fn answered(&self, device: DeviceId, now: Instant, outcome: Result<&[u8], ErrorCode>) {
         let (before, after) = self.scanner.with(|scanner| {
             let before = scanner.device_status(device, now);

@@ -1,4 +1,4 @@
-//! The server side: outside clients ask, by TCP, by UDP or on a serial line, and get their responses.
+//! The server side: outside clients send requests by TCP, UDP or a serial line, and get responses.
 
 pub(crate) mod listening;
 pub(crate) mod serial;

@@ -1,4 +1,4 @@
-//! What a client sends over TCP, gathered and cut into requests: Modbus TCP, or RTU over TCP.
+//! Byte streams over TCP: splits what a client sends into requests, and encodes responses, by Modbus TCP or RTU over TCP.
 
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
@@ -9,15 +9,15 @@ use crate::modbus::tcp::{self, ADU_BYTES_MAX, Header, MbapError, Parsed};
 use crate::settings::StreamFraming;
 use crate::stats::Event;
 
-/// A pause that ends a frame of RTU over TCP whose length its function does not tell. A stream has no silences of its own:
-/// this is what a serial device server takes to send the rest of a frame, and a network to carry it.
+/// The pause that ends an RTU frame over TCP whose function does not give a length. A stream has no silences; this is enough for
+/// a serial device server to send the rest of a frame, and for a network to deliver it.
 pub(crate) const RTU_PAUSE: Duration = Duration::from_millis(100);
 
-/// Bytes of a frame that a connection is given at a time: all of them, or with the feature `small` some, so that a future need
-/// not keep them all. A small board's network sends no piece by itself, but when its task's turn comes, whatever is there.
+/// Bytes of a frame written to a connection at a time: all, or with the feature `small` a part, to keep futures small. On a small
+/// board, pieces still leave in one segment: its network stack sends when its task runs, not at each write.
 const PIECE_BYTES: usize = if cfg!(feature = "small") { 64 } else { ADU_BYTES_MAX };
 
-/// A frame on its way out.
+/// An outgoing frame, encoded piece by piece.
 pub(crate) struct Pieces {
     piece: Vec<u8, PIECE_BYTES>,
     given: usize,
@@ -29,13 +29,12 @@ impl Pieces {
         Self { piece: Vec::new(), given: 0 }
     }
 
-    /// Whether nothing has been taken yet.
+    /// Whether no piece has been taken yet.
     pub(crate) fn is_new(&self) -> bool {
         self.given == 0
     }
 
-    /// Takes the next piece of the frame of `pdu`, all pieces before which have been given. Before the first one the whole frame
-    /// `begins`.
+    /// Encodes the next piece of the frame of `pdu`. The first call also passes the whole frame to `begins`.
     pub(crate) fn take(
         &mut self,
         framing: StreamFraming,
@@ -50,7 +49,7 @@ impl Pieces {
         }
         let rest = frame.get(self.given..).unwrap_or(&[]);
         self.piece.clear();
-        // It is no longer than a piece may be.
+        // Fits: sized for a piece.
         let _ = self.piece.extend_from_slice(rest.get(..PIECE_BYTES).unwrap_or(rest));
         self.given += self.piece.len();
     }
@@ -66,22 +65,22 @@ impl Pieces {
     }
 }
 
-/// Bytes that came and are not consumed yet.
+/// Received bytes that have not been consumed.
 pub(crate) struct Input {
     framing: StreamFraming,
     bytes: [u8; ADU_BYTES_MAX],
     length: usize,
-    /// When the last of them came.
-    heard: Instant,
+    /// When the last bytes arrived.
+    received_at: Instant,
 }
 
 impl Input {
     /// Nothing came yet.
     pub(crate) const fn new(framing: StreamFraming) -> Self {
-        Self { framing, bytes: [0; ADU_BYTES_MAX], length: 0, heard: Instant::MIN }
+        Self { framing, bytes: [0; ADU_BYTES_MAX], length: 0, received_at: Instant::MIN }
     }
 
-    /// What stands at the front, or why the stream cannot be followed any further. RTU has no transaction id: it is 0.
+    /// The frame at the front, or why the stream cannot be followed. RTU has no transaction id, so it is 0.
     pub(crate) fn front(&self) -> Result<Parsed<'_>, MbapError> {
         let received = self.bytes.get(..self.length).unwrap_or(&[]);
         if self.framing == StreamFraming::Mbap {
@@ -105,7 +104,7 @@ impl Input {
         self.bytes.get(..count.min(self.length)).unwrap_or(&[])
     }
 
-    /// What is counted for bytes that are skipped.
+    /// The event to count for skipped bytes.
     pub(crate) fn skip_event(&self) -> Event {
         match self.framing {
             StreamFraming::Mbap => Event::Malformed,
@@ -113,7 +112,7 @@ impl Input {
         }
     }
 
-    /// Drops so many bytes at the front.
+    /// Drops `count` bytes at the front.
     pub(crate) fn consume(&mut self, count: usize) {
         self.bytes.copy_within(count.min(self.length)..self.length, 0);
         self.length = self.length.saturating_sub(count);
@@ -124,23 +123,23 @@ impl Input {
         self.length == 0
     }
 
-    /// Room for more.
+    /// Free space for reading.
     pub(crate) fn space(&mut self) -> &mut [u8] {
         self.bytes.get_mut(self.length..).unwrap_or(&mut [])
     }
 
-    /// So many bytes were put into the space.
+    /// `count` bytes were read into the free space.
     pub(crate) fn grew(&mut self, count: usize) {
         self.length += count;
         if self.framing == StreamFraming::Rtu {
-            self.heard = Instant::now();
+            self.received_at = Instant::now();
         }
     }
 
-    /// When what is there is to be looked at again if nothing else comes.
+    /// When to examine the bytes again if nothing else arrives.
     pub(crate) fn pause_end(&self) -> Instant {
         let waits = self.framing == StreamFraming::Rtu && self.length > 0;
-        if waits { self.heard + RTU_PAUSE } else { Instant::MAX }
+        if waits { self.received_at + RTU_PAUSE } else { Instant::MAX }
     }
 
     fn is_over(&self) -> bool {
@@ -148,7 +147,7 @@ impl Input {
     }
 }
 
-/// Writes the frame of a response into `out` and gives the part that it takes.
+/// Encodes a response into `out` and returns the bytes used.
 fn encode<'a>(
     framing: StreamFraming,
     header: Header,
@@ -159,7 +158,7 @@ fn encode<'a>(
         StreamFraming::Mbap => tcp::encode(header, response, out),
         StreamFraming::Rtu | StreamFraming::Capture => match out.first_chunk_mut() {
             Some(out) => rtu::encode(header.unit, response, out),
-            // An RTU frame is shorter than a TCP frame can be.
+            // An RTU frame is shorter than the longest TCP frame.
             None => Ok(&[]),
         },
     }

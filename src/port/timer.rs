@@ -1,7 +1,7 @@
-//! Waiting for a moment, where that is done for each transaction.
+//! Timers for the transaction path.
 //!
-//! A [`Timer`](embassy_time::Timer) leaves its time with the clock's driver and looks at it when it is polled again. Here a
-//! moment that has passed is over at once, and where there is nothing to wait for the clock is not looked at.
+//! A [`Timer`](embassy_time::Timer) always registers with the clock's driver and checks the time when polled again. These
+//! complete at once if the time has passed, and leave the clock alone if there is nothing to wait for.
 
 use core::pin::Pin;
 use core::task::{Context, Poll};
@@ -9,7 +9,7 @@ use core::task::{Context, Poll};
 use embassy_time::{Duration, Instant};
 use embassy_time_driver::schedule_wake;
 
-/// Waits for the moment `at`; [`Instant::MAX`] never comes.
+/// Waits until `at`; [`Instant::MAX`] is never.
 pub(crate) fn until(at: Instant) -> Until {
     Until(at)
 }
@@ -33,7 +33,7 @@ impl Future for Until {
     }
 }
 
-/// What `future` gives, unless it has to wait and that takes longer than `patience`.
+/// The output of `future`, unless it is pending for longer than `patience`.
 pub(crate) fn within<F: Future + Unpin>(patience: Duration, future: F) -> Within<F> {
     Within { patience, future, end: None }
 }
@@ -43,7 +43,7 @@ pub(crate) fn within<F: Future + Unpin>(patience: Duration, future: F) -> Within
 pub(crate) struct Within<F> {
     patience: Duration,
     future: F,
-    /// When patience ends, once there is something to wait for.
+    /// When patience ends; set once there is something to wait for.
     end: Option<Until>,
 }
 
@@ -60,11 +60,10 @@ impl<F: Future + Unpin> Future for Within<F> {
     }
 }
 
-/// Polls `future` by code of its own, which does not become a part of whoever waits for it.
+/// Polls `future` in a function that is not inlined into the caller.
 ///
-/// A future that contains many others is one large memory, and one function that finds everything in it by its distance from
-/// the beginning. On a Cortex-M a part with much code is shorter, and takes fewer instructions, when it counts from its own
-/// beginning.
+/// A future that contains many others is one large object, accessed by offsets from its start. On a Cortex-M, code that uses a
+/// large part of it is shorter and faster with that part's own base address.
 pub(crate) fn outlined<F: Future>(future: Pin<&mut F>) -> Outlined<'_, F> {
     Outlined(future)
 }

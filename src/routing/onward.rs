@@ -1,4 +1,4 @@
-//! Where a request that is still arriving at a serial line may be passed on to, as far as its beginning tells.
+//! Cut-through decision: where a request that is still arriving at a serial line may be forwarded to, judging by its beginning.
 
 use crate::modbus::pdu::addresses_end;
 use crate::modbus::pdu::function::ENCAPSULATED_INTERFACE;
@@ -7,19 +7,19 @@ use crate::settings::{
     Cut, Destination, Driver, Lane, Policy, PortId, PortKind, SerialSettings, Settings, Special,
 };
 
-/// What becomes of a request that is arriving.
+/// What to do with a request that is still arriving.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Onward {
-    /// It is passed on when it is whole, if at all.
+    /// Forward it once it is complete, if at all.
     Whole,
-    /// The rule has to see more of it.
+    /// More of it is needed to decide.
     Later,
-    /// It may be passed on to this line.
+    /// It may be cut through to this line.
     To(Lane),
 }
 
-/// What becomes of the request for `unit` that is arriving at `source`, of which `so_far` is there behind the unit.
-/// `auto`: whether the board's transmitters cannot underrun.
+/// Decides for a request for `unit` arriving at `source`, with `so_far` received after the unit. `auto`: whether the board's
+/// transmitters never underrun.
 pub fn onward(settings: &Settings, source: PortId, unit: u8, so_far: &[u8], auto: bool) -> Onward {
     let unit = match meaning(settings, source, unit) {
         Special::Rules => unit,
@@ -35,22 +35,22 @@ pub fn onward(settings: &Settings, source: PortId, unit: u8, so_far: &[u8], auto
         Cut::On => true,
         Cut::Off => false,
     };
-    // What goes to everybody is checked first.
+    // Broadcasts are checked first.
     let to_one = rule.tag.apply(unit).is_some_and(|unit| unit != 0);
     match (lines, needed(&rule.policy, so_far)) {
         (Some(line), Some(needed)) if allowed && to_one => {
             if so_far.len() < needed {
                 return Onward::Later;
             }
-            // What is refused is refused when it is whole.
+            // A refusal needs the complete request.
             if rule.policy.admit(so_far).is_ok() { Onward::To(line) } else { Onward::Whole }
         }
         _ => Onward::Whole,
     }
 }
 
-/// The settings of a line on which frames may be passed on while they arrive: an adapter that hears itself, or whose driver
-/// is switched by the gateway, wants whole frames.
+/// The settings of a line that can send frames while they arrive. A line with an echo, or whose driver is switched by the
+/// gateway, needs complete frames.
 fn passing_line(kind: &PortKind) -> Option<Lane> {
     match kind {
         PortKind::Serial(serial @ SerialSettings { line, .. })
@@ -62,7 +62,7 @@ fn passing_line(kind: &PortKind) -> Option<Lane> {
     }
 }
 
-/// How many bytes of the PDU `policy` must see to decide; none when it must see all of them.
+/// How many bytes of the PDU `policy` needs to decide; none if it needs all.
 fn needed(policy: &Policy, so_far: &[u8]) -> Option<usize> {
     match so_far.first() {
         _ if policy.looks_at_nothing() => Some(0),

@@ -1,6 +1,6 @@
 //! The order of a value's bytes in two registers.
 
-/// In which order the four bytes of a value of 32 bits come from a device; byte 0 is the highest.
+/// The order in which a device sends the four bytes of a 32-bit value; byte 0 is the highest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ByteOrder {
     /// High word first, high byte first.
@@ -15,7 +15,7 @@ pub enum ByteOrder {
 }
 
 impl ByteOrder {
-    /// Turns values of 32 bits from a device's order into 0123, or back: each order is its own inverse.
+    /// Converts 32-bit values from a device's order to 0123, or back: each order is its own inverse.
     pub fn turn(self, values: &mut [u8]) {
         for value in values.as_chunks_mut::<4>().0 {
             let [a, b, c, d] = *value;

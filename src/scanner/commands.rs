@@ -1,4 +1,4 @@
-//! What a program may ask of rows: their values and status, reading and writing at once, and safe writes.
+//! Commands on rows: their values and status, immediate reads and writes, and safe writes.
 
 use embassy_time::{Duration, Instant};
 
@@ -9,7 +9,7 @@ use super::row::{DeviceId, Entry, Row, RowId, Writing};
 use super::station::{Device, DeviceStatus};
 use super::status::Status;
 
-/// Why something cannot be done with a row.
+/// Why a command cannot be executed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
     /// There is no such row, or not so many cells.
@@ -21,8 +21,8 @@ pub enum Refused {
     /// The row has no device.
     #[error("no device is read for it")]
     NoDevice,
-    /// The device does not answer, and is left alone for a time: what is read would be asked for too early.
-    #[error("its device does not answer, and is tried again in {}s", .0.as_secs() + 1)]
+    /// The device does not respond, and is being left alone: a read would come too early.
+    #[error("its device does not respond; next attempt in {}s", .0.as_secs() + 1)]
     BackingOff(Duration),
     /// A safe write has begun, and not ended.
     #[error("a safe write has begun")]
@@ -30,8 +30,8 @@ pub enum Refused {
     /// No safe write has begun.
     #[error("no safe write has begun")]
     NotBlocked,
-    /// Another requester's command is under way.
-    #[error("another's command is under way")]
+    /// Another requester's command is in progress.
+    #[error("another requester's command is in progress")]
     Taken,
     /// There is no such command.
     #[error("there is no such command")]
@@ -39,17 +39,17 @@ pub enum Refused {
 }
 
 impl Scanner {
-    /// What the row is.
+    /// The parameters of the row.
     pub fn row(&self, id: RowId) -> Option<&Row> {
         self.entry(id).map(|entry| &entry.row)
     }
 
-    /// What the device is.
+    /// The parameters of the device.
     pub fn device(&self, id: DeviceId) -> Option<&Device> {
         self.station(id).map(|station| &station.device)
     }
 
-    /// The row's status word at `now`; that of a row that shows another's variable is the other's.
+    /// The row's status word at `now`; a row that shows another's variable has the status of that.
     pub fn status(&self, id: RowId, now: Instant) -> Status {
         let Some(entry) = self.variable(id) else { return Status::NEW };
         let station = entry.row.device.and_then(|device| self.station(device));
@@ -57,36 +57,37 @@ impl Scanner {
         if held { entry.status.with(Status::BACKING_OFF) } else { entry.status }
     }
 
-    /// How old the row's values are; none: they never were read.
+    /// The age of the row's values; none if they have never been read.
     pub fn age(&self, id: RowId, now: Instant) -> Option<Duration> {
         let fresh = self.variable(id)?.fresh;
         (fresh != Instant::MIN).then(|| now.saturating_duration_since(fresh))
     }
 
-    /// How the device is doing at `now`.
+    /// The status of the device at `now`.
     pub fn device_status(&self, id: DeviceId, now: Instant) -> Option<DeviceStatus> {
         let station = self.station(id)?;
         let backs_off_until = station.is_held(now).then_some(station.held);
         Some(DeviceStatus { backs_off_until, ..station.status })
     }
 
-    /// The values that were read last: bits packed from the lowest on, or registers with the high byte first.
+    /// The values read last: bits packed from the lowest on, or registers with the high byte first.
     pub fn input(&self, id: RowId) -> &[u8] {
         let row = self.variable(id).map(|entry| &entry.row);
         row.map_or(&[], |row| self.values.span(row.input, row.bytes()))
     }
 
-    /// Any bytes of the memory, for whoever lays out an image there.
+    /// A part of the memory, for a process image.
     pub fn image(&self, first: u16, bytes: u16) -> &[u8] {
         self.values.span(first, bytes)
     }
 
-    /// The same, to be changed. Rows that are written on change notice when they are read next.
+    /// The same, writable. Rows that are written on change notice at their next read.
     pub fn image_mut(&mut self, first: u16, bytes: u16) -> &mut [u8] {
         self.values.span_mut(first, bytes)
     }
 
-    /// Whether outputs that differ from what was read back are written; off after a restart. What waits is dropped with it.
+    /// Whether outputs that differ from what was read back are written; off after a restart. Switching it off drops pending
+    /// writes.
     pub fn set_outputs(&mut self, on: bool) {
         self.outputs = on;
         let images = self.entries.iter_mut().filter(|entry| entry.row.write == Writing::OnChange);
@@ -95,9 +96,8 @@ impl Scanner {
         }
     }
 
-    /// Writes `count` cells of its variable from the cell `from` on; where that is written automatically, it
-    /// is marked for that, though the values stay the same. One that is written on change is marked when they do not, or when
-    /// they could not be written.
+    /// Writes `count` cells of the row's variable from cell `from` on. A row that is written automatically is marked, even if the
+    /// values stay the same; one that is written on change only if they differ, or could not be written.
     pub fn put(
         &mut self,
         id: RowId,
@@ -139,7 +139,7 @@ impl Scanner {
         Ok(())
     }
 
-    /// Reads the row at once.
+    /// Reads the row immediately.
     pub fn read(&mut self, id: RowId, now: Instant) -> Result<(), Refused> {
         let entry = self.entry(id).ok_or(Refused::NotThere)?;
         let station = entry.row.device.and_then(|device| self.station(device)).ok_or(Refused::NoDevice)?;
@@ -153,7 +153,7 @@ impl Scanner {
         Ok(())
     }
 
-    /// Writes the row at once, as its variable is; a device that does not answer gets it as soon as it is tried again.
+    /// Writes the row immediately; a device that does not respond gets it at the next attempt.
     pub fn write(&mut self, id: RowId) -> Result<(), Refused> {
         let entry = self.entry(id).ok_or(Refused::NotThere)?;
         entry.row.device.ok_or(Refused::NoDevice)?;
@@ -167,8 +167,8 @@ impl Scanner {
         Ok(())
     }
 
-    /// Reads or writes at once, as `function` does, all rows of `device` that have cells from `first` to `last`; gives
-    /// the number of rows, and why there is none.
+    /// Reads or writes immediately, depending on `function`, all rows of `device` with cells from `first` to `last`; returns the
+    /// number of rows, or why there are none.
     pub fn mark_range(
         &mut self,
         device: DeviceId,
@@ -183,8 +183,8 @@ impl Scanner {
         self.each_in_range((device, function, first, last), mark)
     }
 
-    /// Has `act` do something with all rows of a device that have cells from a first to a last one, and says whether `function`
-    /// writes; gives the number of rows with which it could, and why there is none.
+    /// Calls `act` for all rows of a device with cells in a range, and whether `function` writes; returns the number of rows for
+    /// which it succeeded, or why there are none.
     pub(super) fn each_in_range(
         &mut self,
         (device, function, first, last): (DeviceId, u8, u16, u16),
@@ -208,9 +208,8 @@ impl Scanner {
         if marked == 0 { Err(refused) } else { Ok(marked) }
     }
 
-    /// Begins a safe write: until it is finished the row is neither read nor written, so that several of its cells can be
-    /// changed, and the device gets all of them in one frame. When [`ABANDONED_AFTER`](super::ABANDONED_AFTER) has passed and none
-    /// was, it ends, and nothing is written.
+    /// Begins a safe write: until it is finished the row is neither read nor written, so that several cells can be changed and
+    /// the device gets all of them in one frame. It ends after [`ABANDONED_AFTER`](super::ABANDONED_AFTER) without effect.
     pub fn begin(&mut self, id: RowId, now: Instant) -> Result<(), Refused> {
         let entry = self.entries.get_mut(usize::from(id.0)).ok_or(Refused::NotThere)?;
         entry.row.device.ok_or(Refused::NoDevice)?;
@@ -244,7 +243,7 @@ impl Scanner {
         let Entry { status, .. } = entry;
         match write {
             true if status.any(Status::CURRENT_IS_WRITE) => status.set(Status::WRITE_REMARKED),
-            // It keeps its place among the others.
+            // It keeps its turn.
             true if status.any(Status::WRITE_MARKED) => {}
             true => {
                 status.set(Status::WRITE_MARKED);

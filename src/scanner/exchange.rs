@@ -1,4 +1,4 @@
-//! One exchange with a device: the request that is next, and what becomes of its rows.
+//! One exchange with a device: the next request, and the outcome for its rows.
 
 use embassy_time::Instant;
 
@@ -9,7 +9,7 @@ use super::status::{ErrorCode, Status};
 use super::{Request, Scanner};
 use crate::modbus::pdu::function::DIAGNOSTICS;
 
-/// The data of the sign of life that is asked for before a poll (Application Protocol 6.8.1: any).
+/// The request that checks for a sign of life before a poll, with arbitrary data (Application Protocol 6.8.1).
 const CHECK: [u8; 5] = [DIAGNOSTICS, 0, 0, 0xa5, 0x5a];
 
 impl Scanner {
@@ -32,7 +32,7 @@ impl Scanner {
         }
     }
 
-    /// The next request to a device that may be asked.
+    /// The next request to `device`.
     pub(super) fn ask(&mut self, device: DeviceId, now: Instant) -> Option<Request> {
         let station = self.stations.get_mut(usize::from(device.0))?;
         if station.open.is_some() || !station.pending || station.is_held(now) {
@@ -47,7 +47,7 @@ impl Scanner {
             Some(Open::Check) | None => None,
         };
         if repeated.is_none() && station.repeats != Some(Open::Check) {
-            // Whoever has begun a safe write meanwhile wants it anew, and the register may be another one by then.
+            // A safe write has begun meanwhile and supersedes it, and the register may change until it ends.
             station.repeats = None;
         }
         let turn = repeated.or_else(|| turn(true, false)).or_else(|| turn(false, false));
@@ -81,7 +81,7 @@ impl Scanner {
         Some(Request { device, unit, pdu })
     }
 
-    /// Goes on with `open`, the second part of what is under way to `device`, before anything else.
+    /// Continues with `open`, the second half of what is in progress at `device`, before anything else.
     pub(super) fn go_on(&mut self, device: DeviceId, open: Open) {
         if let Some(station) = self.stations.get_mut(usize::from(device.0)) {
             station.repeats = Some(open);
@@ -89,8 +89,8 @@ impl Scanner {
         self.unanswered(device, ErrorCode::Unknown, true);
     }
 
-    /// The open request got no response, or is not all that it takes: its rows wait again, to be sent `again` as one frame; else reads
-    /// are given up, and writes wait until the device is tried again.
+    /// The pending request got no response, or was only its first half: its rows wait again, to be sent `again` as one frame;
+    /// otherwise reads are dropped, and writes wait for the next attempt.
     pub(super) fn unanswered(&mut self, device: DeviceId, error: ErrorCode, again: bool) {
         let entries = self.entries.iter_mut().filter(|entry| entry.row.device == Some(device));
         for entry in entries {
@@ -110,7 +110,7 @@ impl Scanner {
         }
     }
 
-    /// The device is left out of this poll.
+    /// Leaves the device out of this poll.
     pub(super) fn skip_poll(&mut self, device: DeviceId) {
         for entry in self.entries.iter_mut().filter(|entry| entry.row.device == Some(device)) {
             entry.drop_read();
@@ -120,13 +120,13 @@ impl Scanner {
         }
     }
 
-    /// The rows of the open request have come to their end.
+    /// The rows of the pending request are finished.
     pub(super) fn end(
         &mut self,
         device: DeviceId,
         now: Instant,
         outcome: Result<Open, ErrorCode>,
-        answer: &[u8],
+        response: &[u8],
     ) {
         let Some(station) = self.stations.get(usize::from(device.0)) else { return };
         let turn = self.turn.wrapping_add(1);
@@ -144,12 +144,12 @@ impl Scanner {
             let Ok(Open::Read { first }) = outcome else { continue };
             let row = entry.row;
             let mine = Status::WRITE_MARKED.with(Status::WRITE_BLOCKED);
-            // What the program has written there is newer.
+            // The program has written a newer value.
             if row.is_one_variable() && entry.status.any(mine) {
                 continue;
             }
             let into = self.values.span_mut(row.input, row.bytes());
-            take_cells(&row, first, answer, &station.device, into);
+            take_cells(&row, first, response, &station.device, into);
             entry.fresh = now;
             let differs = row.differs(&self.values);
             if row.write == Writing::OnChange && self.outputs && differs {
@@ -161,7 +161,7 @@ impl Scanner {
     }
 }
 
-/// The row of `device` whose turn it is to be written, or to be read; of those that are repeated, if one `repeats`.
+/// The row of `device` to write or read next, or to repeat.
 fn leader(entries: &[Entry], device: DeviceId, write: bool, repeats: bool) -> Option<usize> {
     let marked = if write { Status::WRITE_MARKED } else { Status::READ_MARKED };
     let waiting = entries.iter().enumerate().filter(|(_, entry)| {

@@ -1,14 +1,14 @@
-//! What the inputs of a device become when it does not answer any more.
+//! Substitute values for the inputs of a device that does not respond.
 
 use super::Scanner;
 use super::bits::copy_bits;
 use super::row::DeviceId;
 
-/// Eight bits that are all set.
+/// Eight set bits.
 const ONES: [u8; 1] = [0xff];
 
 impl Scanner {
-    /// Fills the inputs of `device`, if it is set so.
+    /// Fills the inputs of `device`, if it is configured to.
     pub(super) fn fill(&mut self, device: DeviceId) {
         let Some(value) = self.station(device).and_then(|station| station.device.filling) else { return };
         for entry in self.entries.iter().filter(|entry| entry.row.device == Some(device)) {
@@ -20,7 +20,7 @@ impl Scanner {
             }
             cells.fill(0);
             if value & 1 == 1 {
-                // What is behind the last bit stays 0.
+                // Unused bits stay 0.
                 (0..usize::from(row.count)).for_each(|at| copy_bits(&ONES, 0, cells, at, 1));
             }
         }

@@ -1,17 +1,17 @@
-//! How the cells of a row are the values of its variable: bits as numbers, a single bit of a register, values of 32 bits.
+//! How the cells of a row map to the values of its variable: bits as numbers, a single bit of a register, 32-bit values.
 
 use super::bits::bit;
 use super::byte_order::ByteOrder;
 use super::kind::Kind;
 
-/// What the cells of a row are in its variable.
+/// The mapping of a row's cells to its variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
-    /// Each is a value: a bit, or a register of 16 bits.
+    /// Each cell is a value: a bit, or a 16-bit register.
     Cells,
-    /// Two registers are a value of 32 bits, in the device's byte order.
+    /// Two registers are a 32-bit value, in the device's byte order.
     Wide,
-    /// Sixteen bits are a number, of which the first is the lowest bit.
+    /// Sixteen bits are a number, lowest bit first.
     Words,
     /// So are 32 bits.
     Longs,
@@ -20,7 +20,7 @@ pub enum Form {
 }
 
 impl Form {
-    /// The table that a variable fills whose row has `count` cells of `kind`, and how many cells of that.
+    /// The table and number of cells of the variable of a row with `count` cells of `kind`.
     pub(super) fn variable(self, kind: Kind, count: u16) -> (Kind, u16) {
         match self {
             Self::Cells | Self::Wide => (kind, count),
@@ -29,7 +29,7 @@ impl Form {
         }
     }
 
-    /// Turns values from the order that they have in frames, or back: each form is its own inverse.
+    /// Converts values from their order in frames, or back: each form is its own inverse.
     pub(super) fn turn(self, order: ByteOrder, values: &mut [u8]) {
         let bytes = match self {
             Self::Wide => return order.turn(values),
@@ -42,7 +42,7 @@ impl Form {
 }
 
 /// A bit of a register, from the lowest on.
-// Not a number: so a row takes no more memory for it.
+// An enum rather than a number, so that its `Option` needs no extra memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 #[allow(missing_docs)] // Their names say it.
@@ -60,17 +60,17 @@ impl RegisterBit {
         Self::B8, Self::B9, Self::B10, Self::B11, Self::B12, Self::B13, Self::B14, Self::B15,
     ];
 
-    /// The register of which only this bit is set, if it is `on`.
+    /// A register with only this bit set, if it is `on`.
     pub const fn mask(self, on: bool) -> u16 {
         (on as u16) << self as u8
     }
 
-    /// `register` with this bit as it is in the variable.
+    /// `register` with this bit from the variable.
     pub(super) fn put(self, register: u16, variable: &[u8]) -> u16 {
         register & !self.mask(true) | self.mask(bit(variable, 0))
     }
 
-    /// This bit of `register`, as it is in the variable.
+    /// This bit of `register`, for the variable.
     pub(super) fn take(self, register: u16) -> u8 {
         (register >> self as u8 & 1) as u8
     }

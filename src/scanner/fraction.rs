@@ -1,15 +1,15 @@
-//! Numbers with a fraction as text: the nearest one to a text, and the shortest text that gives it back. Both are exact.
+//! Exact conversion between floats and decimal text: the nearest float, and the shortest text that reads back the same.
 //!
-//! What `core` has for this is made for speed, and takes 20 kB of tables and code. Here a number is a row of decimal digits,
-//! which is doubled and halved as by hand: a console has the time.
+//! The routines in `core` are fast, but take 20 kB of tables and code. Here a number is an array of decimal digits, doubled and
+//! halved as by hand: fast enough for a console.
 
 use core::fmt::{self, Write};
 
 use heapless::Vec;
 
-/// The most digits that a number, or the middle between two, can have; those of a longer text are cut off.
+/// Most digits of a float, or of the midpoint between two; further digits are cut off.
 const DIGITS_MAX: usize = 128;
-/// Bits of a mantissa, the one that is implied included.
+/// Bits of a mantissa, including the implied one.
 const MANTISSA_BITS: u32 = 24;
 const IMPLIED: u32 = 1 << (MANTISSA_BITS - 1);
 /// The exponent of the last bit of the smallest numbers.
@@ -17,8 +17,8 @@ const EXPONENT_MIN: i32 = -149;
 const INFINITE: u32 = 0x7f80_0000;
 const SIGN: u32 = 1 << 31;
 
-/// A number that is not 0 and has no sign: `0.DIGITS` times ten to the power of `point`, without zeros at either end. So
-/// the greater one is the one that comes later in the order of the fields.
+/// A positive number: `0.DIGITS` times ten to the power of `point`, without zeros at either end. The order of the fields makes
+/// comparison numeric.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Decimal {
     point: i32,
@@ -42,7 +42,7 @@ impl Decimal {
         number
     }
 
-    /// The text as a number, without its sign; `None` if it is none, and an empty number for 0.
+    /// Parses a number without sign; `None` if it is not one, empty for 0.
     fn parse(text: &str) -> Option<Self> {
         let (digits, exponent) = match text.split_once('e').or_else(|| text.split_once('E')) {
             Some((digits, exponent)) => {
@@ -61,7 +61,7 @@ impl Decimal {
                     number.point += i32::from(!is_fraction && !is_leading);
                     number.point -= i32::from(is_fraction && is_leading);
                     if !is_leading {
-                        // Digits of a longer text are cut off.
+                        // Further digits are cut off.
                         let _ = number.digits.push(byte - b'0');
                     }
                 }
@@ -102,7 +102,7 @@ impl Decimal {
             (*digit, rest) = (value / 2, value % 2);
         }
         if rest > 0 {
-            // Where it is cut off, more digits came than any number needs.
+            // A sticky digit for the digits cut off.
             let _ = self.digits.push(5);
         }
         if self.digits.first() == Some(&0) {
@@ -111,7 +111,7 @@ impl Decimal {
         }
     }
 
-    /// The nearest whole number, of two the even one.
+    /// Rounds to the nearest integer, ties to even.
     fn round(&self) -> u32 {
         let digit =
             |at: i32| usize::try_from(at).ok().and_then(|at| self.digits.get(at)).copied().unwrap_or(0);
@@ -121,7 +121,7 @@ impl Decimal {
         whole + u32::from(up)
     }
 
-    /// The first `count` digits: rounded down, and rounded up.
+    /// The first `count` digits, rounded down and rounded up.
     fn rounded(&self, count: usize) -> (Self, Self) {
         let mut down = self.clone();
         down.digits.truncate(count);
@@ -141,7 +141,7 @@ impl Decimal {
     }
 }
 
-/// The number nearest to `text`: `1.5`, `-2e-3`, `.5`, `inf`, `nan`.
+/// The float nearest to `text`: `1.5`, `-2e-3`, `.5`, `inf`, `nan`.
 pub(super) fn parse(text: &str) -> Option<f32> {
     let (sign, text) = match text.strip_prefix('-') {
         Some(rest) => (SIGN, rest),
@@ -162,7 +162,7 @@ fn nearest(mut number: Decimal) -> u32 {
     if number.digits.is_empty() {
         return 0;
     }
-    // The largest number has 39 digits; others could be halved for long.
+    // The largest float has 39 digits; larger numbers would take long to halve.
     if number.point > 39 {
         return INFINITE;
     }
@@ -176,12 +176,12 @@ fn nearest(mut number: Decimal) -> u32 {
         number.double();
         exponent -= 1;
     }
-    // Small numbers have no implied bit; a mantissa that was rounded up to the next power of two moves the exponent.
+    // Subnormal numbers have no implied bit; a mantissa rounded up to the next power of two increments the exponent.
     let bits = ((exponent - EXPONENT_MIN) as u32 * IMPLIED).saturating_add(number.round());
     bits.min(INFINITE)
 }
 
-/// The shortest text of `value` that [`parse`] takes for it, without an exponent.
+/// Writes the shortest text that [`parse`] reads as `value`, without an exponent.
 pub(super) fn write(value: f32, out: &mut impl Write) -> fmt::Result {
     let bits = value.to_bits();
     if value.is_nan() {

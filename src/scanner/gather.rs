@@ -1,9 +1,8 @@
-//! Which rows go into one frame, and the frame.
+//! Gathers rows into one frame, and encodes it.
 //!
-//! The row whose turn it is takes along the marked rows of its device and table whose addresses follow its own, first
-//! upwards, then downwards, as long as the protocol's limit allows. Rows that are read may overlap; rows that are written
-//! may not, since their order matters. A single cell that is written by function 5 or 6 goes alone, and so does a bit of a
-//! register.
+//! The row whose turn it is takes along the marked rows of its device and table with adjacent addresses, first upwards, then
+//! downwards, up to the protocol's limit. Rows to be read may overlap; rows to be written may not, since their order matters. A
+//! single cell written by function 5 or 6 goes alone, and so does a bit of a register.
 
 use super::bits::{bit, copy_bits};
 use super::form::RegisterBit;
@@ -19,7 +18,7 @@ use crate::modbus::pdu::function::{
     WRITE_SINGLE_REGISTER,
 };
 
-/// Neighbouring cells of a table.
+/// A range of cells in a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Extent {
     pub(super) kind: Kind,
@@ -36,7 +35,7 @@ impl Extent {
         u32::from(self.first) + u32::from(self.count)
     }
 
-    /// What a frame asks for that has the cells of `row` besides these, if they are neighbours and it may be so long.
+    /// The range extended by the cells of `row`, if they are adjacent and it is not too long.
     fn joined(&self, row: &Row, write: bool, upwards: bool) -> Option<Self> {
         let other = Self::of(row);
         let touches = match (write, upwards) {
@@ -62,8 +61,8 @@ fn is_alone(row: &Row) -> bool {
     is_single(row) || row.bit().is_some()
 }
 
-/// Takes the rows that go with the one at place `leader` into progress, and gives the cells of their frame. A frame that `repeats`
-/// has the rows that it had before.
+/// Marks the rows that share a frame with row `leader` as in progress, and returns the frame's cells. A frame that `repeats` has
+/// the same rows as before.
 pub(super) fn gather(entries: &mut [Entry], leader: usize, write: bool, repeats: bool) -> Option<Extent> {
     let entry = entries.get_mut(leader)?;
     entry.begin(write);
@@ -74,7 +73,7 @@ pub(super) fn gather(entries: &mut [Entry], leader: usize, write: bool, repeats:
     }
     let marked = if write { Status::WRITE_MARKED } else { Status::READ_MARKED };
     for upwards in [true, false] {
-        // Every round takes a row, so there are not more rounds than rows.
+        // Terminates: every round takes a row.
         while let Some((entry, joined)) = entries.iter_mut().find_map(|entry| {
             let Entry { row, status, .. } = &entry;
             let eligible = row.device == lead.device
@@ -103,7 +102,7 @@ pub(super) fn read_request(extent: Extent) -> Pdu {
     pdu
 }
 
-/// The request that writes `extent`, whose cells are those of the rows of `entries` that are in progress for `row`'s device.
+/// The request that writes `extent`, from the rows of `entries` in progress for the device of `row`.
 pub(super) fn write_request(
     entries: &[Entry],
     lead: &Row,
@@ -114,7 +113,7 @@ pub(super) fn write_request(
     let mut pdu = Pdu::new();
     let bits = extent.kind.is_bits();
     let bytes = extent.kind.bytes(extent.count);
-    // What is pushed here and below fits: the extent is within the protocol's limits.
+    // Everything pushed here and below fits: the extent is within the protocol's limits.
     if is_single(lead) {
         let value = values.span(lead.output, bytes);
         let _ = pdu.push(if bits { WRITE_SINGLE_COIL } else { WRITE_SINGLE_REGISTER });
@@ -145,7 +144,7 @@ pub(super) fn write_request(
     pdu
 }
 
-/// The request that changes `bit` of the register of `lead` in one go, to what it is in the variable.
+/// The request that sets or clears `bit` in the register of `lead`, as in the variable (function 22).
 pub(super) fn mask_request(lead: &Row, bit: RegisterBit, values: &Values) -> Pdu {
     let mut pdu = Pdu::new();
     let keeps = !bit.mask(true);
@@ -157,7 +156,7 @@ pub(super) fn mask_request(lead: &Row, bit: RegisterBit, values: &Values) -> Pdu
     pdu
 }
 
-/// The request that writes the register of `lead`, as it was read, with `bit` as it is in the variable.
+/// The request that writes the register of `lead`, as read before, with `bit` as in the variable.
 pub(super) fn store_request(lead: &Row, bit: RegisterBit, register: u16, values: &Values) -> Pdu {
     let mut pdu = Pdu::new();
     let register = bit.put(register, values.span(lead.output, lead.bytes())).to_be_bytes();
@@ -171,12 +170,12 @@ pub(super) fn store_request(lead: &Row, bit: RegisterBit, register: u16, values:
     pdu
 }
 
-/// Takes the cells of `row` out of the response to a read from `first` on, into `into`.
-pub(super) fn take_cells(row: &Row, first: u16, answer: &[u8], device: &Device, into: &mut [u8]) {
-    let data = answer.get(2..).unwrap_or_default();
+/// Copies the cells of `row` from the response to a read from `first` on.
+pub(super) fn take_cells(row: &Row, first: u16, response: &[u8], device: &Device, into: &mut [u8]) {
+    let data = response.get(2..).unwrap_or_default();
     let at = usize::from(row.first.saturating_sub(first));
     if row.kind.is_bits() {
-        // What is behind the last bit stays 0.
+        // Unused bits stay 0.
         copy_bits(data, at, into, 0, usize::from(row.count));
     } else if let (Some(bit), Some(register)) = (row.bit(), register(data, at)) {
         into.fill(bit.take(register));
@@ -186,7 +185,7 @@ pub(super) fn take_cells(row: &Row, first: u16, answer: &[u8], device: &Device, 
     row.form.turn(device.order, into);
 }
 
-/// Register number `at` of `data`.
+/// Register `at` of `data`.
 pub(super) fn register(data: &[u8], at: usize) -> Option<u16> {
     data.as_chunks().0.get(at).map(|register| u16::from_be_bytes(*register))
 }

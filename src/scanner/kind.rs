@@ -10,18 +10,18 @@ use crate::modbus::pdu::function::{
 /// A table of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// Bits that can be written.
+    /// Writable bits.
     Coil,
-    /// Bits that can only be read.
+    /// Read-only bits.
     Discrete,
-    /// Registers that can only be read.
+    /// Read-only registers.
     Input,
-    /// Registers that can be written.
+    /// Writable registers.
     Holding,
 }
 
 impl Kind {
-    /// Every table, in the order in which a device is polled: functions 1, 2, 4, 3.
+    /// Every table, in polling order: functions 1, 2, 4, 3.
     pub const ALL: [Self; 4] = [Self::Coil, Self::Discrete, Self::Input, Self::Holding];
 
     /// The function that reads it.
@@ -34,7 +34,7 @@ impl Kind {
         }
     }
 
-    /// What `function` reads or writes, and whether it writes.
+    /// The table that `function` accesses, and whether it writes.
     pub const fn of_function(function: u8) -> Option<(Self, bool)> {
         Some(match function {
             READ_COILS => (Self::Coil, false),
@@ -47,7 +47,7 @@ impl Kind {
         })
     }
 
-    /// Whether its cells are bits; else they are registers.
+    /// Whether its cells are bits rather than registers.
     pub const fn is_bits(self) -> bool {
         matches!(self, Self::Coil | Self::Discrete)
     }
@@ -67,12 +67,12 @@ impl Kind {
         }
     }
 
-    /// Bytes that `cells` take.
+    /// Bytes of `cells` cells.
     pub const fn bytes(self, cells: u16) -> u16 {
         if self.is_bits() { cells.div_ceil(8) } else { cells.saturating_mul(2) }
     }
 
-    /// The digit in front of an address in Modicon's notation.
+    /// The leading digit of Modicon addresses.
     pub const fn modicon(self) -> u32 {
         match self {
             Self::Coil => 0,
@@ -83,12 +83,12 @@ impl Kind {
     }
 }
 
-/// An address in Modicon's notation, where the first one is 1: `40001`, with six digits above 9999: `410001`.
+/// An address in Modicon notation, which starts at 1: `40001`, with six digits above 9999: `410001`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Modicon(pub Kind, pub u16);
 
 impl Modicon {
-    /// The address that `number` means: `1`, `10001`, `30001`, `40001` and so on are the first ones.
+    /// Parses `number`: `1`, `10001`, `30001`, `40001` and so on.
     pub fn parse(number: u32) -> Option<Self> {
         let of = |digit: u32, scale: u32| {
             let kind = Kind::ALL.into_iter().find(|kind| kind.modicon() == digit)?;

@@ -1,18 +1,18 @@
-//! What a program has a row do, and how that is doing.
+//! Operations that a program starts on a row, and their progress.
 
 use super::status::ErrorCode;
 
-/// What is done with a row at once.
+/// An immediate operation on a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Operation {
-    /// It is read.
+    /// Read it.
     Read = 1,
-    /// It is written as its variable is.
+    /// Write its variable.
     Write = 2,
-    /// A safe write begins.
+    /// Begin a safe write.
     Begin = 3,
-    /// The safe write is finished: it is written.
+    /// Finish the safe write, and write the row.
     Finish = 4,
 }
 
@@ -24,11 +24,11 @@ impl Operation {
     }
 }
 
-/// How a command is doing.
+/// The progress of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Progress {
-    /// There has been none.
+    /// There has been no command.
     None,
     ReadWaits,
     ReadSent,
@@ -55,7 +55,7 @@ impl Progress {
         matches!(self, Self::ReadWaits | Self::ReadSent | Self::WriteWaits | Self::WriteSent | Self::Begun)
     }
 
-    /// The number that programs read.
+    /// The number shown to programs.
     pub(super) const fn number(self) -> u8 {
         match self {
             Self::None => 0,
@@ -67,7 +67,7 @@ impl Progress {
     }
 }
 
-/// The command that a row took last, in one byte: there are many rows. Its progress is in the lowest three bits.
+/// The last command that a row accepted, packed into a byte, as there are many rows. Its progress is in the lowest three bits.
 #[derive(Clone, Copy)]
 pub(super) struct Command(u8);
 
@@ -86,14 +86,14 @@ impl Command {
         Progress::ALL.get(usize::from(self.0 & 7)).copied().unwrap_or(Progress::None)
     }
 
-    /// It goes on from one of `from` to `to`; else it stays as it is.
+    /// Changes from one of `from` to `to`; otherwise nothing changes.
     pub(super) fn pass(&mut self, from: &[Progress], to: Progress) {
         if from.contains(&self.progress()) {
             *self = Self::new(self.requester(), to);
         }
     }
 
-    /// A request of the row is sent.
+    /// A request for the row is sent.
     pub(super) fn sent(&mut self, write: bool) {
         let (waits, sent) = match write {
             false => (Progress::ReadWaits, Progress::ReadSent),
@@ -102,13 +102,13 @@ impl Command {
         self.pass(&[waits], sent);
     }
 
-    /// A request of the row has ended.
+    /// A request for the row has ended.
     pub(super) fn ended(&mut self, write: bool, outcome: Result<(), ErrorCode>) {
         let to = if outcome.is_ok() { Progress::Done } else { Progress::Failed };
         self.pass(&[if write { Progress::WriteSent } else { Progress::ReadSent }], to);
     }
 
-    /// The row is not read though it was to be.
+    /// A pending read of the row is dropped.
     pub(super) fn read_dropped(&mut self) {
         self.pass(&[Progress::ReadWaits], Progress::Failed);
     }
@@ -118,12 +118,12 @@ impl Command {
         self.pass(&[Progress::ReadWaits, Progress::WriteWaits], Progress::Failed);
     }
 
-    /// The safe write has come to nothing.
+    /// The safe write was abandoned.
     pub(super) fn abandoned(&mut self) {
         self.pass(&[Progress::Begun], Progress::Failed);
     }
 
-    /// The safe write is finished, whoever has done that.
+    /// The safe write was finished, by whomever.
     pub(super) fn finished(&mut self) {
         self.pass(&[Progress::Begun], Progress::WriteWaits);
     }

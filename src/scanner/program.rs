@@ -1,8 +1,8 @@
-//! What a program starts and finds out by numbers: a master of the gateway's own unit, or an EtherCAT MainDevice.
+//! The numeric interface for programs: a master of the gateway's own unit, or an EtherCAT MainDevice.
 //!
-//! A program gives itself a number, the *requester*. It writes that and an [`Operation`] to the row's command; what it reads there
-//! is the requester whose command was taken last, and how that is doing. While a command is under way, others than its requester
-//! are refused, so that everybody can tell whose was taken. The rows do what the console's commands have them do.
+//! A program chooses a number, the *requester*, and writes it with an [`Operation`] to the row's command register. There it reads
+//! the requester whose command was accepted last, and its progress. While a command is in progress, those of other requesters are
+//! refused, so each program can tell whether its own was accepted. The commands do the same as the console's.
 
 use embassy_time::{Duration, Instant};
 
@@ -12,19 +12,19 @@ use super::status::Status;
 use super::{Refused, Scanner};
 use crate::scanner::Kind;
 
-/// Numbers of requesters, from 0 on.
+/// Requester numbers, from 0 on.
 pub const REQUESTERS: u8 = 32;
-/// A safe write of which nothing is heard for so long ends by itself: whoever has begun it is gone.
+/// A safe write ends by itself after this long: its requester is gone.
 pub const ABANDONED_AFTER: Duration = Duration::from_secs(60);
 
 impl Scanner {
-    /// What a program reads of the command of row `id`: the requester in the high byte, and how it is doing in the low one.
+    /// The command register of row `id`: the requester in the high byte, the progress in the low one.
     pub fn command(&self, id: RowId) -> Option<u16> {
         let command = self.variable(id)?.command;
         Some(u16::from_be_bytes([command.requester(), command.progress().number()]))
     }
 
-    /// How many commands of `requester` are under way, in the high byte, and have failed, in the low one.
+    /// How many commands of `requester` are in progress (high byte) and have failed (low byte).
     pub fn commands_of(&self, requester: u8) -> u16 {
         let [mut under_way, mut failed] = [0; 2];
         let commands = self.entries.iter().map(|entry| entry.command);
@@ -35,9 +35,9 @@ impl Scanner {
         u16::from_be_bytes([under_way, failed])
     }
 
-    /// Does with row `id` what `command` says: the requester in the high byte, an [`Operation`] in the low one.
+    /// Executes `command` on row `id`: the requester in the high byte, an [`Operation`] in the low one.
     pub fn start(&mut self, id: RowId, command: u16, now: Instant) -> Result<(), Refused> {
-        // What is done with a row that shows another one is done with that.
+        // A row that shows another's variable stands for that row.
         let id = self.entry(id).ok_or(Refused::NotThere)?.row.of.unwrap_or(id);
         let (requester, operation) = split(command)?;
         let operation = Operation::of(operation).ok_or(Refused::Value)?;
@@ -48,8 +48,8 @@ impl Scanner {
         self.operate(id, requester, operation, now)
     }
 
-    /// Reads or writes at once all rows of a device that have certain cells, or none of them. The command is: the requester in the
-    /// high byte and the device in the low one, the function, the first cell, and how many.
+    /// Reads or writes immediately all rows of a device with cells in a range, or none. The command is: requester (high byte) and
+    /// device (low byte), function, first cell, number of cells.
     pub fn start_range(&mut self, command: [u16; 4], now: Instant) -> Result<(), Refused> {
         let [whose, function, first, count] = command;
         let (requester, device) = split(whose)?;
@@ -74,7 +74,7 @@ impl Scanner {
         done.map(|_| ())
     }
 
-    /// Whether a command of another requester is under way.
+    /// Whether a command of another requester is in progress.
     fn is_taken(&self, id: RowId, requester: u8) -> bool {
         let command = self.entry(id).map_or(Command::NONE, |entry| entry.command);
         command.progress().is_under_way() && command.requester() != requester
@@ -95,14 +95,14 @@ impl Scanner {
         let mut progress = match operation {
             Operation::Read => self.read(id, now).map(|()| Progress::ReadWaits),
             Operation::Write => self.write(id).map(|()| Progress::WriteWaits),
-            // Its requester has not heard that it had been taken.
+            // The requester missed the first confirmation.
             Operation::Begin if begun => Ok(Progress::Begun),
             Operation::Begin => self.begin(id, now).map(|()| Progress::Begun),
-            // That of the console.
+            // Begun by the console.
             Operation::Finish if self.is_blocked(id) && !begun => Err(Refused::Blocked),
             Operation::Finish => self.finish(id).map(|()| Progress::WriteWaits),
         };
-        // It would not be over before the device answers again, and until then nobody else could do anything.
+        // It would stay in progress until the device responds again, and lock out everybody else.
         let held = self.status(id, now).any(Status::BACKING_OFF);
         if matches!(progress, Err(Refused::BackingOff(_))) || held && progress == Ok(Progress::WriteWaits) {
             progress = Ok(Progress::Failed);
@@ -114,21 +114,21 @@ impl Scanner {
         Ok(())
     }
 
-    /// Ends safe writes that were begun and then left.
+    /// Ends safe writes that were abandoned.
     pub(super) fn abandon(&mut self, now: Instant) {
         for at in 0..self.entries.len() {
             let Some(entry) = self.entries.get_mut(at).filter(|entry| entry.abandoned_at() <= now) else {
                 continue;
             };
             entry.abandon();
-            // Some values may be of before, and some new: the device has those that belong together.
+            // The values may be a mix of old and new: restores a consistent set from the device.
             self.mark(RowId(at as u8), false);
         }
     }
 }
 
 impl Entry {
-    /// When its safe write is given up, if there is one.
+    /// When its safe write is abandoned, if there is one.
     pub(super) fn abandoned_at(&self) -> Instant {
         if self.status.any(Status::WRITE_BLOCKED) { self.fresh + ABANDONED_AFTER } else { Instant::MAX }
     }
@@ -140,7 +140,7 @@ impl Entry {
     }
 }
 
-/// The requester in the high byte of `command`, and what is in the low one.
+/// The requester in the high byte of `command`, and the low byte.
 fn split(command: u16) -> Result<(u8, u8), Refused> {
     let [requester, low] = command.to_be_bytes();
     if requester < REQUESTERS { Ok((requester, low)) } else { Err(Refused::Value) }

@@ -1,4 +1,4 @@
-//! A row of the table: cells of a device, the variable that they are tied to, and when they are read and written.
+//! A row: cells of a device, the variable they are mapped to, and when they are read and written.
 
 use embassy_time::{Duration, Instant};
 
@@ -9,53 +9,53 @@ use super::operation::Command;
 use super::status::{ErrorCode, Status};
 use super::values::Values;
 
-/// The table is looked through this often for rows with a priority.
+/// The interval between scans for rows that are due.
 pub const SCAN: Duration = Duration::from_millis(200);
 
-/// A device's place in the scanner.
+/// A device's index in the scanner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceId(pub u8);
 
-/// A row's place in the scanner.
+/// A row's index in the scanner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RowId(pub u8);
 
-/// What a row is.
+/// The parameters of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Row {
-    /// The device that is asked; none for a row that outside clients ask for.
+    /// The device to poll; none for a row visible to outside clients.
     pub device: Option<DeviceId>,
     /// The table of the device.
     pub kind: Kind,
-    /// The first cell's address, as it is on the wire.
+    /// The first address, as on the wire.
     pub first: u16,
     /// How many cells.
     pub count: u16,
-    /// Where in the memory what was read is kept.
+    /// Index of the input values in memory.
     pub input: u16,
-    /// Where in the memory what is written comes from; the same as `input` where both are one variable.
+    /// Index of the output values in memory; equal to `input` for a single variable.
     pub output: u16,
     /// When it is read.
     pub read: Reading,
     /// When it is written.
     pub write: Writing,
-    /// One cell is written by function 15 or 16 as well.
+    /// Uses function 15 or 16 even for one cell.
     pub multiple: bool,
-    /// What the cells are in the variable.
+    /// The mapping of the cells to the variable.
     pub form: Form,
     /// The row whose variable this one shows, if it has none of its own.
     pub of: Option<RowId>,
-    /// Input registers at which clients find the row's status word and age.
+    /// Input registers with the row's status word and age, for clients.
     pub quality: Option<u16>,
 }
 
 impl Row {
-    /// The address behind the last cell.
+    /// The address after the last cell.
     pub(super) fn end(&self) -> u32 {
         u32::from(self.first) + u32::from(self.count)
     }
 
-    /// The table that its variable fills, and how many cells of that.
+    /// The table and number of cells of its variable.
     pub(super) fn variable(&self) -> (Kind, u16) {
         self.form.variable(self.kind, self.count)
     }
@@ -66,7 +66,7 @@ impl Row {
         kind.bytes(cells)
     }
 
-    /// Whether its inputs are others than its outputs. What stands behind the last bit is nobody's.
+    /// Whether inputs and outputs differ, ignoring unused bits.
     pub(super) fn differs(&self, values: &Values) -> bool {
         let (kind, cells) = self.variable();
         let bytes = kind.bytes(cells);
@@ -77,12 +77,12 @@ impl Row {
         input != output
     }
 
-    /// The bit of a register that it is, which is never written with others.
+    /// The bit of a register, for rows that are a single bit; always written alone.
     pub(super) fn bit(&self) -> Option<RegisterBit> {
         if let Form::Bit(bit) = self.form { Some(bit) } else { None }
     }
 
-    /// Whether one and the same variable is read and written.
+    /// Whether inputs and outputs are a single variable.
     pub(super) fn is_one_variable(&self) -> bool {
         self.input == self.output
     }
@@ -97,14 +97,14 @@ pub enum Reading {
     Normal,
     /// At every scan: every 200 ms.
     High,
-    /// With a period of its own, in milliseconds.
+    /// With its own period, in milliseconds.
     Every(u32),
-    /// Only when it is asked for.
+    /// Only on request.
     Manual,
 }
 
 impl Reading {
-    /// The time from one reading to the next.
+    /// The time between readings.
     pub const fn period(self) -> Option<Duration> {
         Some(match self {
             Self::Low => Duration::from_millis(5_000),
@@ -115,7 +115,7 @@ impl Reading {
         })
     }
 
-    /// The raster in which it may begin.
+    /// The raster to which readings are aligned.
     const fn raster(self) -> Duration {
         match self {
             Self::Every(ms) => Duration::from_millis(ms as u64),
@@ -129,35 +129,34 @@ impl Reading {
 pub enum Writing {
     /// Never.
     Never,
-    /// Whenever somebody writes the variable, also when it keeps its value.
+    /// Whenever the variable is written, even with the same value.
     Auto,
-    /// Only when it is asked for.
+    /// Only on request.
     Manual,
-    /// When somebody writes another value than was written or read last, or that could not be written; an output when what was read
-    /// differs from it.
+    /// When a value is written that differs from the one written or read last, or that could not be written; an output also when
+    /// the value read differs.
     OnChange,
 }
 
-/// A row and what is happening to it.
+/// A row with its state.
 pub(super) struct Entry {
     pub(super) row: Row,
     pub(super) status: Status,
-    /// In which turn it was marked for reading, and for writing: the lowest goes first.
+    /// The turns in which it was marked for reading and for writing: the lowest goes first.
     pub(super) read_turn: u32,
     pub(super) write_turn: u32,
     /// It was in the frame that got no response and is repeated.
     pub(super) repeats: bool,
-    /// When it is to be read next, counted from the scanner's start.
+    /// When it is read next, counted from the scanner's start.
     next: Duration,
-    /// When its values were read, or set by whoever writes a variable of this gateway, or sets them between the beginning and the end
-    /// of a safe write.
+    /// When its values were last read, or set by a client of this gateway or in a safe write.
     pub(super) fresh: Instant,
-    /// What a program wanted last.
+    /// The last command of a program.
     pub(super) command: Command,
 }
 
 impl Entry {
-    /// To be read as soon as its raster allows, `now` after the scanner's start.
+    /// Due as soon as its raster allows; `now` is counted from the scanner's start.
     pub(super) fn new(row: Row, now: Duration) -> Self {
         let next = round_up(now, row.read.raster());
         let fresh = Instant::MIN;
@@ -165,19 +164,19 @@ impl Entry {
         Self { row, status: Status::NEW, read_turn: 0, write_turn: 0, repeats: false, next, fresh, command }
     }
 
-    /// It is asked for now.
+    /// Its request begins.
     pub(super) fn begin(&mut self, write: bool) {
         self.status.begin(write);
         self.command.sent(write);
     }
 
-    /// What it was asked for has ended.
+    /// Its request has ended.
     pub(super) fn end(&mut self, write: bool, outcome: Result<(), ErrorCode>) {
         self.status.end(write, outcome);
         self.command.ended(write, outcome);
     }
 
-    /// It is not read though it was to be.
+    /// Its pending read is dropped.
     pub(super) fn drop_read(&mut self) {
         self.status.clear(Status::READ_MARKED);
         self.command.read_dropped();
@@ -200,13 +199,13 @@ impl Entry {
         self.next = if next > now {
             next
         } else {
-            // Whoever asks for what is late gets it once.
+            // Periods that were missed are skipped.
             round_up(now + Duration::from_ticks(1), self.row.read.raster())
         };
     }
 }
 
-/// The first multiple of `raster` that is not before `time`.
+/// The first multiple of `raster` not before `time`.
 fn round_up(time: Duration, raster: Duration) -> Duration {
     let raster = raster.as_ticks().max(1);
     Duration::from_ticks(time.as_ticks().div_ceil(raster) * raster)

@@ -1,9 +1,8 @@
-//! What outside clients read and write: the rows without a device, as the tables of one unit.
+//! The rows without a device, as tables of one unit that outside clients read and write.
 //!
-//! A request is carried out when each of its cells belongs to such a row, else answered 02. A variable that a device is read
-//! for can be written when its point is written automatically, when nothing else would overwrite it before somebody has it
-//! written, or in a safe write. A row may have two input registers more, of which the first
-//! is its status word, and the second the age of its values in tenths of a second.
+//! A request is executed if each of its cells belongs to such a row, and gets 02 otherwise. The variable of a polled point can be
+//! written if the point is written automatically, if nothing else would overwrite the value first, or in a safe write. A row may
+//! have two more input registers: its status word, and the age of its values in tenths of a second.
 
 use embassy_time::{Duration, Instant};
 
@@ -18,38 +17,38 @@ use crate::modbus::{Exception, PDU_BYTES_MAX};
 
 /// Registers of a row's quality: status word and age.
 pub(crate) const QUALITY_REGISTERS: u16 = 2;
-/// The age of values that never were read, or before longer than the register can tell, in tenths of a second.
+/// The age register, in tenths of a second, of values older than it can show, or never read.
 const AGE_MAX: u64 = 65_535;
 
-/// The register that says how old something is; none: there has never been anything.
+/// The register that shows an age; none: never.
 pub(crate) fn age_register(age: Option<Duration>) -> u16 {
     age.map_or(AGE_MAX, |age| (age.as_millis() / 100).min(AGE_MAX)) as u16
 }
 
-/// Cells that a request is about.
+/// The cells of a request.
 struct Cells {
     kind: Kind,
     first: u16,
     count: u16,
 }
 
-/// A part of them that one row has.
+/// The part of them in one row.
 struct Part {
     row: RowId,
-    /// The first of them in the row, and in the request.
+    /// The first cell, within the row and within the request.
     in_row: u16,
     in_request: u16,
     count: u16,
 }
 
 impl Scanner {
-    /// Whether outside clients find anything.
+    /// Whether any rows are visible to outside clients.
     pub fn serves(&self) -> bool {
         self.entries.iter().any(|entry| entry.row.device.is_none())
     }
 
-    /// Answers `request`, which has passed [`check_request`](crate::modbus::pdu::check_request); the exception is 01 for
-    /// functions other than 1 to 6, 15 and 16.
+    /// Executes `request`, which has passed [`check_request`](crate::modbus::pdu::check_request); functions other than 1 to 6, 15
+    /// and 16 get 01.
     pub fn serve(&mut self, request: &[u8], now: Instant) -> Result<Pdu, Exception> {
         let &[function, a, b, c, d, ref rest @ ..] = request else { return Err(Exception::ILLEGAL_FUNCTION) };
         let Some((kind, write)) = Kind::of_function(function) else {
@@ -65,7 +64,7 @@ impl Scanner {
         let data = match (function, rest) {
             (WRITE_SINGLE_COIL, _) => &coil[..],
             (WRITE_SINGLE_REGISTER, _) => request.get(3..5).unwrap_or_default(),
-            // Behind the byte count.
+            // After the byte count.
             (_, [_, data @ ..]) => data,
             _ => return Err(Exception::ILLEGAL_VALUE),
         };
@@ -76,13 +75,13 @@ impl Scanner {
 
     fn serve_read(&self, function: u8, cells: &Cells, now: Instant) -> Result<Pdu, Exception> {
         let bytes = usize::from(cells.kind.bytes(cells.count));
-        let mut answer = Pdu::from_slice(&[function, bytes as u8]).unwrap_or_default();
-        if bytes > PDU_BYTES_MAX - answer.len() {
+        let mut response = Pdu::from_slice(&[function, bytes as u8]).unwrap_or_default();
+        if bytes > PDU_BYTES_MAX - response.len() {
             return Err(Exception::ILLEGAL_VALUE);
         }
         // There is room, see above.
-        let _ = answer.resize(2 + bytes, 0);
-        let data = answer.get_mut(2..).unwrap_or_default();
+        let _ = response.resize(2 + bytes, 0);
+        let data = response.get_mut(2..).unwrap_or_default();
         let mut at = 0;
         while at < cells.count {
             if let Some(register) = self.quality_register(cells, at, now) {
@@ -96,7 +95,7 @@ impl Scanner {
             copy_cells(cells.kind, (self.input(part.row), part.in_row), (data, at), part.count);
             at += part.count;
         }
-        Ok(answer)
+        Ok(response)
     }
 
     fn serve_write(&mut self, cells: &Cells, data: &[u8], now: Instant) -> Result<(), Exception> {
@@ -117,7 +116,7 @@ impl Scanner {
         Ok(())
     }
 
-    /// The cells from the place `at` on that one row has.
+    /// The part of the cells from `at` on that is in one row.
     fn part(&self, cells: &Cells, at: u16) -> Option<Part> {
         let address = u32::from(cells.first) + u32::from(at);
         let has = |entry: &Entry| {
@@ -133,7 +132,7 @@ impl Scanner {
         Some(Part { row: RowId(place as u8), in_row, in_request: at, count })
     }
 
-    /// The status word or age of a row, if the place `at` is a register for that.
+    /// The status word or age of a row, if there is such a register at `at`.
     fn quality_register(&self, cells: &Cells, at: u16, now: Instant) -> Option<u16> {
         let address = cells.first.checked_add(at).filter(|_| cells.kind == Kind::Input)?;
         let of = |entry: &Entry| {
@@ -158,7 +157,7 @@ impl Scanner {
     }
 }
 
-/// Copies `count` cells between places, which are counted in cells.
+/// Copies `count` cells; indexes are in cells.
 fn copy_cells(kind: Kind, from: (&[u8], u16), to: (&mut [u8], u16), count: u16) {
     let [from_at, to_at, count] = [from.1, to.1, count].map(usize::from);
     if kind.is_bits() {

@@ -1,4 +1,4 @@
-//! A scanner that several tasks share: the port that sends its requests, and whoever reads and writes its values.
+//! A scanner shared by tasks: the port that sends its requests, and the users of its values.
 
 use core::cell::RefCell;
 
@@ -26,7 +26,7 @@ impl ScannerState {
         self.scanner.lock(|scanner| f(&mut scanner.borrow_mut()))
     }
 
-    /// Calls `f` with the scanner, of which it marks rows, and lets the port look after them.
+    /// Calls `f`, which may mark rows, with the scanner, and wakes the port.
     pub fn change<R>(&self, f: impl FnOnce(&mut Scanner) -> R) -> R {
         let result = self.with(f);
         self.changed.signal(());

@@ -1,47 +1,47 @@
-//! A device as the scanner sees it: what it was asked last, whether it answers, and when it is tried again.
+//! A device as the scanner sees it: its pending request, whether it responds, and when it is tried again.
 
 use embassy_time::{Duration, Instant};
 
 use super::byte_order::ByteOrder;
 use super::status::ErrorCode;
 
-/// How often a request is repeated that gets no response.
+/// How often a request without response is repeated.
 pub const REPEATS: u8 = 2;
-/// How long a device that gives no response is left alone at first.
+/// How long a device that does not respond is left alone at first.
 pub const BACK_OFF_FIRST: Duration = Duration::from_secs(15);
-/// By how much that grows with every attempt that fails.
+/// How much that grows with every failed attempt.
 pub const BACK_OFF_STEP: Duration = Duration::from_secs(2);
-/// And how long it can become.
+/// Its maximum.
 pub const BACK_OFF_LONGEST: Duration = Duration::from_secs(30);
 
 /// A device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Device {
-    /// Its unit id, as the routing rules of the scanner's port see it.
+    /// Its unit id, as the rules of the scanner's port see it.
     pub unit: u8,
-    /// How values of 32 bits come from it.
+    /// The order of the bytes in its 32-bit values.
     pub order: ByteOrder,
-    /// Before every poll it is asked for a sign of life (function 8), and left out when it gives none.
+    /// Before every poll it is asked for a sign of life (function 8), and left out of the poll if there is none.
     pub check: bool,
-    /// What its inputs become when it does not answer any more: each register this, each bit its lowest one; none: they stay.
+    /// What its inputs become when it does not respond: each register this, each bit its lowest one; none: unchanged.
     pub filling: Option<u16>,
 }
 
-/// How a device is doing.
+/// The status of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceStatus {
-    /// Whether it answered when it was asked last; none: it has not been asked yet.
+    /// Whether it responded last time; none: not asked yet.
     pub alive: Option<bool>,
-    /// When it answered last; [`Instant::MIN`]: never.
-    pub heard: Instant,
-    /// The exception of its last negative answer; 0: none.
+    /// When it responded last; [`Instant::MIN`]: never.
+    pub last_response: Instant,
+    /// The code of its last exception; 0: none.
     pub exception: u8,
-    /// What went wrong last.
+    /// The last error.
     pub error: Option<ErrorCode>,
-    /// Requests sent, repeats included.
+    /// Requests sent, including repeats.
     pub requests: u32,
-    /// Answers, exceptions included.
-    pub answers: u32,
+    /// Responses, including exceptions.
+    pub responses: u32,
     /// Of the responses, the exceptions.
     pub exceptions: u32,
     /// Requests without a response, for whatever reason.
@@ -50,37 +50,37 @@ pub struct DeviceStatus {
     pub backs_off_until: Option<Instant>,
 }
 
-/// What a device is being asked.
+/// The kind of a pending request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Open {
-    /// For a sign of life.
+    /// A check for a sign of life.
     Check,
-    /// For the cells of rows from `first` on.
+    /// A read of rows' cells from `first` on.
     Read { first: u16 },
-    /// To take the cells of rows.
+    /// A write of rows' cells.
     Write,
-    /// To change a bit of a register (function 22).
+    /// A change of one bit of a register (function 22).
     Mask,
-    /// For the register of which a bit is to be changed, since it cannot do that itself.
+    /// A read of the register of which a bit is to change, as the device cannot do that itself.
     Fetch,
-    /// To take the register with the bit changed, which was this before.
+    /// A write of the register with the bit changed; its previous value.
     Store { register: u16 },
 }
 
-/// A device and what is happening to it.
+/// A device with its state.
 pub(super) struct Station {
     pub(super) device: Device,
     pub(super) open: Option<Open>,
-    /// What got no response and is repeated, or is the second part of what is under way: before anything else.
+    /// A request to repeat, or the second half of one, ahead of anything else.
     pub(super) repeats: Option<Open>,
     /// Something may be marked.
     pub(super) pending: bool,
-    /// It has refused to change single bits of registers (function 22): they are read and written instead.
+    /// It refuses function 22: its registers are read and written to change bits.
     pub(super) refuses_masks: bool,
-    /// Rows that were marked for reading from this turn on want a check first. It is good for all that are marked by the time
-    /// that it is answered: they are one poll, however late the line is.
+    /// Rows marked for reading from this turn on need a check first. One check is good for all rows marked before it is answered:
+    /// they are one poll, however slow the line is.
     pub(super) check_from: Option<u32>,
-    /// Requests without a response since the last one.
+    /// Requests without response since the last response.
     silent: u8,
     /// How long it was left alone last; zero: not at all.
     back_off: Duration,
@@ -103,11 +103,11 @@ impl Station {
             held: Instant::MIN,
             status: DeviceStatus {
                 alive: None,
-                heard: Instant::MIN,
+                last_response: Instant::MIN,
                 exception: 0,
                 error: None,
                 requests: 0,
-                answers: 0,
+                responses: 0,
                 exceptions: 0,
                 failures: 0,
                 backs_off_until: None,
@@ -115,20 +115,20 @@ impl Station {
         }
     }
 
-    /// It is asked.
+    /// A request is sent.
     pub(super) fn asked(&mut self, open: Open) {
         (self.open, self.repeats) = (Some(open), None);
         self.status.requests = self.status.requests.wrapping_add(1);
     }
 
-    /// It has answered, by `exception` if that is not 0.
+    /// It has responded, with `exception` if that is not 0.
     pub(super) fn answered(&mut self, now: Instant, exception: u8) {
         self.silent = 0;
         self.back_off = Duration::from_ticks(0);
         let status = &mut self.status;
         status.alive = Some(true);
-        status.heard = now;
-        status.answers = status.answers.wrapping_add(1);
+        status.last_response = now;
+        status.responses = status.responses.wrapping_add(1);
         if exception != 0 {
             status.exception = exception;
             status.exceptions = status.exceptions.wrapping_add(1);
@@ -136,7 +136,7 @@ impl Station {
         }
     }
 
-    /// It has not answered. Says whether the request is to be repeated; else the device is left alone.
+    /// It has not responded. Returns whether to repeat the request; otherwise the device is left alone.
     pub(super) fn failed(&mut self, now: Instant, error: ErrorCode) -> bool {
         self.not_sent(error);
         self.silent = self.silent.saturating_add(1);
@@ -152,7 +152,7 @@ impl Station {
         false
     }
 
-    /// It was to be asked, and could not be.
+    /// A request to it could not be sent.
     pub(super) fn not_sent(&mut self, error: ErrorCode) {
         self.status.failures = self.status.failures.wrapping_add(1);
         self.status.error = Some(error);

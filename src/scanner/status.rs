@@ -1,12 +1,12 @@
-//! The status word of a row: sixteen bits that say what happens to it, and how the last request ended.
+//! The status word of a row: sixteen bits with its state and the outcome of the last request.
 
 use core::fmt;
 
-/// Why a request ended badly, with its number in bits 12 to 15.
+/// Why a request failed, as the number in bits 12 to 15.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u8)]
 pub enum ErrorCode {
-    /// An exception of another code than those below.
+    /// An exception with another code than those below.
     #[default]
     Unspecified = 0,
     /// Exception 01.
@@ -15,18 +15,18 @@ pub enum ErrorCode {
     Address = 2,
     /// Exception 03.
     Value = 3,
-    /// There was a response, but not to what was asked.
+    /// A response that does not match.
     Unknown = 4,
     /// No response in time.
     Timeout = 5,
-    /// The response was damaged on its way.
+    /// The response was corrupt.
     Transmission = 6,
-    /// There is no way to the device: its line or connection is not open, too many requests wait there, or no rule leads to it.
+    /// No path to the device: its line or connection is not open, its queue is full, or no rule leads to it.
     Connection = 7,
 }
 
 impl ErrorCode {
-    /// Every code, by its number.
+    /// Every code, by number.
     pub const ALL: [Self; 8] = [
         Self::Unspecified,
         Self::Function,
@@ -38,7 +38,7 @@ impl ErrorCode {
         Self::Connection,
     ];
 
-    /// The code of an exception by which a device has answered.
+    /// The code for a device's exception.
     pub const fn of_exception(exception: u8) -> Self {
         match exception {
             1 => Self::Function,
@@ -48,7 +48,7 @@ impl ErrorCode {
         }
     }
 
-    /// What it means, in a word or two.
+    /// A short text.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Unspecified => "negative answer",
@@ -70,29 +70,29 @@ pub struct Status(u16);
 impl Status {
     /// Nothing has happened yet.
     pub const NEW: Self = Self(0);
-    /// A request is on its way.
+    /// A request is in progress.
     pub const IN_PROGRESS: Self = Self(1);
-    /// The last request ended well.
+    /// The last request succeeded.
     pub const LAST_OK: Self = Self(1 << 1);
-    /// The last request ended in an error.
+    /// The last request failed.
     pub const LAST_ERROR: Self = Self(1 << 2);
-    /// The device does not answer, and is left alone for a time.
+    /// The device does not respond, and is left alone for a while.
     pub const BACKING_OFF: Self = Self(1 << 4);
-    /// Marked for reading, waiting.
+    /// Marked for reading.
     pub const READ_MARKED: Self = Self(1 << 6);
-    /// Marked for writing, waiting.
+    /// Marked for writing.
     pub const WRITE_MARKED: Self = Self(1 << 7);
-    /// Between the beginning and the end of a safe write.
+    /// A safe write has begun.
     pub const WRITE_BLOCKED: Self = Self(1 << 8);
-    /// The variable was written while its last value was still being sent: it is sent again.
+    /// The variable was written again while its last value was being sent: it is sent once more.
     pub const WRITE_REMARKED: Self = Self(1 << 9);
-    /// The request on its way is a write.
+    /// The request in progress is a write.
     pub const CURRENT_IS_WRITE: Self = Self(1 << 10);
-    /// The last request that ended was a write.
+    /// The last request was a write.
     pub const LAST_WAS_WRITE: Self = Self(1 << 11);
     const ERROR_SHIFT: u32 = 12;
 
-    /// The bits that have a name, with it, from the lowest on.
+    /// The named bits, from the lowest on.
     pub const NAMES: [(Self, &'static str); 10] = [
         (Self::IN_PROGRESS, "busy"),
         (Self::LAST_OK, "ok"),
@@ -116,13 +116,13 @@ impl Status {
         self.0 & flags.0 != 0
     }
 
-    /// All bits of both.
+    /// The bits of both.
     #[must_use]
     pub const fn with(self, flags: Self) -> Self {
         Self(self.0 | flags.0)
     }
 
-    /// Why the last request ended in an error.
+    /// Why the last request failed.
     pub fn error(self) -> Option<ErrorCode> {
         if !self.any(Self::LAST_ERROR) {
             return None;
@@ -147,7 +147,7 @@ impl Status {
         }
     }
 
-    /// The request is no longer on its way; says whether it was a write.
+    /// The request is no longer in progress; returns whether it was a write.
     pub(super) fn leave(&mut self) -> bool {
         let write = self.any(Self::CURRENT_IS_WRITE);
         self.clear(Self::IN_PROGRESS.with(Self::CURRENT_IS_WRITE));

@@ -1,29 +1,29 @@
-//! Values as people read and write them: numbers of 16 and 32 bits, and bits.
+//! Values as people read and write them: 16-bit and 32-bit numbers, and bits.
 
 use core::fmt;
 
 use super::fraction;
 
-/// How the cells of a row are read as values.
+/// The type of a row's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ValueType {
     /// A bit.
     Bit,
-    /// A register from 0 to 65535.
+    /// A register, unsigned.
     #[default]
     U16,
-    /// A register from -32768 to 32767.
+    /// A register, signed.
     I16,
-    /// Two registers from 0 on.
+    /// Two registers, unsigned.
     U32,
-    /// Two registers with a sign.
+    /// Two registers, signed.
     I32,
-    /// Two registers as a number with a fraction (IEEE 754).
+    /// Two registers, as an IEEE 754 float.
     F32,
 }
 
 impl ValueType {
-    /// Bits that a value takes.
+    /// Bits per value.
     pub const fn bits(self) -> u16 {
         match self {
             Self::Bit => 1,
@@ -32,7 +32,7 @@ impl ValueType {
         }
     }
 
-    /// Registers that a value takes.
+    /// Registers per value.
     pub const fn registers(self) -> u16 {
         self.bits().div_ceil(16)
     }
@@ -49,7 +49,7 @@ impl ValueType {
         }
     }
 
-    /// The value in the first bytes of `registers`; a bit is their lowest.
+    /// The value in the first bytes of `registers`; a bit is the lowest.
     pub fn take(self, registers: &[u8]) -> Option<TypedValue> {
         let short = registers.first_chunk().map(|bytes| u16::from_be_bytes(*bytes));
         let long = registers.first_chunk().map(|bytes| u32::from_be_bytes(*bytes));
@@ -63,7 +63,7 @@ impl ValueType {
         })
     }
 
-    /// The registers of the value that `text` is, of which those that it takes are the first; hexadecimal behind `0x`.
+    /// Parses `text` into the first registers of the result; hexadecimal after `0x`.
     pub fn parse(self, text: &str) -> Option<[u8; 4]> {
         if self == Self::F32 {
             return fraction::parse(text).map(|value| value.to_bits().to_be_bytes());
@@ -88,9 +88,9 @@ impl ValueType {
 /// A value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TypedValue {
-    /// A whole number.
+    /// An integer.
     Whole(i64),
-    /// A number with a fraction.
+    /// A float.
     Fraction(f32),
 }
 

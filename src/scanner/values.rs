@@ -1,6 +1,6 @@
-//! Where the rows' values are: bytes of a bounded memory, bits packed from the lowest on, registers with the high byte first.
+//! The memory for the rows' values: bounded, bits packed from the lowest on, registers with the high byte first.
 
-/// Bytes of values that a scanner keeps, inputs and outputs together.
+/// Bytes of values, inputs and outputs together.
 pub const VALUE_BYTES_MAX: usize = if cfg!(feature = "long-images") { 4096 } else { 2048 };
 
 /// The memory.
@@ -14,7 +14,7 @@ impl Values {
         Self { bytes: [0; VALUE_BYTES_MAX], used: 0 }
     }
 
-    /// The first of `bytes` new ones.
+    /// Allocates `bytes`, and returns the index of the first.
     pub(super) fn allocate(&mut self, bytes: u16) -> Option<u16> {
         let first = self.used;
         let end = first.checked_add(bytes).filter(|end| usize::from(*end) <= VALUE_BYTES_MAX)?;

@@ -1,4 +1,4 @@
-//! Addresses of peers: prefixes, lists of those who may ask, and how addresses are printed.
+//! Peer addresses: prefixes, access lists, and how addresses are printed.
 
 use core::fmt::{self, Display};
 use core::net::{IpAddr, SocketAddr};
@@ -7,14 +7,14 @@ use heapless::Vec;
 
 use crate::settings::RESERVED_MAX;
 
-/// Such a list. Each port's settings have two, in several copies: its length is a byte.
+/// A list of prefixes. Settings hold several copies of several lists, so its length is a byte.
 pub type Prefixes = Vec<IpPrefix, RESERVED_MAX, u8>;
 
-/// Whether there are addresses of IPv6. Without the feature `ipv6` settings have none, and no peer comes from one: their
-/// code need not be in an image.
+/// Whether IPv6 addresses exist. Without the feature `ipv6` settings have none and no peer has one, so their code can be left
+/// out.
 pub(crate) const IPV6: bool = cfg!(feature = "ipv6");
 
-/// Peers that may ask; empty: everybody may.
+/// Peers that are allowed; empty: everybody.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Allowed(pub Prefixes);
 
@@ -24,7 +24,7 @@ impl Allowed {
         Self(Vec::new())
     }
 
-    /// Whether `peer` may ask.
+    /// Whether `peer` is allowed.
     pub fn admits(&self, peer: IpAddr) -> bool {
         self.0.is_empty() || self.0.iter().any(|prefix| prefix.contains(peer))
     }
@@ -33,19 +33,19 @@ impl Allowed {
 /// An IP address with a prefix length; a full length names one address.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct IpPrefix {
-    /// The address; bits behind the prefix are zero.
+    /// The address; bits after the prefix are zero.
     pub address: IpAddr,
     /// Leading bits that must agree: up to 32 for IPv4, up to 128 for IPv6.
     pub length: u8,
 }
 
 impl IpPrefix {
-    /// Whether all that lies in `other` lies in this prefix.
+    /// Whether `other` is contained in this prefix.
     pub(crate) fn covers(&self, other: &Self) -> bool {
         self.length <= other.length && self.contains(other.address)
     }
 
-    /// Whether `peer` lies in the prefix. An IPv4 peer written as IPv6 (`::ffff:a.b.c.d`) counts as IPv4.
+    /// Whether `peer` matches the prefix. An IPv4 peer written as IPv6 (`::ffff:a.b.c.d`) counts as IPv4.
     pub fn contains(&self, peer: IpAddr) -> bool {
         let length = u32::from(self.length);
         match (canonical(self.address), canonical(peer)) {

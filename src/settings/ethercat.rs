@@ -1,41 +1,42 @@
-//! The port that asks Modbus devices for an EtherCAT MainDevice: `ethercat interface eth1 line bus on-loss clear`.
+//! The port that polls Modbus devices for an EtherCAT MainDevice: `ethercat interface eth1 line bus on-loss clear`.
 
 use heapless::String;
 
 use crate::settings::Name;
 
-/// Longest name of a network interface, as Linux has it (IFNAMSIZ, less the zero at its end).
+/// Longest name of a network interface on Linux (IFNAMSIZ, less the terminating zero).
 pub const INTERFACE_BYTES_MAX: usize = 15;
 
 /// The name of a network interface: `eth1`.
 pub type InterfaceName = String<INTERFACE_BYTES_MAX>;
 
-/// How the process image meets the Modbus devices.
+/// Settings of the EtherCAT port.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct EthercatSettings {
-    /// The network interface at which the gateway is a SubDevice; none where the controller is a chip of the board.
+    /// The network interface at which the gateway is a SubDevice; none where the board has a controller chip.
     pub interface: Option<InterfaceName>,
-    /// What becomes of outputs when the MainDevice sends none any more.
+    /// What happens to outputs when the MainDevice stops sending them.
     pub on_loss: OnLoss,
-    /// The RTU client whose speed and format the MainDevice sets; none: it sets none.
+    /// The RTU client whose speed and format the MainDevice sets, if any.
     pub line: Option<Name>,
-    /// Outputs are read from the controller until two readings agree, for an SPI that may turn bits: about half as much traffic again.
+    /// Outputs are read from the controller until two readings agree, for an SPI with bit errors: about half as much traffic
+    /// again.
     pub prove_outputs: bool,
-    /// What tells the gateway from others of its kind, as a rotary switch would; none: the station alias in the EEPROM.
+    /// Distinguishes gateways from each other, like a rotary switch; none: the station alias in the EEPROM.
     pub id: Option<u16>,
-    /// Errors are reported by emergencies, too; a MainDevice can change that (10F3h:05). Some end with the first one they get.
+    /// Errors are also reported by emergencies; a MainDevice can change that (10F3h:05). Some MainDevices stop at the first one.
     pub emergencies: bool,
     /// The SubDevice is a modular one (ETG.5001): each slave is a module in a slot, with typed values.
     pub modules: bool,
 }
 
-/// What becomes of the devices' outputs when the MainDevice leaves Op, or its watchdog runs out.
+/// What happens to the devices' outputs when the MainDevice leaves Op, or its watchdog expires.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum OnLoss {
     /// Nothing is written any more.
     #[default]
     Stop,
-    /// The last ones stay in force: a device that has others gets them again.
+    /// The last outputs stay in force, and are written again to a device with other values.
     Hold,
     /// All become 0.
     Clear,

@@ -1,14 +1,14 @@
-//! Sets of functions, as rules name them.
+//! Sets of function codes, for rules.
 
 use crate::modbus::pdu::EXCEPTION_BIT;
 use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION};
 
-/// Which functions a rule lets through: a set over the codes 1 to 127. Of function 43 there may also be only the device
-/// identification (MEI type 14) in it.
+/// A set of function codes from 1 to 127. It can also contain device identification (MEI type 14) without the rest of function
+/// 43.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Functions([u16; 8]);
 
-/// The bit of the device identification, where 43 is not in the set: no function has this code.
+/// The bit for device identification alone: no function has this code.
 const IDENTIFICATION: u8 = 0;
 
 impl Functions {
@@ -16,8 +16,8 @@ impl Functions {
     pub const ALL: Self = Self([!1, !0, !0, !0, !0, !0, !0, !0]);
     /// No code; add some with [`Functions::with`].
     pub const NONE: Self = Self([0; 8]);
-    /// What changes nothing in the device. Not all of 43: besides the identification it carries CANopen requests, writes
-    /// among them; nor 8, which can restart a device.
+    /// Functions that change nothing in the device. Of 43 only identification, since it also carries CANopen writes; not 8, which
+    /// can restart a device.
     pub const READ_ONLY: Self = Self::NONE
         .with(1)
         .with(2)
@@ -31,7 +31,7 @@ impl Functions {
         .with(24)
         .with_identification();
 
-    /// The set and `function`, from 1 to 127, besides.
+    /// Adds `function`, from 1 to 127.
     #[must_use]
     pub const fn with(self, function: u8) -> Self {
         let mut set = self.with_bit(function);
@@ -41,23 +41,23 @@ impl Functions {
         set
     }
 
-    /// The set and the device identification besides.
+    /// Adds device identification.
     #[must_use]
     pub const fn with_identification(self) -> Self {
         if self.contains(ENCAPSULATED_INTERFACE) { self } else { self.with_bit(IDENTIFICATION) }
     }
 
-    /// Whether `function` is in the set with all that it carries.
+    /// Whether `function` is in the set, with all its sub-functions.
     pub const fn contains(&self, function: u8) -> bool {
         function != IDENTIFICATION && function < EXCEPTION_BIT && self.has_bit(function)
     }
 
-    /// Whether of function 43 only the device identification is in the set.
+    /// Whether the set has device identification, but not all of function 43.
     pub const fn contains_identification(&self) -> bool {
         self.has_bit(IDENTIFICATION)
     }
 
-    /// Whether `request` is in the set; one of which nothing has come is in none.
+    /// Whether `request` is in the set; false if nothing of it has arrived.
     pub const fn admit(&self, request: &[u8]) -> bool {
         match *request {
             [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, ..] if self.contains_identification() => true,
@@ -82,7 +82,7 @@ impl Functions {
     }
 }
 
-/// The word that has the bit of `function`.
+/// Index of the word with the bit of `function`.
 const fn word(function: u8) -> usize {
     (function & !EXCEPTION_BIT) as usize / 16
 }

@@ -1,8 +1,8 @@
-//! A serial line, as far as the times of frames on it go.
+//! The timing of a serial line, for cut-through.
 
 use crate::settings::{Framing, LineSettings, PortId, PortKind, SerialSettings, Settings};
 
-/// A serial line, as far as the times of frames on it go.
+/// The settings of a serial line that determine the timing of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lane {
     /// RTU or ASCII.
@@ -33,7 +33,7 @@ impl Lane {
         }
     }
 
-    /// Characters until a frame's unit is there.
+    /// Characters up to the end of a frame's unit.
     pub(crate) const fn unit_characters(&self) -> usize {
         match self.framing {
             Framing::Rtu => 1,
@@ -41,7 +41,7 @@ impl Lane {
         }
     }
 
-    /// Characters at the end of a copy that are held back until all of the frame is there which arrives on `input`.
+    /// Characters at the end of a frame that are held back until it has arrived completely on `input`.
     pub(crate) const fn held_back(&self, input: &Self) -> usize {
         match (input.framing, self.framing) {
             (_, Framing::Rtu) => 1,
@@ -50,7 +50,7 @@ impl Lane {
         }
     }
 
-    /// The time of `characters` on this line, in a unit that it shares with `other`.
+    /// The duration of `characters` on this line, in a unit common with `other`.
     pub(crate) fn time(&self, characters: usize, other: &Self) -> u64 {
         characters as u64 * u64::from(self.line.bits_per_char()) * u64::from(other.line.baud)
     }

@@ -1,11 +1,11 @@
-//! What settings can hold: how many of a thing, and how long its name is.
+//! Capacities of the settings: how many of each item, and how long names may be.
 
 use heapless::String;
 
-/// Ports that settings can hold. With the feature `small`: as many as small boards run.
+/// Ports in the settings; with the feature `small`, as many as small boards run.
 pub const PORTS_MAX: usize = if cfg!(feature = "small") { 8 } else { 16 };
 
-/// Routing rules that settings can hold.
+/// Routing rules in the settings.
 pub const ROUTES_MAX: usize = 64;
 
 /// Longest port name in bytes.
@@ -17,21 +17,21 @@ pub const DEVICE_BYTES_MAX: usize = if PATHS { 255 } else { 15 };
 
 const PATHS: bool = cfg!(feature = "paths");
 
-/// Address prefixes in one list of a TCP server.
+/// Address prefixes in one list.
 pub const RESERVED_MAX: usize = 4;
 
-/// Longest line of the line language in bytes. Settings at their limits print shorter ones: what is printed can be read.
+/// Longest line of the line language in bytes. The longest line that is printed is shorter, so what is printed can be read.
 pub const LINE_BYTES_MAX: usize = if PATHS { 800 } else { 640 };
 
-/// A port's name, as rules call it.
+/// A port's name.
 pub type Name = String<NAME_BYTES_MAX>;
 
-/// A port's place in the settings, stable while the port exists.
+/// A port's index in the settings, stable while the port exists.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PortId(pub u8);
 
 impl PortId {
-    /// The place as an index.
+    /// The index.
     pub const fn index(self) -> usize {
         self.0 as usize
     }

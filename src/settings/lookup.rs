@@ -1,4 +1,4 @@
-//! What settings say about a port, a server, a point or the board, looked up in them.
+//! Look-ups in the settings: of a port, a server, a point, or the board.
 
 use core::net::Ipv4Addr;
 
@@ -8,7 +8,7 @@ use crate::settings::{
 };
 
 impl Settings {
-    /// How the EtherCAT port is set, if there is one.
+    /// The settings of the EtherCAT port, if there is one.
     pub fn ethercat(&self) -> Option<&EthercatSettings> {
         self.ports.iter().flatten().find_map(|port| match &port.kind {
             PortKind::Ethercat(settings) => Some(settings),
@@ -16,7 +16,7 @@ impl Settings {
         })
     }
 
-    /// The line whose speed and format the MainDevice sets, if it is there.
+    /// The line whose speed and format the MainDevice sets, if it exists.
     pub fn ethercat_line(&self) -> Option<PortId> {
         let id = self.find(self.ethercat()?.line.as_ref()?)?;
         let is_rtu_client = matches!(
@@ -26,7 +26,7 @@ impl Settings {
         is_rtu_client.then_some(id)
     }
 
-    /// How that line is set.
+    /// The settings of that line.
     pub(crate) fn ethercat_speed(&self) -> Option<&LineSettings> {
         match &self.port(self.ethercat_line()?)?.kind {
             PortKind::Serial(serial) => Some(&serial.line),
@@ -34,20 +34,20 @@ impl Settings {
         }
     }
 
-    /// The servers of the port at `id` that have lines of their own, each with its place among all such lines.
+    /// The server lines of the port at `id`, each with its index among all server lines.
     pub fn servers_of(&self, id: PortId) -> impl Iterator<Item = (usize, &ServerSettings)> + Clone {
-        // Where there are none, neither is the code for them.
+        // Lets the compiler drop the code where there are no server lines.
         let all: &[ServerSettings] = if SERVERS { &self.servers } else { &[] };
         all.iter().enumerate().filter(move |(_, server)| server.port == id)
     }
 
-    /// Where the server `number` (from 0) of the TCP client at `id` is.
+    /// The address of server `number` (from 0) of the TCP client at `id`.
     pub(crate) fn address(&self, id: PortId, number: usize) -> Option<&ServerAddress> {
         let PortKind::TcpClient(client) = &self.port(id)?.kind else { return None };
         client.server.as_ref().or_else(|| Some(&self.servers_of(id).nth(number)?.1.at))
     }
 
-    /// The server that is asked for `unit` by the TCP client at `id`, and what the unit is called there.
+    /// The server of `unit` at the TCP client `id`, and the server's own id for it.
     pub(crate) fn server(&self, id: PortId, unit: u8) -> Option<(&ServerAddress, u8)> {
         let PortKind::TcpClient(client) = &self.port(id)?.kind else { return None };
         if let Some(server) = &client.server {
@@ -57,8 +57,7 @@ impl Settings {
         Some((&server.at, server.tag.apply(unit)?))
     }
 
-    /// The name under which the gateway is found, which is `own` unless the settings say another; `None` when it is not to be
-    /// found.
+    /// The mDNS name of the gateway: `own` unless the settings have one; `None` when mDNS is off.
     pub fn mdns_name<'s>(&'s self, own: &'s str) -> Option<&'s str> {
         let Mdns::On { name } = &self.mdns else { return None };
         let told = match &self.network {
@@ -68,7 +67,7 @@ impl Settings {
         [name, told, own].into_iter().find(|name| !name.is_empty())
     }
 
-    /// The TCP ports of the Modbus TCP servers that can be reached at `own`, with the names of their ports.
+    /// The TCP ports and names of the Modbus TCP servers reachable at `own`.
     pub fn modbus_servers(&self, own: Ipv4Addr) -> impl Iterator<Item = (&str, u16)> {
         self.ports.iter().flatten().filter_map(move |port| match &port.kind {
             PortKind::TcpServer(server) if server.framing == StreamFraming::Mbap => {
@@ -80,20 +79,20 @@ impl Settings {
         })
     }
 
-    /// The place of the point called `name`.
+    /// Index of the point `name`.
     pub fn find_point(&self, name: &str) -> Option<u8> {
-        let place = self.points.iter().position(|point| point.name.eq_ignore_ascii_case(name))?;
-        u8::try_from(place).ok()
+        let index = self.points.iter().position(|point| point.name.eq_ignore_ascii_case(name))?;
+        u8::try_from(index).ok()
     }
 
-    /// The place of the device called `name`.
+    /// Index of the device `name`.
     pub fn find_device(&self, name: &str) -> Option<u8> {
-        let place = self.devices.iter().position(|device| device.name.eq_ignore_ascii_case(name))?;
-        u8::try_from(place).ok()
+        let index = self.devices.iter().position(|device| device.name.eq_ignore_ascii_case(name))?;
+        u8::try_from(index).ok()
     }
 
-    /// The name of the device at `place`; `?` when there is none.
-    pub fn device_name(&self, place: u8) -> &str {
-        self.devices.get(usize::from(place)).map_or("?", |device| &device.name)
+    /// Name of device `index`; `?` if there is none.
+    pub fn device_name(&self, index: u8) -> &str {
+        self.devices.get(usize::from(index)).map_or("?", |device| &device.name)
     }
 }

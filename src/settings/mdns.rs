@@ -1,21 +1,21 @@
-//! How a gateway is found on the network: by multicast DNS (RFC 6762), with its Modbus TCP servers (RFC 6763).
+//! Discovery by multicast DNS (RFC 6762), with the Modbus TCP servers as services (RFC 6763).
 
 use crate::settings::HostName;
 
-/// Whether the gateway can be found, and by which name.
+/// Whether the gateway announces itself, and under which name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Mdns {
-    /// It answers.
+    /// It announces itself.
     On {
-        /// The name of the gateway; when empty, the one that the board tells its DHCP server, or else the machine's.
+        /// The name; if empty, the board's DHCP name, or else the machine's name.
         name: HostName,
     },
-    /// It is silent.
+    /// It does not.
     Off,
 }
 
 impl Mdns {
-    /// What a gateway starts with.
+    /// The default.
     pub const DEFAULT: Self = Self::On { name: HostName::new() };
 }
 

@@ -1,4 +1,4 @@
-//! Settings of the ports that speak over a network: TCP servers and clients, UDP servers.
+//! Settings of network ports: TCP servers, TCP clients and UDP servers.
 
 use core::net::IpAddr;
 
@@ -13,7 +13,7 @@ pub const MODBUS_TCP_PORT: u16 = 502;
 /// Where a TCP or UDP server listens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TcpListen {
-    /// The local address; `None` is all of them.
+    /// The local address; `None` means all.
     pub address: Option<IpAddr>,
     /// TCP or UDP port number, 1 to 65535.
     pub port: u16,
@@ -30,16 +30,16 @@ impl TcpListen {
 /// What a TCP stream carries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum StreamFraming {
-    /// Modbus TCP: the MBAP header says where a frame ends and which request a response belongs to.
+    /// Modbus TCP: the MBAP header delimits frames and carries the transaction id.
     #[default]
     Mbap,
-    /// RTU over TCP: the bytes of a serial line with their CRC, as serial device servers carry them. One request at a time.
+    /// RTU over TCP: RTU frames with their CRC in a stream, as used by serial device servers. One request at a time.
     Rtu,
-    /// No requests, but the frames of all ports as they come, as a PCAPNG file. Servers only.
+    /// The frames of all ports as a PCAPNG stream, and no requests. Servers only.
     Capture,
 }
 
-/// Requests that one UDP server can have open in all.
+/// Requests in flight at one UDP server.
 pub const UDP_REQUESTS_MAX: usize = 32;
 
 /// A listener for Modbus TCP clients.
@@ -49,27 +49,26 @@ pub struct TcpServerSettings {
     pub listen: TcpListen,
     /// Modbus TCP, RTU over TCP, or a capture.
     pub framing: StreamFraming,
-    /// Connections at a time, one of a capture unless set. One more is accepted for a moment, to decide who goes.
+    /// Simultaneous connections; one for a capture unless set. One more is accepted briefly, to decide which is closed.
     pub clients: u16,
-    /// A connection without a request for so long is closed; zero never.
+    /// A connection without a request for this long is closed; zero: never.
     pub idle: Duration,
-    /// Requests of one connection that may be open at a time; one more is answered 06h. 1 to 16; with RTU over TCP it is one,
-    /// and the next waits.
+    /// Requests in flight per connection, 1 to 16; one more gets 06h. RTU over TCP allows one, and the next waits.
     pub pipeline: u8,
-    /// A request not yet on the wire after this time is not sent any more, and answered 0Bh.
+    /// A request not sent within this time is dropped, and answered 0Bh.
     pub lifetime: Duration,
-    /// Of `clients`, places kept for `reserved_for`.
+    /// Connections, out of `clients`, reserved for `reserved_for`.
     pub reserved: u16,
-    /// When all are taken a newcomer is closed, and not the connection that has been idle for longest.
+    /// When all are taken, the newcomer is refused instead of closing the connection idle longest.
     pub refuses: bool,
-    /// Peers that may use the reserved places and are never closed to make room.
+    /// Peers that may use the reserved connections, and are never closed to make room.
     pub reserved_for: Prefixes,
-    /// Peers that may connect; others are closed at once. Empty: everybody may (Messaging on TCP/IP 4.2.3, restricted mode).
+    /// Peers that may connect; others are closed at once. Empty: everybody (Messaging on TCP/IP 4.2.3, restricted mode).
     pub allowed: Allowed,
 }
 
 impl TcpServerSettings {
-    /// A listener on `port` with the defaults: 16 clients, a minute idle, 16 requests each, 5 s of life.
+    /// A listener on `port` with the defaults: 16 clients, closed after a minute idle, 16 requests each, 5 s lifetime.
     pub fn new(port: u16) -> Self {
         Self {
             listen: TcpListen { address: None, port },
@@ -85,7 +84,7 @@ impl TcpServerSettings {
         }
     }
 
-    /// How many clients there may be unless that is set.
+    /// The default number of clients.
     pub(crate) const fn clients_of(&self, framing: StreamFraming) -> u16 {
         match framing {
             StreamFraming::Mbap | StreamFraming::Rtu => 16,
@@ -97,20 +96,20 @@ impl TcpServerSettings {
 /// A listener for Modbus UDP clients.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UdpServerSettings {
-    /// Where it listens, by UDP.
+    /// The UDP address and port.
     pub listen: TcpListen,
-    /// Requests of one peer that may be open at a time; one more is answered 06h. 1 to 16.
+    /// Requests in flight per peer, 1 to 16; one more gets 06h.
     pub pipeline: u8,
-    /// Requests of all peers that may be open at a time; one more is answered 06h. 1 to [`UDP_REQUESTS_MAX`].
+    /// Requests in flight of all peers, 1 to [`UDP_REQUESTS_MAX`]; one more gets 06h.
     pub requests: u8,
-    /// A request not yet on the wire after this time is not sent any more, and answered 0Bh.
+    /// A request not sent within this time is dropped, and answered 0Bh.
     pub lifetime: Duration,
-    /// Peers that may ask; datagrams of others are dropped.
+    /// Peers that are allowed; datagrams from others are dropped.
     pub allowed: Allowed,
 }
 
 impl UdpServerSettings {
-    /// A listener on `listen` with the defaults: 16 requests of a peer, 32 in all, 5 s of life.
+    /// A listener on `listen` with the defaults: 16 requests per peer, 32 in all, 5 s lifetime.
     pub const fn new(listen: TcpListen) -> Self {
         Self {
             listen,
@@ -122,44 +121,44 @@ impl UdpServerSettings {
     }
 }
 
-/// A device, or a gateway with devices behind it, that is asked over TCP.
+/// A TCP client: one device, or gateway, or several with server lines.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TcpClientSettings {
-    /// Where it listens; none: the port has several servers, in lines of their own.
+    /// The server's address; none: the port has several servers, in lines of their own.
     pub server: Option<ServerAddress>,
-    /// Connections to several servers at a time.
+    /// Simultaneous connections, with several servers.
     pub sockets: u8,
     /// Modbus TCP or RTU over TCP.
     pub framing: StreamFraming,
-    /// The unit id that is sent whatever the rule says; `None` sends the rule's.
+    /// Overrides the unit given by the rule.
     pub unit: Option<u8>,
-    /// Requests that may be open at a time, 1 to 16; 1 with RTU over TCP.
+    /// Requests in flight, 1 to 16; 1 with RTU over TCP.
     pub in_flight: u8,
     /// From a request to its response.
     pub timeout: Duration,
-    /// From the first try to the open connection.
+    /// Time limit for connecting.
     pub connect_timeout: Duration,
-    /// Pause between the opening of the connection and the first request.
+    /// Pause between connecting and the first request.
     pub connect_delay: Duration,
-    /// Pause between whatever was sent or received last and a request.
+    /// Pause between the last activity and a request.
     pub request_delay: Duration,
-    /// A connection without a request for so long is closed, and opened when the next request comes; zero: it is opened at
-    /// once and kept.
+    /// A connection without a request for this long is closed, and opened for the next request; zero: it is opened at once and
+    /// kept.
     pub idle: Duration,
     /// Repeats of a read that got no response. Writes are never repeated.
     pub retries: u8,
-    /// How long after a time-out its response may still come, by its transaction id; with RTU over TCP as at a serial line.
+    /// How long after a time-out its response may still arrive, matched by transaction id; with RTU over TCP as on a serial line.
     /// `None`: `timeout`.
     pub late_window: Option<Duration>,
-    /// Time-outs in a row after which a unit counts as down and fails at once; 0 never.
+    /// Time-outs in a row after which a unit is down and requests to it fail at once; 0: never.
     pub down_after: u8,
-    /// What proves that a unit is in step; with RTU over TCP.
+    /// How units are proved to be in step; with RTU over TCP.
     pub proofs: Proofs,
 }
 
 impl TcpClientSettings {
-    /// Modbus TCP to `server`: one request at a time, 1 s for a response, 3 s to connect, closed after a minute, no repeats,
-    /// down after three time-outs; to several servers 8 connections at a time, where there can be so many.
+    /// Modbus TCP to `server` with the defaults: one request in flight, 800 ms response time-out, 3 s to connect, closed after a
+    /// minute, no repeats, down after three time-outs; for several servers 8 connections, or as many as possible.
     pub fn new(server: Option<ServerAddress>) -> Self {
         Self {
             server,
@@ -179,7 +178,7 @@ impl TcpClientSettings {
         }
     }
 
-    /// How long after a time-out its response may still come.
+    /// How long after a time-out its response may still arrive.
     pub fn late_window(&self) -> Duration {
         self.late_window.unwrap_or(self.timeout)
     }

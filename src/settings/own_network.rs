@@ -1,4 +1,4 @@
-//! How a board comes by its own address.
+//! How a board gets its own address.
 
 use core::net::Ipv4Addr;
 
@@ -7,36 +7,36 @@ use heapless::String;
 /// Longest host name in bytes.
 pub const HOST_NAME_BYTES_MAX: usize = 32;
 
-/// A host's name, as a DHCP server is told it.
+/// A host name, as sent to a DHCP server.
 pub type HostName = String<HOST_NAME_BYTES_MAX, u8>;
 
-/// How the board comes by its address.
+/// How the board gets its address.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum OwnNetwork {
-    /// A DHCP server gives it.
+    /// By DHCP.
     Dhcp {
-        /// What the board calls itself to the server; nothing when empty.
+        /// The host name sent to the server; none if empty.
         name: HostName,
     },
-    /// It is set.
+    /// A static address.
     Static(StaticAddress),
 }
 
-/// An address that is set.
+/// A static address.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StaticAddress {
     /// The board's address.
     pub address: Ipv4Addr,
     /// Leading bits that the hosts of its network have in common, 1 to 30.
     pub prefix: u8,
-    /// The way to other networks.
+    /// The default gateway.
     pub gateway: Option<Ipv4Addr>,
-    /// Who is asked for names.
+    /// The DNS server.
     pub dns: Option<Ipv4Addr>,
 }
 
 impl OwnNetwork {
-    /// What a board starts with.
+    /// The default.
     pub const DEFAULT: Self = Self::Dhcp { name: String::new() };
 }
 

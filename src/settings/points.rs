@@ -1,4 +1,4 @@
-//! Data points in the settings: devices that the gateway asks by itself, and points that tie their cells to variables.
+//! Data points in the settings: devices that the gateway polls, and points that map their cells to variables.
 
 use heapless::String;
 
@@ -7,7 +7,7 @@ use crate::scanner::{
 };
 use crate::settings::NAME_BYTES_MAX;
 
-/// Points that settings can hold.
+/// Points in the settings.
 pub const POINTS_MAX: usize = if POINTS { POINTS_MOST } else { 0 };
 
 const POINTS_MOST: usize = if cfg!(feature = "small") { 64 } else { 128 };
@@ -17,61 +17,61 @@ pub const LABEL_BYTES_MAX: usize = 23;
 
 const _: () = assert!(POINTS_MOST <= ROWS_MAX);
 
-/// The name of a device or a point. Settings have many of them, and there is a draft besides: they must be small.
+/// The name of a device or a point. Settings and the draft hold many, so it must be small.
 pub type PointName = String<NAME_BYTES_MAX, u8>;
 
-/// What people call it; may be empty.
+/// A label for people; may be empty.
 pub type Label = String<LABEL_BYTES_MAX, u8>;
 
-/// A device that the scanner asks.
+/// A device polled by the scanner.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DeviceSettings {
     /// Unique among devices, without regard to case.
     pub name: PointName,
-    /// What it is for the scanner.
+    /// Its scanner parameters.
     pub device: Device,
-    /// What people call it.
+    /// A label for people.
     pub label: Label,
 }
 
-/// A point: a variable, and the cells that it is tied to.
+/// A point: a variable, and the cells it is mapped to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PointSettings {
     /// Unique among points, without regard to case.
     pub name: PointName,
-    /// Where it is.
+    /// Where its cells are.
     pub at: PointAt,
     /// The table.
     pub kind: Kind,
-    /// The first cell's address, as it is on the wire.
+    /// The first address, as on the wire.
     pub first: u16,
     /// How many values.
     pub count: u16,
-    /// What the values are; bits in a table of bits, if it does not say another type.
+    /// The type of the values; bits in a table of bits unless set.
     pub value: ValueType,
-    /// What people call it.
+    /// A label for people.
     pub label: Label,
 }
 
 /// Where the cells of a point are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PointAt {
-    /// In a device, which is asked.
+    /// In a device, which is polled.
     Device {
-        /// Its place among the devices.
+        /// Index of the device.
         device: u8,
         /// When they are read.
         read: Reading,
         /// When they are written.
         write: Writing,
-        /// One cell is written by function 15 or 16 as well.
+        /// Uses function 15 or 16 even for one cell.
         multiple: bool,
-        /// The bit of a register that it is.
+        /// The bit of a register, for a point that is a single bit.
         bit: Option<RegisterBit>,
     },
-    /// In the gateway's own unit, where outside clients find them.
+    /// In the gateway's own unit, for outside clients.
     Local {
-        /// The point whose variable this is; none: its own.
+        /// The point whose variable it shows; none: its own.
         of: Option<u8>,
         /// Input registers with its status word and age.
         quality: Option<u16>,
@@ -85,7 +85,7 @@ impl PointSettings {
         self.count.saturating_mul(each)
     }
 
-    /// Bytes of memory that its own variable takes.
+    /// Bytes of memory for its own variable.
     pub(crate) fn bytes(&self) -> usize {
         match self.at {
             PointAt::Local { of: Some(_), .. } => 0,
@@ -94,7 +94,7 @@ impl PointSettings {
         }
     }
 
-    /// What its cells are in its variable.
+    /// How its cells map to its variable.
     fn form(&self) -> Form {
         match (self.at, self.kind.is_bits(), self.value.bits()) {
             (PointAt::Device { bit: Some(bit), .. }, ..) => Form::Bit(bit),
@@ -105,7 +105,7 @@ impl PointSettings {
         }
     }
 
-    /// The row that it is in a scanner, with its values from the place `values` on.
+    /// Its scanner row, with values from index `values` on.
     pub(crate) fn row(&self, values: u16) -> Row {
         let row = Row {
             device: None,

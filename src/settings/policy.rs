@@ -1,4 +1,4 @@
-//! What a rule lets through, and what becomes of the rest.
+//! The policy of a rule: what it allows, and what happens to the rest.
 
 use embassy_time::Duration;
 
@@ -7,50 +7,50 @@ use crate::modbus::pdu::function::Form;
 use crate::modbus::pdu::{self, Extent, Touched};
 use crate::settings::Functions;
 
-/// Whose answers will do for a read besides one that is sent for it alone.
+/// How a read may share transactions and cached responses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sharing {
-    /// That of a read which was waiting, too, when it was sent.
+    /// Which reads waiting at the same time it may share a transaction with.
     pub merge: Merge,
-    /// One that is in memory and not older than this; 0: none. A row of the table must be small: no [`Duration`].
+    /// The maximum age of a cached response; 0: no cache. Not a [`Duration`], as rows of the table must be small.
     pub cache_ms: u16,
 }
 
 impl Sharing {
-    /// Identical reads are merged, since the response is as new as it would be otherwise; memory is not used.
+    /// Identical reads are merged, as that makes the response no older; the cache is not used.
     pub const DEFAULT: Self = Self { merge: Merge::Identical, cache_ms: 0 };
 
-    /// How old a response from memory may be.
+    /// The maximum age of a cached response.
     pub fn cache(&self) -> Duration {
         Duration::from_millis(self.cache_ms.into())
     }
 }
 
-/// Which reads that wait at the same time may be one transaction.
+/// Which waiting reads may share a transaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Merge {
     /// None.
     Off,
     /// Identical ones.
     Identical,
-    /// Also those of coils, inputs or registers that overlap, that touch, or that have at most so many unwanted addresses
-    /// between them, which are then read along.
+    /// Also reads of coils, inputs or registers that overlap, touch, or have at most this many unwanted addresses in between,
+    /// which are read too.
     Near(u8),
 }
 
-/// Whether frames are passed on while they arrive (cut-through), or when they are whole.
+/// Whether frames are forwarded while they arrive (cut-through), or when they are complete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Cut {
-    /// Where the board's transmitters cannot underrun.
+    /// Where the board's transmitters never underrun.
     #[default]
     Auto,
-    /// Wherever it can be done.
+    /// Wherever possible.
     On,
     /// Never.
     Off,
 }
 
-/// Rank in a destination's queue.
+/// Priority in a destination's queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Priority {
     /// Before all others.
@@ -58,44 +58,44 @@ pub enum Priority {
     /// The default.
     #[default]
     Normal,
-    /// When nothing else waits, and in any case after a bounded number of others.
+    /// When nothing else waits, or after a bounded number of others.
     Low,
 }
 
-/// What a rule lets through, and with which rank.
+/// What a rule allows, and with which priority.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Policy {
-    /// Which functions pass; others are answered 01h.
+    /// Functions that are allowed; others get 01h.
     pub functions: Functions,
-    /// Data addresses that may be touched; a request for others is answered 02h, one that does not say what it touches 01h.
+    /// Data addresses that may be accessed; a request for others gets 02h, one that does not name its addresses 01h.
     pub addresses: AddressRange,
-    /// Data addresses that may be written; a write to others is answered 02h, one that may write anything 01h.
+    /// Data addresses that may be written; a write to others gets 02h, one that may write anything 01h.
     pub writes: AddressRange,
-    /// What becomes of a write that does not pass.
+    /// What happens to a forbidden write.
     pub forbidden: Forbidden,
-    /// Rank in the destination's queue.
+    /// Priority in the destination's queue.
     pub priority: Priority,
-    /// Functions that rank high whatever `priority` says.
+    /// Functions with high priority whatever `priority` says.
     pub urgent: Functions,
-    /// Whose answers will do for a read.
+    /// How a read may share transactions and cached responses.
     pub sharing: Sharing,
-    /// Whether frames from one serial line to another are passed on while they arrive.
+    /// Whether frames between serial lines are cut through.
     pub cut: Cut,
 }
 
-/// What becomes of a write that a rule does not let pass.
+/// What happens to a write that a rule forbids.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Forbidden {
-    /// It is answered with an exception.
+    /// It gets an exception.
     #[default]
     Refuse,
-    /// It is answered as if it had been carried out, for masters that stop at an exception: functions 5, 6, 15 and 16. Others
-    /// are refused.
+    /// It is confirmed without being executed, for masters that stop at an exception: functions 5, 6, 15 and 16. Others are
+    /// refused.
     Ignore,
 }
 
 impl Default for Policy {
-    /// Everything passes, with normal priority.
+    /// Everything is allowed, with normal priority.
     fn default() -> Self {
         Self {
             functions: Functions::ALL,
@@ -111,9 +111,9 @@ impl Default for Policy {
 }
 
 impl Policy {
-    /// The rank of `request`, or of what has arrived of it, or the exception that it gets.
+    /// The priority of `request`, which may be incomplete, or the exception that it gets.
     pub fn admit(&self, request: &[u8]) -> Result<Priority, Exception> {
-        // Mostly: also a request of which only the unit has come.
+        // The usual case. Also accepts a request of which only the unit has arrived.
         if self.looks_at_nothing() {
             return Ok(self.priority);
         }
@@ -126,7 +126,7 @@ impl Policy {
         Ok(if self.urgent.admit(request) { Priority::High } else { self.priority })
     }
 
-    /// What cannot be judged is refused: a range that something gets around is none.
+    /// What cannot be judged is refused, or the range could be bypassed.
     fn admit_addresses(&self, request: &[u8]) -> Result<(), Exception> {
         let passes = |extent: &Extent| {
             self.addresses.contains(extent) && (!extent.write || self.writes.contains(extent))
@@ -139,29 +139,29 @@ impl Policy {
         }
     }
 
-    /// Whether some functions are not like others.
+    /// Whether the policy depends on the function.
     fn looks_at_functions(&self) -> bool {
         self.functions != Functions::ALL || self.urgent != Functions::NONE
     }
 
-    /// Whether all requests are alike.
+    /// Whether the policy is the same for all requests.
     pub(crate) fn looks_at_nothing(&self) -> bool {
         !self.looks_at_functions() && !self.looks_at_addresses()
     }
 
-    /// Whether some addresses are not like others.
+    /// Whether the policy depends on data addresses.
     pub(crate) fn looks_at_addresses(&self) -> bool {
         self.addresses != AddressRange::ALL || self.writes != AddressRange::ALL
     }
 
-    /// Whether `request`, which does not pass, is answered as if it had been carried out.
+    /// Whether the forbidden `request` is confirmed without being executed.
     pub(crate) fn ignores(&self, request: &[u8]) -> bool {
         let has_echo = matches!(Form::of(request), Some(Form::WriteOne(_) | Form::WriteMany(_)));
         self.forbidden == Forbidden::Ignore && has_echo
     }
 }
 
-/// Data addresses from `first` to `last` as they are on the wire, both included.
+/// Data addresses from `first` to `last`, as on the wire, inclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AddressRange {
     /// Lowest address.
@@ -174,13 +174,12 @@ impl AddressRange {
     /// Every address.
     pub const ALL: Self = Self { first: 0, last: u16::MAX };
 
-    /// The addresses in both.
+    /// The intersection.
     pub(crate) fn common(&self, other: &Self) -> Self {
         Self { first: self.first.max(other.first), last: self.last.min(other.last) }
     }
 
-    /// Whether all of `extent` is in the range. What runs over the end of the addresses, where a device may begin again at 0,
-    /// is in none but that of all.
+    /// Whether `extent` is in the range. One that wraps around 65535 is only in the full range.
     pub fn contains(&self, extent: &Extent) -> bool {
         *self == Self::ALL || self.first <= extent.first && extent.last <= u32::from(self.last)
     }

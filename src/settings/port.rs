@@ -4,24 +4,24 @@ use crate::settings::{
     EthercatSettings, Name, SerialSettings, Side, TcpClientSettings, TcpServerSettings, UdpServerSettings,
 };
 
-/// One port: what it is called and what it does.
+/// One port.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Port {
     /// Unique, without regard to case.
     pub name: Name,
-    /// What the port is and how it is set.
+    /// Its kind, with the settings.
     pub kind: PortKind,
-    /// What special unit ids mean here; used when the port plays the server.
+    /// The meaning of special unit ids, for a server-side port.
     pub units: UnitPolicy,
 }
 
-/// What the unit ids mean that are no device's own: 0 is the broadcast, 248 to 255 are reserved (Serial Line 2.2), and 255 is
-/// the TCP device itself (Messaging on TCP/IP 4.4.1.2).
+/// The meaning of unit ids that do not belong to a device: 0 is the broadcast, 248 to 255 are reserved (Serial Line 2.2), and 255
+/// is the TCP device itself (Messaging on TCP/IP 4.4.1.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct UnitPolicy {
     /// Unit 0.
     pub broadcast: Special,
-    /// A TCP client's broadcast is answered as if it were a write to one device.
+    /// Broadcast writes from TCP clients are confirmed like a write to one device.
     pub confirm: bool,
     /// Unit 255.
     pub unit_255: Special,
@@ -30,7 +30,7 @@ pub struct UnitPolicy {
 }
 
 impl UnitPolicy {
-    /// What `unit` means.
+    /// The meaning of `unit`.
     pub const fn of(&self, unit: u8) -> Special {
         match unit {
             0 => self.broadcast,
@@ -41,24 +41,24 @@ impl UnitPolicy {
     }
 }
 
-/// What a special unit id means.
+/// The meaning of a special unit id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Special {
-    /// What the rules say, as for any other.
+    /// The rules decide, as for any other.
     #[default]
     Rules,
     /// Nothing: 0Ah to a TCP client, silence on a serial line.
     Off,
     /// The gateway's own unit.
     Local,
-    /// This unit, for which the rules are asked.
+    /// Replaced by this unit, for which the rules decide.
     Replace(u8),
-    /// Unit 0 only: every serial line that the rules of this port lead to.
+    /// Every serial line that the rules of this port lead to; unit 0 only.
     AllLines,
 }
 
 /// The kinds of port.
-// They lie in one table without a heap. On hosts the name of a serial device makes one much larger than the others.
+// Stored in a table without a heap; on hosts a serial device's name makes one variant much larger.
 #[cfg_attr(feature = "paths", allow(clippy::large_enum_variant))]
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PortKind {
@@ -70,9 +70,9 @@ pub enum PortKind {
     TcpClient(TcpClientSettings),
     /// A listener for Modbus UDP clients.
     UdpServer(UdpServerSettings),
-    /// Asks the devices of data points.
+    /// Polls the devices of data points.
     Scanner,
-    /// Asks the devices of the EtherCAT process image.
+    /// Polls the devices of the EtherCAT process image.
     Ethercat(EthercatSettings),
 }
 
@@ -86,12 +86,12 @@ impl PortKind {
         }
     }
 
-    /// Whether the port asks by itself, for nobody outside.
+    /// Whether the port sends requests of its own rather than an outside client's.
     pub const fn asks_by_itself(&self) -> bool {
         matches!(self, Self::Scanner | Self::Ethercat(_))
     }
 
-    /// Whether whoever asks by this port has an IP address.
+    /// Whether clients of this port have an IP address.
     pub const fn has_peers(&self) -> bool {
         !matches!(self, Self::Serial(_) | Self::Scanner | Self::Ethercat(_))
     }

@@ -7,17 +7,17 @@ use crate::settings::{IpPrefix, Policy, PortId};
 /// One row of the routing table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Route {
-    /// The port that the request came in by.
+    /// The port that received the request.
     pub source: PortId,
-    /// Unit ids as the requester writes them.
+    /// Unit ids on the requester's side.
     pub units: UnitRange,
-    /// The TCP peer; `None` is `*`, which also matches serial sources.
+    /// The client's address; `None` is `*`, which also matches serial clients.
     pub peer: Option<IpPrefix>,
-    /// How the unit id is translated.
+    /// Translation of the unit id.
     pub tag: Tag,
     /// Where the request goes.
     pub destination: Destination,
-    /// What may pass, and how urgent it is.
+    /// What is allowed, and with which priority.
     pub policy: Policy,
 }
 
@@ -40,22 +40,22 @@ impl UnitRange {
     }
 }
 
-/// Translation of the unit id on the way out; the way back restores the requester's id.
+/// Translation of the unit id; the response gets the requester's id back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tag {
-    /// `*`: the id stays.
+    /// `*`: unchanged.
     Keep,
-    /// `+100`: the id is so much higher.
+    /// `+100`: increased.
     Add(u8),
-    /// `-100`: the id is so much lower.
+    /// `-100`: decreased.
     Subtract(u8),
-    /// `=7`: the id becomes this one.
+    /// `=7`: replaced.
     Set(u8),
 }
 
 impl Tag {
-    /// The translated id. None where an id that was changed is not that of one unit: 1 to 247, or 255, the TCP device itself.
-    /// Settings are refused when that is so for any unit of the rule, or a request to one device would reach all.
+    /// The translated id. None where a changed id does not address one unit (1 to 247, or 255, the TCP device itself). The
+    /// settings reject rules where that is the case for any unit, or a request to one device could reach all.
     pub fn apply(self, unit: u8) -> Option<u8> {
         let target = match self {
             Self::Keep => return Some(unit),
@@ -70,23 +70,23 @@ impl Tag {
 /// Where a rule sends requests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Destination {
-    /// To a port.
+    /// A port.
     Port(PortId),
-    /// To the gateway's own unit.
+    /// The gateway's own unit.
     Local,
-    /// Nowhere, without a response.
+    /// Dropped without response.
     Discard,
-    /// Nowhere, answered 0Ah.
+    /// Answered 0Ah.
     NoPath,
 }
 
 impl Route {
-    /// Whether a request from `source` for `unit` by `peer` (none on serial ports) falls under this rule.
+    /// Whether the rule matches a request from `source` for `unit` by `peer` (none on serial ports).
     pub fn matches(&self, source: PortId, unit: u8, peer: Option<IpAddr>) -> bool {
         self.source == source && self.units.contains(unit) && self.is_for(peer)
     }
 
-    /// Whether the rule is for `peer`, none on serial ports: a rule for an address is not for those that have none.
+    /// Whether the rule matches `peer`, none on serial ports. A rule with an address does not match clients without one.
     pub(crate) fn is_for(&self, peer: Option<IpAddr>) -> bool {
         self.peer.is_none_or(|prefix| peer.is_some_and(|peer| prefix.contains(peer)))
     }

@@ -1,40 +1,40 @@
-//! Some of the rules, as an error or a warning names them.
+//! Sets of rules, for errors and warnings.
 
 use core::fmt;
 
 use crate::settings::ROUTES_MAX;
 
-/// Some of the rules, as a set of their places.
+/// A set of rules, by index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Rules(u64);
 
 const _: () = assert!(ROUTES_MAX <= u64::BITS as usize);
 
 impl Rules {
-    /// Those of `places` (counted from 0) for which the iterator says yes.
+    /// The rules, counted from 0, for which the iterator yields true; none if there are none.
     pub(crate) fn of(named: impl Iterator<Item = bool>) -> Option<Self> {
         let set = named.take(ROUTES_MAX).enumerate().fold(0, |set, (at, named)| set | u64::from(named) << at);
         (set != 0).then_some(Self(set))
     }
 
-    /// The one at place `at`, counted from 0.
+    /// The rule at index `at`.
     pub(crate) fn one(at: usize) -> Self {
         let mut one = Self::default();
         one.add(at);
         one
     }
 
-    /// Adds the rule at place `at`, counted from 0.
+    /// Adds the rule at index `at`.
     pub(crate) fn add(&mut self, at: usize) {
         self.0 |= 1_u64.checked_shl(at as u32).unwrap_or(0);
     }
 
-    /// Whether the rule at place `at` is one of them.
+    /// Whether the rule at index `at` is in the set.
     pub(crate) fn contains(&self, at: usize) -> bool {
         self.0.checked_shr(at as u32).unwrap_or(0) & 1 == 1
     }
 
-    /// All of both.
+    /// The union.
     pub(crate) fn with(self, others: Self) -> Self {
         Self(self.0 | others.0)
     }

@@ -1,11 +1,11 @@
-//! Settings of serial lines: speed, format, gaps, who switches the driver, and how each side asks or answers.
+//! Settings of serial lines: speed, format, gaps, driver control, and those of either side.
 
 use embassy_time::{Duration, TICK_HZ};
 use heapless::String;
 
 use crate::settings::{DEVICE_BYTES_MAX, PROOFS_MAX, Proof, Proofs, Side};
 
-/// How frames look on a serial line.
+/// The framing of a serial line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Framing {
     /// Binary frames ended by silence.
@@ -17,7 +17,7 @@ pub enum Framing {
 /// A serial port.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SerialSettings {
-    /// The board's name for the line: `uart1`, `/dev/ttyUSB0`.
+    /// The board's name of the line: `uart1`, `/dev/ttyUSB0`.
     pub device: String<DEVICE_BYTES_MAX>,
     /// RTU or ASCII.
     pub framing: Framing,
@@ -25,9 +25,9 @@ pub struct SerialSettings {
     pub side: Side,
     /// Speed, format and gaps.
     pub line: LineSettings,
-    /// How requests are sent; used when `side` is [`Side::Client`].
+    /// For [`Side::Client`].
     pub client: SerialClientSettings,
-    /// How requests are answered; used when `side` is [`Side::Server`].
+    /// For [`Side::Server`].
     pub server: SerialServerSettings,
 }
 
@@ -60,22 +60,22 @@ pub struct LineSettings {
     pub gap: Option<Duration>,
     /// Longest silence inside a frame; `None` is the general rule (a frame ends after the gap).
     pub char_timeout: Option<Duration>,
-    /// Who switches the transceiver's driver.
+    /// Who controls the transceiver's driver.
     pub driver: Driver,
     /// From switching the driver on to the first start bit.
     pub driver_before: Duration,
     /// From the last stop bit to switching the driver off.
     pub driver_after: Duration,
-    /// The adapter hears itself: what comes back is compared with what was sent, and dropped.
+    /// The adapter receives its own transmission, which is compared and dropped.
     pub echo: bool,
 }
 
-/// Who switches the transceiver of a two-wire line from hearing to speaking and back.
+/// Who switches the transceiver of a two-wire line between receiving and sending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Driver {
-    /// Nobody needs to: RS-232, four wires, or an adapter that does it by itself.
+    /// Nobody needs to: RS-232, four wires, or an adapter with automatic control.
     Automatic,
-    /// The hardware or its driver (Linux: TIOCSRS485); refused where it cannot.
+    /// The hardware or its driver (Linux: TIOCSRS485); refused where it is unsupported.
     Rs485,
     /// The gateway, by RTS.
     Rts,
@@ -107,21 +107,21 @@ impl LineSettings {
         echo: false,
     };
 
-    /// Bits of one character on the wire: start, data, parity, stop.
+    /// Bits of one character: start, data, parity, stop.
     pub const fn bits_per_char(&self) -> u32 {
         1 + self.data_bits as u32 + !matches!(self.parity, Parity::None) as u32 + self.stop_bits as u32
     }
 
-    /// Time of `chars` characters on the wire, rounded up to the clock's tick.
+    /// Duration of `chars` characters, rounded up to the clock's tick.
     pub fn chars(&self, chars: usize) -> Duration {
         self.bits(chars as u64 * u64::from(self.bits_per_char()), self.baud)
     }
 
-    /// Time of `bits` at `baud`, rounded up to the clock's tick.
+    /// Duration of `bits` at `baud`, rounded up to the clock's tick.
     fn bits(&self, bits: u64, baud: u32) -> Duration {
         let parts = bits * TICK_HZ;
         Duration::from_ticks(match u32::try_from(parts) {
-            // A small processor does this in one instruction, and it is as much as a frame needs.
+            // Enough for a frame, and one instruction on a small processor.
             Ok(parts) => parts.div_ceil(baud).into(),
             Err(_) => parts.div_ceil(baud.into()),
         })
@@ -150,33 +150,33 @@ impl LineSettings {
     }
 }
 
-/// How a client-side port sends requests.
+/// Settings of a client-side serial port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SerialClientSettings {
     /// From the last bit of the request to the first character of the response.
     pub timeout: Duration,
-    /// Repeats of a read that got no or a damaged response. Writes are never repeated.
+    /// Repeats of a read that got no response or a corrupt one. Writes are never repeated.
     pub retries: u8,
     /// Pause after a broadcast.
     pub turnaround: Duration,
     /// Silence after the port is opened, for devices that are still starting.
     pub start_delay: Duration,
-    /// How long input is discarded after the line was opened, and how long a unit gets no request that could be given an
-    /// earlier response, where nothing proves that it is in step; `None`: `timeout`.
+    /// How long received bytes are discarded after the line was opened, and how long a unit gets no request whose response could
+    /// be confused, where no proof is possible; `None`: `timeout`.
     pub late_window: Option<Duration>,
-    /// Time-outs in a row after which a unit counts as down and fails at once; 0 never.
+    /// Time-outs in a row after which a unit is down and requests to it fail at once; 0: never.
     pub down_after: u8,
-    /// What proves that a unit is in step.
+    /// How units are proved to be in step.
     pub proofs: Proofs,
 }
 
 impl SerialClientSettings {
-    /// How long something that was not asked for may still come.
+    /// How long an unsolicited response may still arrive.
     pub fn late_window(&self) -> Duration {
         self.late_window.unwrap_or(self.timeout)
     }
 
-    /// One second, no repeats, 100 ms after a broadcast, down after three.
+    /// 800 ms, no repeats, 100 ms after a broadcast, down after three time-outs.
     pub const DEFAULT: Self = Self {
         timeout: Duration::from_millis(800),
         retries: 0,
@@ -188,18 +188,19 @@ impl SerialClientSettings {
     };
 }
 
-/// How a server-side serial port answers.
+/// Settings of a server-side serial port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SerialServerSettings {
-    /// From the request to the response. After this time the master has given up: there is no response, and a request not
-    /// yet on its destination's wire is not sent any more.
+    /// From the request to the response. After this time the master has given up: no response is sent, and a request not sent yet
+    /// is dropped.
     pub answer_within: Duration,
-    /// Least time from the end of the request to the response, for masters that are slow to listen; never below the gap.
+    /// Minimum time from the end of the request to the response, for masters that are slow to switch to receiving; never below
+    /// the gap.
     pub reply_delay: Duration,
 }
 
 impl SerialServerSettings {
-    /// A response within 3 s, as soon as there is one.
+    /// A response within 3 s, without delay.
     pub const DEFAULT: Self =
         Self { answer_within: Duration::from_secs(3), reply_delay: Duration::from_ticks(0) };
 }

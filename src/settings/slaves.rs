@@ -17,7 +17,7 @@ pub struct Cells {
     pub address: u16,
 }
 
-/// What the inputs of a device become when it does not answer any more.
+/// Substitute values for the inputs of a device that does not respond.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u8)]
 pub enum OnSilence {

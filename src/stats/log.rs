@@ -1,4 +1,4 @@
-//! The last transactions.
+//! The log of the last transactions.
 
 use core::cell::RefCell;
 
@@ -10,19 +10,19 @@ use heapless::Deque;
 use crate::modbus::Exception;
 use crate::settings::PortId;
 
-/// Transactions that the log remembers.
+/// Transactions in the log.
 pub const LOG_ENTRIES_MAX: usize = 64;
 
 /// One finished transaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LogEntry {
-    /// When its response passed the router.
+    /// When it ended.
     pub at: Instant,
-    /// The port that was asked.
+    /// The port that received the request.
     pub source: PortId,
-    /// The port that was to answer, if a rule named one.
+    /// The destination port, if a rule named one.
     pub destination: Option<PortId>,
-    /// The unit as the requester wrote it.
+    /// The unit id on the requester's side.
     pub unit: u8,
     /// The unit on the destination's side.
     pub target: u8,
@@ -41,7 +41,7 @@ pub enum Outcome {
     Response,
     /// With an exception, of the device or of the gateway.
     Exception(Exception),
-    /// Without a response, as the request wanted or a rule said.
+    /// Without a response: a broadcast, or dropped by a rule.
     Silence,
     /// The requester was gone.
     RequesterGone,
@@ -56,7 +56,7 @@ impl Log {
         Self(Mutex::new(RefCell::new(Deque::new())))
     }
 
-    /// Appends `entry`; the oldest one goes when the log is full.
+    /// Appends `entry`, and drops the oldest one if the log is full.
     pub fn push(&self, entry: LogEntry) {
         self.0.lock(|log| {
             let mut log = log.borrow_mut();
@@ -68,12 +68,12 @@ impl Log {
         });
     }
 
-    /// The entry `back` places before the newest one.
+    /// The entry `back` steps before the newest.
     pub fn newest(&self, back: usize) -> Option<LogEntry> {
         self.0.lock(|log| log.borrow().iter().rev().nth(back).copied())
     }
 
-    /// Forgets all.
+    /// Clears the log.
     pub fn clear(&self) {
         self.0.lock(|log| log.borrow_mut().clear());
     }

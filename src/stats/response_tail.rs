@@ -1,37 +1,36 @@
-//! How long the slowest answers take: the tail of many answer times, from the largest of them, in little memory.
+//! Estimates the 99.9th percentile of response times from the largest of them, in little memory.
 //!
-//! The time within which 999 of 1000 answers come is hardly seen itself in some thousand measurements. But a tail that falls off
-//! exponentially above a threshold is told by how far the times behind the threshold are above it on the average; the largest
-//! ones keep that within bounds where the tail is another: where it ends (all that can be waited for has been seen), or where
-//! a few answers are much slower than the rest.
+//! With some thousand measurements, the time within which 999 of 1000 responses arrive is barely observed itself. But for a tail
+//! that falls off exponentially above a threshold, it follows from the mean excess over the threshold. The largest values bound
+//! the estimate for other tails: those that end (at the time-out), and those with a few responses much slower than the rest.
 
 use heapless::Vec;
 
-/// Times that are kept: the threshold is the smallest of them.
+/// Values kept; the smallest of them is the threshold.
 pub const LARGEST_MAX: usize = 32;
-/// Of so many answers one may be later than what is told.
+/// One response in this many may be later than the estimate.
 const ONE_OF: u32 = 1_000;
 
-/// The largest of many times in microseconds.
+/// The largest of many times, in microseconds.
 #[derive(Debug, Clone, Default)]
 pub struct ResponseTail {
-    /// In falling order.
+    /// In descending order.
     largest: Vec<u32, LARGEST_MAX>,
     count: u32,
 }
 
 impl ResponseTail {
-    /// No response yet.
+    /// No responses.
     pub const fn new() -> Self {
         Self { largest: Vec::new(), count: 0 }
     }
 
-    /// How many answers there were.
+    /// How many responses there were.
     pub fn count(&self) -> u32 {
         self.count
     }
 
-    /// A response took so many microseconds.
+    /// Adds a response that took `took_us` microseconds.
     pub fn add(&mut self, took_us: u32) {
         self.count = self.count.saturating_add(1);
         let at = self.largest.partition_point(|larger| *larger >= took_us);
@@ -44,10 +43,10 @@ impl ResponseTail {
         }
     }
 
-    /// The time in microseconds within which 999 of 1000 answers come, as far as is known; `None` without answers.
+    /// The estimated time in microseconds within which 999 of 1000 responses arrive; `None` without responses.
     ///
-    /// With 2000 answers, one standard deviation is 8 % where the tail is exponential, and much less where it ends; with fewer than
-    /// 1000 it is extrapolated, and more than seen.
+    /// With 2000 responses, the standard deviation is 8 % for an exponential tail, and much less for one that ends; with fewer
+    /// than 1000, the value is extrapolated beyond those observed.
     pub fn p999(&self) -> Option<u32> {
         let (&threshold, &longest) = (self.largest.last()?, self.largest.first()?);
         let above: u64 = self.largest.iter().map(|time| u64::from(time - threshold)).sum();
@@ -55,14 +54,14 @@ impl ResponseTail {
         let mean = above / (kept - 1).max(1);
         let fitted = u64::from(threshold) + mean * ln_milli(kept as u32 * ONE_OF, self.count) / 1_000;
         let fitted = u32::try_from(fitted).unwrap_or(u32::MAX);
-        // So many may be later, and no more.
+        // How many responses may be later.
         let later = (self.count / ONE_OF) as usize;
         let least = *self.largest.get(later).unwrap_or(&threshold);
         Some(if later == 0 { fitted.max(least) } else { fitted.clamp(least, longest) })
     }
 }
 
-/// A thousand times the natural logarithm of `numerator / denominator`; 0 where that is below 1.
+/// 1000 ln(`numerator` / `denominator`); 0 if the ratio is below 1.
 fn ln_milli(numerator: u32, denominator: u32) -> u64 {
     const ONE: u64 = 1 << 16;
     const FRACTION_BITS: u32 = 10;

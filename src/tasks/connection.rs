@@ -1,4 +1,4 @@
-//! The task of a TCP connection: serves one client after the other, for the TCP server that it belongs to.
+//! The task of a TCP connection: serves one client after another for its TCP server.
 
 use embassy_futures::select::select;
 
@@ -7,8 +7,8 @@ use crate::hal::TcpHost;
 use crate::port::server::tcp::{self, Terms};
 
 impl Gateway<'_> {
-    /// The task of the connection `index`: serves one TCP client after the other, for ever. An `async fn` would keep what it is given
-    /// twice, at each connection.
+    /// The task of connection `index`: serves one TCP client after another, for ever. Not an `async fn`, which would store its
+    /// arguments twice per connection.
     pub fn run_connection<H: TcpHost>(&self, index: usize, host: &mut H) -> impl Future<Output = ()> {
         let connection = self.connections().get(index);
         async move {

@@ -1,4 +1,4 @@
-//! The port task: plays the part that the settings say, and begins anew when they change.
+//! The port task: runs the role that the settings give the port, and restarts it when they change.
 
 use core::pin::pin;
 
@@ -13,10 +13,10 @@ use crate::port::{client, scanner, server};
 use crate::settings::{PortId, PortKind, Side, StreamFraming};
 
 impl Gateway<'_> {
-    /// The port task of place `id`: plays the part that the settings say, for ever.
+    /// The task of port `id`: runs the role that the settings give it, for ever.
     ///
-    /// `lines` opens serial lines, `connector` makes connections, `datagrams` opens UDP sockets. An `async fn` would keep what it
-    /// is given twice, at each port.
+    /// `lines` opens serial lines, `connector` makes TCP connections, `datagrams` opens UDP sockets. Not an `async fn`, which
+    /// would store its arguments twice per port.
     pub fn run_port<H: SerialHost, C: TcpConnect, U: UdpHost>(
         &self,
         id: PortId,
@@ -58,7 +58,7 @@ impl Gateway<'_> {
                     kind => {
                         let dispatcher = Dispatcher::new(self, at, id, self.upstream(id, kind), alone);
                         let part = play(&dispatcher, kind.as_ref(), lines, connector);
-                        select(port_state.changed.wait(), select(dispatcher.take_in(), part)).await;
+                        select(port_state.changed.wait(), select(dispatcher.receive_requests(), part)).await;
                         dispatcher.close();
                         port_state.sockets.iter().for_each(|socket| self.socket_closed(socket));
                     }
@@ -86,7 +86,7 @@ impl Gateway<'_> {
     }
 }
 
-/// The part that a client-side port plays besides taking requests in.
+/// The role of a client-side port, besides receiving requests.
 async fn play<H: SerialHost, C: TcpConnect>(
     dispatcher: &Dispatcher<'_>,
     kind: Option<&PortKind>,

@@ -1,8 +1,8 @@
-//! The routing task: the only reader of the global queue and the only writer of every port's queue.
+//! The routing task: the only reader of the global queue, and the only writer of every port's queue.
 //!
-//! A request is looked up in the routing table and goes to the destination's queue under the unit id that it has
-//! there; a response goes back to whoever asked. Every frame that a port sent comes home, with a response or without, so a
-//! port knows what is open by counting. All messages pass [`Gateway::note`] at their end: the one place to watch.
+//! Requests are looked up in the routing table and go to the destination's queue with the unit id that applies there; responses
+//! go back to their requester. Every frame that a port sent returns to it, with or without a response, so a port tracks its open
+//! requests by counting. All transactions end in [`Gateway::note`], the one place to log them.
 
 use embassy_time::Instant;
 
@@ -33,7 +33,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Sends a request to where the routing table says.
+    /// Sends a request where the routing table says.
     fn forward(&self, frame: Frame<'_>, envelope: &Envelope) {
         if envelope.origin.reply_to == ReplyTo::Console {
             return self.forward_asked(frame);
@@ -83,15 +83,15 @@ impl Gateway<'_> {
                         frame.blame(Cause::Unsent);
                         self.refuse(frame, Exception::GATEWAY_NO_PATH);
                     }
-                    // On a shared bus the unit may be somebody else's.
+                    // On a shared bus the unit may belong to another device.
                     ReplyTo::Line | ReplyTo::Nobody => self.unanswered(frame),
                 }
             }
         }
     }
 
-    /// Sends copies of a broadcast to all lines that the rules of its port lead to. Nobody waits for the copies; the
-    /// original goes home at once.
+    /// Sends copies of a broadcast to all lines that the rules of its port lead to. Nobody waits for the copies; the original
+    /// returns at once.
     fn broadcast(&self, frame: Frame<'_>) {
         let envelope = frame.envelope();
         let origin = envelope.origin;
@@ -101,7 +101,7 @@ impl Gateway<'_> {
             let port = PortId(index as u8);
             let rank = |settings: &_| routing::leads_to(settings, origin.port, envelope.peer, &request, port);
             let Some(priority) = self.settings(rank) else { continue };
-            // No frame is anybody's own here: a flood of broadcasts must not cost others theirs.
+            // Copies use shared frames only: a flood of broadcasts must not use up reserved ones.
             let origin = Origin { reply_to: ReplyTo::Nobody, ..origin };
             let to_port = Envelope { origin, target: 0, destination: Some(port), priority, ..envelope };
             let Some(copy) = self.pool().fill(usize::MAX, &request, to_port) else {
@@ -118,7 +118,7 @@ impl Gateway<'_> {
         self.finish_broadcast(frame);
     }
 
-    /// Sends a broadcast home: without a response, unless its port is told to confirm what TCP clients write.
+    /// Returns a broadcast: without a response, unless its port confirms writes of TCP clients.
     pub(crate) fn finish_broadcast(&self, frame: Frame<'_>) {
         let origin = frame.origin();
         let confirm =
@@ -130,15 +130,15 @@ impl Gateway<'_> {
         }
     }
 
-    /// Answers a write as a device does that has carried it out; other requests get no response.
+    /// Confirms a write as a device would; other requests get no response.
     fn confirm(&self, frame: Frame<'_>) {
-        // A request that is still arriving: whoever sent it sends it again when it is whole, and can be answered.
+        // Still arriving: its sender sends it again once it is complete.
         if frame.abandon() {
             return;
         }
         match pdu::confirmation(&frame.content()) {
             Some(response) => {
-                // It is a part of the request.
+                // Fits: it is a part of the request.
                 let _ = frame.replace(response);
                 self.answered(frame);
             }
@@ -146,7 +146,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Writes a transaction into the log that has come to its end, and says how it ended.
+    /// Logs a finished transaction, and returns its outcome.
     pub(crate) fn note(&self, frame: &Frame<'_>, envelope: &Envelope) -> Outcome {
         let (function, exception) = frame.pdu(|pdu| match *pdu {
             [function, code] if function & EXCEPTION_BIT != 0 => (function, Some(Exception(code))),
@@ -156,7 +156,7 @@ impl Gateway<'_> {
         let outcome = match (exception, envelope.stage) {
             _ if self.is_gone(envelope.origin) => Outcome::RequesterGone,
             (_, Stage::Silence) => Outcome::Silence,
-            // A response that was broken off after it had begun.
+            // The response broke off while it was being forwarded.
             _ if frame.filled().1 != Fill::Complete => Outcome::Silence,
             (Some(exception), _) => Outcome::Exception(exception),
             _ => Outcome::Response,
@@ -176,7 +176,7 @@ impl Gateway<'_> {
         outcome
     }
 
-    /// Gives a frame back to whoever asked, unless he has gone.
+    /// Returns a frame to its requester, unless that is gone.
     fn deliver(&self, frame: Frame<'_>, origin: Origin, is_gone: bool) {
         match self.reply_channel(origin) {
             _ if is_gone => self.count_at(origin.port, Event::RequesterGone),
@@ -185,7 +185,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// The channel in which whoever asked waits for the response.
+    /// The channel on which the requester receives responses.
     fn reply_channel(&self, origin: Origin) -> Option<&Channel> {
         match origin.reply_to {
             ReplyTo::Connection(connection) => {
@@ -206,7 +206,7 @@ impl Gateway<'_> {
         }
     }
 
-    /// Sends what a console asks to the port that it named.
+    /// Sends a console's request to the port that it named.
     pub(crate) fn forward_asked(&self, frame: Frame<'_>) {
         let port = frame.envelope().destination;
         match port.and_then(|port| self.ports().get(port.index())) {

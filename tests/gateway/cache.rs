@@ -1,25 +1,25 @@
 //! Answers that are kept: a pure part.
 
 use embassy_time::{Duration, Instant};
-use mobgate::port::client::cache::{Cache, Question, RESPONSE_BYTES_MAX, RESPONSES_MAX};
+use mobgate::port::client::cache::{Cache, CacheKey, RESPONSE_BYTES_MAX, RESPONSES_MAX};
 use proptest::prelude::*;
 
 const NOW: Instant = Instant::from_secs(10);
 const AGE: Duration = Duration::from_secs(1);
 
-fn question(unit: u8, address: u8) -> Question {
-    Question::new(unit, &[3, 0, address, 0, 1]).unwrap()
+fn question(unit: u8, address: u8) -> CacheKey {
+    CacheKey::new(unit, &[3, 0, address, 0, 1]).unwrap()
 }
 
 #[test]
 fn only_reads_of_coils_inputs_and_registers_are_kept() {
     for function in 0..=255 {
-        let kept = Question::new(1, &[function, 0, 0, 0, 1]).is_some();
+        let kept = CacheKey::new(1, &[function, 0, 0, 0, 1]).is_some();
         assert_eq!(kept, (1..=4).contains(&function), "{function}");
     }
-    assert_eq!(Question::new(1, &[]), None);
-    assert_eq!(Question::new(1, &[3, 0, 0, 0]), None);
-    assert_eq!(Question::new(1, &[3, 0, 0, 0, 1, 0]), None);
+    assert_eq!(CacheKey::new(1, &[]), None);
+    assert_eq!(CacheKey::new(1, &[3, 0, 0, 0]), None);
+    assert_eq!(CacheKey::new(1, &[3, 0, 0, 0, 1, 0]), None);
 }
 
 #[test]

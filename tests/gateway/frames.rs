@@ -54,14 +54,14 @@ fn frames_that_ride_on_another_are_taken_down_one_by_one_or_freed_with_it() {
     let slots = slots::<4>();
     let pool = FramePool::new(&slots, 0);
     let carrier = filled(&pool, 0, &[3]).unwrap();
-    assert!(carrier.unload().is_none());
+    assert!(carrier.take_merged().is_none());
     for merged in [[3, 3], [3, 2], [3, 1]] {
         carrier.merge(filled(&pool, 0, &merged).unwrap());
     }
     assert_eq!(pool.free(), 0);
-    assert_eq!(carrier.unload().map(|merged| pdu(&merged)), Some(vec![3, 1]));
+    assert_eq!(carrier.take_merged().map(|merged| pdu(&merged)), Some(vec![3, 1]));
     assert_eq!(pool.free(), 1, "it was dropped");
-    assert_eq!(carrier.unload().map(|merged| pdu(&merged)), Some(vec![3, 2]));
+    assert_eq!(carrier.take_merged().map(|merged| pdu(&merged)), Some(vec![3, 2]));
     let other = carrier.share();
     drop(carrier);
     assert_eq!(pool.free(), 2, "somebody still holds the one that carries");

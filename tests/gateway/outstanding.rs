@@ -23,7 +23,7 @@ fn is_unique(outstanding: &Outstanding, request: &[u8]) -> bool {
 }
 
 fn whose(outstanding: &mut Outstanding, response: &[u8]) -> Match {
-    outstanding.heard(PORT, UNIT, response).whose
+    outstanding.match_response(PORT, UNIT, response).whose
 }
 
 #[test]

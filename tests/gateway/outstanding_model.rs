@@ -244,7 +244,7 @@ proptest! {
                         25..=28 => (exception.to_vec(), &beginning[..1]),
                         _ => (response(&beginning), &beginning[..]),
                     };
-                    let settled = both.outstanding.heard(place.0, place.1, &response);
+                    let settled = both.outstanding.match_response(place.0, place.1, &response);
                     prop_assert_eq!(settled, both.model.heard(place, &response, beginning), "{:?}", response);
                 }
             }

@@ -53,19 +53,19 @@ fn unit<'u>(units: &'u Units<'_>) -> &'u Unit {
 fn ignores(units: &mut Units) {
     units.sent(ID, &[8, 0, 0, 9, 9], Purpose::Diagnostic);
     units.sent(ID, &INPUT, Purpose::Request);
-    assert_eq!(units.heard(ID, &TO_INPUT, true, NOW), Ok(()));
+    assert_eq!(units.match_response(ID, &TO_INPUT, true, NOW), Ok(()));
 }
 
 /// A proof by function 8 that the unit answers.
 fn echoes(units: &mut Units) {
     units.sent(ID, &[8, 0, 0, 9, 9], Purpose::Diagnostic);
-    assert_eq!(units.heard(ID, &[8, 0, 0, 9, 9], true, NOW), Ok(()));
+    assert_eq!(units.match_response(ID, &[8, 0, 0, 9, 9], true, NOW), Ok(()));
     units.proved(ID);
 }
 
 /// A response that nobody has asked for.
 fn unsolicited(units: &mut Units, now: Instant) {
-    assert_eq!(units.heard(ID, &[3, 2, 0, 7], false, now), Err(Event::Unsolicited));
+    assert_eq!(units.match_response(ID, &[3, 2, 0, 7], false, now), Err(Event::Unsolicited));
 }
 
 #[test]
@@ -149,14 +149,14 @@ fn a_proof_that_is_answered_or_not_ends_what_was_noted_of_it() {
             assert_eq!(proof(units, &ONE, NOW), Some(INPUT));
             units.sent(ID, &INPUT, Purpose::Read);
             if answers {
-                assert_eq!(units.heard(ID, &TO_INPUT, true, NOW), Ok(()));
+                assert_eq!(units.match_response(ID, &TO_INPUT, true, NOW), Ok(()));
                 units.proved(ID);
                 assert_eq!(units.state(unit(units), NOW), State::Up);
                 unsolicited(units, NOW);
                 assert_eq!(units.state(unit(units), NOW), State::OutOfStep);
             } else {
                 units.not_proved(ID, NOW, 0);
-                units.heard(ID, &[8, 0, 0, 9, 9], false, NOW).unwrap_err();
+                units.match_response(ID, &[8, 0, 0, 9, 9], false, NOW).unwrap_err();
                 assert_eq!(
                     units.state(unit(units), NOW + WINDOW),
                     State::OutOfStep,
@@ -173,7 +173,7 @@ fn a_proof_that_is_answered_or_not_ends_what_was_noted_of_it() {
 fn a_unit_is_out_of_step_when_something_unsolicited_came_and_nothing_is_awaited() {
     let answers: fn(&mut Units) = |units| {
         units.sent(ID, &ONE, Purpose::Request);
-        units.heard(ID, &[3, 2, 0, 7], true, NOW).unwrap();
+        units.match_response(ID, &[3, 2, 0, 7], true, NOW).unwrap();
         units.answered(ID, TICK, false);
     };
     for before in [answers, |units| units.error(ID, Event::Unsolicited)] {
@@ -282,12 +282,12 @@ fn where_nothing_proves_anything_the_late_window_is_waited_for() {
         assert_eq!(units.gate(ID, end), Gate::Open(Ready::Now));
         assert_eq!(units.state(unit(units), end - TICK), State::Held);
         assert_eq!(units.state(unit(units), end), State::OutOfStep);
-        assert!(!units.all_well(end - TICK));
+        assert!(!units.all_healthy(end - TICK));
         assert_eq!(units.step(ID, &ONE, &NONE, end - TICK), Step::Wait, "it does not begin anew");
         assert!(!unit(units).unproven);
         assert_eq!(units.step(ID, &ONE, &NONE, end), Step::Direct);
         assert!(unit(units).unproven && units.is_in_step(ID, false));
-        assert!(units.all_well(end));
+        assert!(units.all_healthy(end));
         unsolicited(units, end);
         assert_eq!(units.step(ID, &ONE, &NONE, end), Step::Wait, "something else was to come");
         let end = end + WINDOW;
@@ -299,11 +299,11 @@ fn where_nothing_proves_anything_the_late_window_is_waited_for() {
         units.sent(ID, &WRITE, Purpose::Request);
         units.timed_out(ID, end, 0);
         assert_eq!(units.step(ID, &ONE, &NONE, end), Step::Wait);
-        assert_eq!(units.heard(ID, &[3, 2, 0, 7], false, end), Err(Event::Late));
+        assert_eq!(units.match_response(ID, &[3, 2, 0, 7], false, end), Err(Event::Late));
         units.corrupt(ID, Event::BadCheck);
         assert_eq!(units.gate(ID, end), Gate::Open(Ready::At(end + WINDOW)));
         // When all that was sent is answered there is nothing left to be waited for.
-        assert_eq!(units.heard(ID, &WRITE, false, end + TICK), Err(Event::Late));
+        assert_eq!(units.match_response(ID, &WRITE, false, end + TICK), Err(Event::Late));
         assert_eq!(units.gate(ID, end + TICK), Gate::Open(Ready::Now));
         assert_eq!(units.step(ID, &ONE, &NONE, end + TICK), Step::Direct);
         unsolicited(units, end + TICK);
@@ -321,13 +321,13 @@ fn the_settings_say_what_proves_that_a_unit_is_in_step() {
     let care = |proof| Care { proof, late_window: WINDOW };
     with_units(|units| {
         assert_eq!(units.step(ID, &ONE, &NONE, NOW), Step::Direct);
-        assert!(units.all_well(NOW) && !units.troubled());
+        assert!(units.all_healthy(NOW) && !units.needs_check());
         lost(units, &ONE);
         assert_eq!(units.step(ID, &INPUT, &NONE, NOW), Step::Direct, "another function");
-        assert!(units.all_well(NOW) && !units.troubled());
+        assert!(units.all_healthy(NOW) && !units.needs_check());
         let proof = [4, 1, 2, 3, 4];
         assert_eq!(units.step(ID, &ONE, &care(read), NOW), Step::Prove(proof, Purpose::Read));
-        assert!(units.troubled());
+        assert!(units.needs_check());
         // Nothing else is asked by.
         units.learn(ID, &INPUT);
         for _ in 0..3 {
@@ -355,7 +355,7 @@ fn pauses_between_proofs_grow() {
         for pause in [100, 200, 400, 800, 1600, 3200, 6400, 12_800, 25_600, 25_600] {
             units.sent(ID, &[8, 0, 0, 1, 1], Purpose::Diagnostic);
             assert!(units.not_proved(ID, now, 200));
-            assert!(units.troubled() && !units.is_down(ID));
+            assert!(units.needs_check() && !units.is_down(ID));
             now += Duration::from_millis(pause);
             assert_eq!(units.gate(ID, now - TICK), Gate::Open(Ready::At(now)), "{pause}");
             assert_eq!(units.gate(ID, now), Gate::Open(Ready::Now));
@@ -378,7 +378,7 @@ fn pauses_between_proofs_grow() {
                 if answers {
                     units.sent(ID, &INPUT, Purpose::Read);
                 }
-                assert_eq!(units.heard(ID, &TO_INPUT, answers, NOW), Err(Event::Late));
+                assert_eq!(units.match_response(ID, &TO_INPUT, answers, NOW), Err(Event::Late));
             }
         });
     }
@@ -403,7 +403,7 @@ fn something_heard_instead_of_a_proofs_answer_leaves_the_request_its_turn() {
     with_units(|units| {
         lost(units, &ONE);
         units.sent(ID, &[8, 0, 0, 1, 1], Purpose::Diagnostic);
-        assert_eq!(units.heard(ID, &[3, 2, 0, 7], false, NOW), Err(Event::Late));
+        assert_eq!(units.match_response(ID, &[3, 2, 0, 7], false, NOW), Err(Event::Late));
         assert!(!units.not_proved(ID, NOW, 1));
         assert!(!units.is_down(ID));
         units.sent(ID, &[8, 0, 0, 1, 2], Purpose::Diagnostic);
@@ -422,8 +422,8 @@ fn late_answers_hold_a_unit_for_a_moment_and_three_of_them_tell_that_it_is_slow(
                 lost(units, &ONE);
                 lost(units, &WRITE);
                 let now = NOW + Duration::from_secs(nth);
-                assert_eq!(units.heard(ID, &[3, 2, 0, 7], false, now), Err(Event::Late));
-                assert!(units.troubled());
+                assert_eq!(units.match_response(ID, &[3, 2, 0, 7], false, now), Err(Event::Late));
+                assert!(units.needs_check());
                 let held = now + Duration::from_millis(pause);
                 // One that is always late is not hurried any more.
                 if nth <= 3 {
@@ -431,13 +431,13 @@ fn late_answers_hold_a_unit_for_a_moment_and_three_of_them_tell_that_it_is_slow(
                 } else {
                     assert!(unit(units).held_until < now);
                 }
-                assert_eq!(units.heard(ID, &WRITE, true, now), Ok(()));
+                assert_eq!(units.match_response(ID, &WRITE, true, now), Ok(()));
             }
             units.answered(ID, Duration::from_millis(took), false);
             assert!(!unit(units).is_slow());
             lost(units, &ONE);
             lost(units, &WRITE);
-            units.heard(ID, &[3, 2, 0, 7], false, AFTERWARDS).unwrap_err();
+            units.match_response(ID, &[3, 2, 0, 7], false, AFTERWARDS).unwrap_err();
             let held = AFTERWARDS + Duration::from_millis(pause);
             assert_eq!(unit(units).held_until, held, "after an answer in time it is hurried again");
             units.timed_out(ID, AFTERWARDS, 1);
@@ -448,18 +448,18 @@ fn late_answers_hold_a_unit_for_a_moment_and_three_of_them_tell_that_it_is_slow(
         for nth in 1..=3 {
             lost(units, &ONE);
             lost(units, &WRITE);
-            units.heard(ID, &[3, 2, 0, 7], false, NOW).unwrap_err();
-            units.heard(ID, &WRITE, true, NOW).unwrap();
+            units.match_response(ID, &[3, 2, 0, 7], false, NOW).unwrap_err();
+            units.match_response(ID, &WRITE, true, NOW).unwrap();
             assert_eq!(unit(units).is_slow(), nth == 3, "it has never answered in time");
         }
     });
     with_units(|units| {
         for nth in 0..5 {
             let kind = if nth == 0 { Event::Unsolicited } else { Event::Late };
-            assert_eq!(units.heard(ID, &[4, 2, 0, 7], nth % 2 == 0, NOW), Err(kind));
+            assert_eq!(units.match_response(ID, &[4, 2, 0, 7], nth % 2 == 0, NOW), Err(kind));
         }
         units.asked(ID);
-        units.heard(ID, &[4, 2, 0, 7], false, NOW).unwrap_err();
+        units.match_response(ID, &[4, 2, 0, 7], false, NOW).unwrap_err();
         assert!(!unit(units).is_slow(), "nobody has asked");
     });
 }
@@ -473,8 +473,8 @@ fn while_units_are_looked_for_nothing_has_to_be_proved_and_it_is_unknown_afterwa
         assert!(units.not_proved(ID, NOW, 0));
         assert_eq!(units.step(ID, &ONE, &AUTO, NOW), Step::Direct);
         units.sent(ID, &INPUT, Purpose::Request);
-        assert_eq!(units.heard(ID, &TO_INPUT, true, NOW), Ok(()));
-        assert_eq!(units.heard(ID, &TO_INPUT, false, NOW), Err(Event::Unsolicited));
+        assert_eq!(units.match_response(ID, &TO_INPUT, true, NOW), Ok(()));
+        assert_eq!(units.match_response(ID, &TO_INPUT, false, NOW), Err(Event::Unsolicited));
         units.freeze(false);
         assert!(!units.is_in_step(ID, false));
         assert_eq!(units.step(ID, &INPUT, &AUTO, NOW), Step::Direct, "none of these was noted");

@@ -219,7 +219,7 @@ fn addresses_of_version_6_that_differ_in_one_bit_are_told_from_each_other() {
     let bits = u128::from_be_bytes(*b"an IPv6 address.");
     let of = |bits: u128| Requester::new((0, 0), Some(IpAddr::from(Ipv6Addr::from_bits(bits))));
     for bit in 0..128 {
-        assert!(!of(bits).is_beside(&of(bits ^ 1 << bit)), "{bit}");
+        assert!(!of(bits).shares_address(&of(bits ^ 1 << bit)), "{bit}");
     }
 }
 
@@ -229,11 +229,11 @@ fn addresses_of_both_kinds_are_told_from_each_other() {
     let others = ["10.0.0.1", "10.0.1.0", "0.0.0.0", "fe80::1", "fe80::1:0:1", "fe80:0:1::1", "fe82::1"];
     for (at, one) in others.iter().enumerate() {
         for (with, other) in others.iter().enumerate() {
-            assert_eq!(of(one).is_beside(&of(other)), at == with, "{one} {other}");
+            assert_eq!(of(one).shares_address(&of(other)), at == with, "{one} {other}");
         }
     }
     let serial = Requester::new((3, 0), None);
-    assert!(serial.is_beside(&Requester::new((4, 0), None)) && !serial.is_beside(&of("10.0.0.1")));
+    assert!(serial.shares_address(&Requester::new((4, 0), None)) && !serial.shares_address(&of("10.0.0.1")));
 }
 
 #[test]
@@ -241,9 +241,9 @@ fn an_order_that_comes_back_goes_first_and_finds_no_room_in_a_full_queue() {
     let mut queue = PortQueue::new();
     assert!(queue.is_empty() && queue.first_deadline().is_none());
     (1..WAITING_MAX).for_each(|order| assert_eq!(queue.push(order, entry(1, 1)), None));
-    assert_eq!(queue.put_back(1000, entry(1, 1)), None);
+    assert_eq!(queue.push_front(1000, entry(1, 1)), None);
     assert!(!queue.is_empty() && queue.len() == WAITING_MAX);
-    assert_eq!(queue.put_back(2000, entry(1, 1)), Some(2000));
+    assert_eq!(queue.push_front(2000, entry(1, 1)), Some(2000));
     let expected: Vec<_> = std::iter::once(1000).chain(1..WAITING_MAX).collect();
     assert_eq!(drain(&mut queue), expected);
 }
@@ -386,7 +386,7 @@ proptest! {
         prop_assert_eq!(drain(&mut queue).len(), inside.len());
     }
 
-    /// However many requesters come and go, an order's ticket is the one with which it came.
+    /// However many requesters come and go, a request keeps the entry with which it was pushed.
     #[test]
     fn who_asked_is_known_of_every_order_that_waits(steps in prop::collection::vec(0_u16..300, 1..400)) {
         let mut queue = PortQueue::new();

@@ -30,15 +30,17 @@ impl Model {
     fn push(&mut self, order: Order, entry: Entry) -> Option<Order> {
         let mut refused = None;
         if self.waiting.len() == WAITING_MAX {
-            let Some(crowder) = self.crowder(entry.requester) else { return Some(order) };
-            refused = Some(self.waiting.remove(crowder).0);
+            let Some(eviction_candidate) = self.eviction_candidate(entry.requester) else {
+                return Some(order);
+            };
+            refused = Some(self.waiting.remove(eviction_candidate).0);
         }
         self.waiting.push((order, entry));
         refused
     }
 
     /// The newest order of whoever has most, if that is more than the newcomer would have.
-    fn crowder(&self, newcomer: Requester) -> Option<usize> {
+    fn eviction_candidate(&self, newcomer: Requester) -> Option<usize> {
         let newest = |crowd: &dyn Fn(&Requester) -> usize, among: &dyn Fn(&Requester) -> bool| {
             let candidates = (0..self.waiting.len()).filter(|at| among(&self.waiting[*at].1.requester));
             candidates
@@ -50,10 +52,10 @@ impl Model {
         let count = |like: &dyn Fn(&Requester) -> bool| {
             self.waiting.iter().filter(|(_, entry)| like(&entry.requester)).count()
         };
-        let of_address = |requester: &Requester| count(&|other| other.is_beside(requester));
+        let of_address = |requester: &Requester| count(&|other| other.shares_address(requester));
         let of_connection = |requester: &Requester| count(&|other| other == requester);
         newest(&of_address, &|_| true)
-            .or_else(|| newest(&of_connection, &|requester| requester.is_beside(&newcomer)))
+            .or_else(|| newest(&of_connection, &|requester| requester.shares_address(&newcomer)))
     }
 
     fn next(&mut self, held: u8) -> Next<Order> {
@@ -82,7 +84,11 @@ impl Model {
             let idle = |like: &dyn Fn(&Requester) -> bool| {
                 self.turns.iter().rev().position(like).unwrap_or(usize::MAX)
             };
-            (idle(&|other| other.is_beside(&requester)), idle(&|other| *other == requester), Reverse(*at))
+            (
+                idle(&|other| other.shares_address(&requester)),
+                idle(&|other| *other == requester),
+                Reverse(*at),
+            )
         });
         let (order, entry) = self.waiting.remove(first.expect("one of this class is ready"));
         self.turns.push(entry.requester);
@@ -174,7 +180,7 @@ proptest! {
                     }
                     if matches!(step, Step::Return(_)) {
                         for order in taken {
-                            prop_assert_eq!(queue.put_back(order, entries[&order.0]), None);
+                            prop_assert_eq!(queue.push_front(order, entries[&order.0]), None);
                             model.waiting.insert(0, (order, entries[&order.0]));
                         }
                     }

@@ -1,7 +1,7 @@
 //! What a frame is that was heard on a shared bus, by value.
 
 use mobgate::modbus::rtu;
-use mobgate::port::line::sniffer::{AsciiSniffer, Heard, RtuSniffer};
+use mobgate::port::line::sniffer::{AsciiSniffer, RtuSniffer, Sniffed};
 use mobgate::stats::LastError;
 use mobgate_simulator::device::ascii;
 
@@ -25,17 +25,17 @@ fn frame(unit: u8, pdu: &[u8]) -> Vec<u8> {
 enum Told {
     Request(u8, Vec<u8>),
     ForeignRequest,
-    ForeignAnswer,
+    ForeignResponse,
     Garbage(LastError),
 }
 
-fn told(heard: Heard) -> Option<Told> {
+fn told(heard: Sniffed) -> Option<Told> {
     Some(match heard {
-        Heard::Request { unit, pdu } => Told::Request(unit, pdu.to_vec()),
-        Heard::ForeignRequest => Told::ForeignRequest,
-        Heard::ForeignAnswer => Told::ForeignAnswer,
-        Heard::Garbage(error) => Told::Garbage(error),
-        Heard::Nothing => return None,
+        Sniffed::Request { unit, pdu } => Told::Request(unit, pdu.to_vec()),
+        Sniffed::ForeignRequest => Told::ForeignRequest,
+        Sniffed::ForeignResponse => Told::ForeignResponse,
+        Sniffed::Garbage(error) => Told::Garbage(error),
+        Sniffed::Nothing => return None,
     })
 }
 
@@ -72,7 +72,7 @@ impl Listener {
     fn judge(&mut self, silent: bool) -> Vec<Told> {
         let mut all = Vec::new();
         loop {
-            let (heard, count) = self.sniffer.hear(&self.received, silent, is_ours);
+            let (heard, count) = self.sniffer.feed(&self.received, silent, is_ours);
             let told = told(heard);
             self.received.drain(..count);
             match told {
@@ -91,7 +91,7 @@ fn ours(pdu: &[u8]) -> Told {
 fn requests_for_us_are_found_among_others_and_their_answers() {
     let mut listener = Listener::in_step();
     assert_eq!(listener.frame(&frame(OTHER, &READ)), [Told::ForeignRequest]);
-    assert_eq!(listener.frame(&frame(OTHER, &ANSWER)), [Told::ForeignAnswer]);
+    assert_eq!(listener.frame(&frame(OTHER, &ANSWER)), [Told::ForeignResponse]);
     assert_eq!(listener.frame(&frame(OURS, &READ)), [ours(&READ)]);
     assert_eq!(listener.frame(&frame(OTHER, &READ)), [Told::ForeignRequest]);
     // The other one is silent, and the master goes on.
@@ -103,7 +103,7 @@ fn a_foreign_frame_with_two_readings_is_an_answer_after_its_request_and_a_reques
     let write = frame(OTHER, &[6, 0, 1, 0, 2]);
     let mut listener = Listener::in_step();
     assert_eq!(listener.frame(&write), [Told::ForeignRequest]);
-    assert_eq!(listener.frame(&write), [Told::ForeignAnswer]);
+    assert_eq!(listener.frame(&write), [Told::ForeignResponse]);
     assert_eq!(listener.frame(&write), [Told::ForeignRequest]);
     // Another unit's frame in between.
     assert_eq!(listener.frame(&frame(8, &[6, 0, 1, 0, 2])), [Told::ForeignRequest]);
@@ -152,7 +152,7 @@ fn who_is_switched_on_in_mid_traffic_waits_for_silence() {
         let request = cut == traffic.len() - 8;
         // A frame that begins where the listening began is believed to be one, but is not answered.
         assert!(!told.contains(&ours(&READ)), "{cut}: {told:?}");
-        assert_eq!(told == [Told::ForeignAnswer], request, "{cut}: {told:?}");
+        assert_eq!(told == [Told::ForeignResponse], request, "{cut}: {told:?}");
         assert_eq!(listener.frame(&frame(OURS, &READ)), [ours(&READ)]);
     }
 }
@@ -161,12 +161,12 @@ fn who_is_switched_on_in_mid_traffic_waits_for_silence() {
 fn without_silences_frames_are_parted_by_both_readings() {
     let traffic = [
         (frame(OTHER, &READ), Told::ForeignRequest),
-        (frame(OTHER, &ANSWER), Told::ForeignAnswer),
+        (frame(OTHER, &ANSWER), Told::ForeignResponse),
         (frame(OURS, &READ), ours(&READ)),
         (frame(OTHER, &[16, 0, 0, 0, 1, 2, 9, 9]), Told::ForeignRequest),
-        (frame(OTHER, &[16, 0, 0, 0, 1]), Told::ForeignAnswer),
+        (frame(OTHER, &[16, 0, 0, 0, 1]), Told::ForeignResponse),
         (frame(8, &[3, 0, 0, 0, 100]), Told::ForeignRequest),
-        (frame(8, &[0x83, 6]), Told::ForeignAnswer),
+        (frame(8, &[0x83, 6]), Told::ForeignResponse),
         (frame(8, &[3, 0, 0, 0, 100]), Told::ForeignRequest),
         (frame(OURS, &[5, 0, 1, 0xff, 0]), ours(&[5, 0, 1, 0xff, 0])),
     ];
@@ -189,12 +189,12 @@ fn data_that_looks_like_a_request_is_not_one() {
         let mut listener = Listener::in_step();
         let bytes = [&request[..], &answer].concat();
         let told: Vec<Told> = bytes.chunks(size).flat_map(|chunk| listener.bytes(chunk)).collect();
-        assert_eq!(told, [Told::ForeignRequest, Told::ForeignAnswer], "in pieces of {size}");
+        assert_eq!(told, [Told::ForeignRequest, Told::ForeignResponse], "in pieces of {size}");
     }
     let mut listener = Listener::in_step();
-    assert_eq!(listener.frame(&answer), [Told::ForeignAnswer]);
+    assert_eq!(listener.frame(&answer), [Told::ForeignResponse]);
     assert_eq!(listener.frame(&request), [Told::ForeignRequest]);
-    assert_eq!(listener.frame(&answer), [Told::ForeignAnswer]);
+    assert_eq!(listener.frame(&answer), [Told::ForeignResponse]);
 }
 
 #[test]
@@ -219,7 +219,7 @@ fn an_ascii_line_needs_no_silence() {
         let mut all = Vec::new();
         let mut bytes = bytes;
         loop {
-            let (heard, count) = sniffer.hear(bytes, is_ours);
+            let (heard, count) = sniffer.feed(bytes, is_ours);
             let told = told(heard);
             bytes = &bytes[count..];
             match told {
@@ -230,7 +230,7 @@ fn an_ascii_line_needs_no_silence() {
     };
     let traffic =
         [ascii::frame(OTHER, &READ), ascii::frame(OTHER, &ANSWER), ascii::frame(OURS, &READ)].concat();
-    assert_eq!(hear(&traffic), [Told::ForeignRequest, Told::ForeignAnswer, ours(&READ)]);
+    assert_eq!(hear(&traffic), [Told::ForeignRequest, Told::ForeignResponse, ours(&READ)]);
     let lower = ascii::frame(OURS, &[3, 0, 0xab, 0, 1]).to_ascii_lowercase();
     assert_eq!(hear(&lower), [Told::Garbage(LastError::Ascii)]);
     let mut damaged = ascii::frame(OURS, &READ);
@@ -246,9 +246,9 @@ fn the_character_that_ends_ascii_frames_can_be_another() {
     let mut sniffer = AsciiSniffer::new();
     sniffer.set_delimiter(b'!');
     let mut frame = ascii::frame(OURS, &READ);
-    assert_eq!(told(sniffer.hear(&frame, is_ours).0), Some(Told::Garbage(LastError::Ascii)));
+    assert_eq!(told(sniffer.feed(&frame, is_ours).0), Some(Told::Garbage(LastError::Ascii)));
     *frame.last_mut().unwrap() = b'!';
-    assert_eq!(told(sniffer.hear(&frame, is_ours).0), Some(ours(&READ)));
+    assert_eq!(told(sniffer.feed(&frame, is_ours).0), Some(ours(&READ)));
     assert_eq!(sniffer.delimiter(), b'!');
 }
 
@@ -264,7 +264,7 @@ fn the_ear_knows_what_a_frame_has_at_least_by_each_of_its_readings() {
     let ours = |unit| unit == 10;
     let mut sniffer = RtuSniffer::new();
     assert_eq!(sniffer.at_least(&[10, 3], ours), None, "nothing is known before the first silence");
-    let _ = sniffer.hear(&[], true, ours);
+    let _ = sniffer.feed(&[], true, ours);
     assert_eq!(sniffer.at_least(&[], ours), None);
     assert_eq!(sniffer.at_least(&[10], ours), Some(4), "the shortest frame there is");
     assert_eq!(sniffer.at_least(&[10, 3], ours), Some(8));

@@ -82,15 +82,15 @@ fn a_unit_that_is_down_is_probed_soon_when_something_late_comes_and_again_when_i
         }
         assert_eq!(units.gate(5, now), Gate::Down);
         let late = now + Duration::from_millis(10);
-        assert_eq!(units.heard(5, answers[0], false, late), Err(Event::Late));
+        assert_eq!(units.match_response(5, answers[0], false, late), Err(Event::Late));
         let soon = late + Duration::from_millis(100);
         assert_eq!(units.gate(5, soon - Duration::from_ticks(1)), Gate::Down, "more may be on its way");
         assert_eq!(units.gate(5, soon), Gate::Open(Ready::Now), "round {round}");
         for answer in &answers[1..] {
-            assert_eq!(units.heard(5, answer, false, soon), Err(Event::Late));
+            assert_eq!(units.match_response(5, answer, false, soon), Err(Event::Late));
         }
         units.sent(5, requests[0], Purpose::Request);
-        assert_eq!(units.heard(5, answers[0], true, soon), Ok(()));
+        assert_eq!(units.match_response(5, answers[0], true, soon), Ok(()));
         units.answered(5, Duration::from_millis(10), false);
         assert_eq!(units.gate(5, soon), Gate::Open(Ready::Now));
     }
@@ -173,9 +173,9 @@ fn a_unit_is_down_after_just_so_many_time_outs_in_a_row() {
         units.timed_out(5, now, down_after);
         units.timed_out(5, probe - Duration::from_ticks(1), down_after);
         assert_eq!(units.gate(5, probe), Gate::Open(Ready::Now));
-        assert!(units.troubled() && !units.all_well(probe), "it still counts as down");
+        assert!(units.needs_check() && !units.all_healthy(probe), "it still counts as down");
         units.answered(5, WINDOW, false);
-        assert!(units.all_well(probe) && !units.troubled());
+        assert!(units.all_healthy(probe) && !units.needs_check());
     }
 }
 
@@ -288,6 +288,6 @@ fn a_unit_ignores_function_8_when_many_proofs_in_a_row_are_lost_and_not_before()
         }
         proofs += 1;
         units.sent(5, &OTHER, Purpose::Request);
-        assert_eq!(units.heard(5, &[4, 2, 0, 7], true, now), Ok(()));
+        assert_eq!(units.match_response(5, &[4, 2, 0, 7], true, now), Ok(()));
     }
 }

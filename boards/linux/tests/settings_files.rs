@@ -121,7 +121,7 @@ fn lines_for_boards_are_refused_with_their_line_and_word() {
         "{said}"
     );
     let said = refusal_of("port P1 tcp server 502 clients 200\nport P2 tcp server 503 clients 200\n");
-    assert!(said.contains("line 2, column 24: \"clients\": the TCP servers want 402 connections"), "{said}");
+    assert!(said.contains("line 2, column 24: \"clients\": the TCP servers need 402 connections"), "{said}");
     let program = with_console("port P502 tcp server {port}\n");
     let said = type_line(&mut program.session(), "network dhcp");
     assert!(said.contains("error: line 1, network lines are for boards"), "{said}");

@@ -6,7 +6,7 @@ use super::*;
 fn what_the_board_cannot_run_is_refused() {
     with_gateway(|gateway| {
         let printed = pipe(gateway, "port P502 tcp server 502 clients 40\nshow config\n");
-        assert!(printed.starts_with("error: line 1, the TCP servers want 41 connections"), "{printed}");
+        assert!(printed.starts_with("error: line 1, the TCP servers need 41 connections"), "{printed}");
         assert_eq!(printed.lines().count(), 1);
     });
 }
@@ -17,7 +17,7 @@ fn an_address_of_its_own_is_refused_where_the_system_has_the_network() {
         let refused = pipe(gateway, "network address 10.0.0.5/24\nshow network\nshow config\n");
         assert_eq!(
             refused,
-            "error: line 1, network lines are for boards with a network of their own; here the operating system sets it\n\
+            "error: line 1, network lines are for boards with a network of their own; here the operating system manages it\n\
              the operating system has the network\n"
         );
     });

@@ -51,7 +51,7 @@ fn a_saved_line_that_asks_for_what_the_board_has_not_is_named() {
             session(gateway, &mut store, Mode::Plain, "load", 11)
         };
         let network =
-            "network lines are for boards with a network of their own; here the operating system sets it";
+            "network lines are for boards with a network of their own; here the operating system manages it";
         assert_eq!(
             load("# one\nport P1 tcp server 502\n\n  network dhcp\n"),
             std::format!("error: line 1, saved settings: line 4, column 3: \"network\": {network}\n")
@@ -63,8 +63,8 @@ fn a_saved_line_that_asks_for_what_the_board_has_not_is_named() {
         );
         assert_eq!(
             load("port P1 tcp server 502 clients 30\nport P2 tcp server 503 clients 30\n"),
-            "error: line 1, saved settings: line 2, column 24: \"clients\": the TCP servers want 62 connections \
-             (one more each than its clients), this board has 40\n"
+            "error: line 1, saved settings: line 2, column 24: \"clients\": the TCP servers need 62 connections \
+             (one more each than their clients), this board has 40\n"
         );
         // What a later line sets right is no fault.
         assert_eq!(load("port P1 tcp server 502 clients 60\nedit port P1 clients 3\n"), "loaded\n");

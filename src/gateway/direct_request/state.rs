@@ -1,4 +1,4 @@
-//! What tasks share of a console's direct request: the way back to it, and what it tries at a line.
+//! The state tasks share for a console's direct request: its outcome, and the settings on trial.
 
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU16, Ordering};
@@ -14,37 +14,37 @@ use crate::stats::Event;
 /// Why there is no response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Failure {
-    /// None came in time; it may still come.
+    /// None in time; it may still arrive.
     Timeout,
-    /// It came corrupted, and this is what was wrong with it.
+    /// It was corrupt, in this way.
     Corrupt(Event),
-    /// The request was corrupted by somebody who sent at the same time.
+    /// Somebody else was sending at the same time.
     Collision,
 }
 
-/// What a serial line brought for a request: the time from the request's end to the response's, or what came instead.
+/// The outcome on a serial line: the time from the end of the request to the response, or the failure.
 pub(crate) type Outcome = Result<Duration, Failure>;
 
-/// The way back to the console that asks, and what it tries.
+/// Shared state of direct requests.
 pub(crate) struct DirectRequestState {
     pub(crate) responses: Channel,
     pub(super) generation: AtomicU16,
     pub(super) taken: AtomicBool,
     pub(super) trial: Mutex<CriticalSectionRawMutex, Cell<Option<Trial>>>,
-    /// What came of the last request, if it went on a serial line.
+    /// Outcome of the last request, if it was sent on a serial line.
     pub(super) outcome: Mutex<CriticalSectionRawMutex, Cell<Option<Outcome>>>,
 }
 
-/// Other settings of a serial client's line for a while.
+/// Trial settings for a serial client's line.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Trial {
     /// The port.
     pub(crate) port: PortId,
-    /// Instead of the port's own.
+    /// Replaces the port's own.
     pub(crate) line: LineSettings,
-    /// Instead of the port's own.
+    /// Replaces the port's own.
     pub(crate) timeout: Duration,
-    /// Whether all others are refused at once, and the port forgets what it learns of its units.
+    /// Whether other requests are refused meanwhile, and the port learns nothing about its units.
     pub(crate) alone: bool,
 }
 
@@ -59,17 +59,17 @@ impl DirectRequestState {
         }
     }
 
-    /// Whether somebody waits for the response to request number `generation`.
+    /// Whether the response to request number `generation` is still wanted.
     pub(crate) fn waits_for(&self, generation: u16) -> bool {
         self.taken.load(Ordering::Relaxed) && self.generation.load(Ordering::Relaxed) == generation
     }
 
-    /// Notes what came of a request on a serial line.
+    /// Stores the outcome on a serial line.
     pub(crate) fn note(&self, outcome: Outcome) {
         self.outcome.lock(|last| last.set(Some(outcome)));
     }
 
-    /// Puts what is tried at the port `id` into its settings; says whether all others are refused meanwhile.
+    /// Puts the trial settings for port `id` into `kind`; returns whether other requests are refused meanwhile.
     pub(crate) fn try_on(&self, id: PortId, kind: Option<&mut PortKind>) -> bool {
         let trial = self.trial.lock(Cell::get).filter(|trial| trial.port == id);
         let (Some(trial), Some(PortKind::Serial(serial))) = (trial, kind) else { return false };

@@ -1,15 +1,15 @@
-//! Whether a unit is in step, and what proves it: the rules of [`outstanding`](crate::gateway::outstanding), applied to what is
-//! known of each unit.
+//! Whether a unit is in step, and how to prove it: the rules of [`outstanding`](crate::gateway::outstanding) applied to each
+//! unit.
 
 use super::*;
 
 impl Units<'_> {
-    /// Whether no earlier request of `id` can still be answered; `open`: but the one whose response is awaited.
+    /// Whether no request of `id` is outstanding except, with `open`, the one whose response is expected.
     pub fn is_in_step(&self, id: u8, open: bool) -> bool {
         self.list().frozen || self.all.outstanding.is_in_step(self.port as u8, id, open)
     }
 
-    /// How `unit` is doing.
+    /// The state of `unit`.
     pub fn state(&self, unit: &Unit, now: Instant) -> State {
         match unit {
             _ if unit.is_down => State::Down,
@@ -19,14 +19,14 @@ impl Units<'_> {
         }
     }
 
-    /// What may be sent to `id`, where `request` is to be sent.
+    /// What may be sent to `id` when `request` is due.
     pub fn step(&mut self, id: u8, request: &[u8], care: &Care, now: Instant) -> Step {
         let port = self.port as u8;
         let shape = Shape::of_request(request);
         if self.list().frozen || self.all.outstanding.is_unique(port, id, &shape) {
             return Step::Direct;
         }
-        self.set_troubled(true);
+        self.set_needs_check(true);
         match care.proof {
             Proof::Auto => self.find_proof(id, request, care, now),
             Proof::Diagnostic => self.by_diagnostic(now),
@@ -51,8 +51,8 @@ impl Units<'_> {
         Step::Prove(self.all.outstanding.diagnostic(now.as_ticks()), Purpose::Diagnostic)
     }
 
-    /// Function 8, until the unit is known to ignore that; in turn with a read, which proves something if no response to what
-    /// was sent before looks like its own, and else tells at least whether function 8 is ignored.
+    /// Function 8, until the unit is known to ignore it. It alternates with a read, which proves something if no response to an
+    /// earlier request looks the same, and shows at least whether function 8 is ignored.
     fn find_proof(&mut self, id: u8, request: &[u8], care: &Care, now: Instant) -> Step {
         let Some(&Unit { reads: [first, second], ignored, by_read, tried, answers_diagnostics, .. }) =
             self.find(id)
@@ -61,8 +61,8 @@ impl Units<'_> {
         };
         let shape = Shape::of_request(request);
         let asked = as_read(request).unwrap_or(NO_READ);
-        // Any that is known, or is asked for anyway; one that settles what was sent before it was sent for the first time; one whose
-        // response fits nothing that was sent before.
+        // In order of preference: a read that is known to work or is due anyway; one that settles what was sent before it; one
+        // whose response fits nothing sent before.
         let (mut telling, mut settling, mut proving) = (None, None, None);
         for read in [first, second, asked].into_iter().filter(|read| *read != NO_READ) {
             telling = telling.or(Some(read));
@@ -84,7 +84,7 @@ impl Units<'_> {
         }
     }
 
-    /// Waits until what is outstanding at `id` is not to be expected any more.
+    /// Waits until what is outstanding at `id` can no longer be answered.
     fn wait(&mut self, id: u8, care: &Care, now: Instant) -> Step {
         let Some(unit) = self.entry(id) else { return Step::Direct };
         if !unit.waited {
@@ -106,7 +106,7 @@ impl Units<'_> {
         Step::Direct
     }
 
-    /// `request` is sent to `id` now.
+    /// `request` is being sent to `id`.
     pub fn sent(&mut self, id: u8, request: &[u8], purpose: Purpose) {
         if self.list().frozen {
             return;
@@ -114,35 +114,41 @@ impl Units<'_> {
         let port = self.port as u8;
         self.all.outstanding.sent(port, id, Shape::of_request(request), purpose);
         if let Some(unit) = self.entry(id) {
-            (unit.open, unit.heard, unit.waited) = (true, false, false);
+            (unit.open, unit.responded, unit.waited) = (true, false, false);
         }
     }
 
-    /// A part of a request was sent to `id` that may have been taken for a whole one: what it answers is not known.
+    /// A truncated request was sent to `id`, which may have accepted it: its response is unknown.
     pub fn sent_in_part(&mut self, id: u8) {
         self.all.outstanding.forget(self.port as u8, id);
     }
 
-    /// `id` has sent `response`, whole and undamaged. Says whether it is the one that is awaited, if that is `awaited` of `id`; or
-    /// else what is to be counted.
-    pub fn heard(&mut self, id: u8, response: &[u8], awaited: bool, now: Instant) -> Result<(), Event> {
+    /// `id` has sent a valid `response`. `Ok` if it is the expected one (`expected`: one is expected from `id`), otherwise the
+    /// event to count.
+    pub fn match_response(
+        &mut self,
+        id: u8,
+        response: &[u8],
+        expected: bool,
+        now: Instant,
+    ) -> Result<(), Event> {
         if self.list().frozen {
-            return if awaited { Ok(()) } else { Err(Event::Unsolicited) };
+            return if expected { Ok(()) } else { Err(Event::Unsolicited) };
         }
         let port = self.port as u8;
         let Settled { whose, passed_diagnostic, is_diagnostic } =
-            self.all.outstanding.heard(port, id, response);
+            self.all.outstanding.match_response(port, id, response);
         let late = match whose {
-            Match::Latest(_) if awaited => None,
+            Match::Latest(_) if expected => None,
             Match::Latest(purpose) | Match::Earlier(purpose) => Some(purpose),
             Match::Several => Some(Purpose::Unsolicited),
             Match::Unsolicited => None,
         };
         let in_step = self.is_in_step(id, false);
         if let Some(unit) = self.known(id) {
-            unit.heard = true;
+            unit.responded = true;
             if in_step && unit.waited {
-                // Nothing is left to be waited for.
+                // Nothing is left to wait for.
                 (unit.waited, unit.held_until) = (false, now);
             }
             unit.answers_diagnostics |= is_diagnostic;
@@ -151,7 +157,7 @@ impl Units<'_> {
                 false => unit.ignored.saturating_add(u8::from(passed_diagnostic)),
             };
             if passed_diagnostic {
-                // It answers, only not that: no reason to wait for longer and longer.
+                // It is responding, only late or to something else: no reason to back off further.
                 unit.tried = 0;
             }
             if let Some(purpose) = late {
@@ -161,7 +167,7 @@ impl Units<'_> {
         match (late, whose) {
             (Some(_), _) => {
                 // It may be held now.
-                self.set_troubled(true);
+                self.set_needs_check(true);
                 Err(Event::Late)
             }
             (None, Match::Unsolicited) => Err(Event::Unsolicited),
@@ -169,7 +175,7 @@ impl Units<'_> {
         }
     }
 
-    /// `id` has answered the proof that was sent.
+    /// `id` has answered the proof.
     pub fn proved(&mut self, id: u8) {
         if let Some(unit) = self.entry(id) {
             unit.alive();
@@ -177,13 +183,13 @@ impl Units<'_> {
         }
     }
 
-    /// `id` has not answered a proof. Says whether that leaves the request without a response that waited for it: not if something
-    /// else was heard. The proof itself does not count towards being down, but the next one waits.
+    /// `id` has not answered a proof. Returns whether the request waiting for it fails too: not if something else was received.
+    /// The proof does not count towards being down, but delays the next one.
     pub fn not_proved(&mut self, id: u8, now: Instant, down_after: u8) -> bool {
-        self.set_troubled(true);
+        self.set_needs_check(true);
         let Some(unit) = self.entry(id) else { return true };
         (unit.open, unit.by_read) = (false, !unit.by_read);
-        if unit.heard {
+        if unit.responded {
             return false;
         }
         unit.silent = unit.silent.saturating_add(1);
@@ -201,14 +207,14 @@ impl Units<'_> {
         }
     }
 
-    /// The unit `id` if it is known.
+    /// The entry of `id`, if it is known.
     fn known(&mut self, id: u8) -> Option<&mut Unit> {
         let slots = self.list().slots();
         self.all.units.get_mut(slots)?.iter_mut().find(|unit| unit.id == id)
     }
 }
 
-/// The read by functions 1 to 4 that `request` is.
+/// `request` as a read of functions 1 to 4.
 fn as_read(request: &[u8]) -> Option<Read> {
     match request {
         [READ_COILS..=READ_INPUT_REGISTERS, ..] => request.try_into().ok(),

@@ -1,4 +1,4 @@
-//! What is known of one unit.
+//! The state of one unit.
 
 use embassy_time::{Duration, Instant};
 
@@ -12,23 +12,23 @@ pub const PROBE_FIRST: Duration = Duration::from_secs(1);
 /// See [`PROBE_FIRST`].
 pub const PROBE_LONGEST: Duration = Duration::from_secs(30);
 
-/// Proofs by function 8 without a response behind which other requests were answered, until the unit is known to ignore them. Answers
-/// get lost, and late ones often several in a row: they meet the requests that are sent meanwhile.
+/// Unanswered proofs by function 8, followed by answered requests, until the unit is taken to ignore them. Responses get lost,
+/// and late ones often several in a row, since they collide with the requests sent meanwhile.
 pub(super) const IGNORED_MAX: u8 = 8;
 
-/// Proofs of any kind without a response, until a unit that has never answered a read is not asked by them any more.
+/// Unanswered proofs of any kind, until a unit that has never answered a read is not sent any more of them.
 pub(super) const TRIED_MAX: u8 = 3;
 
-/// So many if it has answered one before; and after so many it is tried again all the same, where nothing else proves anything.
+/// The same for a unit that has answered a read; after as many, reads are tried again where nothing else proves anything.
 pub(super) const IGNORED_RETRY: u8 = 21;
 
-/// How long a unit has at least to send what is to come behind a late response.
+/// Minimum time for further responses after a late one.
 pub(super) const LATE_PAUSE: Duration = Duration::from_millis(100);
 
 /// Late responses in a row after which a unit is slower than its time-out.
 pub(super) const LATE_MAX: u8 = 3;
 
-/// Reads that a unit is known to answer, of different shapes: a proof is one of them.
+/// Reads that the unit is known to answer, of different shapes, for use as proofs.
 pub(super) const READS_MAX: usize = 2;
 
 /// A read of functions 1 to 4.
@@ -36,8 +36,8 @@ pub(super) type Read = [u8; 5];
 
 pub(super) const NO_READ: Read = [0; 5];
 
-/// What is counted of the troubles with one unit, under the names that the port's counters have. A character's parity and framing
-/// count once for each response that they spoiled.
+/// The errors counted per unit, under the names of the port's counters. Parity and framing errors count once per corrupt
+/// response.
 pub const LINE_ERRORS: [Event; 11] = [
     Event::Silent,
     Event::BadCheck,
@@ -52,56 +52,56 @@ pub const LINE_ERRORS: [Event; 11] = [
     Event::Unsolicited,
 ];
 
-/// What is known of one unit.
+/// The state of one unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Unit {
     /// Its id on this port's side.
     pub id: u8,
-    /// Requests sent, repeats included.
+    /// Requests sent, including repeats.
     pub requests: u32,
-    /// Answers, exceptions included.
+    /// Responses, including exceptions.
     pub responses: u32,
     /// Of the responses, the exceptions.
     pub exceptions: u32,
     /// Requests without a response in time.
     pub timeouts: u32,
-    /// How long answers take.
+    /// Response times.
     pub times: ResponseTimes,
-    /// By the places in [`LINE_ERRORS`]; a counter that is full stays so.
+    /// Indexed as [`LINE_ERRORS`]; saturating.
     pub(super) errors: [u16; LINE_ERRORS.len()],
-    /// A response is awaited.
+    /// A response is expected.
     pub(super) open: bool,
-    /// Since the last request something was heard that is no response to it.
+    /// Since the last request, something other than its response has been received.
     pub(super) disturbed: bool,
     /// From the end of the last request to its response, in microseconds.
     pub took_us: u32,
-    /// Time-outs since the last sign of life.
+    /// Time-outs since the last response of any kind.
     pub silent: u8,
-    /// Probes and proofs without a response since it is down or out of step.
+    /// Unanswered probes and proofs since it went down or out of step.
     pub(super) tried: u8,
     pub(super) is_down: bool,
-    /// Something whole has been heard of it since the last request or proof.
-    pub(super) heard: bool,
-    /// Something was late since it answered in time: then it need not wait for the next probe.
+    /// A valid frame of it has been received since the last request or proof.
+    pub(super) responded: bool,
+    /// A late response has already cut short the wait for a probe, once since the last response in time.
     pub(super) hurried: bool,
     /// Late responses since the last one in time.
     pub(super) late: u8,
-    /// Proofs by function 8 in a row that it has left unanswered while it answered what came behind them.
+    /// Proofs by function 8 in a row that it ignored while it answered later requests.
     pub(super) ignored: u8,
-    /// It has answered a proof by function 8, one way or another.
+    /// It has answered a proof by function 8, normally or with an exception.
     pub(super) answers_diagnostics: bool,
-    /// The next proof is another one than by function 8, if there is one.
+    /// The next proof is a read, if there is one.
     pub(super) by_read: bool,
-    /// The late window of what is outstanding has been waited for, or is.
+    /// The late window of what is outstanding has been, or is being, waited for.
     pub(super) waited: bool,
-    /// Nothing proved that it was in step when it was asked last, only time.
+    /// The last request was sent after waiting, without proof that the unit was in step.
     pub unproven: bool,
     /// Reads that it has answered; zeros: none.
     pub(super) reads: [Read; READS_MAX],
-    /// No request before this time: the next probe is not due, or a late response may come.
+    /// No request before this time: the next probe is not due, or a late response may arrive.
     pub held_until: Instant,
-    /// Reads are not joined before this time.
-    pub(super) join_after: Instant,
+    /// Reads are not combined before this time.
+    pub(super) combine_after: Instant,
 }
 
 impl Unit {
@@ -120,7 +120,7 @@ impl Unit {
             silent: 0,
             tried: 0,
             is_down: false,
-            heard: false,
+            responded: false,
             hurried: false,
             late: 0,
             ignored: 0,
@@ -130,19 +130,19 @@ impl Unit {
             unproven: false,
             reads: [NO_READ; READS_MAX],
             held_until: Instant::MIN,
-            join_after: Instant::MIN,
+            combine_after: Instant::MIN,
         }
     }
 }
 
 impl Unit {
-    /// The troubles that there were, and how often.
+    /// The errors that occurred, and how often.
     pub fn errors(&self) -> impl Iterator<Item = (Event, u16)> {
         let counts = LINE_ERRORS.iter().zip(&self.errors);
         counts.map(|(error, count)| (*error, *count)).filter(|(_, count)| *count > 0)
     }
 
-    /// How often there was `error`.
+    /// How often `error` occurred.
     pub fn error(&self, error: Event) -> u16 {
         self.errors().find(|(known, _)| *known == error).map_or(0, |(_, count)| count)
     }
@@ -160,16 +160,16 @@ impl Unit {
         self.is_down
     }
 
-    /// Whether its responses come, but only when their time is over.
+    /// Whether its responses arrive, but always late.
     pub fn is_slow(&self) -> bool {
         self.late >= LATE_MAX
     }
 
-    /// Nobody got a response of it who asked.
+    /// A request got no response.
     pub(super) fn unanswered(&mut self, now: Instant, down_after: u8) {
         self.silent = self.silent.saturating_add(1);
         if self.is_down && self.held_until > now {
-            // It was asked several things at a time, and the first time-out of them has said so already.
+            // Several requests were in flight, and the first time-out has counted.
             return;
         }
         if down_after != 0 && self.silent >= down_after {
@@ -178,11 +178,11 @@ impl Unit {
         }
     }
 
-    /// The next probe or proof waits, each time for longer.
+    /// Backs off: the pause to the next probe or proof grows.
     pub(super) fn back_off(&mut self, now: Instant) {
         let doubled = self.tried.min(8);
         self.tried = self.tried.saturating_add(1);
-        // Where one response was lost, another may have been: that is no reason to leave it alone for long.
+        // One lost response does not mean that the unit is gone: begin with a short pause.
         let first = if self.is_down { PROBE_FIRST } else { LATE_PAUSE };
         self.held_until = now + (first * (1 << doubled)).min(PROBE_LONGEST);
     }
@@ -197,8 +197,8 @@ impl Unit {
         }
     }
 
-    /// Something came late: the unit lives, and can be probed, after a pause unless it is `in_step`: what else is to come may be
-    /// on its way. One that is always late is not hurried each time.
+    /// A late response: the unit is alive and can be probed, after a pause unless it is `in_step`, since more may be on its way.
+    /// A unit that is always late does not get this each time.
     pub(super) fn was_late(&mut self, purpose: Purpose, in_step: bool, now: Instant) {
         self.late = self.late.saturating_add(u8::from(purpose == Purpose::Request));
         if self.waited || self.hurried {
@@ -209,7 +209,7 @@ impl Unit {
         self.held_until = if in_step { now } else { now + pause };
     }
 
-    /// Remembers that it answers `read`, beside one of another shape.
+    /// Stores `read` as answered, beside one of another shape.
     pub(super) fn remember(&mut self, read: Read) {
         let [first, second] = &mut self.reads;
         let is_like =

@@ -64,11 +64,11 @@ fn what_does_not_fit_a_port_with_one_or_several_servers_is_refused() {
         ("server plant unit 0-20 at 10.0.0.1", "\"0-20\": unit 1 is in the line server ... unit 1-5 already"),
         (
             "server one unit 5 at 10.0.0.1",
-            "\"one\": is no tcp client without an address: only that has server lines",
+            "\"one\": is not a tcp client without an address: only that has server lines",
         ),
         (
             "server P502 unit 5 at 10.0.0.1",
-            "\"P502\": is no tcp client without an address: only that has server lines",
+            "\"P502\": is not a tcp client without an address: only that has server lines",
         ),
         ("server nobody unit 5 at 10.0.0.1", "\"nobody\": there is no port of this name"),
         (
@@ -115,7 +115,7 @@ fn rules_to_units_without_a_server_and_circles_through_servers_draw_a_warning() 
         lines.lines().for_each(|line| drop(apply(&mut settings, line).unwrap()));
         settings.warnings().next().map(|warning| warning.to_string())
     };
-    let missing = "rule 1 leads to unit 6 of port plant, for which no server line is: 0A";
+    let missing = "rule 1 leads to unit 6 of port plant, which has no server line: 0A";
     assert_eq!(warning("route P502 1-7 * * plant").as_deref(), Some(missing));
     assert_eq!(warning("route P502 106 * -100 plant").as_deref(), Some(missing));
     assert_eq!(warning("route P502 1-5 * * plant\nroute P502 * * * plant"), None, "all that there are");

@@ -40,7 +40,7 @@ fn slaves_keep_their_order_and_belong_to_their_port() {
     assert_eq!(settings.slaves.iter().map(|slave| slave.unit).collect::<Vec<_>>(), [9, 1, 5]);
     for line in ["delete port ecat", "port ecat scanner"] {
         let error = apply(&mut settings, line).unwrap_err().to_string();
-        assert!(error.ends_with("this port asks the slaves: delete those first"), "{error}");
+        assert!(error.ends_with("this port polls the slaves: delete them first"), "{error}");
     }
     apply(&mut settings, "delete slaves").unwrap();
     apply(&mut settings, "delete port ecat").unwrap();
@@ -83,7 +83,7 @@ fn what_is_wrong_with_a_slave_is_said() {
         assert!(error.contains(expected), "{line}: {error}");
         assert_eq!(settings, before);
     }
-    assert!(error("slave 0 unit 1").contains("no port asks for EtherCAT: type port NAME ethercat first"));
+    assert!(error("slave 0 unit 1").contains("there is no EtherCAT port: type port NAME ethercat first"));
 }
 
 #[test]

@@ -1,5 +1,4 @@
-//! Blocks of neighbouring coils, inputs or registers that one read asks for: one block that covers several, and each one's
-//! part of the response to it.
+//! Blocks of neighbouring coils, inputs or registers: combines several reads into one, and extracts the response to each.
 
 use core::num::NonZeroU8;
 
@@ -7,10 +6,10 @@ use super::Extent;
 use super::function::{Cells, Form};
 use crate::modbus::PDU_BYTES_MAX;
 
-/// What a read by function 1 to 4 asks for.
+/// The block read by functions 1 to 4.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Block {
-    // Then no block at all takes no more memory than one.
+    // Makes `Option<Block>` as small as a block.
     function: NonZeroU8,
     first: u16,
     /// Not below `first`.
@@ -18,8 +17,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// The block that `request` asks for, if it is such a read with a possible quantity that does not run over the end of
-    /// the addresses.
+    /// The block read by `request`, if it is such a read with a valid quantity that does not wrap around the last address.
     pub fn of(request: &[u8]) -> Option<Self> {
         let &[function, a, b, c, d] = request else { return None };
         let (first, quantity) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
@@ -27,7 +25,7 @@ impl Block {
         Self { function, first, last: first.checked_add(quantity.checked_sub(1)?)? }.if_readable()
     }
 
-    /// The request that asks for it.
+    /// The request that reads it.
     pub fn request(&self) -> [u8; 5] {
         let ([a, b], [c, d]) = (self.first.to_be_bytes(), self.quantity().to_be_bytes());
         [self.function.get(), a, b, c, d]
@@ -38,28 +36,28 @@ impl Block {
         Extent { write: false, first: self.first, last: self.last.into() }
     }
 
-    /// How many addresses lie between this block and `other`: none when they touch or overlap.
+    /// How many addresses lie between this block and `other`: 0 when they touch or overlap.
     pub fn distance(&self, other: &Self) -> u16 {
         let (low, high) = if self.first <= other.first { (self, other) } else { (other, self) };
         high.first.saturating_sub(low.last).saturating_sub(1)
     }
 
-    /// The block from the lowest to the highest address of both, if they are of one kind and one request can ask for so many.
+    /// The smallest block that covers both, if they are of one kind and a single request can read it.
     pub fn hull(&self, other: &Self) -> Option<Self> {
         let (first, last) = (self.first.min(other.first), self.last.max(other.last));
         if self.function == other.function { Self { first, last, ..*self }.if_readable() } else { None }
     }
 
-    /// The response to `wanted`, as it follows from `answer`, which fits the request for this block. None when `wanted` is no
-    /// part of the block, or `answer` an exception.
+    /// The response to `wanted`, extracted from `response` to this block. None when `wanted` is not a part of the block, or
+    /// `response` is an exception.
     pub fn part<'a>(
         &self,
-        answer: &[u8],
+        response: &[u8],
         wanted: &Self,
         out: &'a mut [u8; PDU_BYTES_MAX],
     ) -> Option<&'a [u8]> {
         let offset = usize::from(wanted.first.checked_sub(self.first)?);
-        let &[function, _, ref data @ ..] = answer else { return None };
+        let &[function, _, ref data @ ..] = response else { return None };
         if self.hull(wanted)? != *self || function != self.function.get() {
             return None;
         }
@@ -93,7 +91,7 @@ impl Block {
     }
 }
 
-/// Copies `count` bits of `data` from bit `shift` of its first byte on; what is left of the last byte is zero (clause 6.1).
+/// Copies `count` bits of `data`, starting at bit `shift` of its first byte; the rest of the last byte is zero (clause 6.1).
 fn copy_bits(data: &[u8], shift: usize, count: usize, out: &mut [u8]) {
     for (at, out) in out.iter_mut().enumerate() {
         let byte = |at: usize| u16::from(data.get(at).copied().unwrap_or(0));

@@ -1,34 +1,34 @@
-//! Which data addresses a request touches, for rules that allow some and refuse others.
+//! The data addresses that a request accesses, for rules that restrict them.
 
 use super::function::Form;
 use super::is_read;
 
-/// Most registers that function 24 reads: the count at the address in the request, and the queue behind it (clause 6.18).
+/// Most registers that function 24 reads: the count at the requested address, and the queue after it (clause 6.18).
 const FIFO_REGISTERS_MAX: u16 = 32;
 
-/// Neighbouring addresses, as they are on the wire.
+/// A range of addresses, as on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Extent {
     /// Whether they are written.
     pub write: bool,
     /// The first address.
     pub first: u16,
-    /// The last one; behind 65535 when the request runs over the end.
+    /// The last address; above 65535 if the request wraps around.
     pub last: u32,
 }
 
-/// What a request does to the data addresses of a device.
+/// What a request does to a device's data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Touched {
-    /// It reads or writes these: at most one extent of each.
+    /// Reads or writes these addresses: at most one extent of each.
     Cells([Option<Extent>; 2]),
-    /// It changes nothing, and reads something that has no data address.
+    /// Changes nothing, and reads something without a data address.
     Other,
-    /// The request does not say it, or not yet.
+    /// Unknown, or not known yet.
     Unknown,
 }
 
-/// What `request`, or what has arrived of one, does to data addresses.
+/// What `request`, which may be incomplete, does to a device's data.
 pub fn touched(request: &[u8]) -> Touched {
     let word = |at: usize| Some(u16::from_be_bytes([*request.get(at)?, *request.get(at + 1)?]));
     let extent = |write, at, count: Option<u16>| {

@@ -1,5 +1,5 @@
-//! The public function codes (Application Protocol V1.1b3, clause 5.1): one table says what requests and responses of each look
-//! like. All rules about functions follow from it.
+//! The public function codes (Application Protocol V1.1b3, clause 5.1), in a table with the form of their requests and responses.
+//! All rules about functions follow from it.
 
 /// 01: read coils.
 pub const READ_COILS: u8 = 1;
@@ -13,9 +13,9 @@ pub const READ_INPUT_REGISTERS: u8 = 4;
 pub const WRITE_SINGLE_COIL: u8 = 5;
 /// 06: write one register.
 pub const WRITE_SINGLE_REGISTER: u8 = 6;
-/// 07: read eight outputs that a device keeps for its state.
+/// 07: read eight status outputs of a device.
 pub const READ_EXCEPTION_STATUS: u8 = 7;
-/// 08: tests and counters, told apart by a sub-function.
+/// 08: tests and counters, by sub-function.
 pub const DIAGNOSTICS: u8 = 8;
 /// 0B: status word and number of completed messages.
 pub const GET_COMM_EVENT_COUNTER: u8 = 11;
@@ -35,9 +35,9 @@ pub const WRITE_FILE_RECORD: u8 = 21;
 pub const MASK_WRITE_REGISTER: u8 = 22;
 /// 17: write registers, then read registers.
 pub const READ_WRITE_MULTIPLE_REGISTERS: u8 = 23;
-/// 18: read a queue of registers; it is not emptied.
+/// 18: read a queue of registers without emptying it.
 pub const READ_FIFO_QUEUE: u8 = 24;
-/// 2B: a tunnel, told apart by its MEI type.
+/// 2B: a tunnel, by MEI type.
 pub const ENCAPSULATED_INTERFACE: u8 = 43;
 
 /// MEI type of function 43: read device identification.
@@ -50,14 +50,14 @@ pub struct Function {
     pub code: u8,
     /// Its name for logs.
     pub name: &'static str,
-    /// What its requests and responses look like.
+    /// The form of its requests and responses.
     pub form: Form,
 }
 
-/// What requests and responses of a function look like, and so what they do. Sizes include the function code.
+/// The form of a function's requests and responses, which determines what they do. Sizes include the function code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
-    /// Address and quantity; the response has a byte count and so much data.
+    /// Address and quantity; the response has a byte count and that many bytes of data.
     Read(Cells),
     /// Address and value; the response repeats both.
     WriteOne(Cells),
@@ -65,7 +65,7 @@ pub enum Form {
     WriteMany(Cells),
     /// Address and two masks; the response repeats all.
     MaskWrite,
-    /// What is read as in a read, what is written as in a write.
+    /// A read and a write in one.
     ReadWrite {
         /// What is read.
         read: Cells,
@@ -74,23 +74,23 @@ pub enum Form {
     },
     /// An address; the response has the number of bytes and of registers in two bytes each.
     ReadFifo,
-    /// The code alone; the response has so many bytes.
+    /// The code alone; the response has this many bytes.
     Status(usize),
     /// The code alone; the response has a byte count.
     Report,
-    /// The same, and the events come behind three words (clause 6.10).
+    /// The same, with the events after three words (clause 6.10).
     EventLog,
     /// A sub-function and data.
     Diagnostics,
-    /// Byte count and groups; the response has groups of the lengths asked for.
+    /// Byte count and groups; the response has groups of the requested lengths.
     ReadFile,
     /// Byte count and groups; the response repeats all.
     WriteFile,
-    /// An MEI type and what that says.
+    /// An MEI type and its data.
     Tunnel,
 }
 
-/// What one address holds, and how many of them a request can have.
+/// The size of a cell, and how many a request can access.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cells {
     /// 1 or 16.
@@ -100,18 +100,18 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// The bytes that a quantity of them takes.
+    /// Bytes of `quantity` cells.
     pub fn bytes(self, quantity: u16) -> usize {
         (usize::from(quantity) * usize::from(self.bits)).div_ceil(8)
     }
 }
 
-/// Coils or discrete inputs, at most so many.
+/// Coils or discrete inputs, up to `most`.
 const fn bits(most: u16) -> Cells {
     Cells { bits: 1, most }
 }
 
-/// Registers, at most so many.
+/// Registers, up to `most`.
 const fn registers(most: u16) -> Cells {
     Cells { bits: 16, most }
 }
@@ -148,7 +148,7 @@ pub const FUNCTIONS: [Function; 19] = {
     ]
 };
 
-/// Where each code stands in the table, which is looked up several times for each frame: index + 1; 0: nowhere.
+/// Index + 1 of each code in the table, which is looked up several times per frame; 0: not in the table.
 #[allow(clippy::indexing_slicing)] // Computed by the compiler, which would say so.
 const INDEX: [u8; ENCAPSULATED_INTERFACE as usize + 1] = {
     let mut index = [0; ENCAPSULATED_INTERFACE as usize + 1];
@@ -161,7 +161,7 @@ const INDEX: [u8; ENCAPSULATED_INTERFACE as usize + 1] = {
 };
 
 impl Function {
-    /// The function with this code; none for an exception, too.
+    /// The function with this code; none for an exception.
     pub fn of(code: u8) -> Option<&'static Self> {
         let at = INDEX.get(usize::from(code))?.checked_sub(1)?;
         FUNCTIONS.get(usize::from(at))
@@ -175,16 +175,16 @@ impl Form {
     }
 }
 
-/// Whether `request` means something to a unit that does not answer (Serial Line 2.1: broadcasts are writes).
+/// Whether `request` makes sense as a broadcast, which has no response (Serial Line 2.1: broadcasts are writes).
 ///
-/// Diagnostics (8) count: a restart may be wanted of all. Codes that the gateway does not know are left to the user.
+/// Includes diagnostics (8), as a restart may be meant for all. Unknown codes are left to the user.
 pub fn is_broadcastable(request: &[u8]) -> bool {
     !request.is_empty()
         && !is_read(request)
         && !matches!(Form::of(request), Some(Form::ReadWrite { .. } | Form::Tunnel))
 }
 
-/// How much of `request`, a write, its response repeats; `None` for functions whose response says more (clause 6).
+/// The part of `request`, a write, that its response repeats; `None` for functions whose response has more (clause 6).
 pub fn confirmation(request: &[u8]) -> Option<&[u8]> {
     match Form::of(request)? {
         Form::WriteOne(_) | Form::WriteMany(_) => request.get(..5),
@@ -195,8 +195,8 @@ pub fn confirmation(request: &[u8]) -> Option<&[u8]> {
 
 /// Whether `request` changes nothing, so that repeating it is harmless.
 ///
-/// Not so: diagnostics (8), whose sub-functions restart the device and clear its counters; the tunnel (43) but for the device
-/// identification, because its MEI type 13 carries CANopen writes; and every code that the gateway does not know.
+/// False for diagnostics (8), whose sub-functions restart the device and clear its counters; for the tunnel (43) except device
+/// identification, because its MEI type 13 carries CANopen writes; and for unknown codes.
 pub fn is_read(request: &[u8]) -> bool {
     match Form::of(request) {
         Some(
@@ -207,7 +207,7 @@ pub fn is_read(request: &[u8]) -> bool {
     }
 }
 
-/// The function's name for logs; an exception's code gives the name of the function that it answers.
+/// The function's name for logs; an exception has the name of its function.
 pub fn name(function: u8) -> &'static str {
     Function::of(function & !super::EXCEPTION_BIT).map_or("unlisted function", |function| function.name)
 }

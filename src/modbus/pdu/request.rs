@@ -1,13 +1,13 @@
-//! What a gateway can see for itself in a request, before it takes a device's time.
+//! Validation of requests, before they take up a device's time.
 
 use super::function::{Cells, Form, MEI_DEVICE_IDENTIFICATION};
 use super::{ResponseLength, file_response_length, response_length};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 
-/// Whether a server could accept this request: the exception that it gets instead, if not.
+/// Whether a server could accept this request; if not, the exception that it gets.
 ///
-/// A public function must have a possible length, byte count and quantity. Addresses are the device's affair, and an
-/// unknown function passes at any length.
+/// A public function must have a valid length, byte count and quantity. Addresses are up to the device, and an unknown function
+/// is accepted at any length.
 pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
     let Some((&function, fields)) = pdu.split_first() else {
         return Err(Exception::ILLEGAL_VALUE);
@@ -23,16 +23,16 @@ pub fn check_request(pdu: &[u8]) -> Result<(), Exception> {
     }
 }
 
-/// Whether `request` is a read whose answer no PDU could hold.
+/// Whether `request` is a read whose response would not fit a PDU.
 pub(crate) fn is_beyond_response(request: &[u8]) -> bool {
     let is_read = matches!(Form::of(request), Some(Form::Read(_)));
-    // A response begins with the same function code, and more of it tells a read nothing.
+    // A read's response length depends on the request only, so the request serves for both.
     let length = response_length(request, request);
     is_read && matches!(length, ResponseLength::Known(length) if length > PDU_BYTES_MAX)
 }
 
-/// The length of the request that begins with `so_far`, the function code included, where its function tells it; a frame
-/// of another length is no request.
+/// The length of the request beginning with `so_far`, including the function code, where its function determines it; a frame of
+/// another length is not a request.
 pub fn request_length(so_far: &[u8]) -> Option<usize> {
     let counted = |at: usize| Some(at + 1 + usize::from(*so_far.get(at)?));
     match Form::of(so_far)? {
@@ -48,19 +48,20 @@ pub fn request_length(so_far: &[u8]) -> Option<usize> {
     }
 }
 
-/// Whether `so_far` of a diagnostics request has a public sub-function with data of one word: all but 0, whose data has any length.
+/// Whether `so_far` begins a diagnostics request with a public sub-function and one word of data: all but 0, whose data has any
+/// length.
 pub(super) fn is_public(so_far: &[u8]) -> bool {
     matches!(so_far, [_, 0, 1..=4 | 10..=18 | 20, ..])
 }
 
-/// Whether `fields`, what stands behind the function code, can belong to a request of this `form`.
+/// Whether `fields`, the bytes after the function code, are valid for a request of this `form`.
 fn possible(form: Form, fields: &[u8]) -> bool {
     match (form, fields) {
         (Form::Read(cells), fields) => reads(fields, cells),
         (Form::WriteOne(Cells { bits: 1, .. }), fields) => matches!(fields, [_, _, 0x00 | 0xFF, 0x00]),
         (Form::WriteOne(_), fields) => fields.len() == 4,
         (Form::Status(_) | Form::Report | Form::EventLog, fields) => fields.is_empty(),
-        // Data has two bytes or, for sub-function 0, "N x 2"; devices exist that take any, so let them judge.
+        // Data has two bytes or, for sub-function 0, "N x 2"; some devices accept any, so let them judge.
         (Form::Diagnostics, fields) => fields.len() >= 2,
         (Form::WriteMany(cells), fields) => writes(fields, cells),
         (Form::ReadFile, [count, groups @ ..]) => {
@@ -79,12 +80,12 @@ fn possible(form: Form, fields: &[u8]) -> bool {
     }
 }
 
-/// Address and a quantity from 1 to the most.
+/// Address and a valid quantity.
 fn reads(fields: &[u8], cells: Cells) -> bool {
     matches!(fields, [_, _, high, low] if (1..=cells.most).contains(&u16::from_be_bytes([*high, *low])))
 }
 
-/// Address, a quantity from 1 to the most, and the bytes that so many cells take, counted and there.
+/// Address, a valid quantity, and a byte count that agrees with the quantity and the length.
 fn writes(fields: &[u8], cells: Cells) -> bool {
     let Some((head @ &[_, _, high, low], [count, data @ ..])) = fields.split_first_chunk() else {
         return false;
@@ -93,7 +94,7 @@ fn writes(fields: &[u8], cells: Cells) -> bool {
     reads(head, cells) && usize::from(*count) == bytes && data.len() == bytes
 }
 
-/// One or more groups of function 21, each with as many registers as it says (clause 6.15).
+/// One or more groups of function 21, each as long as it says (clause 6.15).
 fn file_groups(mut groups: &[u8]) -> bool {
     if groups.is_empty() {
         return false;

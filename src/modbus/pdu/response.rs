@@ -1,39 +1,39 @@
-//! How long the response to a request is, and whether a response is the response to it.
+//! The length of the response to a request, and whether a response matches.
 
 use super::function::{Form, MEI_DEVICE_IDENTIFICATION};
 use super::request::is_public;
 use super::{EXCEPTION_BIT, file_response_length};
 use crate::modbus::PDU_BYTES_MAX;
 
-/// Where a response PDU ends, as far as its beginning tells.
+/// Where a response PDU ends, judged by its beginning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ResponseLength {
-    /// At this many bytes, the function code included. A wrong byte count can make it more than a PDU can have.
+    /// At this length, including the function code. A wrong byte count can make it longer than a PDU.
     Known(usize),
-    /// Cannot be told yet: more bytes are needed.
+    /// More bytes are needed to tell.
     More,
-    /// Only the silence behind it tells.
+    /// Only silence tells.
     Silence,
 }
 
-/// Why a response does not answer a request.
+/// Why a response does not match a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Misfit {
-    /// It answers another function, or is an exception without a code.
+    /// It has another function, or is an exception without a code.
     #[error("the response is for another function")]
     Function,
-    /// Its length is not what the request makes it.
+    /// Its length differs from what the request implies.
     #[error("the response has the wrong length")]
     Length,
-    /// A field that repeats the request's differs.
-    #[error("the response repeats the request wrongly")]
+    /// A field that should repeat the request's differs.
+    #[error("the response does not repeat the request's fields")]
     Echo,
 }
 
-/// The length of the response to `request`, of which `so_far` has come.
+/// The length of the response to `request`, of which `so_far` has arrived.
 ///
-/// `request` has passed [`check_request`](super::check_request). Another function's response has no length that the
-/// request could tell: [`ResponseLength::Silence`].
+/// `request` has passed [`check_request`](super::check_request). The length of another function's response is unknown:
+/// [`ResponseLength::Silence`].
 pub fn response_length(request: &[u8], so_far: &[u8]) -> ResponseLength {
     use ResponseLength::{Known, More, Silence};
 
@@ -55,7 +55,7 @@ pub fn response_length(request: &[u8], so_far: &[u8]) -> ResponseLength {
         (Form::Status(length), _) => Known(length),
         (Form::WriteOne(_) | Form::WriteMany(_), _) => Known(5),
         (Form::MaskWrite | Form::WriteFile, _) | (Form::Diagnostics, [_, 0, 0, ..]) => Known(request.len()),
-        // The public sub-functions answer with one word; what others answer is their makers' affair.
+        // The public sub-functions respond with one word; others are vendor-specific.
         (Form::Diagnostics, _) if is_public(request) => Known(5),
         (Form::EventLog | Form::Report, _) => match so_far {
             [_, count, ..] => Known(2 + usize::from(*count)),
@@ -70,10 +70,10 @@ pub fn response_length(request: &[u8], so_far: &[u8]) -> ResponseLength {
     }
 }
 
-/// Whether `response` is a response to `request`: its function or an exception to it, the length that the request
-/// asks for, and the request's fields repeated where the function repeats them.
+/// Whether `response` matches `request`: it has the same function or is an exception to it, has the implied length, and repeats
+/// the fields that it should.
 ///
-/// For a function that the gateway does not know, the function code is all there is to compare.
+/// For an unknown function only the code is compared.
 pub fn fits(request: &[u8], response: &[u8]) -> Result<(), Misfit> {
     let (Some(&function), Some(&answered)) = (request.first(), response.first()) else {
         return Err(Misfit::Length);
@@ -99,18 +99,18 @@ pub fn fits(request: &[u8], response: &[u8]) -> Result<(), Misfit> {
     if repeats(request, response) { Ok(()) } else { Err(Misfit::Echo) }
 }
 
-/// Whether the counts inside of `response` agree with its length, which is right.
+/// Whether the counts inside `response` agree with its length, which has been checked.
 fn counts(request: &[u8], response: &[u8]) -> bool {
     match (Form::of(response), response) {
         (Some(Form::Read(_) | Form::ReadWrite { .. }), [_, count, data @ ..]) => {
             usize::from(*count) == data.len()
         }
-        // Status, event counter and message counter come before the events (clause 6.10).
+        // Status, event counter and message counter precede the events (clause 6.10).
         (Some(Form::EventLog), [_, count, ..]) => *count >= 6,
         (Some(Form::ReadFile), [_, count, groups @ ..]) => {
             usize::from(*count) == groups.len() && file_response_groups(request, groups)
         }
-        // The number of registers comes before them, and counts neither itself nor the byte count (clause 6.18).
+        // The number of registers precedes them; it counts neither itself nor the byte count (clause 6.18).
         (Some(Form::ReadFifo), [_, _, _, high, low, registers @ ..]) => {
             2 * usize::from(u16::from_be_bytes([*high, *low])) == registers.len()
         }
@@ -119,29 +119,29 @@ fn counts(request: &[u8], response: &[u8]) -> bool {
     }
 }
 
-/// Whether each group of a function 20 answer has the length that its group of the request asks for.
-fn file_response_groups(request: &[u8], mut answer: &[u8]) -> bool {
+/// Whether each group of a function 20 response has the length requested.
+fn file_response_groups(request: &[u8], mut response: &[u8]) -> bool {
     let (asked, _) = request.get(2..).unwrap_or_default().as_chunks::<{ super::FILE_GROUP_BYTES }>();
     for [.., high, low] in asked {
         let bytes = 1 + 2 * usize::from(u16::from_be_bytes([*high, *low]));
-        let Some((length, rest)) = answer.split_first() else {
+        let Some((length, rest)) = response.split_first() else {
             return false;
         };
         match rest.get(bytes..) {
-            Some(rest) if usize::from(*length) == bytes => answer = rest,
+            Some(rest) if usize::from(*length) == bytes => response = rest,
             _ => return false,
         }
     }
-    answer.is_empty()
+    response.is_empty()
 }
 
-/// Whether the fields of `response` that repeat those of `request` are the same.
+/// Whether `response` repeats the fields of `request` that it should.
 fn repeats(request: &[u8], response: &[u8]) -> bool {
     let bytes = match (Form::of(request), request) {
         (Some(Form::WriteOne(_) | Form::WriteFile | Form::MaskWrite), _) => request.len(),
         // Function, address, quantity.
         (Some(Form::WriteMany(_)), _) => 5,
-        // These sub-functions answer with the request's data (clause 6.8.1), the others with a register or counter.
+        // These sub-functions repeat the request's data (clause 6.8.1), the others return a register or counter.
         (Some(Form::Diagnostics), [_, 0, 0 | 1 | 3 | 4 | 10 | 20, ..]) => request.len(),
         (Some(Form::Diagnostics), _) => 3,
         // MEI type and read device ID code.

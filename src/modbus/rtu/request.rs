@@ -1,36 +1,36 @@
-//! Requests cut out of an RTU byte stream, in which no silence parts frames.
+//! Splits requests off an RTU byte stream, where no silence separates frames.
 //!
-//! A server calls [`request`] after every read with what nobody consumed yet, and [`request_at_pause`] when nothing has come
-//! for a while: functions whose request has no length of its own are ended by the pause, and so is garbage.
+//! A server calls [`request`] after every read with the bytes not consumed yet, and [`request_at_pause`] after a pause, which
+//! ends garbage, and requests whose function does not determine their length.
 
 use super::{FRAME_BYTES_MAX, OVERHEAD_BYTES, decode};
 use crate::modbus::pdu::{EXCEPTION_BIT, request_length};
 
-/// What stands at the front of the bytes received so far.
+/// What is at the front of the bytes received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cut<'a> {
-    /// Perhaps the beginning of a request: more bytes are needed, or a pause.
+    /// Possibly the beginning of a request: wait for more bytes, or a pause.
     Incomplete,
-    /// A request with a good CRC.
+    /// A request with a valid CRC.
     Request {
         /// The unit asked.
         unit: u8,
         /// Its PDU.
         pdu: &'a [u8],
-        /// Bytes that it takes at the front of the buffer.
+        /// Bytes to consume.
         consumed: usize,
     },
-    /// Bytes that belong to no request.
+    /// Bytes that are not part of a request.
     Noise {
-        /// How many of them there are at the front of the buffer.
+        /// Bytes to consume.
         consumed: usize,
     },
 }
 
-/// Looks at the front of `received`.
+/// Examines the front of `received`.
 ///
-/// The first place at which a request can begin is decisive until it has proved wrong: by its CRC, or because more than
-/// [`FRAME_BYTES_MAX`] bytes have come without a pause. So a longer buffer never gives [`Cut::Incomplete`].
+/// The first position at which a request can begin has precedence until it has proved wrong: by its CRC, or because more than
+/// [`FRAME_BYTES_MAX`] bytes have arrived without a pause. So a longer buffer never yields [`Cut::Incomplete`].
 pub fn request(received: &[u8]) -> Cut<'_> {
     for (at, start) in starts(received) {
         match whole(start) {
@@ -52,9 +52,9 @@ pub fn request(received: &[u8]) -> Cut<'_> {
     }
 }
 
-/// Looks at the front of `received` when no more comes: a request whose length is unknown reaches to the end.
+/// Examines the front of `received` after a pause: a request of unknown length extends to the end.
 ///
-/// In garbage every 65536th CRC is right by chance, so requests of known length are looked for first.
+/// In garbage, one CRC in 65536 is right by chance, so requests of known length are tried first.
 pub fn request_at_pause(received: &[u8]) -> Cut<'_> {
     for length_is_known in [true, false] {
         for (at, start) in starts(received) {
@@ -71,14 +71,14 @@ pub fn request_at_pause(received: &[u8]) -> Cut<'_> {
     Cut::Noise { consumed: received.len() }
 }
 
-/// The tails of `received` that begin as a request can: with a unit and a function code from 1 to 127.
+/// The suffixes of `received` that begin like a request: with a unit and a function code from 1 to 127.
 fn starts(received: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     let headers = received.windows(2).enumerate();
     let possible = headers.filter(|(_, header)| matches!(header, [_, 1..EXCEPTION_BIT]));
     possible.filter_map(|(at, _)| Some((at, received.get(at..)?)))
 }
 
-/// The frame that the function of `start` makes it, which may not be there as a whole; none when it would be too long.
+/// The frame at `start` by the length of its function, or `Some(None)` while it is incomplete; none if it would be too long.
 fn whole(start: &[u8]) -> Option<Option<&[u8]>> {
     match request_length(start.get(1..).unwrap_or_default()) {
         None => Some(None),
@@ -87,7 +87,7 @@ fn whole(start: &[u8]) -> Option<Option<&[u8]>> {
     }
 }
 
-/// The noise before a request is consumed first.
+/// Noise before a request is consumed first.
 fn behind_noise(at: usize, unit: u8, pdu: &[u8], consumed: usize) -> Cut<'_> {
     if at == 0 { Cut::Request { unit, pdu, consumed } } else { Cut::Noise { consumed: at } }
 }

@@ -1,8 +1,8 @@
-//! Answers that are kept for reads whose rule lets them be answered from memory: pure, with time as a value.
+//! Response cache of a client-side port, for reads whose rule allows cached responses. Pure, with time as a value.
 //!
-//! A response is as old as its request: the device has read the values after that. Where there is no room, the oldest one goes. A
-//! write to a unit makes everything void that is known of it, whichever addresses it names: what a register does to others
-//! is the device's affair.
+//! The age of a response counts from its request, since the device read the values after that. The oldest response is evicted
+//! when there is no room. A write to a unit invalidates everything cached for that unit, whatever addresses it names: a register
+//! may affect others.
 
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
@@ -11,28 +11,29 @@ use crate::modbus::PDU_BYTES_MAX;
 use crate::modbus::pdu::Block;
 use crate::port::client::queue::BROADCAST;
 
-/// Answers that one port keeps. The feature `small` saves memory here.
+/// Responses that one port keeps. The feature `small` saves memory here.
 pub const RESPONSES_MAX: usize = if cfg!(feature = "small") { 8 } else { 16 };
-/// Bytes of them all: three of the longest, or sixteen of 22 registers; `small`: one, or eight of 15.
+/// Total bytes of the kept PDUs: three of the longest, or sixteen of 22 registers; with `small` one, or eight of 15.
 pub const RESPONSE_BYTES_MAX: usize = if cfg!(feature = "small") { PDU_BYTES_MAX } else { 3 * PDU_BYTES_MAX };
 
-/// A read of coils, inputs or registers, of a unit: functions 1 to 4. Answers to others are not kept.
+/// What identifies a cached response: a read of coils, inputs or registers (functions 1 to 4) from a unit. Other responses are
+/// not cached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Question {
+pub struct CacheKey {
     /// The unit.
     pub unit: u8,
-    /// What it is asked for.
+    /// What is read.
     pub block: Block,
 }
 
-impl Question {
-    /// The question that `request` asks `unit`, if it is of a kind whose answers are kept.
+impl CacheKey {
+    /// The key of `request` to `unit`, if it is a kind that is cached.
     pub fn new(unit: u8, request: &[u8]) -> Option<Self> {
         Some(Self { unit, block: Block::of(request)? })
     }
 }
 
-/// A response that is kept. Unit and length stand together in what the block leaves of eight bytes.
+/// A cached response. Unit and length share the padding of the block, which keeps the entry small.
 struct Kept {
     unit: u8,
     length: u8,
@@ -41,36 +42,36 @@ struct Kept {
 }
 
 impl Kept {
-    fn is_for(&self, question: Question) -> bool {
-        self.block == question.block && self.unit == question.unit
+    fn is_for(&self, key: CacheKey) -> bool {
+        self.block == key.block && self.unit == key.unit
     }
 }
 
-/// The responses that one port keeps.
+/// The cached responses of one port.
 pub struct Cache {
-    /// In the order in which they came.
+    /// In order of arrival.
     kept: Vec<Kept, RESPONSES_MAX>,
     /// Their PDUs, in the same order.
     bytes: Vec<u8, RESPONSE_BYTES_MAX>,
 }
 
 impl Cache {
-    /// No responses.
+    /// An empty cache.
     pub const fn new() -> Self {
         Self { kept: Vec::new(), bytes: Vec::new() }
     }
 
-    /// Keeps `response` to what was asked at `sent`.
-    pub fn keep(&mut self, question: Question, response: &[u8], sent: Instant) {
-        self.remove(|kept| kept.is_for(question));
+    /// Caches `response` to a request sent at `sent`.
+    pub fn keep(&mut self, key: CacheKey, response: &[u8], sent: Instant) {
+        self.remove(|kept| kept.is_for(key));
         while self.kept.is_full() || RESPONSE_BYTES_MAX - self.bytes.len() < response.len() {
             if self.kept.is_empty() {
-                // It is longer than a PDU may be.
+                // Longer than any PDU.
                 return;
             }
             self.remove_at(0);
         }
-        let Question { unit, block } = question;
+        let CacheKey { unit, block } = key;
         let kept = Kept { unit, length: response.len() as u8, block, sent };
         // There is room for both now.
         if self.bytes.extend_from_slice(response).is_ok() {
@@ -78,9 +79,9 @@ impl Cache {
         }
     }
 
-    /// The response to `question`, unless it is older than `age`.
-    pub fn response(&self, question: Question, now: Instant, age: Duration) -> Option<&[u8]> {
-        let index = self.kept.iter().position(|kept| kept.is_for(question))?;
+    /// The response for `key`, unless it is older than `age`.
+    pub fn response(&self, key: CacheKey, now: Instant, age: Duration) -> Option<&[u8]> {
+        let index = self.kept.iter().position(|kept| kept.is_for(key))?;
         let kept = self.kept.get(index)?;
         if now.saturating_duration_since(kept.sent) > age {
             return None;
@@ -89,22 +90,22 @@ impl Cache {
         self.bytes.get(start..start + usize::from(kept.length))
     }
 
-    /// Something was written to `unit`, or to all units.
+    /// Invalidates what a write to `unit` (or a broadcast) may have changed.
     pub fn written(&mut self, unit: u8) {
         self.remove(|kept| unit == BROADCAST || kept.unit == unit);
     }
 
-    /// Forgets what `these` units have answered.
+    /// Drops the responses of `these` units.
     pub fn forget(&mut self, these: impl Fn(u8) -> bool) {
         self.remove(|kept| these(kept.unit));
     }
 
-    /// Answers that are kept.
+    /// How many responses are cached.
     pub fn len(&self) -> usize {
         self.kept.len()
     }
 
-    /// Whether none is.
+    /// Whether the cache is empty.
     pub fn is_empty(&self) -> bool {
         self.kept.is_empty()
     }

@@ -1,9 +1,9 @@
-//! One connection to an outside server while it is open: sends the dispatcher's requests and pairs the responses with them.
+//! One open connection to an outside server: sends the dispatcher's requests and matches the responses to them.
 //!
-//! By Modbus TCP several requests may be open at a time. A response is taken only when its transaction id belongs to an open
-//! request and its unit, function, length and echoed fields are that request's; all others are dropped and counted, and
-//! leave the response timers running. By RTU over TCP one request is open at a time, and its response is found by its length
-//! and CRC, or by the pause behind it.
+//! Modbus TCP allows several requests in flight. A response is accepted only if its transaction id belongs to a pending request
+//! and its unit, function, length and echoed fields match that request; everything else is dropped and counted, and leaves the
+//! response timers running. RTU over TCP allows one request in flight, and its response ends by length and CRC, or by the pause
+//! after it.
 
 use core::convert::Infallible;
 use core::pin::pin;
@@ -29,11 +29,11 @@ use crate::stats::Event;
 
 mod receive;
 
-/// Pause after a broadcast by RTU over TCP: the turnaround delay of the line behind it (Serial Line 2.4.1).
+/// Pause after a broadcast by RTU over TCP: the turnaround delay of the line behind the server (Serial Line 2.4.1).
 const TURNAROUND: Duration = Duration::from_millis(100);
-/// Bytes that may come between a request and the end of its response: a frame, and half of one of noise.
+/// Bytes that may arrive between a request and the end of its response: one frame, and half a frame of noise.
 const INPUT_BYTES_MAX: usize = ADU_BYTES_MAX + ADU_BYTES_MAX / 2;
-/// A connection that lived for so long without a request was in order, though the server has closed it.
+/// A connection that stayed open this long without a request counts as healthy even though the server closed it.
 const SETTLED: Duration = Duration::from_secs(1);
 
 /// An open connection.
@@ -42,47 +42,47 @@ pub(crate) struct TcpConnection<'l, 'g, S> {
     settings: &'l TcpClientSettings,
     stream: S,
     pending_requests: PendingRequests<Frame<'g>>,
-    /// Which of the port's connections it is, and to which server.
+    /// The port's connection number, and the server's number.
     connection: u8,
     server: usize,
     socket: &'l Socket,
     input: [u8; INPUT_BYTES_MAX],
     length: usize,
     opened: Instant,
-    /// When something was sent or received last.
+    /// Last time anything was sent or received.
     active: Instant,
-    /// When the last request was sent.
+    /// Last time a request was sent.
     used: Instant,
-    /// When something was received last.
-    heard: Instant,
-    /// Whether a request was sent.
+    /// Last time anything was received.
+    received_at: Instant,
+    /// Whether a request has been sent.
     asked: bool,
-    /// Whether one was answered.
+    /// Whether a request has been answered.
     proven: bool,
-    /// Reads that the connection before took along, unanswered, may be left.
+    /// The previous connection may have left reads unanswered, to be sent again on this one.
     lost: bool,
     /// The socket is needed elsewhere.
     leaving: bool,
 }
 
-/// What a connection does next.
+/// What the connection does next.
 enum Step<'g> {
-    /// It sends this request to this unit.
+    /// Sends this request to this unit.
     Send(Frame<'g>, u8),
-    /// Nothing before this time, unless something happens.
+    /// Waits until this time, or until something happens.
     Wait(Instant),
 }
 
 /// Why a connection ends.
 pub(crate) enum End {
-    /// It is not needed now.
+    /// Not needed now.
     Unused,
-    /// The server has closed it, or it broke.
+    /// The server closed it, or it broke.
     Lost,
 }
 
 impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
-    /// A connection that has just been opened. `first` is the first transaction id.
+    /// A newly opened connection; `first` is its first transaction id.
     pub(crate) fn new(
         dispatcher: &'l Dispatcher<'g>,
         settings: &'l TcpClientSettings,
@@ -105,7 +105,7 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
             opened: now,
             active: now,
             used: now,
-            heard: now,
+            received_at: now,
             asked: false,
             proven: false,
             lost: true,
@@ -113,20 +113,20 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
         }
     }
 
-    /// The connection has ended. Says whether the server is well as far as one can tell.
+    /// Settles what was in flight when the connection ended; returns whether the server seems healthy.
     ///
-    /// What was open when the connection broke may have been carried out: it is answered 0Bh, but for reads that may be
-    /// repeated. What has not been sent stays with the dispatcher. So do reads on a connection that has answered others: many a
-    /// server closes after a response, before it sees what has been sent by then. The next connection begins with them.
+    /// Requests in flight may have been executed, so they get 0Bh, except reads that may be repeated. Reads on a connection that
+    /// has delivered other responses stay with the dispatcher, like requests not sent yet: many servers close after a response,
+    /// before they see what has been sent meanwhile. The next connection sends those reads first.
     pub(crate) fn ended(&mut self, end: End) -> bool {
         let cut = !self.pending_requests.is_empty();
         let closed = self.proven && self.length == 0;
         while let Some(pending) = self.pending_requests.pop() {
             if closed && pending.request.pdu(pdu::is_read) && !is_responding(&pending.request) {
                 self.dispatcher.port_state().stats.count(Event::Retry);
-                // Without transaction ids it has to be proved first that nothing of it is to come.
+                // Without transaction ids a proof must first show that no response to it is still on its way.
                 if self.settings.framing == StreamFraming::Rtu {
-                    self.dispatcher.take_back(&pending.request);
+                    self.dispatcher.requeue(&pending.request);
                 }
                 continue;
             }
@@ -142,21 +142,21 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
         }
     }
 
-    /// The stream, to be closed.
+    /// Returns the stream, so that the caller can close it.
     pub(crate) fn into_stream(self) -> S {
         self.stream
     }
 
-    /// Carries requests out until the connection ends.
+    /// Serves requests until the connection ends.
     pub(crate) async fn serve(&mut self) -> Result<Infallible, End> {
         let socket = self.socket;
         loop {
             self.judge_pause();
-            if self.expire() && self.is_astray() {
+            if self.expire() && self.is_out_of_sync() {
                 return Err(End::Lost);
             }
             let due = loop {
-                // What the server has closed by now would take the next request along.
+                // Notices that the server has closed before the next request is written to a dead connection.
                 let space = self.input.get_mut(self.length..).filter(|space| !space.is_empty());
                 let read = space.map_or(Poll::Pending, |space| poll_once(self.stream.read(space)));
                 if let Poll::Ready(read) = read {
@@ -170,7 +170,7 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
                 }
             };
             if socket.busy(!self.pending_requests.is_empty() || self.begins()) {
-                // It may be the one to go now.
+                // This connection may be the one to close for another server.
                 self.dispatcher.make_room();
             }
             let deadline = self.pending_requests.first_deadline().unwrap_or(Instant::MAX);
@@ -187,17 +187,18 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
         }
     }
 
-    /// So many bytes have been read; none at the connection's end.
+    /// `count` bytes have been read; 0 means end of stream.
     fn take(&mut self, count: usize) -> Result<(), End> {
         if count == 0 { Err(End::Lost) } else { self.received(count) }
     }
 
-    /// Whether nothing has been sent, but shall be: who has waited for the connection is served before it may go.
+    /// Whether nothing has been sent yet but a request is waiting: a connection opened for a request serves it before it may be
+    /// closed.
     fn begins(&self) -> bool {
         !self.asked && self.dispatcher.is_wanted(self.server)
     }
 
-    /// What is to be done at `now`.
+    /// What to do at `now`.
     fn step(&mut self, now: Instant) -> Result<Step<'g>, End> {
         if self.leaving && !self.begins() {
             return if self.pending_requests.is_empty() {
@@ -215,7 +216,7 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
         if due > now {
             return Ok(Step::Wait(due));
         }
-        if self.pending_requests.is_empty() && self.is_astray() {
+        if self.pending_requests.is_empty() && self.is_out_of_sync() {
             return Err(End::Lost);
         }
         if self.lost {
@@ -244,7 +245,7 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
         if !broadcast {
             id = match self.pending_requests.start(request.share(), unit, now) {
                 Ok(id) => id,
-                // There is room, it was looked for just now.
+                // Cannot happen: `room` was checked just now.
                 Err(request) => {
                     self.dispatcher.failed(&request, 0);
                     return Ok(());
@@ -256,7 +257,7 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
         let sent = self.write(id, unit, &request).await;
         self.active = now;
         if broadcast {
-            self.dispatcher.done_silently(&request);
+            self.dispatcher.done_without_response(&request);
             self.active += TURNAROUND;
         }
         sent?;
@@ -264,14 +265,14 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
         Ok(())
     }
 
-    /// How long nothing is sent after the connection was opened. What comes meanwhile by RTU answers nobody knows what.
+    /// How long nothing is sent after opening. With RTU over TCP, bytes in that time cannot be matched to any request.
     fn settling(&self) -> Duration {
         let discards = self.settings.framing == StreamFraming::Rtu;
         let window = if discards { self.settings.late_window() } else { Duration::from_ticks(0) };
         window.max(self.settings.connect_delay)
     }
 
-    /// Shows a frame to whoever follows.
+    /// Shows a frame to the capture.
     fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
         let kind = self.settings.framing.into();
         let tap = Tap { capture: self.dispatcher.gateway().capture(), port: self.dispatcher.id(), kind };
@@ -280,17 +281,17 @@ impl<'l, 'g, S: TcpStream> TcpConnection<'l, 'g, S> {
 
     async fn write(&mut self, transaction: u16, unit: u8, request: &Frame<'g>) -> Result<(), End> {
         if self.settings.framing == StreamFraming::Rtu {
-            // What came before the request is no response to it.
-            self.judge_unawaited();
+            // Whatever arrived before the request is not its response.
+            self.judge_unsolicited();
         }
         let header = Header { transaction, unit: self.dispatcher.outside(unit) };
         let mut out = Pieces::new();
         loop {
             let begins = |frame: &[u8]| self.tap(true, Event::Request, frame);
-            // Looked up for each piece: it need not be kept while one is sent.
+            // Encoded again for each piece, so that the future need not hold the whole frame.
             self.dispatcher
                 .with_request(request, |request| out.take(self.settings.framing, header, request, begins));
-            // It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+            // No flush: on embassy-net it would wait for the peer's acknowledgement.
             match within(self.settings.timeout, pin!(self.stream.write_all(out.piece()))).await {
                 Some(Ok(())) if out.goes_on() => {}
                 Some(Ok(())) => return Ok(()),

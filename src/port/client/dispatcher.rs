@@ -1,16 +1,16 @@
-//! the dispatcher of a client-side port: takes requests in from the port's channel, keeps them queued, and sees that every one
-//! of them goes home with a response, also when the port is closed or set anew.
+//! The dispatcher of a client-side port: receives requests from the port's channel, queues them, and makes sure that each one
+//! ends with a response or an exception, even when the port is closed or reconfigured.
 //!
-//! Requests are taken in at once, also while another one is on the wire, so that refusals do not wait: a full queue is
-//! answered 06h, a unit that is down 0Bh, a line that is not open 0Ah.
+//! Requests are received at once, even while another is on the wire, so that refusals do not wait: 06h when the queue is full,
+//! 0Bh for a unit that is down, 0Ah when the line is not open.
 //!
-//! A request that is carried out carries the identical reads that waited with it: their frames ride on its frame, and each gets
-//! a copy of the response, or is repeated or refused by itself. Where rules allow it, reads of neighbouring addresses ride along
-//! as well: the frame asks for all of them then, and each gets its part of the response. A unit that refuses that is asked
-//! for each by itself, and so for a while.
+//! Identical reads waiting for the same unit are merged into one transaction: their frames are linked to the frame of the request
+//! that is sent (the leader), and each gets a copy of the response, or is repeated or refused on its own. Where rules allow it,
+//! reads of neighbouring addresses are combined as well: one read covers them all and each gets its part. A unit that refuses a
+//! combined read gets the reads one by one, and is not sent combined reads for a while.
 //!
-//! Where a rule allows it, a read is answered from memory ([`cache`](crate::port::client::cache)), unless a write to its unit waits
-//! or is on its way.
+//! Where a rule allows it, a read is answered from the [`cache`](crate::port::client::cache), unless a write to its unit is
+//! queued or in flight.
 
 mod combine;
 mod dispatch;
@@ -33,7 +33,7 @@ use crate::gateway::unit_health::{Care, Gate};
 use crate::gateway::{Gateway, PortAt};
 use crate::modbus::pdu::{self};
 use crate::modbus::{Exception, Pdu};
-use crate::port::client::cache::{Cache, Question};
+use crate::port::client::cache::{Cache, CacheKey};
 use crate::port::client::dispatcher::combine::CombinedRead;
 use crate::port::client::dispatcher::entry::{block, entry, requester};
 use crate::port::client::pending::PENDING_MAX;
@@ -43,54 +43,53 @@ use crate::port::timer::until;
 use crate::settings::{PortId, PortKind, SerialSettings};
 use crate::stats::Event;
 
-/// How often a full queue is looked through for requests that are nobody's any more. That takes longer than serving a request, and to refuse
-/// one must take less.
+/// Minimum time between two sweeps of a full queue. A sweep takes longer than serving a request; refusing one must be faster.
 const SWEEP_PAUSE_MS: u16 = 10;
 
-/// Requests that one port carries out at a time: on each connection as many as may be open there, with the feature `small` on all of
-/// them together.
+/// Requests in flight per port: the maximum of each connection, or with the feature `small` that of one connection for all
+/// together.
 const CURRENT_MAX: usize = if cfg!(feature = "small") { PENDING_MAX } else { PENDING_MAX * CONNECTIONS_MAX };
 
-/// Requests of one client-side port, shared by the future that takes them in and the one that carries them out.
+/// The requests of one client-side port, shared by the future that receives them and the one that sends them.
 pub(crate) struct Dispatcher<'g> {
     gateway: &'g Gateway<'g>,
     port_state: PortAt<'g>,
     id: PortId,
     queue: RefCell<PortQueue<Frame<'g>>>,
     servers: RefCell<Servers>,
-    /// Links that have servers, at most as many as there are servers.
+    /// Connections in use, at most one per server.
     connections: u8,
-    /// The unit that is asked whatever the rule says.
+    /// Overrides the unit given by the rule.
     unit: Option<u8>,
-    /// A console has the port for itself: all others are refused.
+    /// A console holds the port exclusively: all other requests are refused.
     alone: bool,
-    /// The requests that are being carried out.
+    /// The requests in flight.
     current: RefCell<Vec<Frame<'g>, CURRENT_MAX>>,
     cache: RefCell<Cache>,
-    /// Far fewer end while one request is carried out than make it the same again.
+    /// Writes completed so far. Wraps harmlessly: fewer writes end during one transaction.
     writes_ended: Cell<u16>,
-    /// When it was last looked which requests are unwanted: the milliseconds of the clock, cut off.
+    /// Time of the last sweep, as the low bits of the clock's milliseconds.
     swept: Cell<u16>,
-    /// For each connection: something changed, a request came or a unit's gate moved.
+    /// Per connection: signals that a request arrived or a unit's state changed.
     changed: [Signal<NoopRawMutex, ()>; CONNECTIONS_MAX],
-    /// Responses say which request they belong to.
+    /// Responses carry transaction ids.
     transaction_ids: bool,
-    /// For each connection: what is sent before the request that was given out last.
+    /// Per connection: the proof to send before the request served last.
     proofs: [Cell<Option<Proving>>; CONNECTIONS_MAX],
 }
 
-/// What a client-side port is besides its line.
+/// What a client-side port has besides its line.
 pub(crate) struct Upstream {
     pub(crate) servers: Servers,
-    /// Connections at a time.
+    /// Simultaneous connections.
     pub(crate) connections: u8,
-    /// The unit that is asked whatever the rule says.
+    /// Overrides the unit given by the rule.
     pub(crate) unit: Option<u8>,
-    /// Responses say which request they belong to.
+    /// Responses carry transaction ids.
     pub(crate) transaction_ids: bool,
 }
 
-/// The request that a request waits for.
+/// The proof that a request waits for.
 #[derive(Debug, Clone, Copy)]
 struct Proving {
     request: [u8; 5],
@@ -98,7 +97,7 @@ struct Proving {
 }
 
 impl<'g> Dispatcher<'g> {
-    /// An empty dispatcher. It takes requests in while its line is being opened for the first time; they wait for that.
+    /// An empty dispatcher. While the line is opened for the first time, requests are queued.
     pub(crate) fn new(
         gateway: &'g Gateway<'g>,
         port_state: PortAt<'g>,
@@ -126,12 +125,12 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// The gateway that the port is one of.
+    /// The gateway this port belongs to.
     pub(crate) fn gateway(&self) -> &'g Gateway<'g> {
         self.gateway
     }
 
-    /// The port's place in the settings.
+    /// The port's index in the settings.
     pub(crate) fn id(&self) -> PortId {
         self.id
     }
@@ -146,7 +145,7 @@ impl<'g> Dispatcher<'g> {
         &self.port_state
     }
 
-    // One place for each cell that would panic if it were lent twice.
+    // The only places that borrow these cells, so that none is borrowed twice.
 
     fn queue(&self) -> RefMut<'_, PortQueue<Frame<'g>>> {
         self.queue.borrow_mut()
@@ -164,8 +163,8 @@ impl<'g> Dispatcher<'g> {
         self.servers.borrow_mut()
     }
 
-    /// Takes requests in for ever, and drops those whose time is over or whose requester is gone.
-    pub(crate) async fn take_in(&self) {
+    /// Receives requests for ever, and drops those that expired or whose requester is gone.
+    pub(crate) async fn receive_requests(&self) {
         loop {
             let deadline = self.queue().first_deadline().unwrap_or(Instant::MAX);
             let due = deadline.min(self.make_room());
@@ -192,15 +191,15 @@ impl<'g> Dispatcher<'g> {
         }
         let elapsed = || milliseconds(Instant::now()).wrapping_sub(self.swept.get());
         if self.queue().len() >= WAITING_MAX && elapsed() >= SWEEP_PAUSE_MS {
-            // Some of them may be nobody's.
+            // Makes room if some have expired or been abandoned.
             self.sweep();
         }
         self.enqueue(frame, &envelope, PortQueue::push);
         self.count_waiting();
-        self.tell(envelope.target);
+        self.notify(envelope.target);
     }
 
-    /// Puts a request in the queue, and refuses the one for which there is no room then.
+    /// Queues a request; one that must make way for it, or cannot be queued, is refused.
     fn enqueue(
         &self,
         frame: Frame<'g>,
@@ -214,20 +213,20 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// Tells how many requests wait.
+    /// Publishes the number of waiting requests.
     fn count_waiting(&self) {
         self.port_state.set_waiting(self.queue().len());
     }
 
-    /// What is to be sent for `request`: its request, or what has to be proved before.
+    /// The PDU to send for `request`: its own, or the proof that goes first.
     pub(crate) fn request(&self, request: &Frame<'g>) -> Pdu {
         let mut pdu = Pdu::new();
-        // There is room: it is no longer than a PDU may be.
+        // Fits: no longer than a PDU may be.
         self.with_request(request, |request| pdu.extend_from_slice(request).unwrap_or_default());
         pdu
     }
 
-    /// Calls `look` with the [`Dispatcher::request`] for `request`, where it lies.
+    /// Calls `read` with the PDU to send for `request`, without copying it.
     pub(crate) fn with_request<R: Default>(&self, request: &Frame<'g>, read: impl FnOnce(&[u8]) -> R) -> R {
         match self.proof(request) {
             Some(proof) => read(&proof.request),
@@ -235,7 +234,7 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// The [`Dispatcher::request`] for `request` is sent to `unit` now.
+    /// Notes that the PDU for `request` is being sent to `unit`.
     pub(crate) fn sent(&self, request: &Frame<'g>, unit: u8) {
         let purpose = self.proof(request).map_or(Purpose::Request, |proof| proof.purpose);
         let event = if purpose == Purpose::Request { Event::Request } else { Event::Proof };
@@ -252,15 +251,14 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// Lets the requests that can share the transaction of `leader` ride on it if its unit is `in_step`, and notes what its response is
-    /// good for.
+    /// Starts a transaction for `leader`. If its unit is `in_step`, the waiting reads that can share it are merged into it.
     fn start(&self, leader: &Frame<'g>, entry: &Entry, in_step: bool, now: Instant) -> Transaction {
         let asked = block(leader);
         let combined = if in_step { self.combine(leader, entry, now) } else { None };
         if let Some(combined) = combined.filter(|combined| Some(combined.block) != asked) {
-            // A read is as long as another.
+            // Fits: all reads have the same length.
             let _ = leader.replace(&combined.block.request());
-            // What comes is not the response yet.
+            // Cut-through is off: the response covers more than the leader asked for.
             leader.address(Envelope { cut: false, ..leader.envelope() });
         }
         let serves = |frame: &Frame<'g>| Some(combined?.serves(&CombinedRead::of(frame)?));
@@ -271,7 +269,7 @@ impl<'g> Dispatcher<'g> {
         };
         let mut block_for_all = None;
         let mut queue = self.queue();
-        // From the last one on, each in front of the others: they ride in the order of arrival.
+        // Taken from the back and linked at the front, so that they stay in order of arrival.
         while let Some(merged) = queue.companion(entry, joins) {
             let theirs = block(&merged);
             if theirs != asked {
@@ -291,7 +289,7 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// What is best asked for in place of `leader`, if its rule lets others join it.
+    /// The combined read to send in place of `leader`, if its rule allows combining.
     fn combine(&self, leader: &Frame<'g>, entry: &Entry, now: Instant) -> Option<CombinedRead> {
         let combined = CombinedRead::of(leader)?;
         let queue = self.queue();
@@ -301,29 +299,29 @@ impl<'g> Dispatcher<'g> {
         if combines { Some(combined.combine_all(others)) } else { None }
     }
 
-    /// Answers a read from memory if its rule allows that and a new enough answer is there; else gives it back.
+    /// Answers a read from the cache if its rule allows it and the cached response is fresh; otherwise returns it.
     fn respond_from_cache(&self, frame: Frame<'g>, envelope: &Envelope) -> Option<Frame<'g>> {
         let Envelope { target, sharing, .. } = *envelope;
         if sharing.cache_ms == 0 {
             return Some(frame);
         }
         let Some(block) = block(&frame) else { return Some(frame) };
-        let question = Question { unit: target, block };
+        let key = CacheKey { unit: target, block };
         let cache = self.cache();
-        let Some(response) = cache.response(question, Instant::now(), sharing.cache()) else {
+        let Some(response) = cache.response(key, Instant::now(), sharing.cache()) else {
             return Some(frame);
         };
         if self.is_writing(target) {
             return Some(frame);
         }
-        // It fitted into a frame of the same size.
+        // Fits: it came from a frame of the same size.
         let _ = frame.replace(response);
         self.port_state.stats.count(Event::Cached);
         self.gateway.answered(frame);
         None
     }
 
-    /// Whether a write to `unit` waits or is being carried out.
+    /// Whether a write to `unit` is queued or in flight.
     fn is_writing(&self, unit: u8) -> bool {
         let writes = |request: &Frame<'g>| {
             request.transaction().writes && [unit, BROADCAST].contains(&request.target())
@@ -331,12 +329,12 @@ impl<'g> Dispatcher<'g> {
         self.queue().writes_to(unit) || self.current().iter().any(writes)
     }
 
-    /// Opens the dispatcher: requests are queued.
+    /// Opens the port: requests are queued.
     pub(crate) fn open(&self) {
         self.servers().open();
     }
 
-    /// Closes the dispatcher: whatever was on the wire is answered 0Bh, whatever waits or comes 0Ah.
+    /// Closes the port: requests on the wire get 0Bh; waiting and new ones get 0Ah.
     pub(crate) fn close(&self) {
         self.servers().close();
         self.close_requests(None);
@@ -345,7 +343,7 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// What is on the wire for `server`, or for all, is answered 0Bh, what waits 0Ah.
+    /// Requests on the wire for `server`, or for all servers, get 0Bh; waiting ones get 0Ah.
     fn close_requests(&self, server: Option<usize>) {
         let which = |unit| server.is_none_or(|server| self.is_of(server, unit));
         self.cache().forget(which);
@@ -354,7 +352,7 @@ impl<'g> Dispatcher<'g> {
             let Some(at) = current.iter().position(|request| which(request.target())) else { break };
             let frame = current.swap_remove(at);
             drop(current);
-            while let Some(merged) = frame.unload() {
+            while let Some(merged) = frame.take_merged() {
                 self.give_up(merged);
             }
             self.give_up(frame);
@@ -374,12 +372,12 @@ impl<'g> Dispatcher<'g> {
     }
 }
 
-/// The milliseconds of the clock, cut off.
+/// The low bits of the clock's milliseconds.
 fn milliseconds(now: Instant) -> u16 {
     now.as_millis() as u16
 }
 
-/// How a port of this `kind` treats `unit`, where responses have no transaction ids.
+/// How a port of this `kind` proves `unit` in step, for protocols without transaction ids.
 fn care(kind: &PortKind, unit: u8) -> Option<Care> {
     let (proofs, late_window) = match kind {
         PortKind::Serial(SerialSettings { client, .. }) => (&client.proofs, client.late_window()),
@@ -389,7 +387,7 @@ fn care(kind: &PortKind, unit: u8) -> Option<Care> {
     Some(Care { proof: proofs.of(unit), late_window })
 }
 
-/// Whether whoever asked `request` has been given it while its response was still being written: it must not be sent home again.
+/// Whether the response is already being forwarded to the requester: it must not be sent a second time.
 pub(crate) fn is_responding(request: &Frame<'_>) -> bool {
     request.stage() == Stage::Responding
 }

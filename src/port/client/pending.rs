@@ -1,34 +1,34 @@
-//! Requests that are open on one connection: pure, with time as a value.
+//! Requests in flight on one connection. Pure, with time as a value.
 //!
-//! Each has a transaction id of the connection's own. The id of a request that timed out is *lost*: it is not given again
-//! before its late response can no longer come, so that such a response is never taken for another request's.
+//! Each has a transaction id of the connection's own. The id of a request that timed out is *lost*: it is not reused until its
+//! late response can no longer arrive, so that such a response is never matched to another request.
 
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
 
-/// Requests that may be open at a time (Messaging on TCP/IP 4.4.1.1: NumberMaxOfServerTransaction, 1 to 16).
+/// Requests in flight at a time (Messaging on TCP/IP 4.4.1.1: NumberMaxOfServerTransaction, 1 to 16).
 pub const PENDING_MAX: usize = 16;
-/// Requests that are open and ids that are lost, together: with the default window there are no more lost ids than requests. When
-/// there is no room, no request is sent until the first one's window is over.
+/// Requests in flight plus lost ids. With the default window there are no more lost ids than requests; without room, sending
+/// pauses until the oldest window is over.
 const ALL_MAX: usize = if cfg!(feature = "small") { PENDING_MAX } else { 2 * PENDING_MAX };
 
-/// A request that waits for its response.
+/// A request waiting for its response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PendingRequest<T> {
     /// Its transaction id.
     pub id: u16,
     /// The request itself.
     pub request: T,
-    /// The unit id as it was sent.
+    /// The unit id as sent.
     pub unit: u8,
     /// When it was sent.
     pub sent: Instant,
 }
 
-/// A request, or the id of one that timed out.
+/// A pending request, or the id of one that timed out.
 enum Entry<T> {
     Open(PendingRequest<T>),
-    /// With the end of its window.
+    /// The id, and the end of its window.
     Lost(u16, Instant),
 }
 
@@ -47,23 +47,23 @@ impl<T> Entry<T> {
         }
     }
 
-    /// Whether it is a lost id whose window is over.
+    /// Whether this is a lost id whose window is over.
     fn is_over(&self, now: Instant) -> bool {
         matches!(self, Self::Lost(_, until) if *until <= now)
     }
 }
 
-/// The open requests of a connection.
+/// The pending requests of a connection.
 pub struct PendingRequests<T> {
-    /// In the order in which they were opened.
+    /// In order of sending.
     all: Vec<Entry<T>, ALL_MAX>,
     next: u16,
-    /// So long after a request there is no response to it.
+    /// Response time-out.
     timeout: Duration,
 }
 
 impl<T> PendingRequests<T> {
-    /// None. Ids begin with `first`, and requests have their responses within `timeout`.
+    /// No requests. Ids start at `first`; `timeout` is the response time-out.
     pub const fn new(first: u16, timeout: Duration) -> Self {
         Self { all: Vec::new(), next: first, timeout }
     }
@@ -72,17 +72,17 @@ impl<T> PendingRequests<T> {
         self.all.iter().filter_map(Entry::open)
     }
 
-    /// Requests that are open.
+    /// Number of pending requests.
     pub fn len(&self) -> usize {
         self.open().count()
     }
 
-    /// Whether none is.
+    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.first().is_none()
     }
 
-    /// When one more can be opened: at `now`, or when a lost id's window is over. `None`: when one has ended.
+    /// When another request can be sent: `now`, or when a lost id's window ends. `None` means: once a pending request has ended.
     pub fn room(&self, now: Instant) -> Option<Instant> {
         if self.len() >= PENDING_MAX {
             return None;
@@ -97,7 +97,7 @@ impl<T> PendingRequests<T> {
         Some(if taken < ALL_MAX { now } else { first })
     }
 
-    /// Opens a request and gives its id; gives the request back when there is no [`PendingRequests::room`].
+    /// Adds a request and returns its id, or returns the request if there is no [`PendingRequests::room`].
     pub fn start(&mut self, request: T, unit: u8, now: Instant) -> Result<u16, T> {
         while let Some(over) = self.all.iter().position(|entry| entry.is_over(now)) {
             self.all.remove(over);
@@ -117,38 +117,38 @@ impl<T> PendingRequests<T> {
         }
     }
 
-    /// The open request with this id.
+    /// The pending request with this id.
     pub fn find(&self, id: u16) -> Option<&PendingRequest<T>> {
         self.open().find(|pending| pending.id == id)
     }
 
-    /// Whether an open request's order `is` the one looked for.
+    /// Whether `is` holds for a pending request.
     pub fn holds(&self, is: impl Fn(&T) -> bool) -> bool {
         self.open().any(|pending| is(&pending.request))
     }
 
-    /// The request that was opened first.
+    /// The oldest pending request.
     pub fn first(&self) -> Option<&PendingRequest<T>> {
         self.open().next()
     }
 
-    /// Closes the request with this id: it has its response.
+    /// Removes the request with this id, which has its response.
     pub fn finish(&mut self, id: u16) -> Option<PendingRequest<T>> {
         self.close(|pending| pending.id == id, |_| None)
     }
 
-    /// Closes one request whose time is over; its response may come for `window` more.
+    /// Removes one request past its time-out; its response may still arrive during `window`.
     pub fn expire(&mut self, now: Instant, window: Duration) -> Option<PendingRequest<T>> {
         let timeout = self.timeout;
         self.close(|pending| pending.sent + timeout <= now, |id| Some(Entry::Lost(id, now + window)))
     }
 
-    /// Closes one request, whichever: the connection has ended.
+    /// Removes any one request: the connection has ended.
     pub fn pop(&mut self) -> Option<PendingRequest<T>> {
         self.close(|_| true, |_| None)
     }
 
-    /// Closes the first request that `is` the one wanted; what `lost` makes of its id takes its place.
+    /// Removes the first request for which `is` holds; its slot goes to what `lost` makes of its id.
     fn close(
         &mut self,
         is: impl Fn(&PendingRequest<T>) -> bool,
@@ -165,7 +165,7 @@ impl<T> PendingRequests<T> {
         }
     }
 
-    /// When the first request's time is over.
+    /// When the oldest request times out.
     pub fn first_deadline(&self) -> Option<Instant> {
         self.open().map(|pending| pending.sent + self.timeout).min()
     }

@@ -1,19 +1,19 @@
-//! Who is served next at a client-side port: a pure queue, with time as a value.
+//! The request queue of a client-side port: decides who is served next. Pure, with time as a value.
 //!
-//! A request is pushed with its [`Entry`] and waits. [`PortQueue::next`] gives the request whose turn it is:
+//! A request is pushed with its [`Entry`]. [`PortQueue::next`] returns the one whose turn it is:
 //!
-//! 1. among the requests whose unit is ready, the highest priority present, except that a class that was passed over
-//!    [`PASSED_OVER_MAX`] times in a row goes before the next higher one;
-//! 2. in that class the address that was served longest ago, then the connection of it served longest ago, then
-//!    first in, first out. So a client with nothing queued goes ahead of those that keep the line busy.
+//! 1. among the requests whose unit is ready, the highest priority present, except that a class passed over [`PASSED_OVER_MAX`]
+//!    times in a row goes before the next higher one;
+//! 2. in that class the address served longest ago, then its connection served longest ago, then first in, first out. So a client
+//!    with nothing queued goes ahead of those that keep the line busy.
 //!
-//! The read that is served takes others along ([`PortQueue::companion`]), each of which keeps its own entry till then: so
-//! its rank is that of the most urgent of them, and each can expire by itself. The turn is charged to the requester whose turn it
-//! was, since identical reads cost the line nothing; next time it is another's turn. Those that made the read longer are
-//! charged, too ([`PortQueue::charge`]). None overtakes a write.
+//! Reads that share a transaction ([`PortQueue::companion`]) keep their own entries until then, so the group ranks like its most
+//! urgent member, and each can expire on its own. The turn is charged to the requester that was selected, since identical reads
+//! cost no line time; its companions keep their turns. Requesters whose reads made the combined read longer are charged too
+//! ([`PortQueue::charge`]). No read overtakes a write.
 //!
-//! At most [`WAITING_MAX`] requests wait. When the queue is full, a newcomer takes the place of the newest order of the
-//! address that has most of them, if that is more than the newcomer's address would have; else it is refused.
+//! At most [`WAITING_MAX`] requests wait. When the queue is full, a new request evicts the newest one of the address with the
+//! most requests, if that has more than the newcomer's address would have; otherwise it is refused.
 
 use core::net::IpAddr;
 
@@ -27,31 +27,32 @@ mod fairness;
 #[cfg(test)]
 mod tests;
 
-/// Requests that may wait at one port. With the feature `small` a port does not hold more than a small board has frames.
+/// Requests that may wait at one port. With the feature `small`, no more than a small board has frames.
 pub const WAITING_MAX: usize = if cfg!(feature = "small") { 24 } else { 64 };
-/// Requesters whose last turn is remembered; those of all that wait are among them.
+/// Requesters whose last turn is remembered, which includes all that are waiting.
 const REQUESTERS_MAX: usize = WAITING_MAX;
-/// How often in a row a lower class is passed over while it has requests waiting.
+/// How often in a row a lower class with waiting requests is passed over.
 pub const PASSED_OVER_MAX: u8 = 16;
 
-/// Who asked, as far as fairness goes.
+/// A requester, for fairness.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Requester {
-    /// The port and its connection: tells those of an address, and the serial ports, apart. The first to be compared: mostly it tells.
+    /// The port and its connection: distinguishes requesters behind one address, and serial ports. Compared first, as it usually
+    /// decides.
     connection: (u8, u16),
-    /// The client's address, in as little memory as tells it from others; all serial requesters have 0.
+    /// The client's address, hashed into as little memory as possible; 0 for serial clients.
     address: u32,
 }
 
 impl Requester {
     const NOBODY: Self = Self { connection: (u8::MAX, u16::MAX), address: 0 };
 
-    /// Who asks by `connection` (a port, and which of its connections) from `address`; from a serial line there is none.
+    /// The requester on `connection` (a port, and one of its connections) at `address`; serial clients have none.
     pub fn new(connection: (u8, u16), address: Option<IpAddr>) -> Self {
         let address = match address {
             None => 0,
             Some(IpAddr::V4(address)) => address.to_bits(),
-            // Two hosts for which this is the same share their turns, that is all.
+            // Two hosts with the same hash share their turns; nothing worse.
             Some(IpAddr::V6(address)) => {
                 let bits = address.to_bits();
                 let half = (bits >> 64) as u64 ^ bits as u64;
@@ -61,56 +62,56 @@ impl Requester {
         Self { connection, address }
     }
 
-    /// Whether both ask from one address.
-    pub fn is_beside(&self, other: &Self) -> bool {
+    /// Whether both have the same address.
+    pub fn shares_address(&self, other: &Self) -> bool {
         self.address == other.address
     }
 }
 
-/// What the queue must know of a request.
+/// What the queue needs to know of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Entry {
-    /// Who asked.
+    /// Who sent it.
     pub requester: Requester,
-    /// Its rank.
+    /// Its priority.
     pub priority: Priority,
-    /// The unit asked, on this port's side.
+    /// The unit, by this port's numbering.
     pub unit: u8,
-    /// From here on the request must not be sent.
+    /// The request must not be sent after this.
     pub deadline: Instant,
-    /// What it does to the unit.
+    /// What it does to its unit.
     pub access: Access,
 }
 
 /// What a request does to its unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
-    /// It changes something, or may: what comes after it must see that.
+    /// Writes, or may write: later reads must see the effect.
     Write,
-    /// It reads, and wants a response of its own.
+    /// Reads, and needs a transaction of its own.
     Read,
-    /// It reads, and may share a transaction with others that do.
+    /// Reads, and may share a transaction with other reads.
     SharedRead,
 }
 
-/// The unit id of a request to all units of a line.
+/// The unit id of a broadcast.
 pub(crate) const BROADCAST: u8 = 0;
 
-/// What the port shall do next.
+/// What the port does next.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Next<T> {
     /// Send this request.
     Serve(T, Entry),
-    /// Nothing can be sent before this time.
+    /// Wait: nothing may be sent before this time.
     Wait(Instant),
     /// No requests.
     Empty,
 }
 
-/// A request, and what its entry says.
+/// A queued request with its entry.
 struct Waiting<T> {
     request: T,
-    /// Its requester's place in the table.
+    /// Index in the table of requesters.
     requester: u8,
     unit: u8,
     priority: Priority,
@@ -124,32 +125,32 @@ impl<T> Waiting<T> {
     }
 }
 
-/// A requester who waits or was served, and when he and his address had their last turns; 0: none is remembered.
+/// A requester, with the last turn it had and the last turn its address had; 0 if none is remembered.
 struct Known {
     requester: Requester,
     turn: u32,
     by_address: u32,
 }
 
-/// Whose turn it is.
+/// The request to serve.
 struct Turn {
     class: usize,
-    /// Of which classes requests could be served.
+    /// The classes that have a request ready.
     present: [bool; 3],
-    /// The request's place.
+    /// Index of the request.
     index: usize,
 }
 
-/// The last turns of the requester's address and of the requester: the lowest is first.
+/// Last turns of the address and of the requester: the lowest goes first.
 type Rank = (u32, u32);
 
-/// The requests that wait at one port.
+/// The queue of one port.
 pub struct PortQueue<T> {
-    /// In the order of arrival.
+    /// In order of arrival.
     waiting: Vec<Waiting<T>, WAITING_MAX>,
     requesters: Vec<Known, REQUESTERS_MAX>,
     turns: u32,
-    /// Times that normal and low requests were passed over in a row.
+    /// How often in a row each class has been passed over.
     passed: [u8; 3],
 }
 
@@ -159,7 +160,7 @@ impl<T> PortQueue<T> {
         Self { waiting: Vec::new(), requesters: Vec::new(), turns: 0, passed: [0; 3] }
     }
 
-    /// Requests that wait.
+    /// How many requests wait.
     pub fn len(&self) -> usize {
         self.waiting.len()
     }
@@ -169,10 +170,10 @@ impl<T> PortQueue<T> {
         self.waiting.is_empty()
     }
 
-    /// Adds `request`. Gives back the request that had to go for it, which may be `request` itself.
+    /// Queues `request`. Returns the request evicted for it, which may be `request` itself.
     pub fn push(&mut self, request: T, entry: Entry) -> Option<T> {
         let evicted = if self.waiting.is_full() {
-            match self.crowder(entry.requester) {
+            match self.eviction_candidate(entry.requester) {
                 Some(index) => Some(self.waiting.remove(index).request),
                 None => return Some(request),
             }
@@ -190,7 +191,7 @@ impl<T> PortQueue<T> {
         Waiting { request, requester: self.slot_of(requester), unit, priority, access, deadline }
     }
 
-    /// The request whose turn it is at `now`; `ready` says when a unit may be asked.
+    /// Removes and returns the request whose turn it is at `now`; `ready` tells when a unit may be asked.
     pub fn next(&mut self, now: Instant, ready: impl Fn(u8) -> Ready) -> Next<T> {
         let Turn { class, present, index } = match self.turn(now, ready) {
             Ok(turn) => turn,
@@ -203,15 +204,15 @@ impl<T> PortQueue<T> {
         Next::Serve(waiting.request, entry)
     }
 
-    /// The unit of the request whose turn it is at `now`, which goes on waiting; else the time before which there is none.
+    /// The unit of the request whose turn it is at `now`, without removing it; otherwise the earliest time there may be one.
     pub fn first(&self, now: Instant, ready: impl Fn(u8) -> Ready) -> Result<u8, Instant> {
         let turn = self.turn(now, ready).map_err(|earliest| earliest.unwrap_or(Instant::MAX))?;
         self.waiting.get(turn.index).map(|waiting| waiting.unit).ok_or(Instant::MAX)
     }
 
-    /// Whose turn it is; else when it is somebody's, if anybody's at all.
+    /// The request to serve; otherwise the earliest time there may be one, if any.
     fn turn(&self, now: Instant, ready: impl Fn(u8) -> Ready) -> Result<Turn, Option<Instant>> {
-        // Of each class.
+        // Per class.
         let mut first: [Option<(Option<Rank>, usize)>; 3] = [None; 3];
         let mut earliest: Option<Instant> = None;
         for (index, waiting) in self.waiting.iter().enumerate() {
@@ -220,7 +221,7 @@ impl<T> PortQueue<T> {
                 Ready::At(at) if at > now => earliest = Some(earliest.map_or(at, |other| other.min(at))),
                 Ready::At(_) | Ready::Now => {
                     let rank = self.rank(waiting);
-                    // Of equals the one that came first.
+                    // Of equals, the first to arrive.
                     if let Some(first) = first.get_mut(waiting.priority as usize)
                         && first.is_none_or(|(other, _)| rank < other)
                     {
@@ -235,7 +236,7 @@ impl<T> PortQueue<T> {
         Ok(Turn { class, present, index })
     }
 
-    /// The units of those that wait.
+    /// The units of the waiting requests.
     pub fn units(&self) -> impl Iterator<Item = u8> {
         self.waiting.iter().map(|waiting| waiting.unit)
     }
@@ -248,20 +249,20 @@ impl<T> PortQueue<T> {
         self.requesters.get(usize::from(slot))
     }
 
-    /// What is known of a request that waits.
+    /// The entry of a waiting request.
     fn entry(&self, waiting: &Waiting<T>) -> Entry {
         let Waiting { unit, priority, access, deadline, .. } = *waiting;
         let requester = self.requester(waiting.requester).map_or(Requester::NOBODY, |known| known.requester);
         Entry { requester, priority, unit, deadline, access }
     }
 
-    /// The requests that may share a transaction with the one served with `leader`: reads of its unit before which no write to
-    /// that unit waits.
+    /// The requests that may share the transaction of `leader`: reads of its unit with no write to that unit queued ahead of
+    /// them.
     pub fn companions(&self, leader: &Entry) -> impl DoubleEndedIterator<Item = &T> {
         self.companion_slots(leader).map(|(_, waiting)| &waiting.request)
     }
 
-    /// Takes out the last one of the [companions](PortQueue::companions) that `joins`.
+    /// Removes and returns the last of the [companions](PortQueue::companions) for which `joins` holds.
     pub fn companion(&mut self, leader: &Entry, joins: impl Fn(&T) -> bool) -> Option<T> {
         let last = self.companion_slots(leader).rev().find(|(_, waiting)| joins(&waiting.request));
         let (index, _) = last?;
@@ -280,15 +281,15 @@ impl<T> PortQueue<T> {
         first.iter().enumerate().filter(move |(_, waiting)| may_share(waiting))
     }
 
-    /// Counts a turn of `requester`, who was served along with another one.
+    /// Charges a turn to `requester`, whose request was served along with another.
     pub fn charge(&mut self, requester: Requester) {
         let slot = self.slot_of(requester);
         self.note_turn(slot);
     }
 
-    /// Puts a request back that has not been carried out after all, in front of all that wait: nothing that came after it may
-    /// go before it, such as a write. Gives it back when there is no room any more.
-    pub fn put_back(&mut self, request: T, entry: Entry) -> Option<T> {
+    /// Puts a request that was not sent after all back in front, so that nothing younger, such as a write, overtakes it. Returns
+    /// it if there is no room.
+    pub fn push_front(&mut self, request: T, entry: Entry) -> Option<T> {
         if self.waiting.is_full() {
             return Some(request);
         }
@@ -303,7 +304,7 @@ impl<T> PortQueue<T> {
         self.waiting.iter().any(|waiting| waiting.writes_to(unit))
     }
 
-    /// Takes out one request for which `unwanted` gives a reason, with the reason.
+    /// Removes one request for which `unwanted` gives a reason, and returns both.
     pub fn take_if<R>(&mut self, unwanted: impl Fn(&T, &Entry) -> Option<R>) -> Option<(T, R)> {
         let found = self.waiting.iter().enumerate();
         let (index, reason) = found
@@ -312,19 +313,19 @@ impl<T> PortQueue<T> {
         Some((self.waiting.remove(index).request, reason))
     }
 
-    /// The earliest deadline of all that wait.
+    /// The earliest deadline of the waiting requests.
     pub fn first_deadline(&self) -> Option<Instant> {
         self.waiting.iter().map(|waiting| waiting.deadline).min()
     }
 
-    /// The class to serve of those `present`: the highest, unless a lower one was passed over too often.
+    /// The class to serve among those `present`: the highest, unless a lower one has been passed over too often.
     fn class(&self, present: [bool; 3]) -> Option<usize> {
         const NORMAL: usize = Priority::Normal as usize;
         const LOW: usize = Priority::Low as usize;
         let highest = present.iter().position(|present| *present)?;
         let [_, normal, low] = present;
         let [_, normal_passed, low_passed] = self.passed;
-        // A sparse high class is not held up by an overdue low one: only normal requests are, or a high flood.
+        // An overdue low class may delay normal requests, or a flood of high ones, but not a sparse high class.
         let low_bound = if highest == NORMAL { PASSED_OVER_MAX } else { 2 * PASSED_OVER_MAX };
         if low && low_passed >= low_bound {
             Some(LOW)
@@ -342,7 +343,7 @@ impl<T> PortQueue<T> {
     }
 }
 
-/// Adds to a count in a table, and gives it.
+/// Adds to a count in a table, and returns it.
 fn add(counts: &mut [u8; REQUESTERS_MAX], slot: usize, more: u8) -> u8 {
     counts.get_mut(slot).map_or(0, |count| {
         *count += more;

@@ -1,7 +1,7 @@
-//! A client-side serial port: the gateway asks outside servers on an RS-485 or RS-232 line.
+//! A client-side serial port: the gateway is the master of an RS-485 or RS-232 line.
 //!
-//! The line is opened, and opened again with back-off when it is lost. As soon as it has been silent for the gap, the
-//! dispatcher gives the request whose turn it is; its response is written into the request's frame, which goes home.
+//! The line is opened, and reopened with back-off when it is lost. Once it has been silent for the gap, the dispatcher selects
+//! the next request; its response is written into the request's frame, which returns to the router.
 
 use core::pin::pin;
 
@@ -23,15 +23,15 @@ use crate::settings::{Framing, Lane, SerialClientSettings, SerialSettings};
 use crate::stats::Event;
 
 /// A line is the only connection of its port.
-const LINK: u8 = 0;
+const CONNECTION: u8 = 0;
 
-/// Keeps the line open and carries out the dispatcher's requests, for ever.
+/// Keeps the line open and serves the dispatcher's requests, for ever.
 pub(crate) async fn run<H: SerialHost>(dispatcher: &Dispatcher<'_>, settings: &SerialSettings, host: &mut H) {
     let mut opening = Opening::new(dispatcher.port_state().state(), settings, dispatcher.is_alone());
     loop {
         let jitter = host.read_jitter();
         let opened = opening.opened(host.open(&settings.device, &settings.line).await, jitter);
-        // Lent and not moved: what a future is given it keeps twice.
+        // Borrowed, not moved: a future stores a moved argument twice.
         let mut transaction = opened.map(|line| SerialTransaction::new(line, dispatcher, settings));
         if let Some(transaction) = &mut transaction {
             dispatcher.open();
@@ -40,14 +40,14 @@ pub(crate) async fn run<H: SerialHost>(dispatcher: &Dispatcher<'_>, settings: &S
             }
             opening.lost();
         }
-        // The line is closed before it is opened again.
+        // Closed before it is opened again.
         drop(transaction);
         dispatcher.close();
         opening.pause().await;
     }
 }
 
-/// Carries requests out until the line is lost.
+/// Serves requests until the line is lost.
 async fn serve<L: SerialLine>(
     dispatcher: &Dispatcher<'_>,
     transaction: &mut SerialTransaction<'_, L>,
@@ -57,7 +57,7 @@ async fn serve<L: SerialLine>(
         if transaction.silence().await.is_err() {
             return;
         }
-        let wake = match dispatcher.next(LINK) {
+        let wake = match dispatcher.next(CONNECTION) {
             Next::Serve(frame, entry) => {
                 if outlined(pin!(transact(dispatcher, transaction, client, frame, entry.unit))).await.is_err()
                 {
@@ -68,13 +68,13 @@ async fn serve<L: SerialLine>(
             Next::Wait(at) => at,
             Next::Empty => Instant::MAX,
         };
-        if transaction.idle(select(dispatcher.changed(LINK), until(wake))).await.is_err() {
+        if transaction.idle(select(dispatcher.changed(CONNECTION), until(wake))).await.is_err() {
             return;
         }
     }
 }
 
-/// Sends the request in `frame` to `unit`, and sees to what comes of it.
+/// Sends the request in `frame` to `unit`, and handles its outcome.
 async fn transact<'g, L: SerialLine>(
     dispatcher: &Dispatcher<'g>,
     transaction: &mut SerialTransaction<'_, L>,
@@ -85,7 +85,7 @@ async fn transact<'g, L: SerialLine>(
     let port_state = dispatcher.port_state();
     let fill = frame.filled().1;
     if fill == Fill::Broken {
-        // Nothing of it has been sent, and nothing is.
+        // Nothing has been sent.
         dispatcher.forget(&frame);
         return Ok(());
     }
@@ -93,14 +93,14 @@ async fn transact<'g, L: SerialLine>(
     if arriving {
         let origin = frame.origin().port;
         let input = dispatcher.gateway().settings(|settings| Lane::at(settings, origin));
-        // What is broken off comes again when it is whole.
+        // If it breaks off, it is queued again once it is complete.
         let may_wait = input.is_some_and(|lane| lane.framing == Framing::Rtu);
         let forwarded = transaction.forward(dispatcher.gateway(), &frame, unit, may_wait).await?;
         if forwarded == Forwarded::Short {
             port_state.units(|units| units.sent_in_part(unit));
         }
         if forwarded != Forwarded::Whole {
-            // The unit has not been asked: whoever sent this knows, and the far end rejects it.
+            // The device ignores the truncated frame; the sender of this request knows that it broke off.
             dispatcher.forget(&frame);
             return Ok(());
         }
@@ -115,12 +115,12 @@ async fn transact<'g, L: SerialLine>(
     dispatcher.sent(&frame, unit);
     let sent = if arriving { Ok(()) } else { transaction.send(unit, dispatcher, &frame).await? };
     if unit == BROADCAST {
-        // Nobody answers, so nobody can be asked again: a collision has been counted, and that is all.
+        // Broadcasts have no response, so they cannot be retried. A collision has been counted.
         transaction.turnaround().await;
-        dispatcher.done_silently(&frame);
+        dispatcher.done_without_response(&frame);
         return Ok(());
     }
-    // What comes takes its place in the frame.
+    // The response overwrites the request in the frame.
     let request = &dispatcher.request(&frame);
     let outcome = match sent {
         Ok(()) => transaction.receive(&mut IncomingResponse::new(dispatcher, &frame, unit, request)).await?,
@@ -134,7 +134,7 @@ async fn transact<'g, L: SerialLine>(
     Ok(())
 }
 
-/// What came of the request in `frame`.
+/// Handles the outcome of the request in `frame`.
 fn answered<'g>(
     dispatcher: &Dispatcher<'g>,
     client: &SerialClientSettings,
@@ -154,7 +154,7 @@ fn answered<'g>(
             if !exception {
                 port_state.units(|units| units.learn(unit, request));
             }
-            // Where another response had begun before, that is in the frame: who shares it has to ask again.
+            // If another response had been started in the frame, the requests that share it must be repeated.
             if frame.filled().1 == Fill::Complete {
                 return dispatcher.done(frame);
             }
@@ -163,14 +163,14 @@ fn answered<'g>(
             port_state.corrupt(unit, error);
             frame.blame(Cause::Corruption);
         }
-        // Only the echo may have been damaged: the unit may have heard the request, and answer.
+        // The collision may have hit only the echo: the unit may have received the request, and respond.
         Err(Failure::Collision) => {}
         Err(Failure::Timeout) => port_state.timed_out(unit, client.down_after),
     }
     dispatcher.failed(frame, client.retries);
 }
 
-/// What came of the proof that the request in `frame` waited for.
+/// Handles the outcome of the proof sent ahead of the request in `frame`.
 fn proved<'g>(
     dispatcher: &Dispatcher<'g>,
     client: &SerialClientSettings,

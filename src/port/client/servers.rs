@@ -1,9 +1,9 @@
-//! The servers behind one client-side port: which of them a request is for, by which of the port's connections it is served, and
-//! which one is connected next. Pure, with time as a value.
+//! The servers behind one client-side port: which one a request is for, which connection serves it, and which server is connected
+//! next. Pure, with time as a value.
 //!
-//! A port has a few *connections*, each of which has a connection to one server at a time, or none. A free connection takes the server of
-//! the request whose turn it is, or else one that could not be reached and is to be tried again. A port with one server is the
-//! case of one connection; a serial line is a server that is always reached by it.
+//! A port has a few *connections*, each connected to one server at a time, or to none. A free connection takes the server of the
+//! next request, or else one whose retry is due. A port with one server has one connection; a serial line is a server that is
+//! always connected to it.
 
 use embassy_time::{Duration, Instant};
 use heapless::Vec;
@@ -14,24 +14,24 @@ use crate::settings::{PORT_SERVERS_MAX, SOCKETS_MAX, Tag, UnitRange};
 pub const RETRY_FIRST: Duration = Duration::from_millis(500);
 /// See [`RETRY_FIRST`].
 pub const RETRY_LONGEST: Duration = Duration::from_secs(10);
-/// Failures after which pauses are not longer any more.
+/// Failures after which the pause does not grow any more.
 const FAILURES_MAX: u8 = 5;
-/// Connections that a port can have at a time.
+/// Connections of a port at a time.
 pub const CONNECTIONS_MAX: usize = SOCKETS_MAX;
 
 const _: () = assert!(PORT_SERVERS_MAX <= u64::BITS as usize, "the size of Set");
 
-/// Some of a port's servers, by their numbers.
+/// A set of a port's servers, by number.
 pub type Set = u64;
 
-/// Whether requests for a server are taken.
+/// Whether requests for a server are accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Path {
-    /// They are: it is connected, or will be when there is one.
+    /// Yes: it is connected, or will be when there is a request.
     Open,
-    /// Only of those who spare servers by themselves: what they wait for is the next attempt.
+    /// Only from requesters with their own back-off; such a request triggers the next attempt.
     Paused,
-    /// None: it is being tried again.
+    /// No: an attempt is under way.
     Tried,
 }
 
@@ -40,11 +40,11 @@ struct Server {
     units: UnitRange,
     tag: Tag,
     path: Path,
-    /// The connection that is connected to it, or tries to be.
+    /// The connection that is connected to it, or connecting.
     connection: Option<u8>,
-    /// How often in a row it could not be reached, as far as that makes pauses longer.
+    /// Failed attempts in a row, as far as they make the pause longer.
     failures: u8,
-    /// The end of the last pause, in milliseconds of the clock: a port may have many of these.
+    /// The end of the last pause in milliseconds of the clock, truncated: a port may have many servers.
     retry_ms: u32,
 }
 
@@ -55,13 +55,13 @@ impl Server {
         if ms <= 0 { now } else { Instant::from_millis(now.as_millis() + u64::from(ms.unsigned_abs())) }
     }
 
-    /// Leaves the server alone for `pause`, to its last millisecond.
+    /// No attempts for `pause`, rounded up to a whole millisecond.
     fn pause(&mut self, now: Instant, pause: Duration) {
         (self.path, self.retry_ms) = (Path::Paused, milliseconds(now + pause + Duration::from_micros(999)));
     }
 }
 
-/// The milliseconds of the clock, cut off.
+/// The low bits of the clock's milliseconds.
 fn milliseconds(now: Instant) -> u32 {
     now.as_millis() as u32
 }
@@ -69,9 +69,9 @@ fn milliseconds(now: Instant) -> u32 {
 /// What a free connection does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
-    /// It connects to this server.
+    /// Connect to this server.
     Connect(usize),
-    /// Nothing before this time, unless a request comes.
+    /// Wait until this time, or until a request arrives.
     Wait(Instant),
 }
 
@@ -79,7 +79,7 @@ pub enum Choice {
 pub struct Servers(Vec<Server, PORT_SERVERS_MAX, u8>);
 
 impl Servers {
-    /// Those that are asked for these units, each under ids that the tag makes of them.
+    /// Servers for these units, each under the ids that its tag gives.
     pub fn new(servers: impl IntoIterator<Item = (UnitRange, Tag)>) -> Self {
         let server = |(units, tag)| Server {
             units,
@@ -97,7 +97,7 @@ impl Servers {
         Self::new([(UnitRange::ALL, Tag::Keep)])
     }
 
-    /// A serial line: one server for all units, which the first connection has.
+    /// A serial line: one server for all units, always on the first connection.
     pub fn line() -> Self {
         let mut line = Self::one();
         line.update(0, |server| server.connection = Some(0));
@@ -109,22 +109,22 @@ impl Servers {
         self.0.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// The server that is asked for `unit`.
+    /// The server of `unit`.
     pub fn of(&self, unit: u8) -> Option<usize> {
         self.0.iter().position(|server| server.units.contains(unit))
     }
 
-    /// What `unit` is called by its server.
+    /// The server's own id for `unit`.
     pub fn outside(&self, unit: u8) -> Option<u8> {
         self.get(self.of(unit)?)?.tag.apply(unit)
     }
 
-    /// The unit that `server` calls `outside`, if it is asked for such a one.
+    /// The unit that `server` knows as `outside`, if any.
     pub fn inside(&self, server: usize, outside: u8) -> Option<u8> {
         let Server { units, tag, .. } = self.get(server)?;
         let unit = match *tag {
@@ -137,7 +137,7 @@ impl Servers {
         units.contains(unit).then_some(unit)
     }
 
-    /// Whether a request for `unit` is taken, by somebody who is `sparing` servers by himself or not.
+    /// Whether a request for `unit` is accepted; `sparing`: its requester has a back-off of its own.
     pub fn takes(&self, unit: u8, sparing: bool) -> bool {
         self.of(unit).and_then(|server| self.get(server)).is_some_and(|server| match server.path {
             Path::Open => true,
@@ -146,12 +146,12 @@ impl Servers {
         })
     }
 
-    /// The connection that is connected to the server of `unit`, or tries to be.
+    /// The connection that is connected, or connecting, to the server of `unit`.
     pub fn connection(&self, unit: u8) -> Option<u8> {
         self.get(self.of(unit)?)?.connection
     }
 
-    /// The server of `unit` if no connection has it.
+    /// The server of `unit`, if it has no connection.
     pub fn unconnected(&self, unit: u8) -> Option<usize> {
         let server = self.of(unit)?;
         self.get(server)?.connection.is_none().then_some(server)
@@ -162,7 +162,7 @@ impl Servers {
         self.0.iter().filter(|server| server.connection.is_some()).count()
     }
 
-    /// The servers without a connection that are to be tried again at `now`, and when there is the next one.
+    /// The servers without a connection whose retry is due at `now`, and when the next one is due.
     pub fn retries(&self, now: Instant) -> (Set, Instant) {
         let mut retries = (0, Instant::MAX);
         for (nth, server) in self.0.iter().enumerate() {
@@ -176,8 +176,8 @@ impl Servers {
         retries
     }
 
-    /// What the free `connection` does at `now`. The request whose turn it is, of those whose servers no connection has, is for the server
-    /// `wanted`; `keeps`: connections are opened before there is a request.
+    /// What the free `connection` does at `now`. `wanted`: the server of the next request whose server has no connection;
+    /// `keeps`: connections are opened before there is a request.
     pub fn choose(&mut self, connection: u8, wanted: Option<usize>, keeps: bool, now: Instant) -> Choice {
         let free = || self.0.iter().enumerate().filter(|(_, server)| server.connection.is_none());
         let is_due = |server: &Server| server.path != Path::Open && server.retry_at(now) <= now;
@@ -199,14 +199,14 @@ impl Servers {
         self.update(server, |server| server.path = Path::Open);
     }
 
-    /// What was asked of `server` has gone well.
+    /// Requests to `server` were answered.
     pub fn well(&mut self, server: usize) {
         self.update(server, |server| {
             (server.path, server.failures) = (Path::Open, 0);
         });
     }
 
-    /// `server` cannot be reached, or gives no responses: it is left alone for a while, each time for longer.
+    /// `server` is unreachable or does not respond: the next attempt is after a pause that grows each time.
     pub fn failed(&mut self, server: usize, now: Instant) {
         self.update(server, |server| {
             let pause = (RETRY_FIRST * (1 << server.failures)).min(RETRY_LONGEST);
@@ -215,7 +215,7 @@ impl Servers {
         });
     }
 
-    /// The attempt to reach `server` was given up at `now` because its connection was needed elsewhere: that says nothing about it.
+    /// The attempt to reach `server` was given up because its socket was needed elsewhere, which says nothing about the server.
     pub fn put_off(&mut self, server: usize, now: Instant) {
         self.update(server, |server| {
             if server.path != Path::Open {
@@ -224,17 +224,17 @@ impl Servers {
         });
     }
 
-    /// No connection has `server` any more.
+    /// `server` has no connection any more.
     pub fn release(&mut self, server: usize) {
         self.update(server, |server| server.connection = None);
     }
 
-    /// No server takes requests any more, but from those who spare them by themselves.
+    /// No server accepts requests any more.
     pub fn close(&mut self) {
         self.0.iter_mut().for_each(|server| server.path = Path::Tried);
     }
 
-    /// All servers take requests.
+    /// All servers accept requests.
     pub fn open(&mut self) {
         self.0.iter_mut().for_each(|server| server.path = Path::Open);
     }

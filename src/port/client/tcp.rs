@@ -1,13 +1,13 @@
-//! A client-side TCP port: the gateway asks outside servers, by Modbus TCP or RTU over TCP.
+//! A client-side TCP port: the gateway is a client of outside servers, by Modbus TCP or RTU over TCP.
 //!
-//! A connection is opened when the first request for its server comes, and closed when none has come for the idle time; with
-//! `idle 0` it is opened at once and kept. While it is open, [`TcpConnection`] carries the requests out. A port with several servers has
-//! connections to as many at a time as its `sockets`: [`servers`](crate::port::client::servers) says to which.
+//! A connection is opened for the first request to its server and closed after the idle time without requests; with `idle 0` it
+//! is opened at once and kept. While it is open, [`TcpConnection`] serves the requests. A port with several servers has at most
+//! `sockets` connections at a time; [`servers`](crate::port::client::servers) decides to which.
 //!
-//! When a server cannot be reached, what waits and what comes for it is answered 0Ah at once: there is no path, so nothing has
-//! been sent and nothing has happened at the device. 0Bh says the other thing: it was sent, or may have been, and no valid
-//! answer came. Meanwhile the connection is tried again in the background, at growing intervals, so that no request has to
-//! wait for the network's time-out but the first, and those of a requester with a back-off of his own, who makes such a try.
+//! Requests for an unreachable server get 0Ah at once: there is no path, so nothing was sent and nothing happened at the device.
+//! 0Bh means the opposite: it was sent, or may have been, and no valid response arrived. The gateway keeps trying to connect in
+//! the background at growing intervals, so only the first request waits for the network's time-out, and requests whose sender has
+//! a back-off of its own, each of which triggers such an attempt.
 
 use core::pin::pin;
 
@@ -25,16 +25,16 @@ use crate::port::timer::outlined;
 use crate::settings::TcpClientSettings;
 use crate::stats::Event;
 
-/// Pause before another look for a socket: others than ports that make connections use some, too.
+/// Pause before a socket is requested again: others besides client ports use sockets too.
 const SOCKET_PAUSE: Duration = Duration::from_millis(50);
-/// Transaction ids of a connection begin so far behind those of the one before: a server that mixes them up is found out.
+/// Distance between the first transaction ids of successive connections, so that a server that mixes them up is noticed.
 const ID_STRIDE: u16 = 4_099;
 
 const CLOSED_AT_ONCE: OpenError =
-    OpenError::new(OpenErrorKind::Refused, "the server closes the connection without an answer");
+    OpenError::new(OpenErrorKind::Refused, "the server closes the connection without a response");
 const NO_SERVER: OpenError = OpenError::new(OpenErrorKind::NotFound, "");
 
-/// Carries out the dispatcher's requests, for ever.
+/// Serves the dispatcher's requests, for ever.
 pub(crate) async fn run<C: TcpConnect>(
     dispatcher: &Dispatcher<'_>,
     settings: &TcpClientSettings,
@@ -48,7 +48,9 @@ pub(crate) async fn run<C: TcpConnect>(
         let connection = connection as u8;
         async move {
             match socket.filter(|_| connection < dispatcher.connections()) {
-                Some(socket) => Caller { dispatcher, settings, connector, connection, socket }.run().await,
+                Some(socket) => {
+                    ConnectionTask { dispatcher, settings, connector, connection, socket }.run().await
+                }
                 None => core::future::pending().await,
             }
         }
@@ -56,8 +58,8 @@ pub(crate) async fn run<C: TcpConnect>(
     .await;
 }
 
-/// Connects to one server after the other.
-struct Caller<'c, 'g, C> {
+/// One connection of the port, which serves one server after another.
+struct ConnectionTask<'c, 'g, C> {
     dispatcher: &'c Dispatcher<'g>,
     settings: &'c TcpClientSettings,
     connector: &'c C,
@@ -65,35 +67,35 @@ struct Caller<'c, 'g, C> {
     socket: &'c Socket,
 }
 
-/// What came of a connection.
-enum Visit {
-    /// The server is well as far as one can tell.
+/// How a connection ended.
+enum Outcome {
+    /// The server seems healthy.
     Well,
-    /// It cannot be reached, or says nothing.
+    /// It is unreachable or silent.
     Failed(OpenError),
-    /// The socket was needed elsewhere before there was one.
+    /// The socket was needed elsewhere before it connected.
     PutOff,
 }
 
-impl<C: TcpConnect> Caller<'_, '_, C> {
+impl<C: TcpConnect> ConnectionTask<'_, '_, C> {
     async fn run(&self) {
         let Self { dispatcher, settings, socket, .. } = self;
         let keeps = settings.idle == Duration::from_ticks(0);
         let mut first_id = u16::from(self.connection).wrapping_mul(ID_STRIDE);
         loop {
             let server = dispatcher.chosen(self.connection, keeps).await;
-            let visit = self.visit(server, first_id).await;
+            let outcome = self.connect_and_serve(server, first_id).await;
             dispatcher.gateway().socket_closed(socket);
             first_id = first_id.wrapping_add(ID_STRIDE);
-            match visit {
-                Visit::Well => {
+            match outcome {
+                Outcome::Well => {
                     if !keeps {
                         dispatcher.set_status(server, Status::Idle);
                     }
-                    dispatcher.left(server);
+                    dispatcher.disconnected(server);
                 }
-                Visit::PutOff => dispatcher.put_off(server),
-                Visit::Failed(error) => {
+                Outcome::PutOff => dispatcher.put_off(server),
+                Outcome::Failed(error) => {
                     let failed = Status::Failed(error);
                     if dispatcher.set_status(server, failed) != failed
                         && let Some(address) = dispatcher.address(server)
@@ -106,15 +108,15 @@ impl<C: TcpConnect> Caller<'_, '_, C> {
         }
     }
 
-    /// Connects to `server`, and carries out its requests until the connection ends.
-    async fn visit(&self, server: usize, first_id: u16) -> Visit {
+    /// Connects to `server`, and serves its requests until the connection ends.
+    async fn connect_and_serve(&self, server: usize, first_id: u16) -> Outcome {
         let Self { dispatcher, settings, connector, connection, socket } = self;
         let give_up = Instant::now() + settings.connect_timeout;
         let retry = !dispatcher.is_wanted(server);
         loop {
             socket.freed.reset();
             socket.opening(retry);
-            let Some(address) = dispatcher.address(server) else { return Visit::Failed(NO_SERVER) };
+            let Some(address) = dispatcher.address(server) else { return Outcome::Failed(NO_SERVER) };
             let connected = with_deadline(give_up, connector.connect(&address));
             let error = match select(connected, socket.leave.wait()).await {
                 Either::First(Ok(Ok(stream))) => {
@@ -125,7 +127,7 @@ impl<C: TcpConnect> Caller<'_, '_, C> {
                     dispatcher.port_state().stats.count(Event::Connected);
                     socket.opened();
                     dispatcher.opened(server);
-                    // Lent and not moved: what a future is given it keeps twice.
+                    // Borrowed, not moved: a future stores a moved argument twice.
                     let mut open = TcpConnection::new(
                         dispatcher,
                         settings,
@@ -137,20 +139,20 @@ impl<C: TcpConnect> Caller<'_, '_, C> {
                     let Err(end) = outlined(pin!(open.serve())).await;
                     let well = open.ended(end);
                     open.into_stream().close().await;
-                    return if well { Visit::Well } else { Visit::Failed(CLOSED_AT_ONCE) };
+                    return if well { Outcome::Well } else { Outcome::Failed(CLOSED_AT_ONCE) };
                 }
                 Either::First(Ok(Err(error))) => error,
                 Either::First(Err(_)) => OpenError::new(OpenErrorKind::TimedOut, ""),
-                Either::Second(()) => return Visit::PutOff,
+                Either::Second(()) => return Outcome::PutOff,
             };
             if error.kind != OpenErrorKind::Exhausted {
-                return Visit::Failed(error);
+                return Outcome::Failed(error);
             }
-            let need = if retry { Need::Retry } else { Need::Order };
+            let need = if retry { Need::Retry } else { Need::Request };
             let all = dispatcher.gateway().ports().iter().flat_map(|port_state| &port_state.sockets);
             socket::ask_for_one(all, need, Some((dispatcher.id(), *connection)));
             if Instant::now() >= give_up {
-                return Visit::Failed(error);
+                return Outcome::Failed(error);
             }
             let _ = with_timeout(SOCKET_PAUSE, socket.freed.wait()).await;
         }

@@ -1,11 +1,11 @@
-//! One serial line seen from its client: waits for silence, sends a request, gathers the response.
+//! Transactions on a serial line, from the client's side: wait for silence, send a request, receive the response.
 //!
-//! The end of an RTU response is known by its length and CRC where the request tells the length, else by the silence that
-//! ends every frame (Modbus over Serial Line 2.5.1.1); an ASCII response ends itself. What is no response to the request
-//! leaves the response timer running. The time that the request spends on the wire does not eat the response time.
+//! An RTU response ends by length and CRC where the request determines the length, otherwise by the silence that ends every frame
+//! (Modbus over Serial Line 2.5.1.1); an ASCII response is delimited. Frames that do not match the request leave the response
+//! timer running. The time the request takes on the wire does not count as response time.
 //!
-//! As soon as the first characters of a response tell how many there are at least, the line is left to itself until the last
-//! of those is about to come, where the board wants that: a program that sleeps is woken for all of them together.
+//! Where the board wants it, reading pauses as soon as the first characters give a minimum length, and resumes when the last of
+//! those is due: a program that sleeps then wakes once for all of them.
 
 use embassy_futures::select::{Either, select};
 use embassy_time::{Duration, Instant, Timer};
@@ -32,25 +32,25 @@ mod unsolicited;
 
 use found::Found;
 
-/// An open line and what is expected on it.
+/// An open line and the state of the current transaction.
 pub(crate) struct SerialTransaction<'s, L> {
     line: Line<'s, L>,
-    /// The units of the line.
+    /// The port, with the units of the line.
     port_state: PortAt<'s>,
     tap: Tap<'s>,
     settings: &'s SerialSettings,
-    /// What has come of an ASCII response, judged character by character; an RTU response is judged as a whole.
+    /// Decodes an ASCII response character by character; an RTU response is judged as a whole.
     decoder: Decoder,
-    /// When the frame began that is being heard.
+    /// When the frame being received began.
     begun: Instant,
-    /// An ASCII frame had pauses in it that no copy of it could have: the next one is not begun.
+    /// An ASCII frame had pauses that cannot be reproduced: the next one is not forwarded while it arrives.
     pauses: bool,
-    /// The silence that ends what has begun.
+    /// The silence that ends a frame.
     silence: Duration,
 }
 
 impl<'s, L: SerialLine> SerialTransaction<'s, L> {
-    /// A line that was just opened; nothing is sent during the start delay.
+    /// A newly opened line; nothing is sent during the start delay.
     pub(crate) fn new(
         mut line: Line<'s, L>,
         dispatcher: &'s Dispatcher<'_>,
@@ -68,15 +68,15 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         Self { line, port_state, tap, settings, decoder, begun, pauses: false, silence }
     }
 
-    /// Waits until the line has been silent for the gap; what comes meanwhile is counted and dropped.
+    /// Waits until the line has been silent for the gap; bytes received meanwhile are counted and dropped.
     pub(crate) async fn silence(&mut self) -> Result<(), LineLost> {
         loop {
             let silent_at = self.line.silent_at();
             match select(self.line.read(), until(silent_at)).await {
                 Either::First(read) => {
                     read?;
-                    // No frame is that long, and a line that babbles may never fall silent.
-                    if self.line.heard().len() >= rtu::FRAME_BYTES_MAX {
+                    // Longer than any frame: a babbling line may never fall silent.
+                    if self.line.received().len() >= rtu::FRAME_BYTES_MAX {
                         self.judge_unsolicited();
                     }
                 }
@@ -88,7 +88,7 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         }
     }
 
-    /// Discards what comes for so long after the line was opened: nobody knows what it answers.
+    /// Discards everything received within `window` after opening: it cannot be matched to a request.
     pub(crate) async fn discard(&mut self, window: Duration) -> Result<(), LineLost> {
         let end = self.line.active + window;
         while let Either::First(read) = select(self.line.read(), until(end)).await {
@@ -100,7 +100,7 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         Ok(())
     }
 
-    /// Watches the idle line until `until` is over, or something comes.
+    /// Watches the idle line until `until` completes or something arrives.
     pub(crate) async fn idle<T>(&mut self, until: impl Future<Output = T>) -> Result<(), LineLost> {
         match select(self.line.read(), until).await {
             Either::First(read) => read,
@@ -108,12 +108,12 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         }
     }
 
-    /// The turnaround delay behind a broadcast (Serial Line 2.4.1).
+    /// The turnaround delay after a broadcast (Serial Line 2.4.1).
     pub(crate) fn turnaround(&self) -> Timer {
         Timer::at(self.line.active + self.settings.client.turnaround)
     }
 
-    /// Sends the request `frame` to `unit` while it arrives.
+    /// Forwards the request in `frame` to `unit` while it arrives.
     pub(crate) fn forward(
         &mut self,
         gateway: &Gateway<'_>,
@@ -128,40 +128,40 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         forward(gateway, &mut self.line, frame, form)
     }
 
-    /// Waits for the response to what was just sent, and gives the time from the request's end to it.
+    /// Waits for the response to the request just sent; returns the time from the end of the request to the response.
     pub(crate) async fn receive(
         &mut self,
         incoming: &mut IncomingResponse<'_, '_>,
     ) -> Result<Result<Duration, Failure>, LineLost> {
         let sent = self.line.active;
         let deadline = sent + self.settings.client.timeout;
-        // A frame that has begun in time is heard to its end, but a line that babbles is not heard for ever.
+        // A frame that began in time is received to its end, but a babbling line is not read for ever.
         let longest = self.line.settings.chars(self.settings.framing.chars_max());
         let end = deadline + longest + self.silence;
-        // What was read with the request's echo, if anything was.
+        // The echo of the request may have been read together with the start of the response.
         let mut found =
-            if self.line.heard().is_empty() { Found::Nothing } else { self.match_response(incoming) };
+            if self.line.received().is_empty() { Found::Nothing } else { self.match_response(incoming) };
         let outcome = loop {
             match found {
                 Found::Nothing => {}
                 Found::Response => break Ok(()),
                 Found::Corrupt(error) => break Err(Failure::Corrupt(error)),
                 Found::Other => {
-                    if !self.line.heard().is_empty() {
+                    if !self.line.received().is_empty() {
                         found = self.match_response(incoming);
                         continue;
                     }
                 }
             }
             let has_begun = self.has_begun();
-            // What seems to have begun before the request was over comes by no wire, but from a PTY: at once.
+            // A begin before the end of the request is impossible on a wire, but not on a PTY, which delivers at once.
             if L::RESTS
                 && has_begun
                 && self.line.begun() >= sent
                 && let Some(due) = self.due(incoming)
                 && self.line.rest(due).await
             {
-                // What has not been read is no silence.
+                // Unread characters do not count as silence.
                 self.line.active = self.line.active.max(Instant::now());
             }
             let over = match has_begun {
@@ -182,13 +182,13 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         };
         self.line.clear();
         if outcome.is_err() {
-            // What came damaged may have met the end of the request. A good response has not: behind a PTY it may be early.
+            // Corrupt bytes may overlap the end of the request. A good response cannot, though on a PTY it may seem early.
             self.line.active = self.line.active.max(sent);
         }
         Ok(outcome.map(|()| self.line.active.saturating_duration_since(sent)))
     }
 
-    /// Sends to `unit` what the dispatcher has to send for `request`.
+    /// Sends the PDU for `request` to `unit`.
     pub(crate) fn send<'a, 'g>(
         &'a mut self,
         unit: u8,
@@ -196,7 +196,7 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         request: &'a Frame<'g>,
     ) -> impl Future<Output = Result<Result<(), Collision>, LineLost>> + use<'a, 's, 'g, L> {
         self.decoder.clear();
-        // The future of an `async fn` would keep its arguments twice.
+        // The future of an `async fn` would store its arguments twice.
         async move {
             let mut frame = [0; FRAME_CHARS_MAX];
             let length = dispatcher.with_request(request, |request| {
@@ -212,16 +212,16 @@ impl<'s, L: SerialLine> SerialTransaction<'s, L> {
         }
     }
 
-    /// Notes a request that was sent while it arrived.
+    /// Shows the capture a request that was forwarded while it arrived.
     pub(crate) fn note_forwarded(&self, unit: u8, request: &[u8], crc: Option<u16>) {
         let end = (crc, LINE_FEED);
         self.tap.forwarded(self.line.active, Event::Request, self.settings.framing, (unit, request), end);
     }
 
-    /// Whether something has begun of which more is to come.
+    /// Whether a frame has begun and is incomplete.
     fn has_begun(&self) -> bool {
         match self.settings.framing {
-            Framing::Rtu => !self.line.heard().is_empty(),
+            Framing::Rtu => !self.line.received().is_empty(),
             Framing::Ascii => self.decoder.in_frame(),
         }
     }

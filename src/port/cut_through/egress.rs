@@ -1,10 +1,11 @@
-//! A frame is sent while it still arrives at another line.
+//! Sends a frame while it is still arriving at another line.
 //!
-//! Its characters leave as they come. Until it has proved good nothing leaves that would make it so: an RTU copy has the CRC
-//! that came, with the unit's translation in it, and an ASCII copy gets its LRC behind the verdict of the CRC. What was
-//! damaged goes on to its end, under a check that is as wrong; what breaks off or does not fit is broken off.
+//! Characters leave as they arrive. Nothing that would make the frame valid leaves before it has proved valid: an RTU frame keeps
+//! its received CRC, corrected for the translated unit, and an ASCII frame gets its LRC once the CRC has been checked. A corrupt
+//! frame is sent to its end with an equally wrong check; a frame that breaks off or does not fit is cut short.
 //!
-//! Where the board can, it sends the rest of an RTU frame by itself as soon as its end is known, up to the last character.
+//! Where the board supports it, hardware or an interrupt relays the rest of an RTU frame up to the last character, as soon as its
+//! length is known.
 
 use embassy_time::{Instant, with_deadline};
 use heapless::Vec;
@@ -20,36 +21,36 @@ use crate::port::line::{Line, LineLost};
 use crate::settings::{Framing, PortId, PortKind};
 use crate::stats::Event;
 
-/// How the copy of a frame ended.
+/// How forwarding a frame ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Forwarded {
-    /// It was good to its end.
+    /// Valid to its end.
     Whole,
-    /// It was damaged before it came here, or was broken off: whoever it is for will not take it for good.
+    /// Corrupt on arrival, or broken off: its receiver will reject it.
     Broken,
-    /// It was broken off where what had been sent has a good CRC: whoever it is for may have taken it for a frame.
+    /// Broken off where the bytes sent happen to have a valid CRC: its receiver may have accepted them.
     Short,
 }
 
-/// How the copy looks.
+/// How the frame is sent.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Form {
     /// The framing in which it is sent.
     pub(crate) framing: Framing,
-    /// Whether it may wait for characters that are overdue. An ASCII frame may pause for a second between any two (Serial Line
-    /// 2.5.2.1): its copy is broken off where it must not do so, or would keep others from the line.
+    /// Whether to wait for overdue characters. An ASCII frame may pause for a second between characters (Serial Line 2.5.2.1);
+    /// where an RTU line or other traffic cannot tolerate that, the forwarded frame is broken off.
     pub(crate) may_wait: bool,
-    /// The character that ends an ASCII frame.
+    /// The character that ends ASCII frames.
     pub(crate) delimiter: u8,
-    /// The port to which the frame comes.
+    /// The port where the frame arrives.
     pub(crate) source: Option<PortId>,
-    /// The unit under which it comes.
+    /// The unit id on arrival.
     pub(crate) from: u8,
-    /// The unit under which it is sent.
+    /// The unit id as sent.
     pub(crate) to: u8,
 }
 
-/// Sends `frame` as far as it has come and as more comes. The line has been silent.
+/// Sends what has arrived of `frame`, then the rest as it arrives. The line must have been silent.
 pub(crate) async fn forward<L: SerialLine>(
     gateway: &Gateway<'_>,
     line: &mut Line<'_, L>,
@@ -71,7 +72,7 @@ pub(crate) async fn forward<L: SerialLine>(
             Fill::Complete => return Ok(Forwarded::Whole),
             Fill::Broken => break,
             Fill::Filling => {
-                // All that the frame has is sent: what comes next is the first thing that it has not been given yet.
+                // Everything in the frame has been sent, so the relay starts with the next character to arrive.
                 if let Some(relay) = sent.relay(frame)
                     && source.take().is_some_and(|port| begin(gateway, line, port, relay))
                 {
@@ -91,7 +92,7 @@ pub(crate) async fn forward<L: SerialLine>(
     Ok(if sent.is_frame(frame) { Forwarded::Short } else { Forwarded::Broken })
 }
 
-/// Lets the board send what comes at `port`. Says whether it does.
+/// Asks the board to relay what arrives at `port`; returns whether it does.
 fn begin<L: SerialLine>(gateway: &Gateway<'_>, line: &mut Line<'_, L>, port: PortId, relay: Relay) -> bool {
     gateway.settings(|settings| {
         let kind = settings.port(port).map(|port| &port.kind);
@@ -99,9 +100,9 @@ fn begin<L: SerialLine>(gateway: &Gateway<'_>, line: &mut Line<'_, L>, port: Por
     })
 }
 
-/// Bytes of unit and PDU that are sent at once.
+/// Bytes of unit and PDU sent at a time.
 const BYTES_MAX: usize = 16;
-/// Characters that are sent at once: a colon, the digits of these bytes, and the end.
+/// Characters sent at a time: a colon, two digits per byte, and the end.
 const CHARS_MAX: usize = 1 + 2 * BYTES_MAX + 4;
 
 type Characters = Vec<u8, CHARS_MAX>;
@@ -109,13 +110,13 @@ type Characters = Vec<u8, CHARS_MAX>;
 /// What has been sent.
 struct Sent {
     form: Form,
-    /// Bytes of unit and PDU.
+    /// Bytes of unit and PDU sent.
     bytes: usize,
-    /// Characters behind these.
+    /// Characters of the check and end sent.
     end: usize,
-    /// Characters behind these that the board has sent by itself: the frame has them, or will have.
+    /// Characters the board has relayed that the frame may not hold yet.
     ahead: usize,
-    /// Of the bytes sent.
+    /// LRC sum of the bytes sent.
     sum: u8,
     delta: CrcDelta,
 }
@@ -126,33 +127,33 @@ impl Sent {
         Self { form, bytes: 0, end: 0, ahead: 0, sum: 0, delta }
     }
 
-    /// What the board can do by itself of a frame whose end is known, but for its last character.
+    /// What the board can relay of a frame whose length is known: all but its last character.
     fn relay(&self, frame: &Frame<'_>) -> Option<Relay> {
         let length = frame.expected().filter(|_| self.form.framing == Framing::Rtu)?;
         let left = (length + rtu::OVERHEAD_BYTES).checked_sub(self.bytes + self.end)?;
         let mut delta = self.delta.clone();
         delta.pass((1 + length).checked_sub(self.bytes)?);
-        // It is worth it for more than a part of the CRC.
+        // Not worth it for a part of the CRC alone.
         (left > 2).then(|| Relay::new(left as u32, delta.translate([0; 2])[0]))
     }
 
-    /// Takes note of what the board has sent, as far as `frame` shows that.
+    /// Accounts for the characters the board has relayed, as far as `frame` holds them.
     fn catch_up(&mut self, frame: &Frame<'_>) {
         let there = 1 + frame.pdu(<[u8]>::len);
         let count = there.saturating_sub(self.bytes).min(self.ahead);
         self.bytes += count;
         self.delta.pass(count);
-        // The first half of the CRC: no board begins behind that, or sends the second.
+        // The first half of the CRC at most: a relay never sends the second.
         let end = frame.crc().1.min(self.ahead - count);
         self.end += end;
         self.ahead -= count + end;
     }
 
-    /// The next characters that can be sent of `frame`, which is as far as `fill` says.
+    /// The next characters of `frame` that can be sent, given its `fill` state.
     fn next(&mut self, frame: &Frame<'_>, fill: Fill) -> Characters {
         let mut characters = Vec::new();
         self.catch_up(frame);
-        // What was damaged goes on to its end, so that the check shows it; anything else stops here.
+        // A corrupt frame is sent to its end, so that its check reveals it; anything else stops here.
         if fill == Fill::Broken && frame.crc().1 < 2 {
             return characters;
         }
@@ -189,7 +190,7 @@ impl Sent {
         self.bytes += bytes.len();
     }
 
-    /// The CRC of the bytes sent, which `frame` still has.
+    /// The CRC of the bytes sent, which are still in `frame`.
     fn crc(&self, frame: &Frame<'_>) -> crc::Digest<'static, u16> {
         let mut crc = MODBUS.digest();
         crc.update(&[self.form.to]);
@@ -197,7 +198,7 @@ impl Sent {
         crc
     }
 
-    /// Appends what may be sent behind all bytes of unit and PDU.
+    /// Appends what may follow unit and PDU.
     fn close(&mut self, frame: &Frame<'_>, fill: Fill, characters: &mut Characters) {
         let (received, there) = frame.crc();
         if there == 0 && fill == Fill::Filling {
@@ -205,7 +206,7 @@ impl Sent {
         }
         let computed = || self.crc(frame).finalize().to_le_bytes();
         let crc = match fill {
-            // It proved good by another check.
+            // Validated by an LRC, so the CRC is ours to compute.
             Fill::Complete if there < received.len() => computed(),
             _ => self.delta.translate(received),
         };
@@ -218,7 +219,7 @@ impl Sent {
             }
             Framing::Ascii => {
                 let lrc = self.sum.wrapping_neg();
-                // Certainly a wrong one for what was damaged.
+                // Deliberately wrong for a corrupt frame.
                 let [high, low] = digits(if is_good() { lrc } else { !lrc });
                 let end = [high, low, CARRIAGE_RETURN, self.form.delimiter];
                 let count = match there {
@@ -231,14 +232,14 @@ impl Sent {
         }
     }
 
-    /// Appends what is new of the frame's `end`.
+    /// Appends the part of the frame's `end` that has not been sent.
     fn append(&mut self, end: &[u8], characters: &mut Characters) {
         put(characters, end.get(self.end..).unwrap_or(&[]));
         self.end = self.end.max(end.len());
     }
 
-    /// Whether what has been sent of `frame` may be taken for one: an RTU frame with its own CRC behind it has the CRC 0. Of
-    /// what the board has sent and the frame was not given, nobody knows.
+    /// Whether the receiver may take what has been sent of `frame` for a frame: the CRC over an RTU frame with its CRC is 0.
+    /// Unknown when the board has relayed characters that the frame was not given.
     fn is_frame(&self, frame: &Frame<'_>) -> bool {
         if self.ahead > 0 {
             return true;
@@ -249,7 +250,7 @@ impl Sent {
     }
 }
 
-/// There is room for as many characters as are put at a time.
+/// There is room for the most that is put at a time.
 fn put(characters: &mut Characters, new: &[u8]) {
     let _ = characters.extend_from_slice(new);
 }

@@ -1,8 +1,8 @@
-//! A frame that is passed on while it arrives, seen from where it arrives.
+//! The receiving end of cut-through.
 //!
-//! It is handed on as soon as its copy may begin, and filled as its characters come. In the gateway it is under the CRC: that of
-//! an RTU frame as it came, and for an ASCII one the CRC that says of it what its LRC said. A frame that does not end well, or
-//! that does not fit, is broken, and its copy with it.
+//! The frame is sent to the router as soon as forwarding may begin, and filled as characters arrive. Inside the gateway it
+//! carries a CRC: the received one of an RTU frame, and for ASCII a CRC that is right or wrong as the LRC was. A frame that ends
+//! badly or does not fit is marked broken, and so is the forwarded one.
 
 use embassy_time::Instant;
 
@@ -13,20 +13,20 @@ use crate::modbus::rtu;
 use crate::port::cut_through::timing;
 use crate::settings::{Framing, Lane};
 
-/// How far a frame is that may be passed on.
+/// State of a frame that may be cut through.
 pub(crate) enum Passing<'g> {
-    /// Too little of it is there.
+    /// Too little has arrived.
     Open,
-    /// It is to be handed on at this time, as far as what is there tells.
+    /// To be sent to the router at this time, judging by what has arrived.
     At(Instant),
-    /// It has been handed on.
+    /// It has been sent to the router and is being filled.
     Begun(Ingress<'g>),
-    /// It is passed on when it is whole, if at all.
+    /// It is sent to the router when it is complete, if at all.
     Whole,
 }
 
 impl Passing<'_> {
-    /// What becomes of a frame that began at `begun` on `input`, as far as its end is known.
+    /// The state of a frame that began at `begun` on `input`, as far as its end is known.
     pub(crate) fn plan(begun: Instant, input: &Lane, output: &Lane, end: End) -> Self {
         let bytes = match end {
             End::At(length) => Some(1 + length),
@@ -36,7 +36,7 @@ impl Passing<'_> {
         timing::start(begun, input, output, bytes).map_or(Self::Open, Self::At)
     }
 
-    /// When there is something to do though nothing comes.
+    /// When to act even if nothing arrives.
     pub(crate) fn due(&self) -> Instant {
         if let Self::At(at) = self { *at } else { Instant::MAX }
     }
@@ -46,14 +46,14 @@ impl Passing<'_> {
     }
 }
 
-/// The filling side of a frame that was handed on.
+/// The writing side of a frame that is being forwarded.
 pub(crate) struct Ingress<'g> {
     writer: FrameWriter<'g>,
     framing: Framing,
 }
 
 impl<'g> Ingress<'g> {
-    /// A frame that arrives in `framing`.
+    /// A frame arriving in `framing`.
     pub(crate) fn new(writer: FrameWriter<'g>, framing: Framing) -> Self {
         Self { writer, framing }
     }
@@ -63,10 +63,10 @@ impl<'g> Ingress<'g> {
         self.writer.frame()
     }
 
-    /// Passes on what is new in `heard`: the unit and what has come behind it, its check included. False when the frame has no
-    /// end that could be told: it must be given up.
-    pub(crate) fn take(&mut self, heard: &[u8], end: End) -> bool {
-        let so_far = heard.get(1..).unwrap_or(&[]);
+    /// Appends the new part of `received` (unit, PDU, check). False when the frame's length cannot be determined: it must be
+    /// given up.
+    pub(crate) fn take(&mut self, received: &[u8], end: End) -> bool {
+        let so_far = received.get(1..).unwrap_or(&[]);
         let length = match end {
             End::At(length) => {
                 self.expect(length);
@@ -77,12 +77,12 @@ impl<'g> Ingress<'g> {
         };
         let (pdu, check) = so_far.split_at_checked(length).unwrap_or((so_far, &[]));
         self.push(pdu);
-        let ((_, passed), body) = (self.frame().crc(), heard.get(..=length));
+        let ((_, passed), body) = (self.frame().crc(), received.get(..=length));
         let of_ascii;
         let crc = match (self.framing, check, body) {
             (Framing::Rtu, _, _) => check.get(..size_of::<u16>()).unwrap_or(check),
             (Framing::Ascii, [check, ..], Some(body)) => {
-                // Certainly a wrong one where the LRC is.
+                // Deliberately wrong if the LRC is.
                 let crc = if lrc(body) == *check { crc16(body) } else { !crc16(body) };
                 of_ascii = crc.to_le_bytes();
                 &of_ascii
@@ -93,20 +93,20 @@ impl<'g> Ingress<'g> {
         true
     }
 
-    /// The frame is whole and good, with `pdu`. Says whether it is still wanted.
+    /// The frame is complete and valid, with `pdu`; returns whether it is still wanted.
     pub(crate) fn finish(mut self, pdu: &[u8]) -> bool {
         self.push(pdu);
         self.writer.finish()
     }
 
-    /// The PDU of an RTU frame will have `length` bytes. It does not come to that in ASCII, where frames have their ends in them.
+    /// The PDU of an RTU frame will have `length` bytes. ASCII frames are delimited and never get here.
     fn expect(&mut self, length: usize) {
         if self.framing == Framing::Rtu {
             self.writer.expect(length);
         }
     }
 
-    /// Passes on what is new in `pdu`, which is no longer than a PDU may be, so that there is room.
+    /// Appends the new part of `pdu`; there is room, as it is no longer than a PDU may be.
     fn push(&mut self, pdu: &[u8]) {
         let passed = self.frame().pdu(<[u8]>::len);
         if let Some(new) = pdu.get(passed..).filter(|new| !new.is_empty()) {
@@ -115,7 +115,7 @@ impl<'g> Ingress<'g> {
     }
 }
 
-/// Whether all characters of an RTU frame are there that has `so_far` behind its unit.
+/// Whether an RTU frame with `so_far` after its unit is complete.
 pub(crate) fn is_whole(so_far: &[u8], end: End) -> bool {
     matches!(end, End::At(length) if so_far.len() + 1 >= length + rtu::OVERHEAD_BYTES)
 }

@@ -1,4 +1,4 @@
-//! Where the response to a request goes: into the request's frame when it is whole, or while it arrives.
+//! Where the response to a request goes: into the request's frame, either when it is complete or while it arrives.
 
 use embassy_time::Instant;
 
@@ -8,15 +8,15 @@ use crate::port::client::dispatcher::{Dispatcher, is_responding};
 use crate::port::cut_through::ingress::{Ingress, Passing, is_whole};
 use crate::settings::Lane;
 
-/// The response that is awaited.
+/// The expected response.
 pub(crate) struct IncomingResponse<'r, 'g> {
     dispatcher: &'r Dispatcher<'g>,
     frame: &'r Frame<'g>,
     unit: u8,
     request: &'r [u8],
-    /// The request waits for this response, but wants another.
+    /// The response belongs to a proof sent ahead of the request.
     is_proof: bool,
-    /// The line of whoever asked, if the response may be passed on while it arrives.
+    /// The requester's line, if cut-through is possible.
     requester: Option<Lane>,
     passing: Passing<'g>,
 }
@@ -29,7 +29,7 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
         request: &'r [u8],
     ) -> Self {
         let Envelope { cut, origin, .. } = frame.envelope();
-        // Once begun, a response cannot be stored any more: its end must be sure to be told.
+        // Once forwarding has begun the response cannot be stored any more, so its length must be certain to be known.
         let has_end = || pdu::response_end(request, request.get(..1).unwrap_or(&[])) != End::Unknown;
         let lane = || dispatcher.gateway().settings(|settings| Lane::at(settings, origin.port));
         let in_step = || dispatcher.port_state().units(|units| units.is_in_step(unit, true));
@@ -48,29 +48,31 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
         self.request
     }
 
-    /// Whether the response may be passed on while it arrives.
+    /// Whether the response may be cut through.
     pub(crate) fn is_passed_on(&self) -> bool {
         self.requester.is_some()
     }
 
-    /// When there is something to do though nothing comes.
+    /// When to act even if nothing arrives.
     pub(crate) fn due(&self) -> Instant {
         self.passing.due()
     }
 
-    /// An ASCII frame begins, wherever the one before was; `may_pass`: it may be passed on while it arrives.
+    /// An ASCII frame begins, whatever state the previous one was in; `may_pass`: it may be cut through.
     pub(crate) fn begin(&mut self, may_pass: bool) {
         self.passing = if may_pass { Passing::Open } else { Passing::Whole };
     }
 
-    /// Looks at what was `heard` of a frame that began at `begun` on `line`, and passes it on if its time has come.
-    pub(crate) fn hear(&mut self, heard: &[u8], begun: Instant, line: &Lane) {
-        let (Some(requester), Some((&unit, so_far))) = (self.requester, heard.split_first()) else { return };
+    /// Examines the bytes `received` of a frame that began at `begun` on `line`, and forwards them when it is time.
+    pub(crate) fn feed(&mut self, received: &[u8], begun: Instant, line: &Lane) {
+        let (Some(requester), Some((&unit, so_far))) = (self.requester, received.split_first()) else {
+            return;
+        };
         let end = pdu::response_end(self.request, so_far);
         match &mut self.passing {
             Passing::Whole => return,
             Passing::Begun(arriving) => {
-                if !arriving.take(heard, end) {
+                if !arriving.take(received, end) {
                     self.passing = Passing::Whole;
                 }
                 return;
@@ -82,23 +84,23 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
         }
         if self.passing.is_due() {
             let mut arriving = Ingress::new(self.frame.rewrite(), line.framing);
-            arriving.take(heard, end);
+            arriving.take(received, end);
             self.passing = Passing::Begun(arriving);
             self.dispatcher.responding(self.frame);
         }
     }
 
-    /// The response is `pdu`, which was `heard` right behind the unit if it has been passed on so far.
-    pub(crate) fn whole(&mut self, heard: &[u8], pdu: &[u8]) {
+    /// The response is `pdu`; while it is being forwarded, `received` holds it right after the unit.
+    pub(crate) fn whole(&mut self, received: &[u8], pdu: &[u8]) {
         match core::mem::replace(&mut self.passing, Passing::Whole) {
             // Its frame may have been given up meanwhile.
             Passing::Begun(arriving)
-                if heard.get(1..=pdu.len()).is_some_and(|begin| core::ptr::eq(begin, pdu)) =>
+                if received.get(1..=pdu.len()).is_some_and(|begin| core::ptr::eq(begin, pdu)) =>
             {
                 arriving.finish(pdu);
             }
             Passing::Begun(_) => {}
-            // A response fits into the frame: it is no longer than a PDU may be.
+            // Fits: no longer than a PDU may be.
             _ if !self.is_proof && !is_responding(self.frame) => {
                 let _ = self.frame.replace(pdu);
             }
@@ -106,9 +108,9 @@ impl<'r, 'g> IncomingResponse<'r, 'g> {
         }
     }
 
-    /// What was `heard` is not the response, as far as can be told; `silent`: nothing more comes of it.
-    pub(crate) fn not_yet(&mut self, heard: &[u8], silent: bool) {
-        let end = heard.split_first().map(|(_, so_far)| (so_far, pdu::response_end(self.request, so_far)));
+    /// `received` is not the response, as far as can be told; `silent`: nothing more of it follows.
+    pub(crate) fn not_yet(&mut self, received: &[u8], silent: bool) {
+        let end = received.split_first().map(|(_, so_far)| (so_far, pdu::response_end(self.request, so_far)));
         match core::mem::replace(&mut self.passing, Passing::Whole) {
             Passing::Begun(arriving) => match end {
                 Some((so_far, end)) if is_whole(so_far, end) => {}

@@ -28,10 +28,10 @@ use crate::settings::Lane;
 /// Unit and function code.
 const BYTES_MIN: usize = 2;
 
-/// When the copy on `output` of a frame may begin whose first bit came on `input` at `begun`; none while that depends on
-/// its length in `bytes`, without its check, which is not known yet.
+/// When a frame whose first bit arrived on `input` at `begun` may start on `output`. `bytes` is its length without the check, if
+/// known; none if the start depends on a length not known yet.
 pub fn start(begun: Instant, input: &Lane, output: &Lane, bytes: Option<usize>) -> Option<Instant> {
-    // What one byte more takes.
+    // Time of one more byte.
     let more = |lane: &Lane, other| lane.time(lane.characters(1) - lane.characters(0), other);
     let keeps_up = more(input, output) <= more(output, input);
     let bytes = bytes.or(keeps_up.then_some(BYTES_MIN))?;

@@ -1,17 +1,17 @@
-//! The two framings of a serial line, where they differ: frames on the wire, and the silences that part them.
+//! The differences between the two serial framings: frame encoding, and the silences between frames.
 
 use embassy_time::Duration;
 
 use crate::modbus::{PduLength, ascii, rtu};
 use crate::settings::{Framing, LineSettings};
 
-/// Most characters of a frame in either framing.
+/// Longest frame of either framing, in characters.
 pub(crate) const FRAME_CHARS_MAX: usize = ascii::FRAME_CHARS_MAX;
 /// Longest silence between two characters of an ASCII frame (Serial Line 2.5.2.1).
 const ASCII_SILENCE: Duration = Duration::from_secs(1);
 
 impl Framing {
-    /// The frame of `unit` and `pdu`; an ASCII one ends with `delimiter`.
+    /// Encodes a frame of `unit` and `pdu`; an ASCII frame ends with `delimiter`.
     pub(crate) fn encode<'a>(
         self,
         unit: u8,
@@ -20,22 +20,22 @@ impl Framing {
         out: &'a mut [u8; FRAME_CHARS_MAX],
     ) -> Result<&'a [u8], PduLength> {
         match self {
-            // An ASCII frame is the longer one, so there is always room.
+            // Sized for ASCII frames, which are longer.
             Self::Rtu => rtu::encode(unit, pdu, out.first_chunk_mut().ok_or(PduLength(pdu.len()))?),
             Self::Ascii => ascii::encode(unit, pdu, out, delimiter),
         }
     }
 
-    /// The characters of a frame around a PDU of so many bytes.
+    /// Characters of a frame whose PDU has this many bytes.
     pub(crate) const fn chars_of(self, pdu_bytes: usize) -> usize {
         match self {
             Self::Rtu => pdu_bytes + rtu::OVERHEAD_BYTES,
-            // Unit, PDU and LRC are two digits a byte, between a colon and two characters of end.
+            // Unit, PDU and LRC take two digits a byte, after a colon and before the two end characters.
             Self::Ascii => 2 * (pdu_bytes + 2) + 3,
         }
     }
 
-    /// The most characters that a frame has.
+    /// Characters of the longest frame.
     pub(crate) const fn chars_max(self) -> usize {
         match self {
             Self::Rtu => rtu::FRAME_BYTES_MAX,
@@ -43,7 +43,7 @@ impl Framing {
         }
     }
 
-    /// The silence that ends an RTU frame and spoils an ASCII one.
+    /// The silence that ends an RTU frame and invalidates an ASCII one.
     pub(crate) fn silence(self, line: &LineSettings) -> Duration {
         line.char_timeout.unwrap_or_else(|| match self {
             Self::Rtu => line.gap(),

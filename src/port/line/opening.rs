@@ -1,4 +1,4 @@
-//! Opens a line again and again, with back-off, and tells how that goes.
+//! Opens a line, and reopens it with back-off when it is lost; reports its status.
 
 use embassy_time::{Duration, Timer};
 
@@ -8,11 +8,11 @@ use crate::hal::{OpenError, SerialLine};
 use crate::settings::SerialSettings;
 use crate::stats::{Event, LastError};
 
-/// First and longest pause before a line is opened again.
+/// First and longest pause before a line is reopened.
 const REOPEN_FIRST: Duration = Duration::from_millis(250);
 const REOPEN_LONGEST: Duration = Duration::from_secs(5);
 
-/// Opens a line again and again, with back-off, and tells how that goes.
+/// See the module.
 pub(crate) struct Opening<'s> {
     port_state: &'s PortState,
     settings: &'s SerialSettings,
@@ -26,7 +26,7 @@ impl<'s> Opening<'s> {
         Self { port_state, settings, quiet, pause: REOPEN_FIRST }
     }
 
-    /// The line that `host` has opened, if it has.
+    /// The line if `host` could open it; sets the port's status.
     pub(crate) fn opened<L: SerialLine>(
         &mut self,
         opened: Result<L, OpenError>,

@@ -1,15 +1,14 @@
-//! What a frame is that was heard on a serial line with other devices: a request for us, a request for another one, another
-//! one's response, or garbage. Pure, with silences as facts.
+//! Bus sniffer: classifies frames on a serial line shared with other devices as a request for the gateway, a request for another
+//! unit, that unit's response, or garbage. Pure; silences are passed in.
 //!
-//! In RTU a frame of another unit has two readings: the response to a read begins as a request does. So after another unit's
-//! request its response is expected, and is taken for that if it fits; everything else is read as a request. A frame under
-//! one of our ids is never somebody's response, whatever was expected.
+//! In RTU, a frame of another unit is ambiguous: the response to a read begins like a request. So after a request to another unit
+//! its response is expected, and a frame that fits is taken for it; everything else is read as a request. A frame with one of the
+//! gateway's own ids is never another unit's response.
 //!
-//! Silence tells frames apart, and all that stands between two silences is tried as one frame first. Where silences cannot
-//! be seen (reads of an operating system are late), or were too short, frames are split off by the lengths that both
-//! readings give them, with good CRCs; never does a frame begin anywhere but at the end of another one. Who has lost the
-//! thread, as everybody has who is switched on, waits for a silence. ASCII frames need none of that: they have their
-//! beginnings and ends in them.
+//! Everything between two silences is first tried as a single frame. Where silences cannot be observed (an operating system's
+//! reads are late) or were too short, frames are split by the lengths that both readings give and by valid CRCs; a frame can only
+//! begin where the previous one ended. A sniffer that has lost synchronisation, as after power-up, waits for a silence. ASCII
+//! frames are delimited and need none of that.
 
 use crate::modbus::Pdu;
 use crate::modbus::pdu::{self, EXCEPTION_BIT, End, ResponseLength};
@@ -20,34 +19,34 @@ mod ascii;
 
 pub use ascii::AsciiSniffer;
 
-/// What was heard.
+/// What was received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Heard<'a> {
-    /// A request for one of our units, or for everybody.
+pub enum Sniffed<'a> {
+    /// A request for one of the gateway's units, or a broadcast.
     Request {
-        /// The unit as the master calls it.
+        /// The unit id the master uses.
         unit: u8,
         /// Function code and data.
         pdu: &'a [u8],
     },
     /// A request for another unit.
     ForeignRequest,
-    /// The response of another unit.
-    ForeignAnswer,
-    /// No frame, and why.
+    /// A response from another unit.
+    ForeignResponse,
+    /// Not a frame, and why.
     Garbage(LastError),
-    /// Nothing that could be judged yet.
+    /// Nothing that can be judged yet.
     Nothing,
 }
 
-/// Listens on an RTU line.
+/// Sniffs an RTU line.
 pub struct RtuSniffer {
     expected: Option<Foreign>,
-    /// Whether the beginning of what is heard is the beginning of a frame.
+    /// Whether the received bytes start at a frame boundary.
     in_step: bool,
 }
 
-/// A request for another unit, whose answer is expected.
+/// A request to another unit whose response is expected.
 struct Foreign {
     unit: u8,
     request: Pdu,
@@ -60,26 +59,26 @@ impl Default for RtuSniffer {
 }
 
 impl RtuSniffer {
-    /// Switched on in the middle of whatever happens on the line.
+    /// As after power-up: the line may be in the middle of a frame.
     pub const fn new() -> Self {
         Self { expected: None, in_step: false }
     }
 
-    /// Whether only a silence helps, though nothing was heard.
+    /// Whether only a silence can restore synchronisation, though nothing has been received.
     pub const fn needs_silence(&self) -> bool {
         !self.in_step
     }
 
-    /// Judges the beginning of `received`, all that was heard and not yet judged, and says how many bytes of it that took.
-    /// `silent`: the line has been silent since. `is_ours` knows our units, 0 among them if broadcasts are for us.
+    /// Judges the beginning of `received`, all bytes not judged yet, and returns how many bytes that covers. `silent`: the line
+    /// has been silent since. `is_ours` knows the gateway's units, including 0 if broadcasts are for it.
     ///
-    /// To be called again with the rest until there is [`Heard::Nothing`].
-    pub fn hear<'a>(
+    /// Call again with the rest until it returns [`Sniffed::Nothing`].
+    pub fn feed<'a>(
         &mut self,
         received: &'a [u8],
         silent: bool,
         is_ours: impl Fn(u8) -> bool,
-    ) -> (Heard<'a>, usize) {
+    ) -> (Sniffed<'a>, usize) {
         let was_in_step = self.in_step;
         let whole = silent && was_in_step && is_whole(received);
         let frame = if whole {
@@ -90,42 +89,42 @@ impl RtuSniffer {
         };
         if let Some((end, unit, pdu)) = frame {
             self.in_step = true;
-            let heard = match self.judge(unit, pdu, &is_ours) {
-                // It may be data that looks like a frame: the master will ask again.
-                Heard::Request { .. } if !was_in_step => Heard::ForeignAnswer,
-                heard => heard,
+            let sniffed = match self.judge(unit, pdu, &is_ours) {
+                // It may be data that looks like a frame. If it was a request, the master repeats it.
+                Sniffed::Request { .. } if !was_in_step => Sniffed::ForeignResponse,
+                sniffed => sniffed,
             };
-            return (heard, end);
+            return (sniffed, end);
         }
         if silent {
             self.in_step = true;
             return match received {
-                [] => (Heard::Nothing, 0),
+                [] => (Sniffed::Nothing, 0),
                 _ => {
                     self.expected = None;
-                    (Heard::Garbage(garbage(received)), received.len())
+                    (Sniffed::Garbage(garbage(received)), received.len())
                 }
             };
         }
         if received.len() >= FRAME_BYTES_MAX {
-            // Longer than any frame, and none at its beginning: the thread is lost.
+            // Longer than any frame without containing one: synchronisation is lost.
             self.in_step = false;
             self.expected = None;
-            return (Heard::Garbage(LastError::Length), 1);
+            return (Sniffed::Garbage(LastError::Length), 1);
         }
-        (Heard::Nothing, 0)
+        (Sniffed::Nothing, 0)
     }
 
-    /// How many bytes the frame will have at least that `received`, all that was heard and not yet judged, is the beginning of.
-    /// None when that is no more than is there, or nothing is known of it.
+    /// The minimum length of the frame that begins `received`, all bytes not judged yet; none if that is not more than has
+    /// arrived, or is unknown.
     pub fn at_least(&self, received: &[u8], is_ours: impl Fn(u8) -> bool) -> Option<usize> {
         let (&unit, so_far) = received.split_first().filter(|_| self.in_step)?;
         let request = match pdu::request_end(so_far) {
             End::At(length) => Some(length),
             End::Later | End::Unknown => None,
         };
-        // The response to a request that was not heard.
-        let unheard = || match so_far {
+        // The response to a request that was missed.
+        let unknown = || match so_far {
             [1..=4, count, ..] => Some(2 + usize::from(*count)),
             [5 | 6 | 15 | 16, ..] => Some(5),
             _ => None,
@@ -133,17 +132,17 @@ impl RtuSniffer {
         let response = if is_ours(unit) {
             request
         } else {
-            self.response_length(unit, so_far, &is_ours).or_else(unheard)
+            self.response_length(unit, so_far, &is_ours).or_else(unknown)
         };
         let (Some(request), Some(response)) = (request, response) else {
             return (received.len() < FRAME_BYTES_MIN).then_some(FRAME_BYTES_MIN);
         };
         let bytes = [request, response].map(|length| length + rtu::OVERHEAD_BYTES);
-        // As long as it is here it is none that would have come to its end.
+        // A reading whose length has been reached failed its CRC.
         bytes.into_iter().filter(|bytes| *bytes > received.len()).min()
     }
 
-    /// The first frame by one of its readings, when that much is there with a good CRC.
+    /// The first reading of the frame that has enough bytes and a valid CRC.
     fn first<'a>(
         &self,
         received: &'a [u8],
@@ -154,7 +153,7 @@ impl RtuSniffer {
         let whole = |length: usize| frame_of(received, length + rtu::OVERHEAD_BYTES);
         if let Some(length) = self.response_length(unit, so_far, is_ours) {
             match received.len() < length + rtu::OVERHEAD_BYTES {
-                // The response that is expected may still become whole, and its data could look like a request.
+                // The expected response may still be incomplete, and its data may look like a request.
                 true if !silent => return None,
                 _ => {
                     if let Some(frame) = whole(length) {
@@ -164,17 +163,17 @@ impl RtuSniffer {
             }
         }
         let as_request = pdu::request_length(so_far).and_then(whole);
-        // The response to a request that was not heard: a read's says how long it is.
-        let unheard = || match so_far {
+        // The response to a request that was missed: a read's response carries its length.
+        let unknown = || match so_far {
             [1..=4, count, ..] if !is_ours(unit) => whole(2 + usize::from(*count)),
             [function, _, ..] if function & EXCEPTION_BIT != 0 => whole(2),
             _ => None,
         };
-        as_request.or_else(unheard).or_else(|| self.unlisted(received, is_ours))
+        as_request.or_else(unknown).or_else(|| self.unlisted(received, is_ours))
     }
 
-    /// A frame of another unit whose function does not tell its length: it ends where the CRC is good. For a frame of
-    /// ours the silence is awaited: it comes, since the master waits for us.
+    /// A frame of another unit with a function of unknown length: it ends where the CRC is valid. For the gateway's units the
+    /// silence is awaited, which always comes as the master waits for the response.
     fn unlisted<'a>(
         &self,
         received: &'a [u8],
@@ -189,62 +188,62 @@ impl RtuSniffer {
         (FRAME_BYTES_MIN..=longest).find_map(|end| frame_of(received, end))
     }
 
-    /// The length of the response that is expected, if `so_far` can be the beginning of that.
+    /// The length of the expected response, if `so_far` can be its beginning.
     fn response_length(&self, unit: u8, so_far: &[u8], is_ours: &impl Fn(u8) -> bool) -> Option<usize> {
         let expected = self.expected.as_ref().filter(|expected| expected.unit == unit && !is_ours(unit))?;
         let ResponseLength::Known(length) = pdu::response_length(&expected.request, so_far) else {
             return None;
         };
         match so_far {
-            // A read's response counts its bytes.
+            // A read's response carries its byte count.
             [1..=4 | 23, count, ..] if usize::from(*count) + 2 != length => None,
             _ => Some(length),
         }
     }
 
-    fn judge<'a>(&mut self, unit: u8, pdu: &'a [u8], is_ours: &impl Fn(u8) -> bool) -> Heard<'a> {
+    fn judge<'a>(&mut self, unit: u8, pdu: &'a [u8], is_ours: &impl Fn(u8) -> bool) -> Sniffed<'a> {
         let expected = self.expected.take();
         let is_request = is_request(pdu);
         if is_ours(unit) {
             return match is_request {
-                true => Heard::Request { unit, pdu },
-                // Another device has this id, or the master is wrong.
-                false => Heard::Garbage(LastError::Length),
+                true => Sniffed::Request { unit, pdu },
+                // Another device has this id, or the master is faulty.
+                false => Sniffed::Garbage(LastError::Length),
             };
         }
         let fits = |expected: &Foreign| expected.unit == unit && pdu::fits(&expected.request, pdu).is_ok();
         if expected.as_ref().is_some_and(fits) || !is_request {
-            return Heard::ForeignAnswer;
+            return Sniffed::ForeignResponse;
         }
-        // Nobody answers a broadcast.
+        // Broadcasts have no response.
         if unit != 0 {
-            // A frame's PDU fits.
+            // Fits: it is a frame's PDU.
             self.expected = Pdu::from_slice(pdu).ok().map(|request| Foreign { unit, request });
         }
-        Heard::ForeignRequest
+        Sniffed::ForeignRequest
     }
 }
 
-/// The frame that the first `length` bytes of `received` are, if they are there with a good CRC: its length, unit and PDU.
+/// The frame in the first `length` bytes of `received`, if they have arrived with a valid CRC: its length, unit and PDU.
 fn frame_of(received: &[u8], length: usize) -> Option<(usize, u8, &[u8])> {
     let (unit, pdu) = rtu::decode(received.get(..length)?).ok()?;
     Some((length, unit, pdu))
 }
 
-/// Whether `pdu` can be a request, as far as its function and length go.
+/// Whether `pdu` can be a request, by function and length.
 fn is_request(pdu: &[u8]) -> bool {
     pdu::request_length(pdu).is_none_or(|length| length == pdu.len())
         && pdu.first().is_some_and(|function| (1..EXCEPTION_BIT).contains(function))
 }
 
-/// Whether all of `received` is one frame. A CRC is good with zeros behind it as well, so the length must be possible, too.
+/// Whether `received` is exactly one frame. Trailing zeros keep a CRC valid, so the length must be plausible too.
 fn is_whole(received: &[u8]) -> bool {
     rtu::decode(received).is_ok_and(|(_, pdu)| {
         received.last() != Some(&0) || pdu::request_length(pdu).is_none_or(|length| length == pdu.len())
     })
 }
 
-/// What is wrong with bytes between two silences that are no frame.
+/// Why the bytes between two silences are not a frame.
 fn garbage(received: &[u8]) -> LastError {
     match received.len() {
         FRAME_BYTES_MIN..=FRAME_BYTES_MAX => LastError::Checksum,

@@ -1,8 +1,8 @@
 //! Diagnostics (FC 08) and the communication event functions (0B, 0C), Application Protocol 6.8 to 6.10.
 //!
-//! The counters are those of the port that the request came by, on 16 bits. So is the listen-only mode: the own unit falls silent
-//! for whoever asks by that port, and goes on for all others. A restart of communications ends that and clears the counters; the
-//! port itself stays open, for the sake of the units behind the gateway.
+//! The counters are those of the port that the request came by, truncated to 16 bits. Listen-only mode is per port too: the own
+//! unit falls silent for clients of that port only. Restarting communications ends listen-only mode and clears the counters; the
+//! port itself stays open for the sake of the units behind the gateway.
 
 use embassy_time::Instant;
 
@@ -15,12 +15,12 @@ use crate::modbus::{Exception, Pdu};
 use crate::settings::PortId;
 use crate::stats::{Counters, Event};
 
-/// Bits of the diagnostic register: a port is lost or cannot be opened; a unit is down; no frame is free.
+/// Bits of the diagnostic register: a port has failed; a unit is down; no frame is free.
 const PORT_FAILED: u16 = 1;
 const UNIT_DOWN: u16 = 2;
 const NO_FRAME: u16 = 4;
 
-/// Answers sub-function `sub` with `data`, which came by `port`.
+/// Responds to sub-function `sub` with `data`, received by `port`.
 pub(super) fn respond(
     gateway: &Gateway<'_>,
     port: PortId,
@@ -55,7 +55,7 @@ pub(super) fn respond(
     put(response, &[&header, &counter.to_be_bytes()])
 }
 
-/// The state of all ports, as it is now: there is nothing to clear.
+/// The state of all ports at this time; there is nothing to clear.
 fn register(gateway: &Gateway<'_>) -> u16 {
     let failed = |port_state: &PortState| matches!(port_state.status(), Status::Lost | Status::Failed(_));
     let down = |port: PortAt<'_>| port.units(|units| units.iter().any(Unit::is_down));
@@ -65,7 +65,7 @@ fn register(gateway: &Gateway<'_>) -> u16 {
         | bit(gateway.pool().free() == 0, NO_FRAME)
 }
 
-/// What becomes of a message to the own unit before anything else: whether it listens only at `port`, or is told to, or no longer.
+/// Listen-only handling, ahead of everything else: whether the own unit is silent at `port`, and requests that change that.
 pub(super) fn mode(gateway: &Gateway<'_>, port: PortId, request: &[u8]) -> Mode {
     let listens = gateway.events(|events| events.listens_only(port));
     match *request {
@@ -91,15 +91,15 @@ pub(super) fn mode(gateway: &Gateway<'_>, port: PortId, request: &[u8]) -> Mode 
     }
 }
 
-/// What the own unit does with a message.
+/// How the own unit handles a request.
 pub(super) enum Mode {
-    /// It answers.
+    /// It responds.
     Answers,
-    /// It has restarted communications, and says so by giving the request back.
+    /// It has restarted communications; the response repeats the request.
     Restarted,
-    /// A value that the sub-function has not.
+    /// The sub-function does not have that value.
     Refused,
-    /// Nothing.
+    /// It stays silent.
     Silent,
 }
 
@@ -112,7 +112,7 @@ fn counter(stats: &Counters, sub: u16) -> Option<u16> {
         0x0e => stats.get(Event::Request),
         // The response to this request is still to come.
         0x0f => stats.get(Event::Request).wrapping_sub(stats.get(Event::Response)).saturating_sub(1),
-        // Negative acknowledgement is for programming functions, which the gateway has not.
+        // NAK is for programming functions, which the gateway does not have.
         0x10 => 0,
         0x11 => stats.get(Event::Busy),
         0x12 => stats.get(Event::Overrun),
@@ -121,17 +121,17 @@ fn counter(stats: &Counters, sub: u16) -> Option<u16> {
     Some(all as u16)
 }
 
-/// Good messages at the port, for whomever.
+/// Valid messages at the port, for any unit.
 fn bus_messages(stats: &Counters) -> u32 {
     stats.get(Event::Request).wrapping_add(stats.get(Event::Foreign))
 }
 
-/// Sub-function 0Bh's counter of `port`.
+/// The counter of sub-function 0Bh at `port`.
 pub(super) fn messages(gateway: &Gateway<'_>, port: PortId) -> u16 {
     gateway.ports().get(port.index()).map_or(0, |port_state| bus_messages(&port_state.stats) as u16)
 }
 
-/// The response to FC 0Ch: status word and counter, the `messages` of the port, and the newest event first.
+/// The response to FC 0Ch: status word, event counter, `messages` of the port, and events from the newest on.
 pub(super) fn event_log(events: &Events, messages: u16, response: &mut Pdu) -> Answered {
     let header = [GET_COMM_EVENT_LOG, 6 + events.len() as u8];
     put(response, &[&header, &events.counter(), &messages.to_be_bytes()])?;

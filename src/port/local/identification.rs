@@ -4,7 +4,7 @@ use super::response::{Answered, put};
 use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION};
 use crate::modbus::{Exception, Pdu};
 
-/// The objects by their ids: vendor, product code, revision; vendor's address, product name.
+/// The objects by id: vendor, product code, revision, vendor URL, product name.
 const OBJECTS: [&str; 5] = [
     env!("CARGO_PKG_NAME"),
     env!("CARGO_PKG_NAME"),
@@ -12,12 +12,12 @@ const OBJECTS: [&str; 5] = [
     env!("CARGO_PKG_REPOSITORY"),
     "mobgate Modbus gateway",
 ];
-/// How many of them are the basic ones.
+/// How many of them are basic.
 const BASIC: usize = 3;
-/// Regular identification, as a stream and object by object.
+/// Regular identification, with stream and individual access.
 const CONFORMITY: u8 = 0x82;
 
-/// The objects from `first` on that `code` asks for: 1 the basic ones, 2 and 3 all there are, 4 this one. They fit into one response.
+/// The objects from `first` on for read `code`: 1 basic, 2 and 3 all, 4 this one only. They fit into one response.
 pub(super) fn respond(code: u8, first: u8, response: &mut Pdu) -> Answered {
     let end = match code {
         1 => BASIC,
@@ -26,7 +26,7 @@ pub(super) fn respond(code: u8, first: u8, response: &mut Pdu) -> Answered {
         _ => return Err(Exception::ILLEGAL_VALUE),
     };
     let first = usize::from(first);
-    // A stream that begins with an unknown object begins with the first one (6.21).
+    // A stream that would start with an unknown object starts with the first one (6.21).
     let start = if first < end { first } else { 0 };
     let objects = OBJECTS.get(start..end).ok_or(Exception::ILLEGAL_ADDRESS)?;
     let count = objects.len() as u8;

@@ -1,5 +1,5 @@
-//! Data points as registers of the gateway's own unit, for masters that do what a program does: what is to be read or written at
-//! once, whose commands were taken, and the status of each point. docs/registers.md has the table.
+//! Registers of the own unit that operate data points, as a program would: which values to read or write at once, whose commands
+//! were accepted, and the status of each point. The table is in docs/registers.md.
 
 use embassy_time::Instant;
 
@@ -8,18 +8,18 @@ use crate::modbus::Exception;
 use crate::modbus::pdu::function::{WRITE_MULTIPLE_REGISTERS, WRITE_SINGLE_REGISTER};
 use crate::scanner::{REQUESTERS, ROWS_MAX, Refused, RowId};
 
-/// The registers of point 0: the holding register takes commands, the input register is its status word.
+/// The registers of point 0: the holding register takes commands, the input register is the status word.
 pub const POINTS: u16 = 0xf000;
-/// The first of four holding registers that are written together, for all points of a device that have certain cells.
+/// The first of four holding registers, written together, that operate all points of a device within a range of cells.
 pub const RANGE: u16 = 0xf100;
-/// The holding register that says how the commands of requester 0 are doing.
+/// The holding register with the progress of the commands of requester 0.
 pub const COMMANDS: u16 = 0xf110;
 const POINTS_END: u16 = POINTS + ROWS_MAX as u16;
 const COMMANDS_END: u16 = COMMANDS + REQUESTERS as u16;
 
 const _: () = assert!(POINTS_END <= RANGE);
 
-/// The holding register at `address`; none if there is none.
+/// The holding register at `address`, if there is one.
 pub(super) fn holding(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
     gateway.scanner()?.with(|scanner| match address {
         POINTS..POINTS_END => scanner.command(RowId((address - POINTS) as u8)),
@@ -28,7 +28,7 @@ pub(super) fn holding(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
     })
 }
 
-/// The input register at `address`; none if there is none.
+/// The input register at `address`, if there is one.
 pub(super) fn input(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
     let id = RowId(u8::try_from(address.checked_sub(POINTS)?).ok()?);
     gateway.scanner()?.with(|scanner| {
@@ -37,11 +37,11 @@ pub(super) fn input(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
     })
 }
 
-/// Carries `request` out, if it writes to these registers.
+/// Executes `request`, if it writes to these registers.
 pub(super) fn write(gateway: &Gateway<'_>, request: &[u8]) -> Option<Result<(), Exception>> {
     let (first, values) = match *request {
         [WRITE_SINGLE_REGISTER, a, b, ref values @ ..] => ([a, b], values),
-        // Between them are quantity and byte count.
+        // Quantity and byte count are in between.
         [WRITE_MULTIPLE_REGISTERS, a, b, _, _, _, ref values @ ..] => ([a, b], values),
         _ => return None,
     };

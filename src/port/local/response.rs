@@ -1,8 +1,8 @@
-//! The response of the own unit, as it is written.
+//! Building blocks of the own unit's responses.
 
 use crate::modbus::{Exception, Pdu};
 
-/// Whether there is a response, or which exception is the response.
+/// `Ok` if there is a response, or the exception to respond with.
 pub(super) type Answered = Result<(), Exception>;
 
 /// Appends `parts` to `response`.

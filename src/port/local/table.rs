@@ -1,7 +1,7 @@
-//! The gateway's state as input registers of its own unit. docs/registers.md has the table; its addresses stay.
+//! The gateway's state as input registers of its own unit. The table is in docs/registers.md; its addresses are stable.
 //!
-//! From [`BASE`] on: a block for the gateway, one for each port place, and one for each unit remembered at each port. Numbers of 32
-//! bits stand with their big end first. What a block does not use reads as zero.
+//! From [`BASE`] on: one block for the gateway, one per port, and one per known unit of each port. 32-bit numbers have the high
+//! word first. Unused registers read as zero.
 
 use embassy_time::Instant;
 
@@ -15,27 +15,26 @@ use crate::stats::Event;
 
 /// The first register of the gateway's block.
 pub const BASE: u16 = 0x8000;
-/// The first register of port place 0, and the length of a port's block.
+/// The first register of port 0's block, and the length of a block.
 pub const PORTS: u16 = 0x8100;
 /// See [`PORTS`].
 pub const PORT_LENGTH: u16 = 0x40;
-/// The first register of the first unit of port place 0, and the length of a unit's block; each port has [`UNITS_PER_PORT`],
-/// the first of those that are remembered.
+/// The first register of the first unit of port 0, and the length of a unit's block; each port has [`UNITS_PER_PORT`] of them.
 pub const UNITS: u16 = 0x9000;
 /// See [`UNITS`].
 pub const UNIT_LENGTH: u16 = 0x20;
 
-/// Units of a port in this table, whose addresses stay as they are.
+/// Units per port in this table; fixed, since it determines addresses.
 pub const UNITS_PER_PORT: usize = if UNITS_MAX < 32 { UNITS_MAX } else { 32 };
 
 /// The version of this table.
 const VERSION: u16 = 1;
 const PORTS_END: u16 = PORTS + PORTS_MAX as u16 * PORT_LENGTH;
 const UNITS_END: u16 = UNITS + (PORTS_MAX * UNITS_PER_PORT) as u16 * UNIT_LENGTH;
-/// Most registers that one response holds (Application Protocol 6.4).
+/// Most registers in one response (Application Protocol 6.4).
 const REGISTERS_MAX: u16 = 125;
 
-/// The counters of a port's block, two registers each, from its register 4 on.
+/// The counters in a port's block, two registers each, from register 4 on.
 pub const COUNTERS: [Event; 28] = [
     Event::Request,
     Event::Response,
@@ -67,7 +66,7 @@ pub const COUNTERS: [Event; 28] = [
     Event::Collision,
 ];
 
-/// Answers `request`, if it is a read of this table, or is about the registers of points.
+/// Responds to `request`, if it reads this table or operates points.
 pub(super) fn respond(gateway: &Gateway<'_>, request: &[u8], response: &mut Pdu) -> Option<Answered> {
     let &[function @ (READ_INPUT_REGISTERS | READ_HOLDING_REGISTERS), a, b, c, d] = request else {
         // The response repeats address and value or quantity (clauses 6.6, 6.12).
@@ -93,7 +92,7 @@ pub(super) fn respond(gateway: &Gateway<'_>, request: &[u8], response: &mut Pdu)
     Some(Ok(()))
 }
 
-/// What stands at `address`.
+/// The register at `address`, if there is one.
 fn register(gateway: &Gateway<'_>, address: u16) -> Option<u16> {
     match address {
         BASE..PORTS => Some(of_gateway(gateway, address - BASE)),

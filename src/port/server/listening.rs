@@ -1,4 +1,4 @@
-//! How a server on the network tells that it listens, or why it cannot.
+//! Reports that a network server listens, or why it cannot.
 
 use crate::gateway::{PortState, Status};
 use crate::hal::OpenError;
@@ -12,7 +12,7 @@ pub(crate) fn listens(port_state: &PortState, protocol: &str, port: u16) {
     }
 }
 
-/// It cannot.
+/// The server at `port_state` cannot listen.
 pub(crate) fn fails(port_state: &PortState, protocol: &str, port: u16, error: OpenError) {
     port_state.stats.note(LastError::Port);
     if port_state.set_status(Status::Failed(error)) {

@@ -1,10 +1,10 @@
-//! A TCP server: one connection's part of it, which serves one client after the other, by Modbus TCP or RTU over TCP, or with a capture.
+//! A TCP server: one connection of it, which serves one client after another, by Modbus TCP or RTU over TCP, or with a capture.
 //!
-//! Each of the listener's clients has a connection; one connection more is always there to accept a newcomer and to decide who goes
-//! when all places are taken: the ordinary client that has been idle longest. Requests are cut out of the stream, put
-//! into frames and sent to the router; answers come in any order and carry their transaction id. What a connection
-//! has open is bounded twice: by the `pipeline` setting (one more is answered 06h) and by frames (none free: the
-//! connection is not read until one of its own comes home).
+//! A listener has one connection per client that it allows, plus one that accepts newcomers and, when all are taken, decides
+//! which client is displaced: the ordinary client idle longest. Requests are split off the stream, put into frames and sent to
+//! the router; responses come in any order and carry their transaction ids. Two limits bound what a connection has in flight: the
+//! `pipeline` setting (one more gets 06h), and frames (without a free one, the connection is not read until one of its own
+//! returns).
 
 use core::convert::Infallible;
 use core::future::pending;
@@ -27,7 +27,7 @@ use crate::settings::{PortId, StreamFraming, TcpListen, TcpServerSettings};
 use crate::stats::Event;
 
 mod response;
-// One of two: what an `async` function awaits stays in it, also behind a constant.
+// A separate file, not a `cfg!` branch: what an `async` function awaits stays in its future even behind a false constant.
 #[cfg_attr(not(feature = "capture"), path = "tcp/no_export.rs")]
 mod export;
 mod window;
@@ -35,9 +35,9 @@ mod window;
 use self::response::{Response, Taken, Waits, Worth};
 use self::window::Window;
 
-/// A client that does not take a response for so long is closed.
+/// A client that does not accept a response for this long is disconnected.
 const WRITE_PATIENCE: Duration = Duration::from_secs(10);
-/// Pause after the listener failed.
+/// Pause after the listener fails.
 const LISTEN_PAUSE: Duration = Duration::from_secs(1);
 
 /// One connection of a TCP server.
@@ -50,8 +50,8 @@ pub(crate) struct Server<'s, 'g> {
     pub(crate) index: usize,
 }
 
-/// What a connection keeps of its server's settings. The lists of addresses it looks up when a client comes: each connection has a copy of
-/// this for ever.
+/// The settings a connection needs all the time. Address lists are looked up when a client connects: every connection holds a
+/// copy of this.
 #[derive(Clone, Copy)]
 pub(crate) struct Terms {
     listen: TcpListen,
@@ -68,11 +68,11 @@ impl Terms {
     }
 }
 
-/// Why a connection ends: what is counted then.
+/// The event to count when a connection ends.
 type End = Event;
 
 impl Server<'_, '_> {
-    /// Serves one client after the other, for ever. An `async fn` would keep what it is given twice, at each connection.
+    /// Serves one client after another, for ever. Not an `async fn`, which would store its arguments twice per connection.
     pub(crate) fn run<H: TcpHost>(&self, host: &mut H) -> impl Future<Output = Infallible> {
         let mut window = Window::new(self.settings.pipeline);
         async move {
@@ -105,7 +105,7 @@ impl Server<'_, '_> {
         }
     }
 
-    /// The next client. The listener is open while the one before is to be kept waiting.
+    /// Accepts the next client. The listener is open already while the window keeps newcomers waiting.
     async fn accept<'h, H: TcpHost>(
         &self,
         host: &'h mut H,
@@ -118,13 +118,13 @@ impl Server<'_, '_> {
         host.accept(listen).await
     }
 
-    /// The connection is empty: answers that still come find nobody.
+    /// The connection is free: responses that still arrive are dropped.
     pub(crate) fn left(&self) {
         self.connection.update(|connection| connection.peer = None);
         self.connection.responses.clear(self.gateway.pool());
     }
 
-    /// Takes the newcomer in and sees that there is room, or refuses it.
+    /// Admits the newcomer, making room if necessary, or refuses it.
     fn take_connection(&self, peer: SocketAddr) -> Result<Origin, End> {
         let now = Instant::now();
         self.connection.leave.reset();
@@ -166,7 +166,7 @@ impl Server<'_, '_> {
         Ok(Origin { port: self.id, reply_to: ReplyTo::Connection(self.index as u16), generation })
     }
 
-    /// Serves a client until it is gone. An `async fn` would keep what it is given twice, at each connection.
+    /// Serves a client until it disconnects. Not an `async fn`, which would store its arguments twice per connection.
     fn serve<S: TcpStream>(
         &self,
         stream: &mut S,
@@ -188,7 +188,7 @@ impl Server<'_, '_> {
                         let deaf = matches!(waits, Waits::ForFrame) || space.is_empty();
                         let read = async { if deaf { pending().await } else { stream.read(space).await } };
                         let responses = self.connection.responses.receive(self.gateway.pool());
-                        // Who is kept waiting is not idle.
+                        // A client that is kept waiting is not idle.
                         let kept = matches!(waits, Waits::ForTurn(_));
                         let idle_until = if kept { Instant::MAX } else { self.idle_until() };
                         let wake = until(idle_until.min(pause_end));
@@ -215,10 +215,10 @@ impl Server<'_, '_> {
         }
     }
 
-    /// Takes the requests that are whole, and says what the next one has to wait for.
+    /// Handles all complete requests; returns what the next one has to wait for.
     fn take_requests(&self, input: &mut Input, origin: Origin, window: &mut Window) -> Result<Waits, End> {
         loop {
-            // RTU answers do not say which request they belong to.
+            // RTU responses do not tell which request they belong to.
             if self.settings.framing == StreamFraming::Rtu && self.open_requests() > 0 {
                 return Ok(Waits::ForTurn(Instant::MAX));
             }
@@ -230,7 +230,7 @@ impl Server<'_, '_> {
             let (event, consumed) = match input.front() {
                 Ok(Parsed::Incomplete) => {
                     if !input.is_empty() {
-                        // The rest is on its way: others are idle.
+                        // The rest is on its way, so the client is not idle.
                         self.connection.update(|connection| connection.last_request = Instant::now());
                     }
                     return Ok(Waits::No);
@@ -264,7 +264,7 @@ impl Server<'_, '_> {
         }
     }
 
-    /// Sends a request to the router, or says why not.
+    /// Sends a request to the router, or returns why not.
     fn take(&self, origin: Origin, header: Header, request: &[u8]) -> Taken {
         if let Err(exception) = pdu::check_request(request) {
             self.port_state.stats.count(Event::Refused);
@@ -282,7 +282,7 @@ impl Server<'_, '_> {
             peer: self.peer().map(|peer| peer.ip().to_canonical()),
             ..Envelope::request(origin, header.unit, received, deadline)
         };
-        // The parser gives no longer PDU than fits.
+        // Fits: the parser limits the length of a PDU.
         let Some(frame) = self.gateway.pool().fill(self.index, request, envelope) else {
             return Taken::Starved;
         };
@@ -296,7 +296,7 @@ impl Server<'_, '_> {
         Taken::Sent
     }
 
-    /// Writes what the client gets. It is not flushed: on embassy-net that would wait for the peer's acknowledgement.
+    /// Writes a response. No flush: on embassy-net it would wait for the peer's acknowledgement.
     async fn write<S: TcpStream>(&self, stream: &mut S, response: &Response<'_>) -> Result<(), End> {
         let mut out = Pieces::new();
         loop {
@@ -313,7 +313,7 @@ impl Server<'_, '_> {
         }
     }
 
-    /// Puts the next piece of what the client gets into `out`; a frame that came home without a response is only counted off.
+    /// Encodes the next piece of the response into `out`; a frame that returned without one is only accounted for.
     fn encode(&self, response: &Response<'_>, out: &mut Pieces) {
         let frame = match response {
             Response::Refusal(header, response) => return self.put(*header, response, out),
@@ -339,7 +339,7 @@ impl Server<'_, '_> {
         out.take(self.settings.framing, header, response, |frame| self.tap(true, Event::Response, frame));
     }
 
-    /// Shows a frame from or to the client to whoever follows.
+    /// Shows the capture a frame from or to the client.
     fn tap(&self, sent: bool, verdict: Event, bytes: &[u8]) {
         let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: self.settings.framing.into() };
         let requester = || self.peer().map_or(0, |peer| peer.port());
@@ -359,7 +359,7 @@ impl Server<'_, '_> {
         self.connection.update(|connection| connection.peer)
     }
 
-    /// Requests of this connection that are not answered yet.
+    /// Requests of this connection without a response so far.
     fn open_requests(&self) -> u8 {
         self.connection.update(|connection| connection.open_requests)
     }

@@ -1,8 +1,8 @@
-//! A Modbus UDP server: each datagram is one Modbus TCP frame, and its response goes back to where it came from.
+//! A Modbus UDP server: each datagram is one Modbus TCP frame, and its response goes back to the sender.
 //!
-//! There are no connections, so what is open is kept in a table, bounded for each peer and in all; one more is answered
-//! 06h. A datagram that the network has doubled, or that a client repeats out of impatience, is not carried out again
-//! while the first one is open. One that is no whole frame is dropped.
+//! Without connections, open requests are kept in a table, bounded per peer and in total; one more gets 06h. A datagram
+//! duplicated by the network, or repeated by an impatient client, is not executed again while the first is open. A datagram that
+//! is not exactly one frame is dropped.
 
 use core::cell::RefCell;
 use core::net::SocketAddr;
@@ -21,14 +21,14 @@ use crate::port::server::listening;
 use crate::settings::{PortId, UDP_REQUESTS_MAX, UdpServerSettings};
 use crate::stats::Event;
 
-/// Pause after the socket failed.
+/// Pause after the socket fails.
 const BIND_PAUSE: Duration = Duration::from_secs(1);
-/// A datagram that is longer than a frame is seen to be.
+/// One byte more than a frame, to detect datagrams that are too long.
 const DATAGRAM_BYTES_MAX: usize = ADU_BYTES_MAX + 1;
 
-/// Where the datagram of a response is written.
+/// The buffer for a response.
 type Out = [u8; ADU_BYTES_MAX];
-/// Where it goes, and how long it is.
+/// Its destination and length.
 type Response = (SocketAddr, usize);
 
 /// A UDP server.
@@ -45,7 +45,7 @@ pub(crate) struct Server<'s, 'g> {
 struct Open {
     peer: SocketAddr,
     header: Header,
-    /// What its frame carries for a transaction id: ids of several peers may be the same.
+    /// The transaction id inside the gateway, since ids of different peers may be equal.
     number: u16,
 }
 
@@ -60,7 +60,7 @@ impl<'s, 'g> Server<'s, 'g> {
         Self { gateway, port_state, id, settings, open: RefCell::new(Vec::new()) }
     }
 
-    /// Keeps the socket open and answers, for ever.
+    /// Keeps the socket open and serves it, for ever.
     pub(crate) async fn run<H: UdpHost>(&self, host: &mut H) {
         loop {
             let port = self.settings.listen.port;
@@ -77,7 +77,7 @@ impl<'s, 'g> Server<'s, 'g> {
         }
     }
 
-    /// Nobody waits any more: answers that are there or still come are dropped.
+    /// The socket is gone: responses that arrive from now on are dropped.
     pub(crate) fn close(&self) {
         self.port_state.renew();
         self.port_state.queue.clear(self.gateway.pool());
@@ -105,7 +105,7 @@ impl<'s, 'g> Server<'s, 'g> {
         }
     }
 
-    /// Takes a datagram in: sends its request to the router, or writes the exception that it is answered with into `out`.
+    /// Handles a datagram: sends its request to the router, or writes an exception into `out`.
     fn take(&self, datagram: &[u8], peer: SocketAddr, number: u16, out: &mut Out) -> Option<Response> {
         let stats = &self.port_state.stats;
         if !self.settings.allowed.admits(peer.ip()) {
@@ -129,7 +129,7 @@ impl<'s, 'g> Server<'s, 'g> {
         self.response(peer, header, &response, out)
     }
 
-    /// Sends a request to the router; else says what is counted, and by which exception it is answered, if it is.
+    /// Sends a request to the router, or returns what to count and which exception to respond with, if any.
     fn ask(
         &self,
         header: Header,
@@ -151,18 +151,18 @@ impl<'s, 'g> Server<'s, 'g> {
             return Err((Event::QueueFull, Some(Exception::BUSY)));
         }
         let envelope = self.envelope(header.unit, peer, number);
-        // The parser gives no longer PDU than fits.
+        // Fits: the parser limits the length of a PDU.
         let Some(frame) = self.gateway.fill_for_port(self.id, request, envelope) else {
             return Err((Event::BackPressure, Some(Exception::BUSY)));
         };
         self.port_state.stats.count(Event::Request);
-        // There is room: `requests` is at most what the table holds.
+        // There is room: `requests` is at most the size of the table.
         let _ = open.push(Open { peer, header, number });
         self.gateway.inbox.send(frame);
         Ok(())
     }
 
-    /// Shows a frame from or to `peer` to whoever follows.
+    /// Shows the capture a frame from or to `peer`.
     fn tap(&self, peer: SocketAddr, sent: bool, verdict: Event, bytes: &[u8]) {
         let tap = Tap { capture: self.gateway.capture(), port: self.id, kind: FrameKind::Udp };
         tap.passed(|| peer.port(), sent, verdict, bytes);
@@ -179,7 +179,7 @@ impl<'s, 'g> Server<'s, 'g> {
         }
     }
 
-    /// Writes the response in `frame` into `out`, for whoever asked; none when the frame came home without one.
+    /// Writes the response in `frame` into `out`; none if the frame returned without one.
     fn respond(&self, frame: &Frame<'_>, out: &mut Out) -> Option<Response> {
         let envelope = frame.envelope();
         let mut open = self.open.borrow_mut();

@@ -140,11 +140,11 @@ fn an_error_names_the_word_and_its_column() {
         ("point x meter coil 0 bit 3", "column 22: \"bit\": is for registers only"),
         (
             "point x meter coil 0 count 17 as u16",
-            "column 28: \"17\": expected a multiple of 16: a value is so many bits",
+            "column 28: \"17\": expected a multiple of 16: a value has that many bits",
         ),
         (
             "point x meter coil 0 as u32 count 16",
-            "column 35: \"16\": expected a multiple of 32: a value is so many bits",
+            "column 35: \"16\": expected a multiple of 32: a value has that many bits",
         ),
         (
             "point x meter coil 65521 count 16 as u16",
@@ -198,11 +198,11 @@ fn an_error_names_the_word_and_its_column() {
         ("point x local holding 900 of nobody", "column 30: \"nobody\": there is no point of this name"),
         (
             "point x local holding 900 of power count 2",
-            "column 36: \"count\": cannot stand with of: the other point has the values",
+            "column 36: \"count\": cannot be combined with of: the other point has the values",
         ),
         (
             "point power local input 900 of kept",
-            "column 7: \"power\": stands before the point that it would show: delete it first",
+            "column 7: \"power\": comes before the point that it would show: delete it first",
         ),
         (
             "point power meter input 0 count 7 as f32",
@@ -223,26 +223,26 @@ fn an_error_names_the_word_and_its_column() {
             "device x unit 5 order 3201",
             "column 23: \"3201\": expected 0123, 2301, 1032 or 3210; did you mean 2301?",
         ),
-        ("delete device meter", "column 15: \"meter\": points are in this device: delete those first"),
+        ("delete device meter", "column 15: \"meter\": points refer to this device: delete them first"),
         (
             "delete point power",
             "column 14: \"power\": another point shows this one: delete or change that first",
         ),
         ("delete point nobody", "column 14: \"nobody\": there is no point of this name"),
         ("port other scanner", "column 12: \"scanner\": another port is the scanner"),
-        ("port scan tcp server 502", "column 6: \"scan\": this port asks the devices: delete those first"),
+        ("port scan tcp server 502", "column 6: \"scan\": this port polls the devices: delete them first"),
         ("port other scanner broadcast all", "column 20: \"broadcast\": expected the end of the line"),
         ("edit port scan broadcast all", "column 16: \"broadcast\": a scanner has nothing to set"),
         (
             "route scan 1 10.0.0.1 * bus",
-            "column 14: \"10.0.0.1\": askers of this source have no IP address: expected *",
+            "column 14: \"10.0.0.1\": clients of this source have no IP address: expected *",
         ),
     ] {
         assert_eq!(error(line), expected, "{line}");
     }
     let mut empty = Settings::new();
     let error = apply(&mut empty, "device x unit 5").unwrap_err().to_string();
-    assert_eq!(error, "column 8: \"x\": no port asks devices: type port NAME scanner first");
+    assert_eq!(error, "column 8: \"x\": there is no scanner port: type port NAME scanner first");
 }
 
 #[test]
@@ -252,12 +252,12 @@ fn devices_points_and_values_are_bounded() {
         apply(&mut settings, &format!("device d{unit} unit {unit}")).unwrap();
     }
     let full = apply(&mut settings, "device d33 unit 33").unwrap_err().to_string();
-    assert_eq!(full, "column 8: \"d33\": there are 32 devices already, the most there can be");
+    assert_eq!(full, "column 8: \"d33\": there are 32 devices already, the maximum");
     for point in 0..128 {
         apply(&mut settings, &format!("point p{point} d1 holding {point}")).unwrap();
     }
     let full = apply(&mut settings, "point more d1 holding 0").unwrap_err().to_string();
-    assert_eq!(full, "column 7: \"more\": there are 128 points already, the most there can be");
+    assert_eq!(full, "column 7: \"more\": there are 128 points already, the maximum");
     for point in 0..16 {
         let _ = apply(&mut settings, &format!("point p{point} d1 holding 0 count 123"));
     }

@@ -114,7 +114,7 @@ fn many_stations_behind_tcp_have_a_connection_each_and_a_broken_one_backs_off_al
                 4 => assert_eq!(status.error().map(|error| error as u8), Some(5)),
                 _ => {
                     assert_eq!(device.failures, before.failures);
-                    assert_eq!(device.answers, before.answers + 50);
+                    assert_eq!(device.responses, before.responses + 50);
                 }
             }
         }
@@ -192,7 +192,7 @@ fn what_the_ports_full_queue_refuses_is_not_taken_for_the_devices_answer() {
         assert!(refused > 0 && rig.counted("bus", Event::QueueFull) > full);
         let status = scanner(rig, |scanner| scanner.device_status(DeviceId(0), Instant::now())).unwrap();
         assert_eq!((status.exceptions, status.exception, status.alive), (0, 0, Some(true)));
-        assert!(u64::from(status.answers).abs_diff(device.counters().all_requests()) <= 1, "{status:?}");
+        assert!(u64::from(status.responses).abs_diff(device.counters().all_requests()) <= 1, "{status:?}");
         world.run_for(10 * SECOND);
         assert_eq!(device.memory().holding[10], 19, "the last write has found its way");
     });
@@ -232,7 +232,7 @@ fn with_one_frame_for_itself_a_scanner_asks_one_device_after_the_other_and_leave
         assert!(rig.counted("scan", Event::BackPressure) > 0);
         for n in 0..8 {
             let status = scanner(rig, |scanner| scanner.device_status(DeviceId(n), Instant::now())).unwrap();
-            assert!(status.failures == 0 && (39..=41).contains(&status.answers), "{n}: {status:?}");
+            assert!(status.failures == 0 && (39..=41).contains(&status.responses), "{n}: {status:?}");
         }
     });
 }
@@ -288,8 +288,8 @@ fn an_answer_to_what_a_deleted_device_was_asked_is_not_taken_for_its_successors(
         let status = || scanner(rig, |scanner| scanner.device_status(DeviceId(0), Instant::now())).unwrap();
         world.run_for(900 * MS);
         assert_eq!(devices.each_ref().map(|device| device.counters().all_requests()), [1, 1]);
-        assert_eq!(status().answers, 0, "the old one has answered");
+        assert_eq!(status().responses, 0, "the old one has answered");
         world.run_for(SECOND);
-        assert_eq!(status().answers, 1);
+        assert_eq!(status().responses, 1);
     });
 }

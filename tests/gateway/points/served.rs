@@ -254,11 +254,11 @@ fn a_device_that_is_left_alone_says_how_long() {
     assert_eq!(scanner.read(id, at(1_000)), Err(Refused::BackingOff(Duration::from_secs(14))));
     assert_eq!(
         Refused::BackingOff(Duration::from_millis(1_500)).to_string(),
-        "its device does not answer, and is tried again in 2s"
+        "its device does not respond; next attempt in 2s"
     );
     let status = |ms| scanner.device_status(device, at(ms)).unwrap();
     assert_eq!((status(14_999).backs_off_until, status(15_000).backs_off_until), (Some(at(15_000)), None));
-    assert_eq!((status(0).requests, status(0).failures, status(0).answers), (3, 3, 0));
+    assert_eq!((status(0).requests, status(0).failures, status(0).responses), (3, 3, 0));
     assert_eq!((status(0).alive, status(0).error), (Some(false), Some(ErrorCode::Timeout)));
     assert!(scanner.status(id, at(14_999)).any(Status::BACKING_OFF));
     assert!(!scanner.status(id, at(15_000)).any(Status::BACKING_OFF));

@@ -165,7 +165,7 @@ fn a_devices_exceptions_are_counted_among_its_answers() {
         let request = scanner.next(now).unwrap();
         scanner.answered(device, now, Ok(&[request.pdu[0] | 0x80, 2]));
         let status = scanner.device_status(device, now).unwrap();
-        assert_eq!((status.requests, status.answers, status.exceptions), (count, count, count));
+        assert_eq!((status.requests, status.responses, status.exceptions), (count, count, count));
         assert_eq!(status.exception, 2);
     }
 }
@@ -192,7 +192,8 @@ fn what_a_rule_forbids_is_the_rows_error_and_none_of_the_devices_exceptions() {
         let status = scanner.status(id, at(2));
         assert_eq!(status.bits(), 1 << 2 | 1 << 11 | u16::from(exception) << 12, "{status:?}");
         let after = scanner.device_status(device, at(2)).unwrap();
-        let same = |status: DeviceStatus| (status.alive, status.heard, status.exceptions, status.answers);
+        let same =
+            |status: DeviceStatus| (status.alive, status.last_response, status.exceptions, status.responses);
         assert_eq!(same(after), same(before));
         assert_eq!((after.exception, after.failures), (0, before.failures + 1));
         assert_eq!(after.backs_off_until, None);
@@ -229,7 +230,7 @@ fn what_a_full_queue_refuses_is_a_missing_way_and_waits_for_the_next_scan() {
         assert_eq!(scanner.next(now + 199 * MS), None);
     }
     let status = scanner.device_status(device, at(4_000)).unwrap();
-    assert_eq!((status.alive, status.exception, status.exceptions, status.answers), (None, 0, 0, 0));
+    assert_eq!((status.alive, status.exception, status.exceptions, status.responses), (None, 0, 0, 0));
     // However often it was refused, the device has not been silent.
     assert!(lose(&mut scanner, at(4_000)).is_some());
     assert_eq!(exchange(&mut scanner, at(4_000)).unwrap().pdu, [6, 0, 0, 0, 1]);

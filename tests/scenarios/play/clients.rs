@@ -24,10 +24,10 @@ pub(super) struct Clients<'s> {
 
 struct Connected {
     session: Session,
-    questions: BTreeMap<u16, Question>,
+    questions: BTreeMap<u16, CacheKey>,
 }
 
-struct Question {
+struct CacheKey {
     unit: u8,
     pdu: Vec<u8>,
     at: Instant,
@@ -127,7 +127,7 @@ impl Connected {
                 let at = Instant::now();
                 let transaction = world.run_until(self.session.send(*unit, pdu));
                 let transaction = transaction.ok_or("its connection has ended")?;
-                self.questions.insert(transaction, Question { unit: *unit, pdu: pdu.clone(), at });
+                self.questions.insert(transaction, CacheKey { unit: *unit, pdu: pdu.clone(), at });
                 Ok(())
             }
             Action::Sends(bytes) => match world.run_until(self.session.send_bytes(bytes)) {

@@ -1,4 +1,4 @@
-//! What comes back on a connection: answers paired with their requests, and requests whose answers do not come.
+//! The receiving half of a connection: matches responses to requests, and expires requests that got none.
 
 use embassy_time::{Duration, Instant};
 
@@ -15,11 +15,11 @@ use crate::settings::StreamFraming;
 use crate::stats::Event;
 
 impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
-    /// So many bytes have been read.
+    /// `count` bytes have been read.
     pub(super) fn received(&mut self, count: usize) -> Result<(), End> {
         self.length += count;
-        self.heard = Instant::now();
-        self.active = self.active.max(self.heard);
+        self.received_at = Instant::now();
+        self.active = self.active.max(self.received_at);
         match self.settings.framing {
             StreamFraming::Mbap => self.take_frames(),
             StreamFraming::Rtu | StreamFraming::Capture => {
@@ -29,7 +29,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         }
     }
 
-    /// Takes the Modbus TCP frames that have come.
+    /// Handles all complete Modbus TCP frames received so far.
     fn take_frames(&mut self) -> Result<(), End> {
         let stats = &self.dispatcher.port_state().stats;
         loop {
@@ -53,7 +53,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
                     }
                     consumed
                 }
-                // Nobody asked for another protocol: the border between two frames is lost.
+                // Another protocol, or a bad length: the frame boundary is lost.
                 Ok(Parsed::Skip { .. }) | Err(_) => {
                     stats.count(Event::Malformed);
                     return Err(End::Lost);
@@ -64,69 +64,70 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         }
     }
 
-    /// Takes the RTU response, if it is whole.
+    /// Handles the RTU response once it is complete.
     fn take_response(&mut self) {
-        let Some(pending) = self.pending_requests.first() else { return self.take_unawaited() };
+        let Some(pending) = self.pending_requests.first() else { return self.take_unsolicited() };
         let request = self.dispatcher.request(&pending.request);
         let (id, unit) = (pending.id, pending.unit);
         let outside = self.dispatcher.outside(unit);
-        let heard = self.input.get(..self.length).unwrap_or(&[]);
-        if let Received::Complete(pdu) = rtu::response(outside, &request, heard) {
-            let end = rtu::end_of(pdu, heard);
+        let received = self.input.get(..self.length).unwrap_or(&[]);
+        if let Received::Complete(pdu) = rtu::response(outside, &request, received) {
+            let end = rtu::end_of(pdu, received);
             match self.judge(unit, pdu, true, Event::Misfit) {
                 Ok(()) => {
-                    self.tap(false, Event::Response, heard);
+                    self.tap(false, Event::Response, received);
                     self.proven = true;
                     if let Some(pending) = self.pending_requests.finish(id) {
                         respond_rtu(self.dispatcher, pending, &request, pdu);
                     }
                 }
                 Err(event) => {
-                    self.tap(false, event, heard);
+                    self.tap(false, event, received);
                     self.dispatcher.port_state().disturbed(unit, event);
                 }
             }
             self.drop_first(end);
-        } else if rtu::decode(heard).is_ok_and(|(from, pdu)| from != outside || fits(&request, pdu).is_err())
+        } else if rtu::decode(received)
+            .is_ok_and(|(from, pdu)| from != outside || fits(&request, pdu).is_err())
         {
-            // A whole frame, and not that: what it is need not wait for a pause.
-            self.judge_heard();
+            // A complete frame, but not that response: no need to wait for a pause to judge it.
+            self.judge_received();
         } else if self.length >= rtu::FRAME_BYTES_MAX {
-            // No frame is that long: keep the newest part, in which the response may be.
+            // No frame is that long: keep the newest part, which may contain the response.
             self.input.copy_within(self.length - rtu::FRAME_BYTES_MAX / 2..self.length, 0);
             self.length = rtu::FRAME_BYTES_MAX / 2;
         }
     }
 
-    /// Whether a part of a Modbus TCP frame is there whose rest should have come by now. What comes next may be anything, so a
-    /// new connection is the way to find a frame's beginning again.
-    pub(super) fn is_astray(&self) -> bool {
+    /// Whether a partial Modbus TCP frame is in the buffer whose rest is overdue. What follows may start anywhere in a frame, so
+    /// only a new connection restores framing.
+    pub(super) fn is_out_of_sync(&self) -> bool {
         self.settings.framing == StreamFraming::Mbap && self.length > 0
     }
 
-    /// When the pause behind what came by RTU over TCP has lasted long enough to judge it.
+    /// When the pause after the bytes received by RTU over TCP is long enough to judge them.
     pub(super) fn pause_end(&self) -> Instant {
         let waits = self.settings.framing == StreamFraming::Rtu && self.length > 0;
-        if waits { self.heard + RTU_PAUSE } else { Instant::MAX }
+        if waits { self.received_at + RTU_PAUSE } else { Instant::MAX }
     }
 
-    /// Judges what came by RTU over TCP when a pause, or the response time's end, says that no more comes.
+    /// Judges what arrived by RTU over TCP once a pause, or the end of the response time, shows that no more follows.
     pub(super) fn judge_pause(&mut self) {
         let now = Instant::now();
         let over = self.pending_requests.first_deadline().is_some_and(|deadline| deadline <= now);
         if self.pause_end() == Instant::MAX || (self.pause_end() > now && !over) {
             return;
         }
-        self.judge_heard();
+        self.judge_received();
     }
 
-    /// Judges what came by RTU over TCP as if no more came.
-    fn judge_heard(&mut self) {
-        let Some(pending) = self.pending_requests.first() else { return self.judge_unawaited() };
+    /// Judges the bytes received by RTU over TCP as a finished frame.
+    fn judge_received(&mut self) {
+        let Some(pending) = self.pending_requests.first() else { return self.judge_unsolicited() };
         let request = &self.dispatcher.request(&pending.request);
         let (id, unit) = (pending.id, pending.unit);
-        let heard = self.input.get(..self.length).unwrap_or(&[]);
-        let judged = rtu::response_at_silence(self.dispatcher.outside(unit), request, heard);
+        let received = self.input.get(..self.length).unwrap_or(&[]);
+        let judged = rtu::response_at_silence(self.dispatcher.outside(unit), request, received);
         let verdict = match judged {
             AtSilence::Complete(pdu) => {
                 self.judge(unit, pdu, true, Event::Misfit).err().unwrap_or(Event::Response)
@@ -143,7 +144,7 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
             }
             AtSilence::Noise => Event::Noise,
         };
-        self.tap(false, verdict, heard);
+        self.tap(false, verdict, received);
         let port_state = self.dispatcher.port_state();
         match (judged, verdict) {
             (AtSilence::Complete(pdu), Event::Response) => {
@@ -165,35 +166,36 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         self.length = 0;
     }
 
-    /// Whether `response`, in a good frame of `unit`, is the one that is `awaited`; if not, it is a late one, or `other`.
-    fn judge(&self, unit: u8, response: &[u8], awaited: bool, other: Event) -> Result<(), Event> {
+    /// Whether `response`, in a valid frame from `unit`, is the `expected` one; otherwise the event is `Late`, or `other`.
+    fn judge(&self, unit: u8, response: &[u8], expected: bool, other: Event) -> Result<(), Event> {
         let now = Instant::now();
-        let judged = self.dispatcher.port_state().units(|units| units.heard(unit, response, awaited, now));
+        let judged =
+            self.dispatcher.port_state().units(|units| units.match_response(unit, response, expected, now));
         judged.map_err(|event| if event == Event::Late { event } else { other })
     }
 
-    /// No response is awaited, but one may come: it is judged when it is whole.
-    fn take_unawaited(&mut self) {
-        if self.heard < self.opened + self.settling() {
-            // What it answers, nobody knows.
+    /// No request is in flight; a response may still arrive late, and is judged once it is complete.
+    fn take_unsolicited(&mut self) {
+        if self.received_at < self.opened + self.settling() {
+            // During settling, nothing can be matched.
             self.drop_noise();
         } else if self.length >= rtu::FRAME_BYTES_MAX || rtu::decode(self.first(self.length)).is_ok() {
-            self.judge_unawaited();
+            self.judge_unsolicited();
         }
     }
 
-    /// Judges what has come while no response was awaited.
-    pub(super) fn judge_unawaited(&mut self) {
-        let heard = self.input.get(..self.length).unwrap_or(&[]);
-        let Ok((unit, pdu)) = rtu::decode(heard) else { return self.drop_noise() };
+    /// Judges bytes that arrived while no request was in flight.
+    pub(super) fn judge_unsolicited(&mut self) {
+        let received = self.input.get(..self.length).unwrap_or(&[]);
+        let Ok((unit, pdu)) = rtu::decode(received) else { return self.drop_noise() };
         let Some(unit) = self.dispatcher.inside(self.server, unit) else { return self.drop_noise() };
         let event = self.judge(unit, pdu, false, Event::Unsolicited).err().unwrap_or(Event::Unsolicited);
-        self.tap(false, event, heard);
+        self.tap(false, event, received);
         self.dispatcher.port_state().disturbed(unit, event);
         self.length = 0;
     }
 
-    /// The order of `pending` got no response.
+    /// `pending` got no response.
     pub(super) fn failed(&self, pending: &PendingRequest<Frame<'g>>) {
         let (down_after, retries) = (self.settings.down_after, self.settings.retries);
         if self.dispatcher.is_proving(&pending.request) {
@@ -203,18 +205,18 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         }
     }
 
-    /// Drops the first `count` bytes of what has come.
+    /// Drops the first `count` received bytes.
     fn drop_first(&mut self, count: usize) {
         self.input.copy_within(count.min(self.length)..self.length, 0);
         self.length = self.length.saturating_sub(count);
     }
 
-    /// The first `count` bytes of what has come.
+    /// The first `count` received bytes.
     fn first(&self, count: usize) -> &[u8] {
         self.input.get(..count).unwrap_or(&[])
     }
 
-    /// Drops what has come and is no response.
+    /// Drops received bytes that are not a response.
     pub(super) fn drop_noise(&mut self) {
         if self.length > 0 {
             self.dispatcher.port_state().stats.count(Event::Noise);
@@ -223,9 +225,9 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
         }
     }
 
-    /// Gives up what has waited for its response long enough; says whether something has.
+    /// Expires requests past the response time-out; returns whether there were any.
     pub(super) fn expire(&mut self) -> bool {
-        // Transaction ids tell late responses from others. RTU has none, and needs no places for lost ids.
+        // Transaction ids tell late responses apart. RTU has none, so it needs no slots for lost ids.
         let window = match self.settings.framing {
             StreamFraming::Mbap => self.settings.late_window(),
             StreamFraming::Rtu | StreamFraming::Capture => Duration::from_ticks(0),
@@ -241,8 +243,8 @@ impl<'g, S: TcpStream> TcpConnection<'_, 'g, S> {
     }
 }
 
-/// The open request that a Modbus TCP frame answers; else what the frame is, and which unit was asked if that is known. Units have
-/// other ids `outside`.
+/// The pending request that a Modbus TCP frame answers; otherwise how to count the frame, and for which unit if that is known.
+/// `outside` maps a unit to the server's id for it.
 fn pair<'g>(
     pending_requests: &mut PendingRequests<Frame<'g>>,
     header: Header,
@@ -258,16 +260,16 @@ fn pair<'g>(
     pending_requests.finish(header.transaction).ok_or((None, Event::Stray))
 }
 
-/// Sends the request home with `pdu` as its response.
+/// Completes the request with `pdu` as its response.
 fn respond<'g>(dispatcher: &Dispatcher<'g>, pending: PendingRequest<Frame<'g>>, pdu: &[u8]) {
-    // It fits into the frame: it is no longer than a PDU may be.
+    // Fits: no longer than a PDU may be.
     let _ = pending.request.replace(pdu);
     let exception = pending.request.function() & EXCEPTION_BIT != 0;
     dispatcher.port_state().answered(pending.unit, pending.sent.elapsed(), exception);
     dispatcher.done(&pending.request);
 }
 
-/// Sends the request home with `pdu` as its response, unless that was the proof that it waited for.
+/// Completes the request with `pdu` as its response, unless `pdu` answers the proof sent ahead of it.
 fn respond_rtu<'g>(
     dispatcher: &Dispatcher<'g>,
     pending: PendingRequest<Frame<'g>>,

@@ -1,16 +1,16 @@
-//! Reads that may be asked for together: which of those that wait become one, and what is asked then. Pure.
+//! Combining reads of neighbouring addresses: which waiting reads become one, and what it asks for. Pure.
 
 use crate::frame::{Envelope, Frame};
 use crate::modbus::pdu::Block;
 use crate::port::client::dispatcher::entry::block;
 use crate::settings::{AddressRange, Merge};
 
-/// A read that others may join, or what has become of several.
+/// A read that may be combined with others, or the result of combining several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct CombinedRead {
-    /// What is asked for.
+    /// What it reads.
     pub(super) block: Block,
-    /// The most addresses between two reads that all rules allow to be read along, and the most that there are.
+    /// The largest gap that all rules allow between two reads, and the largest there is.
     gap_allowed: u16,
     gap: u16,
     /// The addresses that all rules allow.
@@ -18,14 +18,14 @@ pub(super) struct CombinedRead {
 }
 
 impl CombinedRead {
-    /// What `frame` asks for, if its rule lets others join it.
+    /// The read in `frame`, if its rule allows combining.
     pub(super) fn of(frame: &Frame<'_>) -> Option<Self> {
         let Merge::Near(gap_allowed) = frame.sharing().merge else { return None };
         let Envelope { addresses, .. } = frame.envelope();
         Some(Self { block: block(frame)?, gap_allowed: gap_allowed.into(), gap: 0, addresses })
     }
 
-    /// Both in one, if the rules of both allow that.
+    /// Both as one read, if both rules allow it.
     pub(super) fn combine(&self, other: &Self) -> Option<Self> {
         let combined = Self {
             block: self.block.hull(&other.block)?,
@@ -38,21 +38,21 @@ impl CombinedRead {
         allowed.then_some(combined)
     }
 
-    /// This read with all of `others` that can be combined, also when only what lies between makes them neighbours.
+    /// Combines this read with all of `others` that fit, including those that become neighbours only through one in between.
     pub(super) fn combine_all<I: Iterator<Item = Self>>(mut self, others: impl Fn() -> I) -> Self {
         loop {
             let before = self.block;
             for other in others() {
                 self = self.combine(&other).unwrap_or(self);
             }
-            // Every round but the last makes the block longer, up to what one request can ask for.
+            // Terminates: every round but the last grows the block, up to the length limit of one request.
             if self.block == before {
                 return self;
             }
         }
     }
 
-    /// Whether `other` is a part of this.
+    /// Whether this read covers `other`.
     pub(super) fn serves(&self, other: &Self) -> bool {
         self.combine(other).is_some_and(|combined| combined.block == self.block)
     }

@@ -1,5 +1,5 @@
-//! Which of the port's connections serves whom: a free one takes the server of the request whose turn it is, and where all are taken
-//! the one that is needed least is asked to go.
+//! Assigns the port's connections to servers: a free one connects to the server of the next request, and when all are taken the
+//! least needed is closed.
 
 use embassy_futures::select::select;
 use embassy_time::Instant;
@@ -14,12 +14,12 @@ use crate::port::timer::until;
 use crate::settings::{SERVERS, ServerAddress, Settings};
 
 impl<'g> Dispatcher<'g> {
-    /// Links that are in use.
+    /// Connections in use.
     pub(crate) fn connections(&self) -> u8 {
         self.connections
     }
 
-    /// Waits until [`Dispatcher::next`], or [`Dispatcher::chosen`], may have something new to say to `connection`.
+    /// Waits until [`Dispatcher::next`] or [`Dispatcher::chosen`] may return something new for `connection`.
     pub(crate) async fn changed(&self, connection: u8) {
         match self.changed.get(usize::from(connection)) {
             Some(changed) => changed.wait().await,
@@ -27,8 +27,8 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// Tells who may serve `unit` that something has changed: the connection that has its server, or else all.
-    pub(super) fn tell(&self, unit: u8) {
+    /// Wakes the connection that has the server of `unit`, or all connections if none has it.
+    pub(super) fn notify(&self, unit: u8) {
         let connection = if self.has_one_connection() { Some(0) } else { self.servers().connection(unit) };
         match connection.and_then(|connection| self.changed.get(usize::from(connection))) {
             Some(changed) => changed.signal(()),
@@ -41,7 +41,7 @@ impl<'g> Dispatcher<'g> {
         CONNECTIONS_MAX == 1 || self.connections == 1
     }
 
-    /// The server that `connection`, which is free, connects to next; `keeps`: connections are opened before there is a request.
+    /// The server that the free `connection` connects to next; with `keeps`, connections are opened before there is a request.
     pub(crate) async fn chosen(&self, connection: u8, keeps: bool) -> usize {
         loop {
             let now = Instant::now();
@@ -54,7 +54,7 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// The server of the request whose turn it is, of those whose servers no connection has; or when there may be one.
+    /// The server of the next request whose server has no connection; otherwise when to look again.
     fn first_unconnected(&self, now: Instant) -> (Option<usize>, Instant) {
         if CONNECTIONS_MAX == 1 {
             // There is one server.
@@ -75,9 +75,9 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// Where servers wait for connections and all are taken, asks for as many; gives the time from which on others may.
+    /// When servers wait for connections and all are taken, asks connections to close; returns when to look again.
     pub(crate) fn make_room(&self) -> Instant {
-        // Where each server may have a connection of its own none is ever short.
+        // With a connection for every server there is never a shortage.
         if CONNECTIONS_MAX == 1 || usize::from(self.connections) >= self.servers().len() {
             return Instant::MAX;
         }
@@ -97,7 +97,7 @@ impl<'g> Dispatcher<'g> {
         let free = usize::from(self.connections).saturating_sub(self.servers().connected_count()) + leaving;
         let (requests, all) = (wanted.count_ones() as usize, (wanted | retries).count_ones() as usize);
         for nth in free..all {
-            let need = if nth < requests { Need::Order } else { Need::Retry };
+            let need = if nth < requests { Need::Request } else { Need::Retry };
             if !socket::ask_for_one(sockets, need, None) {
                 break;
             }
@@ -105,23 +105,23 @@ impl<'g> Dispatcher<'g> {
         later
     }
 
-    /// Whether a request for `server` waits, or is to be sent again.
+    /// Whether a request for `server` is waiting or is to be sent again.
     pub(crate) fn is_wanted(&self, server: usize) -> bool {
         let is_its = |unit| self.is_of(server, unit);
         self.queue().units().any(is_its) || self.current().iter().any(|request| is_its(request.target()))
     }
 
-    /// Whether `unit` is one of `server`.
+    /// Whether `unit` belongs to `server`.
     pub(crate) fn is_of(&self, server: usize, unit: u8) -> bool {
         CONNECTIONS_MAX == 1 || self.servers().of(unit) == Some(server)
     }
 
-    /// What `unit` is called by its server.
+    /// The server's own id for `unit`.
     pub(crate) fn outside(&self, unit: u8) -> u8 {
         if CONNECTIONS_MAX == 1 { unit } else { self.servers().outside(unit).unwrap_or(unit) }
     }
 
-    /// The unit that `server` calls `outside`, if it is asked for such a one.
+    /// The unit that `server` knows as `outside`, if any.
     pub(crate) fn inside(&self, server: usize, outside: u8) -> Option<u8> {
         if CONNECTIONS_MAX == 1 { Some(outside) } else { self.servers().inside(server, outside) }
     }
@@ -131,33 +131,33 @@ impl<'g> Dispatcher<'g> {
         self.servers().opened(server);
     }
 
-    /// The connection of `server` has done with it, and all was well.
-    pub(crate) fn left(&self, server: usize) {
+    /// The connection of `server` ended normally.
+    pub(crate) fn disconnected(&self, server: usize) {
         let mut servers = self.servers();
         servers.well(server);
         servers.release(server);
     }
 
-    /// The connection of `server` is needed elsewhere before it is connected.
+    /// The socket for `server` was needed elsewhere before it connected.
     pub(crate) fn put_off(&self, server: usize) {
         let mut servers = self.servers();
         servers.put_off(server, Instant::now());
         servers.release(server);
     }
 
-    /// `server` cannot be reached, or says nothing: what was on the wire is answered 0Bh, what waits or comes 0Ah.
+    /// `server` is unreachable or silent: requests on the wire get 0Bh, waiting and new ones 0Ah.
     pub(crate) fn failed_to_reach(&self, server: usize) {
         self.servers().failed(server, Instant::now());
         self.close_requests(Some(server));
         self.servers().release(server);
     }
 
-    /// Where `server` is.
+    /// The address of `server`.
     pub(crate) fn address(&self, server: usize) -> Option<ServerAddress> {
         self.gateway.settings(|settings| settings.address(self.id, server).cloned())
     }
 
-    /// Notes how all servers are doing.
+    /// Sets the status of all servers.
     pub(crate) fn set_all_statuses(&self, status: Status) {
         let count = if SERVERS { self.servers().len().max(1) } else { 1 };
         for server in 0..count {
@@ -165,7 +165,7 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// Notes how `server` is doing, and so the port; gives what was known before.
+    /// Sets the status of `server`, and derives that of the port; returns the previous one.
     pub(crate) fn set_status(&self, server: usize, status: Status) -> Status {
         let mut best = status;
         let of_line = |settings: &Settings| {
@@ -180,7 +180,7 @@ impl<'g> Dispatcher<'g> {
         before.unwrap_or(of_port)
     }
 
-    /// One of the requests for `server` that are being carried out, if there is one that `is_lost`.
+    /// A request in flight for `server` for which `is_lost` holds.
     pub(crate) fn lost(&self, server: usize, is_lost: impl Fn(&Frame<'g>) -> bool) -> Option<Frame<'g>> {
         let current = self.current();
         let lost = current.iter().find(|request| self.is_of(server, request.target()) && is_lost(request));

@@ -1,5 +1,5 @@
-//! What a dispatcher must know of a request: its place in the queue, what it asks, and, once it is carried out, what its response is
-//! good for.
+//! What the dispatcher derives from a request: its queue entry, the block it reads, and which part of a combined response is its
+//! own.
 
 use crate::frame::{Envelope, Fill, Frame, ReplyTo, Transaction};
 use crate::modbus::PDU_BYTES_MAX;
@@ -7,13 +7,13 @@ use crate::modbus::pdu::Block;
 use crate::port::client::queue::{Access, Entry, Requester};
 use crate::settings::Merge;
 
-/// What `frame` asks for, if that is a block and sure: of a frame that still arrives nobody knows yet whether it is good.
+/// The block that `frame` reads. None while it is still arriving: its CRC has not been checked yet.
 pub(super) fn block(frame: &Frame<'_>) -> Option<Block> {
     if frame.filled().1 == Fill::Complete { frame.pdu(Block::of) } else { None }
 }
 
 impl Transaction {
-    /// The response to who wanted `asked`, which follows from the `response` to what was asked for.
+    /// The response for the requester of `asked`, cut out of the `response` to the combined read.
     pub(super) fn response_to<'a>(
         &self,
         asked: Option<Block>,
@@ -21,22 +21,22 @@ impl Transaction {
         part: &'a mut [u8; PDU_BYTES_MAX],
     ) -> &'a [u8] {
         match (self.combined, asked) {
-            // All reads that it combines are parts of it.
+            // A combined read covers all its parts.
             (Some(combined), Some(asked)) => combined.part(response, &asked, part).unwrap_or(&[]),
             _ => response,
         }
     }
 
-    /// Reduces the request in `frame` to what it asked for itself; says whether it was combined with others.
+    /// Restores the request in `frame` to its own read; returns whether it was combined with others.
     pub(super) fn split(&self, frame: &Frame<'_>) -> bool {
         let (Some(asked), Some(_)) = (self.asked, self.combined) else { return false };
-        // It was in there before.
+        // Fits: it is the original request.
         let _ = frame.replace(&asked.request());
         true
     }
 }
 
-/// What the queue must know of a request, which is a read or not.
+/// The queue entry of a request.
 pub(super) fn entry(envelope: &Envelope, is_read: bool) -> Entry {
     let access = match is_read {
         false => Access::Write,
@@ -52,7 +52,7 @@ pub(super) fn entry(envelope: &Envelope, is_read: bool) -> Entry {
     }
 }
 
-/// Who asked, as far as fairness goes.
+/// The requester, for fairness.
 pub(super) fn requester(envelope: &Envelope) -> Requester {
     let origin = envelope.origin;
     // A port has connections or a line, not both.

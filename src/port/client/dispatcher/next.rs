@@ -1,4 +1,4 @@
-//! Which request is served next.
+//! Selects the next request to send.
 
 use embassy_time::Instant;
 
@@ -11,11 +11,11 @@ use crate::port::client::servers::CONNECTIONS_MAX;
 use crate::stats::Event;
 
 impl<'g> Dispatcher<'g> {
-    /// Sends home what must not be sent any more.
+    /// Expired or abandoned requests are dropped, and those for units that are down.
     pub(super) fn sweep(&self) {
         let now = Instant::now();
         self.swept.set(milliseconds(now));
-        let gate = self.gates(self.all_well(now));
+        let gate = self.gates(self.all_healthy(now));
         loop {
             let unwanted = self.queue().take_if(|frame, entry| {
                 if self.gateway.is_gone(frame.origin()) {
@@ -35,7 +35,7 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// The next request for `connection`, which is being carried out from now on.
+    /// The next request for `connection`; it counts as in flight from now on.
     pub(crate) fn next(&self, connection: u8) -> Next<Frame<'g>> {
         let now = Instant::now();
         self.sweep_if_due(now);
@@ -43,7 +43,7 @@ impl<'g> Dispatcher<'g> {
             return Next::Empty;
         }
         loop {
-            // A request that was postponed has closed its unit's gate.
+            // Computed in each round: postponing a request closes its unit's gate.
             let ready = self.readiness(now);
             let is_only = CONNECTIONS_MAX == 1 || self.servers().len() == 1;
             let is_here = |unit| is_only || self.servers().connection(unit) == Some(connection);
@@ -53,7 +53,7 @@ impl<'g> Dispatcher<'g> {
                 self.count_waiting();
                 return next;
             };
-            // Others whose requesters have gone are found out when their turn comes, or the queue is full.
+            // Other abandoned requests are found when their turn comes, or when the queue is full.
             if self.gateway.is_gone(frame.origin()) {
                 self.fail(frame, Event::RequesterGone, Exception::GATEWAY_NO_RESPONSE);
                 continue;
@@ -66,32 +66,32 @@ impl<'g> Dispatcher<'g> {
                 }
             };
             let current = frame.share_for(self.start(&frame, &entry, in_step, now));
-            // There is room: a port has at most as many requests open, and one that is not kept here is in its hands alone.
+            // Has room: a port never has more requests in flight. Were it full, the caller would still hold the request.
             let _ = self.current().push(current);
             self.count_waiting();
             return Next::Serve(frame, entry);
         }
     }
 
-    /// Sends home what must not be sent any more, if there may be something.
+    /// Sweeps if a request may have expired or a unit may be down.
     pub(super) fn sweep_if_due(&self, now: Instant) {
-        if !self.all_well(now) || self.queue().first_deadline().is_some_and(|deadline| deadline <= now) {
+        if !self.all_healthy(now) || self.queue().first_deadline().is_some_and(|deadline| deadline <= now) {
             self.sweep();
         }
     }
 
-    /// Says of each unit when it may be asked.
+    /// When each unit may be asked.
     pub(super) fn readiness(&self, now: Instant) -> impl Fn(u8) -> Ready {
-        let gate = self.gates(self.all_well(now));
+        let gate = self.gates(self.all_healthy(now));
         move |unit| match gate(unit) {
             Gate::Open(ready) => ready,
-            // Only a requester who is not kept from it has a request here.
+            // Only requesters with their own back-off have requests queued for a unit that is down.
             Gate::Down => self.port_state.units(|units| units.attempt(unit, now)),
         }
     }
 
-    /// Whether the unit that `frame` is for is in step, so that it may share its transaction and be passed on while it arrives. None
-    /// when it must not be sent now. Notes what is to be sent before it.
+    /// Whether the unit of `frame` is in step, so that its transaction may be shared and cut through; `None` if it must wait.
+    /// Sets the proof to send first, if one is needed.
     pub(super) fn step(&self, frame: &Frame<'g>, entry: &Entry, now: Instant) -> Option<bool> {
         let unit = entry.unit;
         self.set_proof(unit, None);
@@ -116,27 +116,27 @@ impl<'g> Dispatcher<'g> {
         })
     }
 
-    /// `frame` waits on. One that still arrives comes again when it is whole.
+    /// Requeues `frame`. One that is still arriving is abandoned: it is queued again once it is complete.
     pub(super) fn postpone(&self, frame: Frame<'g>) {
         if !frame.abandon() {
             let envelope = frame.envelope();
-            self.enqueue(frame, &envelope, PortQueue::put_back);
+            self.enqueue(frame, &envelope, PortQueue::push_front);
         }
     }
 
-    /// Whether no unit has to be looked at by itself.
-    pub(super) fn all_well(&self, now: Instant) -> bool {
-        self.port_state.units(|units| units.all_well(now))
+    /// Whether no unit needs individual checks.
+    pub(super) fn all_healthy(&self, now: Instant) -> bool {
+        self.port_state.units(|units| units.all_healthy(now))
     }
 
-    /// Says of each unit whether it may be asked. Mostly all are well.
-    pub(super) fn gates(&self, all_well: bool) -> impl Fn(u8) -> Gate {
-        move |unit| if all_well { Gate::Open(Ready::Now) } else { self.gate(unit) }
+    /// The gate of each unit; usually all are healthy.
+    pub(super) fn gates(&self, all_healthy: bool) -> impl Fn(u8) -> Gate {
+        move |unit| if all_healthy { Gate::Open(Ready::Now) } else { self.gate(unit) }
     }
 
     pub(super) fn gate(&self, unit: u8) -> Gate {
         let gate = self.port_state.units(|units| {
-            if !units.troubled() {
+            if !units.needs_check() {
                 return Some(Gate::Open(Ready::Now));
             }
             match units.gate(unit, Instant::now()) {

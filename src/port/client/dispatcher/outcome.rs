@@ -1,4 +1,4 @@
-//! What came of a request, and who gets it.
+//! The outcome of a request: response, retry, exception, or nothing, and who receives it.
 
 use embassy_time::Instant;
 
@@ -6,43 +6,43 @@ use super::{Dispatcher, is_responding};
 use crate::frame::{Envelope, Frame, Stage, Transaction};
 use crate::modbus::pdu::{self, Block, EXCEPTION_BIT};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
-use crate::port::client::cache::Question;
+use crate::port::client::cache::CacheKey;
 use crate::port::client::dispatcher::entry::block;
 use crate::port::client::queue::PortQueue;
 use crate::port::client::servers::CONNECTIONS_MAX;
 use crate::stats::Event;
 
 impl<'g> Dispatcher<'g> {
-    /// Sends `request` home with what it holds by now as its response.
+    /// Completes `request` with the response in its frame, also for the requests merged into it.
     pub(crate) fn done(&self, request: &Frame<'g>) {
-        let Some((frame, transaction)) = self.take(request) else { return };
+        let Some((frame, transaction)) = self.end_transaction(request) else { return };
         if request.function() & EXCEPTION_BIT != 0 && transaction.split(request) {
             return self.split(frame);
         }
-        if request.sharing().cache_ms == 0 && !request.is_laden() {
-            return self.give(frame);
+        if request.sharing().cache_ms == 0 && !request.has_merged() {
+            return self.deliver(frame);
         }
         let response = &request.content();
-        let give = |frame: Frame<'g>, asked| {
+        let deliver = |frame: Frame<'g>, asked| {
             let mut part = [0; PDU_BYTES_MAX];
             let response = transaction.response_to(asked, response, &mut part);
             self.keep(&transaction, &frame, asked, response);
             if !is_responding(&frame) {
-                // It fitted into a frame of the same size.
+                // Fits: it came from a frame of the same size.
                 let _ = frame.replace(response);
             }
-            self.give(frame);
+            self.deliver(frame);
         };
-        give(frame, transaction.asked);
-        while let Some(merged) = request.unload() {
+        deliver(frame, transaction.asked);
+        while let Some(merged) = request.take_merged() {
             self.port_state.stats.count(Event::Merged);
             let asked = block(&merged);
-            give(merged, asked);
+            deliver(merged, asked);
         }
     }
 
-    /// Sends home `frame`, which holds its response, unless whoever asked has it already.
-    pub(super) fn give(&self, frame: Frame<'g>) {
+    /// Returns `frame` with its response to the router, unless the requester has received it already.
+    pub(super) fn deliver(&self, frame: Frame<'g>) {
         if is_responding(&frame) {
             self.gateway.note(&frame, &frame.envelope());
         } else {
@@ -50,7 +50,7 @@ impl<'g> Dispatcher<'g> {
         }
     }
 
-    /// Keeps the `response` to a request for `asked` if it may be used again.
+    /// Caches the `response` to a read of `asked` if it is valid.
     pub(super) fn keep(
         &self,
         transaction: &Transaction,
@@ -59,16 +59,16 @@ impl<'g> Dispatcher<'g> {
         response: &[u8],
     ) {
         let is_exception = response.first().is_some_and(|function| function & EXCEPTION_BIT != 0);
-        // The device may have read before a write that has ended meanwhile.
+        // The device may have read its values before a write that has ended meanwhile.
         let is_old = transaction.writes_ended != self.writes_ended.get();
         let Some(block) = asked.filter(|_| !is_exception && !is_old) else { return };
         if frame.sharing().cache_ms > 0 {
             let unit = frame.target();
-            self.cache().keep(Question { unit, block }, response, transaction.since);
+            self.cache().keep(CacheKey { unit, block }, response, transaction.since);
         }
     }
 
-    /// The unit refused what several reads had joined: each is sent by itself, before anything that came after it.
+    /// The unit refused a combined read: each read is sent on its own, ahead of later requests.
     pub(super) fn split(&self, request: Frame<'g>) {
         let unit = request.target();
         self.port_state.stats.count(Event::Parted);
@@ -76,56 +76,56 @@ impl<'g> Dispatcher<'g> {
         self.postpone_each(request);
     }
 
-    /// `request`, which was sent while it arrived, is whole: what it does is known by now.
+    /// `request` was forwarded while it arrived and is now complete, so its function and block are known.
     pub(crate) fn arrived(&self, request: &Frame<'g>) {
         let writes = !request.pdu(pdu::is_read);
         let asked = block(request);
         request.amend_transaction(|transaction| (transaction.writes, transaction.asked) = (writes, asked));
     }
 
-    /// Gives whoever asked `request` while its response is still written into it.
+    /// Hands `request` to the requester while its response is still being written into it.
     pub(crate) fn responding(&self, request: &Frame<'g>) {
         request.set_stage(Stage::Responding);
         self.gateway.inbox.send(request.share());
     }
 
-    /// Drops `request`, which was broken off while it arrived: whoever sent it knows.
+    /// Drops `request`, which broke off while it arrived; its sender knows.
     pub(crate) fn forget(&self, request: &Frame<'g>) {
-        drop(self.take(request));
+        drop(self.end_transaction(request));
     }
 
-    /// Sends `request` home without a response: a broadcast.
-    pub(crate) fn done_silently(&self, request: &Frame<'g>) {
-        if let Some((frame, _)) = self.take(request) {
+    /// Completes a broadcast, which has no response.
+    pub(crate) fn done_without_response(&self, request: &Frame<'g>) {
+        if let Some((frame, _)) = self.end_transaction(request) {
             self.gateway.finish_broadcast(frame);
         }
     }
 
-    /// `request` got no response: it and those that ride on it are repeated up to `retries` times if it is a read, else
-    /// answered 0Bh.
+    /// `request` got no response: it and the requests merged into it are repeated up to `retries` times if they are reads, and
+    /// get 0Bh otherwise.
     ///
-    /// A write is never repeated: it may have been carried out. A repeat waits its turn like any other request, and until the
-    /// late response can no longer come.
+    /// Writes are never repeated, since they may have been executed. A repeat queues like any other request, until a late
+    /// response can no longer arrive.
     pub(crate) fn failed(&self, request: &Frame<'g>, retries: u8) {
-        let Some((frame, transaction)) = self.take(request) else { return };
+        let Some((frame, transaction)) = self.end_transaction(request) else { return };
         transaction.split(&frame);
-        let mut repeated = self.again(frame, retries);
+        let mut repeated = self.retry(frame, retries);
         let Envelope { cause, .. } = request.envelope();
-        while let Some(merged) = request.unload() {
+        while let Some(merged) = request.take_merged() {
             merged.blame(cause);
-            repeated |= self.again(merged, retries);
+            repeated |= self.retry(merged, retries);
         }
         if repeated {
             self.port_state.stats.count(Event::Retry);
         }
     }
 
-    /// Ends the carrying out of `request`, and tells what was noted of it.
-    pub(super) fn take(&self, request: &Frame<'g>) -> Option<(Frame<'g>, Transaction)> {
+    /// Ends the transaction of `request` and returns what was noted about it.
+    pub(super) fn end_transaction(&self, request: &Frame<'g>) -> Option<(Frame<'g>, Transaction)> {
         let mut current = self.current();
         let at = current.iter().position(|current| current.is(request))?;
         if CONNECTIONS_MAX > 1 && current.is_full() {
-            // Others may have waited for that.
+            // Connections may have been waiting for room.
             self.changed.iter().for_each(|changed| changed.signal(()));
         }
         let ended = current.swap_remove(at);
@@ -137,8 +137,8 @@ impl<'g> Dispatcher<'g> {
         Some((ended, transaction))
     }
 
-    /// Puts a request that got no response back in the queue, or answers it 0Bh; says which.
-    pub(super) fn again(&self, frame: Frame<'g>, retries: u8) -> bool {
+    /// Requeues a request that got no response, or answers it 0Bh; returns whether it was requeued.
+    pub(super) fn retry(&self, frame: Frame<'g>, retries: u8) -> bool {
         let mut envelope = frame.envelope();
         let is_last = envelope.paced || envelope.repeats >= retries;
         if is_last || is_responding(&frame) || !frame.pdu(pdu::is_read) {
@@ -151,7 +151,7 @@ impl<'g> Dispatcher<'g> {
         true
     }
 
-    /// Answers a request 0Bh, unless its response has begun: then nothing can follow it.
+    /// Answers a request 0Bh, unless its response is already being forwarded: nothing can follow that.
     pub(super) fn give_up(&self, frame: Frame<'g>) {
         if is_responding(&frame) {
             self.gateway.note(&frame, &frame.envelope());

@@ -1,4 +1,4 @@
-//! Proofs: what a unit is asked before a request whose response could be taken for another one.
+//! In-step proofs: a harmless request sent ahead of one whose response could be confused with a late response.
 
 use core::cell::Cell;
 
@@ -8,12 +8,12 @@ use super::{Dispatcher, Proving};
 use crate::frame::Frame;
 
 impl<'g> Dispatcher<'g> {
-    /// Whether the [`Dispatcher::request`] for `request` is a proof.
+    /// Whether a proof goes ahead of `request`.
     pub(crate) fn is_proving(&self, request: &Frame<'g>) -> bool {
         self.proof(request).is_some()
     }
 
-    /// What is sent before `request`.
+    /// The proof to send before `request`.
     pub(super) fn proof(&self, request: &Frame<'g>) -> Option<Proving> {
         self.proof_slot(request.target())?.get()
     }
@@ -22,39 +22,39 @@ impl<'g> Dispatcher<'g> {
         self.proof_slot(unit).into_iter().for_each(|slot| slot.set(proof));
     }
 
-    /// That of the connection that has the server of `unit`.
+    /// The slot of the connection that serves `unit`.
     pub(super) fn proof_slot(&self, unit: u8) -> Option<&Cell<Option<Proving>>> {
         let connection = if self.has_one_connection() { 0 } else { self.servers().connection(unit)? };
         self.proofs.get(usize::from(connection))
     }
 
-    /// `unit` has answered the proof that `request` waited for, which waits for its turn again: by then others may share its transaction.
+    /// `unit` has answered the proof for `request`. The request is queued again, since by now others may share its transaction.
     pub(crate) fn proved(&self, request: &Frame<'g>, unit: u8) {
         self.port_state.units(|units| units.proved(unit));
-        self.take_back(request);
+        self.requeue(request);
     }
 
-    /// The proof got no response, and so `request` gets none, unless the unit has answered something else.
+    /// The proof got no response: `request` fails, unless the unit has sent something else meanwhile.
     pub(crate) fn not_proved(&self, request: &Frame<'g>, unit: u8, down_after: u8, retries: u8) {
-        // Who spares servers by himself is not held back.
+        // A requester with its own back-off is not blocked by the gateway's.
         let down_after = if request.envelope().paced { 0 } else { down_after };
         if self.port_state.units(|units| units.not_proved(unit, Instant::now(), down_after)) {
             self.failed(request, retries);
         } else {
-            self.take_back(request);
+            self.requeue(request);
         }
     }
 
-    /// `request` waits for its turn again, and so do those that ride on it, each by itself.
-    pub(crate) fn take_back(&self, request: &Frame<'g>) {
-        let Some((frame, transaction)) = self.take(request) else { return };
+    /// Queues `request` and the requests merged into it again, each on its own.
+    pub(crate) fn requeue(&self, request: &Frame<'g>) {
+        let Some((frame, transaction)) = self.end_transaction(request) else { return };
         transaction.split(&frame);
         self.postpone_each(frame);
     }
 
-    /// `request` and those that ride on it wait on, each by itself.
+    /// Postpones `request` and the requests merged into it, each on its own.
     pub(super) fn postpone_each(&self, request: Frame<'g>) {
-        while let Some(merged) = request.unload() {
+        while let Some(merged) = request.take_merged() {
             self.postpone(merged);
         }
         self.postpone(request);

@@ -1,11 +1,11 @@
-//! Who had how many turns, and who gives way when the queue is full.
+//! Fairness of the queue: turns per requester and address, and which request is evicted when the queue is full.
 
 use heapless::Vec;
 
 use super::{Known, PortQueue, REQUESTERS_MAX, Requester, add};
 
 impl<T> PortQueue<T> {
-    /// The place of `requester` in the table, made if there is none.
+    /// The index of `requester` in the table; adds it if necessary.
     pub(super) fn slot_of(&mut self, requester: Requester) -> u8 {
         if let Some(slot) = self.requesters.iter().position(|known| known.requester == requester) {
             return slot as u8;
@@ -13,7 +13,8 @@ impl<T> PortQueue<T> {
         let of_address = self.requesters.iter().find(|known| known.requester.address == requester.address);
         let known = Known { requester, turn: 0, by_address: of_address.map_or(0, |known| known.by_address) };
         let Err(known) = self.requesters.push(known) else { return (self.requesters.len() - 1) as u8 };
-        // The one served longest ago ranks like one never served, so it may be forgotten. Not all wait: there is room.
+        // The requester served longest ago ranks like one never served, so it can be forgotten. Not all are waiting, so there is
+        // one.
         let waits = |slot: usize| self.waiting.iter().any(|waiting| usize::from(waiting.requester) == slot);
         let idle = self.requesters.iter().enumerate().filter(|(slot, _)| !waits(*slot));
         let oldest = idle.min_by_key(|(_, known)| known.turn).map_or(0, |(slot, _)| slot);
@@ -25,7 +26,7 @@ impl<T> PortQueue<T> {
 
     pub(super) fn note_turn(&mut self, slot: u8) {
         let turn = self.turns.checked_add(1).unwrap_or_else(|| {
-            // Once in four thousand million turns everybody starts afresh.
+            // After 2^32 turns the counters start again for everybody.
             self.requesters.iter_mut().for_each(|known| (known.turn, known.by_address) = (0, 0));
             1
         });
@@ -37,48 +38,48 @@ impl<T> PortQueue<T> {
         of_address.for_each(|known| known.by_address = turn);
     }
 
-    /// The newest order of the address that has most of them, if that is more than `newcomer`'s would have; within that
-    /// address the same holds of its connections. Each request is counted once, as a refusal must take less than serving.
-    pub(super) fn crowder(&self, newcomer: Requester) -> Option<usize> {
+    /// The newest request of the address that has the most, if those outnumber what the address of `newcomer` would have; within
+    /// one address the same holds of its connections. One pass, as refusing must be cheaper than serving.
+    pub(super) fn eviction_candidate(&self, newcomer: Requester) -> Option<usize> {
         let mut own = [0_u8; REQUESTERS_MAX];
         let (mut of_address, mut of_newcomer, mut most) = (0, 0, 0);
         for waiting in &self.waiting {
             let count = add(&mut own, usize::from(waiting.requester), 1);
             let Some(Known { requester, .. }) = self.requester(waiting.requester) else { continue };
-            if requester.is_beside(&newcomer) {
+            if requester.shares_address(&newcomer) {
                 of_address += 1;
                 of_newcomer += u8::from(*requester == newcomer);
                 most = most.max(count);
             }
         }
-        let address = self.crowded_address(&own, of_address + 1);
+        let address = self.busiest_addresses(&own, of_address + 1);
         if address.is_none() && most <= of_newcomer + 1 {
             return None;
         }
         self.waiting.iter().rposition(|waiting| {
             let has_most = own.get(usize::from(waiting.requester)) == Some(&most);
             self.requester(waiting.requester).is_some_and(|Known { requester, .. }| match &address {
-                Some(addresses) => addresses.iter().any(|other| requester.is_beside(other)),
-                None => has_most && requester.is_beside(&newcomer),
+                Some(addresses) => addresses.iter().any(|other| requester.shares_address(other)),
+                None => has_most && requester.shares_address(&newcomer),
             })
         })
     }
 
-    /// The addresses with most requests, if those are more than `more_than`; `own` has those of each requester.
-    pub(super) fn crowded_address(
+    /// The addresses with the most requests, if those are more than `more_than`; `own` has the count of each requester.
+    pub(super) fn busiest_addresses(
         &self,
         own: &[u8; REQUESTERS_MAX],
         more_than: u8,
     ) -> Option<Vec<Requester, REQUESTERS_MAX>> {
-        // Mostly it is the newcomer's own address that has nearly all.
+        // Short cut for the usual case: the newcomer's own address has nearly all.
         if self.waiting.len() < 2 * usize::from(more_than) {
             return None;
         }
         let mut of_address = [0_u8; REQUESTERS_MAX];
         let mut most = 0;
         for (known, &count) in self.requesters.iter().zip(own) {
-            let is_beside = |first: &Known| first.requester.is_beside(&known.requester);
-            let first = self.requesters.iter().position(is_beside).unwrap_or(0);
+            let shares_address = |first: &Known| first.requester.shares_address(&known.requester);
+            let first = self.requesters.iter().position(shares_address).unwrap_or(0);
             most = most.max(add(&mut of_address, first, count));
         }
         let largest = self.requesters.iter().zip(of_address).filter(|(_, count)| *count == most);

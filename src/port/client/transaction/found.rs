@@ -1,14 +1,14 @@
-//! What a look at a line finds.
+//! What matching finds in the bytes received from a line.
 
 use crate::stats::Event;
 
-/// What a look at the line found.
+/// What was found in the bytes received so far.
 pub(super) enum Found {
     /// Nothing yet, or noise between frames.
     Nothing,
     /// The response.
     Response,
-    /// The response, but damaged, and what is wrong with it.
+    /// The response, but corrupt, and how.
     Corrupt(Event),
     /// Something else, which has been counted.
     Other,

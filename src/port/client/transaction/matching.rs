@@ -1,4 +1,4 @@
-//! The search for the response in what a line brings; what is found of it is passed on as it comes.
+//! Matches the bytes received from a line to the request, and forwards the response while it arrives.
 
 use core::mem;
 
@@ -18,7 +18,7 @@ use crate::stats::Event;
 const EXCEPTION_BYTES: usize = 2;
 
 impl<L: SerialLine> SerialTransaction<'_, L> {
-    /// Looks at what has come so far.
+    /// Judges the bytes received so far.
     pub(super) fn match_response(&mut self, incoming: &mut IncomingResponse<'_, '_>) -> Found {
         if self.settings.framing == Framing::Ascii {
             return self.match_ascii(incoming);
@@ -30,32 +30,32 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
             return found;
         }
         self.pass_on(incoming);
-        match rtu::response(incoming.unit(), incoming.request(), self.line.heard()) {
+        match rtu::response(incoming.unit(), incoming.request(), self.line.received()) {
             Received::Complete(pdu) => match self.judge(incoming.unit(), pdu, true, Event::Misfit) {
                 Ok(()) => {
-                    incoming.whole(self.line.heard(), pdu);
+                    incoming.whole(self.line.received(), pdu);
                     self.note(Event::Response);
                     Found::Response
                 }
                 Err(event) => {
-                    let end = rtu::end_of(pdu, self.line.heard());
+                    let end = rtu::end_of(pdu, self.line.received());
                     let found = self.other(incoming.unit(), event);
-                    incoming.not_yet(self.line.heard(), true);
+                    incoming.not_yet(self.line.received(), true);
                     self.line.consume(end);
                     found
                 }
             },
             Received::Partial => {
-                incoming.not_yet(self.line.heard(), false);
+                incoming.not_yet(self.line.received(), false);
                 Found::Nothing
             }
         }
     }
 
-    /// Looks through what was heard up to the first end of a frame.
+    /// Judges the characters received, up to the first end of a frame.
     fn match_ascii(&mut self, incoming: &mut IncomingResponse<'_, '_>) -> Found {
         let (unit, request) = (incoming.unit(), incoming.request());
-        for (before, &character) in self.line.heard().iter().enumerate() {
+        for (before, &character) in self.line.received().iter().enumerate() {
             if character == COLON {
                 self.begun = self.line.begun() + self.line.settings.chars(before);
                 incoming.begin(!mem::take(&mut self.pauses));
@@ -76,12 +76,12 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
                         Err(event) => self.other(unit, event),
                     }
                 }
-                (Ok(()), [from, response @ .., _]) if *from != unit => self.foreign(unit, *from, response),
+                (Ok(()), [from, response @ .., _]) if *from != unit => self.wrong_unit(unit, *from, response),
                 (Ok(()), [_, response @ .., _]) if response == request => self.other(unit, Event::Echo),
                 (Ok(()), [_, response @ .., _]) => self.misfit(unit, response),
                 (Ok(()), _) => self.other(unit, Event::Misfit),
-                (Err(AsciiError::Lrc { .. }), _) => self.damage(unit, request, Event::BadCheck),
-                (Err(_), _) => self.damage(unit, request, Event::Short),
+                (Err(AsciiError::Lrc { .. }), _) => self.corrupt_ascii(unit, request, Event::BadCheck),
+                (Err(_), _) => self.corrupt_ascii(unit, request, Event::Short),
             };
             incoming.not_yet(&[], true);
             self.line.consume(before + 1);
@@ -92,14 +92,14 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
         Found::Nothing
     }
 
-    /// Looks at what has come when nothing more is to come of it.
+    /// Judges the bytes received after the silence that ends a frame.
     pub(super) fn match_at_silence(&mut self, incoming: &mut IncomingResponse<'_, '_>) -> Found {
         let (unit, request) = (incoming.unit(), incoming.request());
         let found = match self.settings.framing {
-            Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.heard()) {
+            Framing::Rtu => match rtu::response_at_silence(unit, request, self.line.received()) {
                 AtSilence::Complete(pdu) => match self.judge(unit, pdu, true, Event::Misfit) {
                     Ok(()) => {
-                        incoming.whole(self.line.heard(), pdu);
+                        incoming.whole(self.line.received(), pdu);
                         self.note(Event::Response);
                         Found::Response
                     }
@@ -107,84 +107,87 @@ impl<L: SerialLine> SerialTransaction<'_, L> {
                 },
                 AtSilence::Corrupt => self.corrupt(Event::BadCheck),
                 AtSilence::Short => self.corrupt(Event::Short),
-                AtSilence::WrongUnit(from, response) => self.foreign(unit, from, response),
+                AtSilence::WrongUnit(from, response) => self.wrong_unit(unit, from, response),
                 AtSilence::Misfit(_, response) => self.misfit(unit, response),
                 AtSilence::Noise => self.other(unit, Event::Noise),
             },
             Framing::Ascii => {
                 self.decoder.clear();
-                self.damage(unit, request, Event::Short)
+                self.corrupt_ascii(unit, request, Event::Short)
             }
         };
-        incoming.not_yet(self.line.heard(), true);
+        incoming.not_yet(self.line.received(), true);
         self.line.clear();
         found
     }
 
-    /// Whether the gateway's own request has come back, where no response could look like it.
+    /// Whether the bytes begin with the echo of the gateway's own request, where a response cannot look the same.
     fn is_own(&self, incoming: &IncomingResponse<'_, '_>) -> bool {
         let request = incoming.request();
-        let whole = self.line.heard().get(..request.len() + rtu::OVERHEAD_BYTES);
-        // Mostly a look at the bytes tells that it has not, without a CRC.
+        let whole = self.line.received().get(..request.len() + rtu::OVERHEAD_BYTES);
+        // Comparing the bytes first usually saves the CRC.
         let like = whole.filter(|frame| frame.get(1..=request.len()) == Some(request));
         like.and_then(|frame| rtu::decode(frame).ok()) == Some((incoming.unit(), request))
             && pdu::fits(request, request).is_err()
     }
 
-    /// Whether `response`, in a good frame of `unit`, is the one that is `awaited`; if not, it is a late one, or `other`.
-    fn judge(&self, unit: u8, response: &[u8], awaited: bool, other: Event) -> Result<(), Event> {
-        let judged = self.port_state.units(|units| units.heard(unit, response, awaited, Instant::now()));
+    /// Whether `response`, in a valid frame from `unit`, is the `expected` one; otherwise the event is `Late`, or `other`.
+    fn judge(&self, unit: u8, response: &[u8], expected: bool, other: Event) -> Result<(), Event> {
+        let judged =
+            self.port_state.units(|units| units.match_response(unit, response, expected, Instant::now()));
         judged.map_err(|event| if event == Event::Late { event } else { other })
     }
 
-    /// A good frame of another unit than the one that is awaited; what is counted is counted with that one if it is no late one.
-    fn foreign(&self, awaited: u8, from: u8, response: &[u8]) -> Found {
+    /// Handles a valid frame from a unit other than `expected`. A late response is counted with its own unit, anything else with
+    /// the expected one.
+    fn wrong_unit(&self, expected: u8, from: u8, response: &[u8]) -> Found {
         match self.judge(from, response, false, Event::WrongUnit) {
             Err(Event::Late) => self.other(from, Event::Late),
-            _ => self.other(awaited, Event::WrongUnit),
+            _ => self.other(expected, Event::WrongUnit),
         }
     }
 
-    /// A good frame of the awaited `unit` that does not answer what it was asked.
+    /// Handles a valid frame from `unit` that does not match the request.
     fn misfit(&self, unit: u8, response: &[u8]) -> Found {
         let judged = self.judge(unit, response, false, Event::Misfit);
         self.other(unit, judged.err().unwrap_or(Event::Misfit))
     }
 
-    /// When a response that has begun will have all but the last one of the characters that it has at least. That one is waited
-    /// for: a sleep until it is due would end a little later than it comes.
+    /// When all but the last character of the minimum response length should have arrived. The last one is awaited by reading: a
+    /// sleep until it is due would end slightly late.
     pub(super) fn due(&self, incoming: &IncomingResponse<'_, '_>) -> Option<Instant> {
         let (Framing::Rtu, false, Some((&unit, so_far))) =
-            (self.settings.framing, incoming.is_passed_on(), self.line.heard().split_first())
+            (self.settings.framing, incoming.is_passed_on(), self.line.received().split_first())
         else {
             return None;
         };
         let pdu_bytes = match pdu::response_end(incoming.request(), so_far) {
             _ if unit != incoming.unit() => return None,
             End::At(length) => length,
-            // It may be an exception.
+            // It may still be an exception.
             End::Later => EXCEPTION_BYTES.max(so_far.len() + 1),
             End::Unknown => return None,
         };
         Some(self.line.begun() + self.line.settings.chars(pdu_bytes + rtu::OVERHEAD_BYTES - 1))
     }
 
-    /// Passes on what has been heard of a frame, if it is time. What is read late must not be missing.
+    /// Forwards what has been received of a frame, if cut-through is on. Latency of reads counts as jitter, so that the sender
+    /// never runs dry.
     fn pass_on(&self, incoming: &mut IncomingResponse<'_, '_>) {
         if !incoming.is_passed_on() {
             return;
         }
-        let heard = match self.settings.framing {
-            Framing::Rtu => self.line.heard(),
+        let received = match self.settings.framing {
+            Framing::Rtu => self.line.received(),
             Framing::Ascii if self.decoder.in_frame() => self.decoder.bytes(),
             Framing::Ascii => return,
         };
         let lane = Lane { framing: self.settings.framing, line: *self.line.settings };
-        incoming.hear(heard, self.begun + self.line.jitter, &lane);
+        incoming.feed(received, self.begun + self.line.jitter, &lane);
     }
 
-    /// What an ASCII frame was that did not come well, for this `reason`: the response if it begins as that does.
-    fn damage(&self, unit: u8, request: &[u8], reason: Event) -> Found {
+    /// Classifies a bad ASCII frame: the response, if it begins like it, corrupt for this `reason`; otherwise noise.
+    fn corrupt_ascii(&self, unit: u8, request: &[u8], reason: Event) -> Found {
         match (self.decoder.bytes(), request) {
             ([from, answered, ..], [function, ..])
                 if *from == unit && answered & !EXCEPTION_BIT == *function =>

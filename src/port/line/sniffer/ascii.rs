@@ -1,10 +1,10 @@
-//! The ASCII half: frames have their beginnings and ends in them, so neither silences nor readings are needed.
+//! The sniffer for ASCII lines: frames are delimited, so neither silences nor two readings are needed.
 
-use super::{Heard, is_request};
+use super::{Sniffed, is_request};
 use crate::modbus::ascii::{AsciiError, COLON, Decoder, LINE_FEED};
 use crate::stats::LastError;
 
-/// Listens on an ASCII line.
+/// Sniffs an ASCII line.
 pub struct AsciiSniffer {
     decoder: Decoder,
     delimiter: u8,
@@ -37,41 +37,43 @@ impl AsciiSniffer {
         self.decoder.in_frame()
     }
 
-    /// What has come of the frame that has begun and not ended: unit, PDU, LRC.
-    pub fn heard(&self) -> &[u8] {
+    /// The bytes of the incomplete frame: unit, PDU, LRC.
+    pub fn received(&self) -> &[u8] {
         if self.in_frame() { self.decoder.bytes() } else { &[] }
     }
 
     /// The next character is overdue.
-    pub fn overdue(&mut self) -> Heard<'static> {
+    pub fn overdue(&mut self) -> Sniffed<'static> {
         self.decoder.clear();
-        Heard::Garbage(LastError::Gap)
+        Sniffed::Garbage(LastError::Gap)
     }
 
-    /// Takes characters up to the end of a frame, or up to where another one begins, and says how many those were.
-    pub fn hear(&mut self, received: &[u8], is_ours: impl Fn(u8) -> bool) -> (Heard<'_>, usize) {
+    /// Consumes characters up to the end of a frame or the start of another, and returns how many.
+    pub fn feed(&mut self, received: &[u8], is_ours: impl Fn(u8) -> bool) -> (Sniffed<'_>, usize) {
         let next = received.iter().skip(1).position(|&character| character == COLON);
         let received = next.and_then(|at| received.get(..=at)).unwrap_or(received);
         let end = received.iter().enumerate().find_map(|(before, &character)| {
             let judged = self.decoder.push(character)?.map(|_| ());
             Some((before + 1, judged))
         });
-        let heard = match end {
-            None => return (Heard::Nothing, received.len()),
-            Some((_, Err(error))) => Heard::Garbage(cause(error)),
+        let sniffed = match end {
+            None => return (Sniffed::Nothing, received.len()),
+            Some((_, Err(error))) => Sniffed::Garbage(cause(error)),
             Some((_, Ok(()))) => self.judge(is_ours),
         };
-        (heard, end.map_or(received.len(), |(count, _)| count))
+        (sniffed, end.map_or(received.len(), |(count, _)| count))
     }
 
-    /// Judges the frame that has just ended well.
-    fn judge(&self, is_ours: impl Fn(u8) -> bool) -> Heard<'_> {
-        let Some((&unit, [pdu @ .., _])) = self.decoder.bytes().split_first() else { return Heard::Nothing };
+    /// Judges the frame that has just ended with a valid LRC.
+    fn judge(&self, is_ours: impl Fn(u8) -> bool) -> Sniffed<'_> {
+        let Some((&unit, [pdu @ .., _])) = self.decoder.bytes().split_first() else {
+            return Sniffed::Nothing;
+        };
         match (is_ours(unit), is_request(pdu)) {
-            (true, true) => Heard::Request { unit, pdu },
-            (true, false) => Heard::Garbage(LastError::Length),
-            (false, true) => Heard::ForeignRequest,
-            (false, false) => Heard::ForeignAnswer,
+            (true, true) => Sniffed::Request { unit, pdu },
+            (true, false) => Sniffed::Garbage(LastError::Length),
+            (false, true) => Sniffed::ForeignRequest,
+            (false, false) => Sniffed::ForeignResponse,
         }
     }
 }

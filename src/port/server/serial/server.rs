@@ -1,4 +1,4 @@
-//! What a serial server asks the gateway: whether a unit is its own, and the requests of the master.
+//! The gateway as seen by a serial server: which units are routed, and how requests are sent to the router.
 
 use embassy_time::Instant;
 
@@ -10,18 +10,18 @@ use crate::routing::{Onward, onward};
 use crate::settings::{PortId, SerialSettings};
 use crate::stats::Event;
 
-/// The port, as long as its settings stay.
+/// The port, while its settings are in force.
 pub(crate) struct Server<'s, 'g> {
     pub(crate) gateway: &'s Gateway<'g>,
     pub(crate) port_state: &'s PortState,
     pub(crate) id: PortId,
     pub(crate) settings: &'s SerialSettings,
-    /// What the board says of its transmitters.
+    /// Whether the board's transmitters never underrun.
     pub(crate) never_underruns: bool,
 }
 
 impl<'g> Server<'_, 'g> {
-    /// Nobody waits any more: answers that are there or still come are dropped.
+    /// The line is gone: responses that arrive from now on are dropped.
     pub(crate) fn close(&self) {
         self.port_state.renew();
         self.port_state.queue.clear(self.gateway.pool());
@@ -31,12 +31,12 @@ impl<'g> Server<'_, 'g> {
         self.gateway.settings(|settings| routing::is_routed(settings, self.id, unit))
     }
 
-    /// Whether a request for `unit` that begins with `so_far` may be passed on while it arrives.
+    /// Whether a request for `unit` that begins with `so_far` may be cut through.
     pub(super) fn onward(&self, unit: u8, so_far: &[u8]) -> Onward {
         self.gateway.settings(|settings| onward(settings, self.id, unit, so_far, self.never_underruns))
     }
 
-    /// A frame for a request that is still to come.
+    /// A frame for a request that is still arriving.
     pub(super) fn take_frame(&self) -> Option<(FrameWriter<'g>, Frame<'g>)> {
         self.gateway.take_for_port(self.id)
     }
@@ -49,11 +49,11 @@ impl<'g> Server<'_, 'g> {
         Envelope::request(origin, unit, received, received + self.settings.server.answer_within)
     }
 
-    /// Sends a request to the router; says whether a response will come.
+    /// Sends a request to the router; returns whether a response will come.
     pub(super) fn ask(&self, unit: u8, request: &[u8], received: Instant) -> bool {
         let cut = matches!(self.onward(unit, request), Onward::To(_));
         let envelope = Envelope { cut, ..self.envelope(unit, received) };
-        // A frame's PDU is no longer than a PDU may be.
+        // Fits: it is a frame's PDU.
         let Some(frame) = self.gateway.fill_for_port(self.id, request, envelope) else {
             self.port_state.stats.count(Event::BackPressure);
             return false;

@@ -1,7 +1,7 @@
-//! An open line of a server-side port: hears, asks the router, answers.
+//! An open line of a server-side port: receives requests, sends them to the router, and sends the responses.
 //!
-//! It waits for three things at a time: characters, a response from the router, and the next moment at which something is
-//! due: the silence that ends a frame, the moment to answer, or the end of the master's patience.
+//! It waits for three things at a time: characters, a response from the router, and the next deadline, which is the silence that
+//! ends a frame, the response delay, or the end of the response time.
 
 use core::convert::Infallible;
 use core::mem;
@@ -25,10 +25,10 @@ mod onward;
 mod receive;
 mod response;
 
-/// The request that is open.
+/// The open request.
 enum Open<'g> {
     None,
-    /// The router has it; there is no response after `until`.
+    /// The router has it; no response is sent after `until`.
     Asked {
         received: Instant,
         until: Instant,
@@ -47,31 +47,32 @@ pub(super) struct Session<'s, 'g, L> {
     tap: Tap<'g>,
     sniffer: Sniffer,
     open: Open<'g>,
-    /// When the frame that is being heard began, and how far it has been passed on.
+    /// When the frame being received began, and its cut-through state.
     begun: Instant,
     passing: Passing<'g>,
-    /// An ASCII frame had pauses in it that no copy of it could have: the next one is not begun.
+    /// An ASCII frame had pauses that cannot be reproduced: the next one is not forwarded while it arrives.
     pauses: bool,
-    /// This master has used functions whose end only silence tells: no frame is begun before its function is known.
+    /// This master has used functions whose frames only silence ends: no frame is cut through before its function is known.
     wary: bool,
-    /// The latest answer.
+    /// The last response sent.
     answered: Option<Answered>,
 }
 
-/// What tells a response from the request that repeats it (a write's response is the write): an adapter that hears itself
-/// would otherwise have the gateway ask itself for ever, unless the settings say `echo`.
+/// Distinguishes an echo of the gateway's response from a request that looks the same (a write's response repeats the write).
+/// Otherwise an adapter that receives its own transmission would make the gateway send itself requests for ever, unless the
+/// settings say `echo`.
 struct Answered {
     unit: u8,
-    /// Of unit and PDU.
+    /// Over unit and PDU.
     crc: u16,
-    /// Its echo is heard before.
+    /// Its echo arrives before this.
     until: Instant,
 }
 
 impl Answered {
-    /// Whether it is what was heard of `unit` until `heard`.
-    fn is(&self, unit: u8, pdu: &[u8], heard: Instant) -> bool {
-        self.unit == unit && heard < self.until && self.crc == rtu::check(unit, pdu)
+    /// Whether this is what was `received` from `unit`.
+    fn is(&self, unit: u8, pdu: &[u8], received: Instant) -> bool {
+        self.unit == unit && received < self.until && self.crc == rtu::check(unit, pdu)
     }
 }
 
@@ -81,7 +82,7 @@ enum Sniffer {
 }
 
 impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
-    /// A line that was just opened, in the middle of whatever happens on it.
+    /// A newly opened line, possibly in the middle of traffic.
     pub(super) fn new(server: &'s Server<'s, 'g>, line: Line<'s, L>) -> Self {
         let sniffer = match server.settings.framing {
             Framing::Rtu => Sniffer::Rtu(RtuSniffer::new()),
@@ -103,15 +104,14 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
         }
     }
 
-    /// Hears and answers until the line is lost.
+    /// Serves requests until the line is lost.
     pub(super) async fn serve(&mut self) -> Result<Infallible, LineLost> {
         loop {
             let quiet = self.quiet_at();
             if L::RESTS
                 && let Some(due) = self.whole_at()
             {
-                // What is read afterwards is read late, but no later than reads may be here: as much longer must a silence last
-                // to be believed.
+                // Reads here lag by at most the jitter, so a silence must last that much longer to count.
                 self.line.rest(due.min(self.line.active + self.line.jitter)).await;
             }
             let due = match &self.open {
@@ -121,14 +121,14 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
             };
             let server = self.server;
             let responses = server.port_state.queue.receive(server.gateway.pool());
-            let begins = self.line.heard().is_empty();
+            let begins = self.line.received().is_empty();
             let next = due.min(quiet).min(self.passing.due());
             match select3(self.line.read(), responses, until(next)).await {
-                // Meanwhile the board has begun to pass on what comes, and to watch for a silence in it.
+                // The board has begun to relay, and watches for silence itself.
                 Either3::Third(()) if self.line.is_relayed() && Instant::now() < due => {}
                 Either3::First(read) => {
                     read?;
-                    self.hear(begins);
+                    self.after_read(begins);
                 }
                 Either3::Second(frame) => self.take_response(frame),
                 Either3::Third(()) if Instant::now() >= quiet => self.listen(true),
@@ -142,34 +142,34 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
         }
     }
 
-    /// When the frame that is being heard will have all but the last one of the characters that it has at least, if nothing
-    /// is to be done before. That one is waited for: a sleep until it is due would end a little later than it comes.
+    /// When all but the last character of the minimum length of the frame should have arrived, if nothing else is due earlier.
+    /// The last one is awaited by reading: a sleep until it is due would end slightly late.
     fn whole_at(&self) -> Option<Instant> {
         let (Sniffer::Rtu(sniffer), Open::None, Passing::Whole) = (&self.sniffer, &self.open, &self.passing)
         else {
             return None;
         };
-        let bytes = sniffer.at_least(self.line.heard(), |unit| self.server.is_ours(unit))?;
+        let bytes = sniffer.at_least(self.line.received(), |unit| self.server.is_ours(unit))?;
         Some(self.line.begun() + self.line.settings.chars(bytes - 1))
     }
 
-    /// When the silence will say something about what has been heard.
+    /// When a silence becomes significant for the bytes received.
     fn quiet_at(&self) -> Instant {
         let waits = match &self.sniffer {
-            Sniffer::Rtu(sniffer) => sniffer.needs_silence() || !self.line.heard().is_empty(),
+            Sniffer::Rtu(sniffer) => sniffer.needs_silence() || !self.line.received().is_empty(),
             Sniffer::Ascii(sniffer) => sniffer.in_frame(),
         };
         let silence = self.server.settings.framing.silence(self.line.settings) + self.line.jitter;
         if waits { self.line.quiet_at(silence) } else { Instant::MAX }
     }
 
-    /// A frame has come home: the response that is waited for, a request that gets none, or what is too late.
+    /// A frame has returned from the router: the expected response, a request without response, or a response that is too late.
     fn take_response(&mut self, response: Frame<'g>) {
         let envelope = response.envelope();
-        let is_awaited = envelope.origin.generation == self.server.port_state.generation();
+        let is_expected = envelope.origin.generation == self.server.port_state.generation();
         self.open = match (&self.open, envelope.stage) {
-            (Open::Asked { .. }, Stage::Silence) if is_awaited => Open::None,
-            (Open::Asked { received, .. }, _) if is_awaited => {
+            (Open::Asked { .. }, Stage::Silence) if is_expected => Open::None,
+            (Open::Asked { received, .. }, _) if is_expected => {
                 let delay = self.server.settings.server.reply_delay;
                 Open::Ready { at: self.line.silent_at().max(*received + delay), response }
             }
@@ -177,7 +177,7 @@ impl<'s, 'g, L: SerialLine> Session<'s, 'g, L> {
         };
     }
 
-    /// The open request's time has come: its response, which is to be sent, or there will be none.
+    /// The open request is due: returns its response to send, or ends it.
     fn due(&mut self) -> Option<Frame<'g>> {
         match mem::replace(&mut self.open, Open::None) {
             Open::Ready { response, .. } => return Some(response),

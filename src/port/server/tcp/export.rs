@@ -1,4 +1,4 @@
-//! A client of a TCP server who gets a capture: the frames of all ports as they come, and no responses.
+//! A client of a TCP server that receives a capture: the frames of all ports as they occur, instead of responses.
 
 use core::pin::pin;
 
@@ -9,11 +9,11 @@ use super::{End, Server, WRITE_PATIENCE};
 use crate::capture::Export;
 use crate::hal::TcpStream;
 
-/// How often it is looked whether there are frames: what a busy line brings meanwhile fits into the ring.
+/// How often frames are looked for. The ring holds what busy lines bring meanwhile.
 const EXPORT_PAUSE: Duration = Duration::from_millis(5);
 
 impl Server<'_, '_> {
-    /// Gives a client the frames of all ports as they come.
+    /// Sends a client the frames of all ports as they occur.
     pub(super) async fn export<S: TcpStream>(&self, stream: &mut S) -> End {
         let leave = pin!(self.connection.leave.wait());
         let export = pin!(async {
@@ -23,7 +23,7 @@ impl Server<'_, '_> {
                 Err(_) => return End::Stalled,
             };
             loop {
-                // Whoever takes no frame for so long takes none at all.
+                // A client that accepts no frame for this long is stuck.
                 match with_timeout(WRITE_PATIENCE, export.write_next(stream)).await {
                     Ok(Ok(true)) => continue,
                     Ok(Ok(false)) => {}

@@ -1,4 +1,4 @@
-//! What becomes of a request on its connection.
+//! Outcomes of requests on a connection.
 
 use embassy_time::Instant;
 
@@ -8,21 +8,21 @@ use crate::modbus::tcp::Header;
 
 /// What the next request of a connection has to wait for.
 pub(super) enum Waits {
-    /// Nothing: it can be taken as soon as it has come.
+    /// Nothing.
     No,
-    /// This moment, or, if that never comes, the responses to those before it.
+    /// This time, or the earlier responses if it is never.
     ForTurn(Instant),
-    /// There is no frame for it now.
+    /// A free frame.
     ForFrame,
-    /// The one before it is refused: this is the response.
+    /// Sending this exception, which refuses the previous request.
     ForReply(Header, [u8; 2]),
 }
 
-/// What a client gets.
+/// What a client receives.
 pub(super) enum Response<'g> {
-    /// A refusal.
+    /// An exception from this port.
     Refusal(Header, [u8; 2]),
-    /// What came home.
+    /// A frame returned by the router.
     Response(Frame<'g>),
 }
 
@@ -38,22 +38,22 @@ impl Response<'_> {
     }
 }
 
-/// What a reply says of the requests that follow it.
+/// What an outcome means for the window of later requests.
 pub(super) enum Worth {
-    /// Somebody was asked.
+    /// A unit was asked.
     Answered,
-    /// Nobody was asked, or nobody is to answer.
+    /// No unit was asked, or there is no response.
     Refused,
-    /// Too many wait.
+    /// The queue is full.
     Crowded,
 }
 
 /// What became of a request.
 pub(super) enum Taken {
-    /// The router has it.
+    /// It was sent to the router.
     Sent,
     /// It is answered here.
     Refused(Exception),
-    /// There is no frame for it now.
+    /// No frame is free.
     Starved,
 }

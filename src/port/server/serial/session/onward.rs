@@ -1,8 +1,8 @@
-//! Requests that a serial server hands on while they arrive.
+//! Cut-through of requests at a serial server.
 //!
-//! As soon as the rules and the other line's speed allow, a frame goes to the router that is filled character by character.
-//! The ear judges the request all the same when it is whole: only what it takes for a good one is finished. Whatever else
-//! becomes of it breaks the frame, and the request goes the way of all others.
+//! As soon as the rules and the speed of the other line allow, a frame goes to the router and is filled character by character.
+//! The sniffer still judges the complete request: only one that it accepts is finished. In all other cases the frame is marked
+//! broken, and the request is handled as usual.
 
 use core::mem;
 
@@ -19,16 +19,16 @@ use crate::settings::Lane;
 use crate::stats::Event;
 
 impl<'g, L: SerialLine> Session<'_, 'g, L> {
-    /// A frame begins with what has been heard.
+    /// A frame begins with the bytes received.
     pub(super) fn begin(&mut self) {
         self.begun = self.line.begun();
         let in_step = match &self.sniffer {
             Sniffer::Rtu(sniffer) => !sniffer.needs_silence(),
             Sniffer::Ascii(_) => !mem::take(&mut self.pauses),
         };
-        // What follows at once is an echo, a collision, or stray bits.
-        let is_apart = self.line.pause() >= self.line.settings.gap() / 2;
-        self.passing = if in_step && is_apart { Passing::Open } else { Passing::Whole };
+        // Bytes that follow at once are an echo, a collision, or stray bits.
+        let is_separated = self.line.pause() >= self.line.settings.gap() / 2;
+        self.passing = if in_step && is_separated { Passing::Open } else { Passing::Whole };
     }
 
     /// Notes a pause in an ASCII frame before what has just been read.
@@ -37,24 +37,24 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         self.pauses |= is_inside && self.line.pauses();
     }
 
-    /// Passes on what has been heard by now, if it is time. Says whether that is a whole RTU request which was passed on.
+    /// Forwards what has been received, if it is time. Returns whether that was a whole RTU request.
     pub(super) fn pass_on(&mut self) -> bool {
-        let heard = match &self.sniffer {
-            Sniffer::Rtu(_) => self.line.heard(),
-            Sniffer::Ascii(sniffer) => sniffer.heard(),
+        let received = match &self.sniffer {
+            Sniffer::Rtu(_) => self.line.received(),
+            Sniffer::Ascii(sniffer) => sniffer.received(),
         };
-        let Some((&unit, so_far)) = heard.split_first() else { return false };
+        let Some((&unit, so_far)) = received.split_first() else { return false };
         let end = pdu::request_end(so_far);
         if let Passing::Open | Passing::At(_) = self.passing {
             self.passing = self.plan(unit, so_far, end);
         }
         if self.passing.is_due() {
-            self.passing = self.server.hand_on(unit, self.begun).map_or(Passing::Whole, Passing::Begun);
+            self.passing = self.server.start_ingress(unit, self.begun).map_or(Passing::Whole, Passing::Begun);
         }
         let Passing::Begun(arriving) = &mut self.passing else { return false };
-        if !arriving.take(heard, end) {
+        if !arriving.take(received, end) {
             self.passing = Passing::Whole;
-            // The next such function is not begun.
+            // The next such function is not cut through.
             self.wary = true;
         }
         matches!(self.sniffer, Sniffer::Rtu(_)) && is_whole(so_far, end)
@@ -67,7 +67,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         match self.server.onward(unit, so_far) {
             Onward::Whole => Passing::Whole,
             Onward::Later => Passing::Open,
-            // What is read late must not be missing.
+            // Latency of reads counts as jitter, so that the sender never runs dry.
             Onward::To(output) => {
                 Passing::plan(self.begun + self.line.jitter, &Lane::of(self.server.settings), &output, end)
             }
@@ -76,7 +76,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
 }
 
 impl<'g> Server<'_, 'g> {
-    /// A request has been judged good: whether the frame that was handed on is all that is needed.
+    /// A request proved valid: returns whether the frame already forwarded is all that is needed.
     pub(super) fn finish(&self, passing: &mut Passing<'g>, request: &[u8], received: Instant) -> bool {
         let Passing::Begun(arriving) = mem::replace(passing, Passing::Whole) else { return false };
         if pdu::check_request(request).is_err() {
@@ -92,8 +92,8 @@ impl<'g> Server<'_, 'g> {
         finished
     }
 
-    /// Sends the frame of a request that began at `begun` to the router, before it is there.
-    fn hand_on(&self, unit: u8, begun: Instant) -> Option<Ingress<'g>> {
+    /// Sends the frame of a request that began at `begun` to the router, to be filled while it arrives.
+    fn start_ingress(&self, unit: u8, begun: Instant) -> Option<Ingress<'g>> {
         let (writer, frame) = self.take_frame()?;
         let envelope = self.envelope(unit, begun);
         let framing = self.settings.framing;

@@ -1,4 +1,4 @@
-//! What is heard on the line: passed on as it comes, judged, and taken for a request or not.
+//! The receiving half of a session: forwards bytes as they arrive, judges them, and recognises requests.
 
 use embassy_time::Instant;
 use heapless::Vec;
@@ -8,17 +8,17 @@ use crate::hal::SerialLine;
 use crate::modbus::ascii::COLON;
 use crate::modbus::{PDU_BYTES_MAX, rtu};
 use crate::port::cut_through::ingress::Passing;
-use crate::port::line::sniffer::Heard;
+use crate::port::line::sniffer::Sniffed;
 use crate::stats::{Event, LastError};
 
-/// What was judged, copied so that the line can go on.
+/// The verdict, copied so that the line's buffer can be consumed.
 enum Judged {
     Nothing,
     /// A request.
     Request(u8),
-    /// A request that has been passed on.
+    /// A request that has been cut through.
     Passed,
-    /// What the gateway itself has just sent.
+    /// The gateway's own last transmission.
     Echo,
     Foreign,
     Garbage(LastError),
@@ -27,12 +27,12 @@ enum Judged {
 /// A request's PDU.
 type Request = Vec<u8, PDU_BYTES_MAX>;
 
-/// Garbage shorter than any frame: stray bits, as drivers make them that switch the line.
+/// Garbage shorter than any frame: stray bits, as from drivers that switch the line.
 const STRAY_BYTES_MAX: usize = rtu::FRAME_BYTES_MIN - 1;
 
 impl<L: SerialLine> Session<'_, '_, L> {
-    /// Passes on and judges what has just been read; `begins`: nothing else had been heard.
-    pub(super) fn hear(&mut self, begins: bool) {
+    /// Forwards and judges what has just been read; `begins`: the buffer was empty before.
+    pub(super) fn after_read(&mut self, begins: bool) {
         if !self.is_stray() {
             self.interrupted();
         }
@@ -45,33 +45,33 @@ impl<L: SerialLine> Session<'_, '_, L> {
             self.begin();
         }
         self.proceed();
-        // Where reads keep up with the wire, only silence ends a frame that has not been passed on.
+        // Where reads keep up with the wire, only silence ends a frame that is not cut through.
         if self.line.jitter.as_ticks() > 0 {
             self.listen(false);
         }
     }
 
-    /// Passes on what has been heard, and judges it if it has been passed on to its end.
+    /// Forwards the bytes received, and judges them once the whole frame has been forwarded.
     pub(super) fn proceed(&mut self) {
         if self.pass_on() {
             self.listen(false);
-            // What is whole and has not been judged a request is none.
+            // Complete but not accepted as a request: not a request.
             self.passing = Passing::Whole;
         }
     }
 
-    /// Whether what has been heard may be stray bits right behind a request that was over at its last character.
+    /// Whether the bytes may be stray bits right after a request that ended with its last character.
     fn is_stray(&self) -> bool {
-        let few = self.line.heard().len() <= STRAY_BYTES_MAX;
-        few && matches!(self.open, Open::Asked { received, .. } if !self.is_apart(received))
+        let few = self.line.received().len() <= STRAY_BYTES_MAX;
+        few && matches!(self.open, Open::Asked { received, .. } if !self.is_separated(received))
     }
 
-    /// Whether what is being heard began after a silence since `active`, or nearly so.
-    fn is_apart(&self, active: Instant) -> bool {
+    /// Whether the bytes began after a silence since `active`, or nearly so.
+    fn is_separated(&self, active: Instant) -> bool {
         self.line.begun() >= active + self.line.settings.gap() / 2
     }
 
-    /// Something was heard while a request was open: the master does not wait for its response any more.
+    /// Something was received while a request was open: the master no longer waits for its response.
     fn interrupted(&mut self) {
         if let Open::Ready { .. } = self.open {
             self.server.port_state.stats.count(Event::RequesterGone);
@@ -82,20 +82,20 @@ impl<L: SerialLine> Session<'_, '_, L> {
         }
     }
 
-    /// Judges what has been heard so far.
+    /// Judges the bytes received so far.
     pub(super) fn listen(&mut self, silent: bool) {
         loop {
-            if let (Sniffer::Ascii(_), Some(&COLON)) = (&self.sniffer, self.line.heard().first()) {
+            if let (Sniffer::Ascii(_), Some(&COLON)) = (&self.sniffer, self.line.received().first()) {
                 self.begin();
             }
             let mut request = Request::new();
             let (judged, count) = self.judge(silent, &mut request);
-            // What comes behind a request overtakes it, also when both were heard at once.
+            // What follows a request supersedes it, also when both are read at once.
             if count > STRAY_BYTES_MAX {
                 self.interrupted();
             }
             let event = match judged {
-                Judged::Nothing if count > 0 && !self.line.heard().is_empty() => continue,
+                Judged::Nothing if count > 0 && !self.line.received().is_empty() => continue,
                 Judged::Nothing => break,
                 Judged::Echo => Event::Noise,
                 Judged::Passed | Judged::Request(_) => {
@@ -119,37 +119,36 @@ impl<L: SerialLine> Session<'_, '_, L> {
             self.server.port_state.stats.count(event);
             self.passing = Passing::Whole;
         }
-        // The beginning of the next frame.
-        if !self.line.heard().is_empty() && !self.is_stray() {
+        // The start of the next frame.
+        if !self.line.received().is_empty() && !self.is_stray() {
             self.interrupted();
         }
     }
 
-    /// The next thing that was heard, and how many bytes that were. If it is a request for us which has not been passed on, its
-    /// PDU goes to `request`.
+    /// The next item received, and its length. The PDU of a request for the gateway that was not cut through goes to `request`.
     fn judge(&mut self, silent: bool, request: &mut Request) -> (Judged, usize) {
         let Self { server, line, tap, sniffer, passing, answered, .. } = self;
         let is_ours = |unit| server.is_ours(unit);
-        let (heard, count) = match sniffer {
-            Sniffer::Rtu(sniffer) => sniffer.hear(line.heard(), silent, is_ours),
+        let (sniffed, count) = match sniffer {
+            Sniffer::Rtu(sniffer) => sniffer.feed(line.received(), silent, is_ours),
             Sniffer::Ascii(sniffer) if silent && sniffer.in_frame() => (sniffer.overdue(), 0),
-            Sniffer::Ascii(sniffer) => sniffer.hear(line.heard(), is_ours),
+            Sniffer::Ascii(sniffer) => sniffer.feed(line.received(), is_ours),
         };
-        let judged = match heard {
-            Heard::Request { unit, pdu }
+        let judged = match sniffed {
+            Sniffed::Request { unit, pdu }
                 if answered.take().is_some_and(|own| own.is(unit, pdu, line.active)) =>
             {
                 Judged::Echo
             }
-            Heard::Request { pdu, .. } if server.finish(passing, pdu, line.active) => Judged::Passed,
-            Heard::Request { unit, pdu } => {
-                // It fits: it is no longer than a PDU may be.
+            Sniffed::Request { pdu, .. } if server.finish(passing, pdu, line.active) => Judged::Passed,
+            Sniffed::Request { unit, pdu } => {
+                // Fits: no longer than a PDU may be.
                 let _ = request.extend_from_slice(pdu);
                 Judged::Request(unit)
             }
-            Heard::ForeignRequest | Heard::ForeignAnswer => Judged::Foreign,
-            Heard::Garbage(error) => Judged::Garbage(error),
-            Heard::Nothing => Judged::Nothing,
+            Sniffed::ForeignRequest | Sniffed::ForeignResponse => Judged::Foreign,
+            Sniffed::Garbage(error) => Judged::Garbage(error),
+            Sniffed::Nothing => Judged::Nothing,
         };
         let verdict = match judged {
             Judged::Nothing => None,
@@ -159,7 +158,7 @@ impl<L: SerialLine> Session<'_, '_, L> {
             Judged::Garbage(_) => Some(Event::Noise),
         };
         if let Some(verdict) = verdict {
-            tap.heard(line.active, verdict, line.heard().get(..count).unwrap_or(&[]));
+            tap.received(line.active, verdict, line.received().get(..count).unwrap_or(&[]));
         }
         line.consume(count);
         (judged, count)

@@ -1,4 +1,4 @@
-//! How a response goes out: whole, or while it still arrives from the line where it was given.
+//! Sends responses: whole, or while they are still arriving from the other line.
 
 use super::{Answered, Session, Sniffer};
 use crate::frame::{Envelope, Fill, Frame};
@@ -17,7 +17,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         let envelope = response.envelope();
         let fill = response.filled().1;
         if fill == Fill::Broken {
-            // Nothing of it has been sent; what the device was asked can only be asked again by the master.
+            // Nothing has been sent. Only the master can repeat the request.
             return Ok(());
         }
         let arriving = fill == Fill::Filling;
@@ -42,7 +42,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         Ok(())
     }
 
-    /// Sends a response that is whole.
+    /// Sends a complete response.
     async fn send(&mut self, envelope: &Envelope, response: &Frame<'g>) -> Result<(), LineLost> {
         let mut frame = [0; FRAME_CHARS_MAX];
         let (framing, delimiter) = (self.server.settings.framing, self.delimiter());
@@ -50,7 +50,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
             |pdu: &[u8]| framing.encode(envelope.unit, pdu, delimiter, &mut frame).map(<[u8]>::len).ok();
         let Some(length) = response.pdu(encode) else { return Ok(()) };
         let frame = frame.get(..length).unwrap_or(&[]);
-        // After a collision the master has heard no good response, and asks again.
+        // After a collision the master has received no valid response, and repeats its request.
         let _ = self.line.send(frame).await?;
         self.tap.sent(self.line.active, Event::Response, frame);
         if envelope.destination.is_some() {
@@ -67,7 +67,7 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         }
     }
 
-    /// How a response looks that is sent while it arrives.
+    /// How to send a response that is still arriving.
     fn form(&self, envelope: &Envelope) -> Form {
         let framing = self.server.settings.framing;
         let lane = self.server.gateway.settings(|settings| Lane::at(settings, envelope.destination?));
@@ -83,14 +83,14 @@ impl<'g, L: SerialLine> Session<'_, 'g, L> {
         }
     }
 
-    /// Notes what has been answered, with its CRC.
+    /// Notes the response sent, by its CRC.
     fn answered(&mut self, envelope: &Envelope, pdu: &[u8], crc: u16) {
-        // No frame that begins behind the response can have ended by then.
+        // A frame that begins after the response cannot have ended by then.
         let shortest = self.line.settings.chars(rtu::FRAME_BYTES_MIN);
         let until = self.line.active + shortest + self.line.jitter;
         self.answered = Some(Answered { unit: envelope.unit, crc, until });
         self.server.port_state.stats.answered(pdu, envelope.cause);
-        // The gateway's own unit has changed the character that ends frames; this response still had the old one.
+        // The own unit has changed the delimiter; this response still had the old one.
         if let (Sniffer::Ascii(sniffer), [pdu::function::DIAGNOSTICS, 0, 3, delimiter, 0], None) =
             (&mut self.sniffer, pdu, envelope.destination)
         {

@@ -207,6 +207,12 @@ pub fn is_read(request: &[u8]) -> bool {
     }
 }
 
+/// Whether `so_far` begins a diagnostics request with a public sub-function and one word of data: all but 0, whose data has any
+/// length.
+pub(super) fn is_public(so_far: &[u8]) -> bool {
+    matches!(so_far, [_, 0, 1..=4 | 10..=18 | 20, ..])
+}
+
 /// The function's name for logs; an exception has the name of its function.
 pub fn name(function: u8) -> &'static str {
     Function::of(function & !super::EXCEPTION_BIT).map_or("unlisted function", |function| function.name)

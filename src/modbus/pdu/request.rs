@@ -1,6 +1,6 @@
 //! Validation of requests, before they take up a device's time.
 
-use super::function::{Cells, Form, MEI_DEVICE_IDENTIFICATION};
+use super::function::{Cells, Form, MEI_DEVICE_IDENTIFICATION, is_public};
 use super::{ResponseLength, file_response_length, response_length};
 use crate::modbus::{Exception, PDU_BYTES_MAX};
 
@@ -46,12 +46,6 @@ pub fn request_length(so_far: &[u8]) -> Option<usize> {
         Form::ReadFifo => Some(3),
         Form::Tunnel => (so_far.get(1) == Some(&MEI_DEVICE_IDENTIFICATION)).then_some(4),
     }
-}
-
-/// Whether `so_far` begins a diagnostics request with a public sub-function and one word of data: all but 0, whose data has any
-/// length.
-pub(super) fn is_public(so_far: &[u8]) -> bool {
-    matches!(so_far, [_, 0, 1..=4 | 10..=18 | 20, ..])
 }
 
 /// Whether `fields`, the bytes after the function code, are valid for a request of this `form`.

@@ -1,7 +1,6 @@
 //! The length of the response to a request, and whether a response matches.
 
-use super::function::{Form, MEI_DEVICE_IDENTIFICATION};
-use super::request::is_public;
+use super::function::{Form, MEI_DEVICE_IDENTIFICATION, is_public};
 use super::{EXCEPTION_BIT, file_response_length};
 use crate::modbus::PDU_BYTES_MAX;
 

@@ -36,7 +36,7 @@ const PTY_MAJORS: std::ops::RangeInclusive<u32> = 136..=143;
 const READ_JITTER: Duration = Duration::from_millis(20);
 
 /// Opens `/dev/...` names, links to them such as those under `/dev/serial/by-id`, and bare names (`ttyUSB0`).
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct TtyHost;
 
 /// An open serial line.

@@ -148,10 +148,23 @@ pub const FUNCTIONS: [Function; 19] = {
     ]
 };
 
+/// The highest code in the table.
+#[allow(clippy::indexing_slicing)] // Computed by the compiler, which would say so.
+const HIGHEST: u8 = {
+    let (mut highest, mut at) = (0, 0);
+    while at < FUNCTIONS.len() {
+        if FUNCTIONS[at].code > highest {
+            highest = FUNCTIONS[at].code;
+        }
+        at += 1;
+    }
+    highest
+};
+
 /// Index + 1 of each code in the table, which is looked up several times per frame; 0: not in the table.
 #[allow(clippy::indexing_slicing)] // Computed by the compiler, which would say so.
-const INDEX: [u8; ENCAPSULATED_INTERFACE as usize + 1] = {
-    let mut index = [0; ENCAPSULATED_INTERFACE as usize + 1];
+const INDEX: [u8; HIGHEST as usize + 1] = {
+    let mut index = [0; HIGHEST as usize + 1];
     let mut at = 0;
     while at < FUNCTIONS.len() {
         index[FUNCTIONS[at].code as usize] = at as u8 + 1;

@@ -264,6 +264,7 @@ fn a_pdo_of_more_entries_than_a_sub_index_can_count_is_not_miscounted() {
     let full = (0..RUNS_MAX).fold(Runs::NONE, |runs, _| runs.and(run).unwrap());
     assert!(full.and(run).is_none(), "no room");
     let pdo = Object { index: 0x1a00, name: "Full", entries: Entries::Mapping(full, PdoRules::NONE) };
-    assert_eq!((pdo.sub_max(), pdo.pdo_bytes()), (255, 255));
+    // Six runs of 255 bits.
+    assert_eq!((pdo.sub_max(), pdo.pdo_bytes()), (255, 192));
     assert!(pdo.entry(255).is_some());
 }

@@ -161,7 +161,7 @@ impl Image {
     /// Of one port.
     fn core_ram(&self) -> Outcome<u64> {
         let source = read("boards/stm32/src/gateway.rs")?;
-        let ports = source.lines().find(|line| line.starts_with("pub const PORTS: usize = if "));
+        let ports = source.lines().find(|line| line.contains("const PORTS: usize = if "));
         let ports =
             ports.and_then(|line| line.rsplit_once("else { ")?.1.strip_suffix(" };")?.parse::<u64>().ok());
         let ports = ports.ok_or("boards/stm32/src/gateway.rs does not say how many ports there are")?;

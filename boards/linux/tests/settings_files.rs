@@ -108,7 +108,7 @@ fn lines_for_boards_are_refused_with_their_line_and_word() {
     for line in ["network dhcp", "network dhcp name x", "network address 10.0.0.5/8"] {
         let said = refusal_of(&format!("port P1 tcp server 502\n\n  {line}\n"));
         let expected = "line 3, column 3: \"network\": network lines are for boards with a network of their own; \
-                        here the operating system sets it";
+                        here the operating system manages it";
         assert!(said.contains(expected), "{said}");
     }
     let said = refusal_of("port E ethercat\nport P1 tcp server 502\n");

@@ -18,10 +18,11 @@ use mobgate_simulator::esc::cable::{Cable, FrameFaults, SharedSegment};
 use mobgate_simulator::esc::frame::{Builder, datagrams};
 use mobgate_simulator::esc::{Command, DirectPdi, Interrupt};
 use mobgate_simulator::lan9252::{SpiFaults, Timing};
+use mobgate_simulator::random::each_seed;
+use mobgate_simulator::share::Share;
 use mobgate_simulator::sub_device::{
     BusFaults, Faulty, Paced, SharedEcho, cable, image, line_of, spawn, with_master,
 };
-use mobgate_simulator::torture::{Share, torture};
 use mobgate_simulator::{Lan9252, Random, World};
 
 static GATEWAY: Device = DEVICE;
@@ -37,7 +38,9 @@ const LOGICAL: u32 = 0;
 
 #[test]
 fn random_worlds_never_show_a_wrong_image_and_always_come_back_to_op() {
-    torture("ethercat_torture", GOOD_MIN, WORLDS, live);
+    let share = Share::default();
+    each_seed(WORLDS, |seed| live(seed, &share));
+    share.demand("ethercat_torture", GOOD_MIN);
 }
 
 fn live(seed: u64, share: &Share) {

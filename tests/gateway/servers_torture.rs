@@ -8,11 +8,13 @@
 use std::net::SocketAddr;
 
 use embassy_time::{Duration, Timer};
+use mobgate_simulator::fault::When;
+use mobgate_simulator::random::each_seed;
 use mobgate_simulator::rig::with_gateway;
-use mobgate_simulator::torture::{Share, draw_device, draw_path, torture};
-use mobgate_simulator::{Fault, Random};
+use mobgate_simulator::share::Share;
+use mobgate_simulator::{Device, Fault, Faults, Random};
 
-use crate::visitors::{Target, Visits, wrote_once};
+use crate::visitors::{FRESH, Visits, draw_path, wrote_once};
 
 /// Worlds of a plain `cargo test`.
 const SEEDS: u64 = 200;
@@ -23,7 +25,9 @@ const SHIFT: u8 = 100;
 
 #[test]
 fn random_servers_keep_no_answer_from_its_asker() {
-    torture("servers_torture_good", GOOD_MIN, SEEDS, live);
+    let share = Share::default();
+    each_seed(SEEDS, |seed| live(seed, &share));
+    share.demand("servers_torture_good", GOOD_MIN);
 }
 
 fn address(server: u8) -> SocketAddr {
@@ -66,8 +70,7 @@ fn live(seed: u64, share: &Share) {
         board.into_iter().for_each(|board| rig.network.set_sockets(board as usize));
         let mut devices = Vec::new();
         for n in 1..=count {
-            let pair = [10 * n, 10 * n + 1]
-                .map(|unit| draw_device(&mut random, unit, (2, 30), |random| draw_fault(random, rtu)));
+            let pair = [10 * n, 10 * n + 1].map(|unit| draw_device(&mut random, unit, rtu));
             rig.network.set_path(address(n), draw_path(&mut random));
             let at = address(n).to_string();
             match rtu {
@@ -87,41 +90,46 @@ fn live(seed: u64, share: &Share) {
                 network.set_unreachable(server, false);
             }
         });
-        let target = move |random: &mut Random, _| {
+        let target = move |random: &mut Random| {
             let server = random.index(shifted.len());
             let device = 10 * (server as u8 + 1) + random.byte() % 2;
             let unit = if shifted[server] { device + SHIFT } else { device };
             // Every seventh is for a unit that no server has.
-            let (unit, device) = if random.chance(0.14) { (9, None) } else { (unit, Some(device)) };
-            Target::new(unit, device, &[0x06, 0x0a, 0x0b])
+            if random.chance(0.14) { (9, None) } else { (unit, Some(device)) }
         };
-        let visits = Visits { clients: 6, bursts: 20, parts: false, target };
-        visits.run(world, rig, &[502], &mut random, share);
+        let visits = Visits { bursts: 20, target, exceptions: &[0x06, 0x0a, 0x0b] };
+        visits.run(world, rig, &mut random, share);
         let most = rig.network.counters().sockets_most;
         assert!(most <= sockets.min(board.unwrap_or(u64::MAX)), "{most} sockets at a time");
         devices.iter().for_each(wrote_once);
     });
 }
 
-fn draw_fault(random: &mut Random, rtu: bool) -> Fault {
-    let late = Fault::draw_late(random);
-    let common = [
-        Fault::Dead,
-        Fault::Unheard,
-        late,
-        late,
-        Fault::Exception(6),
-        Fault::Close,
-        Fault::Reset,
-        Fault::Half,
-    ];
-    match random.index(12) {
-        nth @ 0..8 => common[nth],
-        8 if rtu => Fault::BadCrc,
-        9 if rtu => Fault::NoiseBefore(3),
-        8 => Fault::WrongTransaction,
-        9 => Fault::Twice(Duration::from_millis(3)),
-        10 => Fault::WrongFunction,
-        _ => Fault::WrongLength,
+fn draw_device(random: &mut Random, unit: u8, rtu: bool) -> Device {
+    let mut faults = Faults::new(random.bits());
+    for _ in 0..random.index(3) {
+        let late = Fault::draw_late(random);
+        let common = [
+            Fault::Dead,
+            Fault::Unheard,
+            late,
+            late,
+            Fault::Exception(6),
+            Fault::Close,
+            Fault::Reset,
+            Fault::Half,
+        ];
+        let fault = match random.index(12) {
+            nth @ 0..8 => common[nth],
+            8 if rtu => Fault::BadCrc,
+            9 if rtu => Fault::NoiseBefore(3),
+            8 => Fault::WrongTransaction,
+            9 => Fault::Twice(Duration::from_millis(3)),
+            10 => Fault::WrongFunction,
+            _ => Fault::WrongLength,
+        };
+        faults = faults.with(When::Chance(random.index(30) as f64 / 100.0), fault);
     }
+    let turnaround = Duration::from_micros(random.within(0..=20_000));
+    Device::new(unit).with_fresh(FRESH).with_turnaround(turnaround).with_faults(faults)
 }

@@ -6,11 +6,13 @@
 //! `MOBGATE_SEED=17 cargo test tcp_torture` runs the world of seed 17 alone; `MOBGATE_SEEDS=4000` runs so many, as CI does.
 
 use embassy_time::Duration;
+use mobgate_simulator::fault::When;
+use mobgate_simulator::random::each_seed;
 use mobgate_simulator::rig::with_gateway;
-use mobgate_simulator::torture::{Share, draw_device, draw_path, torture};
-use mobgate_simulator::{Device, Fault, Random};
+use mobgate_simulator::share::Share;
+use mobgate_simulator::{Device, Fault, Faults, Random};
 
-use crate::visitors::{Target, Visits, wrote_once};
+use crate::visitors::{FRESH, Visits, draw_path, wrote_once};
 
 /// Worlds of a plain `cargo test`.
 const SEEDS: u64 = 300;
@@ -21,7 +23,9 @@ const DEVICES: u8 = 4;
 
 #[test]
 fn random_tcp_devices_keep_no_answer_from_its_asker() {
-    torture("tcp_torture_good", GOOD_MIN, SEEDS, live);
+    let share = Share::default();
+    each_seed(SEEDS, |seed| live(seed, &share));
+    share.demand("tcp_torture_good", GOOD_MIN);
 }
 
 fn live(seed: u64, share: &Share) {
@@ -42,53 +46,66 @@ fn live(seed: u64, share: &Share) {
     );
     with_gateway(seed, &settings, |world, rig| {
         let strays = random.chance(0.25);
-        let devices: Vec<Device> = (1..=DEVICES)
-            .map(|unit| draw_device(&mut random, unit, (3, 30), |random| draw_fault(random, rtu, strays)))
-            .collect();
+        let devices: Vec<Device> =
+            (1..=DEVICES).map(|unit| draw_device(&mut random, unit, rtu, strays)).collect();
         rig.network.set_path(SERVER.parse().unwrap(), draw_path(&mut random));
         match rtu {
             true => rig.attach_rtu_over_tcp(world, SERVER, devices.clone()),
             false => rig.attach_tcp(world, SERVER, devices.clone()),
         }
-        let target = |random: &mut Random, _| {
+        let target = |random: &mut Random| {
             let unit = random.within(1..=u64::from(DEVICES) + 1) as u8;
-            // Of the device with a bit turned: 06 and 07.
-            Target::new(unit, (unit <= DEVICES).then_some(unit), &[0x06, 0x07, 0x0a, 0x0b])
+            (unit, (unit <= DEVICES).then_some(unit))
         };
-        let visits = Visits { clients: 6, bursts: 30, parts: false, target };
-        visits.run(world, rig, &[502], &mut random, share);
+        // Of the device with a bit turned: 06 and 07.
+        let visits = Visits { bursts: 30, target, exceptions: &[0x06, 0x07, 0x0a, 0x0b] };
+        visits.run(world, rig, &mut random, share);
         devices.iter().for_each(wrote_once);
     });
 }
 
 /// By RTU, answers go astray or are late without a bound: a stray one is the late one of another for all that anybody can tell.
-fn draw_fault(random: &mut Random, rtu: bool, strays: bool) -> Fault {
-    let late = if rtu && strays { Fault::WrongUnit } else { Fault::draw_late(random) };
-    let common = [
-        Fault::Dead,
-        Fault::Unheard,
-        late,
-        late,
-        Fault::WrongFunction,
-        Fault::WrongLength,
-        Fault::Exception(6),
-        Fault::Close,
-        Fault::Reset,
-        Fault::Half,
-    ];
-    // MBAP has no checksum: what is damaged there, TCP has let through, and nobody can tell.
-    let only = match rtu {
-        true => {
-            [Fault::BadCrc, Fault::FlippedBit, Fault::LostByte, Fault::NoiseBefore(3), Fault::NoiseAfter(3)]
-        }
-        false => [
-            Fault::WrongTransaction,
-            Fault::WrongUnit,
-            Fault::Half,
-            Fault::Twice(Duration::from_millis(3)),
+fn draw_device(random: &mut Random, unit: u8, rtu: bool, strays: bool) -> Device {
+    let mut faults = Faults::new(random.bits());
+    for _ in 0..random.index(4) {
+        let late = if rtu && strays { Fault::WrongUnit } else { Fault::draw_late(random) };
+        let common = [
+            Fault::Dead,
+            Fault::Unheard,
             late,
-        ],
-    };
-    let faults_all = [&common[..], &only[..]].concat();
-    faults_all[random.index(faults_all.len())]
+            late,
+            Fault::WrongFunction,
+            Fault::WrongLength,
+            Fault::Exception(6),
+            Fault::Close,
+            Fault::Reset,
+            Fault::Half,
+        ];
+        // MBAP has no checksum: what is damaged there, TCP has let through, and nobody can tell.
+        let only = match rtu {
+            true => [
+                Fault::BadCrc,
+                Fault::FlippedBit,
+                Fault::LostByte,
+                Fault::NoiseBefore(3),
+                Fault::NoiseAfter(3),
+            ],
+            false => [
+                Fault::WrongTransaction,
+                Fault::WrongUnit,
+                Fault::Half,
+                Fault::Twice(Duration::from_millis(3)),
+                late,
+            ],
+        };
+        let faults_all = [&common[..], &only[..]].concat();
+        let fault = faults_all[random.index(faults_all.len())];
+        faults = faults.with(When::Chance(random.index(30) as f64 / 100.0), fault);
+    }
+    // Many devices refuse diagnostics.
+    if random.chance(0.3) {
+        faults = faults.with(When::Function(8), Fault::Exception(1));
+    }
+    let turnaround = Duration::from_micros(random.within(0..=20_000));
+    Device::new(unit).with_fresh(FRESH).with_turnaround(turnaround).with_faults(faults)
 }

@@ -22,9 +22,9 @@ pub mod own_network;
 pub mod power_cuts;
 pub mod rig;
 pub mod serial;
+pub mod share;
 pub mod shared_bus;
 pub mod timing;
-pub mod torture;
 pub mod wire;
 
 pub use client::Client;

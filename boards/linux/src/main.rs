@@ -189,9 +189,10 @@ fn run(options: Options) -> Result<End, String> {
     let caught = Signals::catch().map_err(|error| format!("signals cannot be caught: {error}"))?;
     let sockets = TcpSockets::default();
     let console = console::open_tcp(options.console, &sockets)?;
-    let (socket, _claim_until_the_end) = socket::open(options.socket.as_ref())?.unzip();
     let mut store = FileStore::new(options.config.clone());
     let start = prepare(&GATEWAY, &options, &mut store, &sockets)?;
+    // Behind the settings: a start that they end leaves no socket, nor a lock file of another user's, behind.
+    let (socket, _claim_until_the_end) = socket::open(options.socket.as_ref())?.unzip();
     if let Some(file) = &options.capture {
         CAPTURE_FILE.signal(Some(capture::create(file)?));
     }

@@ -386,6 +386,12 @@ impl Application for GatewayObjects<'_> {
         }
     }
 
+    fn memory_full(&mut self, channel: Channel, bytes: u16, room: u16) {
+        let values = if channel == Channel::Outputs { "output" } else { "input" };
+        // The code by which the state is refused says so as well.
+        let _ = self.note(Err(ConfigError::MemoryFull { values, bytes, room }));
+    }
+
     fn entered(&mut self, state: AlState) {
         self.shared.set_exchanging(state.has_process_data());
     }

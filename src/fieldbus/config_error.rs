@@ -23,6 +23,16 @@ pub enum ConfigError {
         /// Bytes that there are.
         room: u16,
     },
+    /// The assigned PDOs are longer than the memory of the controller (0006h).
+    #[error("the controller holds {room} of {bytes} {values} bytes")]
+    MemoryFull {
+        /// `input` or `output`.
+        values: &'static str,
+        /// Bytes of the assigned PDOs.
+        bytes: u16,
+        /// Bytes that the controller has for them.
+        room: u16,
+    },
     /// A kind's addresses would go past 65535.
     #[error("slave {slave}: {kind} addresses past 65535")]
     PastLastAddress {

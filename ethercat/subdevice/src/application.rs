@@ -107,6 +107,9 @@ pub trait Application {
         Ok(())
     }
 
+    /// SafeOp is refused since the controller's memory (0006h) holds `room` of the `bytes` of process data that are assigned to `channel`.
+    fn memory_full(&mut self, _channel: Channel, _bytes: u16, _room: u16) {}
+
     /// What the device's lights show from now on.
     fn shows(&mut self, _indicators: Indicators) {}
 

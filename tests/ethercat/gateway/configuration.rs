@@ -157,6 +157,7 @@ fn every_reason_fits_into_its_object() {
     let longest = [
         ConfigError::InputsFull { slave: 31, room: 512 },
         ConfigError::OutputsFull { slave: 31, room: 512 },
+        ConfigError::MemoryFull { values: "output", bytes: 1_500, room: 1_144 },
         ConfigError::Character { bits: 9, parity: 3 },
         ConfigError::NoPort,
         ConfigError::NoLine,

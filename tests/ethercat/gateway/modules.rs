@@ -29,6 +29,12 @@ fn rig() -> Rig<Objects> {
     rig
 }
 
+/// Why the configuration is refused.
+fn reason(rig: &mut Rig<Objects>) -> String {
+    let text = rig.upload(0x2006, 0).unwrap();
+    String::from_utf8(text).unwrap().trim_end_matches('\0').to_owned()
+}
+
 /// What stands in a slot.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Module {
@@ -240,8 +246,7 @@ fn modules_that_the_main_device_does_not_expect_keep_it_from_safe_op() {
     for wrong in [[0; 4], [1, 2, 3, 4]] {
         rig.download(0xf030, 5, &wrong).unwrap();
         assert_eq!(rig.request(SAFE_OP), (PRE_OP | ERROR, 0x0070));
-        let reason = rig.upload(0x2006, 0).unwrap();
-        assert!(reason.starts_with(b"slot 4: not the module that is expected"), "{reason:?}");
+        assert_eq!(reason(&mut rig), "slot 4: not the module that is expected");
         let newest = rig.upload(0x10f3, 2).unwrap()[0];
         let message = rig.upload(0x10f3, newest).unwrap();
         assert_eq!((message[6], message[18]), (7, 4), "its own text, and which slot: {message:?}");
@@ -262,7 +267,7 @@ fn what_does_not_fit_is_refused_with_its_reason() {
     let mut many = registers(2, 200);
     many.extend(registers(4, 200));
     let long: List = (0..3).map(|slot| (0x8000 + 0x10 * slot, 6, 90_u16.to_le_bytes().to_vec())).collect();
-    for (list, code, reason) in [
+    for (list, code, told) in [
         (three_of_each, 0x26, "slave 0: half a value of input"),
         (registers(4, 255), 0x26, "slave 0: over 254 entries in a PDO"),
         (many, 0x26, "slave 0: over 254 entries in a PDO"),
@@ -271,9 +276,8 @@ fn what_does_not_fit_is_refused_with_its_reason() {
     ] {
         let mut rig = rig();
         send(&mut rig, &list);
-        assert_eq!(rig.request(SAFE_OP), (PRE_OP | ERROR, code), "{reason}");
-        let text = String::from_utf8(rig.upload(0x2006, 0).unwrap()).unwrap();
-        assert!(text.starts_with(reason), "{text}");
+        assert_eq!(rig.request(SAFE_OP), (PRE_OP | ERROR, code), "{told}");
+        assert_eq!(reason(&mut rig), told, "{code}");
         assert_eq!(rig.download(0x8000, 14, &[5]), Err(0x0609_0031), "no such type");
     }
 }
@@ -287,6 +291,8 @@ fn modules_that_the_controllers_memory_does_not_hold_are_refused() {
     rig.bring_to(PRE_OP);
     send(&mut rig, &start_up_list(&[Module { discrete: 8, ..Module::default() }]));
     assert_eq!(rig.request(SAFE_OP), (PRE_OP | ERROR, 0x24));
+    // A status of two bytes and the module's eight bits, in a PDO of whole words.
+    assert_eq!(reason(&mut rig), "the controller holds 0 of 4 input bytes");
 }
 
 #[test]

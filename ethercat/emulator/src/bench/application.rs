@@ -107,6 +107,10 @@ impl<A: Application> Application for Shared<A> {
         self.0.borrow_mut().may_enter(state)
     }
 
+    fn memory_full(&mut self, channel: Channel, bytes: u16, room: u16) {
+        self.0.borrow_mut().memory_full(channel, bytes, room);
+    }
+
     fn entered(&mut self, state: AlState) {
         self.0.borrow_mut().entered(state);
     }

@@ -142,7 +142,9 @@ impl<E: Esc, A: Application, const OUTPUTS: usize, const INPUTS: usize> SubDevic
             (Channel::Outputs, AlStatusCode::InvalidOutputMapping),
             (Channel::Inputs, AlStatusCode::InvalidInputMapping),
         ] {
-            if self.data_bytes(channel) > self.room(channel) {
+            let (bytes, room) = (self.data_bytes(channel), self.room(channel));
+            if bytes > room {
+                self.application.memory_full(channel, bytes, room);
                 return Err(code.into());
             }
         }

@@ -63,7 +63,15 @@ pub struct Choice {
 impl Choice {
     /// Whether it comes with settings of its own, besides a file's.
     pub(crate) fn has_settings(&self) -> bool {
-        matches!(self.demo, Some(DemoKind::Ethercat(_)))
+        self.interface().is_some()
+    }
+
+    /// The network interface of its EtherCAT SubDevice.
+    fn interface(&self) -> Option<&str> {
+        match &self.demo {
+            Some(DemoKind::Ethercat(name)) => Some(name.as_str()),
+            Some(DemoKind::Modbus) | None => None,
+        }
     }
 }
 
@@ -92,21 +100,20 @@ impl FromStr for DemoKind {
     }
 }
 
-/// The demo's settings, on the first of its TCP ports that may be opened.
-pub(crate) fn start(options: &Options, sockets: &TcpSockets) -> Result<Start, String> {
+/// Whether the demo can be had with these options here.
+pub(crate) fn check(options: &Options) -> Result<(), String> {
     if options.config.is_some() {
         return Err("--demo ethercat has its own settings: start it without --config".to_owned());
     }
+    let Some(name) = options.demo.interface() else { return Ok(()) };
+    // Who asked for it counts on it.
+    ethercat::check(name).map_err(|fault| format!("--demo ethercat: {fault}\n{}", ethercat_needs(name)))
+}
+
+/// The demo's settings, on the first of its TCP ports that may be opened.
+pub(crate) fn start(options: &Options, sockets: &TcpSockets) -> Result<Start, String> {
     let Options { demo, listen, .. } = options;
-    let interface = match &demo.demo {
-        Some(DemoKind::Ethercat(name)) => Some(name.as_str()),
-        Some(DemoKind::Modbus) | None => None,
-    };
-    if let Some(name) = interface {
-        // Who asked for it counts on it.
-        let needs = || ethercat_needs(name);
-        ethercat::check(name).map_err(|fault| format!("--demo ethercat: {fault}\n{}", needs()))?;
-    }
+    let interface = demo.interface();
     let default = TCP_PORTS.map(|port| TcpListen { address: None, port });
     let candidates = listen.as_ref().map_or(&default[..], std::slice::from_ref);
     let mut faults = Vec::new();

@@ -21,7 +21,7 @@ use mobgate_linux::console::{SESSIONS_MAX, Sessions, socket};
 use mobgate_linux::demo::{self, Lines};
 use mobgate_linux::reactor::block_on;
 use mobgate_linux::signals::{Signal as Caught, Signals};
-use mobgate_linux::start::prepare;
+use mobgate_linux::start;
 use mobgate_linux::stdio::RawMode;
 use mobgate_linux::store::FileStore;
 use mobgate_linux::tcp::{Connector, TcpSockets};
@@ -190,9 +190,10 @@ fn run(options: Options) -> Result<End, String> {
     let sockets = TcpSockets::default();
     let console = console::open_tcp(options.console, &sockets)?;
     let mut store = FileStore::new(options.config.clone());
-    let start = prepare(&GATEWAY, &options, &mut store, &sockets)?;
-    // Behind the settings: a start that they end leaves no socket, nor a lock file of another user's, behind.
+    let settings = start::read(&GATEWAY, &options, &mut store)?;
+    // Behind them: a start that they end leaves no socket behind. Before the ports: who sees one open may use the console.
     let (socket, _claim_until_the_end) = socket::open(options.socket.as_ref())?.unzip();
+    let start = start::listen(settings, &options, &sockets)?;
     if let Some(file) = &options.capture {
         CAPTURE_FILE.signal(Some(capture::create(file)?));
     }

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use embassy_executor::Spawner;
+use mobgate::settings::Settings;
 
 use crate::cli::Options;
 use crate::start::Start;
@@ -21,9 +22,14 @@ impl Choice {
 }
 
 /// There are no settings without a file.
-pub(crate) fn start(_: &Options, _: &TcpSockets) -> Result<Start, String> {
+pub(crate) fn check(_: &Options) -> Result<(), String> {
     Err("no settings: name their file with --config FILE (this program was built without the demo)"
         .to_owned())
+}
+
+/// Nothing starts.
+pub(crate) fn start(options: &Options, _: &TcpSockets) -> Result<Start, String> {
+    check(options).map(|()| Start { settings: Settings::new(), listeners: Vec::new() })
 }
 
 /// Nothing has to be started: gives what ports open serial lines by.

@@ -1,10 +1,9 @@
 //! The start: which settings are in force and which listeners they need.
 
-use std::path::Path;
 use std::rc::Rc;
 
 use mobgate::gateway::Gateway;
-use mobgate::settings::{Settings, TcpListen};
+use mobgate::settings::Settings;
 
 use crate::cli::Options;
 use crate::demo;
@@ -21,36 +20,29 @@ pub struct Start {
     pub listeners: Vec<Rc<Listener>>,
 }
 
-/// What the program starts with: the configuration file's settings, or the demo's.
-pub fn prepare(
+/// The configuration file's settings, or none: the demo's, which it makes itself. Opens nothing.
+pub fn read(
     gateway: &Gateway<'_>,
     options: &Options,
     store: &mut FileStore,
-    sockets: &TcpSockets,
-) -> Result<Start, String> {
-    match &options.config {
-        Some(file) if !options.demo.has_settings() => {
-            configured(gateway, file, store, options.listen, sockets)
-        }
-        _ => demo::start(options, sockets),
-    }
-}
-
-/// The file's settings. A TCP port that cannot be opened is an error: whoever configured it counts on it.
-fn configured(
-    gateway: &Gateway<'_>,
-    file: &Path,
-    store: &mut FileStore,
-    listen: Option<TcpListen>,
-    sockets: &TcpSockets,
-) -> Result<Start, String> {
+) -> Result<Option<Settings>, String> {
+    let file = match &options.config {
+        Some(file) if !options.demo.has_settings() => file,
+        _ => return demo::check(options).map(|()| None),
+    };
     let mut settings = Settings::new();
     block_on(settings::read(gateway, store, &mut settings))?;
-    if let Some(listen) = listen
+    if let Some(listen) = options.listen
         && !settings::redirect(&mut settings, listen)
     {
         return Err(format!("--listen: {} has no TCP server", file.display()));
     }
+    Ok(Some(settings))
+}
+
+/// Opens the TCP ports of `settings`, or of the demo. One that cannot be opened is an error: whoever configured it counts on it.
+pub fn listen(settings: Option<Settings>, options: &Options, sockets: &TcpSockets) -> Result<Start, String> {
+    let Some(settings) = settings else { return demo::start(options, sockets) };
     let open = |(name, at)| sockets.open(at).map_err(|error| format!("port {name}: TCP port {at}: {error}"));
     let listeners = tcp_servers(&settings).map(open).collect::<Result<_, _>>()?;
     Ok(Start { settings, listeners })

@@ -42,6 +42,9 @@ pub enum StreamFraming {
 /// Requests in flight at one UDP server.
 pub const UDP_REQUESTS_MAX: usize = 32;
 
+/// Clients of a TCP server that does not say how many: what the board has connections for.
+pub(super) const CLIENTS_DEFAULT: u16 = if cfg!(feature = "eight-clients") { 8 } else { 16 };
+
 /// A listener for Modbus TCP clients.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TcpServerSettings {
@@ -68,12 +71,12 @@ pub struct TcpServerSettings {
 }
 
 impl TcpServerSettings {
-    /// A listener on `port` with the defaults: 16 clients, closed after a minute idle, 16 requests each, 5 s lifetime.
+    /// A listener on `port` with the defaults: 16 clients (8 with the feature `eight-clients`), closed after a minute idle, 16 requests each, 5 s lifetime.
     pub fn new(port: u16) -> Self {
         Self {
             listen: TcpListen { address: None, port },
             framing: StreamFraming::Mbap,
-            clients: 16,
+            clients: CLIENTS_DEFAULT,
             idle: Duration::from_secs(60),
             pipeline: 16,
             lifetime: Duration::from_secs(5),
@@ -87,7 +90,7 @@ impl TcpServerSettings {
     /// The default number of clients.
     pub(crate) const fn clients_of(&self, framing: StreamFraming) -> u16 {
         match framing {
-            StreamFraming::Mbap | StreamFraming::Rtu => 16,
+            StreamFraming::Mbap | StreamFraming::Rtu => CLIENTS_DEFAULT,
             StreamFraming::Capture => 1,
         }
     }

@@ -5,6 +5,10 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use object::Endianness;
+use object::elf::PT_LOAD;
+use object::read::elf::{ElfFile32, ProgramHeader};
+
 use crate::tools::{self, Outcome, command, output, root};
 
 /// A Cortex-M4 or -M7 with a floating-point unit.
@@ -110,9 +114,39 @@ pub(crate) fn run(board: &str, subcommand: &str, arguments: &[String]) -> Outcom
     tools::run(&mut cargo)?;
     match subcommand {
         "build" if core => tools::built(images().join("libmobgate.rlib")),
-        "build" => tools::built(image(board)),
+        "build" => {
+            tools::built(image(board))?;
+            tools::built(write_flat(&image(board))?)
+        }
         _ => Ok(()),
     }
+}
+
+/// Writes beside an image what its flash holds, byte by byte from its first address on, for tools that take no ELF file.
+fn write_flat(image: &Path) -> Outcome<PathBuf> {
+    let fault = |path: &Path, what: &dyn std::fmt::Display| format!("{}: {what}", path.display());
+    let elf = std::fs::read(image).map_err(|error| fault(image, &error))?;
+    let file = ElfFile32::<Endianness>::parse(&*elf).map_err(|error| fault(image, &error))?;
+    let endian = file.endian();
+    let mut parts = Vec::new();
+    for header in file.elf_program_headers() {
+        let bytes =
+            header.data(endian, &*elf).map_err(|()| fault(image, &"a segment ends outside the file"))?;
+        if header.p_type(endian) == PT_LOAD && !bytes.is_empty() {
+            parts.push((header.p_paddr(endian), bytes));
+        }
+    }
+    parts.sort_unstable_by_key(|(address, _)| *address);
+    let first = parts.first().map_or(0, |(address, _)| *address);
+    let mut flat = Vec::new();
+    for (address, bytes) in parts {
+        // What lies between two parts is as erased flash is.
+        flat.resize((address - first) as usize, 0xff);
+        flat.extend_from_slice(bytes);
+    }
+    let path = image.with_extension("bin");
+    std::fs::write(&path, flat).map_err(|error| fault(&path, &error))?;
+    Ok(path)
 }
 
 /// The paths that panics name are short ones, and an image is the same wherever it was built.

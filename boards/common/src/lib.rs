@@ -1,10 +1,11 @@
 //! What the firmware of every board needs and no chip decides, so that it is tested on a host.
 //!
-//! [`liveness`] says when the watchdog may be fed, [`last_words`] carry a panic's message over the reset, and
+//! [`clock`] is embassy-time's, [`liveness`] says when the watchdog may be fed, [`last_words`] carry a panic's message over the reset, and
 //! [`ethernet_address`] makes an Ethernet address out of a chip's unique number.
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod clock;
 pub mod last_words;
 pub mod liveness;
 

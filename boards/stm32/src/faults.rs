@@ -21,6 +21,13 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     SCB::sys_reset()
 }
 
+/// An interrupt that nothing is bound to, or an NMI (number -14): of the flash's error correction, or of a clock that failed.
+#[exception]
+unsafe fn DefaultHandler(number: i16) {
+    note(format_args!("interrupt {number}, which nobody serves"));
+    SCB::sys_reset()
+}
+
 /// A panic of embassy's drivers, which tell defmt and nobody else where they are. The fault's record has the address that
 /// this was called from.
 #[defmt::panic_handler]

@@ -60,14 +60,21 @@ impl NorFlash for SettingsFlash {
         // One bank, see above.
         #[cfg(feature = "f7")]
         return self.0.blocking_write(offset, bytes);
+        #[cfg(feature = "h7")]
+        crate::registers::forget_flash_errors();
         #[cfg(not(feature = "f7"))]
         return self.0.write(offset, bytes).await;
     }
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
-        // One bank, see above.
+        // One bank, see above: nobody else feeds the watchdog meanwhile, and the first start erases one sector after the other.
         #[cfg(feature = "f7")]
-        return self.0.blocking_erase(from, to);
+        return (from..to).step_by(Self::ERASE_SIZE).try_for_each(|sector| {
+            crate::watchdog::feed();
+            self.0.blocking_erase(sector, sector + Self::ERASE_SIZE as u32)
+        });
+        #[cfg(feature = "h7")]
+        crate::registers::forget_flash_errors();
         #[cfg(not(feature = "f7"))]
         return self.0.erase(from, to).await;
     }

@@ -16,7 +16,7 @@ use core::task::Poll;
 use embassy_embedded_hal::SetConfig;
 use embassy_stm32::Peri;
 use embassy_stm32::dma::{Channel, InterruptHandler, ReadableRingBuffer, Request};
-use embassy_stm32::gpio::Output;
+use embassy_stm32::gpio::{Output, Pull};
 use embassy_stm32::interrupt::typelevel::{Binding, Handler, Interrupt};
 use embassy_stm32::mode::Blocking;
 use embassy_stm32::pac::usart::Usart;
@@ -153,8 +153,8 @@ impl Dma {
 }
 
 impl Line {
-    /// Line number `number`, whose interrupt is bound to [`LineInterrupt`] of the same number. `setup` is with the default
-    /// configuration, which every UART has. `driver` is the pin that switches the transceiver, where `setup` has none.
+    /// Line number `number`, whose interrupt is bound to [`LineInterrupt`] of the same number. `setup` is with
+    /// [`first_config`], which every UART has. `driver` is the pin that switches the transceiver, where `setup` has none.
     pub(crate) fn new(
         number: usize,
         setup: Result<Uart<'static, Blocking>, ConfigError>,
@@ -194,6 +194,14 @@ impl Line {
     }
 }
 
+/// How the UART of a line is set up at first, with its pins.
+pub(crate) fn first_config() -> Config {
+    let mut config = Config::default();
+    // A transceiver that hears nothing lets go of the pin. `set_config` does not touch pins.
+    config.rx_pull = Pull::Up;
+    config
+}
+
 /// `time` in sixteenths of a bit, rounded up.
 fn sixteenths(line: &LineSettings, time: embassy_time::Duration) -> u64 {
     (time.as_micros() * 16 * u64::from(line.baud)).div_ceil(1_000_000)
@@ -209,8 +217,6 @@ fn config(line: &LineSettings) -> Config {
         WireParity::Even => Parity::ParityEven,
         WireParity::Odd => Parity::ParityOdd,
     };
-    // A transceiver that hears nothing lets go of the pin.
-    config.rx_pull = embassy_stm32::gpio::Pull::Up;
     config
 }
 

@@ -5,23 +5,23 @@ use core::pin::pin;
 use embassy_executor::Spawner;
 use embassy_futures::join::join3;
 use embassy_net::{Runner, StackResources};
-use embassy_stm32::eth::{Ethernet, GenericPhy, PacketQueue, Sma};
-use embassy_stm32::peripherals::{ETH, ETH_SMA};
+use embassy_stm32::eth::PacketQueue;
 use embassy_stm32::uid::uid;
 use mobgate::settings::OwnNetwork;
 use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
 use static_cell::{ConstStaticCell, StaticCell};
 
+use crate::ethernet::LateEthernet;
 use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, gateway};
+use crate::nucleo144::Interrupts;
 use crate::sockets::Network;
 
-/// The chip's Ethernet with any PHY, which the boards have as RMII.
-pub(crate) type Driver = Ethernet<'static, ETH, GenericPhy<Sma<'static, ETH_SMA>>>;
+type Driver = LateEthernet<Interrupts>;
 
 /// Packets that the Ethernet's DMA holds until they are read.
 const PACKETS: usize = 4;
 /// Those that go out are gone in microseconds.
-const PACKETS_OUT: usize = 2;
+pub(crate) const PACKETS_OUT: usize = 2;
 /// What the driver's packets are kept in.
 pub(crate) type Packets = PacketQueue<PACKETS_OUT, PACKETS>;
 

@@ -2,23 +2,24 @@
 //! the connectors.
 
 use embassy_executor::Spawner;
-use embassy_stm32::eth::{self, Ethernet};
+use embassy_stm32::eth;
 use embassy_stm32::flash::Flash;
 use embassy_stm32::gpio::{Input, Pull};
 use embassy_stm32::interrupt::typelevel;
-use embassy_stm32::usart::{Config as Serial, Uart};
+use embassy_stm32::usart::Uart;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peripherals, bind_interrupts, dma, exti, pac, peripherals as p};
 use static_cell::{ConstStaticCell, StaticCell};
 
+use crate::ethernet::{LateEthernet, Parts};
 use crate::flash::SettingsFlash;
 use crate::lights::Lights;
-use crate::line::{Dma, LINES_MAX, Line, LineInterrupt, RING_BYTES};
+use crate::line::{Dma, LINES_MAX, Line, LineInterrupt, RING_BYTES, first_config};
 use crate::lines::{LINES, Lines, Place};
 use crate::system::Board;
-use crate::{console, gateway, network, watchdog};
+use crate::{clock, console, gateway, network, registers, watchdog};
 
-bind_interrupts!(struct Interrupts {
+bind_interrupts!(pub(crate) struct Interrupts {
     USART2 => LineInterrupt<0>;
     USART6 => LineInterrupt<1>;
     UART4 => LineInterrupt<2>;
@@ -52,7 +53,7 @@ static PLACES: StaticCell<[Place; LINES]> = StaticCell::new();
 macro_rules! line {
     ($p:ident, $ring:expr, $number:literal, $uart:ident, $receive:ident, $transmit:ident, $from:ident, $to:ident) => {
         line!(@ $p, $ring, $number, $uart, $from, $to, None,
-            Uart::new_blocking($p.$uart, $p.$receive, $p.$transmit, Serial::default()))
+            Uart::new_blocking($p.$uart, $p.$receive, $p.$transmit, first_config()))
     };
     ($p:ident, $ring:expr, $number:literal, $uart:ident, $receive:ident, $transmit:ident, $from:ident, $to:ident, $driver:ident) => {{
         // The UARTs of the F4 cannot switch a driver.
@@ -60,11 +61,11 @@ macro_rules! line {
         let line = {
             use embassy_stm32::gpio::{Level, Output, Speed};
             line!(@ $p, $ring, $number, $uart, $from, $to, Some(Output::new($p.$driver, Level::Low, Speed::High)),
-                Uart::new_blocking($p.$uart, $p.$receive, $p.$transmit, Serial::default()))
+                Uart::new_blocking($p.$uart, $p.$receive, $p.$transmit, first_config()))
         };
         #[cfg(not(feature = "f4"))] // As above.
         let line = line!(@ $p, $ring, $number, $uart, $from, $to, None,
-            Uart::new_blocking_with_de($p.$uart, $p.$receive, $p.$transmit, $p.$driver, Serial::default()));
+            Uart::new_blocking_with_de($p.$uart, $p.$receive, $p.$transmit, $p.$driver, first_config()));
         line
     }};
     (@ $p:ident, $ring:expr, $number:literal, $uart:ident, $from:ident, $to:ident, $driver:expr, $setup:expr) => {
@@ -74,6 +75,24 @@ macro_rules! line {
 
 /// Runs the gateway on the board `name`, whose clocks are set.
 pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
+    clock::start();
+    // The H7 has a watchdog for each core that it may have.
+    #[cfg(feature = "h7")]
+    let watchdog = p.IWDG1;
+    #[cfg(not(feature = "h7"))] // As above.
+    let watchdog = p.IWDG;
+    let mut watchdog = IndependentWatchdog::new(watchdog, watchdog::TIMEOUT_US);
+    // First of all: whatever hangs behind it ends.
+    watchdog.unleash();
+    registers::prepare_memories();
+    // F4 before revision 3 read bank 2 wrong unless PA12 is held low (errata 2.2.11).
+    #[cfg(feature = "f4")]
+    let _held_low = embassy_stm32::gpio::OutputOpenDrain::new_pull(
+        p.PA12,
+        embassy_stm32::gpio::Level::Low,
+        embassy_stm32::gpio::Speed::Low,
+        Pull::Down,
+    );
     let mut lights = Lights::new(p.PB0.into(), p.PB7.into(), p.PB14.into());
     let forget = lights.button_is_held(&Input::new(p.PC13, Pull::Down)).await;
 
@@ -87,13 +106,17 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     let lines = Lines(PLACES.init(lines.map(Place::new)));
     let terminal = line!(p, ring5, 4, USART3, PD9, PD8, DMA1_CH1, DMA1_CH3);
 
-    let (packets, address) = (network::PACKET_QUEUE.take(), network::ethernet_address());
-    let ethernet = Ethernet::new(
-        packets, p.ETH, Interrupts, p.PA1, p.PA7, p.PC4, p.PC5, p.PG13, p.PB13, p.PG11, address, p.ETH_SMA,
-        p.PA2, p.PC1,
-    );
-
-    let network = network::start(spawner, ethernet);
+    let ethernet = Parts {
+        packets: network::PACKET_QUEUE.take(),
+        eth: p.ETH,
+        clock: p.PA1,
+        carrier: p.PA7,
+        receive: (p.PC4, p.PC5),
+        transmit: (p.PG13, p.PB13, p.PG11),
+        management: (p.ETH_SMA, p.PA2, p.PC1),
+    };
+    let network =
+        network::start(spawner, LateEthernet::new(ethernet, network::ethernet_address(), Interrupts));
     let board = Board::new(name, network);
     gateway::start(spawner, lines, network);
     // Images without EtherCAT are smaller, see Cargo.toml.
@@ -110,10 +133,5 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     #[cfg(not(feature = "f7"))] // As above.
     let flash = Flash::new(p.FLASH, Interrupts);
     console::start(spawner, board, terminal, SettingsFlash::new(flash), forget);
-    // The H7 has a watchdog for each core that it may have.
-    #[cfg(feature = "h7")]
-    let watchdog = p.IWDG1;
-    #[cfg(not(feature = "h7"))] // As above.
-    let watchdog = p.IWDG;
-    watchdog::watch(IndependentWatchdog::new(watchdog, watchdog::TIMEOUT_US), lights, network).await
+    watchdog::watch(watchdog, lights, network).await
 }

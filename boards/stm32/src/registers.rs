@@ -127,10 +127,60 @@ pub(crate) fn reset_cause() -> &'static str {
     }
 }
 
-/// Switches the instruction cache on.
-pub(crate) fn enable_instruction_cache() {
-    // The Cortex-M4 of the F4 has none; its flash has one of its own, which is on.
+/// Lets the program run at full speed, and keeps the H7's memory right.
+pub(crate) fn prepare_memories() {
+    // The Cortex-M4 of the F4 has no cache; its flash has one, and a prefetch, both off after a reset.
+    #[cfg(feature = "f4")]
+    embassy_stm32::pac::FLASH.acr().modify(|control| {
+        control.set_icen(true);
+        control.set_prften(true);
+    });
     #[cfg(not(feature = "f4"))]
     // SAFETY: nobody else has the SCB: embassy-stm32 keeps nothing of it, and this runs once, at the start.
     unsafe { cortex_m::Peripherals::steal() }.SCB.enable_icache();
+    // Before revision X, reads of the AXI SRAM are corrupted where several masters read (errata 2.2.9): one at a time.
+    #[cfg(feature = "h7")]
+    if embassy_stm32::pac::DBGMCU.idc().read().rev_id() < 0x2000 {
+        /// AXI_TARG7_FN_MOD (RM0433, 2.2.4), which no crate has. Bit 0 is READ_ISS_OVERRIDE.
+        const TARGET_7: *mut u32 = 0x5100_8108 as *mut u32;
+        // SAFETY: the register is there on every H743, and nobody else writes it.
+        unsafe { TARGET_7.write_volatile(1) };
+    }
+}
+
+/// Forgets what went wrong at the flash before: embassy-stm32 writes the status register, which on the H7 does not clear it, and would
+/// refuse each operation after an error until the next reset.
+#[cfg(feature = "h7")]
+pub(crate) fn forget_flash_errors() {
+    for bank in [0, 1].map(|bank| embassy_stm32::pac::FLASH.bank(bank)) {
+        bank.ccr().write(|clear| {
+            clear.set_clr_wrperr(true);
+            clear.set_clr_pgserr(true);
+            clear.set_clr_strberr(true);
+            clear.set_clr_incerr(true);
+            clear.set_clr_operr(true);
+            clear.set_clr_rdperr(true);
+            clear.set_clr_rdserr(true);
+            clear.set_clr_sneccerr(true);
+            clear.set_clr_dbeccerr(true);
+            clear.set_clr_crcrderr(true);
+        });
+    }
+}
+
+/// Sets the MAC to 100 or 10 Mbit/s, full or half duplex.
+pub(crate) fn set_ethernet_speed(is_100: bool, is_full: bool) {
+    let control = embassy_stm32::pac::ETH.ethernet_mac().maccr();
+    // The H7's MAC is of a newer generation.
+    #[cfg(feature = "h7")]
+    control.modify(|control| {
+        control.set_fes(is_100);
+        control.set_dm(is_full);
+    });
+    #[cfg(not(feature = "h7"))]
+    control.modify(|control| {
+        use embassy_stm32::pac::eth::vals::{Dm, Fes};
+        control.set_fes(if is_100 { Fes::FES100 } else { Fes::FES10 });
+        control.set_dm(if is_full { Dm::FULL_DUPLEX } else { Dm::HALF_DUPLEX });
+    });
 }

@@ -21,9 +21,8 @@ pub(crate) struct Board {
 }
 
 impl Board {
-    /// Board `name`; asks the chip why it started, and lets it run at full speed.
+    /// Board `name`; asks the chip why it started.
     pub(crate) fn new(name: &'static str, network: Network) -> Self {
-        registers::enable_instruction_cache();
         Self {
             name,
             network,

@@ -13,13 +13,19 @@ pub(crate) const TIMEOUT_US: u32 = 10_000_000;
 /// Tasks have so long to answer.
 const PERIOD: Duration = Duration::from_millis(500);
 
-/// Asks the tasks, feeds the watchdog while all answer, and shows it. The first silent task is written down.
+/// Feeds the watchdog before something for which the chip stands still; one that does not run yet takes no notice.
+#[cfg(feature = "f7")]
+pub(crate) fn feed() {
+    use embassy_stm32::pac::{IWDG, iwdg::vals::Key};
+    IWDG.kr().write(|command| command.set_key(Key::RESET));
+}
+
+/// Asks the tasks, feeds the watchdog, which runs, while all answer, and shows it. The first silent task is written down.
 pub(crate) async fn watch<T: embassy_stm32::wdg::Instance>(
     mut watchdog: IndependentWatchdog<'static, T>,
     mut lights: Lights,
     network: Network,
 ) -> ! {
-    watchdog.unleash();
     let mut noted = false;
     loop {
         LIVENESS.ask();

@@ -1,0 +1,138 @@
+//! embassy-time's clock on a counter of 32 bits of microseconds, which comes round in 71 minutes. A program that stands still for less
+//! loses no time: a chip that erases the flash it runs from does for seconds.
+
+use core::cell::RefCell;
+use core::task::Waker;
+
+use embassy_sync::blocking_mutex::CriticalSectionMutex;
+use embassy_time_driver::Driver;
+use embassy_time_queue_utils::Queue;
+
+const _: () = assert!(embassy_time_driver::TICK_HZ == 1_000_000, "a tick is a microsecond");
+
+/// Longest time between two alarms: far below the 71 minutes in which the counter comes round.
+const SLEEP_MAX_TICKS: u64 = 60_000_000;
+
+/// A chip's counter.
+pub trait Counter {
+    /// Microseconds since the start, modulo 2^32.
+    fn count(&self) -> u32;
+
+    /// Calls [`Clock::on_alarm`] by interrupt in `ticks` microseconds, at least 1, and not when it was told before. A time that
+    /// has passed meanwhile is now.
+    fn set_alarm(&self, ticks: u32);
+}
+
+/// A clock on the counter `C`, to be given to `time_driver_impl!`.
+pub struct Clock<C> {
+    counter: C,
+    state: CriticalSectionMutex<RefCell<State>>,
+}
+
+struct State {
+    queue: Queue,
+    rounds: Rounds,
+}
+
+impl<C: Counter> Clock<C> {
+    /// A clock that does not run yet.
+    pub const fn new(counter: C) -> Self {
+        let state = State { queue: Queue::new(), rounds: Rounds { last: 0, rounds: 0 } };
+        Self { counter, state: CriticalSectionMutex::new(RefCell::new(state)) }
+    }
+
+    /// Runs it: the counter counts.
+    pub fn start(&self) {
+        self.on_alarm();
+    }
+
+    /// Wakes what is due; to be called by the counter's interrupt.
+    pub fn on_alarm(&self) {
+        self.with(|queue, now| Some(queue.next_expiration(now)));
+    }
+
+    /// Does `change`, and sets the alarm to the time that it gives.
+    fn with(&self, change: impl FnOnce(&mut Queue, u64) -> Option<u64>) -> u64 {
+        self.state.lock(|state| {
+            let State { queue, rounds } = &mut *state.borrow_mut();
+            let now = rounds.now(self.counter.count());
+            if let Some(at) = change(queue, now) {
+                self.counter.set_alarm(at.saturating_sub(now).clamp(1, SLEEP_MAX_TICKS) as u32);
+            }
+            now
+        })
+    }
+}
+
+impl<C: Counter + Send + Sync + 'static> Driver for Clock<C> {
+    fn now(&self) -> u64 {
+        self.with(|_, _| None)
+    }
+
+    fn schedule_wake(&self, at: u64, waker: &Waker) {
+        self.with(|queue, now| queue.schedule_wake(at, waker).then(|| queue.next_expiration(now)));
+    }
+}
+
+/// How often the counter has come round.
+struct Rounds {
+    last: u32,
+    rounds: u32,
+}
+
+impl Rounds {
+    /// The time when the counter reads `count`; asked for at least once in each round.
+    fn now(&mut self, count: u32) -> u64 {
+        self.rounds += u32::from(count < self.last);
+        self.last = count;
+        u64::from(self.rounds) << 32 | u64::from(count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::sync::atomic::AtomicU32;
+    use core::sync::atomic::Ordering::Relaxed;
+
+    use embassy_time_driver::Driver;
+    use mobgate_clock as _;
+
+    use super::{Clock, Counter};
+
+    #[derive(Default)]
+    struct Chip {
+        count: AtomicU32,
+        alarm: AtomicU32,
+    }
+
+    impl Counter for Chip {
+        fn count(&self) -> u32 {
+            self.count.load(Relaxed)
+        }
+
+        fn set_alarm(&self, ticks: u32) {
+            self.alarm.store(ticks, Relaxed);
+        }
+    }
+
+    #[test]
+    fn time_goes_on_over_the_counters_end_and_over_standing_still() {
+        let clock = Clock::new(Chip::default());
+        clock.start();
+        let mut now = 0;
+        // A look each minute, an erase of two seconds, and half an hour in which nobody looked: three rounds and more.
+        for step in [60_000_000, 2_000_000, 1_800_000_000].into_iter().cycle().take(24) {
+            now += step;
+            clock.counter.count.store(now as u32, Relaxed);
+            assert_eq!(clock.now(), now);
+        }
+        assert!(now > 3 << 32);
+    }
+
+    #[test]
+    fn without_anything_to_wait_for_the_alarm_still_looks_at_the_counter() {
+        let clock = Clock::new(Chip::default());
+        clock.start();
+        assert_eq!(clock.counter.alarm.load(Relaxed), 60_000_000);
+    }
+}

@@ -1,0 +1,188 @@
+//! The chip's Ethernet with the PHY that the boards have as RMII. A PHY that is missing, or gives no clock, is looked for again each
+//! second: embassy-stm32's driver would wait for it, and everything else with it. Speed and duplex are those that were negotiated.
+
+use core::task::Context;
+
+use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState};
+use embassy_stm32::eth::{self, Ethernet, InterruptHandler, Phy, Sma, StationManagement};
+use embassy_stm32::gpio::{Input, Pull};
+use embassy_stm32::interrupt::typelevel::{self, Binding};
+use embassy_stm32::{Peri, peripherals as p};
+use embassy_time::{Duration, Instant};
+
+use crate::network::Packets;
+use crate::registers;
+
+/// How often the PHY is asked for its link, or looked for.
+const INTERVAL: Duration = Duration::from_millis(500);
+/// A reset of a PHY takes at most half a second (IEEE 802.3, 22.2.4.1.1).
+const RESET_MAX: Duration = Duration::from_millis(500);
+/// The largest frame without its checksum.
+const FRAME_BYTES: usize = 1514;
+/// Looks at a clock of 50 MHz until it is known not to run.
+const LOOKS: usize = 1_000;
+
+// Registers of every PHY (IEEE 802.3, 22.2.4) and their bits.
+const CONTROL: u8 = 0;
+const CONTROL_RESET: u16 = 1 << 15;
+const CONTROL_NEGOTIATE: u16 = 1 << 12 | 1 << 9;
+const STATUS: u8 = 1;
+const STATUS_UP: u16 = 1 << 5 | 1 << 2;
+const IDENTIFIER: u8 = 2;
+const OWN_ABILITIES: u8 = 4;
+const PARTNERS_ABILITIES: u8 = 5;
+const FULL_100: u16 = 1 << 8;
+const HALF_100: u16 = 1 << 7;
+const FULL_10: u16 = 1 << 6;
+
+/// What the Ethernet is made of, until there is a PHY.
+pub(crate) struct Parts {
+    pub(crate) packets: &'static mut Packets,
+    pub(crate) eth: Peri<'static, p::ETH>,
+    pub(crate) clock: Peri<'static, p::PA1>,
+    pub(crate) carrier: Peri<'static, p::PA7>,
+    pub(crate) receive: (Peri<'static, p::PC4>, Peri<'static, p::PC5>),
+    pub(crate) transmit: (Peri<'static, p::PG13>, Peri<'static, p::PB13>, Peri<'static, p::PG11>),
+    pub(crate) management: (Peri<'static, p::ETH_SMA>, Peri<'static, p::PA2>, Peri<'static, p::PC1>),
+}
+
+type Management = Sma<'static, p::ETH_SMA>;
+
+/// The Ethernet, with its PHY or waiting for it.
+pub(crate) struct LateEthernet<I> {
+    address: [u8; 6],
+    interrupts: I,
+    parts: Option<Parts>,
+    driver: Option<Ethernet<'static, p::ETH, NegotiatingPhy>>,
+    next_look: Instant,
+}
+
+impl<I: Binding<typelevel::ETH, InterruptHandler> + Copy + 'static> LateEthernet<I> {
+    pub(crate) fn new(parts: Parts, address: [u8; 6], interrupts: I) -> Self {
+        Self { address, interrupts, parts: Some(parts), driver: None, next_look: Instant::MIN }
+    }
+
+    /// Takes the PHY into use if it is there.
+    fn look(&mut self) {
+        let Some(mut parts) = self.parts.take_if(|parts| has_clock(parts)) else { return };
+        let (management, data, clock) = &mut parts.management;
+        let Some(number) = find(&mut Sma::new(management.reborrow(), data.reborrow(), clock.reborrow()))
+        else {
+            self.parts = Some(parts);
+            return;
+        };
+        let Parts { packets, eth, clock, carrier, receive, transmit, management } = parts;
+        let management = Sma::new(management.0, management.1, management.2);
+        let phy = NegotiatingPhy { management, number, is_up: false, next_look: Instant::MIN };
+        self.driver = Some(Ethernet::new_with_phy(
+            packets,
+            eth,
+            self.interrupts,
+            clock,
+            carrier,
+            receive.0,
+            receive.1,
+            transmit.0,
+            transmit.1,
+            transmit.2,
+            self.address,
+            phy,
+        ));
+    }
+}
+
+/// Whether the PHY gives its clock of 50 MHz, without which the MAC's reset never ends.
+fn has_clock(parts: &mut Parts) -> bool {
+    let pin = Input::new(parts.clock.reborrow(), Pull::None);
+    let first = pin.is_high();
+    (0..LOOKS).any(|_| pin.is_high() != first)
+}
+
+/// The number of the PHY that responds.
+fn find(management: &mut Sma<'_, p::ETH_SMA>) -> Option<u8> {
+    (0..32).find(|&number| !matches!(management.smi_read(number, IDENTIFIER), 0 | u16::MAX))
+}
+
+impl<I: Binding<typelevel::ETH, InterruptHandler> + Copy + 'static> Driver for LateEthernet<I> {
+    type RxToken<'a> = eth::RxToken<'a, 'static>;
+    type TxToken<'a> = eth::TxToken<'a, 'static>;
+
+    fn receive(&mut self, context: &mut Context<'_>) -> Option<(Self::RxToken<'_>, Self::TxToken<'_>)> {
+        self.driver.as_mut()?.receive(context)
+    }
+
+    fn transmit(&mut self, context: &mut Context<'_>) -> Option<Self::TxToken<'_>> {
+        self.driver.as_mut()?.transmit(context)
+    }
+
+    fn link_state(&mut self, context: &mut Context<'_>) -> LinkState {
+        if self.driver.is_none() && is_time(&mut self.next_look, context) {
+            self.look();
+        }
+        self.driver.as_mut().map_or(LinkState::Down, |driver| driver.link_state(context))
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        let mut capabilities = Capabilities::default();
+        capabilities.max_transmission_unit = FRAME_BYTES;
+        capabilities.max_burst_size = Some(crate::network::PACKETS_OUT);
+        capabilities
+    }
+
+    fn hardware_address(&self) -> HardwareAddress {
+        HardwareAddress::Ethernet(self.address)
+    }
+}
+
+/// Whether the time `at` has come, which is put off by an interval then; the task is woken at that time.
+fn is_time(at: &mut Instant, context: &mut Context<'_>) -> bool {
+    let now = Instant::now();
+    let is_time = now >= *at;
+    if is_time {
+        *at = now + INTERVAL;
+    }
+    embassy_time_driver::schedule_wake(at.as_ticks(), context.waker());
+    is_time
+}
+
+/// A PHY that agrees with its partner on speed and duplex.
+pub(crate) struct NegotiatingPhy {
+    management: Management,
+    number: u8,
+    is_up: bool,
+    next_look: Instant,
+}
+
+impl NegotiatingPhy {
+    fn read(&mut self, register: u8) -> u16 {
+        self.management.smi_read(self.number, register)
+    }
+}
+
+impl Phy for NegotiatingPhy {
+    fn phy_reset(&mut self) {
+        self.management.smi_write(self.number, CONTROL, CONTROL_RESET);
+        let end = Instant::now() + RESET_MAX;
+        while self.read(CONTROL) & CONTROL_RESET != 0 && Instant::now() < end {}
+    }
+
+    fn phy_init(&mut self) {
+        self.management.smi_write(self.number, CONTROL, CONTROL_NEGOTIATE);
+    }
+
+    fn poll_link(&mut self, context: &mut Context<'_>) -> bool {
+        if !is_time(&mut self.next_look, context) {
+            return self.is_up;
+        }
+        let was_up = self.is_up;
+        self.is_up = self.read(STATUS) & STATUS_UP == STATUS_UP;
+        if self.is_up && !was_up {
+            // The best that both can; a partner that does not negotiate is known by its speed, and half duplex.
+            let common = self.read(OWN_ABILITIES) & self.read(PARTNERS_ABILITIES);
+            let is_100 = common & (FULL_100 | HALF_100) != 0;
+            let is_full = common & FULL_100 != 0 || common & (HALF_100 | FULL_10) == FULL_10;
+            registers::set_ethernet_speed(is_100, is_full);
+        }
+        self.is_up
+    }
+}

@@ -1,10 +1,10 @@
 //! The console: a session of lines over any stream, typed by a person or piped in.
 //!
 //! In [`Mode::Echo`] bytes go through the line editor, which echoes them; in [`Mode::Plain`] they are lines of text,
-//! answered without prompt or echo, with line numbers in errors; in [`Mode::Network`] the first of them is watched as well. A line is run as a command; one of the settings'
-//! language changes the gateway's draft of the settings, which it then takes over.
+//! answered without prompt or echo, with line numbers in errors; [`Mode::Network`] also rejects other protocols by the first line.
+//! A line is run as a command; one of the settings' language changes the gateway's draft of the settings, which is then applied.
 //!
-//! Only this file waits. All else are plain steps: each writes a piece of text and says what it waits for before the next one.
+//! Only this file awaits. Commands are plain steps: each writes a piece of text and returns what must happen before the next one.
 
 mod ask;
 mod command;
@@ -22,7 +22,7 @@ mod layout;
 mod mode;
 mod output;
 mod point_command;
-// One of two: what belongs to data points is a job of its own.
+// Replaced by stubs in images without data points.
 #[cfg_attr(not(feature = "points"), path = "console/no_points.rs")]
 mod points;
 mod probe;
@@ -55,13 +55,13 @@ use crate::hal::{Store, System};
 
 /// Bytes taken from the stream at a time.
 const CHUNK_BYTES_MAX: usize = 64;
-/// Bytes that may stop a command; what is behind them, or behind the line that they begin, is the next command.
+/// Bytes that may stop a command. Input after them, or after the line that they begin, is the next command.
 const STOP_BYTES_MAX: usize = 16;
 
-/// Runs a session until `exit`, the end of input, or an error of the stream; says which of the first two, or what it was instead.
+/// Runs a session until `exit`, the end of input, or a stream error; returns how it ended.
 ///
-/// The future takes less than 7 kB on a chip of 32 bits. Dropping it while `save` runs leaves a
-/// version begun in `store`: the next session needs another store, or one that has forgotten it.
+/// The future takes less than 7 kB on a 32-bit chip. Dropping it during `save` leaves an unfinished version in `store`: the next
+/// session needs another store instance.
 pub async fn run<IO, S, Y>(
     gateway: &Gateway<'_>,
     mut stream: IO,
@@ -77,7 +77,7 @@ where
     let mut shell = Shell::new(gateway, system, mode);
     let mut wait = shell.start();
     let (mut chunk, mut keys, mut stop) = ([0; CHUNK_BYTES_MAX], 0..0, [0; STOP_BYTES_MAX]);
-    // Whether the line that has stopped a command goes on.
+    // Whether the rest of the line that stopped a command is still to come.
     let mut skips = false;
     loop {
         stream.write_all(shell.session.out.text.as_bytes()).await?;
@@ -89,7 +89,7 @@ where
             WaitEvent::Key(*key)
         } else {
             stream.flush().await?;
-            // Not in a function: it would keep a second place for what it is given.
+            // Not in a function, which would store its arguments twice.
             let mut work = pin!(work(&mut shell, store, wait));
             let into = if is_idle { &mut chunk[..] } else { &mut stop[..] };
             let mut listens = wait.listens();
@@ -97,7 +97,7 @@ where
                 let read = async { if listens { stream.read(into).await } else { pending().await } };
                 match select(read, work.as_mut()).await {
                     Either::Second(came) => break came,
-                    // Nobody can stop it any more, but somebody may read what comes of it.
+                    // The input has ended, but the output may still be read.
                     Either::First(Ok(0)) if matches!(wait, Wait::Answer { .. }) => listens = false,
                     Either::First(read) => break WaitEvent::Typed(read?),
                 }
@@ -120,7 +120,7 @@ where
     }
 }
 
-/// The place behind the first line that ends within the first `count` of `bytes`.
+/// The index after the first line end within the first `count` of `bytes`.
 fn line_end(bytes: &[u8], count: usize) -> Option<usize> {
     bytes.iter().take(count).position(|byte| *byte == b'\n').map(|end| end + 1)
 }

@@ -1,4 +1,4 @@
-//! `ping`, and `read` and `write` of a unit's tables: what is asked at once, past the rules.
+//! `ping`, and `read` and `write` of a unit's tables: direct requests, which bypass the rules.
 
 use embassy_time::Duration;
 
@@ -16,11 +16,11 @@ use crate::modbus::pdu::{EXCEPTION_BIT, check_request};
 use crate::scanner::{ByteOrder, Kind, Pdu, ValueType};
 use crate::settings::{PortId, Settings, Time};
 
-/// Function, address and count, and for a write the number of bytes behind them (Application Protocol 6).
+/// Function, address and count; a write's byte count follows (Application Protocol 6).
 const READ_BYTES: usize = 5;
 const WRITE_HEAD_BYTES: usize = READ_BYTES + 1;
 
-/// What is asked.
+/// The request to send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ask {
     Ping,
@@ -28,7 +28,7 @@ pub(super) enum Ask {
     Write,
 }
 
-/// What is asked, and how the response is to be read.
+/// The request, and how to decode its response.
 pub(super) struct Question {
     ask: Ask,
     unit: u8,
@@ -37,12 +37,12 @@ pub(super) struct Question {
     count: u16,
     value: ValueType,
     order: ByteOrder,
-    /// Values that have been shown.
+    /// Values shown so far.
     shown: usize,
 }
 
 impl Session<'_, '_> {
-    /// Asks what the words say.
+    /// Parses and sends the request.
     pub(super) fn ask(&mut self, ask: Ask, words: &Words<'_>) -> Begun<Question> {
         let (question, port) =
             self.gateway.settings(|settings| parse(settings, ask, words, &mut self.pdu))?;
@@ -55,7 +55,7 @@ impl Session<'_, '_> {
 }
 
 impl Question {
-    /// Shows what came of it; behind that, the values that are left.
+    /// Shows the outcome, then the remaining values.
     pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         let unit = self.unit;
         match came {
@@ -97,7 +97,7 @@ impl Question {
     }
 }
 
-/// Reads the words behind `ping`, `read` or `write`: what goes into the `request`, and at which port.
+/// Parses the words after `ping`, `read` or `write` into `request`, and returns the port.
 fn parse(
     settings: &Settings,
     ask: Ask,
@@ -116,7 +116,7 @@ fn parse(
     };
     request.clear();
     if ask == Ask::Ping {
-        // The device gives it back (Application Protocol 6.8).
+        // The device echoes it (Application Protocol 6.8).
         let _ = request.extend_from_slice(harmless(DIAGNOSTICS));
     } else {
         question.table(words, request)?;
@@ -140,7 +140,7 @@ impl Question {
             self.value = ValueType::Bit;
         }
         let writes = self.ask == Ask::Write;
-        // The head is filled in when the number of values is known.
+        // The header is filled in once the number of values is known.
         let head = if writes { WRITE_HEAD_BYTES } else { READ_BYTES };
         let _ = request.resize(head, 0);
         let mut values = 0;
@@ -194,7 +194,7 @@ impl Question {
         has_room.then_some(()).ok_or_else(|| word.expected("no more values than a frame holds"))
     }
 
-    /// Fills in what stands before the values of a `request`, if one frame will do.
+    /// Fills in the header of a `request`; `None` if it does not fit one frame.
     fn fill_in(&self, request: &mut Pdu, head: usize) -> Option<()> {
         let cells = self.count.checked_mul(self.value.registers())?;
         let function = match self.kind {

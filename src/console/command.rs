@@ -1,7 +1,7 @@
-//! The commands: what a line begins.
+//! The commands of the console.
 //!
 //! A command is declared once, in [`COMMANDS`]: its name, its help, its completion, and what it does. The verbs of the settings'
-//! language are declared there; all of them are done by [`Session::change`].
+//! language are declared there; [`Session::change`] runs them.
 
 use embassy_time::Instant;
 
@@ -17,13 +17,13 @@ use super::wait::{Begun, Wait};
 use crate::language::listed::listed;
 use crate::language::{Offer, Problem, VERBS, Verb, Verbs, Word, Words, Wrong};
 
-/// Begins what the words behind a command say: one that takes more than this step becomes the job.
+/// Starts a command with its words. A command of several steps becomes the job.
 type Run = for<'g> fn(&mut Session<'_, 'g>, &Words<'_>, &mut Job<'g>) -> Result<Wait, Wrong>;
 
 const PORTS: &[Offer] = &[Offer::Ports];
 const POINTS: &[Offer] = &[Offer::Points];
 
-/// The commands that are no lines of settings.
+/// The commands besides the lines of settings.
 const COMMANDS: Verbs<Run> = &[
     (
         "show",
@@ -196,12 +196,12 @@ const fn command(help: &'static str, run: Run) -> Verb<Run> {
     Verb::new(help, run)
 }
 
-/// A command of data points, where there are any.
+/// A command of data points; refused by images without them.
 const fn of_points(help: &'static str, run: Run) -> Verb<Run> {
     command(help, run).of_points(|session, _, _| Ok(session.fail(&Problem::NoPoints)))
 }
 
-/// What people type who know other consoles, and what it is called here.
+/// Words of other consoles, with their equivalents here.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("?", "help"),
     ("quit", "exit"),
@@ -223,7 +223,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("restart", "reboot"),
 ];
 
-/// The command at this place.
+/// The command at this index.
 pub(super) fn known(at: usize) -> Option<Known> {
     match VERBS.get(at) {
         Some(verb) => Some(Known::new(verb)),
@@ -253,7 +253,7 @@ const TOPICS_CLEAR: &[(&str, Clear)] = &[("stats", Clear::Stats), ("log", Clear:
 const TOPICS_CLEAR_EXPECTED: &str = listed!(TOPICS_CLEAR);
 
 impl<'g> Session<'_, 'g> {
-    /// Begins what the words of a line say: a command that takes more than this step becomes the `job`.
+    /// Runs a line. A command of several steps becomes the `job`.
     pub(super) fn begin(&mut self, words: &Words<'_>, job: &mut Job<'g>) -> Result<Wait, Wrong> {
         let verb = words.take();
         if verb.is_end() {
@@ -273,7 +273,7 @@ impl<'g> Session<'_, 'g> {
         }
     }
 
-    /// `read` and `write`, of a point or past the rules of a unit, which is a number: names begin with a letter.
+    /// `read` and `write` of a point, or of a unit directly. Units are numbers; names begin with a letter.
     fn access(
         &mut self,
         command: PointCommand,
@@ -300,7 +300,7 @@ impl<'g> Session<'_, 'g> {
     }
 }
 
-/// Lets what a command has begun be the `job`.
+/// Makes a started command the `job`.
 fn begun<'g, J>(begun: Begun<J>, job: &mut Job<'g>, make: fn(J) -> Job<'g>) -> Result<Wait, Wrong> {
     let (begun, wait) = begun?;
     if let Some(begun) = begun {
@@ -309,7 +309,7 @@ fn begun<'g, J>(begun: Begun<J>, job: &mut Job<'g>, make: fn(J) -> Job<'g>) -> R
     Ok(wait)
 }
 
-/// A command that has no words of its own.
+/// A command without arguments.
 fn alone(words: &Words<'_>, wait: Wait) -> Result<Wait, Wrong> {
     words.end()?;
     Ok(wait)
@@ -325,7 +325,7 @@ fn save(words: &Words<'_>) -> Result<Wait, Wrong> {
     Ok(Wait::Save { whatever })
 }
 
-/// The last word of a line as a topic of `table`.
+/// Parses the last word of a line as a topic of `table`.
 fn topic<T: Copy>(words: &Words, table: &[(&'static str, T)], expected: &'static str) -> Result<T, Wrong> {
     let topic = words.take().keyword(table, expected)?;
     words.end()?;

@@ -6,14 +6,14 @@ use super::command::commands;
 use crate::language::{Offer, WORD_BYTES_MAX};
 use crate::settings::Settings;
 
-/// What can be done about a word that was begun.
+/// The result of completing a word.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Completion {
-    /// No word begins so.
+    /// No word has this prefix.
     None,
-    /// Append this: the rest of the only word, or what all words have in common.
+    /// Append this: the rest of the only match, or the common prefix of all matches.
     Append(String<WORD_BYTES_MAX>),
-    /// Several words begin so and differ in the next letter.
+    /// Several words match and differ in the next letter.
     Several,
 }
 
@@ -46,7 +46,7 @@ pub(super) fn complete(before: &str, settings: &Settings) -> Completion {
     Completion::Append(append)
 }
 
-/// Calls `each` with every word that could stand for the last word of `before`.
+/// Calls `each` with every word that may replace the last word of `before`.
 pub(super) fn candidates(before: &str, settings: &Settings, each: &mut dyn FnMut(&str)) {
     let begun = last_word(before);
     let offer: &mut dyn FnMut(&str) = &mut |word| {

@@ -1,7 +1,7 @@
-//! The line editor: a state machine that takes bytes from a terminal and gives finished lines and echo.
+//! The line editor: a state machine that takes bytes from a terminal and returns complete lines and echo.
 //!
-//! It is written by hand because the kept crates for it (noline, embedded-cli) speak older versions of embedded-io,
-//! or none that is asynchronous. Lines are ASCII, so a byte is a column.
+//! Written by hand because the maintained crates (noline, embedded-cli) use older versions of embedded-io, or have no async API.
+//! Lines are ASCII, so a byte is a column.
 
 use core::fmt::Write;
 
@@ -12,27 +12,26 @@ use super::keys::{Key, Keys};
 use super::output::{COLUMNS, Output};
 use crate::settings::LINE_BYTES_MAX;
 
-/// Bytes of echo that one key can cause.
+/// Most bytes of echo for one key.
 const ECHO_BYTES_MAX: usize = COLUMNS_MAX + 32;
-/// Columns that are used. A longer line scrolls sideways, because how a terminal wraps is not known.
+/// Columns used. A longer line scrolls sideways, because terminals wrap differently.
 const COLUMNS_MIN: usize = 20;
 const COLUMNS_MAX: usize = 160;
 const BELL: char = '\x07';
-/// Said at the first Ctrl-C of the two.
+/// Shown at the first of two Ctrl-C.
 const STOP_HINT: &str = "press Ctrl-C again to stop the gateway\r\n";
 
-/// What the editor needs its owner to do.
+/// What the owner must do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Event {
-    /// Nothing.
     Editing,
     /// Run [`Editor::line`], then call [`Editor::start`].
     Line,
-    /// Say that the line was longer than [`LINE_BYTES_MAX`], then call [`Editor::start`].
+    /// Report that the line was longer than [`LINE_BYTES_MAX`], then call [`Editor::start`].
     LineTooLong,
     /// Complete the word at the cursor.
     Complete,
-    /// The terminal has so many columns.
+    /// The terminal has this many columns.
     Columns(usize),
     /// End the session.
     Leave,
@@ -43,25 +42,24 @@ pub(super) enum Event {
 /// The line being edited.
 pub(super) struct Editor {
     prompt: &'static str,
-    /// Of the terminal.
     columns: usize,
-    /// Ctrl-C on an empty line, twice in a row, ends the program; whether the first one has come.
+    /// Set if two Ctrl-C on an empty line end the program; whether the first was received.
     stops: bool,
     stop_asked: bool,
     keys: Keys,
     line: Vec<u8, LINE_BYTES_MAX>,
     cursor: usize,
-    /// A key had no room: the line is not what was typed and must not run.
+    /// A key did not fit: the line differs from what was typed and must not run.
     cut: bool,
     history: History,
-    /// How far back in the history the line is from; 0: it is a new one, which is the newest in the history meanwhile.
+    /// Position in the history; 0 is the new line, which is stored as the newest while older ones are shown.
     back: usize,
     /// To be written to the terminal after each key.
     echo: String<ECHO_BYTES_MAX>,
 }
 
 impl Editor {
-    /// An editor that has not shown its `prompt` yet. If it `stops`, Ctrl-C may end the program.
+    /// An editor that has not shown its `prompt` yet. With `stops`, Ctrl-C may end the program.
     pub(super) fn new(prompt: &'static str, stops: bool) -> Self {
         Self {
             prompt,
@@ -78,12 +76,12 @@ impl Editor {
         }
     }
 
-    /// The line as it stands.
+    /// The current line.
     pub(super) fn line(&self) -> &str {
         text(&self.line)
     }
 
-    /// Puts what `write` writes in place of the line, unseen.
+    /// Replaces the line by the output of `write`, without showing it.
     pub(super) fn replace(&mut self, write: impl FnOnce(&mut dyn core::fmt::Write)) {
         self.line.clear();
         write(&mut self.line);
@@ -94,7 +92,7 @@ impl Editor {
         text(self.line.get(..self.cursor).unwrap_or_default())
     }
 
-    /// Shows another prompt from the next line on.
+    /// Sets the prompt from the next line on.
     pub(super) fn set_prompt(&mut self, prompt: &'static str) {
         self.prompt = prompt;
     }
@@ -108,7 +106,7 @@ impl Editor {
         self.redraw();
     }
 
-    /// Writes what is to be seen since the last time.
+    /// Writes the pending echo.
     pub(super) fn echo_to(&mut self, out: &mut Output) {
         out.put(format_args!("{}", self.echo));
         self.echo.clear();
@@ -168,7 +166,7 @@ impl Editor {
     /// Inserts `text` at the cursor, as if it were typed.
     pub(super) fn insert_text(&mut self, text: &str) {
         for byte in text.bytes() {
-            // The echo of one key is bounded, that of a word need not be.
+            // Only the echo of one key is bounded.
             self.echo.clear();
             self.insert(byte);
         }
@@ -181,7 +179,7 @@ impl Editor {
         let _ = self.echo.push(BELL);
     }
 
-    /// Draws prompt and line anew and puts the cursor in its place.
+    /// Redraws prompt and line, and places the cursor.
     pub(super) fn redraw(&mut self) {
         let room = self.columns - 1 - self.prompt.len().min(self.columns / 2);
         let first = self.cursor.saturating_sub(room);
@@ -224,7 +222,7 @@ impl Editor {
         self.line.truncate(self.line.len() - (to - from));
         self.cursor = from;
         if self.line.is_empty() {
-            // What had no room was part of a line that is gone.
+            // The overflow belonged to the deleted line.
             self.cut = false;
         }
         self.redraw();
@@ -285,7 +283,7 @@ mod tests {
 
     use super::*;
 
-    /// Types `bytes` and gives the line and the cursor, the line as another one would see it.
+    /// Types `bytes`; returns the line and the cursor.
     fn typed(bytes: &str) -> (String, usize) {
         let mut editor = Editor::new("> ", false);
         for &byte in bytes.as_bytes() {
@@ -376,7 +374,7 @@ mod tests {
         assert!(!editor.echo.contains("again") && editor.line().is_empty());
         assert_eq!(feed(&mut editor, b"\x03"), Some(Event::Editing));
         assert!(editor.echo.contains("press Ctrl-C again to stop the gateway"));
-        // Any other key takes it back.
+        // Any other key cancels it.
         assert_eq!(feed(&mut editor, b"a\x7f\x03"), Some(Event::Editing));
         assert_eq!(feed(&mut editor, b"\x03"), Some(Event::Stop));
         let mut joined = Editor::new("> ", false);

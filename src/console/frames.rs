@@ -1,4 +1,4 @@
-//! The last frames, and those that come: a line of text each, or a file.
+//! Recorded frames, and new ones as they arrive: one line of text each, or a file.
 
 use embassy_time::Duration;
 
@@ -9,37 +9,37 @@ use crate::capture::{Capture, Captured, Following, Head};
 use crate::gateway::{ApplyError, Gateway};
 use crate::language::{Words, Wrong};
 
-/// How often a watcher looks.
+/// Polling interval of `watch`.
 const PAUSE: Duration = Duration::from_millis(50);
-/// Bytes of a frame that are shown at once: as ASCII each may take four characters.
+/// Bytes of a frame per step: in ASCII each may take four characters.
 const PIECE_BYTES_MAX: usize = 128;
 
-/// Frames that are being shown, in the order of their numbers.
+/// Shows frames in the order of their numbers.
 pub(super) struct Frames<'g> {
     cursor: u32,
-    /// Those that come later are for the next look.
+    /// Later frames are left for the next poll.
     end: u32,
-    /// While others are waited for: until something is typed.
+    /// Set by `watch`: continues until a key is typed.
     following: Option<Following<'g>>,
-    /// The one that is shown, and how much of it has been.
+    /// The frame being shown, and the bytes shown so far.
     frame: Option<Captured>,
     shown: usize,
 }
 
 impl<'g> Frames<'g> {
-    /// Those that are kept.
+    /// The recorded frames.
     pub(super) fn last(gateway: &Gateway<'g>) -> Self {
         let end = gateway.capture().map_or(0, Capture::end);
         Self { cursor: 0, end, following: None, frame: None, shown: 0 }
     }
 
-    /// Those that come from now on.
+    /// Frames from now on.
     pub(super) fn to_come(gateway: &Gateway<'g>) -> Self {
         let last = Self::last(gateway);
         Self { cursor: last.end, following: gateway.capture().map(Capture::follow), ..last }
     }
 
-    /// Shows a piece of the frame that is shown, or begins the next one.
+    /// Shows the next piece of the frame, or starts the next frame.
     pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         let Some(capture) = session.gateway.capture() else { return session.fail(&ApplyError::NoCapture) };
         if matches!(came, WaitEvent::Typed(_)) {
@@ -73,7 +73,7 @@ impl<'g> Frames<'g> {
     }
 }
 
-/// Shows what is known of a frame, and how many before it are missing if it `follows` others.
+/// Shows a frame's header, and how many frames were lost before it if it `follows` others.
 fn head(session: &mut Session<'_, '_>, frame: &Captured, follows: bool) {
     let Captured { head: Head { at, port, sent, verdict, .. }, missed, .. } = frame;
     if *missed > 0 && follows {
@@ -87,7 +87,7 @@ fn head(session: &mut Session<'_, '_>, frame: &Captured, follows: bool) {
 }
 
 impl Session<'_, '_> {
-    /// Writes the frames that come into the file that is named, or no more.
+    /// Starts or ends writing frames to a file.
     pub(super) fn capture(&mut self, words: &Words<'_>) -> Result<Wait, Wrong> {
         let word = words.take();
         if word.is_end() {

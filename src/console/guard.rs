@@ -1,24 +1,24 @@
-//! What comes to a console on a network and is no session of it.
+//! Recognises other protocols at a network console.
 //!
-//! A page on the web may let its reader's browser send text of its choice to any port that the browser can reach. The lines of that
-//! text would be commands, if the request's own first line did not give it away.
+//! A web page can make a browser send text of its choice to any reachable port. The lines of that text would run as commands if the
+//! request's first line did not reveal it.
 
 use core::fmt;
 
 use crate::settings::LINE_BYTES_MAX;
 
-/// What the bytes of a session turned out to be instead of lines.
+/// What a connection carries instead of console lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Foreign {
-    /// A request of HTTP.
+    /// An HTTP request.
     Http,
-    /// A record of TLS.
+    /// A TLS record.
     Tls,
-    /// Negotiation of a telnet client.
+    /// Telnet negotiation.
     Telnet,
-    /// A first line with NUL, which no terminal sends and binary protocols do.
+    /// A first line with NUL, as in binary protocols.
     NotText,
-    /// A first line that is longer than any of the console.
+    /// A first line longer than a console line may be.
     TooLong,
 }
 
@@ -34,32 +34,32 @@ impl fmt::Display for Foreign {
     }
 }
 
-/// What the version of a request begins with, whatever its method and its target are.
+/// Start of the version in a request line, after any method and target.
 const HTTP: &[u8] = b" http/";
 /// The first byte of a handshake record (RFC 8446, 5.1).
 const TLS_HANDSHAKE: u8 = 0x16;
 /// "Interpret as command" (RFC 854).
 const TELNET_IAC: u8 = 0xff;
 
-/// Looks at a session's bytes until its first line is over.
+/// Checks the bytes of a session up to the end of its first line.
 #[derive(Debug, Default)]
 pub(super) struct Guard {
-    /// Bytes of the line.
+    /// Bytes of the line so far.
     count: usize,
-    /// How many bytes of [`HTTP`] have come last.
+    /// Bytes of [`HTTP`] matched so far.
     matched: usize,
-    /// The line was one of text.
+    /// The first line was text.
     passed: bool,
 }
 
 impl Guard {
-    /// Takes the next byte, before anything else does; gives what the session is if it is none.
+    /// Checks the next byte; returns the other protocol if it is recognised.
     pub(super) fn feed(&mut self, byte: u8) -> Option<Foreign> {
         if self.passed {
             return None;
         }
         if byte == b'\n' {
-            // A blank line says nothing.
+            // A blank line is no evidence.
             self.passed = self.count > 0;
             self.matched = 0;
             return None;

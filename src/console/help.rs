@@ -1,19 +1,19 @@
-//! What `help` says.
+//! The output of `help`.
 
 use core::str::Lines;
 
 use super::known::Known;
 use super::show::{Show, TOPICS};
 
-/// Columns for what is typed, where something stands behind it.
+/// Columns of the syntax, where its meaning follows.
 pub(super) const TYPED_COLUMNS: usize = 29;
 
-/// What is left to say.
+/// The remaining lines.
 #[derive(Debug, Clone)]
 pub(super) enum Help {
-    /// The first lines of all commands, which this gives by their places, from a place on.
+    /// The first lines of all commands, by index, from an index on.
     Overview(fn(usize) -> Option<Known>, usize),
-    /// These lines, and behind them these topics.
+    /// These lines, then these topics.
     Topic(Lines<'static>, &'static [(&'static str, (Show, &'static str))]),
 }
 
@@ -28,7 +28,7 @@ impl Help {
         Self::Topic(help.lines(), if name == "show" { TOPICS } else { &[] })
     }
 
-    /// The next line: what is typed, and what it does.
+    /// The next line: syntax and meaning.
     pub(super) fn next(&mut self) -> Option<(&'static str, &'static str)> {
         let line = match self {
             Self::Topic(lines, topics) => match lines.next() {

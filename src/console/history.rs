@@ -1,8 +1,8 @@
-//! Lines typed before, in a buffer of fixed size: the oldest ones make room.
+//! Lines typed before, in a buffer of fixed size; the oldest are dropped.
 
 use heapless::Vec;
 
-/// Bytes of all remembered lines together, with one more for each.
+/// Bytes of all lines, with a line end each.
 pub(super) const HISTORY_BYTES_MAX: usize = 1_024;
 
 /// The lines, each ended by LF.
@@ -10,14 +10,14 @@ pub(super) const HISTORY_BYTES_MAX: usize = 1_024;
 pub(super) struct History(Vec<u8, HISTORY_BYTES_MAX>);
 
 impl History {
-    /// Remembers `line`, unless it is empty or the newest one already.
+    /// Adds `line`, unless it is empty or equal to the newest one.
     pub(super) fn push(&mut self, line: &[u8]) {
         if !line.is_empty() && self.back(1) != Some(line) {
             self.keep(line);
         }
     }
 
-    /// Remembers `line`, whatever it is.
+    /// Adds `line` unconditionally.
     pub(super) fn keep(&mut self, line: &[u8]) {
         if line.len() >= HISTORY_BYTES_MAX {
             return;
@@ -27,12 +27,11 @@ impl History {
             self.0.copy_within(oldest.., 0);
             self.0.truncate(self.0.len() - oldest);
         }
-        // There is room now.
         let _ = self.0.extend_from_slice(line);
         let _ = self.0.push(b'\n');
     }
 
-    /// Forgets the newest line.
+    /// Removes the newest line.
     pub(super) fn forget(&mut self) {
         let newest = self.back(1).map_or(0, |line| line.len() + 1);
         self.0.truncate(self.0.len() - newest);
@@ -40,7 +39,7 @@ impl History {
 
     /// The line `back` lines ago; 1 is the newest.
     pub(super) fn back(&self, back: usize) -> Option<&[u8]> {
-        // Behind the last LF there is an empty line, number 0.
+        // After the last LF there is an empty line, number 0.
         self.0.rsplit(|&byte| byte == b'\n').nth(back)
     }
 }

@@ -1,4 +1,4 @@
-//! What is typed or piped in, as lines.
+//! Splits input into lines.
 
 use core::fmt;
 
@@ -9,33 +9,33 @@ use super::mode::{Mode, PROMPT};
 use super::output::Output;
 use crate::language::{LineBuffer, LineError};
 
-/// Where lines are put together.
-// There is one in a session, and the larger one is the one that boards have.
+/// Assembles lines.
+// One per session, and boards use the larger variant.
 #[allow(clippy::large_enum_variant)]
 pub(super) enum Input {
-    /// By a person at a terminal.
+    /// Typed at a terminal.
     Keys(Editor),
-    /// Out of lines of text, which come over a network if they are watched. Keys that a terminal sends among them say nothing.
+    /// Lines of text, with a guard if they come over a network. Escape sequences among them are ignored.
     Text(LineBuffer, Keys, Option<Guard>),
 }
 
-/// What a byte made of the line.
+/// The effect of a byte.
 pub(super) enum Typed {
-    /// It is not ended.
+    /// The line is incomplete.
     More,
-    /// It is to be run.
+    /// The line is complete.
     Line,
-    /// It cannot be run.
+    /// The line is invalid.
     Wrong(LineError),
     /// The terminal has so many columns.
     Columns(usize),
-    /// The word at the cursor is to be completed.
+    /// Complete the word at the cursor.
     Complete,
-    /// The session shall end.
+    /// End the session.
     Leave,
-    /// The program shall end.
+    /// End the program.
     Stop,
-    /// This is no session.
+    /// The peer uses another protocol.
     Foreign(Foreign),
 }
 
@@ -90,7 +90,7 @@ impl Input {
         }
     }
 
-    /// The input has ended.
+    /// Handles the end of input.
     pub(super) fn end(&mut self, out: &mut Output) -> Typed {
         match self {
             Self::Keys(_) => Typed::Leave,
@@ -99,15 +99,15 @@ impl Input {
         }
     }
 
-    /// Puts what `write` writes in place of the line.
+    /// Replaces the line by the output of `write`.
     pub(super) fn replace(&mut self, write: impl FnOnce(&mut dyn fmt::Write)) {
-        // Only a person is asked.
+        // Only sessions with an editor offer lines.
         if let Self::Keys(editor) = self {
             editor.replace(write);
         }
     }
 
-    /// The line that is to be run.
+    /// The complete line.
     pub(super) fn line(&self) -> &str {
         match self {
             Self::Keys(editor) => editor.line(),

@@ -1,4 +1,4 @@
-//! The commands that take more than one step.
+//! Commands of several steps.
 
 use super::ask::Question;
 use super::frames::Frames;
@@ -10,11 +10,10 @@ use super::show::Table;
 use super::tune::Tune;
 use super::wait::{Wait, WaitEvent};
 
-/// A command that runs.
-// There is one in a session.
+/// The running command.
+// One per session.
 #[allow(clippy::large_enum_variant)]
 pub(super) enum Job<'g> {
-    /// None.
     Idle,
     Help(Help),
     Show(Table),
@@ -26,7 +25,7 @@ pub(super) enum Job<'g> {
 }
 
 impl Job<'_> {
-    /// Goes on behind what `came`.
+    /// Runs the next step after the event `came`.
     pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         match self {
             Self::Idle => Wait::End,

@@ -1,6 +1,6 @@
-//! Keys out of the bytes that a terminal sends: control characters and the escape sequences of ANSI terminals.
+//! Decodes keys: control characters and the escape sequences of ANSI terminals.
 
-/// What a key asks the editor to do.
+/// The function of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Key {
     Insert(u8),
@@ -21,18 +21,18 @@ pub(super) enum Key {
     Cancel,
     /// Ctrl-D: leaves on an empty line, else deletes to the right.
     Leave,
-    /// The terminal says how many columns it has (xterm, "Ps = 8": the size of the text area in characters).
+    /// The terminal reports its columns (xterm, "Ps = 8": the size of the text area in characters).
     Columns(u16),
-    /// A byte that is no key of this editor.
+    /// A byte without a function.
     Unknown,
 }
 
-/// Where in a sequence of bytes the terminal is.
+/// The position in an escape sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Keys {
     #[default]
     Ground,
-    /// A CR was a whole Enter: a LF or NUL right behind it belongs to it.
+    /// After a CR: a LF or NUL next belongs to it.
     AfterCr,
     Escape,
     /// `ESC O`.
@@ -45,20 +45,20 @@ pub(super) enum Keys {
     },
 }
 
-/// What a byte is among lines of text.
+/// The meaning of a byte within lines of text.
 pub(super) enum Stripped {
-    /// Of the text.
+    /// Text.
     Text,
-    /// Of a key, which it completes.
+    /// The last byte of a key.
     Key(Key),
-    /// Of a key that is not complete.
+    /// Part of a key.
     Nothing,
 }
 
 const ESCAPE: u8 = 0x1b;
 
 impl Keys {
-    /// Takes a byte and gives the key that it completes.
+    /// Decodes a byte; returns the key that it completes.
     pub(super) fn feed(&mut self, byte: u8) -> Option<Key> {
         match core::mem::take(self) {
             Self::AfterCr if byte == b'\n' || byte == 0 => None,
@@ -90,7 +90,7 @@ impl Keys {
         }
     }
 
-    /// Takes a byte of lines of text.
+    /// Classifies a byte within lines of text.
     pub(super) fn strip(&mut self, byte: u8) -> Stripped {
         let is_text = !byte.is_ascii_control() || byte.is_ascii_whitespace();
         if byte == b'\n' || *self == Self::Ground && is_text {
@@ -136,7 +136,7 @@ impl Keys {
     }
 }
 
-/// The key of a sequence that ends with `byte`.
+/// The key of a sequence with this final byte.
 fn final_byte(byte: u8, number: u8, last: u16) -> Key {
     match (byte, number) {
         (b'A', _) => Key::Earlier,

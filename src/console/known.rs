@@ -1,4 +1,4 @@
-//! What is known of a command besides what it does, be it one of the settings' language or of the console.
+//! Name, help and completion of a command, of the console or of the settings' language.
 
 use crate::language::{Offer, Verb};
 

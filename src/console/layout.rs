@@ -1,8 +1,8 @@
-//! How the rows of a table are laid out: in columns as wide as they have to be.
+//! Lays out tables in columns as wide as their cells.
 //!
-//! A row is written as cells with a tab behind each but the last one, which is a text of any length. A program gets columns of
-//! fixed widths at least. At a terminal that is too narrow for these they are as wide as what stands in them; what has no room even
-//! then goes on in the next line, in the same place of each row.
+//! A row is written as cells separated by tabs; the last cell is a text of any length. Piped output has columns of fixed minimum
+//! widths. On a terminal too narrow for these, columns are as wide as their cells; what still does not fit continues in the next
+//! line, at the same column in each row.
 
 use core::fmt;
 
@@ -10,15 +10,15 @@ use super::output::{Output, Written};
 use super::rows::Cell;
 use super::wait::Wait;
 
-/// Columns of a table, besides the last one.
+/// Columns of a table without the last one.
 const COLUMNS_MAX: usize = 10;
-/// Least room for the last cell in its line.
+/// Minimum width of the last cell.
 const LAST_MIN: usize = 12;
 
-/// The columns of a table besides the last one: their least widths, negative where cells are flush right.
+/// Minimum widths of the columns without the last one; negative: right-aligned.
 pub(super) type Columns = &'static [i8];
 
-/// Columns with the widths that they have got.
+/// The computed widths.
 #[derive(Clone, Copy)]
 pub(super) struct Layout {
     columns: Columns,
@@ -26,14 +26,14 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Of a table whose cells are not known, or of lines that are no rows.
+    /// For unknown cells, or lines that are not rows.
     pub(super) fn fixed(columns: Columns) -> Self {
         let mut layout = Self { columns, widths: [0; COLUMNS_MAX] };
         layout.widen();
         layout
     }
 
-    /// Of a table whose rows `write` gives, as far as `room` goes.
+    /// For the rows that `write` gives, within `room` columns.
     pub(super) fn of(
         columns: Columns,
         room: Option<usize>,
@@ -66,7 +66,7 @@ impl Layout {
     }
 }
 
-/// Finds out how wide cells are.
+/// Measures cells.
 struct Measure<'l> {
     at: usize,
     count: usize,
@@ -93,12 +93,12 @@ impl fmt::Write for Measure<'_> {
     }
 }
 
-/// Puts cells into their columns.
+/// Writes cells into their columns.
 struct Cells<'o> {
     out: &'o mut Output,
     layout: &'o Layout,
     at: usize,
-    /// The cell so far. A text without a tab is none, however long it is.
+    /// The cell so far; text without a tab is not a cell.
     cell: Cell,
 }
 
@@ -121,7 +121,7 @@ impl Cells<'_> {
         }
         self.cell.clear();
         self.at += 1;
-        // The last one is not gathered: it may be long.
+        // The last cell is not buffered: it may be long.
         if self.at == self.layout.columns.len() && !self.out.has_room(LAST_MIN) {
             self.out.indent();
         }
@@ -135,7 +135,7 @@ impl fmt::Write for Cells<'_> {
                 self.put();
             }
             if self.at >= self.layout.columns.len() {
-                // A list of options begins with a blank.
+                // Lists of options begin with a blank.
                 let part = if self.at > 0 && self.out.text.ends_with(' ') { part.trim_start() } else { part };
                 self.out.put(format_args!("{part}"));
             } else if self.cell.push_str(part).is_err() {
@@ -147,7 +147,7 @@ impl fmt::Write for Cells<'_> {
     }
 }
 
-/// Writes the next row that there is of a table, from `place` on.
+/// Writes the next row of a table, from `place` on.
 pub(super) fn row(
     out: &mut Output,
     layout: &Layout,
@@ -160,7 +160,6 @@ pub(super) fn row(
         let mut cells = Cells { out, layout, at: 0, cell: Cell::new() };
         let written = write(*place, &mut cells);
         let Cells { at, cell, .. } = cells;
-        // It was no row.
         out.put(format_args!("{cell}"));
         if written.is_none() {
             return Wait::End;

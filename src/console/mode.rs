@@ -1,40 +1,40 @@
-//! Who is at the other end of a session, and how it ends.
+//! How a session talks to its peer, and how it ends.
 
 use super::guard::Foreign;
 
 pub(super) const PROMPT: &str = "mobgate> ";
-/// The prompt while the settings in force are not saved.
+/// The prompt while there are unsaved settings.
 pub(super) const PROMPT_UNSAVED: &str = "mobgate*> ";
-/// Who is at the other end.
+/// How a session talks to its peer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// A terminal that sends every key: lines are edited here and echoed.
+    /// A raw terminal: lines are edited here and echoed.
     Echo,
-    /// The same, the program's own terminal: Ctrl-C, on an empty line and once more, ends the session with [`Ended::Stopped`].
+    /// The program's own raw terminal: Ctrl-C twice on an empty line ends the session with [`Ended::Stopped`].
     Foreground,
     /// A program, a file, or a terminal that edits lines itself.
     Plain,
-    /// The same over a network, where anything may come: what is not [`Foreign`] is a session.
+    /// Lines over a network: a [`Foreign`] protocol ends the session.
     Network,
 }
 
 impl Mode {
-    /// Whether keys come, and not lines.
+    /// Whether the session edits lines.
     pub(super) fn edits(self) -> bool {
         matches!(self, Self::Echo | Self::Foreground)
     }
 }
 
-/// How a session has ended.
+/// How a session ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
     /// By `exit`, or by the end of input.
     Left {
-        /// Some line was answered by an error.
+        /// Whether a line failed.
         refused: bool,
     },
-    /// By Ctrl-C: the program shall end.
+    /// By Ctrl-C: the program is to end.
     Stopped,
-    /// It was none.
+    /// The peer used another protocol.
     Foreign(Foreign),
 }

@@ -1,4 +1,4 @@
-//! What stands for the commands of data points in a gateway that has none: without the feature `points`.
+//! Stubs for the commands of data points, without the feature `points`.
 
 use core::fmt;
 
@@ -10,7 +10,6 @@ use super::table::Source;
 use super::wait::{Begun, Wait, WaitEvent};
 use crate::language::{Problem, Words};
 
-/// There is none.
 pub(super) enum PointJob {}
 
 impl PointJob {
@@ -20,7 +19,7 @@ impl PointJob {
 }
 
 impl Session<'_, '_> {
-    /// Says that there are none.
+    /// Reports that there are no points.
     pub(super) fn point(&mut self, _: PointCommand, words: &Words<'_>) -> Begun<PointJob> {
         Err(words.take().error(Problem::NoPoints))
     }

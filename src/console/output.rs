@@ -1,4 +1,4 @@
-//! What a command has written and the stream has not taken yet.
+//! Output that is not yet written to the stream.
 
 use core::fmt::{self, Write as _};
 
@@ -6,29 +6,29 @@ use heapless::String;
 
 use crate::settings::LINE_BYTES_MAX;
 
-/// Room for the longest line of output: a line of settings, or a rule's row in a table, and some more.
+/// Fits the longest line of output: a line of settings, or a rule's row in a table, with a margin.
 const OUTPUT_BYTES_MAX: usize = LINE_BYTES_MAX + 128;
 
-/// What came of a place in a table, of which the first one has the heading: nothing behind the last one. A place that has no row at
-/// the moment writes nothing.
+/// The result of writing one place of a table; `None` after the last place. The first place is the heading. A place without a row
+/// writes nothing.
 pub(super) type Written = Option<fmt::Result>;
 
 pub(super) const NO_ROW: Written = Some(Ok(()));
 
-/// Columns of a terminal that has not told how many it has.
+/// Columns until the terminal reports its own.
 pub(super) const COLUMNS: usize = 80;
-/// Least room for text that goes on in the next line below where it began.
+/// Minimum width of text that continues below its first line.
 const ROOM_MIN: usize = 20;
-/// Where it goes on without that room.
+/// Indentation of continued text otherwise.
 const INDENT: usize = 4;
 
 /// Text for the stream.
 pub(super) struct Output {
     pub(super) text: String<OUTPUT_BYTES_MAX>,
     line_end: &'static str,
-    /// Columns of the terminal; none: nobody looks, and lines stay whole.
+    /// Columns of the terminal; `None`: lines are not wrapped.
     pub(super) columns: Option<usize>,
-    /// Columns of the line whose beginning was sent.
+    /// Columns of the current line already sent.
     sent: usize,
 }
 
@@ -37,13 +37,13 @@ impl Output {
         Self { text: String::new(), line_end, columns, sent: 0 }
     }
 
-    /// Writes `text`, and does not end the line.
+    /// Writes `text` without a line end.
     pub(super) fn put(&mut self, text: fmt::Arguments<'_>) {
-        // Of what has no room the end is missing.
+        // Text that does not fit is truncated.
         let _ = self.text.write_fmt(text);
     }
 
-    /// Writes `text` and ends the line, which takes several where the terminal is too narrow.
+    /// Writes `text` and a line end, wrapped to the terminal.
     pub(super) fn line(&mut self, text: fmt::Arguments<'_>) {
         self.put(text);
         self.fold(INDENT);
@@ -60,13 +60,13 @@ impl Output {
         }
     }
 
-    /// The text was sent.
+    /// Clears the text after it was sent.
     pub(super) fn clear(&mut self) {
         self.sent = self.column();
         self.text.clear();
     }
 
-    /// The columns of the line that has not ended.
+    /// Columns of the current line.
     pub(super) fn column(&self) -> usize {
         match self.text.rsplit_once('\n') {
             Some((_, line)) => line.chars().count(),
@@ -74,19 +74,18 @@ impl Output {
         }
     }
 
-    /// Goes on in the next line.
+    /// Continues on the next line.
     pub(super) fn indent(&mut self) {
         self.end();
         self.put(format_args!("{:INDENT$}", ""));
     }
 
-    /// Whether there is room for `count` columns in the line.
+    /// Whether `count` more columns fit.
     pub(super) fn has_room(&self, count: usize) -> bool {
         self.columns.is_none_or(|columns| self.column() + count <= columns)
     }
 
-    /// Parts the line that has not ended at its blanks where the terminal is too narrow. It goes on at column `hang`, if there is
-    /// room.
+    /// Wraps the current line at blanks to the terminal's width. It continues at column `hang` where that fits.
     pub(super) fn fold(&mut self, hang: usize) {
         let Some(columns) = self.columns.filter(|columns| self.column() > *columns) else { return };
         let hang = if hang + ROOM_MIN > columns { INDENT } else { hang };

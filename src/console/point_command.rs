@@ -1,6 +1,6 @@
-//! What is done with a data point at once.
+//! Commands that act on a data point.
 
-/// What is done with a point at once.
+/// A command on a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PointCommand {
     Read,

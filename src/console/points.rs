@@ -1,4 +1,4 @@
-//! Data points at the console: their values and how they are doing, and what is read and written at once.
+//! Data points at the console: values, status, and direct reads and writes.
 
 use core::fmt;
 
@@ -20,27 +20,27 @@ use crate::scanner::{
 };
 use crate::settings::{POINTS_MAX, PointAt, PointSettings, Settings};
 
-/// How long a command waits for a device.
+/// Time limit of a command.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// How often it looks.
+/// Polling interval of a command.
 const LOOK: Duration = Duration::from_millis(10);
-/// How often a watcher looks.
+/// Polling interval of `watch`.
 const WATCH: Duration = Duration::from_millis(100);
 const POINTS: &str = "POINT\tWHERE\tTABLE\tWIRE\tMODICON\tSTATUS; VALUES";
 const DEVICES: &str = "DEVICE\tUNIT\tREQUESTS\tANSWERS\tEXCEPTIONS\tFAILURES\tHEARD\tSTATE";
-/// The columns of these tables, but for the last ones.
+/// Columns of the tables without the last ones.
 pub(super) const COLUMNS: Columns = &[15, 15, 8, -6, -7];
 pub(super) const DEVICE_COLUMNS: Columns = &[15, -4, -10, -10, -10, -10, -9];
-/// Bytes of the values of one point: as many as a frame holds.
+/// Bytes of one point's values: one frame.
 const POINT_BYTES_MAX: usize = 250;
 
-/// Values of a point, as they are in its memory.
+/// Values of a point as in memory.
 type Cells = Vec<u8, POINT_BYTES_MAX>;
 
-/// What a line asks for.
+/// A parsed command.
 enum Ask {
     Row(RowId),
-    /// The cells are apart: they are many.
+    /// The cells are stored separately: they are large.
     Put {
         row: RowId,
         first: u16,
@@ -54,18 +54,18 @@ enum Ask {
     },
 }
 
-/// Points that are being shown.
-// There is one in a session.
+/// Shows points.
+// One per session.
 #[allow(clippy::large_enum_variant)]
 pub(super) enum PointJob {
-    /// One of them, from a line on, when what was asked for is done; or when it could have been.
+    /// One point, from a line on, once its command is done or timed out.
     One { row: RowId, until: Option<Instant>, line: usize },
-    /// Those whose status or values change: what has been shown of each, and the one that is looked at, from a line on.
+    /// Changed points: what was last shown of each, and the current point, from a line on.
     Changing { shown: [Option<(u16, u16)>; POINTS_MAX], at: usize, line: usize },
 }
 
 impl Session<'_, '_> {
-    /// Does what `command` and the words behind it say.
+    /// Runs `command` with its words.
     pub(super) fn point(&mut self, command: PointCommand, words: &Words<'_>) -> Begun<PointJob> {
         let Some(place) = self.gateway.scanner() else {
             return Ok((None, self.fail(&ApplyError::NoPoints)));
@@ -84,14 +84,14 @@ impl Session<'_, '_> {
         })
     }
 
-    /// `watch points`: the points, and from then on those whose status or values change, until something is typed.
+    /// `watch points`: all points, then those whose status or values change, until a key is typed.
     pub(super) fn watch_points(&mut self) -> Begun<PointJob> {
         Ok((Some(PointJob::Changing { shown: [None; POINTS_MAX], at: 0, line: 0 }), Wait::Sent))
     }
 }
 
 impl PointJob {
-    /// Goes on behind what `came`.
+    /// Runs the next step after the event `came`.
     pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         let Some(place) = session.gateway.scanner() else { return session.fail(&ApplyError::NoPoints) };
         match self {
@@ -130,7 +130,7 @@ impl PointJob {
     }
 }
 
-/// Shows the next line of a point and as many as `most` of its values.
+/// Shows the next line of a point with at most `most` values.
 fn lines_of(
     session: &mut Session<'_, '_>,
     place: &ScannerState,
@@ -145,7 +145,7 @@ fn lines_of(
     })
 }
 
-/// `show points`: each takes two lines, of which the second has as many values as fit.
+/// `show points`: two lines each; the second has as many values as fit.
 pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
     let Source { gateway, settings, now } = *source;
     titled(POINTS, place, out, |nth, out| {
@@ -155,7 +155,7 @@ pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Writ
     })
 }
 
-/// Line number `line` of a point of which as many as `most` values are shown.
+/// Line `line` of a point with at most `most` values.
 fn point(
     settings: &Settings,
     place: &ScannerState,
@@ -178,7 +178,7 @@ fn point(
     }))
 }
 
-/// What stands before a point's values.
+/// The line above a point's values.
 fn head(
     settings: &Settings,
     place: &ScannerState,
@@ -211,7 +211,7 @@ fn head(
     )
 }
 
-/// `show devices`: those of the data points, then those that are asked for the EtherCAT process image.
+/// `show devices`: devices of data points, then those of the EtherCAT process image.
 pub(super) fn device(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
     titled(DEVICES, place, out, |nth, out| device_row(source, nth, out))
 }
@@ -223,7 +223,6 @@ fn device_row(source: &Source<'_, '_>, row: usize, out: &mut dyn fmt::Write) -> 
         let (name, unit) = (&device.name, device.device.unit);
         return Some(write!(out, "{}", DeviceRow { name, unit, status: &status, inputs: "", now }));
     }
-    // Behind them those that are asked for the EtherCAT process image.
     let nth = row - settings.devices.len();
     let slave = settings.slaves.get(nth)?;
     let status = gateway.ethercat()?.slave_status(nth)?;
@@ -232,12 +231,12 @@ fn device_row(source: &Source<'_, '_>, row: usize, out: &mut dyn fmt::Write) -> 
     Some(write!(out, "{}", DeviceRow { name: &name, unit: slave.unit, status: &status, inputs, now }))
 }
 
-/// A device that is asked, and how it is doing.
+/// A polled device and its status.
 struct DeviceRow<'s> {
     name: &'s str,
     unit: u8,
     status: &'s DeviceStatus,
-    /// What stands in its inputs, if that is not what was read.
+    /// The content of its inputs, if it is not the values read.
     inputs: &'static str,
     now: Instant,
 }
@@ -265,8 +264,7 @@ impl fmt::Display for DeviceRow<'_> {
     }
 }
 
-/// Whether nothing is on its way for the row any more: `false` when nothing can be for some time, `None` when that is not known
-/// yet.
+/// Whether the row's command is done; `false`: it cannot be sent for some time; `None`: not known yet.
 fn settled(place: &ScannerState, row: RowId, give_up: Instant) -> Option<bool> {
     let waits = Status::IN_PROGRESS.with(Status::READ_MARKED).with(Status::WRITE_MARKED);
     let now = Instant::now();
@@ -275,7 +273,7 @@ fn settled(place: &ScannerState, row: RowId, give_up: Instant) -> Option<bool> {
     (idle || status.any(Status::BACKING_OFF) || now >= give_up).then_some(idle)
 }
 
-/// Reads the words behind `command`.
+/// Parses the words after `command`.
 fn parse(settings: &Settings, command: PointCommand, words: &Words, cells: &mut Cells) -> Result<Ask, Wrong> {
     if command == PointCommand::Mark {
         return range(settings, words);
@@ -288,7 +286,7 @@ fn parse(settings: &Settings, command: PointCommand, words: &Words, cells: &mut 
         .points
         .get(usize::from(row))
         .ok_or_else(|| word.error(Problem::Points(PointProblem::NoSuchPoint)))?;
-    // What is done with a point that shows another one is done with that.
+    // A command on a point that shows another one applies to that one.
     let row = RowId(match point.at {
         PointAt::Local { of: Some(of), .. } => of,
         _ => row,
@@ -321,7 +319,7 @@ fn range(settings: &Settings, words: &Words) -> Result<Ask, Wrong> {
     Ok(Ask::Range { device: DeviceId(device), function, first, last })
 }
 
-/// `17 18`, or `at 3 17 18`: values from the first one on, or from another one.
+/// `17 18`, or `at 3 17 18`: values from the first one on, or from value 3 on.
 fn written(point: &PointSettings, row: RowId, words: &Words, cells: &mut Cells) -> Result<Ask, Wrong> {
     let mut first = 0;
     if words.peek().is("at") {
@@ -363,7 +361,7 @@ fn set_last(cells: &mut [u8], bits: u8) -> bool {
     cells.last_mut().map(|last| *last |= bits).is_some()
 }
 
-/// Tells the scanner.
+/// Passes the command to the scanner.
 fn order(
     scanner: &mut Scanner,
     command: PointCommand,
@@ -377,7 +375,7 @@ fn order(
         }
         Ask::Put { row, first, count } => {
             scanner.put(*row, *first, *count, cells, now)?;
-            // Whoever types it wants it to be sent, also when it changes nothing.
+            // A typed write is sent even if it changes nothing.
             let sent = scanner.row(*row).is_none_or(|row| row.device.is_none() || row.write == Writing::Auto);
             let blocked = scanner.status(*row, now).any(Status::WRITE_BLOCKED);
             if sent || blocked { Ok(()) } else { scanner.write(*row) }

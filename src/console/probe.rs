@@ -1,5 +1,4 @@
-//! What `scan` and `tune` have in common: a serial client's line, a harmless request, when a response began, and when to tell
-//! how far they are.
+//! Shared by `scan` and `tune`: the serial client's line, a harmless request, the start of a response, and progress reports.
 
 use core::fmt;
 
@@ -12,10 +11,10 @@ use crate::modbus::pdu::function::{
 };
 use crate::settings::{Framing, LineSettings, PortId, PortKind, SerialSettings, Settings, Side};
 
-/// How often the console is told at least how far a long command is: that somebody has gone is found out by it.
+/// Interval of progress reports; writing them also detects a closed session.
 const PROGRESS: Duration = Duration::from_secs(5);
 
-/// The port that `word` names, which must be a serial client.
+/// Parses a port, which must be a serial client.
 pub(super) fn serial_client<'s>(
     settings: &'s Settings,
     word: Word<'_>,
@@ -27,7 +26,7 @@ pub(super) fn serial_client<'s>(
     }
 }
 
-/// A request of `function` that changes nothing: one cell, the first one, or what is given back (8), or who the unit is (17).
+/// A request of `function` that changes nothing: reads the first cell, or an echo (8), or the server id (17).
 pub(super) fn harmless(function: u8) -> &'static [u8] {
     match function {
         READ_COILS => &[READ_COILS, 0, 0, 0, 1],
@@ -39,7 +38,7 @@ pub(super) fn harmless(function: u8) -> &'static [u8] {
     }
 }
 
-/// The time to the first character of a response with `pdu_bytes` that took so long to its end: what a time-out is for.
+/// The time to the first character of a response, given the time to its end: time-outs count to the first character.
 pub(super) fn to_first_char(
     took: Duration,
     framing: Framing,
@@ -50,7 +49,7 @@ pub(super) fn to_first_char(
     took.checked_sub(behind).unwrap_or(Duration::from_ticks(0))
 }
 
-/// When the console was told something last.
+/// The time of the last progress report.
 pub(super) struct Told(Instant);
 
 impl Told {
@@ -58,7 +57,7 @@ impl Told {
         Self(Instant::now())
     }
 
-    /// Whether it is time to tell how far a command is.
+    /// Whether a progress report is due.
     pub(super) fn is_due(&mut self) -> bool {
         let due = self.0.elapsed() >= PROGRESS;
         if due {
@@ -68,7 +67,7 @@ impl Told {
     }
 }
 
-/// A time that is known roughly.
+/// A rounded time.
 pub(super) struct About(pub(super) Duration);
 
 impl fmt::Display for About {

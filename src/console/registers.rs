@@ -1,4 +1,4 @@
-//! `show registers`: what stands in which register of the gateway's own unit. docs/registers.md says what each of them means.
+//! `show registers`: the register map of the gateway's own unit; docs/registers.md explains the registers.
 
 use core::fmt;
 
@@ -8,24 +8,24 @@ use crate::port::local::{image, points, table};
 use crate::scanner::POINTS;
 use crate::settings::PORTS_MAX;
 
-/// The first register, its table, and what stands there, of whom.
+/// First register, table, content, and owner.
 type Line<'s> = (u16, &'static str, &'static str, &'s str);
 
-/// The gateway's.
+/// Registers of the gateway.
 const GATEWAY: Line = (table::BASE, "input", "gateway", "");
-/// Of a board with EtherCAT.
+/// Registers of EtherCAT.
 const IMAGE: [Line; 3] = [
     (image::INPUTS, "input", "process image: inputs", ""),
     (image::OUTPUTS, "input", "process image: outputs", ""),
     (image::SLAVES, "input", "process image: slaves", ""),
 ];
-/// Of all points.
+/// Registers common to all points.
 const COMMANDS: [Line; 2] = [
     (points::RANGE, "holding", "range of points: requester and device, function, first, count", ""),
     (points::COMMANDS, "holding", "commands by requester: under way, failed", ""),
 ];
 
-/// Nothing on boards without data points, whose flash is scarce.
+/// Left out on boards without data points, to save flash.
 pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Write) -> Written {
     if !POINTS {
         return None;
@@ -36,7 +36,7 @@ pub(super) fn row(source: &Source<'_, '_>, place: usize, out: &mut dyn fmt::Writ
     })
 }
 
-/// Line number `nth`; none behind the last one, and perhaps none there.
+/// Line `nth`: `None` after the last one, `Some(None)` for one without content.
 fn line<'s>(source: &Source<'s, '_>, nth: usize) -> Option<Option<Line<'s>>> {
     let Some(nth) = nth.checked_sub(1) else { return Some(Some(GATEWAY)) };
     let Some(nth) = nth.checked_sub(2 * PORTS_MAX) else {

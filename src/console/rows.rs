@@ -1,4 +1,4 @@
-//! What stands in the rows of the tables: texts for values that have none of their own.
+//! Texts in the rows of tables.
 
 use core::fmt;
 use core::ops::Range;
@@ -17,13 +17,13 @@ use crate::stats::{LogEntry, Outcome};
 /// The longest cell: a device, or an IPv6 address with its port.
 const CELL_BYTES_MAX: usize = if DEVICE_BYTES_MAX > 64 { DEVICE_BYTES_MAX } else { 64 };
 
-/// What stands in a cell.
+/// The text of a cell.
 pub(super) type Cell = String<CELL_BYTES_MAX>;
 
-/// Text that is padded as a whole when it is printed.
+/// Text that is padded as a whole.
 pub(super) fn text(content: fmt::Arguments<'_>) -> Cell {
     let mut text = Cell::new();
-    // Of a longer one the end would be missing.
+    // Longer text is truncated.
     let _ = fmt::Write::write_fmt(&mut text, content);
     text
 }
@@ -33,7 +33,7 @@ pub(super) fn cell(content: &dyn fmt::Display) -> Cell {
     text(format_args!("{content}"))
 }
 
-/// The name of `port`, for when the settings are not at hand.
+/// The name of `port`, without access to the settings.
 pub(super) fn port_name(gateway: &Gateway<'_>, port: PortId) -> Cell {
     gateway.settings(|settings| text(format_args!("{}", settings.name(port))))
 }
@@ -41,10 +41,10 @@ pub(super) fn port_name(gateway: &Gateway<'_>, port: PortId) -> Cell {
 /// Values in a line of output.
 pub(super) const LINE_VALUES_MAX: usize = 8;
 
-/// Some of the values in `cells`, each with a blank before it.
+/// A range of the values in `cells`, each after a blank.
 pub(super) struct Values<'v> {
     pub(super) value: ValueType,
-    /// As they are in memory: bits from the lowest on, registers with the high byte first.
+    /// As in memory: bits from the lowest on, registers with the high byte first.
     pub(super) cells: &'v [u8],
     pub(super) range: Range<usize>,
 }
@@ -72,7 +72,7 @@ pub(super) fn age(then: Instant, now: Instant) -> Cell {
     text(format_args!("{}s", now.saturating_duration_since(then).as_secs()))
 }
 
-/// A time in microseconds, if there is one.
+/// A time in microseconds, or `-`.
 pub(super) fn took(us: Option<u32>) -> Cell {
     match us {
         Some(us) => text(format_args!("{}", Time(Duration::from_micros(us.into())))),
@@ -80,7 +80,7 @@ pub(super) fn took(us: Option<u32>) -> Cell {
     }
 }
 
-/// What went wrong with a unit, in the words of the port's counters.
+/// The errors of a unit, named like the port's counters.
 pub(super) struct LineErrors<'u>(pub(super) &'u Unit);
 
 impl fmt::Display for LineErrors<'_> {
@@ -92,7 +92,7 @@ impl fmt::Display for LineErrors<'_> {
     }
 }
 
-/// How a unit is doing, and behind it what somebody can do about it.
+/// The state of a unit, and advice.
 pub(super) fn describe_unit(unit: &Unit, state: State) -> (&'static str, &'static str) {
     let state = match state {
         State::Up => "up",

@@ -1,8 +1,8 @@
-//! `scan`: which units are on a serial line, and at which speed and format.
+//! `scan`: finds the units on a serial line, with their speed and format.
 //!
-//! The port is started again with each speed and format in turn, and asks every unit that has not been found yet for something
-//! harmless; any response counts, exceptions included, if it came without a faulty character. All others who ask by the port are
-//! refused meanwhile. Whatever ends the scan, the port has its own settings again.
+//! The port is restarted with each speed and format in turn, and sends a harmless request to every unit not found yet. Any response
+//! without a faulty character counts, exceptions included. Other requests for the port are refused meanwhile. However the scan ends,
+//! the port returns to its own settings.
 
 use core::fmt;
 
@@ -28,62 +28,62 @@ mod identity;
 mod offer;
 mod plan;
 
-/// What is heard and cannot be read.
+/// Line errors: other formats, or noise.
 const STRANGE: [Event; 5] = [Event::Parity, Event::Framing, Event::Noise, Event::BadCheck, Event::Short];
-/// Good frames that are no response to what was asked last, but may be one to what was asked before.
+/// Valid frames that do not match the last request, but perhaps an earlier one.
 const LATE: [Event; 4] = [Event::WrongUnit, Event::Misfit, Event::Late, Event::Unsolicited];
-/// Stands for the speed and format of a unit that may be slow: it is asked again.
+/// In place of a speed and format: the unit may be slow and is asked again.
 const SLOW_UNIT: u8 = u8::MAX;
-/// What a character of another format is.
+/// Errors caused by characters of another format.
 const FLAWS: [Event; 2] = [Event::Parity, Event::Framing];
-/// Read device identification, the basic objects, from the first on.
+/// Read Device Identification, basic objects, from the first one.
 const IDENTIFY: [u8; 4] = [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, 1, 0];
 
-/// A scan that runs.
+/// A running scan.
 pub(super) struct Scan {
     plan: Plan,
-    /// By unit id: the number of the speed and format at which it answered, from 1; 0: not yet.
+    /// By unit id: the number (from 1) of the speed and format at which it responded; 0: none yet.
     at: [u8; 256],
     begun: Instant,
     told: Told,
     stage: Stage,
-    /// The speed and format that is tried, and its number.
+    /// The current speed and format, and its number.
     line: LineSettings,
     nth: usize,
     /// The next unit.
     unit: usize,
-    /// How often something was counted at the port before: at this speed and format, and before this request.
+    /// Counter values before this speed and format, and before this request.
     strange: u32,
     flaws: u32,
     late: u32,
-    /// Units that may be slow are asked again.
+    /// Possibly slow units are asked again.
     again: bool,
 }
 
-/// How far a scan is: what it does next.
+/// What a scan does next.
 #[derive(Debug, Clone, Copy)]
 enum Stage {
-    /// It tries the next speed and format.
+    /// Tries the next speed and format.
     Line,
-    /// The line opens.
+    /// Waits for the line to open.
     Opening,
-    /// It asks the next unit.
+    /// Asks the next unit.
     Unit,
-    /// All were asked: late responses may come.
+    /// Waits for late responses after the last unit.
     Listening,
-    /// A unit is asked for something harmless, or who it is, by this question.
+    /// Waits for a response to the harmless request, or to this identification request.
     Asked,
     Identified(&'static [u8]),
-    /// Everything has been tried: it shows what was found, from this place on.
+    /// Shows the results, from this row on.
     Found(usize),
-    /// The lines that were shown are taken over if a person wants that.
+    /// Waits for a key that accepts the proposed lines.
     Offered,
-    /// They are taken over, from this place on.
+    /// Applies the proposed lines, from this row on.
     Taken(usize),
 }
 
 impl Session<'_, '_> {
-    /// Looks for units as the words say.
+    /// Starts a scan.
     pub(super) fn scan(&mut self, words: &Words<'_>) -> Begun<Scan> {
         let plan = self.gateway.settings(|settings| Plan::parse(settings, words))?;
         if let Err(error) = self.take_turn(plan.port) {
@@ -110,7 +110,7 @@ impl Session<'_, '_> {
         Ok((Some(scan), Wait::Sent))
     }
 
-    /// How often `events` were counted at `port`, all together.
+    /// The sum of these counters of `port`.
     fn heard(&self, port: PortId, events: &[Event]) -> u32 {
         let place = self.gateway.ports().get(port.index());
         place.map_or(0, |place| events.iter().fold(0, |sum, event| sum.wrapping_add(place.stats.get(*event))))
@@ -118,7 +118,7 @@ impl Session<'_, '_> {
 }
 
 impl Scan {
-    /// Goes on behind what `came`.
+    /// Runs the next step after the event `came`.
     pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         match (self.stage, came) {
             (Stage::Found(place), _) => return self.show(session, place),
@@ -135,7 +135,7 @@ impl Scan {
             (Stage::Line, _) => return self.next_line(session),
             (Stage::Opening, WaitEvent::Opened(Err(error))) => {
                 session.out.line(format_args!("{:12} {error}", self.line.speed()));
-                // Another speed or format may be supported; another device there is not.
+                // Another speed or format may be supported, but a missing device stays missing.
                 match error.kind {
                     OpenErrorKind::Unsupported => self.stage = Stage::Line,
                     _ => self.end(session),
@@ -151,7 +151,6 @@ impl Scan {
             (Stage::Listening, _) => return self.end_of_units(session),
             (Stage::Asked, WaitEvent::Answer(asked)) => return self.asked(session, asked.is_ok()),
             (Stage::Identified(question), WaitEvent::Answer(asked)) => {
-                // An exception has another function code.
                 if asked.is_ok() && session.pdu.first() == question.first() {
                     session.out.put(format_args!("{}", Identity(&session.pdu)));
                 } else if question.len() > 1 {
@@ -165,7 +164,7 @@ impl Scan {
         Wait::Sent
     }
 
-    /// The port gets its own settings again.
+    /// Restores the port's own settings.
     fn end(&mut self, session: &mut Session<'_, '_>) {
         session.turn = None;
         self.stage = Stage::Found(0);
@@ -188,7 +187,7 @@ impl Scan {
         Wait::Open { line, timeout: self.plan.patience(&line), alone: true }
     }
 
-    /// Asks the next unit that is still missing at this speed and format.
+    /// Asks the next unit not found yet.
     fn next_unit(&mut self, session: &mut Session<'_, '_>) -> Wait {
         let last = usize::from(self.plan.units.last);
         let due = if self.again { SLOW_UNIT } else { 0 };
@@ -208,7 +207,7 @@ impl Scan {
         session.ask_unit(self.unit as u8, harmless(self.plan.function), true)
     }
 
-    /// All units were asked at this speed and format. Where a response came late, some are asked again.
+    /// Ends a speed and format. After late responses, some units are asked again.
     fn end_of_units(&mut self, session: &mut Session<'_, '_>) -> Wait {
         self.note_late(session);
         let speed = self.line.speed();
@@ -231,7 +230,7 @@ impl Scan {
         Wait::Sent
     }
 
-    /// If a response came late, it is that of one of the units that were asked last.
+    /// A late response comes from one of the units asked last.
     fn note_late(&mut self, session: &Session<'_, '_>) {
         let late = session.heard(self.plan.port, &LATE);
         if late == self.late || self.again || self.plan.patience(&self.line) >= SLOW {
@@ -243,14 +242,14 @@ impl Scan {
         asked.rev().take(count).filter(|at| **at == 0).for_each(|at| *at = SLOW_UNIT);
     }
 
-    /// A unit was asked, or the line is not open any more.
+    /// Handles the outcome of a request.
     fn asked(&mut self, session: &mut Session<'_, '_>, answered: bool) -> Wait {
         let unit = self.unit;
         self.unit += 1;
         self.stage = Stage::Unit;
         self.note_late(session);
         match session.turn.as_ref().and_then(Turn::outcome) {
-            // With a faulty character it was sent in another format, whatever its CRC says.
+            // A faulty character means another format, even if the CRC is right.
             Some(Ok(took)) if answered && session.heard(self.plan.port, &FLAWS) == self.flaws => {
                 self.at.iter_mut().skip(unit).take(1).for_each(|at| *at = self.nth as u8);
                 let took = to_first_char(took, self.plan.framing, &self.line, session.pdu.len());
@@ -267,7 +266,7 @@ impl Scan {
         }
     }
 
-    /// Asks the unit that was found who it is.
+    /// Requests the identification of the unit found.
     fn identify(&mut self, session: &mut Session<'_, '_>, question: &'static [u8]) -> Wait {
         self.stage = Stage::Identified(question);
         session.ask_unit(session.unit, question, false)
@@ -289,7 +288,7 @@ impl Scan {
         wait
     }
 
-    /// Writes what has been found in all, and the lines to type for it.
+    /// Writes the summary and the proposed lines.
     fn write(&self, plan: &Plan, settings: &Settings, place: usize, out: &mut dyn fmt::Write) -> Written {
         let found = || self.at.iter().enumerate().filter(|(_, at)| **at > 0).map(|(unit, _)| unit);
         let name = settings.name(plan.port);
@@ -317,13 +316,13 @@ impl Scan {
     }
 }
 
-/// The port whose clients may ask what was found.
+/// The port for the proposed rules: its clients get access to the units found.
 fn source(settings: &Settings) -> Option<&str> {
     let is_server = |kind: &PortKind| kind.side() == Side::Server && !kind.asks_by_itself();
     settings.ports.iter().flatten().find(|port| is_server(&port.kind)).map(|port| port.name.as_str())
 }
 
-/// The function that was answered, and with which exception if it was one.
+/// The function, and its exception if there was one.
 struct Answered<'p>(&'p [u8]);
 
 impl fmt::Display for Answered<'_> {
@@ -338,7 +337,7 @@ impl fmt::Display for Answered<'_> {
     }
 }
 
-/// The units that were found at one speed and format.
+/// The units found at one speed and format.
 struct UnitList<'s> {
     search: &'s Scan,
     at: u8,

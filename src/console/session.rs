@@ -1,4 +1,4 @@
-//! What the commands of a session work on.
+//! The state that commands work on.
 
 use core::fmt;
 
@@ -14,20 +14,20 @@ use crate::language::Warning;
 use crate::scanner::Pdu;
 use crate::settings::PortId;
 
-/// The session, for its commands.
+/// The session as its commands see it.
 pub(super) struct Session<'s, 'g> {
     pub(super) gateway: &'s Gateway<'g>,
     pub(super) system: &'s dyn System,
     pub(super) out: Output,
-    /// The number of the line for error texts, where input has lines and not a person before it.
+    /// The line number for errors, in sessions without an editor.
     pub(super) line_number: Option<u32>,
-    /// Who had the last word about the line of the EtherCAT port, before the command.
+    /// What last set the line of the EtherCAT port, before the command.
     line_writer: Option<LineWriter>,
-    /// The turn to ask units, while a command has it, and what it asks; the response comes in place of the request.
+    /// The turn for direct requests, while a command has it, and the request; the response replaces it.
     pub(super) turn: Option<Turn<'s, 'g>>,
     pub(super) unit: u8,
     pub(super) pdu: Pdu,
-    /// How the session ends, as far as it has come.
+    /// How the session ended, so far.
     pub(super) ended: Ended,
 }
 
@@ -54,7 +54,7 @@ impl<'s, 'g> Session<'s, 'g> {
 }
 
 impl Session<'_, '_> {
-    /// Says what is wrong; the command ends with that.
+    /// Reports an error, which ends the command.
     pub(super) fn fail(&mut self, what: &dyn fmt::Display) -> Wait {
         self.ended = Ended::Left { refused: true };
         match self.line_number {
@@ -64,7 +64,7 @@ impl Session<'_, '_> {
         Wait::End
     }
 
-    /// Takes the turn to ask units at `port`.
+    /// Takes the turn for direct requests at `port`.
     pub(super) fn take_turn(&mut self, port: PortId) -> Result<(), DirectRequestError> {
         self.turn = Some(self.gateway.turn(port)?);
         Ok(())
@@ -74,18 +74,18 @@ impl Session<'_, '_> {
     pub(super) fn ask_unit(&mut self, unit: u8, request: &[u8], typed_ends: bool) -> Wait {
         self.unit = unit;
         self.pdu.clear();
-        // No request is longer than a PDU may be.
+        // Requests fit a PDU.
         let _ = self.pdu.extend_from_slice(request);
         Wait::Answer { typed_ends }
     }
 
-    /// A line of the settings' language has to be applied.
+    /// Applies a line of the settings' language.
     pub(super) fn change(&mut self) -> Wait {
         self.line_writer = self.writer();
         Wait::Change
     }
 
-    /// Says what came of it.
+    /// Reports the outcome.
     pub(super) fn changed(&mut self, changed: Result<Option<Warning>, Unchanged>) {
         let writer = self.writer();
         if let Some(writer @ LineWriter::SettingsOver(_)) = writer.filter(|_| writer != self.line_writer) {

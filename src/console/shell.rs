@@ -1,4 +1,4 @@
-//! A session: what is typed, and the command that runs.
+//! A session: its input and the running command.
 
 use super::complete::{Completion, candidates, complete};
 use super::input::{Input, Typed};
@@ -11,12 +11,12 @@ use crate::gateway::Gateway;
 use crate::hal::System;
 use crate::language::{Words, Wrong};
 
-/// All of it.
+/// A session.
 pub(super) struct Shell<'s, 'g> {
     pub(super) input: Input,
     pub(super) session: Session<'s, 'g>,
     job: Job<'g>,
-    /// No more input comes.
+    /// The input has ended.
     ended: bool,
 }
 
@@ -38,7 +38,7 @@ impl<'s, 'g> Shell<'s, 'g> {
         Wait::Key
     }
 
-    /// Goes on behind what `came`.
+    /// Runs the next step after the event `came`.
     pub(super) fn step(&mut self, came: WaitEvent) -> Wait {
         let Self { input, session, job, ended } = self;
         let wait = match (&job, came) {
@@ -55,7 +55,7 @@ impl<'s, 'g> Shell<'s, 'g> {
         };
         let Self { input, session, job, .. } = self;
         if let (Wait::Change, Job::Scan(scan)) = (wait, &*job) {
-            // What was found is taken over as if it were typed.
+            // Proposed lines run as if they were typed.
             session.gateway.settings(|settings| input.replace(|line| scan.line(settings, line)));
         }
         if !matches!(wait, Wait::End) {
@@ -66,7 +66,7 @@ impl<'s, 'g> Shell<'s, 'g> {
         self.session.turn = None;
         let wait = self.start();
         match came {
-            // It was no response to what a command has asked, but begins the next one.
+            // This input did not stop the command: it begins the next one.
             WaitEvent::Key(byte @ b' '..=b'~') if !was_idle => self.step(WaitEvent::Key(byte)),
             _ => wait,
         }
@@ -109,7 +109,7 @@ impl<'s, 'g> Shell<'s, 'g> {
         }
     }
 
-    /// Completes the word at the cursor, or shows how it could go on.
+    /// Completes the word at the cursor, or lists the candidates.
     fn complete(&mut self) {
         let Self { input: Input::Keys(editor), session, .. } = self else { return };
         let before = editor.before_cursor();

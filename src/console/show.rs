@@ -1,4 +1,4 @@
-//! `show`: the tables, each row put together when the one before has been written.
+//! `show`: the tables, written row by row.
 
 use core::fmt;
 
@@ -20,7 +20,7 @@ use crate::language::{Words, Wrong, write_line};
 use crate::settings::{Endpoint, PortKind, SERVERS, ServerSettings, Settings, Side};
 use crate::stats::{Event, LOG_ENTRIES_MAX, LastError};
 
-/// What can be shown.
+/// The topics of `show`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Show {
     Ports,
@@ -39,7 +39,7 @@ pub(super) enum Show {
     Version,
 }
 
-/// What can be shown, and what `help show` says of it.
+/// The topics with their help.
 pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
     ("ports", (Show::Ports, "what the ports are, and how they do")),
     ("servers", (Show::Servers, "the servers of tcp clients that have several")),
@@ -58,7 +58,7 @@ pub(super) const TOPICS: &[(&str, (Show, &str))] = &[
 ];
 const TOPICS_EXPECTED: &str = listed!(TOPICS);
 
-/// What people type who know other consoles, and what it is called here.
+/// Topics of other consoles, with their equivalents here.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("run", "config"),
     ("running-config", "config"),
@@ -68,7 +68,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("connections", "clients"),
 ];
 
-/// The last word of a line as what is to be shown.
+/// Parses the last word of a line as a topic.
 pub(super) fn topic(words: &Words<'_>) -> Result<Show, Wrong> {
     let word = words.take();
     let name = |at: usize| TOPICS.get(at).map(|(name, _)| *name);
@@ -77,12 +77,12 @@ pub(super) fn topic(words: &Words<'_>) -> Result<Show, Wrong> {
     Ok(show)
 }
 
-/// A table that is being shown. What it shows may change while the stream takes its time.
+/// A table being shown. Its content may change between rows.
 pub(super) struct Table {
     what: Show,
     place: usize,
     now: Instant,
-    /// When the first row has been looked for.
+    /// The time of the first row.
     layout: Option<Layout>,
 }
 
@@ -104,7 +104,7 @@ impl Table {
     }
 }
 
-/// Writes what stands at `place`, from 0, of a table.
+/// Writes the row at `place`, from 0, of a table.
 fn write(
     source: &Source<'_, '_>,
     system: &dyn System,
@@ -134,7 +134,7 @@ fn write(
     }
 }
 
-/// The columns of a table, but for the last one; none where lines are as they are.
+/// The columns of a table without the last one; none for plain lines.
 const fn columns(what: Show) -> Columns {
     match what {
         Show::Ports => &[15, 12, 0, 12],
@@ -165,7 +165,6 @@ fn port(source: &Source<'_, '_>, row: usize, out: &mut dyn fmt::Write) -> Writte
     let Source { gateway, settings, .. } = *source;
     let Some((port, place)) = source.port(row)? else { return NO_ROW };
     let status = StatusText(place.status());
-    // Who had the last word about the line of the EtherCAT port.
     let is_ethercat_line = settings.ethercat_line().is_some_and(|id| id.index() == row);
     let writer = gateway.ethercat().filter(|_| is_ethercat_line).map(EthercatState::line_writer);
     let writer = writer.filter(|writer| *writer != LineWriter::Settings);
@@ -229,7 +228,7 @@ fn client(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writ
     Some(write!(out, "{port}\t{peer}\t{since}\t{quiet}\t{open}\t{requests}\t{place}"))
 }
 
-/// First the counters of all ports, then what went wrong at them last, then the frames.
+/// The counters of all ports, then their last errors, then those of frames.
 fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Written {
     let Source { gateway, settings, now } = *source;
     let counters = Event::ALL.len();
@@ -238,7 +237,7 @@ fn count(source: &Source<'_, '_>, nth: usize, out: &mut dyn fmt::Write) -> Writt
             return NO_ROW;
         };
         let count = place.stats.get(*event);
-        // Most events never happen at most ports.
+        // Events that never happened are left out.
         if count == 0 && !matches!(event, Event::Request | Event::Response) {
             return NO_ROW;
         }
@@ -289,7 +288,7 @@ fn network(
     Some(write!(out, "{link}\t{shown}\t{gateway}\t{hardware}\t{}", settings.own_network()))
 }
 
-/// First what the board and its controller have to tell, then the transactions, the oldest first.
+/// Messages of the board and its controller, then the transactions from the oldest on.
 fn event(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut dyn fmt::Write) -> Written {
     let Source { gateway, settings, now } = *source;
     if let Some(event) = system.write_event(place, out) {
@@ -310,7 +309,7 @@ fn event(source: &Source<'_, '_>, system: &dyn System, place: usize, out: &mut d
     })
 }
 
-/// Where a text goes that is not wanted.
+/// Discards text.
 struct Nowhere;
 
 impl fmt::Write for Nowhere {

@@ -1,4 +1,4 @@
-//! What tables are made of, and their headings.
+//! The data behind tables, and their headings.
 
 use core::fmt;
 
@@ -8,7 +8,7 @@ use super::output::Written;
 use crate::gateway::{Gateway, PortAt};
 use crate::settings::{Port, PortId, Settings};
 
-/// What the tables are made of.
+/// The data behind tables.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'t, 'g> {
     pub(super) gateway: &'t Gateway<'g>,
@@ -17,14 +17,14 @@ pub(super) struct Source<'t, 'g> {
 }
 
 impl<'t> Source<'t, '_> {
-    /// The port number `at` and what is known of it: none behind the last place, and perhaps none there.
+    /// Port `at` and its state: `None` after the last one, `Some(None)` for an unused one.
     pub(super) fn port(&self, at: usize) -> Option<Option<(&'t Port, PortAt<'t>)>> {
         let state = self.gateway.port_state(PortId(u8::try_from(at).ok()?))?;
         Some(self.settings.ports.get(at)?.as_ref().map(|port| (port, state)))
     }
 }
 
-/// Writes the `heading` at the first place, and at each one behind it the row that `row` has for it, from 0.
+/// Writes `heading` at place 0, and the rows from place 1 on.
 pub(super) fn titled(
     heading: &str,
     place: usize,

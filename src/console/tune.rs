@@ -1,8 +1,8 @@
-//! `tune`: how long the units of a serial line take to answer, and the time-out and the gap that follow from it.
+//! `tune`: measures the response times of a line's units, and proposes a time-out and a gap.
 //!
-//! Each unit is asked the same again and again, with a long time-out. The port's other traffic goes on meanwhile. A unit that
-//! does not answer everything is asked after longer and longer silences, beginning with the legal one; the first at which it
-//! does is proposed. Whatever ends it, the port has its own settings again.
+//! Each unit gets the same request repeatedly, with a long time-out. Other traffic of the port continues. A unit that misses requests
+//! is asked with growing gaps, from the specification's on; the first gap without a miss is proposed. However it ends, the port
+//! returns to its own settings.
 
 use embassy_time::{Duration, Instant};
 
@@ -17,67 +17,67 @@ use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, READ_INP
 use crate::settings::{Framing, LineSettings, PortId, SerialClientSettings, Settings, Time, UnitRange};
 use crate::stats::response_tail::ResponseTail;
 
-/// Requests to each unit unless the words say another number: one standard deviation of what is told is at most 8 %.
+/// Default number of requests per unit: one standard deviation of the result is at most 8 %.
 const COUNT: u32 = 2_000;
-/// A unit has so long for a response, or as long as the port gives it if that is more.
+/// Minimum time-out of a request.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// Requests that may get no response before a unit is given up.
+/// Misses before a unit is given up.
 const LOST_MAX: u32 = 20;
-/// Requests by which a gap is judged, how many of them the noise of a line may cost, and the longest gap.
+/// Requests to judge a gap, misses allowed for noise, and the longest gap.
 const GAP_REQUESTS: u32 = 50;
 const GAP_LOST_MAX: u32 = 2;
 const GAP_LONGEST: Duration = Duration::from_millis(100);
-/// Functions that are tried, so often each, until one is answered.
+/// Functions to try until one gets a response, and the attempts for each.
 const FUNCTIONS: [u8; 3] = [READ_HOLDING_REGISTERS, DIAGNOSTICS, READ_INPUT_REGISTERS];
 const TRIES: u32 = 2;
 
-/// A measurement that runs.
+/// A running measurement.
 pub(super) struct Tune {
     port: PortId,
     framing: Framing,
     line: LineSettings,
     client: SerialClientSettings,
-    /// Those that are known at the port unless some are named.
+    /// The units known at the port, unless named.
     units: Option<UnitRange>,
     count: u32,
     told: Told,
-    /// What the slowest unit needs.
+    /// The time-out for the slowest unit.
     p999_us: u32,
-    /// The silence that a unit needs, if it is more than the port's.
+    /// The gap that a unit needs, if longer than the port's.
     longest_gap: Option<Duration>,
-    /// The unit that is measured, with which silence, and by which function if it is known.
+    /// The current unit, gap, and function if known.
     unit: u8,
     gap: Duration,
     function: Option<u8>,
-    /// What is found out just now.
+    /// The current stage.
     stage: Stage,
     series: Series,
 }
 
-/// How far the measurement of a unit is.
+/// The stage of a unit's measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stage {
-    /// The next unit is due.
+    /// Starts the next unit.
     Unit,
-    /// The line opens with a gap.
+    /// Waits for the line to open with a gap.
     Opening,
-    /// Whether it answers this one of the functions.
+    /// Tries this one of the functions.
     Function(usize),
-    /// Whether the gap is long enough.
+    /// Tests the gap.
     Gap,
-    /// How long it takes.
+    /// Measures the response time.
     Times,
 }
 
-/// Requests to a unit, one after the other.
+/// A series of requests to a unit.
 struct Series {
     begun: Instant,
     asked: u32,
-    /// So many requests, or until so many more than these got no response.
+    /// Number of requests, and of misses allowed.
     count: u32,
     lost_max: u32,
     lost: u32,
-    /// Of all responses.
+    /// Response times.
     sum: Duration,
     tail: ResponseTail,
 }
@@ -94,7 +94,7 @@ impl Series {
 }
 
 impl Session<'_, '_> {
-    /// Measures what the words say.
+    /// Starts a measurement.
     pub(super) fn tune(&mut self, words: &Words<'_>) -> Begun<Tune> {
         let tune = self.gateway.settings(|settings| Tune::parse(settings, words))?;
         if let Err(error) = self.take_turn(tune.port) {
@@ -105,7 +105,7 @@ impl Session<'_, '_> {
 }
 
 impl Tune {
-    /// Reads `P1 units 1-5 count 1000`.
+    /// Parses `P1 units 1-5 count 1000`.
     fn parse(settings: &Settings, words: &Words) -> Result<Self, Wrong> {
         let (port, serial) = serial_client(settings, words.take())?;
         let mut units = None;
@@ -114,7 +114,7 @@ impl Tune {
             let word = words.take();
             if word.is("units") || word.is("unit") {
                 let range = parse_units(words.take())?;
-                // To unit 0 nobody answers.
+                // Unit 0 is the broadcast, without a response.
                 units = Some(UnitRange { first: range.first.max(1), ..range });
             } else if word.is("count") {
                 count = number(words.take(), "requests", 10..=20_000)?;
@@ -140,7 +140,7 @@ impl Tune {
         })
     }
 
-    /// Goes on behind what `came`.
+    /// Runs the next step after the event `came`.
     pub(super) fn step(&mut self, session: &mut Session<'_, '_>, came: WaitEvent) -> Wait {
         match (self.stage, came) {
             (_, WaitEvent::Typed(_)) => {
@@ -164,7 +164,7 @@ impl Tune {
         }
     }
 
-    /// Begins with the next unit, or ends.
+    /// Starts the next unit, or ends.
     fn next_unit(&mut self, session: &mut Session<'_, '_>) -> Wait {
         let place = session.gateway.port_state(self.port);
         let is_known = |id| {
@@ -188,12 +188,12 @@ impl Tune {
         }
     }
 
-    /// The silence that all units have needed so far.
+    /// The longest gap needed so far.
     fn least_gap(&self) -> Duration {
         self.longest_gap.unwrap_or(self.line.gap().max(self.line.t3_5()))
     }
 
-    /// Opens the line with the gap that is tried.
+    /// Reopens the line with the current gap.
     fn open(&mut self) -> Wait {
         self.stage = Stage::Opening;
         let line = LineSettings { gap: Some(self.gap), ..self.line };
@@ -219,7 +219,7 @@ impl Tune {
         session.ask_unit(self.unit, harmless(function.unwrap_or(READ_HOLDING_REGISTERS)), true)
     }
 
-    /// Notes how long the response took, or that there was none.
+    /// Records a response time or a miss.
     fn note(&mut self, session: &Session<'_, '_>, answered: bool) {
         self.series.asked += 1;
         match session.turn.as_ref().and_then(Turn::outcome) {
@@ -232,7 +232,7 @@ impl Tune {
         }
     }
 
-    /// Goes on behind a series.
+    /// Continues after a series.
     fn judge(&mut self, session: &mut Session<'_, '_>) -> Wait {
         let Series { lost, sum, ref tail, .. } = self.series;
         let (unit, count) = (self.unit, tail.count());
@@ -251,7 +251,6 @@ impl Tune {
                 self.begin(Stage::Times, self.count, LOST_MAX);
                 return self.ask(session);
             }
-            // The first gap that is long enough.
             Stage::Gap if self.gap * 2 <= GAP_LONGEST => {
                 self.gap *= 2;
                 return self.open();
@@ -275,7 +274,7 @@ impl Tune {
         Wait::Sent
     }
 
-    /// Shows the line to type.
+    /// Shows the proposed line.
     fn propose(&self, session: &mut Session<'_, '_>) -> Wait {
         if self.p999_us == 0 {
             return Wait::End;
@@ -287,7 +286,7 @@ impl Tune {
         if let Some(gap) = self.longest_gap {
             out.put(format_args!(" gap {}", Time(gap)));
         }
-        // Behind a broadcast a unit is as busy as before a response (Serial Line 2.4.1).
+        // After a broadcast a unit is busy as long as before a response (Serial Line 2.4.1).
         if timeout > self.client.turnaround {
             out.put(format_args!(" turnaround {}", Time(timeout)));
         }
@@ -296,7 +295,7 @@ impl Tune {
     }
 }
 
-/// A time-out as people write it: in tenths of a millisecond, above ten in whole ones.
+/// Rounds a time-out: to tenths of a millisecond, above 10 ms to whole ones.
 fn rounded_up(us: u32) -> Duration {
     let step = if us < 10_000 { 100 } else { 1_000 };
     Duration::from_micros(u64::from(us.next_multiple_of(step).max(1_000)))

@@ -1,4 +1,4 @@
-//! What a command waits for between its steps, and what comes of it.
+//! What a command waits for between its steps, and the resulting events.
 
 use embassy_time::Duration;
 
@@ -7,60 +7,58 @@ use crate::hal::OpenError;
 use crate::language::Wrong;
 use crate::settings::LineSettings;
 
-/// What is waited for behind a step, when what it has written is sent.
+/// What to wait for after a step, once its output is sent.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Wait {
-    /// Nothing more.
     Sent,
-    /// A key, or text.
+    /// Input.
     Key,
-    /// So long, or that something is typed.
+    /// This time, or input.
     Pause(Duration),
-    /// So long, whatever is typed.
+    /// This time, regardless of input.
     Rest(Duration),
-    /// The response to the session's question, or that something is typed if that ends it.
+    /// The response to the session's request, or input if that ends it.
     Answer {
         typed_ends: bool,
     },
-    /// That the port of the session's turn is open with other settings.
+    /// The port of the session's turn to be open with other settings.
     Open {
         line: LineSettings,
         timeout: Duration,
         alone: bool,
     },
-    /// That the line has changed the settings, that they are saved, or taken over.
+    /// The line to be applied, or the settings to be saved or loaded.
     Change,
     Save {
-        /// What somebody else has written there meanwhile is written over.
+        /// Overwrites changes made to the store by others.
         whatever: bool,
     },
     Load,
     Reboot,
-    /// The command is done.
+    /// The end of the command.
     End,
-    /// The session is done.
+    /// The end of the session.
     Exit,
 }
 
 impl Wait {
-    /// Whether it matters what is typed meanwhile.
+    /// Whether input is read meanwhile.
     pub(super) fn listens(self) -> bool {
         matches!(self, Self::Key | Self::Pause(_) | Self::Answer { typed_ends: true })
     }
 }
 
-/// What came of waiting.
+/// An event that ends waiting.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum WaitEvent {
     /// The time is over, or there was nothing to wait for.
     Nothing,
     Key(u8),
-    /// So many bytes; 0: the input has ended.
+    /// This many bytes of input; 0: the input has ended.
     Typed(usize),
     Answer(Result<Duration, DirectRequestError>),
     Opened(Result<(), OpenError>),
 }
 
-/// What the words of a line begin: a command that takes more steps, if it does, and what is waited for first; nothing if they are
-/// wrong.
+/// A started command: its further steps, if any, and what to wait for first; an error if its words are wrong.
 pub(super) type Begun<J> = Result<(Option<J>, Wait), Wrong>;

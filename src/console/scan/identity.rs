@@ -1,19 +1,19 @@
-//! What a unit says of itself: the basic objects of its identification (FC 2Bh/0Eh), or its server id (FC 11h).
+//! A unit's identification: the basic objects (FC 2Bh/0Eh), or its server id (FC 11h).
 
 use core::fmt::{self, Write};
 
 use crate::modbus::pdu::function::{ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, REPORT_SERVER_ID};
 
-/// Fewer letters and digits are no text.
+/// Fewer letters and digits do not count as text.
 const TEXT_CHARS_MIN: usize = 1;
 
-/// A response's PDU as text: nothing when it is neither, with points for what cannot be printed.
+/// A response's PDU as text, with dots for unprintable characters; nothing if it is not an identification.
 pub(super) struct Identity<'p>(pub(super) &'p [u8]);
 
 impl fmt::Display for Identity<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
-            // Type of access, conformity, whether more follows, the next object, how many there are (6.21).
+            // Access type, conformity level, more follows, next object, number of objects (6.21).
             [ENCAPSULATED_INTERFACE, MEI_DEVICE_IDENTIFICATION, _, _, _, _, _, objects @ ..] => {
                 let mut rest = objects;
                 while let [_, length, behind @ ..] = rest {
@@ -30,7 +30,7 @@ impl fmt::Display for Identity<'_> {
     }
 }
 
-/// Bytes that are no text say nothing to people.
+/// Leaves out binary data.
 fn text(bytes: &[u8], f: &mut fmt::Formatter<'_>) -> fmt::Result {
     if bytes.iter().filter(|byte| byte.is_ascii_alphanumeric()).count() < TEXT_CHARS_MIN {
         return Ok(());

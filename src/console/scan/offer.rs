@@ -1,4 +1,4 @@
-//! What a scan has found, taken over by a key: the lines that it shows are carried out as if they were typed.
+//! Applies the lines that a scan proposes, as if they were typed.
 
 use core::fmt;
 
@@ -8,7 +8,7 @@ use crate::console::wait::Wait;
 use crate::settings::{Destination, LineSettings, Settings};
 
 impl Scan {
-    /// Whether there is something to take over, and only one way to do that.
+    /// Whether there are lines to apply, without a choice among them.
     pub(super) fn is_clear(&self, settings: &Settings) -> bool {
         let mut found = self.at.iter().copied().filter(|at| *at > 0);
         let Some(first) = found.next().filter(|first| found.all(|at| at == *first)) else { return false };
@@ -21,7 +21,7 @@ impl Scan {
         !is_own || !is_routed && source(settings).is_some()
     }
 
-    /// Takes the lines over, from this place on.
+    /// Applies the lines, from this row on.
     pub(super) fn take_over(&mut self, session: &mut Session<'_, '_>, mut place: usize) -> Wait {
         loop {
             let mut length = Length(0);
@@ -41,7 +41,7 @@ impl Scan {
         }
     }
 
-    /// Writes the line that is taken over just now, if one is.
+    /// Writes the line being applied, if any.
     pub(in crate::console) fn line(&self, settings: &Settings, out: &mut dyn fmt::Write) {
         if let Stage::Taken(behind) = self.stage {
             let _ = self.write(&self.plan, settings, behind - 1, out);

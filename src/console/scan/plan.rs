@@ -1,4 +1,4 @@
-//! What a scan tries: the words behind `scan`, the speeds and formats in their order, and the time that all of it takes.
+//! The plan of a scan: its words, the speeds and formats in order, and the total time.
 
 use embassy_time::Duration;
 use heapless::Vec;
@@ -8,9 +8,9 @@ use crate::language::{Words, Wrong, number, parse_number, parse_units, time};
 use crate::modbus::pdu::function::{DIAGNOSTICS, READ_HOLDING_REGISTERS, REPORT_SERVER_ID};
 use crate::settings::{Framing, LineSettings, Parity, PortId, Settings, UnitRange};
 
-/// Speeds, unless others are named: the likely ones first.
+/// Default speeds, the likely ones first.
 const BAUDS: [u32; 8] = [9_600, 19_200, 38_400, 115_200, 57_600, 4_800, 2_400, 1_200];
-/// Formats in RTU, the likely ones first, and two stop bits behind one: a receiver that wants one takes two as well.
+/// RTU formats, the likely ones first; two stop bits after one, because a receiver for one accepts two.
 const RTU_FORMATS: [Format; 4] =
     [(8, Parity::Even, 1), (8, Parity::None, 1), (8, Parity::Odd, 1), (8, Parity::None, 2)];
 /// Formats in ASCII.
@@ -19,16 +19,16 @@ const ASCII_FORMATS: [Format; 4] =
 /// Data bits, parity, stop bits.
 type Format = (u8, Parity, u8);
 
-/// A unit has so long for the first character of its response, and some characters more.
+/// Default time-out to the first character, besides some character times.
 const PATIENCE: Duration = Duration::from_millis(60);
 const PATIENCE_CHARS: usize = 6;
-/// So long has a unit for its response where one was heard late, and so long is listened behind the last one.
+/// Time-out after a late response was heard, and listening time after the last unit.
 pub(super) const SLOW: Duration = Duration::from_millis(500);
-/// What a unit may be given by a word.
+/// Limits of a time-out given by the user.
 const TIMEOUT: core::ops::RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(10);
 const EXPECTED: &str = "a baud rate, units, timeout or function";
 
-/// What is tried.
+/// What a scan tries.
 pub(super) struct Plan {
     pub(super) port: PortId,
     pub(super) units: UnitRange,
@@ -40,7 +40,7 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// Reads `P1 9600 19200 units 1-32 timeout 100ms function 4`.
+    /// Parses `P1 9600 19200 units 1-32 timeout 100ms function 4`.
     pub(super) fn parse(settings: &Settings, words: &Words) -> Result<Self, Wrong> {
         let (port, serial) = serial_client(settings, words.take())?;
         let mut plan = Self {
@@ -59,7 +59,7 @@ impl Plan {
                 plan.bauds.push(baud).map_err(|_| word.expected("at most 8 baud rates"))?;
             } else if word.is("units") {
                 plan.units = parse_units(words.take())?;
-                // To unit 0 nobody answers.
+                // Unit 0 is the broadcast, without a response.
                 plan.units.first = plan.units.first.max(1);
             } else if word.is("timeout") {
                 plan.timeout = Some(time(words.take(), &TIMEOUT)?);
@@ -81,37 +81,37 @@ impl Plan {
         Ok(plan)
     }
 
-    /// How many speeds and formats there are.
+    /// The number of speeds and formats.
     pub(super) fn lines_count(&self) -> usize {
         self.bauds.len() * RTU_FORMATS.len()
     }
 
-    /// The line's settings number `nth`.
+    /// The line's settings at index `nth`.
     pub(super) fn line(&self, nth: usize) -> Option<LineSettings> {
         let formats = if self.framing == Framing::Rtu { &RTU_FORMATS } else { &ASCII_FORMATS };
         let baud = *self.bauds.get(nth / formats.len())?;
         let (data_bits, parity, stop_bits) = *formats.get(nth % formats.len())?;
         let line = LineSettings { baud, data_bits, parity, stop_bits, gap: None, ..self.own };
-        // What is set may be for another speed; less than the specification's is legal at none.
+        // The port's gap may be meant for another speed; none below the specification's is used.
         Some(LineSettings { gap: self.own.gap.filter(|gap| *gap > line.t3_5()), ..line })
     }
 
-    /// How long a unit has for the first character of its response.
+    /// The time-out to the first character of a response.
     pub(super) fn patience(&self, line: &LineSettings) -> Duration {
         self.timeout.unwrap_or_else(|| PATIENCE + line.gap() + line.chars(PATIENCE_CHARS))
     }
 
-    /// How long is listened behind the last unit for responses that are late.
+    /// Listening time for late responses after the last unit.
     pub(super) fn rest(&self, line: &LineSettings) -> Duration {
         SLOW.checked_sub(self.patience(line)).unwrap_or(Duration::from_ticks(0))
     }
 
-    /// How many units may be asked before the response of a slow one comes.
+    /// Units that may be asked before a slow response arrives.
     pub(super) fn slow_units(&self, line: &LineSettings) -> usize {
         (SLOW.as_ticks() / self.patience(line).as_ticks().max(1)) as usize + 1
     }
 
-    /// How long it takes from line number `nth` on, if no unit is there.
+    /// The time from line `nth` on, if no unit responds.
     pub(super) fn time_from(&self, nth: usize) -> Duration {
         let units = u32::from(self.units.last.saturating_sub(self.units.first)) + 1;
         let request = self.framing.chars_of(harmless(self.function).len());

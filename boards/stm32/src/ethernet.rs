@@ -1,17 +1,25 @@
-//! The chip's Ethernet with the PHY that the boards have as RMII. A PHY that is missing, or gives no clock, is looked for again each
-//! second: embassy-stm32's driver would wait for it, and everything else with it. Speed and duplex are those that were negotiated.
+//! The chip's Ethernet with the PHY that the boards have as RMII. A PHY that is missing, or gives no clock, is looked for again
+//! twice a second: embassy-stm32's driver would wait for it, and everything else with it. Speed and duplex are those that were negotiated.
 
 use core::task::Context;
 
 use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState};
-use embassy_stm32::eth::{self, Ethernet, InterruptHandler, Phy, Sma, StationManagement};
+use embassy_stm32::eth::{self, Ethernet, PacketQueue, Phy, Sma, StationManagement};
 use embassy_stm32::gpio::{Input, Pull};
-use embassy_stm32::interrupt::typelevel::{self, Binding};
+use embassy_stm32::uid::uid;
 use embassy_stm32::{Peri, peripherals as p};
 use embassy_time::{Duration, Instant};
+use static_cell::ConstStaticCell;
 
-use crate::network::Packets;
+use crate::interrupts::Interrupts;
 use crate::registers;
+
+/// Packets that the Ethernet's DMA holds until they are read.
+const PACKETS: usize = 4;
+/// Those that go out are gone in microseconds.
+const PACKETS_OUT: usize = 2;
+
+static QUEUE: ConstStaticCell<PacketQueue<PACKETS_OUT, PACKETS>> = ConstStaticCell::new(PacketQueue::new());
 
 /// How often the PHY is asked for its link, or looked for.
 const INTERVAL: Duration = Duration::from_millis(500);
@@ -37,7 +45,6 @@ const FULL_10: u16 = 1 << 6;
 
 /// What the Ethernet is made of, until there is a PHY.
 pub(crate) struct Parts {
-    pub(crate) packets: &'static mut Packets,
     pub(crate) eth: Peri<'static, p::ETH>,
     pub(crate) clock: Peri<'static, p::PA1>,
     pub(crate) carrier: Peri<'static, p::PA7>,
@@ -46,38 +53,36 @@ pub(crate) struct Parts {
     pub(crate) management: (Peri<'static, p::ETH_SMA>, Peri<'static, p::PA2>, Peri<'static, p::PC1>),
 }
 
-type Management = Sma<'static, p::ETH_SMA>;
-
 /// The Ethernet, with its PHY or waiting for it.
-pub(crate) struct LateEthernet<I> {
+pub(crate) struct LateEthernet {
     address: [u8; 6],
-    interrupts: I,
-    parts: Option<Parts>,
+    parts: Option<(Parts, &'static mut PacketQueue<PACKETS_OUT, PACKETS>)>,
     driver: Option<Ethernet<'static, p::ETH, NegotiatingPhy>>,
     next_look: Instant,
 }
 
-impl<I: Binding<typelevel::ETH, InterruptHandler> + Copy + 'static> LateEthernet<I> {
-    pub(crate) fn new(parts: Parts, address: [u8; 6], interrupts: I) -> Self {
-        Self { address, interrupts, parts: Some(parts), driver: None, next_look: Instant::MIN }
+impl LateEthernet {
+    /// At the address made of the chip's unique number. There is one.
+    pub(crate) fn new(parts: Parts) -> Self {
+        let address = mobgate_board::ethernet_address(&uid());
+        Self { address, parts: Some((parts, QUEUE.take())), driver: None, next_look: Instant::MIN }
     }
 
     /// Takes the PHY into use if it is there.
     fn look(&mut self) {
-        let Some(mut parts) = self.parts.take_if(|parts| has_clock(parts)) else { return };
-        let (management, data, clock) = &mut parts.management;
-        let Some(number) = find(&mut Sma::new(management.reborrow(), data.reborrow(), clock.reborrow()))
-        else {
-            self.parts = Some(parts);
+        let Some((mut parts, queue)) = self.parts.take() else { return };
+        let number = has_clock(&mut parts).then(|| find(&mut parts)).flatten();
+        let Some(number) = number else {
+            self.parts = Some((parts, queue));
             return;
         };
-        let Parts { packets, eth, clock, carrier, receive, transmit, management } = parts;
+        let Parts { eth, clock, carrier, receive, transmit, management } = parts;
         let management = Sma::new(management.0, management.1, management.2);
         let phy = NegotiatingPhy { management, number, is_up: false, next_look: Instant::MIN };
         self.driver = Some(Ethernet::new_with_phy(
-            packets,
+            queue,
             eth,
-            self.interrupts,
+            Interrupts,
             clock,
             carrier,
             receive.0,
@@ -99,11 +104,13 @@ fn has_clock(parts: &mut Parts) -> bool {
 }
 
 /// The number of the PHY that responds.
-fn find(management: &mut Sma<'_, p::ETH_SMA>) -> Option<u8> {
+fn find(parts: &mut Parts) -> Option<u8> {
+    let (management, data, clock) = &mut parts.management;
+    let mut management = Sma::new(management.reborrow(), data.reborrow(), clock.reborrow());
     (0..32).find(|&number| !matches!(management.smi_read(number, IDENTIFIER), 0 | u16::MAX))
 }
 
-impl<I: Binding<typelevel::ETH, InterruptHandler> + Copy + 'static> Driver for LateEthernet<I> {
+impl Driver for LateEthernet {
     type RxToken<'a> = eth::RxToken<'a, 'static>;
     type TxToken<'a> = eth::TxToken<'a, 'static>;
 
@@ -125,7 +132,7 @@ impl<I: Binding<typelevel::ETH, InterruptHandler> + Copy + 'static> Driver for L
     fn capabilities(&self) -> Capabilities {
         let mut capabilities = Capabilities::default();
         capabilities.max_transmission_unit = FRAME_BYTES;
-        capabilities.max_burst_size = Some(crate::network::PACKETS_OUT);
+        capabilities.max_burst_size = Some(PACKETS_OUT);
         capabilities
     }
 
@@ -147,7 +154,7 @@ fn is_time(at: &mut Instant, context: &mut Context<'_>) -> bool {
 
 /// A PHY that agrees with its partner on speed and duplex.
 pub(crate) struct NegotiatingPhy {
-    management: Management,
+    management: Sma<'static, p::ETH_SMA>,
     number: u8,
     is_up: bool,
     next_look: Instant,

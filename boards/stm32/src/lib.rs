@@ -1,6 +1,6 @@
 //! What the STM32 boards share. A board's `main.rs` sets the clocks of its chip, and [`nucleo144::run`] does the rest.
 //!
-//! * [`nucleo144`]: the pins, interrupts and DMA channels of these boards.
+//! * [`nucleo144`]: the pins and DMA channels of these boards; `interrupts`: their interrupts.
 //! * `line`: an RS-485 line on a UART, and `lines`, the table of them that ports open by name.
 //! * `flash`: the chip's flash for the settings; `start`: how they are read at the start, and the factory reset.
 //! * `ethernet`: the MAC and its PHY; `network`: the stack over it and its sockets.
@@ -21,6 +21,7 @@ mod ethernet;
 mod faults;
 mod flash;
 mod gateway;
+mod interrupts;
 mod lights;
 mod line;
 mod lines;

@@ -5,7 +5,6 @@ use core::pin::pin;
 use embassy_executor::Spawner;
 use embassy_futures::join::join3;
 use embassy_net::{Runner, StackResources};
-use embassy_stm32::eth::PacketQueue;
 use embassy_stm32::uid::uid;
 use mobgate::settings::OwnNetwork;
 use mobgate_net::{STACK_SOCKETS, Sockets, address, mdns};
@@ -13,17 +12,7 @@ use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::ethernet::LateEthernet;
 use crate::gateway::{CONNECTIONS, CONNECTIONS_OUT, LIVENESS, Task, gateway};
-use crate::nucleo144::Interrupts;
 use crate::sockets::Network;
-
-type Driver = LateEthernet<Interrupts>;
-
-/// Packets that the Ethernet's DMA holds until they are read.
-const PACKETS: usize = 4;
-/// Those that go out are gone in microseconds.
-pub(crate) const PACKETS_OUT: usize = 2;
-/// What the driver's packets are kept in.
-pub(crate) type Packets = PacketQueue<PACKETS_OUT, PACKETS>;
 
 /// Sockets at a time: accepted connections, made ones and UDP.
 const SOCKETS: usize = CONNECTIONS + CONNECTIONS_OUT;
@@ -35,16 +24,8 @@ static BUFFERS: ConstStaticCell<[[u8; SOCKET_BYTES]; SOCKETS]> =
 static RESOURCES: StaticCell<StackResources<{ SOCKETS + STACK_SOCKETS }>> = StaticCell::new();
 static POOL: StaticCell<Sockets> = StaticCell::new();
 
-/// The place of the driver's packets.
-pub(crate) static PACKET_QUEUE: ConstStaticCell<Packets> = ConstStaticCell::new(Packets::new());
-
-/// The board's Ethernet address, made of the chip's unique number.
-pub(crate) fn ethernet_address() -> [u8; 6] {
-    mobgate_board::ethernet_address(&uid())
-}
-
 /// Starts the stack over `driver`, at first with DHCP; the settings follow.
-pub(crate) fn start(spawner: Spawner, driver: Driver) -> Network {
+pub(crate) fn start(spawner: Spawner, driver: LateEthernet) -> Network {
     // Different boards do not ask in step, nor begin with the same TCP port. It is no secret.
     let seed = uid().iter().fold(0, |seed: u64, &byte| seed.rotate_left(5) ^ u64::from(byte));
     let config = address::stack_config(&OwnNetwork::DEFAULT);
@@ -58,7 +39,7 @@ pub(crate) fn start(spawner: Spawner, driver: Driver) -> Network {
 }
 
 #[embassy_executor::task]
-async fn run_stack(mut runner: Runner<'static, Driver>) -> ! {
+async fn run_stack(mut runner: Runner<'static, LateEthernet>) -> ! {
     LIVENESS.watch(Task::Stack as usize, pin!(runner.run())).await
 }
 

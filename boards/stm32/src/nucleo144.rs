@@ -1,48 +1,22 @@
-//! A NUCLEO-144: its UARTs, pins, DMA channels and interrupts, which are the same on all of these boards. boards/README.md has
+//! A NUCLEO-144: its UARTs, pins and DMA channels, which are the same on all of these boards. boards/README.md has
 //! the connectors.
 
 use embassy_executor::Spawner;
-use embassy_stm32::eth;
 use embassy_stm32::flash::Flash;
 use embassy_stm32::gpio::{Input, Pull};
-use embassy_stm32::interrupt::typelevel;
 use embassy_stm32::usart::Uart;
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Peripherals, bind_interrupts, dma, exti, pac, peripherals as p};
+use embassy_stm32::{Peripherals, pac, peripherals as p};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::ethernet::{LateEthernet, Parts};
 use crate::flash::SettingsFlash;
+use crate::interrupts::Interrupts;
 use crate::lights::Lights;
-use crate::line::{Dma, LINES_MAX, Line, LineInterrupt, RING_BYTES, first_config};
+use crate::line::{Dma, LINES_MAX, Line, RING_BYTES, first_config};
 use crate::lines::{LINES, Lines, Place};
 use crate::system::Board;
 use crate::{clock, console, gateway, network, registers, watchdog};
-
-bind_interrupts!(pub(crate) struct Interrupts {
-    USART2 => LineInterrupt<0>;
-    USART6 => LineInterrupt<1>;
-    UART4 => LineInterrupt<2>;
-    UART5 => LineInterrupt<3>;
-    USART3 => LineInterrupt<4>;
-    DMA1_STREAM0 => dma::InterruptHandler<p::DMA1_CH0>;
-    DMA1_STREAM1 => dma::InterruptHandler<p::DMA1_CH1>;
-    DMA1_STREAM2 => dma::InterruptHandler<p::DMA1_CH2>;
-    DMA1_STREAM3 => dma::InterruptHandler<p::DMA1_CH3>;
-    DMA1_STREAM4 => dma::InterruptHandler<p::DMA1_CH4>;
-    DMA1_STREAM5 => dma::InterruptHandler<p::DMA1_CH5>;
-    DMA1_STREAM6 => dma::InterruptHandler<p::DMA1_CH6>;
-    DMA1_STREAM7 => dma::InterruptHandler<p::DMA1_CH7>;
-    DMA2_STREAM1 => dma::InterruptHandler<p::DMA2_CH1>;
-    DMA2_STREAM6 => dma::InterruptHandler<p::DMA2_CH6>;
-    DMA2_STREAM0 => dma::InterruptHandler<p::DMA2_CH0>;
-    DMA2_STREAM3 => dma::InterruptHandler<p::DMA2_CH3>;
-    EXTI15_10 => exti::InterruptHandler<typelevel::EXTI15_10>;
-    ETH => eth::InterruptHandler;
-    /// One bank, see `flash`.
-    #[cfg(not(feature = "f7"))]
-    FLASH => embassy_stm32::flash::InterruptHandler;
-});
 
 static RINGS: ConstStaticCell<[[u8; RING_BYTES]; LINES_MAX]> =
     ConstStaticCell::new([[0; RING_BYTES]; LINES_MAX]);
@@ -107,7 +81,6 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
     let terminal = line!(p, ring5, 4, USART3, PD9, PD8, DMA1_CH1, DMA1_CH3);
 
     let ethernet = Parts {
-        packets: network::PACKET_QUEUE.take(),
         eth: p.ETH,
         clock: p.PA1,
         carrier: p.PA7,
@@ -115,8 +88,7 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
         transmit: (p.PG13, p.PB13, p.PG11),
         management: (p.ETH_SMA, p.PA2, p.PC1),
     };
-    let network =
-        network::start(spawner, LateEthernet::new(ethernet, network::ethernet_address(), Interrupts));
+    let network = network::start(spawner, LateEthernet::new(ethernet));
     let board = Board::new(name, network);
     gateway::start(spawner, lines, network);
     // Images without EtherCAT are smaller, see Cargo.toml.

@@ -1,5 +1,5 @@
 //! The registers that differ between the families: the USARTs of the F4 are of an older generation, and the H7 counts its
-//! resets elsewhere. The only file that asks for the family, besides `flash` and `nucleo144`.
+//! resets elsewhere. Besides it, only `flash`, `interrupts` and `nucleo144` ask for the family.
 
 use embassy_stm32::pac::usart::Usart;
 use mobgate::hal::Flaws;

@@ -11,7 +11,7 @@ use crate::gateway::unit_health::{State, Unit};
 use crate::gateway::{Gateway, Status};
 use crate::routing::is_implied;
 use crate::scanner::ValueType;
-use crate::settings::{DEVICE_BYTES_MAX, Policy, PortId, PortKind, Route, Settings, Time};
+use crate::settings::{DEVICE_BYTES_MAX, Policy, PortId, Route, Settings, Time};
 use crate::stats::{LogEntry, Outcome};
 
 /// The longest cell: a device, or an IPv6 address with its port.
@@ -106,30 +106,6 @@ pub(super) fn describe_unit(unit: &Unit, state: State) -> (&'static str, &'stati
         _ => "",
     };
     (state, advice)
-}
-
-/// Takes a port's role, the place where it is, and how its line is set.
-type Description<'d> = dyn FnMut(&dyn fmt::Display, &dyn fmt::Display, &dyn fmt::Display) + 'd;
-
-/// Describes a port to `show`.
-pub(super) fn describe(kind: &PortKind, show: &mut Description<'_>) {
-    match kind {
-        PortKind::Serial(serial) => {
-            let role = text(format_args!("{} {}", serial.framing, serial.side));
-            show(&role, &serial.device, &serial.line.speed());
-        }
-        PortKind::TcpServer(server) => show(&"tcp server", &server.listen, &server.framing),
-        PortKind::TcpClient(client) => match &client.server {
-            Some(server) => show(&"tcp client", server, &client.framing),
-            None => show(&"tcp client", &"see show servers", &client.framing),
-        },
-        PortKind::UdpServer(server) => show(&"udp server", &server.listen, &""),
-        PortKind::Ethercat(ethercat) => {
-            let interface = ethercat.interface.as_ref();
-            show(&"ethercat", interface.map_or(&"", |name| name), &"");
-        }
-        PortKind::Scanner => show(&"scanner", &"", &""),
-    }
 }
 
 pub(super) struct StatusText(pub(super) Status);

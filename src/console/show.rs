@@ -8,7 +8,7 @@ use super::layout::{self, Columns, Layout};
 use super::output::{NO_ROW, Written};
 use super::points;
 use super::registers;
-use super::rows::{LineErrors, LogRow, Row, StatusText, age, cell, describe, describe_unit, text, took};
+use super::rows::{LineErrors, LogRow, Row, StatusText, age, cell, describe_unit, text, took};
 use super::session::Session;
 use super::table::{Source, titled};
 use super::wait::Wait;
@@ -169,7 +169,7 @@ fn port(source: &Source<'_, '_>, row: usize, out: &mut dyn fmt::Write) -> Writte
     let writer = gateway.ethercat().filter(|_| is_ethercat_line).map(EthercatState::line_writer);
     let writer = writer.filter(|writer| *writer != LineWriter::Settings);
     let mut written = Ok(());
-    describe(&port.kind, &mut |role, place, line| {
+    port.kind.describe(&mut |role, place, line| {
         let line = cell(line);
         let line = line.trim_ascii();
         written = write!(out, "{}\t{role}\t{place}\t{line}\t{status}", port.name);

@@ -2,7 +2,7 @@
 
 use embassy_time::Instant;
 
-use super::check::{ApplyError, connections_of, is_scanner};
+use super::check::{ApplyError, is_scanner};
 use super::points::{self, Reloaded};
 use super::{Gateway, Status};
 use crate::settings::{PORTS_MAX, PortId, SERVERS_MAX, Settings};
@@ -54,7 +54,7 @@ impl Gateway<'_> {
         for (index, port) in new.ports.iter().enumerate() {
             if let (Some(port), Some(true)) = (port, changed.get(index)) {
                 let free = self.connections.iter().filter(|connection| connection.state().port.is_none());
-                free.take(connections_of(&port.kind))
+                free.take(port.kind.connections())
                     .for_each(|connection| connection.assign(Some(PortId(index as u8))));
             }
         }

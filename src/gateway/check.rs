@@ -79,7 +79,7 @@ impl ApplyError {
 impl Gateway<'_> {
     /// Whether the board can run `new`.
     pub(crate) fn check(&self, new: &Settings) -> Result<(), ApplyError> {
-        let wanted = new.ports.iter().flatten().map(|port| connections_of(&port.kind)).sum();
+        let wanted = new.ports.iter().flatten().map(|port| port.kind.connections()).sum();
         if wanted > self.connections.len() {
             return Err(ApplyError::Connections { wanted, connections: self.connections.len() });
         }
@@ -136,13 +136,4 @@ fn captures(port: &Port) -> bool {
 
 pub(super) fn is_scanner(port: &Port) -> bool {
     matches!(port.kind, PortKind::Scanner)
-}
-
-/// The connections a port needs: one per client, and one to accept newcomers.
-pub(super) fn connections_of(kind: &PortKind) -> usize {
-    match kind {
-        PortKind::TcpServer(server) => usize::from(server.clients) + 1,
-        PortKind::Serial(_) | PortKind::TcpClient(_) | PortKind::UdpServer(_) => 0,
-        PortKind::Scanner | PortKind::Ethercat(_) => 0,
-    }
 }

@@ -11,12 +11,10 @@ use super::problem::Problem;
 use super::route_words::route;
 use super::values::{name, number};
 use super::words::{Word, Words, Wrong};
-use super::{
-    mdns, own_network, point_checks, point_words, port_keys, port_words, route_words, servers, slaves,
-};
+use super::{mdns, own_network, point_checks, point_words, port_kinds, route_words, servers, slaves};
 use crate::scanner::POINTS;
 use crate::settings::{
-    Destination, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings,
+    Destination, Name, PORTS_MAX, Port, PortId, PortKind, ROUTES_MAX, Route, Rules, SERVERS, Settings,
 };
 
 /// Executes the words after a verb.
@@ -46,8 +44,7 @@ pub(crate) fn add_route(settings: &mut Settings, words: &Words<'_>) -> Result<Ch
 
 /// Calls `each` with all keywords of rows and ports.
 pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
-    port_words::keywords(each);
-    port_keys::keywords(each);
+    port_kinds::keywords(each);
     route_words::keywords(each);
     if SERVERS {
         servers::keywords(each);
@@ -63,7 +60,7 @@ pub(crate) fn option_words(each: &mut dyn FnMut(&'static str)) {
 pub(crate) fn port(settings: &mut Settings, words: &Words<'_>) -> Result<Changed, Wrong> {
     let name_word = words.take();
     let name = name(name_word)?;
-    if port_words::is_kind(name_word) && !port_words::is_kind(words.peek()) {
+    if port_kinds::is_kind(name_word) && !port_kinds::is_kind(words.peek()) {
         return Err(
             name_word.error(Problem::TakenAs("the port's name, which comes first: port NAME KIND ..."))
         );
@@ -86,6 +83,24 @@ pub(crate) fn port(settings: &mut Settings, words: &Words<'_>) -> Result<Changed
     )
 }
 
+/// Why a gateway cannot have a port of kind `own` beside the `other`, called `name`.
+fn conflict(own: &PortKind, other: &PortKind, name: &Name) -> Option<Problem> {
+    match (own, other) {
+        (PortKind::Serial(own), PortKind::Serial(other)) if own.device == other.device => {
+            Some(Problem::DeviceTaken(name.clone()))
+        }
+        (PortKind::TcpServer(own), PortKind::TcpServer(other)) if own.listen.collides(&other.listen) => {
+            Some(Problem::ListenTaken)
+        }
+        (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
+            Some(Problem::ListenTaken)
+        }
+        (PortKind::Ethercat(_), PortKind::Ethercat(_)) => Some(Problem::Points(PointProblem::EthercatTaken)),
+        (PortKind::Scanner, PortKind::Scanner) => Some(Problem::Points(PointProblem::ScannerTaken)),
+        _ => None,
+    }
+}
+
 /// Checks `port` against all others and the rules, then stores it at `id`.
 fn put_port(
     settings: &mut Settings,
@@ -96,23 +111,8 @@ fn put_port(
 ) -> Result<Changed, Wrong> {
     let others = settings.ports.iter().enumerate().filter(|&(at, _)| at != id.index());
     for Port { name, kind: other, .. } in others.filter_map(|(_, other)| other.as_ref()) {
-        match (&port.kind, other) {
-            (PortKind::Serial(own), PortKind::Serial(other)) if own.device == other.device => {
-                return Err(endpoint.error(Problem::DeviceTaken(name.clone())));
-            }
-            (PortKind::TcpServer(own), PortKind::TcpServer(other)) if own.listen.collides(&other.listen) => {
-                return Err(endpoint.error(Problem::ListenTaken));
-            }
-            (PortKind::UdpServer(own), PortKind::UdpServer(other)) if own.listen.collides(&other.listen) => {
-                return Err(endpoint.error(Problem::ListenTaken));
-            }
-            (PortKind::Ethercat(_), PortKind::Ethercat(_)) => {
-                return Err(endpoint.error(Problem::Points(PointProblem::EthercatTaken)));
-            }
-            (PortKind::Scanner, PortKind::Scanner) => {
-                return Err(endpoint.error(Problem::Points(PointProblem::ScannerTaken)));
-            }
-            _ => {}
+        if let Some(problem) = conflict(&port.kind, other, name) {
+            return Err(endpoint.error(problem));
         }
     }
     let has_lines = matches!(&port.kind, PortKind::TcpClient(client) if client.server.is_none());

@@ -1,9 +1,7 @@
-//! The keywords of ports.
+//! The settings that keywords of port lines name.
 
-use super::values::parse_number;
-use super::words::Word;
-use crate::scanner::POINTS;
-use crate::settings::{Driver, Framing, PortKind, Side, StreamFraming};
+use super::field::Field;
+use crate::settings::{Driver, Framing, Side, StreamFraming, UnitPolicy};
 
 /// What a keyword of a port line sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,106 +112,8 @@ impl Key {
     }
 }
 
-/// Whether `word` is a keyword of TCP clients, and so cannot be a server name.
-pub(crate) fn is_of_tcp_client(word: Word) -> bool {
-    word.lookup(TCP_CLIENT_KEYS).is_some()
-}
-
-/// Whether `word` sets something in a serial line: then it is no device's name.
-pub(crate) fn is_of_serial(word: Word) -> bool {
-    word.lookup(SERIAL_KEYS).is_some() || parse_number(word.text).is_some()
-}
-
 /// Keywords with their keys, in printing order.
 pub(crate) type Keys = &'static [(&'static str, Key)];
-
-const SERIAL_KEYS: Keys = &[
-    ("device", Key::Device),
-    ("rtu", Key::Framing(Framing::Rtu)),
-    ("ascii", Key::Framing(Framing::Ascii)),
-    ("client", Key::Side(Side::Client)),
-    ("server", Key::Side(Side::Server)),
-    ("master", Key::Side(Side::Client)),
-    ("slave", Key::Side(Side::Server)),
-    ("char-timeout", Key::CharTimeout),
-    ("gap", Key::Gap),
-    ("rs485", Key::Driver(Driver::Rs485)),
-    ("rts", Key::Driver(Driver::Rts)),
-    // For `edit`: resets a flag.
-    ("rs232", Key::Driver(Driver::Automatic)),
-    ("driver-before", Key::DriverBefore),
-    ("driver-after", Key::DriverAfter),
-    ("echo", Key::Echo(true)),
-    ("no-echo", Key::Echo(false)),
-    ("answer-within", Key::AnswerWithin),
-    ("reply-delay", Key::ReplyDelay),
-    ("timeout", Key::Timeout),
-    ("retries", Key::Retries),
-    ("turnaround", Key::Turnaround),
-    ("start-delay", Key::StartDelay),
-    ("late-window", Key::LateWindow),
-    ("down-after", Key::DownAfter),
-    ("proof", Key::Proof),
-];
-
-const TCP_SERVER_KEYS: Keys = &[
-    ("listen", Key::Listen),
-    ("rtu", Key::Stream(StreamFraming::Rtu)),
-    ("capture", Key::Stream(StreamFraming::Capture)),
-    // For `edit`: resets a flag.
-    ("mbap", Key::Stream(StreamFraming::Mbap)),
-    ("clients", Key::Clients),
-    ("idle", Key::Idle),
-    ("pipeline", Key::Pipeline),
-    ("lifetime", Key::Lifetime),
-    ("full", Key::Full),
-    ("reserve", Key::Reserve),
-    ("allow", Key::Allow),
-];
-
-const TCP_CLIENT_KEYS: Keys = &[
-    ("address", Key::Server),
-    ("rtu", Key::Stream(StreamFraming::Rtu)),
-    // For `edit`: resets a flag.
-    ("mbap", Key::Stream(StreamFraming::Mbap)),
-    ("sockets", Key::Sockets),
-    ("unit", Key::Unit),
-    ("in-flight", Key::InFlight),
-    ("timeout", Key::Timeout),
-    ("connect-timeout", Key::ConnectTimeout),
-    ("connect-delay", Key::ConnectDelay),
-    ("request-delay", Key::RequestDelay),
-    ("idle", Key::Idle),
-    ("retries", Key::Retries),
-    ("late-window", Key::LateWindow),
-    ("down-after", Key::DownAfter),
-    ("proof", Key::Proof),
-];
-
-const UDP_SERVER_KEYS: Keys = &[
-    ("listen", Key::Listen),
-    ("pipeline", Key::Pipeline),
-    ("requests", Key::Requests),
-    ("lifetime", Key::Lifetime),
-    ("allow", Key::Allow),
-];
-
-const ETHERCAT_KEYS: Keys = if POINTS { WITH_CONTROLLER_KEYS } else { &[] };
-const WITH_CONTROLLER_KEYS: Keys = &[
-    ("interface", Key::Interface),
-    ("line", Key::Line),
-    ("on-loss", Key::OnLoss),
-    ("id", Key::Id),
-    ("modules", Key::Modules(true)),
-    // For `edit`: resets a flag.
-    ("no-modules", Key::Modules(false)),
-    ("emergencies", Key::Emergencies(true)),
-    // For `edit`: resets a flag.
-    ("no-emergencies", Key::Emergencies(false)),
-    ("prove-outputs", Key::ProveOutputs(true)),
-    // For `edit`: resets a flag.
-    ("no-prove-outputs", Key::ProveOutputs(false)),
-];
 
 /// The keywords for special unit ids, common to all server-side ports: 0, 255, 248 to 254.
 pub(crate) const UNIT_KEYS: Keys = &[
@@ -225,44 +125,15 @@ pub(crate) const UNIT_KEYS: Keys = &[
     ("reserved-units", Key::ReservedUnits),
 ];
 
-impl PortKind {
-    /// The keywords of this kind of port, and how an error lists them.
-    pub(crate) const fn words(&self) -> (Keys, &'static str) {
-        match self {
-            Self::Serial(_) => (SERIAL_KEYS, SERIAL_EXPECTED),
-            Self::TcpServer(_) => (TCP_SERVER_KEYS, TCP_SERVER_EXPECTED),
-            Self::TcpClient(_) => (TCP_CLIENT_KEYS, TCP_CLIENT_EXPECTED),
-            Self::UdpServer(_) => (UDP_SERVER_KEYS, UDP_SERVER_EXPECTED),
-            Self::Ethercat(_) => (ETHERCAT_KEYS, ETHERCAT_EXPECTED),
-            Self::Scanner => (&[], ""),
-        }
-    }
-}
-
-const SERIAL_EXPECTED: &str = "rtu, ascii, client, server, a baud rate, a format (8E1), device, timeout, \
-     char-timeout, gap, rs485, rts, driver-before, driver-after, echo, retries, turnaround, start-delay, late-window, \
-     down-after, proof, answer-within or reply-delay";
-
-const TCP_SERVER_EXPECTED: &str =
-    "listen, rtu, capture, clients, idle, pipeline, lifetime, full, reserve or allow";
-
-const TCP_CLIENT_EXPECTED: &str = "address, rtu, sockets, unit, in-flight, timeout, connect-timeout, \
-     connect-delay, request-delay, idle, retries, late-window, down-after or proof";
-
-const UDP_SERVER_EXPECTED: &str = "listen, pipeline, requests, lifetime or allow";
-
-const ETHERCAT_EXPECTED: &str = "interface, line, on-loss, id, modules, emergencies or prove-outputs";
-
-/// Calls `each` with the keywords of all ports.
-pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
-    let tables = [SERIAL_KEYS, TCP_SERVER_KEYS, TCP_CLIENT_KEYS, UDP_SERVER_KEYS, ETHERCAT_KEYS, UNIT_KEYS];
-    for (nth, table) in tables.into_iter().enumerate() {
-        for &(keyword, _) in table {
-            // Several ports have a `timeout`: it is one keyword.
-            let is_known = |earlier: Keys| earlier.iter().any(|(known, _)| *known == keyword);
-            if !tables.into_iter().take(nth).any(is_known) {
-                each(keyword);
-            }
-        }
+impl UnitPolicy {
+    /// The field that `key` sets, if it is one of these.
+    pub(crate) fn field(&mut self, key: Key) -> Option<Field<'_>> {
+        Some(match key {
+            Key::Broadcast => Field::Special(&mut self.broadcast, true),
+            Key::Confirm(confirm) => Field::Flag(&mut self.confirm, confirm),
+            Key::Unit255 => Field::Special(&mut self.unit_255, false),
+            Key::ReservedUnits => Field::Special(&mut self.reserved, false),
+            _ => return None,
+        })
     }
 }

@@ -5,16 +5,14 @@
 
 use super::field::Field;
 use super::point_problem::PointProblem;
-use super::port_keys::{Key, UNIT_KEYS, is_of_serial, is_of_tcp_client};
-use super::port_values::{device, server_address};
+use super::port_keys::{Key, UNIT_KEYS};
+use super::port_kinds::new_port;
 use super::problem::Problem;
-use super::values::{listen, parse_number};
+use super::values::parse_number;
 use super::words::{Word, Words, Wrong};
-use crate::scanner::POINTS;
 use crate::settings::{
-    Driver, EthercatSettings, Framing, LineSettings, Port, PortKind, Proofs, SERVERS, SerialClientSettings,
-    SerialServerSettings, SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings,
-    UdpServerSettings, UnitPolicy,
+    Driver, Framing, LineSettings, Port, PortKind, Proofs, SerialClientSettings, SerialServerSettings,
+    SerialSettings, Side, StreamFraming, TcpClientSettings, TcpServerSettings, UnitPolicy,
 };
 
 /// A port's settings while its line is read.
@@ -80,39 +78,6 @@ impl<'a> Blamed<'a> {
     fn refuse(&self, sort: Sort, problem: Problem) -> Result<(), Wrong> {
         self.get(sort).map_or(Ok(()), |word| Err(word.error(problem)))
     }
-}
-
-/// The medium of a port.
-#[derive(Clone, Copy)]
-enum Medium {
-    Serial,
-    Tcp,
-    Udp,
-    Scanner,
-    Ethercat,
-}
-
-const MEDIA: [(&str, Medium); 5] = [
-    ("serial", Medium::Serial),
-    ("tcp", Medium::Tcp),
-    ("udp", Medium::Udp),
-    ("scanner", Medium::Scanner),
-    ("ethercat", Medium::Ethercat),
-];
-
-const SIDES: &[(&str, Side)] =
-    &[("server", Side::Server), ("slave", Side::Server), ("client", Side::Client), ("master", Side::Client)];
-
-const DEVICE_FIRST: &str = "the device, which comes first: port NAME serial DEVICE rtu|ascii client|server";
-
-/// Whether a port's kind stands where its name belongs.
-pub(crate) fn is_kind(word: Word) -> bool {
-    word.lookup(&MEDIA).is_some()
-}
-
-/// Calls `each` with the keywords that begin a port.
-pub(crate) fn keywords(each: &mut dyn FnMut(&'static str)) {
-    MEDIA.iter().for_each(|&(keyword, _)| each(keyword));
 }
 
 impl<'a> Draft<'a> {
@@ -253,46 +218,9 @@ impl<'a> Draft<'a> {
                 }
                 one_at_a_time(settings.framing, blamed, &mut settings.in_flight, 1)
             }
-            PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_) => Ok(()),
+            _ => Ok(()),
         }
     }
-}
-
-/// Parses the kind of a new port, up to the device or address.
-fn new_port<'a>(words: &'a Words) -> Result<(PortKind, Word<'a>), Wrong> {
-    let word = words.take();
-    let medium = word.keyword(&MEDIA, "serial, tcp, udp, scanner or ethercat")?;
-    let side = match medium {
-        Medium::Tcp => words.take().keyword(SIDES, "server or client")?,
-        Medium::Udp => words.take().keyword(SIDES.get(..2).unwrap_or(SIDES), "server")?,
-        Medium::Scanner | Medium::Ethercat if !POINTS => return Err(word.error(Problem::NoPoints)),
-        Medium::Scanner => {
-            words.end()?;
-            return Ok((PortKind::Scanner, word));
-        }
-        Medium::Ethercat => return Ok((PortKind::Ethercat(EthercatSettings::default()), word)),
-        Medium::Serial => Side::Client,
-    };
-    if SERVERS && matches!((medium, side), (Medium::Tcp, Side::Client)) {
-        let next = words.peek();
-        if next.is_end() || is_of_tcp_client(next) {
-            return Ok((PortKind::TcpClient(TcpClientSettings::new(None)), word));
-        }
-    }
-    let endpoint = words.take();
-    let kind = match (medium, side) {
-        (Medium::Tcp, Side::Server) => {
-            let listen = listen(endpoint)?;
-            PortKind::TcpServer(TcpServerSettings { listen, ..TcpServerSettings::new(listen.port) })
-        }
-        (Medium::Tcp, Side::Client) => {
-            PortKind::TcpClient(TcpClientSettings::new(Some(server_address(endpoint)?)))
-        }
-        (Medium::Udp, _) => PortKind::UdpServer(UdpServerSettings::new(listen(endpoint)?)),
-        _ if is_of_serial(endpoint) => return Err(endpoint.error(Problem::TakenAs(DEVICE_FIRST))),
-        _ => PortKind::Serial(SerialSettings::new(device(endpoint)?)),
-    };
-    Ok((kind, endpoint))
 }
 
 fn check_serial(settings: &mut SerialSettings, blamed: &Blamed) -> Result<(), Wrong> {

@@ -11,9 +11,8 @@ use super::port_keys::UNIT_KEYS;
 use super::route_words::IDENTIFICATION;
 use crate::scanner::POINTS;
 use crate::settings::{
-    AddressRange, Cut, EthercatSettings, Forbidden, Framing, Functions, LineSettings, Mdns, Merge, Parity,
-    Policy, Port, PortKind, Priority, Route, SERVERS, SerialSettings, Settings, Side, Special, StreamFraming,
-    Tag, TcpClientSettings, TcpServerSettings, Time, UdpServerSettings, UnitPolicy, UnitRange,
+    AddressRange, Cut, Forbidden, Framing, Functions, LineSettings, Mdns, Merge, Parity, Policy, Port,
+    Priority, Route, SERVERS, Settings, Side, Special, StreamFraming, Tag, Time, UnitPolicy, UnitRange,
 };
 
 /// Longest baud rate and character format.
@@ -160,19 +159,7 @@ struct Behind<'p>(&'p Port);
 impl Display for Behind<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Port { kind, units, .. } = self.0;
-        match kind {
-            PortKind::Serial(SerialSettings { device, framing, side, line, .. }) => {
-                write!(f, "serial {device} {framing} {side} {}", line.speed())
-            }
-            PortKind::TcpServer(settings) => write!(f, "tcp server {}", settings.listen),
-            PortKind::TcpClient(settings) => match &settings.server {
-                Some(server) => write!(f, "tcp client {server}"),
-                None => f.write_str("tcp client"),
-            },
-            PortKind::UdpServer(settings) => write!(f, "udp server {}", settings.listen),
-            PortKind::Scanner => f.write_str("scanner"),
-            PortKind::Ethercat(_) => f.write_str("ethercat"),
-        }?;
+        kind.write_begin(f)?;
         let (mut own, mut default) = (kind.clone(), kind.plain());
         let (mut own_units, mut default_units) = (*units, UnitPolicy::default());
         let (keys, _) = kind.words();
@@ -184,28 +171,6 @@ impl Display for Behind<'_> {
             }
         }
         Ok(())
-    }
-}
-
-impl PortKind {
-    /// The same port with default settings; a serial one with the same framing and side.
-    fn plain(&self) -> Self {
-        match self {
-            Self::Serial(SerialSettings { device, framing, side, .. }) => {
-                let plain = SerialSettings::new(device.clone());
-                Self::Serial(SerialSettings { framing: *framing, side: *side, ..plain })
-            }
-            Self::TcpServer(settings) => {
-                let mut plain = TcpServerSettings::new(settings.listen.port);
-                plain.listen = settings.listen;
-                plain.clients = plain.clients_of(settings.framing);
-                Self::TcpServer(plain)
-            }
-            Self::TcpClient(settings) => Self::TcpClient(TcpClientSettings::new(settings.server.clone())),
-            Self::UdpServer(settings) => Self::UdpServer(UdpServerSettings::new(settings.listen)),
-            Self::Scanner => Self::Scanner,
-            Self::Ethercat(_) => Self::Ethercat(EthercatSettings::default()),
-        }
     }
 }
 

@@ -95,4 +95,12 @@ impl PortKind {
     pub const fn has_peers(&self) -> bool {
         !matches!(self, Self::Serial(_) | Self::Scanner | Self::Ethercat(_))
     }
+
+    /// The connections that it needs: one per client, and one to accept newcomers.
+    pub(crate) fn connections(&self) -> usize {
+        match self {
+            Self::TcpServer(server) => usize::from(server.clients) + 1,
+            _ => 0,
+        }
+    }
 }

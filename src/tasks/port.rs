@@ -100,8 +100,8 @@ async fn play<H: SerialHost, C: TcpConnect>(
         Some(PortKind::TcpClient(settings)) => {
             outlined(pin!(client::tcp::run(dispatcher, settings, connector))).await;
         }
-        Some(PortKind::TcpServer(_) | PortKind::UdpServer(_) | PortKind::Scanner | PortKind::Ethercat(_))
-        | None => {
+        // Served by connections of their own, or no port.
+        _ => {
             dispatcher.close();
             core::future::pending().await
         }

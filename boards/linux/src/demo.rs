@@ -137,7 +137,7 @@ pub fn spawn(options: &Options, spawner: Spawner) -> Lines {
     let wanted = options.demo.demo.is_some() || options.config.is_none();
     let demo = wanted.then(Demo::default);
     let lines = Lines { demo: demo.as_ref().map(Demo::serial) };
-    // Spawned once: its place is free.
+    // Spawned once: the slot of the task is free.
     demo.into_iter().for_each(|demo| spawner.spawn(devices(demo).unwrap()));
     lines
 }

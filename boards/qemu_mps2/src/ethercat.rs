@@ -15,16 +15,16 @@ use self::spi::{Spi, Wires};
 use crate::register::Register;
 
 static SCANNER: ScannerState = ScannerState::new();
-static PLACE: EthercatState = EthercatState::new();
+static ETHERCAT: EthercatState = EthercatState::new();
 
 /// The gateway with both.
 pub(crate) const fn join(gateway: Gateway<'static>) -> Gateway<'static> {
-    gateway.with_scanner(&SCANNER).with_ethercat(&PLACE)
+    gateway.with_scanner(&SCANNER).with_ethercat(&ETHERCAT)
 }
 
 /// Starts looking for the controller.
 pub(crate) fn start(spawner: Spawner) {
-    // Spawned once: their places are free.
+    // Spawned once: the slots of the tasks are free.
     spawner.spawn(run().unwrap());
     spawner.spawn(light().unwrap());
 }
@@ -33,7 +33,7 @@ pub(crate) fn start(spawner: Spawner) {
 async fn run() {
     let wires = Wires::open();
     let controller = Lan9252::new(Spi(&wires), Wiring::default());
-    serve(&PLACE, Some(&SCANNER), controller, async || wires.interrupt().await).await
+    serve(&ETHERCAT, Some(&SCANNER), controller, async || wires.interrupt().await).await
 }
 
 /// Of the FPGA's I/O (AN386): bit 0 is LED0, bit 1 is LED1.
@@ -53,6 +53,6 @@ impl Lamps for Leds {
 #[embassy_executor::task]
 async fn light() {
     loop {
-        PLACE.light_for(&mut Leds, LIGHTS_LOOK).await;
+        ETHERCAT.light_for(&mut Leds, LIGHTS_LOOK).await;
     }
 }

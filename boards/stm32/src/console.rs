@@ -19,7 +19,7 @@ const LINE: LineSettings = LineSettings { baud: 115_200, parity: Parity::None, .
 
 /// Takes the settings in `flash` over, unless the button was held, and serves the console on `line`.
 pub(crate) fn start(spawner: Spawner, board: Board, line: Line, flash: SettingsFlash, forget: bool) {
-    // Spawned once: its place is free.
+    // Spawned once: the slot of the task is free.
     spawner.spawn(run(board, line, flash, forget).unwrap());
 }
 

@@ -19,7 +19,7 @@ use ethercat_subdevice::lan9252::{Lan9252, Wiring};
 use mobgate::fieldbus::serve;
 
 use crate::gateway::{LIVENESS, Task};
-use crate::places::{PLACE, SCANNER};
+use crate::states::{ETHERCAT, SCANNER};
 
 /// The most at which the LAN9252 needs no pause in its reads: the H7 makes 25 MHz of it, the F7 27, the F4 21.
 const SPI_HZ: Hertz = Hertz(30_000_000);
@@ -67,7 +67,7 @@ impl Wires {
 
 /// Starts looking for the controller.
 pub(crate) fn start(spawner: Spawner, wires: Wires) {
-    // Spawned once: its place is free.
+    // Spawned once: the slot of the task is free.
     spawner.spawn(run(wires).unwrap());
 }
 
@@ -81,5 +81,5 @@ async fn serve_controller(Wires { spi, select, mut interrupt }: Wires) {
     // Mostly what DMA takes to be set up and to end: an allowance of 840 cycles at 168 MHz, not measured on a board.
     let wiring = Wiring { spi_hz: SPI_CLOCK_HZ_MIN, select_ns: 5_000, ..Wiring::default() };
     let controller = Lan9252::new(SpiDevice::new(&bus, select), wiring);
-    serve(&PLACE, Some(&SCANNER), controller, async || interrupt.wait_for_high().await).await
+    serve(&ETHERCAT, Some(&SCANNER), controller, async || interrupt.wait_for_high().await).await
 }

@@ -45,7 +45,7 @@ pub(crate) fn gateway() -> &'static Gateway<'static> {
         let gateway = Gateway::new(&POOL, &PORT_STATES, connections).with_own_network();
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "ethercat")]
-        let gateway = crate::places::join(gateway).with_capture(&CAPTURE);
+        let gateway = crate::states::join(gateway).with_capture(&CAPTURE);
         gateway
     })
 }

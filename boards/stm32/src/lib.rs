@@ -27,12 +27,12 @@ mod line;
 mod lines;
 mod network;
 pub mod nucleo144;
-// Images without are smaller, see Cargo.toml.
-#[cfg(feature = "ethercat")]
-mod places;
 mod registers;
 mod sockets;
 mod start;
+// Images without are smaller, see Cargo.toml.
+#[cfg(feature = "ethercat")]
+mod states;
 mod system;
 mod watchdog;
 

@@ -44,7 +44,7 @@ impl Lights {
     pub(crate) async fn show_ethercat(&mut self, time: Duration) -> bool {
         // Images without it are smaller, see Cargo.toml.
         #[cfg(feature = "ethercat")]
-        return crate::places::light_for(self, time).await;
+        return crate::states::light_for(self, time).await;
         #[cfg(not(feature = "ethercat"))] // As above.
         {
             Timer::after(time).await;
@@ -58,7 +58,7 @@ impl Lights {
         if !ethercat {
             let broken = |status| matches!(status, Status::Lost | Status::Failed(_));
             self.green.toggle();
-            self.red.set_level(gateway.ports().iter().any(|place| broken(place.status())).into());
+            self.red.set_level(gateway.ports().iter().any(|port| broken(port.status())).into());
         }
     }
 

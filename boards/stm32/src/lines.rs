@@ -11,12 +11,12 @@ use crate::line::Line;
 /// RS-485 lines of each STM32 board.
 pub(crate) const LINES: usize = 4;
 
-/// A line that no port, or one port, has open.
-pub(crate) type Place = Mutex<NoopRawMutex, Line>;
+/// A line, locked by the port that has it open.
+pub(crate) type SharedLine = Mutex<NoopRawMutex, Line>;
 
 /// The board's lines, `uart1` to `uart4`.
 #[derive(Clone, Copy)]
-pub(crate) struct Lines(pub(crate) &'static [Place; LINES]);
+pub(crate) struct Lines(pub(crate) &'static [SharedLine; LINES]);
 
 /// An open line.
 pub(crate) struct OpenLine(MutexGuard<'static, NoopRawMutex, Line>);
@@ -24,15 +24,15 @@ pub(crate) struct OpenLine(MutexGuard<'static, NoopRawMutex, Line>);
 impl SerialHost for Lines {
     type Line<'a> = OpenLine;
 
-    async fn open(&mut self, device: &str, line: &LineSettings) -> Result<OpenLine, OpenError> {
+    async fn open(&mut self, device: &str, settings: &LineSettings) -> Result<OpenLine, OpenError> {
         let hint = "this board's lines are uart1 to uart4";
         let number = device.strip_prefix("uart").and_then(|number| number.parse::<usize>().ok());
-        let place = number.and_then(|number| self.0.get(number.checked_sub(1)?));
-        let place = place.ok_or(OpenError::new(OpenErrorKind::NotFound, hint))?;
-        let mut open = place
+        let line = number.and_then(|number| self.0.get(number.checked_sub(1)?));
+        let line = line.ok_or(OpenError::new(OpenErrorKind::NotFound, hint))?;
+        let mut open = line
             .try_lock()
             .map_err(|_| OpenError::new(OpenErrorKind::InUse, "by another port of the gateway"))?;
-        open.configure(line)?;
+        open.configure(settings)?;
         Ok(OpenLine(open))
     }
 

@@ -32,7 +32,7 @@ pub(crate) fn start(spawner: Spawner, driver: LateEthernet) -> Network {
     let (stack, runner) = embassy_net::new(driver, config, RESOURCES.init_with(StackResources::new), seed);
     let buffers = BUFFERS.take().iter_mut().map(|buffer| buffer.as_mut_slice());
     let sockets: &'static Sockets = POOL.init(Sockets::new(stack, buffers));
-    // Each is spawned once: its place is free.
+    // Each is spawned once: the slot of the task is free.
     spawner.spawn(run_stack(runner).unwrap());
     spawner.spawn(run_sockets(sockets).unwrap());
     Network(sockets)

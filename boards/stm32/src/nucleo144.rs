@@ -14,13 +14,13 @@ use crate::flash::SettingsFlash;
 use crate::interrupts::Interrupts;
 use crate::lights::Lights;
 use crate::line::{Dma, LINES_MAX, Line, RING_BYTES, first_config};
-use crate::lines::{LINES, Lines, Place};
+use crate::lines::{LINES, Lines, SharedLine};
 use crate::system::Board;
 use crate::{clock, console, gateway, network, registers, watchdog};
 
 static RINGS: ConstStaticCell<[[u8; RING_BYTES]; LINES_MAX]> =
     ConstStaticCell::new([[0; RING_BYTES]; LINES_MAX]);
-static PLACES: StaticCell<[Place; LINES]> = StaticCell::new();
+static SHARED: StaticCell<[SharedLine; LINES]> = StaticCell::new();
 
 /// Line number `$number` of the peripherals `$p`: its UART, the pins that receive and transmit and the channels that do, and
 /// the pin that switches the transceiver's driver.
@@ -77,7 +77,7 @@ pub async fn run(spawner: Spawner, name: &'static str, p: Peripherals) -> ! {
         line!(p, ring3, 2, UART4, PC11, PC10, DMA1_CH2, DMA1_CH4, PA15),
         line!(p, ring4, 3, UART5, PD2, PC12, DMA1_CH0, DMA1_CH7, PC8),
     ];
-    let lines = Lines(PLACES.init(lines.map(Place::new)));
+    let lines = Lines(SHARED.init(lines.map(SharedLine::new)));
     let terminal = line!(p, ring5, 4, USART3, PD9, PD8, DMA1_CH1, DMA1_CH3);
 
     let ethernet = Parts {

@@ -1,4 +1,4 @@
-//! The places of the data points and of the EtherCAT SubDevice.
+//! The state of the data points and of the EtherCAT SubDevice.
 
 use embassy_time::Duration;
 use ethercat_subdevice::indicators::Lamps;
@@ -7,14 +7,14 @@ use mobgate::gateway::Gateway;
 use mobgate::scanner::ScannerState;
 
 pub(crate) static SCANNER: ScannerState = ScannerState::new();
-pub(crate) static PLACE: EthercatState = EthercatState::new();
+pub(crate) static ETHERCAT: EthercatState = EthercatState::new();
 
 /// The gateway with both.
 pub(crate) fn join(gateway: Gateway<'static>) -> Gateway<'static> {
-    gateway.with_scanner(&SCANNER).with_ethercat(&PLACE)
+    gateway.with_scanner(&SCANNER).with_ethercat(&ETHERCAT)
 }
 
 /// Lets `time` pass with the RUN and ERR lights on `lamps`; whether there was anything to show.
 pub(crate) async fn light_for(lamps: &mut impl Lamps, time: Duration) -> bool {
-    PLACE.light_for(lamps, time).await
+    ETHERCAT.light_for(lamps, time).await
 }

@@ -11,21 +11,32 @@ use mobgate::language::{apply, write_line};
 use mobgate::settings::{LINE_BYTES_MAX, Settings};
 
 /// What lines are about, in the order in which a text needs them.
-const KINDS: [&str; 7] = ["network", "port", "server", "route", "device", "point", "slave"];
-const SERVER: usize = 2;
-const ROUTE: usize = 3;
+const KINDS: [&str; 8] = ["network", "mdns", "port", "server", "route", "device", "point", "slave"];
+const NETWORK: usize = 0;
+const MDNS: usize = 1;
+const SERVER: usize = 3;
+const ROUTE: usize = 4;
 const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// The text `old`, so that it says what `new` says: the lines that print settings.
 pub fn merge(old: &str, new: &str) -> String {
     let (mark, text) = old.strip_prefix(BYTE_ORDER_MARK).map_or(("", old), |text| (BYTE_ORDER_MARK, text));
+    // What is not known cannot be found again in the old text.
+    let lines = new.lines().filter(|line| !line.is_empty());
+    let Some(mut items) = lines.map(Item::of).collect::<Option<Vec<_>>>() else { return new.to_owned() };
     let (before, wanted) = (Text::read(text), Text::read(new));
     let says_it = |text: &Text| text.is_good && text.things() == wanted.things();
     // An empty file would be none.
     if !old.is_empty() && says_it(&before) {
         return old.to_owned();
     }
-    let items = new.lines().filter_map(Item::of).collect::<Vec<_>>();
+    // The default is not printed, but a line that says it stays.
+    let has_line =
+        before.lines.iter().any(|line| matches!(&line.does, Does::Makes(item) if item.kind == MDNS));
+    if has_line && !items.iter().any(|item| item.kind == MDNS) {
+        items.extend(Item::of("mdns on"));
+        items.sort_by_key(|item| item.kind);
+    }
     let plan = Plan::new(&before.lines, &items);
     let mut merged = [Plan::in_place, Plan::in_order].into_iter().map(|arrange| arrange(&plan));
     let merged = merged.find(|text| !text.is_empty() && says_it(&Text::read(text)));
@@ -77,7 +88,7 @@ impl Item {
         let words = split(line).0.into_iter().map(str::to_owned).collect::<Vec<_>>();
         let kind = kind(words.first()?)?;
         let name_words = match kind {
-            0 | ROUTE => 0,
+            NETWORK | MDNS | ROUTE => 0,
             // The port and the units.
             SERVER => 3,
             _ => 1,
@@ -140,20 +151,13 @@ impl<'t> Line<'t> {
 /// What a line of these words has just made.
 fn made(settings: &Settings, verb: &str, words: &[&str]) -> Option<Item> {
     let kind = kind(verb)?;
-    let counts = [
-        usize::from(settings.network.is_some()),
-        settings.ports.iter().flatten().count(),
-        settings.servers.len(),
-        settings.routes.len(),
-        settings.devices.len(),
-        settings.points.len(),
-        settings.slaves.len(),
-    ];
-    let first: usize = counts[..kind].iter().sum();
+    if kind == MDNS {
+        return Item::of(&format!("mdns {}", settings.mdns));
+    }
     let name = words.get(1).map(|name| name.to_lowercase());
     let is_it = |item: &Item| kind == SERVER || item.name.is_empty() || Some(&item.name) == name.as_ref();
     // A rule or a server comes behind the others.
-    (first..first + counts[kind]).rev().filter_map(|n| printed(settings, n)).find(is_it)
+    (0..).map_while(|n| printed(settings, n)).filter(|item| item.kind == kind).filter(is_it).last()
 }
 
 /// The words of a line, and the comment behind them.
